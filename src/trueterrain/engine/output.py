@@ -1,0 +1,83 @@
+"""Outputs appear whole or not at all."""
+
+import os
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from trueterrain.errors import OutputError
+
+
+@contextmanager
+def whole_output(path: str | Path, *, force: bool = False) -> Iterator[Path]:
+    """Write a file under a temporary name and rename it when the block ends without error.
+
+    Parameters
+    ----------
+    path : str or Path
+        Where the finished file shall be.
+    force : bool
+        Replace a file that is there already.
+
+    Yields
+    ------
+    Path
+        Temporary name beside `path`, with the same ending, to write to.
+
+    Raises
+    ------
+    OutputError
+        If the file exists and `force` is false, or its folder does not exist.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     with whole_output(Path(folder) / "a.txt") as temporary:
+    ...         _ = temporary.write_text("whole")
+    ...     (Path(folder) / "a.txt").read_text()
+    'whole'
+    """
+    path = Path(path)
+    require_writable(path, force=force)
+    temporary = path.with_name(f".{uuid.uuid4().hex[:8]}.part.{path.name}")
+    try:
+        yield temporary
+        # fsync, so that a power cut cannot leave a renamed but empty file
+        with temporary.open("rb") as stream:
+            os.fsync(stream.fileno())
+        temporary.replace(path)
+    finally:
+        with suppress(FileNotFoundError):
+            temporary.unlink()
+
+
+def require_writable(path: str | Path, *, force: bool = False) -> None:
+    """Raise if an output may not be written, before the work for it begins.
+
+    Parameters
+    ----------
+    path : str or Path
+        Where the output shall be.
+    force : bool
+        Whether a file that is there already may be replaced.
+
+    Raises
+    ------
+    OutputError
+        If the file exists and `force` is false, if it is a folder, or if its folder does not exist.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise OutputError("is a folder, not a file", path=path, cure="Name a file.")
+    if path.exists() and not force:
+        raise OutputError(
+            "exists already and is not overwritten",
+            path=path,
+            cure="Choose another name, or add --force (force=True).",
+        )
+    if not path.parent.is_dir():
+        raise OutputError(
+            f"the folder {path.parent} does not exist", path=path, cure="Create it first."
+        )
