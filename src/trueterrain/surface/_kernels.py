@@ -53,9 +53,12 @@ def to_xy(
     for k in range(u.size):
         i = _interval(nodes, u[k], i, last)
         t = (u[k] - nodes[i]) / (nodes[i + 1] - nodes[i])
-        # from both ends, so that t = 1 gives the node itself
-        x[k] = (1 - t) * (px[i] + v[k] * nx[i]) + t * (px[i + 1] + v[k] * nx[i + 1])
-        y[k] = (1 - t) * (py[i] + v[k] * ny[i]) + t * (py[i + 1] + v[k] * ny[i + 1])
+        # beyond an end, on along the end chord with the cross-section of the end node
+        a = min(max(t, 0.0), 1.0)
+        x[k] = (1 - a) * (px[i] + v[k] * nx[i]) + a * (px[i + 1] + v[k] * nx[i + 1])
+        y[k] = (1 - a) * (py[i] + v[k] * ny[i]) + a * (py[i + 1] + v[k] * ny[i + 1])
+        x[k] += (t - a) * (px[i + 1] - px[i])
+        y[k] += (t - a) * (py[i + 1] - py[i])
 
 
 @njit(cache=True, nogil=True)
