@@ -1,1 +1,196 @@
-"""TODO room."""
+"""File formats: what a file is, reading and writing it.
+
+A file is recognised by its content, never by its ending alone. Each format is a module with
+``read``, ``write`` and ``describe``, imported when it is first needed.
+"""
+
+import importlib
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from trueterrain.errors import FormatError
+from trueterrain.formats.signature import Format, ending_matches, recognise
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["Format", "info", "open", "point_blocks", "recognise", "write"]
+
+#: Points in a block, unless told otherwise.
+BLOCK = 1_000_000
+
+# endings by which a kind of data can be written, and the module that does it
+_WRITERS = {
+    "surface": {".crg": "opencrg", ".tif": "geotiff", ".tiff": "geotiff"},
+    "profile": {".erd": "erd", ".csv": "table", ".parquet": "table"},
+    "points": {".laz": "las", ".las": "las", ".csv": "table", ".parquet": "table"},
+}
+
+
+def open(path: str | Path) -> "xr.Dataset":  # noqa: A001 - called as trueterrain.formats.open
+    """Read a file of any known format.
+
+    Parameters
+    ----------
+    path : str or Path
+        CRG, GeoTIFF, LAS, LAZ, COPC, ERD, CSV or Parquet file.
+
+    Returns
+    -------
+    xarray.Dataset
+        Points, Surface or Profile, see `trueterrain.kinds`.
+
+    Raises
+    ------
+    FormatError
+        If the format is unknown or the file is damaged.
+    """
+    data: xr.Dataset = _module(recognise(path).module).read(path)
+    return data
+
+
+def info(path: str | Path) -> dict[str, Any]:
+    """Say what a file is, and what is wrong with it.
+
+    Parameters
+    ----------
+    path : str or Path
+        File of any known format.
+
+    Returns
+    -------
+    dict
+        What the format's ``describe`` says (``format``, ``kind``, ``extent``, ``problems``, ...),
+        and ``file`` and ``bytes``; everything can be written as JSON.
+
+    Raises
+    ------
+    FormatError
+        If the format is unknown or the file is damaged beyond description.
+    """
+    path = Path(path)
+    found = recognise(path)
+    summary: dict[str, Any] = {"file": str(path), "bytes": path.stat().st_size}
+    summary |= _module(found.module).describe(path)
+    if not ending_matches(path, found):
+        doubt = f"the name ends with {path.suffix or 'nothing'!r}, the content is {found.name}"
+        summary["problems"] = [doubt, *summary["problems"]]
+    return summary
+
+
+def write(
+    data: "xr.Dataset | Iterator[xr.Dataset]",
+    path: str | Path,
+    *,
+    force: bool = False,
+    **options: Any,
+) -> Any:
+    """Write data in the format that the ending names.
+
+    Parameters
+    ----------
+    data : xarray.Dataset or iterator of xarray.Dataset
+        Surface (.crg, .tif), profile (.erd, .csv, .parquet), or points (.laz, .las, .csv,
+        .parquet); points also block by block.
+    path : str or Path
+        Where the file shall be.
+    force : bool
+        Replace a file that is there already.
+    **options
+        Passed to the format's own ``write``.
+
+    Returns
+    -------
+    object
+        What the format's ``write`` returns.
+
+    Raises
+    ------
+    ValueError
+        If this kind of data cannot be written under this ending.
+    OutputError
+        If the file exists and `force` is false.
+    """
+    from trueterrain.kinds import kind_of
+
+    kind = "points" if isinstance(data, Iterator) else kind_of(data)
+    return _module(writer_of(kind, path)).write(data, path, force=force, **options)
+
+
+def writer_of(kind: str, path: str | Path) -> str:
+    """Module that writes a kind of data under an ending.
+
+    Parameters
+    ----------
+    kind : str
+        ``"points"``, ``"surface"`` or ``"profile"``.
+    path : str or Path
+        Where the file shall be.
+
+    Returns
+    -------
+    str
+        Name of a module of `trueterrain.formats`.
+
+    Raises
+    ------
+    ValueError
+        Naming the endings that this kind of data can have.
+
+    Examples
+    --------
+    >>> writer_of("profile", "road.ERD")
+    'erd'
+    """
+    writers = _WRITERS[kind]
+    ending = Path(path).suffix.lower()
+    if ending not in writers:
+        known = ", ".join(writers)
+        message = f"{path}: {kind} can be written to {known}, got ending {ending!r}."
+        raise ValueError(message)
+    return writers[ending]
+
+
+def point_blocks(
+    path: str | Path,
+    *,
+    bounds: tuple[float, float, float, float] | None = None,
+    size: int = BLOCK,
+) -> "Iterator[xr.Dataset]":
+    """Points of a file block by block, never the whole file at once.
+
+    Parameters
+    ----------
+    path : str or Path
+        LAS, LAZ, COPC, CSV or Parquet file of points.
+    bounds : tuple of float, optional
+        Smallest easting and northing, largest easting and northing [m]; points on the edges are
+        inside.
+    size : int
+        Largest number of points in a block.
+
+    Yields
+    ------
+    xarray.Dataset
+        Points.
+
+    Raises
+    ------
+    FormatError
+        If the file is damaged or holds no points.
+    """
+    found = recognise(path)
+    module = _module(found.module)
+    if not hasattr(module, "blocks"):
+        raise FormatError(
+            f"holds no points, it is a {found.name} file",
+            path=path,
+            cure="Convert it to points first: `trueterrain convert`.",
+        )
+    yield from module.blocks(path, bounds=bounds, size=size)
+
+
+def _module(name: str) -> ModuleType:
+    return importlib.import_module(f"trueterrain.formats.{name}")

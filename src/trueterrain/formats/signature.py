@@ -1,0 +1,210 @@
+"""What a file is, by its first bytes: an ending is only a claim."""
+
+import re
+import string
+from dataclasses import dataclass
+from pathlib import Path
+
+from trueterrain.errors import FormatError
+
+_SAMPLE = 1 << 16  # [bytes] enough to see the first section of any header
+
+
+@dataclass(frozen=True, kw_only=True)
+class Format:
+    """A file format that this package reads."""
+
+    name: str
+    "Name for people: CRG, GeoTIFF, LAS, LAZ, COPC, ERD, CSV or Parquet."
+
+    module: str
+    "Module of `trueterrain.formats` that reads it."
+
+    endings: tuple[str, ...]
+    "Endings that files of the format carry."
+
+    compressed: bool = False
+    "Whether the content is packed."
+
+
+CRG = Format(name="CRG", module="opencrg", endings=(".crg",))
+GEOTIFF = Format(name="GeoTIFF", module="geotiff", endings=(".tif", ".tiff"))
+LAS = Format(name="LAS", module="las", endings=(".las",))
+LAZ = Format(name="LAZ", module="las", endings=(".laz",), compressed=True)
+COPC = Format(name="COPC", module="las", endings=(".copc.laz", ".laz"), compressed=True)
+ERD = Format(name="ERD", module="erd", endings=(".erd",))
+CSV = Format(name="CSV", module="table", endings=(".csv", ".txt", ".tsv", ".dat", ".xyz", ".asc"))
+PARQUET = Format(name="Parquet", module="table", endings=(".parquet", ".pq"), compressed=True)
+
+FORMATS = (CRG, GEOTIFF, LAS, LAZ, COPC, ERD, CSV, PARQUET)
+
+# names that head the columns of our own tables, with any unit or track behind them
+_COLUMN = re.compile(r"(s|height|easting|northing|up|x|y|z)(\W.*|_.*)?$")
+
+# formats that turn up beside ours and deserve to be called by their name
+_FOREIGN = {
+    b"\x89HDF\r\n\x1a\n": "an HDF5 or NetCDF-4 file",
+    b"CDF": "a NetCDF-3 file",
+    b"PK\x03\x04": "a zip archive",
+    b"\x1f\x8b": "a gzip archive",
+    b"7z\xbc\xaf\x27\x1c": "a 7z archive",
+    b"\x28\xb5\x2f\xfd": "a zstd archive",
+    b"ASTM-E57": "an E57 point cloud",
+    b"ply": "a PLY point cloud",
+    b"# .PCD": "a PCD point cloud",
+    b"%PDF": "a PDF document",
+    b"\x89PNG": "a PNG image",
+    b"\xff\xd8\xff": "a JPEG image",
+    b"HEAD3": "a TxDOT .PRO profile",
+    b"<?xml": "an XML document",
+    b"<!DOCTYPE": "a web page",
+    b"<html": "a web page",
+    b"{": "a JSON document",
+    b"version https://git-lfs": "a Git LFS pointer, not the file itself",
+}
+
+
+def recognise(path: str | Path) -> Format:
+    r"""Format of a file by its content.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    Format
+        What it is; nothing says that it is whole.
+
+    Raises
+    ------
+    FormatError
+        If it is none of the known formats; the message says what was found.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "profile.dat"
+    ...     _ = path.write_text("s,height\n0.0,0.1\n")
+    ...     recognise(path).name
+    'CSV'
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise FormatError("is a folder, not a file", path=path, cure="Name the files in it.")
+    with path.open("rb") as stream:
+        start = stream.read(_SAMPLE)
+    found = _binary(start) or _text(start)
+    if found is None:
+        known = ", ".join(known.name for known in FORMATS)
+        raise FormatError(
+            f"is no file that can be read: it is {_what_was_found(start)}; known are {known}",
+            path=path,
+            place="start of the file",
+            cure=_cure(start),
+        )
+    return found
+
+
+def ending_matches(path: str | Path, found: Format) -> bool:
+    """Whether the ending of a name is one that files of the format carry."""
+    return Path(path).name.lower().endswith(found.endings)
+
+
+def _binary(start: bytes) -> Format | None:
+    if start.startswith(b"LASF"):
+        # bit 7 of the point format marks LAZ; the info record of COPC must come first
+        if len(start) > 104 and start[104] & 0x80:
+            return COPC if start[377:381] == b"copc" else LAZ
+        return LAS
+    if start.startswith((b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")):
+        return GEOTIFF
+    if start.startswith(b"PAR1"):
+        return PARQUET
+    return None
+
+
+def _text(start: bytes) -> Format | None:
+    if start.startswith(b"ERDFILEV"):
+        return ERD
+    if _foreign(start):
+        return None
+    lines = start.decode("latin-1").replace("\r", "\n").split("\n")
+    if any(line.startswith(("$CT", "$ROAD_CRG", "$KD_DEFINITION")) for line in lines):
+        return CRG
+    return CSV if _is_table(start) else None
+
+
+def _is_table(start: bytes) -> bool:
+    text = _as_text(start)
+    if text is None:
+        return False
+    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    if not lines:
+        return False
+    separator = separator_of(lines[0])
+    names = [name.strip().lower() for name in lines[0].split(separator)]
+    if all(_is_number(name) for name in names):
+        return len(names) > 1
+    if len(names) > 1 and any(_COLUMN.match(name) for name in names):
+        return True
+    # another header: numbers must follow it, else it is prose
+    row = lines[1].split(separator) if len(lines) > 1 else []
+    return len(row) == len(names) > 1 and _is_number(row[0])
+
+
+def separator_of(line: str) -> str | None:
+    """Separator of the columns of a line of text; None stands for blanks."""
+    for separator in ("\t", ";", ","):
+        if separator in line:
+            return separator
+    return None
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _as_text(start: bytes) -> str | None:
+    if not start or b"\0" in start:
+        return None
+    try:
+        # the sample may end within a character
+        text = start[:-4].decode("utf-8-sig") + start[-4:].decode("utf-8", errors="ignore")
+    except UnicodeDecodeError:
+        text = start.decode("latin-1")
+    strange = sum(not (sign.isprintable() or sign in string.whitespace) for sign in text)
+    return text if strange * 100 < len(text) else None
+
+
+def _foreign(start: bytes) -> str | None:
+    return next((name for magic, name in _FOREIGN.items() if start.startswith(magic)), None)
+
+
+def _what_was_found(start: bytes) -> str:
+    if not start:
+        return "empty"
+    text = _as_text(start)
+    if foreign := _foreign(start):
+        return foreign
+    if text is not None:
+        words = " ".join(text.split())[:40]
+        return f"text that begins with {words!r}" if words else "blank text"
+    return f"binary and begins with the bytes {start[:8].hex(' ')}"
+
+
+def _cure(start: bytes) -> str:
+    foreign = _foreign(start) or ""
+    if not start:
+        return "Copy or export it again."
+    if "archive" in foreign:
+        return "Unpack it first."
+    if "LFS" in foreign:
+        return "Fetch the content with `git lfs pull`."
+    return "Export it to one of these formats."
