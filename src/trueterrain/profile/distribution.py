@@ -1,0 +1,138 @@
+"""Heights inside search areas as distributions (thesis 5.2.3): the CPF of each path point.
+
+The cumulative probability function F(h) is the share of heights that do not exceed h. Measured
+heights make it a staircase; heights quantised to a step (the thesis's 1 mm) are continued between
+the steps by PCHIP (thesis 5.3, Fig. 5-7): a height recorded as h lies within half a step of h, so F
+is known at the upper edge of every occupied step, and PCHIP keeps it monotonic in between.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Float = npt.NDArray[np.float64]
+Integer = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HeightDistribution:
+    """Heights inside the search area of one path point."""
+
+    heights: Float
+    "Heights in ascending order, shape (n,) [m]."
+
+    distances: Float
+    "Horizontal distance of each from the path point, shape (n,) [m]."
+
+    def cpf(self, height: npt.ArrayLike) -> Float:
+        """Share of heights that do not exceed `height`.
+
+        Parameters
+        ----------
+        height : array_like
+            Heights to ask for [m].
+
+        Returns
+        -------
+        numpy.ndarray
+            Values from 0 to 1, in the shape of `height`.
+
+        Examples
+        --------
+        >>> one = HeightDistribution(heights=np.array([0.0, 0.0, 0.2]), distances=np.zeros(3))
+        >>> one.cpf([-0.1, 0.0, 0.2])
+        array([0.    , 0.6667, 1.    ])
+        """
+        rank = np.searchsorted(self.heights, height, side="right")
+        return np.asarray(rank / self.heights.size, dtype=float)
+
+    def steps(self, resolution: float) -> tuple[Float, Float]:
+        """Edges of the occupied steps of quantised heights and the CPF there.
+
+        Parameters
+        ----------
+        resolution : float
+            Step of the quantised heights [m].
+
+        Returns
+        -------
+        heights : numpy.ndarray, shape (m + 1,)
+            Lower edge of the lowest step, then the upper edge of each occupied one [m].
+        probabilities : numpy.ndarray, shape (m + 1,)
+            CPF at these edges, from 0 to 1.
+
+        Raises
+        ------
+        ValueError
+            If the resolution is not greater than 0.
+        """
+        if not resolution > 0:
+            message = f"resolution must be greater than 0 m, got {resolution}."
+            raise ValueError(message)
+        step, count = np.unique(np.rint(self.heights / resolution), return_counts=True)
+        edges = np.concatenate([step[:1] - 0.5, step + 0.5]) * resolution
+        return edges, np.concatenate([[0.0], np.cumsum(count) / self.heights.size])
+
+    def continued_cpf(self, height: npt.ArrayLike, resolution: float) -> Float:
+        """CPF of quantised heights, continued between the steps by PCHIP (thesis Fig. 5-7).
+
+        Parameters
+        ----------
+        height : array_like
+            Heights to ask for [m].
+        resolution : float
+            Step of the quantised heights [m].
+
+        Returns
+        -------
+        numpy.ndarray
+            Values from 0 to 1, in the shape of `height`.
+
+        Raises
+        ------
+        ValueError
+            If the resolution is not greater than 0.
+
+        Examples
+        --------
+        >>> one = HeightDistribution(heights=np.array([1e-3, 2e-3]), distances=np.zeros(2))
+        >>> one.continued_cpf(1.5e-3, resolution=1e-3)
+        array(0.5)
+        """
+        from scipy.interpolate import PchipInterpolator
+
+        edges, probabilities = self.steps(resolution)
+        inside = np.clip(height, edges[0], edges[-1])
+        return np.asarray(PchipInterpolator(edges, probabilities)(inside))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HeightDistributions:
+    """Heights inside the search areas of many path points, one slice of the arrays each."""
+
+    start: Integer
+    "Begin of each path point's slice, then the end of the last, shape (s + 1,)."
+
+    heights: Float
+    "Heights, ascending within each slice, shape (start[-1],) [m]."
+
+    distances: Float
+    "Horizontal distances from the path point, shape (start[-1],) [m]."
+
+    @property
+    def count(self) -> Integer:
+        """Quantity of heights per path point, shape (s,)."""
+        return np.diff(self.start)
+
+    def __len__(self) -> int:
+        return self.start.size - 1
+
+    def __getitem__(self, index: int) -> HeightDistribution:
+        index = range(len(self))[index]  # negative ones count from the end, too large ones raise
+        cut = slice(self.start[index], self.start[index + 1])
+        return HeightDistribution(heights=self.heights[cut], distances=self.distances[cut])
+
+    def __iter__(self) -> Iterator[HeightDistribution]:
+        return (self[index] for index in range(len(self)))

@@ -1,0 +1,262 @@
+"""From ground to profile: the heights that a tyre feels along a path, and those of the line."""
+
+from collections.abc import Iterable, Iterator
+from typing import Literal
+
+import numpy as np
+import xarray as xr
+
+from trueterrain import provenance
+from trueterrain.engine.progress import Progress, no_progress
+from trueterrain.errors import CoverageError
+from trueterrain.kinds import check_points, check_surface, kind_of, make_profile
+from trueterrain.profile.area import Disc, SearchArea, reach
+from trueterrain.profile.distribution import HeightDistributions
+from trueterrain.profile.path import WheelPath
+from trueterrain.profile.search._gather import Gatherer, distributions_along
+from trueterrain.profile.search.grid import grid_gatherer
+from trueterrain.profile.search.scattered import ScatteredHeights
+from trueterrain.profile.statistic import Median, Statistic
+
+#: A surface, a point cloud, or the blocks of a cloud too large to hold.
+Ground = xr.Dataset | Iterable[xr.Dataset]
+
+#: What to do with path points that have too few heights around them.
+ThinPolicy = Literal["error", "nan"]
+
+_PATH_BLOCK = 1 << 14  # path points whose distributions are held at a time
+
+
+def tyre_profile(
+    ground: Ground,
+    path: WheelPath,
+    *,
+    area: SearchArea = Disc(),
+    statistic: Statistic = Median(),
+    level: bool = False,
+    minimum_count: int = 3,
+    thin: ThinPolicy = "error",
+    progress: Progress = no_progress,
+) -> xr.Dataset:
+    """Profile that a tyre feels along a path: a statistic of the heights under its patch.
+
+    Parameters
+    ----------
+    ground : xarray.Dataset or iterable of xarray.Dataset
+        Surface, Points, or blocks of Points in any order.
+    path : WheelPath
+        Path points.
+    area : Disc, Ellipse or Rectangle
+        Search area around each path point; the thesis's is a disc of 25 mm radius.
+    statistic : Statistic
+        What to take of the heights; the thesis takes their median.
+    level : bool
+        Take a robust plane's slope out of each search area first. A slope is then no scatter, and
+        any statistic of a tilted plane is the plane's height at the path point.
+    minimum_count : int
+        A search area with fewer heights is thin.
+    thin : {"error", "nan"}
+        Whether thin search areas raise or give NaN. They are never interpolated.
+    progress : callable, optional
+        Called with the task and the amount done.
+
+    Returns
+    -------
+    xarray.Dataset
+        Profile with ``height``, ``sd``, ``count``, ``easting``, ``northing``, ``heading``; the
+        quantity of thin search areas is in ``attrs["thin"]``.
+
+    Raises
+    ------
+    CoverageError
+        If search areas are thin and `thin` is ``"error"``, or all of them are.
+    ValueError
+        If `minimum_count` is less than 1 or `thin` is unknown.
+
+    Notes
+    -----
+    The result does not depend on the order of the points, on their division into blocks, or on the
+    quantity of threads, not even in the last bit: heights are sorted before anything is summed.
+
+    Source: thesis section 5.2, median in a disc of 25 mm radius.
+
+    Examples
+    --------
+    >>> from trueterrain.kinds import make_surface
+    >>> from trueterrain.profile.path import straight_path
+    >>> axis = np.arange(0, 1.001, 0.01)
+    >>> plane = make_surface(0.1 * axis + np.zeros((101, 1)), easting=axis, northing=axis)
+    >>> profile = tyre_profile(plane, straight_path((0.2, 0.5), (0.8, 0.5), spacing=0.2))
+    >>> profile.height.values
+    array([0.02, 0.04, 0.06, 0.08])
+    """
+    if minimum_count < 1:
+        message = f"minimum_count must be at least 1, got {minimum_count}."
+        raise ValueError(message)
+    if thin not in ("error", "nan"):
+        message = f"thin must be 'error' or 'nan', got {thin!r}."
+        raise ValueError(message)
+    source, gather = _prepare(ground, path, area)
+    height, sd = np.empty(len(path)), np.empty(len(path))
+    count = np.empty(len(path), np.int64)
+    for block in _blocks(path, progress):
+        distributions = distributions_along(gather, path.part(block.start, block.stop), level=level)
+        height[block], sd[block] = statistic.estimate(distributions)
+        count[block] = distributions.count
+    is_thin = count < minimum_count
+    _report_thin(path, count, is_thin, area, minimum_count, thin)
+    height[is_thin] = sd[is_thin] = np.nan
+    profile = make_profile(
+        path.s, height, sd=sd, count=count, easting=path.easting, northing=path.northing,
+        heading=path.heading, crs=source.attrs.get("crs", ""),
+    )  # fmt: skip
+    parameters = {
+        "area": area, "statistic": statistic, "level": level, "minimum_count": minimum_count,
+        "thin": thin,
+    }  # fmt: skip
+    profile = provenance.add_step(profile, "tyre_profile", parameters=parameters, after=source)
+    return profile.assign_attrs(thin=int(is_thin.sum()))
+
+
+def point_profile(ground: xr.Dataset, path: WheelPath) -> xr.Dataset:
+    """Profile of the bare line: what a point contact would feel, every stone and joint of it.
+
+    Parameters
+    ----------
+    ground : xarray.Dataset
+        Surface. Its height between the nodes is bilinear.
+    path : WheelPath
+        Path points.
+
+    Returns
+    -------
+    xarray.Dataset
+        Profile with ``height``, ``easting``, ``northing``, ``heading``.
+
+    Raises
+    ------
+    CoverageError
+        If a path point lies outside of the surface or where it has no height; for scattered points,
+        which have no height between them.
+
+    Examples
+    --------
+    >>> from trueterrain.kinds import make_surface
+    >>> from trueterrain.profile.path import straight_path
+    >>> ramp = make_surface([[0.0, 1.0], [0.0, 1.0]], easting=[0, 10], northing=[0, 10])
+    >>> point_profile(ramp, straight_path((0, 5), (10, 5), spacing=2.5)).height.values
+    array([0.  , 0.25, 0.5 , 0.75, 1.  ])
+    """
+    from trueterrain.surface.evaluate import heights_at
+
+    if kind_of(ground) != "surface":
+        raise CoverageError(
+            "scattered points have no height between them",
+            cure="Grid them first, or use a statistic with a small search area.",
+        )
+    height = heights_at(check_surface(ground), path.easting, path.northing)
+    missing = np.flatnonzero(np.isnan(height))
+    if missing.size:
+        raise CoverageError(
+            f"{missing.size} of {len(path)} path points have no height, the first at "
+            f"{_station(path, missing[0])}",
+            cure="Choose a path inside the surface.",
+        )
+    profile = make_profile(
+        path.s, height, easting=path.easting, northing=path.northing, heading=path.heading,
+        crs=ground.attrs.get("crs", ""),
+    )  # fmt: skip
+    return provenance.add_step(profile, "point_profile", after=ground)
+
+
+def height_distributions(
+    ground: Ground, path: WheelPath, *, area: SearchArea = Disc(), level: bool = False
+) -> HeightDistributions:
+    """Distributions of heights (CPF) inside the search area of each path point.
+
+    Parameters
+    ----------
+    ground : xarray.Dataset or iterable of xarray.Dataset
+        Surface, Points, or blocks of Points in any order.
+    path : WheelPath
+        Path points.
+    area : Disc, Ellipse or Rectangle
+        Search area around each path point.
+    level : bool
+        Take a robust plane's slope out of each search area first.
+
+    Returns
+    -------
+    HeightDistributions
+        One distribution per path point; empty ones where there is no ground.
+
+    Notes
+    -----
+    Source: thesis section 5.2.3.
+
+    Examples
+    --------
+    >>> from trueterrain.kinds import make_points
+    >>> from trueterrain.profile.path import straight_path
+    >>> points = make_points([0.0, 0.01, 0.02], [0.0, 0.0, 0.0], [5.0, 4.0, 6.0])
+    >>> height_distributions(points, straight_path((0, 0), (0.02, 0)))[0].heights
+    array([4., 5., 6.])
+    """
+    _, gather = _prepare(ground, path, area)
+    return distributions_along(gather, path, level=level)
+
+
+def _prepare(ground: Ground, path: WheelPath, area: SearchArea) -> tuple[xr.Dataset, Gatherer]:
+    """Return the dataset whose attributes describe the ground, and its gatherer."""
+    if isinstance(ground, xr.Dataset) and kind_of(ground) == "surface":
+        return ground, grid_gatherer(check_surface(ground), area)
+    if isinstance(ground, xr.Dataset) and kind_of(ground) == "profile":
+        raise CoverageError(
+            "a profile has no ground beside its line", cure="Give a surface or points."
+        )
+    scattered = ScatteredHeights(path, area)
+    source = xr.Dataset()
+    for block in [ground] if isinstance(ground, xr.Dataset) else ground:
+        source = check_points(block).isel(point=slice(0, 0))
+        scattered.add(block)
+    return source, scattered.gatherer()
+
+
+def _blocks(path: WheelPath, progress: Progress) -> Iterator[slice]:
+    for begin in range(0, len(path), _PATH_BLOCK):
+        yield slice(begin, min(begin + _PATH_BLOCK, len(path)))
+        progress("profile", min(begin + _PATH_BLOCK, len(path)), len(path))
+
+
+def _report_thin(
+    path: WheelPath,
+    count: np.ndarray,
+    is_thin: np.ndarray,
+    area: SearchArea,
+    minimum_count: int,
+    policy: ThinPolicy,
+) -> None:
+    thin = np.flatnonzero(is_thin)
+    if thin.size == 0 or (policy == "nan" and thin.size < len(path)):
+        return
+    if not count.any():
+        raise CoverageError(
+            f"the path lies outside of the ground: no height within {reach(area):.3g} m of it "
+            f"(it begins at {_station(path, 0)})",
+            cure="Check the coordinates and the CRS of the path with `trueterrain info`.",
+        )
+    cure = "Choose a larger search area or a path inside the ground"
+    if policy == "error":
+        cure += ', or let these become NaN (--thin nan, thin="nan")'
+    raise CoverageError(
+        f"{thin.size} of {len(path)} search areas have fewer than {minimum_count} heights, the "
+        f"first at {_station(path, thin[0])} with {count[thin[0]]}",
+        cure=cure + ".",
+    )
+
+
+def _station(path: WheelPath, index: int) -> str:
+    return (
+        f"s = {path.s[index]:.3f} m (easting {path.easting[index]:.3f} m, "
+        f"northing {path.northing[index]:.3f} m)"
+    )

@@ -1,0 +1,447 @@
+"""The path that a wheel takes over the ground, as points at equal arc length (thesis 5.2.1).
+
+Straight lines, arcs, functions, waypoints, any curve with a parameter, and lines parallel to the
+reference line of a surface. Spacing is the arc length between two points; it is met within one
+millionth of itself.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from trueterrain.errors import CoverageError
+from trueterrain.profile._arc_length import Curve, equidistant_parameters, point_count
+
+Float = npt.NDArray[np.float64]
+
+#: A sampled curve is refined until it moves by less than this part of the spacing.
+CURVE_TOLERANCE = 1e-7
+
+_FIRST_SAMPLES = 65
+_MAXIMUM_SAMPLES = 1 << 21
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WheelPath:
+    """Points at equal arc length along the path of a wheel."""
+
+    s: Float
+    "Arc length from the begin, shape (s,) [m]."
+
+    easting: Float
+    "Easting, shape (s,) [m]."
+
+    northing: Float
+    "Northing, shape (s,) [m]."
+
+    heading: Float
+    "Direction of travel, counter-clockwise from east, shape (s,) [rad]."
+
+    length: float
+    "Length of the whole path; the part after the last point is shorter than the spacing [m]."
+
+    def __post_init__(self) -> None:
+        """Check that the arrays fit together."""
+        if not (self.s.shape == self.easting.shape == self.northing.shape == self.heading.shape):
+            message = "s, easting, northing and heading must have the same shape."
+            raise ValueError(message)
+
+    def __len__(self) -> int:
+        return self.s.size
+
+    def part(self, begin: int, end: int) -> "WheelPath":
+        """Points `begin` to `end` (not included) as a path of their own.
+
+        Parameters
+        ----------
+        begin, end : int
+            Indices as in a slice.
+
+        Returns
+        -------
+        WheelPath
+            Views of the same arrays.
+        """
+        cut = slice(begin, end)
+        return WheelPath(
+            s=self.s[cut],
+            easting=self.easting[cut],
+            northing=self.northing[cut],
+            heading=self.heading[cut],
+            length=self.length,
+        )
+
+
+def straight_path(
+    start: tuple[float, float], end: tuple[float, float], *, spacing: float = 0.01
+) -> WheelPath:
+    """Straight line between two points.
+
+    Parameters
+    ----------
+    start, end : tuple of float
+        Easting and northing of the ends [m].
+    spacing : float
+        Arc length between two points [m].
+
+    Returns
+    -------
+    WheelPath
+        Points from `start` towards `end`.
+
+    Raises
+    ------
+    ValueError
+        If the ends are not finite or coincide, or the spacing is not greater than 0.
+
+    Examples
+    --------
+    >>> straight_path((0, 0), (3, 4), spacing=2.5).easting
+    array([0. , 1.5, 3. ])
+    """
+    begin, finish = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
+    _require_finite("start and end", begin, finish)
+    length = float(np.hypot(*(finish - begin)))
+    s = _stations(length, spacing)
+    direction = (finish - begin) / length
+    along = begin + s[:, None] * direction
+    heading = np.full(s.shape, np.arctan2(direction[1], direction[0]))
+    return WheelPath(s=s, easting=along[:, 0], northing=along[:, 1], heading=heading, length=length)
+
+
+def arc_path(
+    centre: tuple[float, float],
+    radius: float,
+    start_angle: float,
+    end_angle: float,
+    *,
+    spacing: float = 0.01,
+) -> WheelPath:
+    """Arc of a circle.
+
+    Parameters
+    ----------
+    centre : tuple of float
+        Easting and northing of the centre [m].
+    radius : float
+        Radius [m].
+    start_angle, end_angle : float
+        Where the arc begins and ends, counter-clockwise from east [rad]. The path runs clockwise
+        if the end is less than the start; more than one turn is allowed.
+    spacing : float
+        Arc length between two points [m].
+
+    Returns
+    -------
+    WheelPath
+        Points along the arc.
+
+    Raises
+    ------
+    ValueError
+        If a value is not finite, the radius or the spacing is not greater than 0, or the arc is
+        shorter than the spacing.
+
+    Examples
+    --------
+    >>> quarter = arc_path((0, 0), 2.0, 0.0, np.pi / 2, spacing=0.1)
+    >>> float(np.hypot(quarter.easting[-1], quarter.northing[-1]))
+    2.0
+    """
+    _require_finite("centre, radius and angles", centre, radius, start_angle, end_angle)
+    if not radius > 0:
+        message = f"radius must be greater than 0 m, got {radius}."
+        raise ValueError(message)
+    turn = end_angle - start_angle
+    length = radius * abs(turn)
+    s = _stations(length, spacing)
+    angle = start_angle + np.sign(turn) * s / radius
+    return WheelPath(
+        s=s,
+        easting=centre[0] + radius * np.cos(angle),
+        northing=centre[1] + radius * np.sin(angle),
+        heading=angle + np.sign(turn) * np.pi / 2,
+        length=length,
+    )
+
+
+def function_path(
+    function: Callable[[Float], Float], start: float, end: float, *, spacing: float = 0.01
+) -> WheelPath:
+    """Path northing = function(easting) (thesis Eqs. 5-3 to 5-5, in arc length).
+
+    Parameters
+    ----------
+    function : callable
+        Northing [m] of an array of eastings [m]; smooth.
+    start, end : float
+        Eastings of the ends [m]; the path runs westward if the end is less than the start.
+    spacing : float
+        Arc length between two points [m].
+
+    Returns
+    -------
+    WheelPath
+        Points along the graph of the function.
+
+    Raises
+    ------
+    ValueError
+        If the function is not finite or not smooth, or the spacing is not greater than 0.
+
+    Examples
+    --------
+    >>> path = function_path(lambda x: np.cosh(x), 0.0, 1.0, spacing=0.1)
+    >>> path.length  # sinh(1)
+    1.175201
+    """
+    return curve_path(lambda t: np.stack([t, function(t)], axis=-1), start, end, spacing=spacing)
+
+
+def curve_path(
+    position: Callable[[Float], Float], start: float, end: float, *, spacing: float = 0.01
+) -> WheelPath:
+    """Path along any smooth curve with a parameter: loops and vertical stretches are allowed.
+
+    Parameters
+    ----------
+    position : callable
+        Easting and northing [m], shape (n, 2), of parameters of shape (n,).
+    start, end : float
+        Parameters of the ends.
+    spacing : float
+        Arc length between two points [m].
+
+    Returns
+    -------
+    WheelPath
+        Points along the curve.
+
+    Raises
+    ------
+    ValueError
+        If the curve is not finite or not smooth, or the spacing is not greater than 0.
+
+    Examples
+    --------
+    >>> circle = curve_path(lambda t: np.stack([np.cos(t), np.sin(t)], axis=-1), 0.0, 2 * np.pi)
+    >>> circle.length
+    6.283185
+    """
+    from scipy.interpolate import CubicSpline
+
+    _require_spacing(spacing)
+    _require_finite("start and end", start, end)
+    if start == end:
+        message = f"start and end must differ, both are {start}."
+        raise ValueError(message)
+
+    def spline(samples: int) -> CubicSpline:
+        # the spline's own parameter runs from 0 to 1, so that it ascends in either direction
+        t = np.linspace(0.0, 1.0, samples)
+        at = np.asarray(position(start + (end - start) * t), dtype=float)
+        if at.shape != (samples, 2) or not np.isfinite(at).all():
+            message = "position must return finite eastings and northings of shape (n, 2)."
+            raise ValueError(message)
+        return CubicSpline(t, at)
+
+    coarse, samples = spline(_FIRST_SAMPLES), _FIRST_SAMPLES
+    while samples < _MAXIMUM_SAMPLES:
+        samples = 2 * samples - 1
+        fine = spline(samples)
+        change = np.abs(coarse(fine.x) - fine(fine.x)).max()
+        if change <= CURVE_TOLERANCE * spacing:
+            return _along(Curve(position=fine, velocity=fine.derivative(), breaks=fine.x), spacing)
+        coarse = fine
+    message = (
+        f"the curve is not smooth enough for a spacing of {spacing} m: refining it still moves it "
+        f"by {change:.1e} m. Give its corners as waypoints instead."
+    )
+    raise ValueError(message)
+
+
+def waypoint_path(
+    easting: npt.ArrayLike, northing: npt.ArrayLike, *, spacing: float = 0.01
+) -> WheelPath:
+    """Path through waypoints: PCHIP of easting and northing over the chord length.
+
+    PCHIP bends between the waypoints but never overshoots them. Since the chord length is the
+    parameter, the path may loop and run in any direction.
+
+    Parameters
+    ----------
+    easting, northing : array_like, shape (n,)
+        Waypoints in the order of travel [m]. Repeated ones in a row count once.
+    spacing : float
+        Arc length between two points [m].
+
+    Returns
+    -------
+    WheelPath
+        Points along the path.
+
+    Raises
+    ------
+    ValueError
+        If a waypoint is not finite, fewer than two differ, or the spacing is not greater than 0.
+
+    Examples
+    --------
+    >>> path = waypoint_path([0.0, 0.0, 0.0], [0.0, 1.0, 3.0], spacing=0.5)  # due north
+    >>> path.northing
+    array([0. , 0.5, 1. , 1.5, 2. , 2.5, 3. ])
+    """
+    from scipy.interpolate import PchipInterpolator
+
+    _require_spacing(spacing)
+    points = np.stack(np.broadcast_arrays(easting, northing), axis=-1).astype(float)
+    bad = np.flatnonzero(~np.isfinite(points).all(axis=-1))
+    if bad.size:
+        message = f"waypoints must be finite, got {points[bad[0]]} at index {bad[0]}."
+        raise ValueError(message)
+    chords = np.hypot(*np.diff(points, axis=0).T)
+    points = points[np.concatenate([[True], chords > 0])]
+    if len(points) < 2:
+        message = f"a path needs at least 2 different waypoints, got {len(points)}."
+        raise ValueError(message)
+    chord_length = np.concatenate([[0.0], np.cumsum(chords[chords > 0])])
+    pchip = PchipInterpolator(chord_length, points)
+    curve = Curve(position=pchip, velocity=pchip.derivative(), breaks=chord_length)
+    return _along(curve, spacing)
+
+
+def offset_path(surface: xr.Dataset, offset: float, *, spacing: float = 0.01) -> WheelPath:
+    """Path at a constant offset from the reference line of a surface.
+
+    Parameters
+    ----------
+    surface : xarray.Dataset
+        Surface with a reference line, dims (u, v).
+    offset : float
+        Distance from the reference line, left positive [m].
+    spacing : float
+        Arc length between two points [m], along the path, not along the reference line.
+
+    Returns
+    -------
+    WheelPath
+        Points along the parallel of the reference line, over its whole length.
+
+    Raises
+    ------
+    CoverageError
+        If the surface is not that wide, or is a map, which has no reference line.
+    ValueError
+        If the spacing is not greater than 0.
+
+    Examples
+    --------
+    >>> from trueterrain.kinds import make_surface
+    >>> road = make_surface(np.zeros((3, 2)), u=[0, 1, 2], v=[-1, 1], easting=[0, 0, 0],
+    ...                     northing=[0, 1, 2])
+    >>> offset_path(road, 0.5, spacing=1.0).easting  # left of north is west
+    array([-0.5, -0.5, -0.5])
+    """
+    from trueterrain.surface.reference_line import grid_frame
+
+    if "u" not in surface.dims:
+        raise CoverageError(
+            "an offset needs a reference line, which a map surface does not have",
+            cure="Give a line (--line) or waypoints (--path) instead.",
+        )
+    right, left = float(surface.v[0]), float(surface.v[-1])
+    if not right <= offset <= left:
+        raise CoverageError(
+            f"offset {offset:g} m lies outside the surface, which reaches from v = {right:g} m "
+            f"to {left:g} m",
+            cure="Choose an offset between them.",
+        )
+    frame = grid_frame(surface)
+    return polyline_path(
+        frame.origin_easting + offset * frame.normal_easting,
+        frame.origin_northing + offset * frame.normal_northing,
+        spacing=spacing,
+    )
+
+
+def polyline_path(
+    easting: npt.ArrayLike, northing: npt.ArrayLike, *, spacing: float = 0.01
+) -> WheelPath:
+    """Path along straight chords between nodes.
+
+    Parameters
+    ----------
+    easting, northing : array_like, shape (n,)
+        Nodes in the order of travel [m].
+    spacing : float
+        Arc length between two points [m], measured along the chords.
+
+    Returns
+    -------
+    WheelPath
+        Points along the chords.
+
+    Raises
+    ------
+    ValueError
+        If a node is not finite or the spacing is not greater than 0.
+
+    Examples
+    --------
+    >>> polyline_path([0.0, 1.0, 1.0], [0.0, 0.0, 1.0], spacing=0.5).northing
+    array([0. , 0. , 0. , 0.5, 1. ])
+    """
+    x, y = np.asarray(easting, dtype=float), np.asarray(northing, dtype=float)
+    _require_finite("nodes", x, y)
+    chords = np.hypot(np.diff(x), np.diff(y))
+    cumulative = np.concatenate([[0.0], np.cumsum(chords)])
+    s = _stations(float(cumulative[-1]), spacing)
+    heading = np.unwrap(np.arctan2(np.diff(y), np.diff(x)))
+    chord = np.clip(np.searchsorted(cumulative, s, side="right") - 1, 0, chords.size - 1)
+    return WheelPath(
+        s=s,
+        easting=np.interp(s, cumulative, x),
+        northing=np.interp(s, cumulative, y),
+        heading=heading[chord],
+        length=float(cumulative[-1]),
+    )
+
+
+def _along(curve: Curve, spacing: float) -> WheelPath:
+    t, length = equidistant_parameters(curve, spacing)
+    _require_length(length, spacing)
+    at, velocity = curve.position(t), curve.velocity(t)
+    return WheelPath(
+        s=spacing * np.arange(t.size),
+        easting=np.ascontiguousarray(at[:, 0]),
+        northing=np.ascontiguousarray(at[:, 1]),
+        heading=np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0])),
+        length=length,
+    )
+
+
+def _stations(length: float, spacing: float) -> Float:
+    _require_spacing(spacing)
+    _require_length(length, spacing)
+    return spacing * np.arange(point_count(length, spacing), dtype=float)
+
+
+def _require_spacing(spacing: float) -> None:
+    if not (spacing > 0 and np.isfinite(spacing)):
+        message = f"spacing must be greater than 0 m, got {spacing}."
+        raise ValueError(message)
+
+
+def _require_length(length: float, spacing: float) -> None:
+    if point_count(length, spacing) < 2:
+        message = f"the path is {length:g} m long, shorter than the spacing of {spacing:g} m."
+        raise ValueError(message)
+
+
+def _require_finite(what: str, *values: npt.ArrayLike) -> None:
+    if not all(np.isfinite(value).all() for value in values):
+        message = f"{what} must be finite, got {', '.join(str(value) for value in values)}."
+        raise ValueError(message)

@@ -1,0 +1,1 @@
+"""Gathering heights inside search areas, from grids and from scattered points."""

@@ -1,0 +1,64 @@
+"""What all gatherers share: from counted and filled slices to sorted distributions."""
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from trueterrain.profile.area import EDGE_TOLERANCE, SearchArea, reach
+from trueterrain.profile.distribution import HeightDistributions
+from trueterrain.profile.path import WheelPath
+
+Float = npt.NDArray[np.float64]
+
+#: Gathers for a path: called with (path, start, dx, dy, z); counts if dx is empty, else fills.
+Gatherer = Callable[..., npt.NDArray[np.int64]]
+
+#: Residuals below this weigh alike in the robust plane [m]: far below what any scanner resolves.
+_LEVEL_STEP = 1e-7
+_LEVEL_TOLERANCE = 1e-12
+_LEVEL_ITERATIONS = 50
+
+
+def distributions_along(
+    gather: Gatherer, path: WheelPath, *, level: bool = False
+) -> HeightDistributions:
+    """Gather, level if asked, and sort the heights of each path point.
+
+    Parameters
+    ----------
+    gather : Gatherer
+        From `grid_gatherer` or `ScatteredHeights.gatherer`.
+    path : WheelPath
+        Path points.
+    level : bool
+        Take the slope of the ground inside each search area out of its heights.
+
+    Returns
+    -------
+    HeightDistributions
+        One distribution per path point.
+    """
+    from trueterrain.profile.search import _kernels
+
+    nothing = np.empty(0)
+    counts = gather(path, np.zeros(1, np.int64), nothing, nothing, nothing)
+    start = np.concatenate([[0], np.cumsum(counts)])
+    dx, dy, heights, distances = (np.empty(start[-1]) for _ in range(4))
+    if start[-1]:
+        gather(path, start, dx, dy, heights)
+        if level:
+            settings = _LEVEL_STEP, _LEVEL_TOLERANCE, _LEVEL_ITERATIONS
+            _kernels.level(start, dx, dy, heights, *settings)
+        _kernels.sort_heights(start, dx, dy, heights, distances)
+    return HeightDistributions(start=start, heights=heights, distances=distances)
+
+
+def kernel_area(area: SearchArea) -> tuple[int, Float, float]:
+    """Shape, half axes and reach of a search area, as the kernels take them."""
+    return int(area.shape), np.array(area.half_axes) + EDGE_TOLERANCE, reach(area)
+
+
+def path_arrays(path: WheelPath) -> tuple[Float, Float]:
+    """Positions (s, 2) and headings (s,) of a path, as the kernels take them."""
+    return np.stack([path.easting, path.northing], axis=1), np.ascontiguousarray(path.heading)

@@ -1,0 +1,125 @@
+"""Heights of scattered points inside search areas.
+
+Not the points are indexed, however many there are, but the path: the cells that its search areas
+touch are numbered, then the points stream by, block after block, and only those that fall into such
+a cell are kept. Memory holds the neighbourhood of the path, never the survey.
+"""
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from trueterrain.profile.area import SearchArea, reach
+from trueterrain.profile.path import WheelPath
+from trueterrain.profile.search._gather import Gatherer, kernel_area, path_arrays
+
+Float = npt.NDArray[np.float64]
+
+_COARSE = 1024  # most cells per axis of the first sieve: a byte each, so that caches hold it
+_BLOCK = 1 << 22  # points sieved at a time
+
+
+class ScatteredHeights:
+    """Points near a path, sorted into the cells that the search areas touch.
+
+    Parameters
+    ----------
+    path : WheelPath
+        Path points.
+    area : Disc, Ellipse or Rectangle
+        Search area.
+    """
+
+    def __init__(self, path: WheelPath, area: SearchArea) -> None:
+        from trueterrain.profile.search._kernels import number_cells
+
+        self._area = area
+        self._reach = reach(area)
+        self._cell = 2.001 * self._reach  # a search area then touches at most four cells
+        at, _ = path_arrays(path)
+        margin = self._reach + self._cell  # so that no cell number is negative
+        self._low = at.min(axis=0) - margin
+        shape = np.ceil((at.max(axis=0) + margin - self._low) / self._cell).astype(np.int64)
+        self._columns = int(shape[0])
+        self._high = shape * self._cell
+        self._coarse_shape = np.minimum(shape, _COARSE)
+        self._coarse_scale = self._coarse_shape / self._high
+
+        most = 4 * len(path)
+        size = 1 << int(2 * most - 1).bit_length()
+        self._keys = np.full(size, -1, np.int64)
+        self._numbers = np.empty(size, np.int32)
+        column, row = np.empty(most, np.int64), np.empty(most, np.int64)
+        self._quantity = number_cells(
+            column, row, self._columns, self._cell, self._reach, at, self._low,
+            self._keys, self._numbers,
+        )  # fmt: skip
+        self._coarse = self._sieve(column[: self._quantity], row[: self._quantity])
+        self._kept: list[tuple[npt.NDArray[np.int32], Float]] = []
+
+    def add(self, points: xr.Dataset) -> None:
+        """Keep those points that are near the path; points without a height are left out.
+
+        Parameters
+        ----------
+        points : xarray.Dataset
+            Points, or a block of them.
+        """
+        from trueterrain.profile.search._kernels import find_cells
+
+        columns = tuple(
+            np.ascontiguousarray(points[name], dtype=float)
+            for name in ("easting", "northing", "up")
+        )
+        for begin in range(0, columns[0].size, _BLOCK):
+            block = tuple(column[begin : begin + _BLOCK] for column in columns)
+            cell = find_cells(
+                *block, self._low, self._high, self._columns, self._cell,
+                self._coarse, self._coarse_scale, self._keys, self._numbers,
+            )  # fmt: skip
+            near = np.flatnonzero(cell >= 0)
+            self._kept.append((cell[near], np.stack([column[near] for column in block], axis=1)))
+
+    def gatherer(self) -> Gatherer:
+        """Sort what was kept and return the function that gathers for a part of the path.
+
+        Returns
+        -------
+        Gatherer
+            Gathers for the path given at the start, or a part of it.
+        """
+        from trueterrain.profile.search._kernels import gather_scattered, sort_into_cells
+
+        cell = np.concatenate([np.empty(0, np.int32), *(cell for cell, _ in self._kept)])
+        points = np.concatenate([np.empty((0, 3)), *(points for _, points in self._kept)])
+        begin, order = sort_into_cells(cell, self._quantity)
+        points = points[order]
+
+        def gather(path: WheelPath, *output: np.ndarray) -> np.ndarray:
+            at, heading = path_arrays(path)
+            return np.asarray(
+                gather_scattered(
+                    points, begin, self._low, self._columns, self._cell, self._keys, self._numbers,
+                    at, heading, *kernel_area(self._area), *output,
+                )
+            )  # fmt: skip
+
+        return gather
+
+    def _sieve(
+        self, column: npt.NDArray[np.int64], row: npt.NDArray[np.int64]
+    ) -> npt.NDArray[np.bool_]:
+        """Mark the coarse cells that the numbered cells touch."""
+        columns, rows = self._coarse_shape + 1  # one more: round-off at the far edge
+        coarse = np.zeros((rows, columns), bool)
+        width, height = self._cell * self._coarse_scale
+        left, right = (
+            np.floor(column * width).astype(int),
+            np.floor((column + 1) * width).astype(int),
+        )
+        bottom, top = np.floor(row * height).astype(int), np.floor((row + 1) * height).astype(int)
+        # a cell is at most as large as a coarse one, so that it touches two of them per axis
+        for r in (bottom, top):
+            for c in (left, right):
+                coarse[r, c] = True
+        return coarse

@@ -1,0 +1,169 @@
+"""Statistics of rank: median, percentile, and the mean of a window of ranks."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trueterrain.profile.distribution import Float, HeightDistributions
+
+
+@dataclass(frozen=True, kw_only=True)
+class Percentile:
+    """Height that a given share of the heights does not exceed.
+
+    Linear between order statistics, as in ``numpy.percentile``. The standard deviation is that of
+    Maritz and Jarrett (1978, JASA 73): the order statistics weighted with the beta distribution of
+    the quantile's rank, which is the bootstrap without the drawing.
+    """
+
+    percent: float
+    "Share of the heights [%], 0 the lowest, 100 the highest."
+
+    resolution: float | None = None
+    "Step of quantised heights [m]: the CPF is continued between the steps; none if not quantised."
+
+    def __post_init__(self) -> None:
+        """Check the settings."""
+        if not 0 <= self.percent <= 100:
+            message = f"percent must be from 0 to 100, got {self.percent}."
+            raise ValueError(message)
+        if self.resolution is not None and not 0 < self.resolution < float("inf"):
+            message = f"resolution must be greater than 0 m, got {self.resolution}."
+            raise ValueError(message)
+
+    def estimate(self, distributions: HeightDistributions) -> tuple[Float, Float]:
+        """Percentile of each path point and its standard deviation.
+
+        Parameters
+        ----------
+        distributions : HeightDistributions
+            Heights inside the search areas.
+
+        Returns
+        -------
+        height, sd : numpy.ndarray, shape (s,)
+            Heights and their standard deviations [m].
+
+        Examples
+        --------
+        >>> heights = np.array([0.0, 1.0, 2.0, 9.0])
+        >>> one = HeightDistributions(start=np.array([0, 4]), heights=heights, distances=heights)
+        >>> Percentile(percent=50).estimate(one)[0]
+        array([1.5])
+        """
+        from trueterrain.profile.statistic import _kernels
+
+        probability = self.percent / 100
+        weights, begin = _maritz_jarrett(np.unique(distributions.count), probability)
+        start, heights = distributions.start, distributions.heights
+        height, sd = _kernels.quantile(start, heights, probability, weights, begin)
+        if self.resolution is not None:
+            height = _kernels.continued_quantile(start, heights, probability, self.resolution)
+            # a height is not known better than its step, even where all fall into the same one
+            sd = np.hypot(sd, self.resolution / np.sqrt(12 * np.maximum(distributions.count, 1)))
+        return height, sd
+
+
+@dataclass(frozen=True, kw_only=True)
+class Median:
+    """Height that half of the heights do not exceed: the thesis's statistic.
+
+    Its standard deviation is that of `Percentile`.
+    """
+
+    resolution: float | None = None
+    "Step of quantised heights [m]: the CPF is continued between the steps; none if not quantised."
+
+    def __post_init__(self) -> None:
+        """Check the settings."""
+        Percentile(percent=50, resolution=self.resolution)
+
+    def estimate(self, distributions: HeightDistributions) -> tuple[Float, Float]:
+        """Median of each path point and its standard deviation.
+
+        Parameters
+        ----------
+        distributions : HeightDistributions
+            Heights inside the search areas.
+
+        Returns
+        -------
+        height, sd : numpy.ndarray, shape (s,)
+            Heights and their standard deviations [m].
+
+        Examples
+        --------
+        >>> heights = np.array([0.0, 1.0, 9.0])
+        >>> one = HeightDistributions(start=np.array([0, 3]), heights=heights, distances=heights)
+        >>> Median().estimate(one)[0]
+        array([1.])
+        """
+        return Percentile(percent=50, resolution=self.resolution).estimate(distributions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Window:
+    """Mean of a window of ranks: from the highest, skip a share, then average a share.
+
+    With 0 < skip this is the bridge value of line lasers, with skip = (100 - size) / 2 the trimmed
+    mean. A height at the edge of the window counts with the part of its rank that lies inside. The
+    standard deviation is that of the winsorised heights over the share of the window (Tukey and
+    McLaughlin 1963, Sankhya 25), for windows that need not be symmetric.
+    """
+
+    skip: float = 15.0
+    "Share of the highest heights that is left out [%]."
+
+    size: float = 70.0
+    "Share of the heights, below those, that is averaged [%]."
+
+    def __post_init__(self) -> None:
+        """Check the settings."""
+        if not (self.skip >= 0 and self.size > 0 and self.skip + self.size <= 100):
+            message = (
+                "skip must be at least 0 %, size greater than 0 % and both at most 100 % together, "
+                f"got {self.skip} and {self.size}."
+            )
+            raise ValueError(message)
+
+    def estimate(self, distributions: HeightDistributions) -> tuple[Float, Float]:
+        """Windowed mean of each path point and its standard deviation.
+
+        Parameters
+        ----------
+        distributions : HeightDistributions
+            Heights inside the search areas.
+
+        Returns
+        -------
+        height, sd : numpy.ndarray, shape (s,)
+            Heights and their standard deviations [m].
+
+        Examples
+        --------
+        >>> heights = np.array([0.0, 1.0, 3.0, 9.0])
+        >>> one = HeightDistributions(start=np.array([0, 4]), heights=heights, distances=heights)
+        >>> Window(skip=25, size=50).estimate(one)[0]
+        array([2.])
+        """
+        from trueterrain.profile.statistic import _kernels
+
+        high = 1 - self.skip / 100
+        low = max(high - self.size / 100, 0.0)
+        height, sd = _kernels.window(distributions.start, distributions.heights, low, high)
+        return height, sd
+
+
+def _maritz_jarrett(counts: np.ndarray, probability: float) -> tuple[Float, np.ndarray]:
+    """Weights of the order statistics for each count, one after the other, and where they begin."""
+    from scipy.special import betainc
+
+    inner = min(max(probability, 1e-12), 1 - 1e-12)  # the beta distribution needs both shapes > 0
+    begin = np.zeros(int(counts.max(initial=0)) + 1, np.int64)
+    begin[counts] = np.concatenate([[0], np.cumsum(counts)[:-1]]) if counts.size else 0
+    weights = [
+        np.diff(betainc(inner * (n + 1), (1 - inner) * (n + 1), np.arange(n + 1) / n))
+        for n in counts
+        if n > 0
+    ]
+    return np.concatenate([np.empty(0), *weights]), begin
