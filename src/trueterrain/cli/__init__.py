@@ -14,6 +14,7 @@ from trueterrain.errors import TrueTerrainError
 app = cyclopts.App(
     name="trueterrain",
     version=__version__,
+    default_parameter=cyclopts.Parameter(negative=()),
     help="Ground you can trust: from measured terrain to the profile a tyre feels.",
     help_epilogue="`trueterrain COMMAND --help` shows options, units and defaults. "
     "`--debug` before the command adds tracebacks.",

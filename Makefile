@@ -1,0 +1,51 @@
+# Every target works from a bare checkout: the first one makes its own environment in $(VENV).
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+INSTALLED := $(VENV)/.installed
+
+.PHONY: help demo test lint types bench docs clean
+
+help:
+	@echo "make demo   a Belgian block road, the profile a tyre feels on it, and its roughness: demo/"
+	@echo "make test   all tests, and the examples in the docstrings and the documentation"
+	@echo "make lint   style, formatting and import contracts"
+	@echo "make types  static types"
+	@echo "make bench  speed, beside the peer in the same run"
+	@echo "make docs   documentation: docs/_build/html/index.html"
+	@echo "make clean  remove the environment and everything that was built"
+
+$(INSTALLED): pyproject.toml uv.lock
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+		|| { echo "trueterrain needs Python 3.11 or newer: make PYTHON=python3.12 ..."; exit 2; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check uv
+	UV_PROJECT_ENVIRONMENT=$(abspath $(VENV)) $(BIN)/uv sync --quiet --frozen --all-extras \
+		--all-groups --python $(BIN)/python --compile-bytecode
+	@touch $@
+
+demo: $(INSTALLED)
+	$(BIN)/trueterrain demo --output demo --force
+
+test: $(INSTALLED)
+	$(BIN)/python -m pytest
+
+lint: $(INSTALLED)
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/lint-imports
+
+types: $(INSTALLED)
+	$(BIN)/mypy
+
+bench: $(INSTALLED)
+	$(BIN)/python benchmarks
+
+docs: $(INSTALLED)
+	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet -b html docs docs/_build/html
+	@echo "docs/_build/html/index.html"
+
+clean:
+	rm -rf $(VENV) demo dist docs/_build docs/gallery docs/reference/generated \
+		.pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	find src tests benchmarks docs -name __pycache__ -prune -exec rm -rf {} +

@@ -1,0 +1,38 @@
+"""Run every benchmark and print what it measured beside its peer and its budget."""
+
+import importlib
+import sys
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+
+def main() -> int:
+    """Print the table; 1 if a budget is not met."""
+    here = Path(__file__).parent
+    sys.path.insert(0, str(here))
+    rows = []
+    for module in sorted(path.stem for path in here.glob("bench_*.py")):
+        print(f"{module} ...", file=sys.stderr)
+        rows += importlib.import_module(module).bench()
+    table = Table(title="trueterrain benchmarks")
+    for heading in ("what", "ours", "peer", "unit", "peer is", "ratio", "budget", "met"):
+        table.add_column(heading)
+    for row in rows:
+        table.add_row(
+            row["name"],
+            f"{row['ours']:.3g}",
+            "-" if row["peer"] is None else f"{row['peer']:.3g}",
+            row["unit"],
+            row["peer_name"] or "-",
+            "-" if row["ratio"] is None else f"{row['ratio']:.1f}",
+            row["budget"],
+            "yes" if row["met"] else "NO",
+        )
+    Console(width=150).print(table)
+    return 0 if all(row["met"] for row in rows) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,50 @@
+"""The command ``trueterrain doctor``: what a bug report needs."""
+
+import os
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+from trueterrain._version import __version__
+from trueterrain.cli._console import out, out_json
+
+_PACKAGES = (
+    "numpy", "scipy", "numba", "xarray", "pandas", "laspy", "lazrs", "pycrg", "pyproj",
+    "matplotlib", "cyclopts", "rich", "rasterio", "pyarrow",
+)  # fmt: skip
+
+
+def doctor(*, json: bool = False) -> None:
+    """Say what a bug report needs: versions, backends, cores.
+
+    Parameters
+    ----------
+    json
+        Print one JSON document.
+    """
+    import laspy
+    import numba
+
+    found: dict[str, Any] = {
+        "trueterrain": __version__,
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "cores": os.cpu_count(),
+        "threads": numba.config.NUMBA_NUM_THREADS,
+        "LAZ backends": [backend.name for backend in laspy.LazBackend.detect_available()],
+        "kernel cache": numba.config.CACHE_DIR or "beside the package",
+        "packages": {name: _version(name) for name in _PACKAGES},
+    }
+    if json:
+        out_json(found)
+        return
+    packages = found.pop("packages")
+    for name, value in {**found, **packages}.items():
+        out(f"{name:14} {', '.join(value) if isinstance(value, list) else value}")
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"

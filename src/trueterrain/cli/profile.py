@@ -1,0 +1,259 @@
+"""The command ``trueterrain profile``: from ground to the profile that a tyre feels."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
+
+from trueterrain.cli._console import note, progress_bar
+from trueterrain.errors import CoverageError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from trueterrain.profile import SearchArea, Statistic, WheelPath
+    from trueterrain.profile.extract import Ground
+
+StatisticName = Literal[
+    "median",
+    "mean",
+    "percentile",
+    "trimmed",
+    "bridge",
+    "idw-mean",
+    "idw-median",
+    "steepest",
+    "point",
+]
+
+# which options belong to which statistic
+_OPTIONS: dict[str, tuple[str, ...]] = {
+    "median": ("resolution",),
+    "mean": (),
+    "percentile": ("percent", "resolution"),
+    "trimmed": ("skip",),
+    "bridge": ("skip", "average"),
+    "idw-mean": ("power",),
+    "idw-median": ("power",),
+    "steepest": ("bandwidth",),
+    "point": (),
+}
+
+
+def profile(
+    surface: Path,
+    /,
+    *,
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    offset: float | None = None,
+    line: tuple[float, float, float, float] | None = None,
+    path: Path | None = None,
+    spacing: float = 0.01,
+    radius: float | None = None,
+    patch: tuple[float, float] | None = None,
+    ellipse: tuple[float, float] | None = None,
+    statistic: StatisticName = "median",
+    percent: float | None = None,
+    skip: float | None = None,
+    average: float | None = None,
+    power: float | None = None,
+    resolution: float | None = None,
+    bandwidth: float | None = None,
+    level: bool = False,
+    minimum_count: int = 3,
+    thin: Literal["error", "nan"] = "error",
+    units: Literal["m", "mm", "ft", "in"] = "m",
+    force: bool = False,
+) -> None:
+    """Extract the profile that a tyre feels along a path.
+
+    Around each path point a statistic of the heights inside a search area is taken. Name the path
+    with exactly one of --offset, --line and --path.
+
+    Example: `trueterrain profile belgian_block.crg --offset 0.3 -o p.erd`
+
+    Parameters
+    ----------
+    surface
+        Surface (OpenCRG, GeoTIFF) or point cloud (LAS, LAZ, COPC, CSV, Parquet).
+    output
+        Profile to write: .erd or .csv (.parquet).
+    offset
+        Path at this offset from the reference line of the surface, left positive [m].
+    line
+        Straight path: easting and northing of its two ends [m].
+    path
+        CSV file of waypoints with the columns easting and northing [m].
+    spacing
+        Arc length between path points [m].
+    radius
+        Radius of the disc that is searched around each path point [m]; by default 0.025.
+    patch
+        Search a rectangle aligned with the path instead: length and width [m].
+    ellipse
+        Search an ellipse aligned with the path instead: length and width [m].
+    statistic
+        What is taken of the heights. "trimmed" leaves out --skip at either end; "bridge" leaves
+        out the highest --skip and averages the next --average; "steepest" is the most frequent
+        height; "point" is the bare line, without a search area.
+    percent
+        Percentile to take, with --statistic percentile [%].
+    skip
+        Share of the heights that trimmed and bridge leave out [%]; by default 10 and 15.
+    average
+        Share of the heights that bridge averages [%]; by default 70.
+    power
+        Power of the inverse distance of idw-mean and idw-median; by default 2.
+    resolution
+        Step of quantised heights [m], with median and percentile: continues the distribution
+        between the steps.
+    bandwidth
+        Half width of the kernel of steepest [m]; by default from the scatter of the heights.
+    level
+        Take the slope of the ground inside each search area out first.
+    minimum_count
+        Search areas with fewer heights are thin.
+    thin
+        Whether thin search areas are an error or become NaN (CSV only).
+    units
+        Unit of the heights in an ERD file.
+    force
+        Replace the output if it exists.
+    """
+    from trueterrain import formats, provenance
+    from trueterrain.engine import require_writable
+    from trueterrain.profile import point_profile, tyre_profile
+
+    options = {
+        "percent": percent, "skip": skip, "average": average, "power": power,
+        "resolution": resolution, "bandwidth": bandwidth,
+    }  # fmt: skip
+    taken = _statistic(statistic, {name: v for name, v in options.items() if v is not None})
+    area = _area(radius, patch, ellipse)
+    require_writable(output, force=force)
+    formats.writer_of("profile", output)
+    ground, travelled = _ground_and_path(surface, offset, line, path, spacing, area)
+    if taken is None:
+        result = point_profile(ground, travelled)
+    else:
+        with progress_bar() as progress:
+            result = tyre_profile(
+                ground, travelled, area=area, statistic=taken, level=level,
+                minimum_count=minimum_count, thin=thin, progress=progress,
+            )  # fmt: skip
+    result = provenance.add_step(result, "profile", inputs=[surface, *([path] if path else [])])
+    formats.write(
+        result, output, force=force, **({"units": units} if output.suffix.lower() == ".erd" else {})
+    )
+    _summarise(result, output)
+
+
+def _statistic(name: str, options: dict[str, float]) -> "Statistic | None":
+    """Build the statistic; None stands for the bare line."""
+    from trueterrain.profile import (
+        InverseDistance,
+        Mean,
+        Median,
+        Percentile,
+        SteepestCpf,
+        Window,
+    )
+
+    belongs = _OPTIONS[name]
+    for option in options:
+        if option not in belongs:
+            owners = " or ".join(owner for owner, names in _OPTIONS.items() if option in names)
+            message = f"--{option} belongs to --statistic {owners}, not to {name}."
+            raise ValueError(message)
+    match name:
+        case "median":
+            return Median(**options)
+        case "mean":
+            return Mean()
+        case "percentile":
+            if "percent" not in options:
+                message = "--statistic percentile needs --percent, e.g. --percent 85."
+                raise ValueError(message)
+            return Percentile(**options)
+        case "trimmed":
+            skip = options.get("skip", 10.0)
+            return Window(skip=skip, size=100 - 2 * skip)
+        case "bridge":
+            return Window(skip=options.get("skip", 15.0), size=options.get("average", 70.0))
+        case "idw-mean":
+            return InverseDistance(of="mean", **options)
+        case "idw-median":
+            return InverseDistance(of="median", **options)
+        case "steepest":
+            return SteepestCpf(**options)
+    return None
+
+
+def _area(
+    radius: float | None, patch: tuple[float, float] | None, ellipse: tuple[float, float] | None
+) -> "SearchArea":
+    from trueterrain.profile import Disc, Ellipse, Rectangle
+
+    if sum(shape is not None for shape in (radius, patch, ellipse)) > 1:
+        message = "only one of --radius, --patch and --ellipse may be given."
+        raise ValueError(message)
+    if patch is not None:
+        return Rectangle(length=patch[0], width=patch[1])
+    if ellipse is not None:
+        return Ellipse(length=ellipse[0], width=ellipse[1])
+    return Disc() if radius is None else Disc(radius=radius)
+
+
+def _ground_and_path(
+    surface: Path,
+    offset: float | None,
+    line: tuple[float, float, float, float] | None,
+    path: Path | None,
+    spacing: float,
+    area: "SearchArea",
+) -> "tuple[Ground, WheelPath]":
+    """Read the ground and lay the path over it; a cloud stays on disk until it is needed."""
+    from trueterrain import formats
+    from trueterrain.formats.table import read_waypoints
+    from trueterrain.profile import offset_path, straight_path, waypoint_path
+    from trueterrain.profile.area import reach
+
+    if sum(way is not None for way in (offset, line, path)) != 1:
+        message = "name the path with exactly one of --offset, --line and --path."
+        raise ValueError(message)
+    is_cloud = formats.recognise(surface).module in ("las", "table")
+    if offset is not None:
+        if is_cloud:
+            raise CoverageError(
+                "--offset needs a reference line, which a point cloud does not have",
+                path=surface,
+                cure="Name the path with --line or --path.",
+            )
+        ground = formats.open(surface)
+        return ground, offset_path(ground, offset, spacing=spacing)
+    if line is not None:
+        travelled = straight_path(line[:2], line[2:], spacing=spacing)
+    else:
+        assert path is not None
+        travelled = waypoint_path(*read_waypoints(path), spacing=spacing)
+    if not is_cloud:
+        return formats.open(surface), travelled
+    margin = reach(area)
+    bounds = (
+        travelled.easting.min() - margin,
+        travelled.northing.min() - margin,
+        travelled.easting.max() + margin,
+        travelled.northing.max() + margin,
+    )
+    return formats.point_blocks(surface, bounds=bounds), travelled
+
+
+def _summarise(result: "xr.Dataset", output: Path) -> None:
+    s = result.s.values
+    text = f"{output}: {s.size:,} points over {s[-1]:.2f} m every {s[1] - s[0]:g} m"
+    if "count" in result:
+        counts = result["count"]
+        text += f", {int(counts.min())} to {int(counts.max())} heights each"
+    if result.attrs.get("thin"):
+        text += f"; {result.attrs['thin']} thin search areas are NaN"
+    note(text)

@@ -1,0 +1,66 @@
+"""The public names are a promise: they change on purpose or not at all."""
+
+import subprocess
+import sys
+
+import trueterrain
+
+PUBLIC = {
+    "BelgianBlock", "Cleats", "CoverageError", "Cracks", "Disc", "Ellipse", "FormatError",
+    "InverseDistance", "IriOptions", "Mean", "Measured", "Median", "OutputError", "Percentile",
+    "Plane", "Rectangle", "Road", "SchemaError", "Sine", "SteepestCpf", "Step", "Stones",
+    "TrueTerrainError", "WheelPath", "Window", "__version__", "arc_path", "continuous_iri",
+    "curve_path", "function_path", "height_distributions", "heights_at", "info", "iri",
+    "make_points", "make_profile", "make_surface", "offset_path", "open", "point_blocks",
+    "point_profile", "polyline_path", "sample_points", "sample_road", "sample_surface",
+    "straight_path", "surface_to_points", "tyre_profile", "waypoint_path", "write",
+}  # fmt: skip
+
+HEAVY = ("numba", "numpy", "scipy", "xarray", "pandas", "matplotlib", "laspy", "pyproj", "pycrg")
+
+
+def imported_by(code: str) -> set[str]:
+    """Heavy modules that some code imports, in an interpreter of its own."""
+    show = f"import sys; sys.stderr.write(' '.join(m for m in {HEAVY} if m in sys.modules))"
+    finished = subprocess.run(
+        [sys.executable, "-c", f"{code}\n{show}"], check=True, capture_output=True, text=True
+    )
+    return set(finished.stderr.split())
+
+
+def test_public_names_are_the_promised_ones():
+    assert set(trueterrain.__all__) == PUBLIC
+
+
+def test_public_names_are_sorted_and_listed_by_dir():
+    assert trueterrain.__all__ == sorted(trueterrain.__all__)
+    assert dir(trueterrain) == trueterrain.__all__
+
+
+def test_every_public_name_can_be_had():
+    for name in trueterrain.__all__:
+        assert getattr(trueterrain, name) is not None
+
+
+def test_an_unknown_name_is_an_attribute_error():
+    assert not hasattr(trueterrain, "tire_profile")
+
+
+def test_importing_the_package_imports_nothing_heavy():
+    assert imported_by("import trueterrain") == set()
+
+
+def test_help_imports_nothing_heavy():
+    code = (
+        "from trueterrain.cli import main\n"
+        "try:\n    main(['--help'])\nexcept SystemExit:\n    pass"
+    )
+    assert imported_by(code) == set()
+
+
+def test_the_help_of_a_command_imports_nothing_heavy():
+    code = (
+        "from trueterrain.cli import main\n"
+        "try:\n    main(['profile', '--help'])\nexcept SystemExit:\n    pass"
+    )
+    assert imported_by(code) == set()
