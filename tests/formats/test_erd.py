@@ -206,8 +206,8 @@ def test_describe(tmp_path):
 @pytest.mark.parametrize(
     ("change", "problem"),
     [
-        (("UNITSNAMmm", "UNITSNAMm "), "unit may be wrong"),
-        (("  2.5 ", "  nan "), "1 of 3 heights are not numbers"),
+        (("UNITSNAMmm", "UNITSNAMm "), "is the unit right?"),
+        (("  2.5 ", "  nan "), "1 of 3 heights are missing"),
         (("SHORTNAMLElev.  RElev.\n", ""), "SHORTNAM does not name every channel"),
         (("SHORTNAMLElev.  RElev.", "SHORTNAMElev.   Elev."), "two channels are named 'Elev.'"),
         (("0.0250", "1.0"), "1 m and more"),

@@ -26,6 +26,7 @@ import xarray as xr
 from trueterrain import provenance
 from trueterrain.engine import whole_output
 from trueterrain.errors import FormatError, SchemaError
+from trueterrain.formats._doubts import profile_doubts
 from trueterrain.formats._erd_text import COLUMNS, SIGNATURE, TEXT, UNITS, Header, load
 from trueterrain.kinds import check_profile, make_profile
 
@@ -35,7 +36,6 @@ SPACING_TOLERANCE = 1e-3
 _OURS = ("SHORTNAM", "UNITSNAM", "XUNITS", "XSTART", "TRACKS", "HISTORY")  # made anew on writing
 _DECIMALS = {"m": 9, "mm": 6, "in": 8, "ft": 9}  # keep heights within 0.5 nm
 _UMTRI_STEP = 1.0  # [m] the UMTRI reader refuses larger ones
-_STEEP = 0.3  # [m/m] a median slope above it is no road: the unit of height is probably wrong
 
 
 def read(path: str | Path) -> xr.Dataset:
@@ -156,13 +156,14 @@ def describe(path: str | Path) -> dict[str, Any]:
     header, values = load(Path(path))
     used = _used_channels(header, path)
     problems = list(header.problems)
+    s = header.start + header.step * np.arange(header.samples)
     tracks = []
     for channel, (name, unit) in enumerate(zip(header.names, header.units, strict=True)):
         if channel not in used:
             problems.append(f"channel {name} is in {unit!r}, which is no height, and is left out")
             continue
         height = values[:, channel] * UNITS[unit]
-        problems += _doubts(name, height, header.step)
+        problems += profile_doubts(name, s, height)
         known = height[np.isfinite(height)]
         low, high = (float(known.min()), float(known.max())) if known.size else (None, None)
         tracks.append({"name": name, "lowest": low, "highest": high})
@@ -170,14 +171,13 @@ def describe(path: str | Path) -> dict[str, Any]:
         problems.append(
             f"spacing {header.step:g} m: readers in the manner of UMTRI refuse 1 m and more"
         )
-    end = header.start + header.step * (header.samples - 1)
     return {
         "format": "ERD",
         "kind": "profile",
         "tracks": tracks,
         "count": header.samples,
         "spacing": header.step,
-        "extent": {"s": [header.start, end]},
+        "extent": {"s": [float(s[0]), float(s[-1])]},
         "units": {"s": header.x_units, "height": [header.units[channel] for channel in used]},
         "crs": "",
         "header": {key: value for key, value in header.keys if key not in _OURS},
@@ -195,21 +195,6 @@ def _used_channels(header: Header, path: str | Path) -> list[int]:
             cure="Export elevation, not another quantity.",
         )
     return used
-
-
-def _doubts(name: str, height: npt.NDArray[np.float64], step: float) -> list[str]:
-    doubts = []
-    missing = int(np.count_nonzero(~np.isfinite(height)))
-    if missing:
-        doubts.append(f"track {name}: {missing} of {height.size} heights are not numbers")
-    slopes = np.abs(np.diff(height)) / step
-    slopes = slopes[np.isfinite(slopes)]
-    if slopes.size and np.median(slopes) > _STEEP:
-        median = float(np.median(slopes))
-        doubts.append(f"track {name}: median slope {median:.2g} m/m, the unit may be wrong")
-    if slopes.size and not slopes.any():
-        doubts.append(f"track {name}: all heights are equal")
-    return doubts
 
 
 def _restore_history(profile: xr.Dataset, header: Header) -> None:

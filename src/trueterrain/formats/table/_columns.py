@@ -1,0 +1,186 @@
+"""What the columns of a table mean: names, units, tracks."""
+
+import difflib
+import math
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from trueterrain.errors import FormatError
+
+_LENGTHS = {"m": 1.0, "mm": 0.001, "cm": 0.01, "km": 1000.0, "in": 0.0254, "ft": 0.3048}
+_UNITS = {
+    **dict.fromkeys(("s", "easting", "northing", "up", "height", "sd"), _LENGTHS),
+    "heading": {"rad": 1.0, "deg": math.pi / 180},
+    "time": {"s": 1.0},
+}
+_NAMES = (*_UNITS, "intensity", "lane", "count", "track")
+_ALIASES = {
+    "station": "s", "distance": "s", "x": "easting", "y": "northing",
+    "z": "up", "elevation": "up", "altitude": "up",
+}  # fmt: skip
+_PER_TRACK = ("height", "easting", "northing", "heading", "sd", "count")
+
+_KEPT = {
+    "points": ("easting", "northing", "up", "time", "intensity", "lane", "sd"),
+    "profile": ("track", "s", "easting", "northing", "height", "heading", "sd", "count"),
+    "path": ("easting", "northing"),
+}
+_REQUIRED = {
+    "points": ("easting", "northing", "up"),
+    "profile": ("s", "height"),
+    "path": ("easting", "northing"),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Column:
+    """One column of a file that is understood."""
+
+    index: int
+    label: str  # as it stands in the file
+    name: str  # as the kinds of data call it
+    track: str | None = None  # of a wide table
+    scale: float = 1.0  # to SI
+
+    @property
+    def key(self) -> tuple[str, str | None]:
+        """Name and track, by which the column is found."""
+        return self.name, self.track
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layout:
+    """Meaning of a table."""
+
+    kind: str  # points, profile or path
+    columns: tuple[Column, ...]
+    ignored: tuple[str, ...] = ()
+
+    def must_be_finite(self, column: Column) -> bool:
+        """Whether a gap in the column makes the file useless; heights and sd may have gaps."""
+        needed = _REQUIRED[self.kind]
+        return column.name in needed and column.name != "height"
+
+    @property
+    def tracks(self) -> list[str | None]:
+        """Tracks that stand side by side, in the order of the file; [None] if there is one."""
+        return [column.track for column in self.columns if column.name == "height"]
+
+
+def layout_of(labels: list[str], path: str | Path, *, kind: str | None = None) -> Layout:
+    """Meaning of a table by the labels of its columns; `kind` asks for a certain one."""
+    understood = [_parse(index, label, path) for index, label in enumerate(labels)]
+    columns = [column for column in understood if column is not None]
+    names = {column.name for column in columns}
+    kind = kind or _kind_of(names)
+    if kind is not None:
+        columns = [_named_for(kind, column, names) for column in columns]
+    if kind is None or not {column.name for column in columns}.issuperset(_REQUIRED[kind]):
+        raise _missing(labels, names, kind, path)
+    kept = [column for column in columns if column.name in _KEPT[kind]]
+    # easting_left belongs to height_left; where there is no height_left it belongs to nothing
+    tracks = {column.track for column in kept if column.name == "height"} or {None}
+    kept = [column for column in kept if column.track in tracks or column.name in ("s", "track")]
+    _refuse_doubles(kept, path)
+    used = {column.index for column in kept}
+    ignored = tuple(label for index, label in enumerate(labels) if index not in used)
+    return Layout(kind=kind, columns=tuple(kept), ignored=ignored)
+
+
+def layout_without_header(count: int, path: str | Path, *, kind: str | None = None) -> Layout:
+    """Meaning of a table of numbers alone: two columns are s and height, three are points."""
+    if kind == "path" and count >= 2:
+        names: tuple[str, ...] = ("easting", "northing")
+    elif count == 2:
+        kind, names = "profile", ("s", "height")
+    elif count == 3:
+        kind, names = "points", ("easting", "northing", "up")
+    else:
+        raise FormatError(
+            f"{count} columns need names; only 2 (s, height) or 3 (easting, northing, up) do not",
+            path=path,
+            place="line 1",
+            cure="Add a first line with the names of the columns.",
+        )
+    columns = [Column(index=i, label=name, name=name) for i, name in enumerate(names)]
+    ignored = tuple(f"number {i + 1}" for i in range(len(names), count))
+    return Layout(kind=kind, columns=tuple(columns), ignored=ignored)
+
+
+def _parse(index: int, label: str, path: str | Path) -> Column | None:
+    text = label.strip().strip('"')
+    bracket = re.fullmatch(r"(.+?)\s*[\[(]\s*(.*?)\s*[\])]", text)
+    words, unit = (bracket[1], bracket[2].lower()) if bracket else (text, "")
+    head, *rest = words.split("_")
+    name = _ALIASES.get(head.lower(), head.lower())
+    if name not in _NAMES:
+        return None
+    units = _UNITS.get(name, {})
+    if not unit and rest and rest[-1].lower() in units:
+        unit = rest.pop().lower()
+    if rest and name not in (*_PER_TRACK, "up"):
+        return None
+    if unit and unit not in units and units:
+        raise FormatError(
+            f"has the unit {unit!r}; known are {', '.join(units)}",
+            path=path,
+            place=f"column {label!r}",
+            cure="Convert the column, or correct its unit.",
+        )
+    scale = units.get(unit, 1.0)
+    track = "_".join(rest) or None
+    return Column(index=index, label=text, name=name, track=track, scale=scale)
+
+
+def _kind_of(names: set[str]) -> str | None:
+    heights = bool(names & {"height", "up"})
+    if heights and "s" in names:
+        return "profile"
+    if {"easting", "northing"} <= names:
+        return "points" if heights else "path"
+    if heights and "easting" in names:  # x and z, without y
+        return "profile"
+    return None
+
+
+def _named_for(kind: str, column: Column, names: set[str]) -> Column:
+    if kind == "points" and column.name == "height" and "up" not in names:
+        return replace(column, name="up")
+    if kind == "profile" and column.name == "up" and "height" not in names:
+        return replace(column, name="height")
+    if kind == "profile" and column.name == "easting" and "s" not in names:
+        return replace(column, name="s")
+    return column
+
+
+def _missing(labels: list[str], names: set[str], kind: str | None, path: str | Path) -> FormatError:
+    wanted = {
+        "points": "easting, northing and up",
+        "profile": "s and height",
+        "path": "easting and northing",
+    }
+    needs = wanted[kind] if kind else ", or ".join(wanted.values())
+    lacking = [name for known in _REQUIRED.values() for name in known if name not in names]
+    for label in labels:
+        near = difflib.get_close_matches(label.strip().lower(), lacking, n=1, cutoff=0.6)
+        if near and label.strip().lower() not in names:
+            cure = f"Rename column {label.strip()!r} to {near[0]!r} if that is what it is."
+            break
+    else:
+        cure = "Add the column, or name the columns so."
+    found = ", ".join(label.strip() for label in labels[:8]) + (", ..." if len(labels) > 8 else "")
+    return FormatError(f"needs columns {needs}, got {found}", path=path, place="header", cure=cure)
+
+
+def _refuse_doubles(columns: list[Column], path: str | Path) -> None:
+    seen: dict[tuple[str, str | None], Column] = {}
+    for column in columns:
+        other = seen.setdefault(column.key, column)
+        if other is not column:
+            raise FormatError(
+                f"{other.label!r} and {column.label!r} both hold {column.name}",
+                path=path,
+                place="header",
+                cure="Remove or rename one of them.",
+            )

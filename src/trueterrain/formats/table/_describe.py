@@ -1,0 +1,58 @@
+"""What a table of points or a profile amounts to."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from trueterrain.formats._doubts import profile_doubts
+from trueterrain.formats.table._text import Values
+
+_EQUAL = 1e-3  # spacings that differ by less than this fraction count as equal, as for ERD
+
+
+def describe_profile(profile: xr.Dataset) -> dict[str, Any]:
+    """Count, spacing, extent, tracks and problems of a profile."""
+    s = profile.s.values
+    several = "track" in profile.dims
+    names = [str(n) for n in profile.track.values] if several else [profile.attrs.get("track", "")]
+    problems, tracks = [], []
+    for name, height in zip(names, np.atleast_2d(profile.height.values), strict=True):
+        problems += profile_doubts(name or "height", s, height)
+        known = height[np.isfinite(height)]
+        lowest, highest = (known.min(), known.max()) if known.size else (np.nan, np.nan)
+        tracks.append({"name": name, "lowest": float(lowest), "highest": float(highest)})
+    summary: dict[str, Any] = {"count": s.size, "extent": {"s": [float(s[0]), float(s[-1])]}}
+    steps = np.diff(s)
+    if steps.size:
+        smallest, largest = float(steps.min()), float(steps.max())
+        equal = largest - smallest <= _EQUAL * smallest
+        summary["spacing"] = float(np.median(steps)) if equal else [smallest, largest]
+    return summary | {"tracks": tracks, "problems": problems}
+
+
+def describe_points(blocks: Iterator[Values]) -> dict[str, Any]:
+    """Count, extent, lanes and problems of points or waypoints, block by block."""
+    extent: dict[str, list[float]] = {}
+    lanes: dict[str, int] = {}
+    count = 0
+    for values in blocks:
+        named = {column.name: array for column, array in values.items()}
+        count += named["easting"].size
+        for name in ("easting", "northing", "up", "time"):
+            if name in named:
+                low, high = extent.get(name, [np.inf, -np.inf])
+                extent[name] = [
+                    float(min(low, named[name].min())),
+                    float(max(high, named[name].max())),
+                ]
+        for lane, number in zip(*np.unique(named.get("lane", []), return_counts=True), strict=True):
+            lanes[f"{lane:g}"] = lanes.get(f"{lane:g}", 0) + int(number)
+    summary: dict[str, Any] = {"count": count, "extent": extent, "problems": []}
+    if "time" in extent:
+        start, end = extent.pop("time")
+        summary["time"] = {"kind": "unknown", "start": start, "end": end}
+    if lanes:
+        summary["lanes"] = lanes
+    return summary

@@ -1,0 +1,121 @@
+"""Tables as Parquet, row group by row group (extra ``parquet``)."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trueterrain.errors import FormatError, TrueTerrainError
+from trueterrain.formats.table._columns import Layout, layout_of
+from trueterrain.formats.table._text import Values
+
+_METADATA = b"trueterrain"  # key under which CRS and provenance are kept
+_CURE = "Install it with `pip install trueterrain[parquet]`, or use CSV."
+
+
+def import_pyarrow(path: Path) -> tuple[Any, Any]:
+    """Return pyarrow and pyarrow.parquet, or say how to get them."""
+    try:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+    except ImportError:
+        raise TrueTerrainError("Parquet needs the package pyarrow", path=path, cure=_CURE) from None
+    return pa, pq
+
+
+def open_parquet(path: Path, *, kind: str | None = None) -> tuple[Any, Layout, dict[str, Any]]:
+    """Open a file; returns pyarrow's file, the meaning of its columns, and our metadata."""
+    pa, pq = import_pyarrow(path)
+    try:
+        file = pq.ParquetFile(path)
+    except (pa.ArrowException, OSError) as error:
+        if isinstance(error, FileNotFoundError):
+            raise
+        raise _damaged(path, error) from None
+    if file.metadata.num_rows == 0:
+        raise FormatError("has no rows", path=path, cure="Export it again.")
+    layout = layout_of(file.schema_arrow.names, path, kind=kind)
+    kept = (file.schema_arrow.metadata or {}).get(_METADATA, b"{}")
+    return file, layout, json.loads(kept)
+
+
+def parquet_blocks(
+    path: Path, file: Any, layout: Layout, size: int | None = None
+) -> Iterator[Values]:
+    """Columns in SI, at most `size` rows at a time."""
+    pa, _ = import_pyarrow(path)
+    labels = file.schema_arrow.names
+    row = 0
+    try:
+        for batch in file.iter_batches(
+            batch_size=size or max(1, file.metadata.num_rows),
+            columns=[labels[column.index] for column in layout.columns],
+        ):
+            values: Values = {}
+            for column in layout.columns:
+                array = batch.column(labels[column.index])
+                if column.name == "track":
+                    values[column] = np.array(array.to_pylist(), dtype=str)
+                else:
+                    values[column] = _numbers(pa, array, column.label, path) * column.scale
+                    _check(layout, column, values[column], row, path)
+            yield values
+            row += batch.num_rows
+    except (pa.ArrowException, OSError) as error:
+        raise _damaged(path, error) from None
+
+
+def _numbers(pa: Any, array: Any, label: str, path: Path) -> Any:
+    if not (pa.types.is_integer(array.type) or pa.types.is_floating(array.type)):
+        raise FormatError(
+            f"must hold numbers, got {array.type}",
+            path=path,
+            place=f"column {label!r}",
+            cure="Convert the column to float64.",
+        )
+    return array.cast(pa.float64()).to_numpy(zero_copy_only=False)
+
+
+def _check(layout: Layout, column: Any, values: Any, row: int, path: Path) -> None:
+    bad = ~np.isfinite(values) if layout.must_be_finite(column) else np.isinf(values)
+    if bad.any():
+        first = int(np.flatnonzero(bad)[0])
+        raise FormatError(
+            f"must be a finite number, got {values[first]}",
+            path=path,
+            place=f"row {row + first + 1}, column {column.label!r}",
+            cure="Remove the row, or fill in the number.",
+        )
+
+
+def _damaged(path: Path, error: Exception) -> FormatError:
+    return FormatError(
+        f"is damaged or cut off ({error})", path=path, cure="Copy or export it again."
+    )
+
+
+class ParquetWriter:
+    """Writes one row group per table of columns; use as a context manager."""
+
+    def __init__(self, temporary: Path, metadata: dict[str, Any]) -> None:
+        self._pa, self._pq = import_pyarrow(temporary)
+        self._path = temporary
+        self._metadata = {_METADATA: json.dumps(metadata).encode()}
+        self._writer: Any = None
+
+    def __enter__(self) -> "ParquetWriter":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._writer is not None:
+            self._writer.close()
+
+    def add(self, columns: dict[str, Any]) -> None:
+        """Append rows."""
+        table = self._pa.table({name: self._pa.array(c) for name, c in columns.items()})
+        if self._writer is None:
+            schema = table.schema.with_metadata(self._metadata)
+            self._writer = self._pq.ParquetWriter(self._path, schema)
+        self._writer.write_table(table.cast(self._writer.schema))

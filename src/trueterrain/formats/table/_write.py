@@ -1,0 +1,131 @@
+"""Points and profiles to tables."""
+
+from collections.abc import Iterator
+from contextlib import AbstractContextManager
+from itertools import chain
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from trueterrain.engine import whole_output
+from trueterrain.errors import CoverageError, SchemaError
+from trueterrain.formats.table._parquet import ParquetWriter
+from trueterrain.kinds import check_points, check_profile, kind_of
+
+_POINTS = ("easting", "northing", "up", "time", "intensity", "lane", "sd")
+_PROFILE = ("easting", "northing", "height", "sd", "count", "heading")
+_ATTRS = ("crs", "provenance", "gps_time_kind")  # kept in Parquet
+_ROWS = 1_000_000  # written at a time
+
+
+def write(
+    data: xr.Dataset | Iterator[xr.Dataset], path: str | Path, *, force: bool = False
+) -> None:
+    """Write points or a profile as a table: Parquet if the name ends so, else CSV.
+
+    Several tracks are written in rows, with a column ``track``. Numbers keep every bit.
+
+    Parameters
+    ----------
+    data : xarray.Dataset or iterator of xarray.Dataset
+        A profile, points, or blocks of points.
+    path : str or Path
+        Where the file shall be.
+    force : bool
+        Replace a file that is there already.
+
+    Raises
+    ------
+    SchemaError
+        If the data are neither points nor a profile, or blocks differ in their variables.
+    CoverageError
+        If there are no points to write.
+    OutputError
+        If the file exists and `force` is false.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from trueterrain.kinds import make_profile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write(make_profile([0.0, 0.5], [0.1, 0.2]), Path(folder) / "p.csv")
+    ...     print((Path(folder) / "p.csv").read_text().split())
+    ['s,height', '0.0,0.1', '0.5,0.2']
+    """
+    path = Path(path)
+    if isinstance(data, xr.Dataset) and kind_of(data) == "surface":
+        raise SchemaError(
+            "a surface is no table",
+            path=path,
+            cure="Write CRG or GeoTIFF, or its nodes as points.",
+        )
+    with whole_output(path, force=force) as temporary:
+        parts = chain([data]) if isinstance(data, xr.Dataset) else data
+        first = next((part for part in parts if _rows(part)), None)
+        if first is None:
+            raise CoverageError("there are no points to write", path=path)
+        attrs = {name: first.attrs[name] for name in _ATTRS if first.attrs.get(name)}
+        names: list[str] | None = None
+        with _writer(temporary, attrs) as writer:
+            for columns in chain.from_iterable(map(_columns, chain([first], parts))):
+                if names is not None and list(columns) != names:
+                    raise SchemaError(
+                        f"all blocks must have the same variables, got {', '.join(columns)} "
+                        f"after {', '.join(names)}",
+                        path=path,
+                    )
+                names = list(columns)
+                writer.add(columns)
+
+
+class _CsvWriter:
+    def __init__(self, temporary: Path) -> None:
+        self._path = temporary
+        self._stream: TextIO
+
+    def __enter__(self) -> "_CsvWriter":
+        self._stream = self._path.open("w", encoding="utf-8", newline="")
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stream.close()
+
+    def add(self, columns: dict[str, Any]) -> None:
+        header = self._stream.tell() == 0
+        frame = pd.DataFrame(columns)  # floats are written with as many digits as they need
+        frame.to_csv(self._stream, header=header, index=False, na_rep="nan", lineterminator="\n")
+
+
+def _writer(
+    temporary: Path, attrs: dict[str, Any]
+) -> AbstractContextManager[_CsvWriter | ParquetWriter]:
+    if temporary.suffix.lower() in (".parquet", ".pq"):
+        return ParquetWriter(temporary, attrs)
+    return _CsvWriter(temporary)
+
+
+def _rows(data: xr.Dataset) -> int:
+    return data.sizes["point"] if "point" in data.dims else data.sizes.get("s", 0)
+
+
+def _columns(data: xr.Dataset) -> Iterator[dict[str, Any]]:
+    if kind_of(data) == "points":
+        check_points(data)
+        for start in range(0, data.sizes["point"], _ROWS):
+            rows = slice(start, start + _ROWS)
+            yield {name: data[name].values[rows] for name in _POINTS if name in data}
+        return
+    check_profile(data)
+    if "track" not in data.dims:
+        yield {"s": data.s.values} | _values(data)
+        return
+    for track in data.track.values:
+        one = data.sel(track=track)
+        yield {"track": np.full(data.sizes["s"], str(track)), "s": one.s.values} | _values(one)
+
+
+def _values(profile: xr.Dataset) -> dict[str, Any]:
+    return {name: profile[name].values for name in _PROFILE if name in profile}
