@@ -1,6 +1,7 @@
 """Outputs appear whole or not at all."""
 
 import os
+import shutil
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -51,6 +52,61 @@ def whole_output(path: str | Path, *, force: bool = False) -> Iterator[Path]:
     finally:
         with suppress(FileNotFoundError):
             temporary.unlink()
+
+
+@contextmanager
+def whole_folder(path: str | Path, *, force: bool = False) -> Iterator[Path]:
+    """Write several files into a temporary folder and move them when the block ends without error.
+
+    Parameters
+    ----------
+    path : str or Path
+        Folder in which the finished files shall be; it is made if it does not exist.
+    force : bool
+        Write into a folder that holds files already: those of the same name are replaced, all
+        others stay.
+
+    Yields
+    ------
+    Path
+        Temporary folder to write to.
+
+    Raises
+    ------
+    OutputError
+        If the folder is not empty and `force` is false, or the folder above it does not exist.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as above:
+    ...     with whole_folder(Path(above) / "out") as folder:
+    ...         _ = (folder / "a.txt").write_text("whole")
+    ...     [file.name for file in (Path(above) / "out").iterdir()]
+    ['a.txt']
+    """
+    path = Path(path)
+    if path.exists() and not path.is_dir():
+        raise OutputError("is a file, not a folder", path=path, cure="Name a folder.")
+    if path.is_dir() and any(path.iterdir()) and not force:
+        raise OutputError(
+            "is not empty and nothing in it is overwritten",
+            path=path,
+            cure="Choose another folder, or add --force (force=True).",
+        )
+    if not path.absolute().parent.is_dir():
+        raise OutputError(
+            f"the folder {path.parent} does not exist", path=path, cure="Create it first."
+        )
+    temporary = path.absolute().with_name(f".{uuid.uuid4().hex[:8]}.part.{path.name}")
+    temporary.mkdir()
+    try:
+        yield temporary
+        path.mkdir(exist_ok=True)
+        for file in sorted(temporary.iterdir()):
+            file.replace(path / file.name)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
 
 
 def require_writable(path: str | Path, *, force: bool = False) -> None:
