@@ -1,0 +1,179 @@
+"""The numbers of an OpenCRG file: all of them, none too many, and none that damage has made.
+
+The reference implementations decode whatever bytes they find. Line ends that a transfer converted
+inside binary numbers, or a lost end, then give heights of 1e15 m without a word; here they are
+errors.
+"""
+
+import re
+
+import numpy as np
+import numpy.typing as npt
+
+from trueterrain.errors import FormatError
+from trueterrain.formats.opencrg._header import NUMBER_FORMATS, Header, stations
+
+Floats = npt.NDArray[np.float64]
+
+_RECORD = 80  # [bytes]
+#: No road is higher [m]; a number that damage has made nearly always is.
+HIGHEST = 1e5
+_LARGEST_CHANNEL = {"phi": 1e3, "slope": 1e2, "banking": 1e2}  # [rad, m/m]
+_CONVERTED = (
+    "Copy it again as binary: a transfer converted its line ends (in git, put `*.crg binary` into "
+    ".gitattributes)."
+)
+_CUT = "The file is cut off or damaged: copy or export it again."
+
+
+def read_columns(header: Header) -> Floats:
+    """Numbers of an OpenCRG file, shape (cross-section, channel)."""
+    with header.path.open("rb") as stream:
+        stream.seek(header.data_offset)
+        payload = stream.read()
+    values = (_from_bytes if header.is_binary else _from_text)(header, payload)
+    _require_possible(header, values)
+    return values
+
+
+def _from_bytes(header: Header, payload: bytes) -> Floats:
+    rows, columns = stations(header), len(header.channels)
+    assert rows is not None  # binary files must announce it
+    size = NUMBER_FORMATS[header.number_format or "KRBI"][0]
+    needed = rows * columns * size
+    padded = -(-needed // _RECORD) * _RECORD
+    if len(payload) not in (needed, padded):
+        _raise_wrong_length(header, payload, rows, needed, padded)
+    numbers = np.frombuffer(payload, dtype=f">f{size}")
+    tail = numbers[rows * columns :]
+    if tail.size and not np.isnan(tail).all():
+        raise FormatError(
+            "the last record must be filled with NaN, but holds numbers",
+            path=header.path,
+            place="data, last record",
+            cure=_CUT,
+        )
+    if len(payload) < padded:
+        header.problems.append(f"the last record is not filled up to {_RECORD} bytes")
+    return numbers[: rows * columns].astype(np.float64).reshape(rows, columns)
+
+
+def _raise_wrong_length(
+    header: Header, payload: bytes, rows: int, needed: int, padded: int
+) -> None:
+    row = needed // rows
+    where = f"cross-section {min(len(payload) // row + 1, rows)} of {rows}"
+    cure = _CUT
+    if len(payload) > padded:
+        where = "end of data"
+        if b"\n" in payload and payload.count(b"\n") == payload.count(b"\r\n"):
+            cure = _CONVERTED
+    elif (
+        header.line_ends == "LF" and b"\r\n" not in payload and padded - len(payload) < padded / 99
+    ):
+        cure = f"{_CUT} {_CONVERTED}"
+    kind = ""
+    if payload and not payload.translate(None, bytes(range(32, 127)) + b"\r\n\t"):
+        kind = f", and they are text although #: says {header.number_format}"
+        cure = "Export the file again, or correct the line #:."
+    raise FormatError(
+        f"the data must be {padded} bytes long ({rows} cross-sections of {row} bytes in records of "
+        f"{_RECORD}), got {len(payload)}{kind}",
+        path=header.path,
+        place=where,
+        cure=cure,
+    )
+
+
+def _from_text(header: Header, payload: bytes) -> Floats:
+    width, per_line = NUMBER_FORMATS[header.number_format or "LRFI"]
+    columns = len(header.channels)
+    if payload.translate(None, bytes(range(32, 127)) + b"\r\n\t"):
+        raise FormatError(
+            f"the data must be text, since #: says {header.number_format}, but they are not",
+            path=header.path,
+            place="data",
+            cure="Export the file again, or correct the line #:.",
+        )
+    ended = payload.endswith((b"\n", b"\r"))
+    lines = [line.rstrip() for line in payload.splitlines()]
+    while lines and not lines[-1]:
+        lines.pop()
+    lengths = [width * per_line] * (columns // per_line)
+    if columns % per_line:
+        lengths.append(width * (columns % per_line))
+    rows = _require_lines(header, lines, lengths, ended)
+    joined = b"".join(
+        line.ljust(length) for line, length in zip(lines, lengths * rows, strict=True)
+    )
+    return _numbers(header, np.frombuffer(joined, dtype=f"S{width}")).reshape(rows, columns)
+
+
+def _require_lines(header: Header, lines: list[bytes], lengths: list[int], ended: bool) -> int:
+    """Count of cross-sections, if the lines are as many and as long as they must be."""
+    per_row = len(lengths)
+    rows, rest = divmod(len(lines), per_row)
+    announced = stations(header)
+    if rest or rows < 2 or (announced is not None and rows != announced):
+        expected = f"{announced}" if announced is not None else "2 or more"
+        raise FormatError(
+            f"must hold {expected} cross-sections of {per_row} lines, got {len(lines)} lines",
+            path=header.path,
+            place=f"data, cross-section {rows + 1}",
+            cure=_CUT,
+        )
+    for at, (line, length) in enumerate(zip(lines, lengths * rows, strict=True)):
+        cut = at == len(lines) - 1 and not ended and len(line) < length
+        if len(line) > length or cut:
+            raise FormatError(
+                f"must be {length} characters long, got {len(line)}",
+                path=header.path,
+                place=f"data, line {at + 1}",
+                cure=_CUT,
+            )
+    return rows
+
+
+def _numbers(header: Header, fields: npt.NDArray[np.bytes_]) -> Floats:
+    # a field with a star holds no number: *missing*, **unused** or stars alone
+    missing = np.char.find(fields, b"*") >= 0
+    values = np.full(fields.size, np.nan)
+    try:
+        values[~missing] = fields[~missing].astype(np.float64)
+    except ValueError:
+        number = re.compile(rb"\s*[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?\s*", re.IGNORECASE)
+        at = next(
+            k for k, text in enumerate(fields) if not missing[k] and not number.fullmatch(text)
+        )
+        row, column = divmod(at, len(header.channels))
+        raise FormatError(
+            f"must be a number, got {bytes(fields[at]).decode().strip()!r}",
+            path=header.path,
+            place=f"data, cross-section {row + 1}, column {column + 1}",
+            cure=_CUT,
+        ) from None
+    return values
+
+
+def _require_possible(header: Header, values: Floats) -> None:
+    for column, kind in enumerate(header.channels):
+        if kind == "other":
+            continue
+        limit = _LARGEST_CHANNEL.get(kind, HIGHEST)
+        # NaN is allowed in heights only; the first phi and slope belong to no chord
+        if kind in ("phi", "slope"):
+            wrong = ~(np.abs(values[:, column]) <= limit)
+            wrong[0] = False
+        elif kind == "banking":
+            wrong = ~(np.abs(values[:, column]) <= limit)
+        else:
+            wrong = np.abs(values[:, column]) > limit
+        if wrong.any():
+            row = int(np.flatnonzero(wrong)[0])
+            name = "height" if kind == "section" else kind
+            raise FormatError(
+                f"{name} must be at most {limit:g} in size, got {values[row, column]:g}",
+                path=header.path,
+                place=f"data, cross-section {row + 1}, column {column + 1}",
+                cure=f"The numbers are damaged. {_CONVERTED}",
+            )

@@ -1,0 +1,233 @@
+"""Surfaces from OpenCRG files, and what such files hold."""
+
+import json
+import logging
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pycrg
+import xarray as xr
+
+from trueterrain import provenance
+from trueterrain.errors import FormatError
+from trueterrain.formats.opencrg import _rules
+from trueterrain.formats.opencrg._header import Header, read_header, section_offsets
+from trueterrain.formats.opencrg._payload import read_columns
+from trueterrain.kinds import check_surface, make_surface
+
+Floats = npt.NDArray[np.float64]
+
+#: Line in the free text of files that we write, since OpenCRG has no place for a CRS.
+CRS_MARK = "crs: "
+#: Lines that carry the provenance of what we write, as JSON.
+HISTORY_MARK = "history: "
+
+_SINGLE = 1.2e-7  # [1] pycrg holds heights as float32
+_SAME_PLACE = 1e-6  # [m]
+
+# the library reports what is wrong by itself; without a handler, warnings of the C code would be
+# printed as well
+logging.getLogger("pycrg").addHandler(logging.NullHandler())
+
+
+def read(path: str | Path) -> xr.Dataset:
+    """Surface from an OpenCRG file, in the coordinates in which it is stored.
+
+    Modifiers that the file asks for are not applied; they are kept, like its options, as JSON in
+    ``attrs["opencrg_modifiers"]`` and ``attrs["opencrg_options"]``.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, in any of the formats KRBI, KDBI, LRFI and LDFI.
+
+    Returns
+    -------
+    xarray.Dataset
+        Surface with dims (u, v). ``height`` [m] is whole: grid, elevation of the reference line and
+        banking together. ``banking`` [m/m] is present if the file has it.
+
+    Raises
+    ------
+    FormatError
+        If the file is damaged, cut off, refers to another file, or is no OpenCRG file.
+    """
+    path = Path(path)
+    surface = _assemble(_load(path))
+    return provenance.add_step(surface, "read", parameters={"format": "OpenCRG"}, inputs=[path])
+
+
+def describe(path: str | Path) -> dict[str, Any]:
+    """What an OpenCRG file holds and what is doubtful about it.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    dict
+        ``format``, ``kind``, ``number_format``, ``size`` (cross-sections, long sections),
+        ``spacing``, ``range`` and ``extent`` [m], ``missing`` (share of nodes without height),
+        ``curvature`` of the reference line (least, greatest) [1/m], ``crs``, ``modifiers``,
+        ``options``, ``comment`` and ``problems``.
+
+    Raises
+    ------
+    FormatError
+        If the file cannot be read.
+    """
+    stored = _load(Path(path))
+    surface = _assemble(stored)
+    header = stored.header
+    u, v, height = (np.asarray(surface[name]) for name in ("u", "v", "height"))
+    easting, northing = (np.asarray(surface[name]) for name in ("easting", "northing"))
+    curvature = _rules.curvature(easting, northing, header.increment)
+    steps = np.diff(v)
+    even = bool(np.ptp(steps) < _SAME_PLACE)
+    corners = _corners(easting, northing, v)
+    return {
+        "format": "OpenCRG",
+        "kind": "surface",
+        "number_format": header.number_format,
+        "size": [u.size, v.size],
+        "spacing": {"u": header.increment, "v": round(float(steps.mean()), 9) if even else None},
+        "range": {"u": _range(u), "v": _range(v)},
+        "extent": {
+            "easting": _range(corners[..., 0]),
+            "northing": _range(corners[..., 1]),
+            "height": _range(height),
+        },
+        "missing": float(np.isnan(height).mean()),
+        "curvature": _range(curvature) if curvature.size else [0.0, 0.0],
+        "crs": surface.attrs["crs"],
+        "modifiers": header.modifiers,
+        "options": header.options,
+        "comment": "\n".join(header.comment).strip(),
+        "problems": [*header.problems, *_rules.doubts(header, surface, curvature)],
+    }
+
+
+class _Stored(NamedTuple):
+    """What stands in a file: its header, its numbers, and the reference line that follows."""
+
+    header: Header
+    offsets: Floats
+    grid: Floats
+    line: pycrg.CrgGrid
+
+
+def load_surface(path: Path) -> xr.Dataset:
+    """Surface from a file, without a step of provenance: for checking what was written."""
+    return _assemble(_load(path))
+
+
+def _load(path: Path) -> _Stored:
+    if not path.is_file():
+        raise FormatError("does not exist or is no file", path=path, cure="Check the name.")
+    header = read_header(path)
+    offsets = section_offsets(header)
+    values = read_columns(header)
+    sections = [k for k, kind in enumerate(header.channels) if kind == "section"]
+    order = np.argsort(offsets)
+    grid = values[:, sections][:, order]
+    line = _reference_line(header)
+    _require_agreement(header, grid, line)
+    return _Stored(header, offsets[order], grid, line)
+
+
+def _reference_line(header: Header) -> pycrg.CrgGrid:
+    try:
+        with pycrg.DataSet.open(header.path, apply_modifiers=False) as data:
+            return data.grid()
+    except pycrg.OpenCRGError as error:
+        reason = error.messages[-1][1].strip() if error.messages else str(error)
+        raise FormatError(
+            f"the OpenCRG library refuses it: {reason}",
+            path=header.path,
+            cure="Export the file again.",
+        ) from error
+
+
+def _require_agreement(header: Header, grid: Floats, line: pycrg.CrgGrid) -> None:
+    """Two readers of one file must find the same: our own and the ASAM C-API."""
+    same = grid.shape == line.z.shape
+    if same:
+        with np.errstate(invalid="ignore"):
+            near = np.abs(grid - line.z) <= _SINGLE * np.abs(grid) + 1e-30
+        same = bool((near | (np.isnan(grid) & np.isnan(line.z))).all())
+    same &= abs(line.u[0] - header.start) < _SAME_PLACE
+    if not same:
+        raise FormatError(
+            f"the OpenCRG library reads other numbers from it: {line.z.shape[0]} x "
+            f"{line.z.shape[1]} heights, where header and data hold {grid.shape[0]} x "
+            f"{grid.shape[1]}",
+            path=header.path,
+            cure="Export the file again.",
+        )
+    for name in ("x", "y", "ref_z", "bank"):
+        wrong = np.flatnonzero(~np.isfinite(getattr(line, name)))
+        if wrong.size:
+            raise FormatError(
+                "the reference line must be finite",
+                path=header.path,
+                place=f"cross-section {wrong[0] + 1}",
+                cure="The numbers are damaged: copy or export the file again.",
+            )
+
+
+def _assemble(stored: _Stored) -> xr.Dataset:
+    header, v, line = stored.header, stored.offsets, stored.line
+    banked = bool(line.bank.any())
+    height = stored.grid + line.ref_z[:, None]
+    if banked:
+        height += line.bank[:, None] * v
+    surface = make_surface(
+        height,
+        u=header.start + header.increment * np.arange(line.u.size),
+        v=v,
+        easting=line.x,
+        northing=line.y,
+        elevation=line.ref_z,
+        banking=line.bank if banked else None,
+        crs=_marked(header, CRS_MARK),
+    )
+    _restore_history(surface, header)
+    for name in ("modifiers", "options"):
+        if entries := getattr(header, name):
+            surface.attrs[f"opencrg_{name}"] = json.dumps(entries)
+    return check_surface(surface, path=header.path)
+
+
+def _marked(header: Header, mark: str) -> str:
+    """Text that was broken into lines with a mark."""
+    return "".join(line.removeprefix(mark) for line in header.comment if line.startswith(mark))
+
+
+def _restore_history(surface: xr.Dataset, header: Header) -> None:
+    text = _marked(header, HISTORY_MARK)
+    try:
+        history = json.loads(text) if text else None
+    except json.JSONDecodeError:
+        header.problems.append("the provenance in the free text is damaged and not read")
+        return
+    if isinstance(history, list):
+        surface.attrs["provenance"] = json.dumps(history)
+
+
+def _corners(easting: Floats, northing: Floats, v: Floats) -> Floats:
+    """Both ends of each cross-section [m], on the mitre of its two chords of equal length."""
+    along = np.stack([np.gradient(easting), np.gradient(northing)], axis=-1)
+    chord = np.hypot(easting[1] - easting[0], northing[1] - northing[0])
+    along *= chord / (along**2).sum(axis=1, keepdims=True)
+    normal = np.stack([-along[:, 1], along[:, 0]], axis=-1)
+    line = np.stack([easting, northing], axis=-1)
+    return np.stack([line + v[0] * normal, line + v[-1] * normal], axis=1)
+
+
+def _range(values: Floats) -> list[float] | None:
+    finite = values[np.isfinite(values)]
+    return [float(finite.min()), float(finite.max())] if finite.size else None

@@ -1,0 +1,122 @@
+"""Rules of OpenCRG beyond its syntax, those of the checks in its MATLAB library.
+
+All positions are multiples of 1 mm; heights are missing only at the left and right edge; slope and
+banking are at most 1; no centre of curvature of the reference line lies on the road.
+"""
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from trueterrain.formats.opencrg._header import Header
+
+Floats = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+MILLIMETRE = 1e-3  # [m] positions are multiples of it
+TOLERANCE = 1e-4  # [m] by which a position may miss one, and a chord its length
+STEEPEST = 1.0  # [m/m]
+
+
+def curvature(easting: Floats, northing: Floats, increment: float) -> Floats:
+    """Curvature of the reference line at its inner nodes [1/m], left turns positive."""
+    x, y = np.diff(easting), np.diff(northing)
+    return np.asarray((x[:-1] * y[1:] - y[:-1] * x[1:]) / increment**3)
+
+
+def beyond_centre(kappa: Floats, v: Floats) -> Mask:
+    """Inner nodes at which the road reaches the centre of curvature, where it overlaps itself."""
+    return np.asarray(np.maximum(kappa * v[0], kappa * v[-1]) >= 1)
+
+
+def interior_holes(height: Floats) -> Mask:
+    """Nodes without height that have one both to their right and to their left."""
+    valid = np.isfinite(height)
+    from_right = np.logical_or.accumulate(valid, axis=1)
+    from_left = np.logical_or.accumulate(valid[:, ::-1], axis=1)[:, ::-1]
+    return np.asarray(from_right & from_left & ~valid)
+
+
+def off_grid(positions: Floats) -> Mask:
+    """Positions that are no multiple of 1 mm."""
+    return np.asarray(np.abs(positions - np.round(positions / MILLIMETRE) * MILLIMETRE) > TOLERANCE)
+
+
+def doubts(header: Header, surface: xr.Dataset, kappa: Floats) -> list[str]:
+    """What programs may stumble over, or read differently than this package does."""
+    return [
+        *_modifier_doubts(header),
+        *_position_doubts(header, surface),
+        *_height_doubts(surface),
+        *_line_doubts(header, surface, kappa),
+    ]
+
+
+def _modifier_doubts(header: Header) -> list[str]:
+    if header.modifiers is None:
+        return [
+            "there is no section $ROAD_CRG_MODS: programs that apply the default modifiers move "
+            "the start of the road to the origin; here it stays where it is stored"
+        ]
+    if header.modifiers:
+        names = ", ".join(header.modifiers)
+        return [f"the file asks for modifiers that are not applied here: {names}"]
+    return []
+
+
+def _position_doubts(header: Header, surface: xr.Dataset) -> list[str]:
+    found = []
+    v = np.asarray(surface["v"])
+    for name, values in (
+        ("start of u", np.array([header.start])),
+        ("increment of u", np.array([header.increment])),
+        ("v", v),
+    ):
+        wrong = values[off_grid(values)]
+        if wrong.size:
+            found.append(f"{name} must be a multiple of 1 mm, got {wrong[0]:g} m")
+    if "reference_line_end_u" not in header.road:
+        found.append("REFERENCE_LINE_END_U is missing: a lost end of the file cannot be noticed")
+    return found
+
+
+def _height_doubts(surface: xr.Dataset) -> list[str]:
+    height = np.asarray(surface["height"])
+    found = []
+    holes = int(interior_holes(height).sum())
+    if holes:
+        found.append(f"{holes} heights are missing between others, not only at the edges")
+    empty = np.flatnonzero(~np.isfinite(height).any(axis=1))
+    if empty.size:
+        found.append(
+            f"{empty.size} cross-sections have no height, the first at u = "
+            f"{float(surface['u'][empty[0]]):g} m"
+        )
+    return found
+
+
+def _line_doubts(header: Header, surface: xr.Dataset, kappa: Floats) -> list[str]:
+    found = []
+    easting, northing = np.asarray(surface["easting"]), np.asarray(surface["northing"])
+    chords = np.hypot(np.diff(easting), np.diff(northing))
+    worst = int(np.argmax(np.abs(chords - header.increment)))
+    if abs(chords[worst] - header.increment) > TOLERANCE:
+        found.append(
+            f"the chord that ends at u = {float(surface['u'][worst + 1]):g} m is "
+            f"{chords[worst]:.6g} m long, not {header.increment:g} m: headings and end disagree"
+        )
+    if "phi" in header.channels and "reference_line_end_x" not in header.road:
+        found.append("REFERENCE_LINE_END_X and _Y are missing: rounded headings move the end")
+    sharp = beyond_centre(kappa, np.asarray(surface["v"]))
+    if sharp.any():
+        at = int(np.flatnonzero(sharp)[0])
+        found.append(
+            f"the road overlaps itself: its line turns with a radius of {1 / abs(kappa[at]):.3g} m "
+            f"at u = {float(surface['u'][at + 1]):g} m"
+        )
+    slope = np.diff(surface["elevation"]) / header.increment
+    banking = np.asarray(surface["banking"]) if "banking" in surface else np.zeros(1)
+    for name, values in (("slope", slope), ("banking", banking)):
+        if np.abs(values).max() > STEEPEST * (1 + 1e-6):
+            found.append(f"the {name} of the reference line is steeper than {STEEPEST:g} m/m")
+    return found

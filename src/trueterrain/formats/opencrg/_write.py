@@ -1,0 +1,216 @@
+"""Surfaces into OpenCRG files, read back before they appear."""
+
+import json
+import textwrap
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pycrg
+import xarray as xr
+
+from trueterrain import provenance
+from trueterrain._version import __version__
+from trueterrain.engine import require_writable, whole_output
+from trueterrain.errors import FormatError, OutputError
+from trueterrain.formats.opencrg import _fit, _verify
+from trueterrain.formats.opencrg._header import NUMBER_FORMATS
+from trueterrain.formats.opencrg._read import CRS_MARK, HISTORY_MARK
+
+Floats = npt.NDArray[np.float64]
+
+_SHIFTED_ABOVE = 1.0  # [m] heights that lie further above the line would lose digits as float32
+_STRAIGHT = 1e-6  # [m] a line that bends less is written with one exact heading
+_LINE = 72  # [characters]
+# options that say how the ground goes on beyond the grid; others concern programs, not the ground
+_KEPT_OPTIONS = ("border_", "refline_continuation")
+
+
+def write(
+    surface: xr.Dataset,
+    path: str | Path,
+    *,
+    force: bool = False,
+    fmt: str = "KRBI",
+    comment: str | Iterable[str] = (),
+) -> xr.Dataset:
+    """Write a surface as OpenCRG, in absolute coordinates, and return it as it was written.
+
+    The file holds an empty section of modifiers, so programs leave the road where it is. Positions
+    are snapped to multiples of 1 mm where they are within 0.1 mm of one. Holes between the heights
+    of a cross-section are filled (see `fill_interior`), since OpenCRG allows none but at the edges.
+    Before the file appears it is read back by this package and evaluated by the ASAM C-API.
+
+    Parameters
+    ----------
+    surface : xarray.Dataset
+        Surface along a reference line whose chords are as long as the spacing of u, or a map, which
+        becomes a road along its easting axis.
+    path : str or Path
+        Where the file shall be.
+    force : bool
+        Replace a file that is there already.
+    fmt : str
+        Format of the numbers: ``"KRBI"`` (float32, the usual one), ``"KDBI"`` (float64), ``"LRFI"``
+        or ``"LDFI"`` (text).
+    comment : str or iterable of str
+        Lines for the free text of the file.
+
+    Returns
+    -------
+    xarray.Dataset
+        Surface with dims (u, v) as it stands in the file, with ``filled`` [1] marking what was
+        filled and ``attrs["filled"]`` counting it; ``count`` and ``sd`` are kept although the file
+        cannot hold them.
+
+    Raises
+    ------
+    ValueError
+        If `fmt` is unknown.
+    OutputError
+        If the surface breaks a rule of OpenCRG, if the file exists and `force` is false, or if what
+        was written does not read back the same. No file is left then.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from trueterrain.kinds import make_surface
+    >>> height = [[225.1, np.nan, 225.3], [225.1, 225.2, np.nan]]
+    >>> road = make_surface(height, u=[0, 0.5], v=[-1, 0, 1], easting=[0, 0.5], northing=[0, 0])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     written = write(road, Path(folder) / "road.crg")
+    >>> written.attrs["filled"], written.height.values[0].round(6)
+    (1, array([225.1, 225.2, 225.3]))
+    """
+    fmt = fmt.upper()
+    if fmt not in NUMBER_FORMATS:
+        message = f"fmt must be one of {', '.join(NUMBER_FORMATS)}, got {fmt!r}."
+        raise ValueError(message)
+    path = Path(path)
+    require_writable(path, force=force)
+    road = _fit.fit_to_rules(surface, path)
+    contents = _contents(road, fmt, comment)
+    with whole_output(path, force=force) as temporary:
+        try:
+            base = _write_heights(road, contents, temporary)
+            written = _verify.read_back(road, temporary, fmt, base)
+        except FormatError as error:
+            raise OutputError(
+                f"cannot be written as OpenCRG: {error.problem}", path=path, place=error.place
+            ) from error
+        except ValueError as error:
+            raise OutputError(f"cannot be written as OpenCRG: {error}", path=path) from error
+        except OutputError as error:
+            error.path = path
+            raise
+    return _with_record(written, road, surface, fmt)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Contents:
+    """What stands in the file beside the heights."""
+
+    u: Floats
+    v: Floats
+    elevation: float
+    keywords: Mapping[str, Any]
+
+
+def _contents(road: xr.Dataset, fmt: str, comment: str | Iterable[str]) -> _Contents:
+    u, v, easting, northing, elevation = (
+        np.asarray(road[name], float) for name in ("u", "v", "easting", "northing", "elevation")
+    )
+    base = np.asarray(road["height"]) - elevation[:, None]
+    if "banking" in road:
+        base = base - np.asarray(road["banking"])[:, None] * v
+    above = float(np.nanmedian(base))
+    start = float(elevation[0]) + (round(above, 3) if abs(above) > _SHIFTED_ABOVE else 0.0)
+    keywords: dict[str, Any] = {
+        "du": round(float(u[1] - u[0]), 3),
+        "u0": round(float(u[0]), 3),
+        "x0": float(easting[0]),
+        "y0": float(northing[0]),
+        "z0": start,
+        "end_xy": (float(easting[-1]), float(northing[-1])),
+        "phi": _heading(easting, northing),
+        "slope": _constant_or_each(np.diff(elevation) / np.diff(u)),
+        "banking": _constant_or_each(np.asarray(road["banking"])) if "banking" in road else None,
+        "fmt": fmt,
+        "comment": _comment(road, comment),
+        "opts": _options(road) or None,
+        "mods": {},
+    }
+    return _Contents(u=u, v=v, elevation=start, keywords=keywords)
+
+
+def _heading(easting: Floats, northing: Floats) -> float | Floats:
+    """Heading of each chord [rad], or of the whole line if it is straight."""
+    along = np.array([easting[-1] - easting[0], northing[-1] - northing[0]])
+    across = (easting - easting[0]) * along[1] - (northing - northing[0]) * along[0]
+    length = np.hypot(*along)
+    if length > 0 and np.abs(across).max() <= _STRAIGHT * length:
+        return float(np.arctan2(along[1], along[0]))
+    return np.asarray(np.arctan2(np.diff(northing), np.diff(easting)))
+
+
+def _constant_or_each(values: Floats) -> float | Floats | None:
+    if np.ptp(values) > 1e-12:
+        return values
+    return float(values.mean()) or None
+
+
+def _comment(road: xr.Dataset, comment: str | Iterable[str]) -> list[str]:
+    lines = comment.splitlines() if isinstance(comment, str) else [str(line) for line in comment]
+    found = [f"road surface written by trueterrain {__version__}"]
+    for line in lines:
+        plain = line.encode("ascii", "replace").decode()
+        found += textwrap.wrap(plain, _LINE - 1) or [""]
+    # in free text, a $ at the begin of a line would end the section
+    found = [f" {line}" if line.startswith("$") else line for line in found]
+    history = json.dumps(provenance.steps(road), separators=(",", ":"))
+    for mark, text in ((CRS_MARK, str(road.attrs.get("crs", ""))), (HISTORY_MARK, history)):
+        if text.isascii() and text != "[]":
+            size = _LINE - len(mark)
+            flat = " ".join(text.split())
+            found += [mark + flat[at : at + size] for at in range(0, len(flat), size)]
+    return found
+
+
+def _options(road: xr.Dataset) -> dict[str, float]:
+    stored = json.loads(road.attrs.get("opencrg_options", "{}"))
+    return {
+        name: value
+        for name, value in stored.items()
+        if name.startswith(_KEPT_OPTIONS) and isinstance(value, int | float)
+    }
+
+
+def _write_heights(road: xr.Dataset, contents: _Contents, path: Path) -> Floats:
+    """Write the file and return the heights in it that belong to the reference line alone.
+
+    Slopes and bankings are rounded in the file. So it is first written without heights, to learn
+    where the rounded reference line runs; what remains of the heights is then stored exactly.
+    """
+    ends = contents.v[[0, -1]]
+    flat = np.zeros((contents.u.size, 2))
+    pycrg.write(path, flat, v=ends, **contents.keywords)
+    with pycrg.DataSet.open(path, apply_modifiers=False) as data:
+        line = data.grid()
+    base = line.ref_z[:, None] + line.bank[:, None] * contents.v
+    pycrg.write(path, np.asarray(road["height"]) - base, v=contents.v, **contents.keywords)
+    return np.asarray(base)
+
+
+def _with_record(
+    written: xr.Dataset, road: xr.Dataset, surface: xr.Dataset, fmt: str
+) -> xr.Dataset:
+    """What was written, with all that the file cannot hold."""
+    kept = {name: road[name].variable for name in ("count", "sd", "filled") if name in road}
+    result = written.assign(kept).assign_attrs(
+        filled=road.attrs["filled"], crs=road.attrs.get("crs", "")
+    )
+    parameters = {"format": "OpenCRG", "fmt": fmt, "filled": road.attrs["filled"]}
+    return provenance.add_step(result, "write", parameters=parameters, after=surface)
