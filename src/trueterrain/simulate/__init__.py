@@ -1,1 +1,1 @@
-"""TODO room."""
+"""Simulation: ground that the package makes itself, whose truth is known."""

@@ -1,0 +1,58 @@
+"""Ground read from a measured surface."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from trueterrain import provenance
+from trueterrain.kinds import check_surface
+from trueterrain.simulate.ground._ground import Floats, Ground
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Measured(Ground):
+    """Ground that is a surface: bilinear between its nodes, NaN where it ends or has holes.
+
+    Examples
+    --------
+    >>> from trueterrain.kinds import make_surface
+    >>> ramp = make_surface([[0.0, 1.0], [0.0, 1.0]], easting=[0, 1], northing=[0, 1])
+    >>> Measured(surface=ramp).height([0.25, 2.0], 0.5)
+    array([0.25,  nan])
+    """
+
+    surface: xr.Dataset
+    "Surface along a reference line, or map."
+
+    def __post_init__(self) -> None:
+        check_surface(self.surface)
+
+    @classmethod
+    def from_file(cls, path: str | Path) -> "Measured":
+        """Ground from an OpenCRG file.
+
+        Parameters
+        ----------
+        path : str or Path
+            The file.
+
+        Raises
+        ------
+        FormatError
+            If it is damaged or no OpenCRG file.
+        """
+        from trueterrain.formats import opencrg
+
+        return cls(surface=opencrg.read(path))
+
+    def _height(self, x: Floats, y: Floats) -> Floats:
+        from trueterrain.surface.evaluate import heights_at
+
+        return np.asarray(heights_at(self.surface, x, y))
+
+    def describe(self) -> dict[str, Any]:
+        """Kind of the ground and the steps that led to its surface."""
+        return {"kind": "Measured", "steps": provenance.steps(self.surface)}

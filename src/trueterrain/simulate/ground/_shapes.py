@@ -1,0 +1,153 @@
+"""Grounds that one formula describes: plane, sine, step, cleats."""
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from trueterrain.simulate.ground._ground import (
+    Floats,
+    Ground,
+    along_across,
+    check_finite,
+    check_not_negative,
+    check_positive,
+)
+
+CleatShape = Literal["rectangle", "triangle", "semicircle"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plane(Ground):
+    """Inclined plane: ``elevation + slope * x + camber * y``.
+
+    Examples
+    --------
+    >>> Plane(elevation=1.0, slope=0.02, camber=-0.01).height(10.0, 5.0)
+    array(1.15)
+    """
+
+    elevation: float = 0.0
+    "Height at x = y = 0 [m]."
+    slope: float = 0.0
+    "Rise per metre of x [m/m]."
+    camber: float = 0.0
+    "Rise per metre of y [m/m]."
+
+    def __post_init__(self) -> None:
+        check_finite(self, "elevation", "slope", "camber")
+
+    def _height(self, x: Floats, y: Floats) -> Floats:
+        return self.elevation + self.slope * x + self.camber * y
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sine(Ground):
+    """Endless waves: ``amplitude * sin(2 pi d / wavelength + phase)``, d the distance along.
+
+    Examples
+    --------
+    >>> Sine(amplitude=0.02, wavelength=4.0).height([0.0, 1.0, 3.0], 0.0)
+    array([ 0.  ,  0.02, -0.02])
+    """
+
+    amplitude: float
+    "Half the height from trough to crest [m]."
+    wavelength: float
+    "Distance from crest to crest [m]."
+    phase: float = 0.0
+    "Phase at x = y = 0 [rad]."
+    direction: float = 0.0
+    "Direction in which the waves follow each other, counter-clockwise from east [rad]."
+
+    def __post_init__(self) -> None:
+        check_finite(self, "amplitude", "phase", "direction")
+        check_positive(self, "wavelength")
+
+    def _height(self, x: Floats, y: Floats) -> Floats:
+        along, _ = along_across(x, y, self.direction)
+        turns: Floats = 2.0 * np.pi * np.remainder(along / self.wavelength, 1.0)
+        return np.asarray(self.amplitude * np.sin(turns + self.phase))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step(Ground):
+    """Kerb: level before `position`, `rise` higher after it, with a ramp of `width` between.
+
+    Examples
+    --------
+    >>> Step(position=2.0, rise=0.12, width=0.04).height([1.9, 2.01, 2.04], 0.0)
+    array([0.  , 0.03, 0.12])
+    """
+
+    position: float = 0.0
+    "Where the rise begins, along `direction` [m]."
+    rise: float = 0.1
+    "Rise [m]; negative is a step down."
+    width: float = 0.0
+    "Length of the ramp [m]; 0 is a vertical face, whose foot is already at the top."
+    direction: float = 0.0
+    "Direction in which the step is climbed, counter-clockwise from east [rad]."
+
+    def __post_init__(self) -> None:
+        check_finite(self, "position", "rise", "direction")
+        check_not_negative(self, "width")
+
+    def _height(self, x: Floats, y: Floats) -> Floats:
+        along, _ = along_across(x, y, self.direction)
+        beyond = along - self.position
+        if self.width == 0.0:
+            return np.where(beyond >= 0.0, self.rise, 0.0)
+        return self.rise * np.clip(beyond / self.width, 0.0, 1.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cleats(Ground):
+    """Row of equal cleats across the road on level ground.
+
+    Examples
+    --------
+    >>> bar = Cleats(first=1.0, width=0.05, rise=0.025, shape="semicircle")
+    >>> bar.height([0.9, 1.0, 1.02, 1.03], 0.0)
+    array([0.   , 0.025, 0.015, 0.   ])
+    """
+
+    first: float = 0.0
+    "Where the middle of the first cleat lies, along `direction` [m]."
+    spacing: float = 1.0
+    "From the middle of a cleat to that of the next [m]."
+    number: int = 1
+    "How many cleats there are."
+    width: float = 0.05
+    "Length of a cleat along `direction` [m]."
+    rise: float = 0.025
+    "Height of the top of a cleat [m]; negative is a groove."
+    direction: float = 0.0
+    "Direction in which the cleats follow each other, counter-clockwise from east [rad]."
+    shape: CleatShape = "rectangle"
+    """Cross-section: ``"rectangle"``, ``"triangle"`` or ``"semicircle"`` (half an ellipse where
+    `rise` is not half of `width`)."""
+
+    def __post_init__(self) -> None:
+        check_finite(self, "first", "rise", "direction")
+        check_positive(self, "spacing", "width")
+        if isinstance(self.number, bool) or self.number != int(self.number) or self.number < 1:
+            raise ValueError(f"number must be a whole number of at least 1, got {self.number}.")
+        if self.number > 1 and self.spacing < self.width:
+            raise ValueError(
+                f"spacing must be at least the width {self.width} m, got {self.spacing} m."
+            )
+        if self.shape not in get_args(CleatShape):
+            raise ValueError(
+                f"shape must be one of {', '.join(get_args(CleatShape))}, got {self.shape!r}."
+            )
+
+    def _height(self, x: Floats, y: Floats) -> Floats:
+        along, _ = along_across(x, y, self.direction)
+        cleat = np.clip(np.rint((along - self.first) / self.spacing), 0, self.number - 1)
+        t = np.abs(2.0 * (along - (self.first + self.spacing * cleat)) / self.width)
+        if self.shape == "rectangle":
+            return np.where(t <= 1.0, self.rise, 0.0)
+        if self.shape == "triangle":
+            return self.rise * np.maximum(1.0 - t, 0.0)
+        return self.rise * np.sqrt(np.maximum(1.0 - t * t, 0.0))
