@@ -37,11 +37,6 @@ def iri(
     Each track is rated as a whole and in fixed segments. Of two wheel paths, MRI is the mean of
     their IRI, HRI the IRI of their mean profile.
 
-    With --json, one file gives one object {"file", "tracks": [{"name", "iri", "segments":
-    [{"start", "end", "iri"}]}], "mri", "hri"}, several files a list of such objects; stations are
-    in m, indices in m/km, null where there are no two wheel paths. --continuous adds "continuous",
-    a list of windows {"start", "end", "iri"}, to each track.
-
     Example: trueterrain iri left_and_right.erd --segment 20 --json
 
     Parameters
@@ -71,21 +66,22 @@ def iri(
         Names of the left and the right track; by default both of two tracks, or of more those that
         are named left and right.
     json
-        Print one JSON document instead of a table.
+        Print one JSON document instead of tables. One file gives {"file", "tracks": [{"name",
+        "iri", "segments": [{"start", "end", "iri"}]}], "mri", "hri"}, several files a list of
+        these; stations are in m, indices in m/km, mri and hri null without two wheel paths.
+        --continuous adds "continuous", a list like "segments", to each track.
     """
     from trueterrain.roughness import IriOptions
 
     options = IriOptions(window=window, window_length=window_length, start=start, restart=restart)
-    documents = []
-    for path in (file, *more):
-        document, index = _rate(path, options, segment, continuous, step, wheel_paths)
-        if not json:
-            _show(document, index)
-        documents.append(document)
+    rated = [_rate(path, options, segment, continuous, step, wheel_paths) for path in (file, *more)]
     if json:
+        documents = [document for document, _ in rated]
         out_json(documents if more else documents[0])
-    else:
-        _explain(options)
+        return
+    for document, index in rated:
+        _show(document, index)
+    _explain(options)
 
 
 def _rate(
@@ -163,9 +159,9 @@ def _show(document: dict[str, Any], index: "xr.Dataset") -> None:
             worst = max(windows, key=lambda window: float(window["iri"]))
             place = f"{worst['start']:.2f} to {worst['end']:.2f} m"
             out(f"Roughest window of {track['name']}: {worst['iri']:.3f} m/km, {place}")
-    for name, meaning in (("mri", "mean of the IRI of both"), ("hri", "IRI of their mean profile")):
+    for name, meaning in (("mri", "mean of the IRI"), ("hri", "IRI of the mean")):
         if not math.isnan(document[name]):
-            out(f"{name.upper()} {document[name]:.3f} m/km ({meaning} wheel paths)")
+            out(f"{name.upper()} {document[name]:.3f} m/km ({meaning} of both wheel paths)")
     length = float(index["end"][-1] - index["start"][0])
     if length < _SHORT:
         out(f"Only {length:g} m long: the index depends on how the car starts.")

@@ -42,8 +42,9 @@ class IriOptions:
     window: Window = "sayers"
     """Moving average before the car: "sayers" (slope over nint(length / spacing) samples, equal
     spacing only), "centred" (mean of the samples within half a length, both ends included; left out
-    if no spacing is at most half a length), "exact" (mean of the straight lines between the
-    samples, where the whole window is on the profile), or "none" (for smoothed profiles)."""
+    if no spacing is at most half a length; at the ends of the profile it has samples on one side
+    only, which bends a grade there), "exact" (mean of the straight lines between the samples, where
+    the whole window is on the profile), or "none" (for smoothed profiles)."""
 
     window_length: float = 0.25
     "Length of the moving average [m]."
@@ -276,7 +277,7 @@ def _exact(station: Array, height: Array, length: float) -> tuple[Array, Array]:
     first = int(np.searchsorted(station, station[0] + room))
     behind = int(np.searchsorted(station, station[-1] - room, side="right"))
     if behind - first < 2:
-        return station[:1], height[:1]
+        raise _too_short(station)
     out = np.empty(behind - first)
     _kernels.mean_of_lines(station, height, length, first, out)
     return station[first:behind], out

@@ -1,0 +1,232 @@
+"""The command iri: tables, JSON, and bad input."""
+
+import json
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from trueterrain import roughness
+from trueterrain.cli import main
+from trueterrain.formats import erd, table
+from trueterrain.kinds import make_points, make_profile
+
+WRITTEN = 1e-5  # [m/km] heights in the files are rounded to 1e-9 m, slopes over 0.1 m to 1e-8
+
+
+def rough(n, seed):
+    return np.cumsum(np.random.default_rng(seed).standard_normal(n)) * 1e-3
+
+
+@pytest.fixture
+def two():
+    s = 0.1 * np.arange(2501)
+    return make_profile(s, [rough(s.size, 1), rough(s.size, 2)], tracks=["left", "right"])
+
+
+@pytest.fixture
+def erd_file(tmp_path, two):
+    erd.write(two, tmp_path / "two.erd")
+    return tmp_path / "two.erd"
+
+
+@pytest.fixture
+def csv_file(tmp_path, two):
+    table.write(two.isel(track=0, drop=True), tmp_path / "one.csv")
+    return tmp_path / "one.csv"
+
+
+def run(capsys, *arguments):
+    """Standard output of a command that succeeds."""
+    with pytest.raises(SystemExit) as stop:
+        main(["iri", *(str(argument) for argument in arguments)])
+    assert stop.value.code in (0, None)
+    captured = capsys.readouterr()
+    assert captured.err == ""
+    return captured.out
+
+
+def refused(capsys, *arguments):
+    """The one line on standard error of a command that fails."""
+    with pytest.raises(SystemExit) as stop:
+        main(["iri", *(str(argument) for argument in arguments)])
+    assert stop.value.code == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+    return captured.err
+
+
+def test_json_of_one_file(capsys, erd_file, two):
+    document = json.loads(run(capsys, erd_file, "--json"))
+    assert list(document) == ["file", "tracks", "mri", "hri"]
+    assert document["file"] == str(erd_file)
+    truth = roughness.iri(two, segment=100.0)
+    assert_allclose(document["mri"], truth.mri, rtol=0, atol=WRITTEN)
+    assert_allclose(document["hri"], truth.hri, rtol=0, atol=WRITTEN)
+    for at, track in enumerate(document["tracks"]):
+        assert list(track) == ["name", "iri", "segments"]
+        assert track["name"] == ("left", "right")[at]
+        assert_allclose(track["iri"], truth.iri[at], rtol=0, atol=WRITTEN)
+        for part, segment in enumerate(track["segments"]):
+            assert list(segment) == ["start", "end", "iri"]
+            expected = [100.0 * part, min(100.0 * (part + 1), 250.0)]
+            assert_allclose([segment["start"], segment["end"]], expected, rtol=0, atol=1e-9)
+            assert_allclose(segment["iri"], truth.segment_iri[at, part], rtol=0, atol=WRITTEN)
+        assert len(track["segments"]) == 3
+
+
+def test_json_of_one_track_has_no_mri(capsys, csv_file):
+    document = json.loads(run(capsys, csv_file, "--segment", "50", "--json"))
+    assert document["mri"] is None
+    assert document["hri"] is None
+    assert [segment["end"] for segment in document["tracks"][0]["segments"]] == pytest.approx(
+        [50, 100, 150, 200, 250]
+    )
+
+
+def test_json_of_several_files_is_a_list(capsys, erd_file, csv_file):
+    documents = json.loads(run(capsys, erd_file, csv_file, "--json"))
+    assert [document["file"] for document in documents] == [str(erd_file), str(csv_file)]
+    same = [document["tracks"][0]["iri"] for document in documents]
+    assert_allclose(same[0], same[1], rtol=0, atol=WRITTEN)
+
+
+def test_options_reach_the_index(capsys, csv_file, two):
+    arguments = ["--window", "exact", "--window-length", "0.3", "--start", "0.5s", "--restart"]
+    document = json.loads(run(capsys, csv_file, *arguments, "--segment", "60", "--json"))
+    options = roughness.IriOptions(window="exact", window_length=0.3, start="0.5s", restart=True)
+    truth = roughness.iri(two.isel(track=0, drop=True), options=options, segment=60.0)
+    values = [segment["iri"] for segment in document["tracks"][0]["segments"]]
+    assert_allclose(values, truth.segment_iri[0], rtol=0, atol=WRITTEN)
+
+
+def test_continuous_windows(capsys, csv_file, two):
+    document = json.loads(run(capsys, csv_file, "--continuous", "25", "--step", "5", "--json"))
+    windows = document["tracks"][0]["continuous"]
+    truth = roughness.continuous_iri(two.isel(track=0, drop=True), 25.0, step=5.0)
+    assert list(windows[0]) == ["start", "end", "iri"]
+    values = [window["iri"] for window in windows]
+    assert_allclose(values, truth.iri[0], rtol=0, atol=WRITTEN)
+
+
+def test_wheel_paths_swapped(capsys, erd_file):
+    document = json.loads(run(capsys, erd_file, "--wheel-paths", "right", "left", "--json"))
+    assert document["mri"] is not None
+
+
+def test_table(capsys, erd_file, two):
+    lines = run(capsys, erd_file, "--continuous", "50").splitlines()
+    truth = roughness.iri(two, segment=100.0)
+    assert lines[0] == f"International Roughness Index of {erd_file}"
+    assert lines[1].split("  ") == ["from [m]", "to [m]", "left [m/km]", "right [m/km]"]
+    assert lines[2].split() == ["0.00", "100.00", *(f"{v:.3f}" for v in truth.segment_iri[:, 0])]
+    assert lines[4].endswith("shorter")
+    assert lines[5].split() == ["whole", *(f"{v:.3f}" for v in truth.iri)]
+    column = [*truth.segment_iri.values[0], truth.iri.values[0]]
+    texts = [f"{value:.3f}" for value in column]
+    ends = {line.index(text) + len(text) for line, text in zip(lines[2:6], texts, strict=True)}
+    assert len(ends) == 1  # aligned
+    text = "\n".join(lines)
+    assert f"MRI {truth.mri.item():.3f} m/km" in text
+    assert f"HRI {truth.hri.item():.3f} m/km" in text
+    assert "Roughest window of left: " in text
+    assert lines[-1] == (
+        "Golden car at 80 km/h; window sayers (0.25 m); start first 11 m; "
+        "one run over the whole profile."
+    )
+
+
+def test_short_profiles_are_rated_with_a_warning_word(capsys, tmp_path):
+    erd.write(make_profile(0.1 * np.arange(101), rough(101, 3)), tmp_path / "short.erd")
+    text = run(capsys, tmp_path / "short.erd", "--window", "none", "--restart")
+    assert "Only 10 m long: the index depends on how the car starts." in text
+    assert "window none; start first 11 m; a new car in every segment." in text
+
+
+def test_help_names_units_and_the_document(capsys):
+    text = " ".join(run(capsys, "--help").replace("│", " ").split())
+    assert "[m]" in text
+    assert "[default: 100.0]" in text
+    assert '"segments": [{"start", "end", "iri"}]' in text
+
+
+def test_missing_file(capsys, tmp_path):
+    message = refused(capsys, tmp_path / "none.erd", "--json")
+    assert "none.erd" in message
+
+
+def test_no_file(capsys):
+    assert "FILE" in refused(capsys)
+
+
+def test_missing_heights(capsys, tmp_path):
+    rows = [f"{0.1 * i:.1f},{'nan' if i == 50 else '0.01'}" for i in range(300)]
+    (tmp_path / "gap.csv").write_text("s,height\n" + "\n".join(rows) + "\n")
+    message = refused(capsys, tmp_path / "gap.csv")
+    assert "gap.csv: track" in message
+    assert "s = 5 m: has no finite height (1 of 300 samples have none). Fill the gap" in message
+
+
+def test_nothing_is_printed_if_the_second_file_is_bad(capsys, erd_file, tmp_path):
+    assert "none.erd" in refused(capsys, erd_file, tmp_path / "none.erd")
+
+
+def test_too_short(capsys, tmp_path):
+    erd.write(make_profile([0.0, 0.1], [0.0, 0.1]), tmp_path / "short.erd")
+    message = refused(capsys, tmp_path / "short.erd")
+    assert "short.erd: axis s: is too short for the window" in message
+
+
+def test_unequal_spacing_needs_another_window(capsys, tmp_path):
+    s = np.cumsum(np.random.default_rng(1).uniform(0.05, 0.15, 300))
+    table.write(make_profile(s, rough(300, 4)), tmp_path / "unequal.csv")
+    message = refused(capsys, tmp_path / "unequal.csv")
+    assert "unequal.csv: axis s: must be equally spaced for the window sayers" in message
+    assert "Choose the window exact" in message
+    run(capsys, tmp_path / "unequal.csv", "--window", "exact")
+
+
+def test_window_longer_than_the_profile(capsys, csv_file):
+    message = refused(capsys, csv_file, "--continuous", "300")
+    assert "one.csv: axis s: is shorter than the window" in message
+
+
+def test_points_are_no_profile(capsys, tmp_path):
+    easting = np.arange(10.0)
+    table.write(make_points(easting, easting, easting), tmp_path / "points.csv")
+    message = refused(capsys, tmp_path / "points.csv")
+    assert "points.csv: holds points, not a profile" in message
+    assert "trueterrain profile" in message
+
+
+def test_surfaces_are_no_profile(capsys, data):
+    message = refused(capsys, data / "opencrg" / "asam" / "belgian_block.crg")
+    assert "belgian_block.crg: is a surface, not a profile" in message
+    assert "trueterrain profile" in message
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "message"),
+    [
+        ("--segment", "-1", "segment must be finite and at least"),
+        ("--segment", "abc", "abc"),
+        ("--continuous", "0", "length must be finite and greater than 0 m"),
+        ("--step", "0", "step must be finite and greater than 0 m"),
+        ("--window-length", "-0.25", "window_length must be finite"),
+        ("--window", "box", "sayers"),
+        ("--start", "11", "0.5s"),
+    ],
+)
+def test_bad_arguments(capsys, erd_file, option, value, message):
+    extra = ["--continuous", "20"] if option == "--step" else []
+    assert message in refused(capsys, erd_file, *extra, f"{option}={value}")
+
+
+def test_unknown_wheel_paths(capsys, erd_file):
+    message = refused(capsys, erd_file, "--wheel-paths", "left", "middle")
+    assert "wheel_paths must name two of the tracks left, right, got left, middle" in message
+
+
+def test_restart_and_sliding_windows_exclude_each_other(capsys, erd_file):
+    assert "restart" in refused(capsys, erd_file, "--restart", "--continuous", "20")
