@@ -1,1 +1,28 @@
-"""TODO room."""
+"""Figures: ``f(data, ..., ax=None) -> Axes``, for paper, screen and documentation alike.
+
+Every figure names its quantities and units, prints its scale (equal, stretched, or the vertical
+exaggeration), uses colours that colour-blind people can tell apart, and keeps its legend off the
+data. Without ``ax`` a new figure is made; ``save`` writes it, whole or not at all.
+"""
+
+from trueterrain.figures.cpf import cpf
+from trueterrain.figures.difference import profile_difference
+from trueterrain.figures.iri import iri_segments
+from trueterrain.figures.output import save
+from trueterrain.figures.parallel import parallel_profiles
+from trueterrain.figures.points import points_map
+from trueterrain.figures.profiles import profiles
+from trueterrain.figures.search import search_area_map
+from trueterrain.figures.surface import surface_map
+
+__all__ = [
+    "cpf",
+    "iri_segments",
+    "parallel_profiles",
+    "points_map",
+    "profile_difference",
+    "profiles",
+    "save",
+    "search_area_map",
+    "surface_map",
+]

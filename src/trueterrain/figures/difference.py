@@ -1,0 +1,93 @@
+"""How far a profile lies above another one."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+
+from trueterrain.errors import SchemaError
+from trueterrain.figures import _canvas
+from trueterrain.kinds import check_profile
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_SAME_STATION = 1e-6  # [m] stations that differ by less are the same
+
+
+def profile_difference(
+    profile: xr.Dataset, reference: xr.Dataset, *, ax: "Axes | None" = None
+) -> "Axes":
+    """Height of a profile above a reference, with the standard deviation of the difference.
+
+    Parameters
+    ----------
+    profile, reference : xarray.Dataset
+        Profiles of one track at the same stations. Their standard deviations are taken as
+        independent; one that is not known counts as 0.
+    ax : Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    Axes
+        Distance along the path and difference, both in metres; the RMS is in the legend.
+
+    Raises
+    ------
+    SchemaError
+        If the stations differ, or a profile has several tracks.
+
+    Examples
+    --------
+    >>> from trueterrain.kinds import make_profile
+    >>> low, high = make_profile([0.0, 1.0], [0.0, 0.0]), make_profile([0.0, 1.0], [0.001, 0.001])
+    >>> profile_difference(high, low).get_legend().get_texts()[0].get_text()
+    'difference, RMS 1.00 mm'
+    """
+    s = _common_stations(check_profile(profile), check_profile(reference))
+    difference = profile.height.values - reference.height.values
+    sd = np.hypot(_known_sd(profile), _known_sd(reference))
+    ax = _canvas.axes_or_new(ax, height=2.6)
+    colour = _canvas.COLOURS[0]
+    rms = 1000 * float(np.sqrt(np.nanmean(difference**2)))
+    ax.axhline(0.0, color="0.5", linewidth=0.8)
+    ax.plot(s, difference, color=colour, linewidth=1.0, label=f"difference, RMS {rms:.2f} mm")
+    if sd.any():
+        ax.fill_between(
+            s, difference - sd, difference + sd, color=colour, alpha=0.25, linewidth=0,
+            label="± 1 sd",
+        )  # fmt: skip
+    ax.set_xlabel("Distance along the path s [m]")
+    _canvas.scale_axis(ax.yaxis, _canvas.Scale(factor=1000.0, unit="mm"), "Height difference")
+    ax.margins(x=0)
+    ax.grid(color="0.9", linewidth=0.6)
+    ax.set_axisbelow(True)
+    _canvas.legend_above(ax, notes=False)
+    return ax
+
+
+def _common_stations(profile: xr.Dataset, reference: xr.Dataset) -> np.ndarray:
+    if "track" in profile.dims or "track" in reference.dims:
+        raise SchemaError(
+            "has several tracks, a difference needs one of each",
+            place="dimension track",
+            cure="Choose one: profile.sel(track=...).",
+        )
+    s: np.ndarray = profile.s.values
+    other: np.ndarray = reference.s.values
+    if s.shape != other.shape or np.abs(s - other).max() > _SAME_STATION:
+        raise SchemaError(
+            f"differs: {s.size} stations from {s[0]:g} to {s[-1]:g} m, the reference has "
+            f"{other.size} from {other[0]:g} to {other[-1]:g} m",
+            place="axis s",
+            cure="Extract both along the same path.",
+        )
+    return s
+
+
+def _known_sd(profile: xr.Dataset) -> np.ndarray:
+    if "sd" not in profile:
+        return np.zeros(profile.sizes["s"])
+    sd: np.ndarray = profile.sd.fillna(0.0).values
+    return sd

@@ -1,0 +1,69 @@
+"""Figures into files, whole or not at all."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from trueterrain.engine import whole_output
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: Endings that can be written, and what keeps the date out of the file, so that the same figure
+#: gives the same file.
+_METADATA: dict[str, dict[str, Any]] = {
+    ".png": {},
+    ".svg": {"Date": None},
+    ".pdf": {"CreationDate": None},
+}
+
+
+def save(
+    figure: "Figure | Axes", path: str | Path, *, force: bool = False, resolution: float = 160.0
+) -> None:
+    """Write a figure as SVG, PDF or PNG, by the ending of the name.
+
+    Parameters
+    ----------
+    figure : Figure or Axes
+        The figure, or any axes of it.
+    path : str or Path
+        Where the file shall be: .svg, .pdf or .png.
+    force : bool
+        Replace a file that is there already.
+    resolution : float
+        Dots per inch of a PNG file and of images inside the others.
+
+    Raises
+    ------
+    ValueError
+        If the ending is another one, or the resolution is not greater than 0.
+    OutputError
+        If the file exists and `force` is false, or its folder does not exist.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from trueterrain.figures import profiles
+    >>> from trueterrain.kinds import make_profile
+    >>> ax = profiles(make_profile([0.0, 1.0, 2.0], [0.0, 0.01, 0.0]))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save(ax, Path(folder) / "bump.svg")
+    ...     (Path(folder) / "bump.svg").stat().st_size > 1000
+    True
+    """
+    import matplotlib as mpl
+
+    ending = Path(path).suffix.lower()
+    if ending not in _METADATA:
+        message = f"{path}: a figure ends in {', '.join(_METADATA)}, got {ending or 'no ending'!r}."
+        raise ValueError(message)
+    if not resolution > 0:
+        message = f"resolution must be greater than 0 dots per inch, got {resolution}."
+        raise ValueError(message)
+    whole: Any = figure if hasattr(figure, "savefig") else figure.get_figure(root=True)
+    with (
+        whole_output(path, force=force) as temporary,
+        mpl.rc_context({"svg.hashsalt": "trueterrain"}),
+    ):
+        whole.savefig(temporary, dpi=resolution, metadata=_METADATA[ending])
