@@ -11,26 +11,43 @@ import cyclopts
 from trueterrain._version import __version__
 from trueterrain.errors import TrueTerrainError
 
-app = cyclopts.App(
-    name="trueterrain",
-    version=__version__,
-    default_parameter=cyclopts.Parameter(negative=()),
-    help="Ground you can trust: from measured terrain to the profile a tyre feels.",
-    help_epilogue="`trueterrain COMMAND --help` shows options, units and defaults. "
-    "`--debug` before the command adds tracebacks.",
-)
-
-# help is given here, since asking the command for it would import what the command needs
-for _name, _help in {
-    "demo": "Make a Belgian block road, extract the profile a tyre feels, and rate it.",
-    "info": "Say what a file is: kind, counts, extent, CRS, and what is wrong with it.",
+_COMMANDS = {
     "convert": "Convert surfaces, points and profiles between file formats.",
-    "profile": "Extract the profile that a tyre feels along a path.",
+    "demo": "Make a Belgian block road, extract the profile a tyre feels, and rate it.",
+    "doctor": "Say what a bug report needs: versions, backends, cores.",
+    "info": "Say what a file is: kind, counts, extent, CRS, and what is wrong with it.",
     "iri": "International Roughness Index of profiles.",
     "plot": "Draw a surface, a point cloud or a profile.",
-    "doctor": "Say what a bug report needs: versions, backends, cores.",
-}.items():
-    app.command(f"trueterrain.cli.{_name}:{_name}", name=_name, help=_help)
+    "profile": "Extract the profile that a tyre feels along a path.",
+}
+
+
+def command_line(called: str | None = None) -> cyclopts.App:
+    """Build the command line.
+
+    Parameters
+    ----------
+    called : str, optional
+        The command that is called. It explains itself; the others are listed with the words above,
+        since asking them would import all that they need.
+
+    Returns
+    -------
+    cyclopts.App
+        The application.
+    """
+    app = cyclopts.App(
+        name="trueterrain",
+        version=__version__,
+        default_parameter=cyclopts.Parameter(negative=()),
+        help="Ground you can trust: from measured terrain to the profile a tyre feels.",
+        help_epilogue="`trueterrain COMMAND --help` shows options, units and defaults. "
+        "`--debug` adds tracebacks to errors.",
+    )
+    for name, text in _COMMANDS.items():
+        listed = {} if name == called else {"help": text}
+        app.command(f"trueterrain.cli.{name}:{name}", name=name, **listed)
+    return app
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -44,9 +61,10 @@ def main(arguments: list[str] | None = None) -> None:
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     debug = "--debug" in arguments
     arguments = [argument for argument in arguments if argument != "--debug"]
+    called = next((argument for argument in arguments if argument in _COMMANDS), None)
     warnings.showwarning = _show_warning
     try:
-        app(arguments, exit_on_error=False, print_error=False)
+        command_line(called)(arguments, exit_on_error=False, print_error=False)
     except (TrueTerrainError, ValueError, OSError, cyclopts.CycloptsError) as error:
         if debug:
             raise

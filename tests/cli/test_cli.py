@@ -1,0 +1,65 @@
+"""The command line as a whole: help, version, errors."""
+
+import re
+
+import pytest
+
+from trueterrain import __version__
+from trueterrain.cli import command_line
+
+COMMANDS = ("convert", "demo", "doctor", "info", "iri", "plot", "profile")
+
+
+def test_help_lists_every_command(run):
+    finished = run("--help")
+    assert finished.code == 0
+    for command in COMMANDS:
+        assert re.search(rf"│ {command} +\w", finished.out), command
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_explains_every_option(run, command):
+    finished = run(command, "--help")
+    assert finished.code == 0
+    text = " ".join(finished.out.replace("│", " ").split())
+    for option in command_line()[command].assemble_argument_collection():
+        assert option.parameter.help, f"{command} {option.name} has no help"
+        assert option.name in text
+
+
+def test_version(run):
+    assert run("--version").out.strip() == __version__
+
+
+def test_a_misspelt_command_is_one_line_with_the_right_one(run):
+    finished = run("profil")
+    assert (finished.code, finished.out) == (2, "")
+    assert len(finished.err.splitlines()) == 1
+    assert '"profile"' in finished.err
+
+
+def test_a_misspelt_option_is_one_line_with_the_right_one(run):
+    finished = run("profile", "a.crg", "--ofset", "0", "-o", "p.erd")
+    assert finished.code == 2
+    assert len(finished.err.splitlines()) == 1
+    assert "--offset" in finished.err
+
+
+def test_a_missing_file_is_one_line(run, tmp_path):
+    finished = run("iri", tmp_path / "none.erd")
+    assert finished.code == 2
+    assert finished.err.splitlines() == [
+        f"trueterrain: error: {tmp_path / 'none.erd'}: No such file or directory."
+    ]
+
+
+def test_debug_shows_the_traceback(run, tmp_path):
+    with pytest.raises(FileNotFoundError):
+        run("--debug", "iri", tmp_path / "none.erd")
+
+
+def test_doctor_names_version_and_backends(run):
+    finished = run("doctor")
+    assert finished.code == 0
+    assert re.search(rf"trueterrain +{re.escape(__version__)}", finished.out)
+    assert "LAZ backends" in finished.out
