@@ -228,6 +228,13 @@ def test_unpadded_last_record_is_read_and_reported(binary):
     assert any("not filled up to 80 bytes" in p for p in opencrg.describe(path)["problems"])
 
 
+def test_last_line_break_lost(tmp_path):
+    """The C-API drops a line without one."""
+    path = tmp_path / "good.crg"
+    opencrg.write(road([-1, 0, 1]), path, fmt="LRFI")
+    assert_refused(damage(path, lambda header, payload: header + payload[:-1]), "no line break")
+
+
 def test_letters_among_the_numbers(tmp_path):
     path = tmp_path / "good.crg"
     opencrg.write(road([-1, 0, 1]), path, fmt="LRFI")

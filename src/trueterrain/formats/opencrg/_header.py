@@ -31,6 +31,7 @@ _CHANNELS = {
 }
 _LONGEST_LINE = 72  # [characters]
 _LONGEST_TEXT = 4096  # [bytes] a line beyond it belongs to no header
+_MOST_STATIONS = 1e9
 _COINCIDE = 1e-6  # [m] columns that are nearer to each other are the same
 _LOST = "Export the file again, or restore the line in the header."
 
@@ -105,7 +106,7 @@ def stations(header: Header) -> int | None:
             cure=_LOST,
         )
     steps = (end - header.start) / header.increment
-    if not (steps > 0.5 and abs(steps - round(steps)) < 0.01):
+    if not (0.5 < steps < _MOST_STATIONS and abs(steps - round(steps)) < 0.01):
         raise FormatError(
             f"REFERENCE_LINE_END_U ({end:g} m) must lie a whole number of increments "
             f"({header.increment:g} m) beyond the start ({header.start:g} m)",

@@ -123,10 +123,10 @@ def _require_lines(header: Header, lines: list[bytes], lengths: list[int], ended
             cure=_CUT,
         )
     for at, (line, length) in enumerate(zip(lines, lengths * rows, strict=True)):
-        cut = at == len(lines) - 1 and not ended and len(line) < length
-        if len(line) > length or cut:
+        if len(line) > length or (at == len(lines) - 1 and not ended):
             raise FormatError(
-                f"must be {length} characters long, got {len(line)}",
+                f"must be {length} characters long and end with a line break, got {len(line)}"
+                f"{'' if ended else ' and no line break'}",
                 path=header.path,
                 place=f"data, line {at + 1}",
                 cure=_CUT,
