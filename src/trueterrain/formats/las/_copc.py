@@ -1,0 +1,105 @@
+"""Parts of COPC files: only the nodes of the octree that touch what is asked for are read."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import laspy
+import numpy as np
+import numpy.typing as npt
+from laspy.copc import Bounds as Box
+from laspy.copc import CopcInfoVlr, CopcReader, load_octree_for_query
+
+from trueterrain.formats.las._open import Bounds, damage_named
+
+_LARGEST = 2**31 - 1  # of the integers that LAS keeps coordinates in
+
+
+def is_copc(header: Any) -> bool:
+    """Whether a file is a Cloud Optimized Point Cloud."""
+    return len(header.vlrs) > 0 and isinstance(header.vlrs[0], CopcInfoVlr)
+
+
+def query(path: Path, bounds: Bounds, size: int, selection: Any) -> Iterator[Any]:
+    """Yield records of the points within bounds; each of about `size` points at most.
+
+    A box that touches nodes with too many points is halved, level by level of the octree and along
+    planes between whole coordinates, so that every point belongs to exactly one record.
+    """
+    with damage_named(path, "COPC header"):
+        reader = CopcReader.open(path, decompression_selection=selection)
+    with reader:
+        header = reader.header
+        west, south, east, north = bounds
+        low = _integers(header, np.array([west, south, -np.inf]), np.floor)
+        high = _integers(header, np.array([east, north, np.inf]), np.ceil)
+        with damage_named(path, "COPC hierarchy"):
+            nodes = _nodes(reader, low, high, None)
+        for level in sorted({node.key.level for node in nodes}):
+            yield from _parts(reader, path, low, high, level, size)
+
+
+def _parts(
+    reader: Any,
+    path: Path,
+    low: npt.NDArray[np.int64],
+    high: npt.NDArray[np.int64],
+    level: int,
+    size: int,
+) -> Iterator[Any]:
+    with damage_named(path, f"COPC hierarchy, level {level}"):
+        nodes = _nodes(reader, low, high, level)
+    count = sum(node.point_count for node in nodes)
+    if count == 0:
+        return
+    if count > size and len(nodes) > 1:
+        # halves of the box around the nodes, cut where cells of the octree meet
+        header = reader.header
+        mins = np.min([node.bounds.mins for node in nodes], axis=0)
+        maxs = np.max([node.bounds.maxs for node in nodes], axis=0)
+        side = nodes[0].bounds.maxs[0] - nodes[0].bounds.mins[0]
+        axis = int(np.argmax(maxs - mins))
+        cells = round(float((maxs - mins)[axis] / side))
+        plane = mins[axis] + side * max(1, cells // 2)
+        middle = int(np.floor((plane - header.offsets[axis]) / header.scales[axis]))
+        if low[axis] <= middle < high[axis]:
+            left, right = high.copy(), low.copy()
+            left[axis], right[axis] = middle, middle + 1
+            yield from _parts(reader, path, low, left, level, size)
+            yield from _parts(reader, path, right, high, level, size)
+            return
+    with damage_named(path, f"COPC level {level}"):
+        record = reader.query(bounds=_box(reader.header, low, high), level=level)
+    for start in range(0, len(record), size):
+        yield laspy.ScaleAwarePointRecord(
+            record.array[start : start + size],
+            record.point_format,
+            reader.header.scales,
+            reader.header.offsets,
+        )
+
+
+def _nodes(
+    reader: Any, low: npt.NDArray[np.int64], high: npt.NDArray[np.int64], level: int | None
+) -> list[Any]:
+    nodes = load_octree_for_query(
+        reader.source,
+        reader.copc_info,
+        reader.root_page,
+        query_bounds=_box(reader.header, low, high),
+        level_range=None if level is None else range(level, level + 1),
+    )
+    return [node for node in nodes if node.point_count > 0]
+
+
+def _box(header: Any, low: npt.NDArray[np.int64], high: npt.NDArray[np.int64]) -> Any:
+    # a quarter of a step wider: rounding must not lose the points on the faces
+    mins = (low - 0.25) * header.scales + header.offsets
+    maxs = (high + 0.25) * header.scales + header.offsets
+    return Box(mins, maxs)
+
+
+def _integers(header: Any, values: npt.NDArray[np.float64], towards: Any) -> Any:
+    steps = towards((values - header.offsets) / header.scales)
+    # one step within the range, since _box widens by a quarter
+    return np.clip(steps, -_LARGEST + 1, _LARGEST - 1).astype(np.int64)

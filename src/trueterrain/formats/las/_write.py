@@ -1,0 +1,221 @@
+"""Points to LAS 1.4 and LAZ."""
+
+from collections.abc import Iterator
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import laspy
+import numpy as np
+import xarray as xr
+from laspy.vlrs.known import WktCoordinateSystemVlr
+
+from trueterrain._version import __version__
+from trueterrain.engine import whole_output
+from trueterrain.errors import CoverageError, SchemaError
+from trueterrain.formats.las._crs import wkt_of
+from trueterrain.formats.las._read import SECONDS_OF_WEEK
+from trueterrain.kinds import check_points
+
+_POINT_FORMAT = 6
+_LARGEST = 2**31 - 1  # of the integers that LAS keeps coordinates in
+_LARGEST_UINT16 = 2**16 - 1
+_LARGEST_RECORD = 2**16 - 1  # [bytes] of a variable length record
+_ROWS = 1_000_000  # written at a time
+_KINDS = {"week seconds": 0, "adjusted standard": 1}
+_WHOLE = {"lane": "point_source_id", "intensity": "intensity"}
+
+
+def write(
+    points: xr.Dataset | Iterator[xr.Dataset],
+    path: str | Path,
+    *,
+    force: bool = False,
+    scale: float = 0.0001,
+) -> None:
+    """Write points as LAS 1.4, point format 6; compressed if the name ends with .laz.
+
+    ``lane`` becomes the point source id, ``time`` the GPS time, ``sd`` extra bytes (float32). The
+    CRS is written as WKT, the provenance as a record of user ``trueterrain``. The offset is a
+    whole number of metres near the first block of points.
+
+    Parameters
+    ----------
+    points : xarray.Dataset or iterator of xarray.Dataset
+        Points, or blocks of points with the same variables; blocks are written as they come.
+    path : str or Path
+        Where the file shall be.
+    force : bool
+        Replace a file that is there already.
+    scale : float
+        Step that coordinates are rounded to [m].
+
+    Raises
+    ------
+    ValueError
+        If `scale` is not greater than 0, or the name ends with .copc.laz or neither .las nor .laz.
+    SchemaError
+        If coordinates are not finite or lie too far apart for the scale, or lanes and intensities
+        are no whole numbers from 0 to 65535.
+    CoverageError
+        If there are no points.
+    OutputError
+        If the file exists and `force` is false.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from trueterrain.formats.las import read
+    >>> from trueterrain.kinds import make_points
+    >>> points = make_points([691000.0123], [5334000.0456], [512.0789], crs="EPSG:25832")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write(points, Path(folder) / "p.laz")
+    ...     again = read(Path(folder) / "p.laz")
+    >>> again.up.values
+    array([512.0789])
+    """
+    path = Path(path)
+    _check_name(path)
+    if not scale > 0:
+        message = f"scale must be greater than 0 m, got {scale}."
+        raise ValueError(message)
+    with whole_output(path, force=force) as temporary:
+        parts = chain([points]) if isinstance(points, xr.Dataset) else points
+        first = next((part for part in parts if part.sizes.get("point", 0)), None)
+        if first is None:
+            raise CoverageError("there are no points to write", path=path)
+        header = _header(check_points(first, path=path), scale, path)
+        names = list(first.data_vars)
+        compress = path.suffix.lower() == ".laz"
+        done = 0
+        with laspy.open(temporary, mode="w", header=header, do_compress=compress) as writer:
+            for part in chain([first], parts):
+                if list(check_points(part, path=path).data_vars) != names:
+                    raise _different(part, names, path)
+                for start in range(0, part.sizes["point"], _ROWS):
+                    rows = part.isel(point=slice(start, start + _ROWS))
+                    writer.write_points(_record(rows, header, done, path))
+                    done += rows.sizes["point"]
+
+
+def _header(first: xr.Dataset, scale: float, path: Path) -> Any:
+    header = laspy.LasHeader(version="1.4", point_format=_POINT_FORMAT)
+    header.generating_software = f"trueterrain {__version__}"
+    header.scales = np.full(3, scale)
+    header.offsets = np.array([_middle(first, n, path) for n in ("easting", "northing", "up")])
+    header.global_encoding.wkt = True  # the standard asks for it, whether there is a WKT or not
+    header.global_encoding.gps_time_type = laspy.header.GpsTimeType(_kind(first))
+    if crs := first.attrs.get("crs"):
+        try:
+            header.vlrs.append(WktCoordinateSystemVlr(wkt_of(crs)))
+        except ValueError as error:
+            raise SchemaError(str(error), path=path, place="attribute crs") from None
+    history = first.attrs.get("provenance", "").encode()
+    if 0 < len(history) <= _LARGEST_RECORD:
+        header.vlrs.append(laspy.VLR("trueterrain", 1, "provenance, JSON", history))
+    if "sd" in first:
+        header.add_extra_dim(
+            laspy.ExtraBytesParams("sd", np.float32, description="standard deviation [m]")
+        )
+    return header
+
+
+def _middle(points: xr.Dataset, name: str, path: Path) -> float:
+    values = points[name].values
+    if not np.isfinite(values).all():
+        raise _not_finite(values, name, 0, path)
+    return float(np.rint(values.min() / 2 + values.max() / 2))
+
+
+def _kind(points: xr.Dataset) -> int:
+    kind = points.attrs.get("gps_time_kind", "")
+    if kind in _KINDS:
+        return _KINDS[kind]
+    if "time" not in points:
+        return 1
+    time = points.time.values
+    return int(bool((time < 0).any() or (time > SECONDS_OF_WEEK).any()))
+
+
+def _record(points: xr.Dataset, header: Any, done: int, path: Path) -> Any:
+    record = laspy.ScaleAwarePointRecord.zeros(points.sizes["point"], header=header)
+    for axis, name in enumerate(("easting", "northing", "up")):
+        steps = _steps(points, name, header.offsets[axis], header.scales[axis], done, path)
+        record["XYZ"[axis]] = steps
+    for name, field in _WHOLE.items():
+        if name in points:
+            record[field] = _whole(points, name, done, path)
+    if "time" in points:
+        time = points.time.values
+        if not np.isfinite(time).all():
+            raise _not_finite(time, "time", done, path)
+        record["gps_time"] = time
+    if "sd" in points:
+        record["sd"] = points.sd.values.astype(np.float32)
+    single = np.ones(points.sizes["point"], dtype=np.uint8)
+    record["return_number"] = single
+    record["number_of_returns"] = single
+    return record
+
+
+def _steps(
+    points: xr.Dataset, name: str, offset: float, scale: float, done: int, path: Path
+) -> Any:
+    values = points[name].values
+    if not np.isfinite(values).all():
+        raise _not_finite(values, name, done, path)
+    steps = np.rint((values - offset) / scale)
+    far = np.abs(steps) > _LARGEST
+    if far.any():
+        first = int(np.flatnonzero(far)[0])
+        raise SchemaError(
+            f"point {done + first + 1} lies {abs(values[first] - offset):.6g} m from the offset "
+            f"{offset:.0f} m; at a scale of {scale:g} m at most {_LARGEST * scale:.6g} m fit",
+            path=path,
+            place=f"variable {name}",
+            cure="Write with a coarser scale (scale=0.001), or one file per region.",
+        )
+    return steps.astype(np.int32)
+
+
+def _whole(points: xr.Dataset, name: str, done: int, path: Path) -> Any:
+    values = points[name].values
+    bad = ~((values >= 0) & (values <= _LARGEST_UINT16) & (values == np.rint(values)))
+    if bad.any():
+        first = int(np.flatnonzero(bad)[0])
+        raise SchemaError(
+            f"must hold whole numbers from 0 to {_LARGEST_UINT16}, got {values[first]} at point "
+            f"{done + first + 1}",
+            path=path,
+            place=f"variable {name}",
+            cure="Scale and round the values, or drop the variable.",
+        )
+    return values.astype(np.uint16)
+
+
+def _not_finite(values: Any, name: str, done: int, path: Path) -> SchemaError:
+    first = int(np.flatnonzero(~np.isfinite(values))[0])
+    return SchemaError(
+        f"must be finite everywhere, got {values[first]} at point {done + first + 1}",
+        path=path,
+        place=f"variable {name}",
+        cure="Leave out the points without ground.",
+    )
+
+
+def _different(part: xr.Dataset, names: list[Any], path: Path) -> SchemaError:
+    found = ", ".join(str(name) for name in part.data_vars)
+    wanted = ", ".join(str(name) for name in names)
+    return SchemaError(
+        f"all blocks must have the same variables, got {found} after {wanted}", path=path
+    )
+
+
+def _check_name(path: Path) -> None:
+    name = path.name.lower()
+    if name.endswith(".copc.laz"):
+        message = f"{path}: COPC can be read but not written; choose a name that ends with .laz."
+        raise ValueError(message)
+    if not name.endswith((".las", ".laz")):
+        message = f"{path}: the name must end with .las or .laz, got {path.suffix!r}."
+        raise ValueError(message)
