@@ -21,6 +21,7 @@ ROUND_OFF = 1e-14
 
 _MAXIMUM_SPLITS = 48
 _MAXIMUM_NEWTON_STEPS = 60
+_BLOCK = 1 << 16  # points solved at a time, so that their quadrature stays in the caches
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(10)
 
 
@@ -59,7 +60,13 @@ def equidistant_parameters(curve: Curve, spacing: float) -> tuple[Float, float]:
     length = float(cumulative[-1])
     targets = spacing * np.arange(point_count(length, spacing))
     panel = np.clip(np.searchsorted(cumulative, targets, side="right") - 1, 0, panels.size - 2)
-    return _solve(curve, panels[panel], panels[panel + 1], targets - cumulative[panel]), length
+    wanted = targets - cumulative[panel]
+    tolerance = max(PANEL_TOLERANCE * spacing, 4 * np.finfo(float).eps * length)
+    solved = [
+        _solve(curve, panels[panel[cut]], panels[panel[cut] + 1], wanted[cut], tolerance)
+        for cut in (slice(begin, begin + _BLOCK) for begin in range(0, targets.size, _BLOCK))
+    ]
+    return np.concatenate(solved), length
 
 
 def point_count(length: float, spacing: float) -> int:
@@ -113,23 +120,23 @@ def _panels(curve: Curve, spacing: float) -> tuple[Float, Float]:
     )
 
 
-def _solve(curve: Curve, low: Float, high: Float, wanted: Float) -> Float:
+def _solve(curve: Curve, low: Float, high: Float, wanted: Float, tolerance: float) -> Float:
     """Newton's method held inside its bracket by bisection: the arc length is monotonic."""
-    begin = low.copy()
-    low, high = low.copy(), high.copy()
+    begin, low, high = low, low.copy(), high.copy()
     t = 0.5 * (low + high)
+    rest = np.arange(t.size)
     for _ in range(_MAXIMUM_NEWTON_STEPS):
-        excess = _lengths(curve, begin, t) - wanted
-        high = np.where(excess > 0, t, high)
-        low = np.where(excess > 0, low, t)
-        velocity = curve.velocity(t)
-        speed = np.hypot(velocity[:, 0], velocity[:, 1])
+        at = t[rest]
+        excess = _lengths(curve, begin[rest], at) - wanted[rest]
+        high[rest] = np.where(excess > 0, at, high[rest])
+        low[rest] = np.where(excess > 0, low[rest], at)
+        velocity = curve.velocity(at)
         with np.errstate(divide="ignore", invalid="ignore"):
-            step = t - excess / speed
-        inside = (step >= low) & (step <= high)
-        following = np.where(inside, step, 0.5 * (low + high))
-        moved = np.abs(following - t) * np.maximum(speed, 1e-300)
-        t = following
-        if np.all(moved <= 1e-13 * np.maximum(1.0, np.abs(wanted))):
+            step = at - excess / np.hypot(velocity[:, 0], velocity[:, 1])
+        inside = (step >= low[rest]) & (step <= high[rest])
+        far = np.abs(excess) > tolerance
+        t[rest] = np.where(inside, step, np.where(far, 0.5 * (low[rest] + high[rest]), at))
+        rest = rest[far]
+        if rest.size == 0:
             break
     return t

@@ -17,11 +17,14 @@ from trueterrain.profile._arc_length import Curve, equidistant_parameters, point
 
 Float = npt.NDArray[np.float64]
 
-#: A sampled curve is refined until it moves by less than this part of the spacing.
+#: A sampled curve is refined until its spline misses it by less than this part of the spacing.
 CURVE_TOLERANCE = 1e-7
 
 _FIRST_SAMPLES = 65
-_MAXIMUM_SAMPLES = 1 << 21
+_MAXIMUM_SAMPLES = (1 << 21) + 1
+_SAMPLE_DISTANCE = 16  # spacings between two samples at most, so that no bend is overlooked
+_GOLDEN = 0.6180339887498949
+_STILL = 1e-6  # part of the mean speed of the parameter, below which it tells no direction
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,6 +51,10 @@ class WheelPath:
         if not (self.s.shape == self.easting.shape == self.northing.shape == self.heading.shape):
             message = "s, easting, northing and heading must have the same shape."
             raise ValueError(message)
+        for name in ("s", "easting", "northing", "heading"):
+            if not (getattr(self, name).size and np.isfinite(getattr(self, name)).all()):
+                message = f"{name} must hold at least one value and finite ones only."
+                raise ValueError(message)
 
     def __len__(self) -> int:
         return self.s.size
@@ -239,26 +246,29 @@ def curve_path(
         message = f"start and end must differ, both are {start}."
         raise ValueError(message)
 
-    def spline(samples: int) -> CubicSpline:
+    def sample(t: Float) -> Float:
         # the spline's own parameter runs from 0 to 1, so that it ascends in either direction
-        t = np.linspace(0.0, 1.0, samples)
         at = np.asarray(position(start + (end - start) * t), dtype=float)
-        if at.shape != (samples, 2) or not np.isfinite(at).all():
+        if at.shape != (t.size, 2) or not np.isfinite(at).all():
             message = "position must return finite eastings and northings of shape (n, 2)."
             raise ValueError(message)
-        return CubicSpline(t, at)
+        return at
 
-    coarse, samples = spline(_FIRST_SAMPLES), _FIRST_SAMPLES
-    while samples < _MAXIMUM_SAMPLES:
+    samples = _FIRST_SAMPLES
+    while samples <= _MAXIMUM_SAMPLES:
+        t = np.linspace(0.0, 1.0, samples)
+        at = sample(t)
+        spline = CubicSpline(t, at)
+        # compared at irregular places between the samples, so that no period of it escapes
+        between = t[:-1] + np.diff(t) * (0.25 + 0.5 * (_GOLDEN * np.arange(samples - 1) % 1))
+        error = np.abs(spline(between) - sample(between)).max()
+        dense = np.hypot(*np.diff(at, axis=0).T).max() <= _SAMPLE_DISTANCE * spacing
+        if dense and error <= max(CURVE_TOLERANCE * spacing, 4 * np.spacing(np.abs(at).max())):
+            return _along(Curve(position=spline, velocity=spline.derivative(), breaks=t), spacing)
         samples = 2 * samples - 1
-        fine = spline(samples)
-        change = np.abs(coarse(fine.x) - fine(fine.x)).max()
-        if change <= CURVE_TOLERANCE * spacing:
-            return _along(Curve(position=fine, velocity=fine.derivative(), breaks=fine.x), spacing)
-        coarse = fine
     message = (
-        f"the curve is not smooth enough for a spacing of {spacing} m: refining it still moves it "
-        f"by {change:.1e} m. Give its corners as waypoints instead."
+        f"the curve is not smooth enough for a spacing of {spacing} m: a spline through {len(t)} "
+        f"points of it still misses it by {error:.1e} m. Give its corners as waypoints instead."
     )
     raise ValueError(message)
 
@@ -286,7 +296,8 @@ def waypoint_path(
     Raises
     ------
     ValueError
-        If a waypoint is not finite, fewer than two differ, or the spacing is not greater than 0.
+        If a waypoint is not finite, fewer than two differ, or the spacing is not greater than 0 or
+        longer than the path.
 
     Examples
     --------
@@ -297,17 +308,7 @@ def waypoint_path(
     from scipy.interpolate import PchipInterpolator
 
     _require_spacing(spacing)
-    points = np.stack(np.broadcast_arrays(easting, northing), axis=-1).astype(float)
-    bad = np.flatnonzero(~np.isfinite(points).all(axis=-1))
-    if bad.size:
-        message = f"waypoints must be finite, got {points[bad[0]]} at index {bad[0]}."
-        raise ValueError(message)
-    chords = np.hypot(*np.diff(points, axis=0).T)
-    points = points[np.concatenate([[True], chords > 0])]
-    if len(points) < 2:
-        message = f"a path needs at least 2 different waypoints, got {len(points)}."
-        raise ValueError(message)
-    chord_length = np.concatenate([[0.0], np.cumsum(chords[chords > 0])])
+    points, chord_length = _nodes("waypoints", easting, northing)
     pchip = PchipInterpolator(chord_length, points)
     curve = Curve(position=pchip, velocity=pchip.derivative(), breaks=chord_length)
     return _along(curve, spacing)
@@ -345,7 +346,7 @@ def offset_path(surface: xr.Dataset, offset: float, *, spacing: float = 0.01) ->
     >>> offset_path(road, 0.5, spacing=1.0).easting  # left of north is west
     array([-0.5, -0.5, -0.5])
     """
-    from trueterrain.surface.reference_line import grid_frame
+    from trueterrain.surface.reference_line import EDGE, grid_frame
 
     if "u" not in surface.dims:
         raise CoverageError(
@@ -353,7 +354,7 @@ def offset_path(surface: xr.Dataset, offset: float, *, spacing: float = 0.01) ->
             cure="Give a line (--line) or waypoints (--path) instead.",
         )
     right, left = float(surface.v[0]), float(surface.v[-1])
-    if not right <= offset <= left:
+    if not right - EDGE <= offset <= left + EDGE:
         raise CoverageError(
             f"offset {offset:g} m lies outside the surface, which reaches from v = {right:g} m "
             f"to {left:g} m",
@@ -375,7 +376,7 @@ def polyline_path(
     Parameters
     ----------
     easting, northing : array_like, shape (n,)
-        Nodes in the order of travel [m].
+        Nodes in the order of travel [m]. Repeated ones in a row count once.
     spacing : float
         Arc length between two points [m], measured along the chords.
 
@@ -387,20 +388,19 @@ def polyline_path(
     Raises
     ------
     ValueError
-        If a node is not finite or the spacing is not greater than 0.
+        If a node is not finite, fewer than two differ, or the spacing is not greater than 0 or
+        longer than the path.
 
     Examples
     --------
     >>> polyline_path([0.0, 1.0, 1.0], [0.0, 0.0, 1.0], spacing=0.5).northing
     array([0. , 0. , 0. , 0.5, 1. ])
     """
-    x, y = np.asarray(easting, dtype=float), np.asarray(northing, dtype=float)
-    _require_finite("nodes", x, y)
-    chords = np.hypot(np.diff(x), np.diff(y))
-    cumulative = np.concatenate([[0.0], np.cumsum(chords)])
+    nodes, cumulative = _nodes("nodes", easting, northing)
+    x, y = nodes.T
     s = _stations(float(cumulative[-1]), spacing)
     heading = np.unwrap(np.arctan2(np.diff(y), np.diff(x)))
-    chord = np.clip(np.searchsorted(cumulative, s, side="right") - 1, 0, chords.size - 1)
+    chord = np.clip(np.searchsorted(cumulative, s, side="right") - 1, 0, heading.size - 1)
     return WheelPath(
         s=s,
         easting=np.interp(s, cumulative, x),
@@ -414,8 +414,12 @@ def _along(curve: Curve, spacing: float) -> WheelPath:
     t, length = equidistant_parameters(curve, spacing)
     _require_length(length, spacing)
     at, velocity = curve.position(t), curve.velocity(t)
+    # where the curve halts to turn back, its velocity tells no direction: that of arrival counts
+    still = np.hypot(*velocity.T) <= _STILL * length / (curve.breaks[-1] - curve.breaks[0])
+    chord = np.diff(at, axis=0)
+    velocity = np.where(still[:, None], np.concatenate([chord[:1], chord]), velocity)
     return WheelPath(
-        s=spacing * np.arange(t.size),
+        s=spacing * np.arange(t.size, dtype=np.float64),
         easting=np.ascontiguousarray(at[:, 0]),
         northing=np.ascontiguousarray(at[:, 1]),
         heading=np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0])),
@@ -423,10 +427,29 @@ def _along(curve: Curve, spacing: float) -> WheelPath:
     )
 
 
+def _nodes(what: str, easting: npt.ArrayLike, northing: npt.ArrayLike) -> tuple[Float, Float]:
+    """Nodes (n, 2) of which no two in a row coincide, and the chord length up to each."""
+    x, y = np.asarray(easting, dtype=float), np.asarray(northing, dtype=float)
+    if x.ndim != 1 or x.shape != y.shape:
+        message = f"{what} must be two arrays of one length, got shapes {x.shape} and {y.shape}."
+        raise ValueError(message)
+    nodes = np.stack([x, y], axis=-1)
+    bad = np.flatnonzero(~np.isfinite(nodes).all(axis=-1))
+    if bad.size:
+        message = f"{what} must be finite, got {nodes[bad[0]]} at index {bad[0]}."
+        raise ValueError(message)
+    cumulative = np.cumsum(np.hypot(*np.diff(nodes, axis=0, prepend=nodes[:1]).T))
+    new = np.diff(cumulative, prepend=-1.0) > 0
+    if np.count_nonzero(new) < 2:
+        message = f"a path needs at least 2 different {what}, got {np.count_nonzero(new)}."
+        raise ValueError(message)
+    return nodes[new], cumulative[new]
+
+
 def _stations(length: float, spacing: float) -> Float:
     _require_spacing(spacing)
     _require_length(length, spacing)
-    return spacing * np.arange(point_count(length, spacing), dtype=float)
+    return spacing * np.arange(point_count(length, spacing), dtype=np.float64)
 
 
 def _require_spacing(spacing: float) -> None:
