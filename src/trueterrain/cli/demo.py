@@ -1,6 +1,6 @@
 """The command ``trueterrain demo``: the whole way on a road made for the purpose."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,6 +10,7 @@ from trueterrain.cli._console import note, out, out_json, progress_bar
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.axes import Axes
 
     from trueterrain.profile import WheelPath
 
@@ -125,13 +126,14 @@ def _figures(
         line: point_profile(road, offset_path(road, _OFFSET + line, spacing=_SPACING)).sel(s=shown)
         for line in _LINES
     }
-    for name, draw in {
+    pictures: dict[str, Callable[[], Axes]] = {
         "road": lambda: figures.surface_map(road.sel(u=shown), path=path),
         "profiles": lambda: figures.parallel_profiles(beside, tyre.sel(s=shown)),
         "difference": lambda: figures.profile_difference(point.sel(s=shown), tyre.sel(s=shown)),
         "search-area": lambda: figures.search_area_map(road, path, station=path.s[roughest]),
         "distribution": lambda: figures.cpf(distribution, resolution=0.001),
-    }.items():
+    }
+    for name, draw in pictures.items():
         figure = draw().figure
         yield name, figure
         plt.close(figure)

@@ -118,13 +118,13 @@ def tyre_profile(
     return profile.assign_attrs(thin=int(is_thin.sum()))
 
 
-def point_profile(ground: xr.Dataset, path: WheelPath) -> xr.Dataset:
+def point_profile(ground: Ground, path: WheelPath) -> xr.Dataset:
     """Profile of the bare line: what a point contact would feel, every stone and joint of it.
 
     Parameters
     ----------
     ground : xarray.Dataset
-        Surface. Its height between the nodes is bilinear.
+        Surface; its height between the nodes is bilinear.
     path : WheelPath
         Path points.
 
@@ -149,7 +149,7 @@ def point_profile(ground: xr.Dataset, path: WheelPath) -> xr.Dataset:
     """
     from trueterrain.surface.evaluate import heights_at
 
-    if kind_of(ground) != "surface":
+    if not isinstance(ground, xr.Dataset) or kind_of(ground) != "surface":
         raise CoverageError(
             "scattered points have no height between them",
             cure="Grid them first, or use a statistic with a small search area.",
