@@ -36,15 +36,15 @@ class BelgianBlock(Ground):
     proving-ground road measured by DaimlerChrysler, 10 m x 3.0 m without the ragged right edge, on
     a grid of 1 cm), of which was found:
 
-    - The height about the plane has an RMS of 24.5 mm (24.1 mm with the ragged edge). Nearly all
+    - The height about the plane has an RMS of 24.4 mm (24.1 mm with the ragged edge). Nearly all
       of it comes from a *chequered* bed: fields 1.12 m long, high and low by about 25 mm in turn,
       and in opposition left and right of a line along the road (correlation -0.7). So 5 % of
-      the ground is below -39 mm, 50 % below 3 mm and 95 % below 36 mm.
+      the ground is below -39 mm, 50 % below 4 mm and 95 % below 37 mm.
     - Rows follow each other every 172 mm (peak of the spectrum of the joints at 5.8 1/m), and
       blocks in a row every 196 mm (5.1 1/m). Middle half of the distances between the middles of
       neighbouring blocks: 161 to 180 mm along, 178 to 210 mm across. The bond is irregular.
-    - Joints between rows are on average 8.8 mm deep, those between the blocks of a row 7.9 mm, and
-      34 mm wide at half their depth, as seen by this grid.
+    - Joints between rows are on average 8.8 mm deep and 41 mm wide at half their depth, those
+      between the blocks of a row 7.9 mm and 35 mm, as seen by this grid.
     - The tops are crowned (second-order coefficients -0.9 1/m along and -0.5 1/m across) and rise
       by 32 mm/m in the direction of the road (median), each row ending in a step down.
     - RMS difference of heights along the road: 2.4 mm over 10 mm, 8.5 mm over 50 mm, 16.2 mm over
@@ -80,13 +80,13 @@ class BelgianBlock(Ground):
     "Displacement of every other row across the road, as a share of `block_pitch` [1]."
     bond_scatter: float = 0.35
     "Largest further displacement of a row, as a share of `block_pitch` [1]."
-    joint_width: float = 0.006
+    joint_width: float = 0.008
     "Width of the floor of a joint [m]."
     joint_depth: float = 0.0077
     "Mean depth of a joint below the tops beside it [m]."
     joint_depth_scatter: float = 0.5
     "Standard deviation of that depth as a share of it [1]."
-    shoulder: float = 0.03
+    shoulder: float = 0.028
     "Width of the rounded shoulder between the floor of a joint and a top [m]."
     crown: float = 0.0017
     "How much the middle of a top lies above the middle of each of its edges [m]."
@@ -98,9 +98,9 @@ class BelgianBlock(Ground):
     "Mean tilt of the blocks, rising along the road [m/m]."
     bedding: float = 0.7
     "Share of the slope of the bed that a block follows [1]."
-    texture: float = 0.0012
+    texture: float = 0.001
     "RMS of the roughness of the tops [m]."
-    texture_length: float = 0.02
+    texture_length: float = 0.024
     "Length of its features [m]."
     field_height: float = 0.0245
     "Height of the high fields above the mean of the bed, depth of the low ones below it [m]."

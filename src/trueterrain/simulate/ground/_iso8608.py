@@ -79,8 +79,9 @@ class Road(Ground):
     profile in all tracks."""
     direction: float = 0.0
     "Direction of the road where coherence is full, counter-clockwise from east [rad]."
-    waves: int = 4096
-    "Number of plane waves."
+    waves: int = 8192
+    """Number of plane waves. At the frequency n their lines in the spectrum stand about
+    ``2 sqrt(n highest) / waves`` apart; average a spectrum of a finer resolution over bands."""
     seed: int = 0
     "Seed of all that is random."
 
@@ -140,10 +141,12 @@ class Road(Ground):
     def _waves(self) -> Floats:
         """Amplitude [m], wave vector [1/m, 1/m] and phase [turns] of each wave."""
         number = int(self.waves)
-        edges = self.lowest * (self.highest / self.lowest) ** (np.arange(number + 1) / number)
-        edges[-1] = self.highest
+        # Steps in the root of the frequency serve octaves of long waves and the fine resolution
+        # that a long road has for short ones alike.
+        edges = np.linspace(math.sqrt(self.lowest), math.sqrt(self.highest), number + 1) ** 2
+        edges[[0, -1]] = self.lowest, self.highest
         place = _kernels.uniform_numbers(self.seed, _RING, number)
-        k = edges[:-1] * (edges[1:] / edges[:-1]) ** place
+        k = edges[:-1] + place * np.diff(edges)
         if self.coherence == "isotropic":
             variance = -np.diff(self._variance_beyond(edges))
             # Steps of the golden ratio keep the directions of neighbouring rings far apart, so that
