@@ -53,6 +53,17 @@ def read(path: str | Path) -> xr.Dataset:
     ------
     FormatError
         If the file is damaged, cut off, refers to another file, or is no OpenCRG file.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from trueterrain.formats.opencrg import write
+    >>> road = make_surface([[5, 6], [5, 6]], u=[0, 1], v=[0, 1], easting=[7, 8], northing=[9, 9])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = write(road, Path(folder) / "road.crg")
+    ...     again = read(Path(folder) / "road.crg")
+    >>> again.height.values[0], again.easting.values
+    (array([5., 6.]), array([7., 8.]))
     """
     path = Path(path)
     surface = _assemble(_load(path))
@@ -79,6 +90,17 @@ def describe(path: str | Path) -> dict[str, Any]:
     ------
     FormatError
         If the file cannot be read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from trueterrain.formats.opencrg import write
+    >>> road = make_surface([[5, 6], [5, 6]], u=[0, 1], v=[0, 1], easting=[7, 8], northing=[9, 9])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     _ = write(road, Path(folder) / "road.crg")
+    ...     found = describe(Path(folder) / "road.crg")
+    >>> found["size"], found["extent"]["height"], found["problems"]
+    ([2, 2], [5.0, 6.0], [])
     """
     stored = _load(Path(path))
     surface = _assemble(stored)
