@@ -16,7 +16,16 @@ from trueterrain.formats.signature import Format, ending_matches, recognise
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Format", "info", "open", "point_blocks", "recognise", "write"]
+__all__ = [
+    "Format",
+    "info",
+    "kind_of_file",
+    "open",
+    "point_blocks",
+    "recognise",
+    "write",
+    "writer_of",
+]
 
 #: Points in a block, unless told otherwise.
 BLOCK = 1_000_000
@@ -158,6 +167,7 @@ def point_blocks(
     *,
     bounds: tuple[float, float, float, float] | None = None,
     size: int = BLOCK,
+    crs: str | None = None,
 ) -> "Iterator[xr.Dataset]":
     """Points of a file block by block, never the whole file at once.
 
@@ -170,6 +180,8 @@ def point_blocks(
         inside.
     size : int
         Largest number of points in a block.
+    crs : str, optional
+        EPSG code or WKT to take instead of what the file says.
 
     Yields
     ------
@@ -189,7 +201,30 @@ def point_blocks(
             path=path,
             cure="Convert it to points first: `trueterrain convert`.",
         )
-    yield from module.blocks(path, bounds=bounds, size=size)
+    yield from module.blocks(path, bounds=bounds, size=size, crs=crs)
+
+
+def kind_of_file(path: str | Path) -> str:
+    """Kind of data in a file, by its first bytes.
+
+    Parameters
+    ----------
+    path : str or Path
+        File of any known format.
+
+    Returns
+    -------
+    str
+        ``"points"``, ``"surface"``, ``"profile"``, or ``"path"`` (a table without heights).
+
+    Raises
+    ------
+    FormatError
+        If the format is unknown.
+    """
+    kinds = {"opencrg": "surface", "geotiff": "surface", "las": "points", "erd": "profile"}
+    module = recognise(path).module
+    return kinds[module] if module in kinds else str(_module(module).kind(path))
 
 
 def _module(name: str) -> ModuleType:

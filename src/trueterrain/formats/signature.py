@@ -15,7 +15,7 @@ class Format:
     """A file format that this package reads."""
 
     name: str
-    "Name for people: CRG, GeoTIFF, LAS, LAZ, COPC, ERD, CSV or Parquet."
+    "Name for people: OpenCRG, GeoTIFF, LAS, LAZ, COPC, ERD, CSV or Parquet."
 
     module: str
     "Module of `trueterrain.formats` that reads it."
@@ -27,7 +27,7 @@ class Format:
     "Whether the content is packed."
 
 
-CRG = Format(name="CRG", module="opencrg", endings=(".crg",))
+CRG = Format(name="OpenCRG", module="opencrg", endings=(".crg",))
 GEOTIFF = Format(name="GeoTIFF", module="geotiff", endings=(".tif", ".tiff"))
 LAS = Format(name="LAS", module="las", endings=(".las",))
 LAZ = Format(name="LAZ", module="las", endings=(".laz",), compressed=True)

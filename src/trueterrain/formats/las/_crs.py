@@ -6,6 +6,8 @@ from typing import Any
 import pyproj
 from pyproj.exceptions import CRSError
 
+from trueterrain.formats.crs import parse_crs
+
 _PROJECTION = "LASF_Projection"
 _WKT_RECORD, _GEOTIFF_RECORD = 2112, 34735
 
@@ -70,21 +72,12 @@ def reference_named(crs: str) -> Reference:
     ValueError
         If the name means nothing.
     """
-    return _reference(parse(crs), "", [])
-
-
-def parse(crs: str) -> pyproj.CRS:
-    """CRS by EPSG code or WKT; ValueError if it means nothing."""
-    try:
-        return pyproj.CRS.from_user_input(crs)
-    except CRSError:
-        message = f"crs must be an EPSG code such as EPSG:25832, or WKT, got {crs[:60]!r}."
-        raise ValueError(message) from None
+    return _reference(parse_crs(crs), "", [])
 
 
 def wkt_of(crs: str) -> str:
     """WKT for a LAS file: of version 1, as LAS 1.4 asks for, where that can express the CRS."""
-    parsed = parse(crs)
+    parsed = parse_crs(crs)
     try:
         return str(parsed.to_wkt("WKT1_GDAL"))
     except CRSError:

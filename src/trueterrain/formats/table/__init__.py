@@ -32,7 +32,7 @@ from trueterrain.formats.table._parquet import open_parquet, parquet_blocks
 from trueterrain.formats.table._text import Values, line_of_row, open_text, text_blocks
 from trueterrain.formats.table._write import write
 
-__all__ = ["blocks", "describe", "read", "read_waypoints", "write"]
+__all__ = ["blocks", "describe", "kind", "read", "read_waypoints", "write"]
 
 _BLOCK = 1_000_000  # rows at a time
 
@@ -67,6 +67,7 @@ def blocks(
     *,
     bounds: tuple[float, float, float, float] | None = None,
     size: int = _BLOCK,
+    crs: str | None = None,
 ) -> Iterator[xr.Dataset]:
     """Points of a table block by block, never the whole file at once.
 
@@ -78,6 +79,8 @@ def blocks(
         Smallest easting and northing, largest easting and northing [m]; edges are inside.
     size : int
         Largest number of points in a block.
+    crs : str, optional
+        EPSG code or WKT to take instead of what the file says.
 
     Yields
     ------
@@ -97,8 +100,9 @@ def blocks(
             place="header",
             cure="Name the columns easting, northing, up.",
         )
+    attrs = source.attrs if crs is None else source.attrs | {"crs": crs}
     for values in source.blocks(size):
-        points = build_points(values).assign_attrs(source.attrs)
+        points = build_points(values).assign_attrs(attrs)
         if bounds is not None:
             points = _cut(points, bounds)
         if points.sizes["point"]:
@@ -136,6 +140,27 @@ def read_waypoints(path: str | Path) -> tuple[npt.NDArray[np.float64], npt.NDArr
     source = _open(Path(path), kind="path")
     named = {column.name: array for column, array in _concatenated(source).items()}
     return named["easting"].astype(float), named["northing"].astype(float)
+
+
+def kind(path: str | Path) -> str:
+    """Kind of data in a table, by its header alone.
+
+    Parameters
+    ----------
+    path : str or Path
+        Text or Parquet file.
+
+    Returns
+    -------
+    str
+        ``"points"``, ``"profile"`` or ``"path"``.
+
+    Raises
+    ------
+    FormatError
+        If columns are missing or the file is damaged.
+    """
+    return _open(Path(path)).layout.kind
 
 
 def describe(path: str | Path) -> dict[str, Any]:

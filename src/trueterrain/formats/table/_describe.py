@@ -21,8 +21,8 @@ def describe_profile(profile: xr.Dataset) -> dict[str, Any]:
     for name, height in zip(names, np.atleast_2d(profile.height.values), strict=True):
         problems += profile_doubts(name or "height", s, height)
         known = height[np.isfinite(height)]
-        lowest, highest = (known.min(), known.max()) if known.size else (np.nan, np.nan)
-        tracks.append({"name": name, "lowest": float(lowest), "highest": float(highest)})
+        low, high = (float(known.min()), float(known.max())) if known.size else (None, None)
+        tracks.append({"name": name, "lowest": low, "highest": high})
     summary: dict[str, Any] = {"count": s.size, "extent": {"s": [float(s[0]), float(s[-1])]}}
     steps = np.diff(s)
     if steps.size:

@@ -1,0 +1,197 @@
+"""The command ``trueterrain convert``: the same data in another format."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from trueterrain.cli._console import note, progress_bar
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from trueterrain.engine import Progress
+
+_SURFACES = (".crg", ".tif", ".tiff")
+_PROFILES = (".erd",)
+_CLOUDS = (".laz", ".las")
+_TABLES = (".csv", ".parquet")
+_KNOWN = (*_SURFACES, *_PROFILES, *_CLOUDS, *_TABLES)
+
+
+def convert(
+    source: Annotated[Path, Parameter(name="INPUT")],
+    /,
+    *,
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    units: Literal["m", "mm", "ft", "in"] | None = None,
+    crs: str | None = None,
+    scale: float | None = None,
+    force: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Convert surfaces, points and profiles between file formats.
+
+    Surfaces become surfaces (.crg, .tif) or points (.laz, .las, .csv, .parquet: the nodes), points
+    become points, profiles become profiles (.erd, .csv, .parquet). Points of any number are
+    converted block by block.
+
+    Example: trueterrain convert belgian_block.crg -o belgian_block.laz
+
+    Parameters
+    ----------
+    source
+        OpenCRG, GeoTIFF, LAS, LAZ, COPC, ERD, CSV or Parquet file; recognised by its content.
+    output
+        File to write; the format is that of its ending.
+    units
+        Unit of the heights in an ERD file; by default m.
+    crs
+        Coordinate reference system of the input, e.g. EPSG:25832, if its file does not say or is
+        wrong. Nothing is transformed.
+    scale
+        Step that coordinates are rounded to in LAS and LAZ files [m]; by default 0.0001.
+    force
+        Replace the output if it exists.
+    """
+    from trueterrain import formats
+    from trueterrain.engine import require_writable
+    from trueterrain.formats.crs import parse_crs
+
+    ending = output.suffix.lower()
+    kind = formats.kind_of_file(source)
+    _check_possible(source, kind, output, ending)
+    options = _options(ending, units, scale)
+    if crs is not None:
+        parse_crs(crs)
+    require_writable(output, force=force)
+    if output.exists() and output.samefile(source):
+        message = f"{output}: is the input as well; choose another name."
+        raise ValueError(message)
+
+    def write(data: Any) -> Any:
+        return formats.write(data, output, force=force, **options)
+
+    if kind == "points":
+        _convert_points(source, output, crs, write)
+        return
+    data = formats.open(source)
+    data = data if crs is None else data.assign_attrs(crs=crs)
+    if kind == "profile":
+        _convert_profile(data, output, write)
+    elif ending in _SURFACES:
+        _convert_surface(data, output, write)
+    else:
+        from trueterrain.surface.evaluate import surface_to_points
+
+        points = surface_to_points(data)
+        write(points)
+        missing = int(data.height.size) - points.sizes["point"]
+        without = f", {missing:,} nodes without height left out" if missing else ""
+        note(f"{output}: {points.sizes['point']:,} points{without}")
+        _note_lost(points, output)
+
+
+def _convert_points(
+    source: Path, output: Path, crs: str | None, write: Callable[[Any], Any]
+) -> None:
+    from trueterrain import formats
+
+    with progress_bar() as progress:
+        counted = _Counted(formats.point_blocks(source, crs=crs), progress)
+        write(iter(counted))
+    note(f"{output}: {counted.points:,} points")
+    if counted.last is not None:
+        _note_lost(counted.last, output)
+
+
+def _convert_profile(profile: "xr.Dataset", output: Path, write: Callable[[Any], Any]) -> None:
+    write(profile)
+    tracks = profile.sizes.get("track", 1)
+    several = f" of {tracks} tracks" if tracks > 1 else ""
+    s = profile.s.values
+    note(f"{output}: {s.size:,} samples{several} from {s[0]:g} to {s[-1]:g} m")
+    _note_lost(profile, output)
+
+
+def _convert_surface(surface: "xr.Dataset", output: Path, write: Callable[[Any], Any]) -> None:
+    written = write(surface)
+    rows, columns = surface.height.shape
+    text = f"{output}: {rows:,} x {columns:,} nodes"
+    filled = int(getattr(written, "attrs", {}).get("filled", 0))
+    if filled:
+        text += f"; nodes filled between heights, as the format allows no holes: {filled:,}"
+    note(text)
+    _note_lost(surface, output)
+
+
+class _Counted:
+    """Counts the points that pass and shows them."""
+
+    def __init__(self, blocks: "Iterator[xr.Dataset]", progress: "Progress") -> None:
+        self._blocks = blocks
+        self._progress = progress
+        self.points = 0
+        self.last: xr.Dataset | None = None
+
+    def __iter__(self) -> "Iterator[xr.Dataset]":
+        for block in self._blocks:
+            yield block
+            self.points += block.sizes["point"]
+            self.last = block
+            self._progress(f"{self.points:,} points", 0, None)
+
+
+def _check_possible(source: Path, kind: str, output: Path, ending: str) -> None:
+    if ending not in _KNOWN:
+        message = f"{output}: the name must end with {', '.join(_KNOWN)}, got {ending!r}."
+        raise ValueError(message)
+    possible = {
+        "surface": (*_SURFACES, *_CLOUDS, *_TABLES),
+        "points": (*_CLOUDS, *_TABLES),
+        "profile": (*_PROFILES, *_TABLES),
+        "path": (),
+    }
+    if ending in possible[kind]:
+        return
+    named = {"points": "holds points", "path": "is a path without heights"}.get(
+        kind, f"is a {kind}"
+    )
+    if ending in _PROFILES and kind != "path":
+        cure = f"Extract a profile: trueterrain profile {source} ... -o {output}"
+    elif kind == "points":
+        cure = f"Points can become {', '.join(possible[kind])}; they are not gridded here."
+    elif kind == "profile":
+        cure = f"A profile can become {', '.join(possible[kind])}; it has no width."
+    else:
+        cure = "Use it as a path: trueterrain profile SURFACE --path FILE"
+    message = f"{source}: {named}, which cannot become {ending}. {cure}"
+    raise ValueError(message)
+
+
+def _options(ending: str, units: str | None, scale: float | None) -> dict[str, Any]:
+    options: dict[str, Any] = {}
+    if units is not None:
+        if ending not in _PROFILES:
+            message = f"--units is for ERD output (.erd), got {ending}; other formats are in m."
+            raise ValueError(message)
+        options["units"] = units
+    if scale is not None:
+        if ending not in _CLOUDS:
+            message = f"--scale is for LAS and LAZ output, got {ending}."
+            raise ValueError(message)
+        options["scale"] = scale
+    return options
+
+
+def _note_lost(data: "xr.Dataset", output: Path) -> None:
+    """Say what the format of the output cannot hold."""
+    kept = {
+        ".erd": ("height",),
+        ".crg": ("height", "easting", "northing", "heading", "elevation", "banking", "filled"),
+    }.get(output.suffix.lower())
+    lost = [str(name) for name in data.data_vars if kept is not None and name not in kept]
+    if data.attrs.get("crs") and output.suffix.lower() in (".csv", ".erd"):
+        lost.append("CRS")
+    if lost:
+        note(f"{output}: not kept, since the format cannot hold it: {', '.join(lost)}")

@@ -1,0 +1,174 @@
+"""The command ``trueterrain info``: what a file is, and what is wrong with it."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from trueterrain.cli._console import out, out_json
+from trueterrain.errors import FormatError, TrueTerrainError
+
+# units of numbers in a summary
+_UNITS = {
+    "spacing": "m",
+    "scale": "m",
+    "offset": "m",
+    "resolution": "m",
+    "density": "points/m²",
+    "curvature": "1/m",
+}
+_TITLES = {
+    "crs": "CRS",
+    "point_format": "point format",
+    "point_source_ids": "point source ids",
+    "number_format": "number format",
+    "missing": "without height",
+}
+_APART = ("file", "bytes", "format", "kind", "problems", "crs_name", "comment", "error")
+_LONG = 8  # entries of a list that are shown
+_WIDTH = 100  # characters of a text that are shown
+
+
+def info(file: Path, /, *more: Path, json: Annotated[bool, Parameter(negative="")] = False) -> None:
+    """Say what files are: kind, counts, extent, CRS, time, and what is wrong with them.
+
+    Files are recognised by their content. All files are looked at; the exit code is 2 if one of
+    them cannot be read.
+
+    Example: trueterrain info *.laz --json
+
+    Parameters
+    ----------
+    file
+        OpenCRG, GeoTIFF, LAS, LAZ, COPC, ERD, CSV or Parquet file.
+    more
+        More files.
+    json
+        Print one JSON document {"files": [{"file", "bytes", "format", "kind", ..., "problems"}]};
+        of a file that cannot be read {"file", "error"}. Lengths are in m, times in s.
+    """
+    summaries, errors = [], []
+    for path in (file, *more):
+        try:
+            summaries.append(_summary(path))
+        except (TrueTerrainError, OSError) as error:
+            errors.append(error)
+            summaries.append({"file": str(path), "error": _in_words(error)})
+    if json:
+        out_json({"files": summaries})
+    elif more or not errors:
+        for number, summary in enumerate(summaries):
+            if number:
+                out()
+            _show(summary)
+    if len(errors) > 1:
+        count = f"{len(errors)} of {len(summaries)} files"
+        raise FormatError(f"{count} cannot be read; the first: {_in_words(errors[0])}")
+    if errors:
+        raise errors[0]
+
+
+def _summary(path: Path) -> dict[str, Any]:
+    from trueterrain import formats
+
+    return formats.info(path)
+
+
+def _in_words(error: Exception) -> str:
+    if isinstance(error, OSError) and error.filename is not None:
+        return f"{error.filename}: {error.strerror}."
+    return " ".join(str(error).split())
+
+
+def _show(summary: dict[str, Any]) -> None:
+    out(summary["file"])
+    rows = list(_rows(summary))
+    width = max(len(title) for title, _ in rows)
+    for title, text in rows:
+        out(f"  {title:<{width}}  {text}")
+
+
+def _rows(summary: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    if "error" in summary:
+        yield "unreadable", summary["error"].removeprefix(f"{summary['file']}: ")
+        return
+    yield "format", f"{summary['format']}, {summary['kind']}, {summary['bytes']:,} bytes"
+    for key, value in summary.items():
+        if key in _APART or value is None or value in ("", [], {}):
+            continue
+        if key in ("extent", "range"):
+            for axis, (low, high) in value.items():
+                # "range" holds the axes of the surface, "extent" what it covers on the ground
+                yield axis, f"{_number(low)} to {_number(high)} m ({_number(high - low)} m)"
+        elif key == "tracks":
+            yield from _tracks(value)
+        elif key == "time":
+            yield "time", _time(value)
+        else:
+            yield _TITLES.get(key, key.replace("_", " ")), _value(key, value, summary)
+    if summary["kind"] in ("points", "surface") and not summary["crs"]:
+        yield "CRS", "unknown"
+    problems = summary["problems"]
+    yield "problems", problems[0] if problems else "no problems found"
+    for problem in problems[1:]:
+        yield "", problem
+
+
+def _tracks(tracks: list[dict[str, Any]]) -> Iterator[tuple[str, str]]:
+    for track in tracks:
+        low, high = track["lowest"], track["highest"]
+        heights = "no heights" if low is None else f"heights {_number(low)} to {_number(high)} m"
+        yield "track", f"{track['name']}: {heights}" if track["name"] else heights
+
+
+def _time(time: dict[str, Any]) -> str:
+    start, end = time["start"], time["end"]
+    text = f"{start:.3f} to {end:.3f} s ({_number(end - start)} s), {time['kind']}"
+    return f"{text}, {time['first']} to {time['last']}" if "first" in time else text
+
+
+def _value(key: str, value: Any, summary: dict[str, Any]) -> str:
+    unit = f" {_UNITS[key]}" if key in _UNITS else ""
+    if key == "crs":
+        name = summary.get("crs_name", "")
+        return _cut(f"{value} ({name})" if name and not value.startswith("PROJ") else name or value)
+    if key == "missing":
+        return f"{value:.1%} of the nodes"
+    if key == "size":
+        return " x ".join(f"{number:,}" for number in value)
+    if isinstance(value, dict):
+        texts = [f"{name} {_plain(item)}{unit}" for name, item in value.items() if item is not None]
+        return _cut("; ".join(_shortened(texts)))
+    if isinstance(value, list) and key in ("spacing", "curvature", "resolution"):
+        return " to ".join(_plain(item) for item in value) + unit
+    if isinstance(value, list):
+        texts = [_plain(item) for item in value]
+        texts = texts[:1] if len(set(texts)) == 1 and unit else texts
+        return ", ".join(_shortened(texts)) + unit
+    return _cut(_plain(value)) + unit
+
+
+def _shortened(texts: list[str]) -> list[str]:
+    if len(texts) <= _LONG:
+        return texts
+    return [*texts[:_LONG], f"and {len(texts) - _LONG} more"]
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return " ".join(str(value).split())
+    return _number(value)
+
+
+def _number(value: float) -> str:
+    """Whole numbers with separators, others to the tenth of a millimetre or 6 digits."""
+    if isinstance(value, int):
+        return f"{value:,}"
+    if abs(value) < 1:
+        return f"{value:.6g}"
+    return f"{value:.4f}".rstrip("0").rstrip(".")
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= _WIDTH else text[: _WIDTH - 4] + " ..."

@@ -1,0 +1,175 @@
+"""The command convert: between formats of a kind, surfaces to points, and what is impossible."""
+
+import laspy
+import numpy as np
+import numpy.testing as npt
+import pytest
+
+from trueterrain import formats
+from trueterrain.kinds import make_points, make_profile, make_surface
+
+HALF_STEP = {"rtol": 0, "atol": 0.5e-4 + 1e-9}  # [m] LAS is written in steps of 0.1 mm
+ERD_STEP = {"rtol": 0, "atol": 1e-9}  # [m] heights in ERD files
+FLOAT32 = {"rtol": 0, "atol": 1e-6}  # [m] heights below 8 m in CRG files
+
+
+@pytest.fixture
+def profile(tmp_path):
+    rng = np.random.default_rng(1)
+    s = 0.05 * np.arange(200)
+    data = make_profile(s, rng.normal(0, 0.01, s.size), easting=s, northing=0 * s)
+    formats.write(data, tmp_path / "profile.csv")
+    return tmp_path / "profile.csv"
+
+
+@pytest.fixture
+def road(tmp_path):
+    u, v = 0.1 * np.arange(41), 0.1 * np.arange(-5, 6)
+    height = 2 + 0.01 * u[:, None] + 0.02 * v
+    height[:3, 0] = np.nan
+    surface = make_surface(height, u=u, v=v, easting=100 + u, northing=200 + 0 * u)
+    formats.write(surface, tmp_path / "road.crg")
+    return tmp_path / "road.crg"
+
+
+def refused(finished, *parts):
+    assert finished.code == 2
+    assert finished.out == ""
+    assert finished.err.count("\n") == 1, finished.err
+    for part in parts:
+        assert str(part) in finished.err, finished.err
+
+
+@pytest.mark.parametrize("units", ["m", "mm", "ft", "in"])
+def test_profile_to_erd_and_back(run, profile, tmp_path, units):
+    finished = run("convert", profile, "-o", tmp_path / "p.erd", "--units", units)
+    assert finished.code == 0, finished.err
+    assert "200 samples from 0 to 9.95 m" in finished.err
+    assert "not kept, since the format cannot hold it: easting, northing" in finished.err
+    assert run("convert", tmp_path / "p.erd", "-o", tmp_path / "back.csv").code == 0
+    before, after = formats.open(profile), formats.open(tmp_path / "back.csv")
+    npt.assert_allclose(after.height, before.height, **ERD_STEP)
+    npt.assert_allclose(after.s, before.s, **ERD_STEP)
+
+
+def test_surface_to_points_in_every_format(run, road, tmp_path):
+    surface = formats.open(road)
+    count = int(np.isfinite(surface.height).sum())
+    for ending in ("laz", "las", "csv", "parquet"):
+        output = tmp_path / f"p.{ending}"
+        finished = run("convert", road, "-o", output, "--crs", "EPSG:25832")
+        assert finished.code == 0, finished.err
+        assert f"{count:,} points, 3 nodes without height left out" in finished.err
+        points = formats.open(output)
+        assert points.sizes["point"] == count
+        # a straight road along easting: the nodes are where u and v say
+        plane = 2 + 0.01 * (points.easting - 100) + 0.02 * (points.northing - 200)
+        npt.assert_allclose(points.up, plane, **HALF_STEP)
+    assert laspy.read(tmp_path / "p.laz").header.parse_crs().to_epsg() == 25832
+    assert "not kept, since the format cannot hold it: CRS" in run(
+        "convert", road, "-o", tmp_path / "q.csv", "--crs", "EPSG:25832"
+    ).err  # fmt: skip
+
+
+def test_real_road_to_laz(run, data, tmp_path):
+    source = data / "opencrg" / "asam" / "belgian_block.crg"
+    assert run("convert", source, "-o", tmp_path / "p.laz").code == 0
+    surface = formats.open(source)
+    witness = laspy.read(tmp_path / "p.laz")
+    heights = np.asarray(surface.height)
+    assert len(witness.z) == np.isfinite(heights).sum()
+    npt.assert_allclose(np.asarray(witness.z), heights[np.isfinite(heights)], **HALF_STEP)
+
+
+def test_surface_to_surface(run, tmp_path):
+    u, v = 0.1 * np.arange(11), 0.1 * np.arange(-2, 3)
+    plane = 1 + 0.1 * u[:, None] + 0.2 * v
+    formats.write(make_surface(plane, u=u, v=v, easting=u, northing=0 * u), tmp_path / "full.crg")
+    finished = run("convert", tmp_path / "full.crg", "-o", tmp_path / "again.crg")
+    assert finished.code == 0
+    assert finished.err == f"{tmp_path / 'again.crg'}: 11 x 5 nodes\n"
+    before, after = formats.open(tmp_path / "full.crg"), formats.open(tmp_path / "again.crg")
+    npt.assert_allclose(after.height, before.height, **FLOAT32)
+
+
+def test_holes_of_a_map_are_filled_on_the_way_to_crg(run, tmp_path):
+    pytest.importorskip("rasterio")
+    geotiff = pytest.importorskip("trueterrain.formats.geotiff")
+    axis = 0.1 * np.arange(8)
+    height = 1 + 0.1 * axis[:, None] + 0.2 * axis
+    height[3, 4] = np.nan
+    geotiff.write(make_surface(height, easting=axis, northing=axis), tmp_path / "map.tif")
+    finished = run("convert", tmp_path / "map.tif", "-o", tmp_path / "map.crg")
+    assert finished.code == 0, finished.err
+    assert "nodes filled between heights, as the format allows no holes: 1" in finished.err
+
+
+def test_points_to_points(run, data, tmp_path):
+    strip = data / "scanning" / "strips" / "las_with_origin_dsmMarker.laz"
+    assert "67,826 points" in run("convert", strip, "-o", tmp_path / "p.parquet").err
+    assert run("convert", tmp_path / "p.parquet", "-o", tmp_path / "p.laz").code == 0
+    before, after = formats.open(strip), formats.open(tmp_path / "p.laz")
+    for name in before.data_vars:
+        npt.assert_allclose(after[name], before[name], **HALF_STEP)
+    assert after.attrs["crs"] == "EPSG:2154"
+    assert after.attrs["gps_time_kind"] == "adjusted standard"
+
+
+def test_crs_of_the_user_makes_a_file_readable(run, data, tmp_path):
+    source = data / "scanning" / "georeference" / "leeward" / "points_ecef.las"
+    refused(run("convert", source, "-o", tmp_path / "p.laz"), source, "geocentric", "--crs")
+    assert run("convert", source, "-o", tmp_path / "p.laz", "--crs", "EPSG:32611").code == 0
+    assert formats.open(tmp_path / "p.laz").attrs["crs"] == "EPSG:32611"
+
+
+def test_scale(run, tmp_path):
+    formats.write(make_points([0, 1e6], [0, 0], [0, 0]), tmp_path / "far.csv")
+    refused(run("convert", tmp_path / "far.csv", "-o", tmp_path / "p.laz"), "scale")
+    assert (
+        run("convert", tmp_path / "far.csv", "-o", tmp_path / "p.laz", "--scale", 0.001).code == 0
+    )
+
+
+def test_what_is_impossible_says_why(run, profile, road, tmp_path):
+    formats.write(make_points([0], [0], [0]), tmp_path / "points.csv")
+    (tmp_path / "path.csv").write_text("x,y\n0,0\n1,1\n")
+    points, path = tmp_path / "points.csv", tmp_path / "path.csv"
+    for source, ending, part in [
+        (profile, ".crg", "is a profile, which cannot become .crg"),
+        (profile, ".laz", "it has no width"),
+        (points, ".crg", "not gridded here"),
+        (points, ".erd", "trueterrain profile"),
+        (road, ".erd", "trueterrain profile"),
+        (road, ".xyz", "must end with"),
+        (path, ".csv", "is a path without heights"),
+    ]:
+        refused(run("convert", source, "-o", tmp_path / f"new{ending}"), part)
+    assert not list(tmp_path.glob("new*"))
+
+
+def test_bad_arguments(run, profile, road, tmp_path):
+    out = tmp_path / "new.csv"
+    refused(run("convert", profile, "-o", out, "--units", "mm"), "--units is for ERD output")
+    refused(run("convert", profile, "-o", out, "--units", "cm"), "units", "cm")
+    refused(run("convert", profile, "-o", out, "--scale", 0.1), "--scale is for LAS and LAZ")
+    refused(run("convert", profile, "-o", out, "--crs", "nowhere"), "EPSG:25832")
+    refused(run("convert", profile, "-o", profile, "--force"), "is the input as well")
+    refused(run("convert", profile, "-o", road), "cannot become .crg")
+    refused(run("convert", tmp_path / "none.csv", "-o", out), "none.csv")
+    refused(run("convert", profile, "-o", tmp_path / "no" / "p.csv"), "does not exist")
+    assert not out.exists()
+
+
+def test_nothing_is_overwritten_without_force(run, profile, tmp_path):
+    assert run("convert", profile, "-o", tmp_path / "p.erd").code == 0
+    refused(run("convert", profile, "-o", tmp_path / "p.erd"), "exists already", "--force")
+    assert run("convert", profile, "-o", tmp_path / "p.erd", "--force").code == 0
+
+
+def test_damage_leaves_no_output(run, data, tmp_path):
+    strip = (data / "scanning" / "strips" / "las_with_origin_dsmMarker.laz").read_bytes()
+    (tmp_path / "half.laz").write_bytes(strip[: len(strip) // 2])
+    refused(
+        run("convert", tmp_path / "half.laz", "-o", tmp_path / "p.csv"), "half.laz", "ends at byte"
+    )
+    assert [path.name for path in tmp_path.iterdir()] == ["half.laz"]
