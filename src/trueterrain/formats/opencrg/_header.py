@@ -9,9 +9,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO, Literal
 
-import numpy as np
-import numpy.typing as npt
-
 from trueterrain.errors import FormatError
 
 NumberFormat = Literal["KRBI", "KDBI", "LRFI", "LDFI"]
@@ -32,8 +29,8 @@ _CHANNELS = {
 _LONGEST_LINE = 72  # [characters]
 _LONGEST_TEXT = 4096  # [bytes] a line beyond it belongs to no header
 _MOST_STATIONS = 1e9
-_COINCIDE = 1e-6  # [m] columns that are nearer to each other are the same
-_LOST = "Export the file again, or restore the line in the header."
+#: Cure of a line that is missing from the header.
+LOST = "Export the file again, or restore the line in the header."
 
 
 @dataclass
@@ -87,7 +84,7 @@ def read_header(path: Path) -> Header:
             "no line #: names the format of the numbers (KRBI, KDBI, LRFI or LDFI)",
             path=path,
             place="section $KD_DEFINITION",
-            cure=_LOST,
+            cure=LOST,
         )
     _require_road(header)
     return header
@@ -103,7 +100,7 @@ def stations(header: Header) -> int | None:
             "REFERENCE_LINE_END_U is missing, so nobody can tell whether the data are whole",
             path=header.path,
             place="section $ROAD_CRG",
-            cure=_LOST,
+            cure=LOST,
         )
     steps = (end - header.start) / header.increment
     if not (0.5 < steps < _MOST_STATIONS and abs(steps - round(steps)) < 0.01):
@@ -115,101 +112,6 @@ def stations(header: Header) -> int | None:
             cure="Correct the header, or export the file again.",
         )
     return round(steps) + 1
-
-
-def section_offsets(header: Header) -> npt.NDArray[np.float64]:
-    """Offset v of each long section [m], in the order of the columns."""
-    kinds = {kind for kind, _ in header.sections}
-    if len(header.sections) < 2 or len(kinds) != 1:
-        found = "both kinds" if len(kinds) == 2 else f"{len(header.sections)}"
-        raise FormatError(
-            "must name at least 2 long sections, all by number or all by position, "
-            f"but it names {found}",
-            path=header.path,
-            place="section $KD_DEFINITION",
-            cure=_LOST,
-        )
-    values = np.array([value for _, value in header.sections])
-    right, left = (header.road.get(f"long_section_v_{side}") for side in ("right", "left"))
-    if (right is None) != (left is None):
-        raise FormatError(
-            f"LONG_SECTION_V_{'RIGHT' if right is None else 'LEFT'} is missing beside its partner",
-            path=header.path,
-            place="section $ROAD_CRG",
-            cure=_LOST,
-        )
-    if kinds == {"number"}:
-        return _numbered(header, values, right, left)
-    return _positioned(header, values, right, left)
-
-
-def _numbered(
-    header: Header, numbers: npt.NDArray[np.float64], right: float | None, left: float | None
-) -> npt.NDArray[np.float64]:
-    count = numbers.size
-    if sorted(numbers) != list(range(1, count + 1)):
-        raise FormatError(
-            f"the numbers of the {count} long sections must be 1 to {count}",
-            path=header.path,
-            place="section $KD_DEFINITION",
-            cure=_LOST,
-        )
-    increment = header.road.get("long_section_v_increment")
-    if increment is None or not increment > 0:
-        raise FormatError(
-            "LONG_SECTION_V_INCREMENT is missing, so the numbered long sections have no place",
-            path=header.path,
-            place="section $ROAD_CRG",
-            cure=_LOST,
-        )
-    if right is None or left is None:
-        right = -increment * (count - 1) / 2
-        header.problems.append(
-            "LONG_SECTION_V_RIGHT and _LEFT are missing: taken as symmetric, as the MATLAB library "
-            "does, but programs with the C library start at v = 0"
-        )
-    elif abs(right + increment * (count - 1) - left) > 0.01 * increment:
-        raise FormatError(
-            f"{count} long sections from {right:g} m to {left:g} m are not {increment:g} m apart",
-            path=header.path,
-            place="section $ROAD_CRG",
-            cure="Correct the header, or export the file again.",
-        )
-    return right + increment * (numbers - 1)
-
-
-def _positioned(
-    header: Header, positions: npt.NDArray[np.float64], right: float | None, left: float | None
-) -> npt.NDArray[np.float64]:
-    ascending = np.sort(positions)
-    if (np.diff(ascending) < _COINCIDE).any():
-        at = ascending[1:][np.diff(ascending) < _COINCIDE][0]
-        raise FormatError(
-            f"two long sections lie at v = {at:g} m",
-            path=header.path,
-            place="section $KD_DEFINITION",
-            cure=_LOST,
-        )
-    if right is None or left is None:
-        banked = any(header.road.get(f"reference_line_{end}_b") for end in ("start", "end"))
-        if banked or "banking" in header.channels:
-            raise FormatError(
-                "LONG_SECTION_V_RIGHT and _LEFT are missing, and without them programs with the C "
-                "library drop the banking",
-                path=header.path,
-                place="section $ROAD_CRG",
-                cure=_LOST,
-            )
-        header.problems.append("LONG_SECTION_V_RIGHT and _LEFT are missing")
-    elif max(abs(ascending[0] - right), abs(ascending[-1] - left)) > 1e-3:
-        raise FormatError(
-            f"long sections from {ascending[0]:g} m to {ascending[-1]:g} m do not reach from "
-            f"LONG_SECTION_V_RIGHT ({right:g} m) to _LEFT ({left:g} m)",
-            path=header.path,
-            place="section $ROAD_CRG",
-            cure="Correct the header, or export the file again.",
-        )
-    return positions
 
 
 def _require_signature(stream: BinaryIO, path: Path) -> None:
@@ -444,7 +346,7 @@ def _require_road(header: Header) -> None:
             f"REFERENCE_LINE_INCREMENT {problem}",
             path=header.path,
             place="section $ROAD_CRG",
-            cure=_LOST,
+            cure=LOST,
         )
     for end in ("start", "end"):
         x, y = (f"reference_line_{end}_{axis}" for axis in "xy")
@@ -454,12 +356,12 @@ def _require_road(header: Header) -> None:
                 f"{present.upper()} stands without {absent.upper()}",
                 path=header.path,
                 place="section $ROAD_CRG",
-                cure=_LOST,
+                cure=LOST,
             )
     if "reference_line_end_x" in header.road and "reference_line_start_x" not in header.road:
         raise FormatError(
             "REFERENCE_LINE_END_X stands without REFERENCE_LINE_START_X",
             path=header.path,
             place="section $ROAD_CRG",
-            cure=_LOST,
+            cure=LOST,
         )

@@ -13,7 +13,8 @@ import xarray as xr
 from trueterrain import provenance
 from trueterrain.errors import FormatError
 from trueterrain.formats.opencrg import _rules
-from trueterrain.formats.opencrg._header import Header, read_header, section_offsets
+from trueterrain.formats.opencrg._header import Header, read_header
+from trueterrain.formats.opencrg._offsets import section_offsets
 from trueterrain.formats.opencrg._payload import read_columns
 from trueterrain.kinds import check_surface, make_surface
 
