@@ -28,7 +28,7 @@ _CHANNELS = {
 }
 _LONGEST_LINE = 72  # [characters]
 _LONGEST_TEXT = 4096  # [bytes] a line beyond it belongs to no header
-_MOST_STATIONS = 1e9
+_MOST_STATIONS = 1e9  # a count beyond it is damage
 #: Cure of a line that is missing from the header.
 LOST = "Export the file again, or restore the line in the header."
 

@@ -1,7 +1,7 @@
 """Where the long sections of an OpenCRG file lie across the road.
 
 They are named by position, or numbered from the right edge and spaced equally. The MATLAB library
-and the C library derive what the header leaves out in different ways; where that matters, reading is
+and the C library derive what the header leaves out in different ways; where that matters, it is
 an error.
 """
 
