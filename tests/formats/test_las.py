@@ -16,6 +16,7 @@ from trueterrain import provenance
 from trueterrain.errors import CoverageError, FormatError, OutputError, SchemaError
 from trueterrain.formats import las
 from trueterrain.formats.las._duplicates import DuplicateCounter
+from trueterrain.formats.signature import recognise
 from trueterrain.kinds import make_points
 
 EXACT = {"rtol": 0, "atol": 0}  # the same integers, scaled in the same way
@@ -107,6 +108,19 @@ def test_time_kind_of_a_file_that_tells_the_truth(data):
     points = las.read(data / "scanning" / "georeference" / "leeward" / "points.las")
     assert points.attrs["gps_time_kind"] == "week seconds"
     assert points.attrs["crs"] == "EPSG:32611"  # named by its citation only
+
+
+def test_time_offset_of_las_1_5(tmp_path):
+    header = laspy.LasHeader(version="1.5", point_format=6)
+    header.global_encoding.gps_time_offset = True
+    header.gps_time_offset = 1400  # [1e6 s], so that times stay small
+    content = laspy.LasData(header)
+    content.x, content.y, content.z = [0.0, 1.0], [0.0, 1.0], [0.0, 1.0]
+    content.gps_time = [0.5, 1.5]
+    content.write(tmp_path / "p.las")
+    points = las.read(tmp_path / "p.las")
+    npt.assert_allclose(points.time, [400_000_000.5, 400_000_001.5], rtol=0, atol=1e-6)
+    assert points.attrs["gps_time_kind"] == "adjusted standard"
 
 
 @pytest.mark.parametrize("arguments", [{"bounds": (1, 0, 0, 1)}, {"size": 0}, {"crs": "EPSG:none"}])
@@ -572,7 +586,7 @@ def test_copc_is_read_whole(copc):
     truth = cloud(6000)
     npt.assert_array_equal(again["time"], truth.time)
     npt.assert_allclose(again["easting"], truth.easting, **HALF_STEP)
-    assert las.describe(copc)["format"] == "COPC"
+    assert las.describe(copc)["format"] == recognise(copc).name == "COPC"
     assert las.read(copc).attrs["crs"] == "EPSG:25832"
 
 

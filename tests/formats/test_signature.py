@@ -130,7 +130,7 @@ def test_points_block_by_block(tmp_path, points, profile):
         inside = list(formats.point_blocks(tmp_path / name, bounds=(0.5, 0.5, 2, 2)))
         assert sum(block.sizes["point"] for block in inside) == 2
     formats.write(profile, tmp_path / "p.erd")
-    with pytest.raises(FormatError, match="holds no points, it is a ERD file"):
+    with pytest.raises(FormatError, match="holds no points, its format is ERD"):
         list(formats.point_blocks(tmp_path / "p.erd"))
 
 

@@ -138,7 +138,9 @@ def _value(key: str, value: Any, summary: dict[str, Any]) -> str:
     if key == "size":
         return " x ".join(f"{number:,}" for number in value)
     if isinstance(value, dict):
-        texts = [f"{name} {_plain(item)}{unit}" for name, item in value.items() if item is not None]
+        texts = [
+            f"{name}: {_plain(item)}{unit}" for name, item in value.items() if item is not None
+        ]
         return _cut("; ".join(_shortened(texts)))
     if isinstance(value, list) and key in ("spacing", "curvature", "resolution"):
         return " to ".join(_plain(item) for item in value) + unit

@@ -197,7 +197,7 @@ def point_blocks(
     module = _module(found.module)
     if not hasattr(module, "blocks"):
         raise FormatError(
-            f"holds no points, it is a {found.name} file",
+            f"holds no points, its format is {found.name}",
             path=path,
             cure="Convert it to points first: `trueterrain convert`.",
         )

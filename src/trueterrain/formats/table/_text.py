@@ -68,6 +68,7 @@ def text_blocks(table: TextTable, size: int | None = None) -> Iterator[Values]:
     # all columns are read, since pandas overlooks surplus fields when told to use some only
     numbers = {column.index for column in columns if column.name != "track"}
     dtypes = {i: float if i in numbers else str for i in range(table.fields)}
+    explained = False
     try:
         reader = pd.read_csv(
             table.path,
@@ -87,8 +88,9 @@ def text_blocks(table: TextTable, size: int | None = None) -> Iterator[Values]:
         with reader:
             for frame in reader:
                 values = {c: frame[c.index].to_numpy() for c in columns}
-                if _suspicious(values):
+                if not explained and _suspicious(values):
                     _explain(table)
+                    explained = True  # the whole file has been gone through
                 yield {
                     c: array.astype(str) if c.name == "track" else array * c.scale
                     for c, array in values.items()
