@@ -15,7 +15,8 @@ BAND = (
     0.15  # [1] of the variance in a third octave: the lowest hold a hundred waves of random place
 )
 ESTIMATE = 0.15  # [1] of the variance in an octave of a road of 3.3 km: further scatter of Welch
-COHERENCE = 0.06  # [1] scatter of an estimate from sixteen segments
+COHERENCE = 0.03  # [1] of the waves themselves in a band of 0.25 decades: found up to 0.014
+ESTIMATED_COHERENCE = 0.05  # [1] scatter of an estimate from four roads of 3.3 km
 SPACING = 0.05  # [m]
 TRACK = 1.5  # [m] between left and right wheel
 
@@ -88,17 +89,34 @@ def test_variance_is_that_of_all_waves():
     )
 
 
-def test_tracks_cohere_as_the_isotropic_theory_says():
-    road = Road(road_class="C", seed=3)
-    left, right = road.height(x, TRACK), road.height(x, 0.0)
-    n, cross = csd(left, right, 1 / SPACING, nperseg=4096)
-    power = welch(left, 1 / SPACING, nperseg=4096)[1] + welch(right, 1 / SPACING, nperseg=4096)[1]
-    edges = np.geomspace(0.02, 1.0, 8)
-    for low, high in pairwise(edges):
-        band = (n >= low) & (n < high)
-        found = 2 * cross[band].real.sum() / power[band].sum()
-        theory = np.average(track_coherence(n[band], TRACK), weights=road.gd(n[band]))
+@pytest.mark.parametrize("seed", range(4))
+def test_waves_make_tracks_cohere_as_the_isotropic_theory_says(seed):
+    road = Road(road_class="C", seed=seed)
+    amplitude, kx, ky, _ = road._waves.T
+    cross = amplitude**2 * np.cos(2 * np.pi * ky * TRACK)
+    for low, high in pairwise(np.geomspace(0.02, 1.0, 8)):
+        band = (np.abs(kx) >= low) & (np.abs(kx) < high)
+        n = np.linspace(low, high, 100)
+        theory = np.average(track_coherence(n, TRACK), weights=road.gd(n))
+        found = cross[band].sum() / (amplitude[band] ** 2).sum()
         npt.assert_allclose(found, theory, rtol=0, atol=COHERENCE)
+
+
+def test_tracks_cohere_as_the_isotropic_theory_says():
+    edges = np.geomspace(0.02, 1.0, 8)
+    both, alone = np.zeros(7), np.zeros(7)
+    for seed in range(4):
+        road = Road(road_class="C", seed=seed)
+        left, right = road.height(x, TRACK), road.height(x, 0.0)
+        n, cross = csd(left, right, 1 / SPACING, nperseg=4096)
+        power = [welch(track, 1 / SPACING, nperseg=4096)[1] for track in (left, right)]
+        both += np.histogram(n, edges, weights=cross.real)[0]
+        alone += np.histogram(n, edges, weights=0.5 * (power[0] + power[1]))[0]
+    weight = np.histogram(n, edges, weights=road.gd(np.maximum(n, n[1])))[0]
+    theory = np.histogram(
+        n, edges, weights=track_coherence(n, TRACK) * road.gd(np.maximum(n, n[1]))
+    )
+    npt.assert_allclose(both / alone, theory[0] / weight, rtol=0, atol=ESTIMATED_COHERENCE)
 
 
 def test_track_coherence_is_the_integral_over_the_plane():

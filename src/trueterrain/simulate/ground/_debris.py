@@ -162,4 +162,4 @@ class Cracks(Ground):
         else:
             shape = (self.spacing, self.meander, self.share, self.width)
             opened = _kernels.alligator_cracks(self.seed, *shape, u, v)
-        return np.asarray(-self.depth * opened)
+        return np.asarray(0.0 - self.depth * opened)  # not -0.0 where there is no crack

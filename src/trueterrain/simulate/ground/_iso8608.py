@@ -80,8 +80,8 @@ class Road(Ground):
     direction: float = 0.0
     "Direction of the road where coherence is full, counter-clockwise from east [rad]."
     waves: int = 8192
-    """Number of plane waves. At the frequency n their lines in the spectrum stand about
-    ``2 sqrt(n highest) / waves`` apart; average a spectrum of a finer resolution over bands."""
+    """Number of plane waves. By default their lines in the spectrum stand about 0.001 1/m apart at
+    1 1/m and 0.004 1/m at 10 1/m; average a spectrum of a finer resolution over bands."""
     seed: int = 0
     "Seed of all that is random."
 
@@ -141,9 +141,9 @@ class Road(Ground):
     def _waves(self) -> Floats:
         """Amplitude [m], wave vector [1/m, 1/m] and phase [turns] of each wave."""
         number = int(self.waves)
-        # Steps in the root of the frequency serve octaves of long waves and the fine resolution
-        # that a long road has for short ones alike.
-        edges = np.linspace(math.sqrt(self.lowest), math.sqrt(self.highest), number + 1) ** 2
+        # Even steps in the fourth root of the frequency serve the octaves of the long waves and
+        # the fine resolution that a long road has for the short ones alike.
+        edges = np.linspace(self.lowest**0.25, self.highest**0.25, number + 1) ** 4
         edges[[0, -1]] = self.lowest, self.highest
         place = _kernels.uniform_numbers(self.seed, _RING, number)
         k = edges[:-1] + place * np.diff(edges)

@@ -97,9 +97,16 @@ def _mix(z: np.uint64) -> np.uint64:
 
 
 @_kernel
+def _key(seed: int) -> np.uint64:
+    """What the functions below take as their seed: neighbouring seeds far apart."""
+    return _mix(np.uint64(seed) + _GOLDEN)
+
+
+@_kernel
 def _hash(seed: np.uint64, salt: int, i: int, j: int) -> np.uint64:
-    key = _mix(seed + np.uint64(salt) * _GOLDEN)
-    return _mix(key + np.uint64(i) * _APART_I + np.uint64(j) * _APART_J)
+    return _mix(
+        seed + np.uint64(salt) * _GOLDEN + np.uint64(i) * _APART_I + np.uint64(j) * _APART_J
+    )
 
 
 @_kernel
@@ -151,9 +158,10 @@ def _noise(seed: np.uint64, salt: int, x: float, y: float) -> float:
 @_kernel
 def uniform_numbers(seed: int, salt: int, number: int) -> Floats:
     """Numbers in [0, 1): element i depends on seed, salt and i alone."""
+    key = _key(seed)
     out = np.empty(number)
     for i in range(number):
-        out[i] = _unit(np.uint64(seed), salt, i, 0)
+        out[i] = _unit(key, salt, i, 0)
     return out
 
 
@@ -328,9 +336,10 @@ def _paved(seed: np.uint64, p: Paving, u: float, v: float) -> float:
 @_parallel_kernel
 def belgian_block(seed: int, paving: Paving, u: Floats, v: Floats) -> Floats:
     """Height [m] of a Belgian block pavement at u along and v across the road."""
+    key = _key(seed)
     out = np.empty(u.size)
     for n in prange(u.size):
-        out[n] = _paved(np.uint64(seed), paving, u[n], v[n])
+        out[n] = _paved(key, paving, u[n], v[n])
     return out
 
 
@@ -379,7 +388,7 @@ def stones(
     seed: int, cell: float, smallest: float, largest: float, ratio: float, x: Floats, y: Floats
 ) -> Floats:
     """Height [m] of half-ellipsoids, one wholly within each square cell."""
-    key = np.uint64(seed)
+    key = _key(seed)
     out = np.zeros(x.size)
     for n in prange(x.size):
         i, j = math.floor(x[n] / cell), math.floor(y[n] / cell)
@@ -427,7 +436,7 @@ def transverse_cracks(
     v: Floats,
 ) -> Floats:
     """Depth of the cracks as a share of the full depth; u along and v across the road [m]."""
-    key = np.uint64(seed)
+    key = _key(seed)
     out = np.zeros(u.size)
     for n in prange(u.size):
         middle = math.floor(u[n] / spacing)
@@ -479,7 +488,7 @@ def alligator_cracks(
     seed: int, spacing: float, meander: float, share: float, width: float, x: Floats, y: Floats
 ) -> Floats:
     """Depth of the cracks as a share of the full depth."""
-    key = np.uint64(seed)
+    key = _key(seed)
     out = np.zeros(x.size)
     for n in prange(x.size):
         a, b = x[n] / spacing, y[n] / spacing
