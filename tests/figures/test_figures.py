@@ -293,6 +293,16 @@ def test_a_difference_adds_independent_standard_deviations():
     boxes_apart(ax)
 
 
+def test_differences_of_several_profiles_are_named():
+    s = np.arange(4.0)
+    level = make_profile(s, 0 * s)
+    ax = figures.profile_difference({"a": make_profile(s, s), "b": level}, level)
+    npt.assert_array_equal(ax.lines[1].get_ydata(), s)
+    npt.assert_array_equal(ax.lines[2].get_ydata(), 0 * s)
+    assert legend_texts(ax) == [f"a, RMS {1000 * np.sqrt(14 / 4):.2f} mm", "b, RMS 0.00 mm"]
+    assert ax.lines[1].get_color() != ax.lines[2].get_color()
+
+
 def test_an_unlimited_standard_deviation_leaves_the_limits_alone():
     s = np.arange(3.0)
     vague = make_profile(s, [0.0, 0.001, 0.0], sd=[0.001, np.inf, 0.001])

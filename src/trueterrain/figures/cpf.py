@@ -127,7 +127,7 @@ def _mark(
     )
     height, sd = (float(values[0]) for values in statistic.estimate(alone))
     known = np.isfinite(sd)
-    value = f"{(height - scale.base) * scale.factor:.1f}"
+    value = f"{(height - scale.base) * scale.factor:.1f}".replace("-", _canvas.MINUS)
     spread = f" ± {sd * scale.factor:.1f}" if known else ""
     label = f"{statistic_name(statistic)} {value}{spread} {scale.unit}"
     if isinstance(statistic, SteepestCpf):

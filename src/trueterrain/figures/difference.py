@@ -1,5 +1,6 @@
-"""How far a profile lies above another one."""
+"""How far profiles lie above another one."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,15 +17,20 @@ _SAME_STATION = 1e-6  # [m] stations that differ by less are the same
 
 
 def profile_difference(
-    profile: xr.Dataset, reference: xr.Dataset, *, ax: "Axes | None" = None
+    profile: xr.Dataset | Mapping[str, xr.Dataset],
+    reference: xr.Dataset,
+    *,
+    ax: "Axes | None" = None,
 ) -> "Axes":
-    """Height of a profile above a reference, with the standard deviation of the difference.
+    """Height of profiles above a reference, with the standard deviation of the difference.
 
     Parameters
     ----------
-    profile, reference : xarray.Dataset
-        Profiles of one track at the same stations. Their standard deviations are taken as
-        independent; one that is not known counts as 0.
+    profile : xarray.Dataset or mapping of str to xarray.Dataset
+        A Profile of one track, or several with their names.
+    reference : xarray.Dataset
+        Profile of one track at the same stations. The standard deviations are taken as independent
+        of each other; one that is not known counts as 0.
     ax : Axes, optional
         Where to draw; by default a new figure.
 
@@ -45,19 +51,13 @@ def profile_difference(
     >>> profile_difference(high, low).get_legend().get_texts()[0].get_text()
     'difference, RMS 1.00 mm'
     """
-    s = _common_stations(check_profile(profile), check_profile(reference))
-    difference = profile.height.values - reference.height.values
-    sd = np.hypot(_known_sd(profile), _known_sd(reference))
+    named: Mapping[str, xr.Dataset]
+    named = {"difference": profile} if isinstance(profile, xr.Dataset) else profile
     ax = _canvas.axes_or_new(ax, height=2.6)
-    colour = _canvas.COLOURS[0]
-    rms = 1000 * float(np.sqrt(np.nanmean(difference**2)))
     ax.axhline(0.0, color="0.5", linewidth=0.8)
-    ax.plot(s, difference, color=colour, linewidth=1.0, label=f"difference, RMS {rms:.2f} mm")
-    if sd.any():
-        ax.fill_between(
-            s, difference - sd, difference + sd, color=colour, alpha=0.25, linewidth=0,
-            label="± 1 sd",
-        )  # fmt: skip
+    for number, (name, above) in enumerate(named.items()):
+        colour = _canvas.COLOURS[number % len(_canvas.COLOURS)]
+        _draw_difference(ax, check_profile(above), check_profile(reference), name, colour)
     ax.set_xlabel("Distance along the path s [m]")
     _canvas.scale_axis(ax.yaxis, _canvas.Scale(factor=1000.0, unit="mm"), "Height difference")
     ax.margins(x=0)
@@ -65,6 +65,21 @@ def profile_difference(
     ax.set_axisbelow(True)
     _canvas.legend_above(ax, notes=False)
     return ax
+
+
+def _draw_difference(
+    ax: "Axes", profile: xr.Dataset, reference: xr.Dataset, name: str, colour: str
+) -> None:
+    s = _common_stations(profile, reference)
+    difference = profile.height.values - reference.height.values
+    sd = np.hypot(_known_sd(profile), _known_sd(reference))
+    rms = 1000 * float(np.sqrt(np.nanmean(difference**2)))
+    ax.plot(s, difference, color=colour, linewidth=1.0, label=f"{name}, RMS {rms:.2f} mm")
+    if sd.any():
+        ax.fill_between(
+            s, difference - sd, difference + sd, color=colour, alpha=0.25, linewidth=0,
+            label="± 1 sd",
+        )  # fmt: skip
 
 
 def _common_stations(profile: xr.Dataset, reference: xr.Dataset) -> np.ndarray:

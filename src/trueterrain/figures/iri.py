@@ -35,7 +35,7 @@ def iri_segments(index: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
     Examples
     --------
     >>> from trueterrain.kinds import make_profile
-    >>> from trueterrain.roughness.iri import iri
+    >>> from trueterrain.roughness import iri
     >>> s = np.arange(0.0, 60.0, 0.1)
     >>> road = make_profile(s, 0.005 * np.sin(2 * np.pi * s / 5))
     >>> iri_segments(iri(road, segment=20.0)).get_ylabel()

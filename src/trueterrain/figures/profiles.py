@@ -40,7 +40,7 @@ def profiles(data: xr.Dataset | Mapping[str, xr.Dataset], *, ax: "Axes | None" =
     >>> ax.get_ylabel()
     'Height [mm]'
     """
-    named = data if isinstance(data, Mapping) and not isinstance(data, xr.Dataset) else {"": data}
+    named = {"": data} if isinstance(data, xr.Dataset) else data
     tracks = [
         ((f"{name} {track}" if name else track), line)
         for name, profile in named.items()
