@@ -55,6 +55,7 @@ def test_nothing_wrong_is_said_as_well(run, profile):
     assert finished.code == 0
     assert "no problems found" in finished.out
     assert "height: heights 0 to 0.01 m" in finished.out
+    assert "s: m; height: m" in finished.out
 
 
 def test_every_real_file_is_shown(run, data):

@@ -395,6 +395,13 @@ def test_description_agrees_with_laspy(strip):
     )
 
 
+def test_points_without_time_and_lane_are_described(tmp_path):
+    las.write(make_points([0, 1], [0, 1], [0, 1]), tmp_path / "p.laz")
+    summary = las.describe(tmp_path / "p.laz")
+    assert summary["time"] is None
+    assert "all times are 0" in summary["problems"]
+
+
 def test_real_lies_about_time_are_found(data):
     tile = las.describe(data / "scanning" / "strips" / "test_data_77055_627755_LA93_IGN69.laz")
     assert (tile["time"]["flag"], tile["time"]["kind"]) == ("week seconds", "adjusted standard")

@@ -158,6 +158,8 @@ def _shortened(texts: list[str]) -> list[str]:
 
 
 def _plain(value: Any) -> str:
+    if isinstance(value, list):
+        return ", ".join(_plain(item) for item in value)
     if isinstance(value, bool) or not isinstance(value, int | float):
         return " ".join(str(value).split())
     return _number(value)

@@ -134,7 +134,7 @@ def _extent(tally: Tally) -> dict[str, list[float]] | None:
 
 
 def _time(tally: Tally, header: Any) -> dict[str, Any] | None:
-    if not tally.time:
+    if not tally.time or tally.time_zeros == tally.count:
         return None
     flag = "adjusted standard" if header.global_encoding.gps_time_type.value else "week seconds"
     start, end = tally.time
