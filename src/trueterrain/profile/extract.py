@@ -1,6 +1,6 @@
 """From ground to profile: the heights that a tyre feels along a path, and those of the line."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Literal
 
 import numpy as np
@@ -24,7 +24,9 @@ Ground = xr.Dataset | Iterable[xr.Dataset]
 #: What to do with path points that have too few heights around them.
 ThinPolicy = Literal["error", "nan"]
 
-_PATH_BLOCK = 1 << 14  # path points whose distributions are held at a time
+_FIRST_BLOCK = 1 << 8  # path points whose distributions are held at first
+_PATH_BLOCK = 1 << 14  # and at most
+_HEIGHTS = 1 << 22  # heights held at a time, about 150 MB, however large the search area
 
 
 def tyre_profile(
@@ -99,10 +101,14 @@ def tyre_profile(
     source, gather = _prepare(ground, path, area)
     height, sd = np.empty(len(path)), np.empty(len(path))
     count = np.empty(len(path), np.int64)
-    for block in _blocks(path, progress):
+    begin, size = 0, _FIRST_BLOCK
+    while begin < len(path):
+        block = slice(begin, min(begin + size, len(path)))
         distributions = distributions_along(gather, path.part(block.start, block.stop), level=level)
         height[block], sd[block] = statistic.estimate(distributions)
         count[block] = distributions.count
+        begin, size = block.stop, _next_size(distributions)
+        progress("profile", begin, len(path))
     is_thin = count < minimum_count
     _report_thin(path, count, is_thin, area, minimum_count, thin)
     height[is_thin] = sd[is_thin] = np.nan
@@ -222,10 +228,10 @@ def _prepare(ground: Ground, path: WheelPath, area: SearchArea) -> tuple[xr.Data
     return source, scattered.gatherer()
 
 
-def _blocks(path: WheelPath, progress: Progress) -> Iterator[slice]:
-    for begin in range(0, len(path), _PATH_BLOCK):
-        yield slice(begin, min(begin + _PATH_BLOCK, len(path)))
-        progress("profile", min(begin + _PATH_BLOCK, len(path)), len(path))
+def _next_size(distributions: HeightDistributions) -> int:
+    """Quantity of path points whose heights, if they are as many each, can be held at a time."""
+    size = _HEIGHTS * len(distributions) // max(distributions.heights.size, 1)
+    return min(max(size, 1), _PATH_BLOCK)
 
 
 def _report_thin(

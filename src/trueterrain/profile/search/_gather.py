@@ -10,9 +10,18 @@ from trueterrain.profile.distribution import HeightDistributions
 from trueterrain.profile.path import WheelPath
 
 Float = npt.NDArray[np.float64]
+Integer = npt.NDArray[np.int64]
 
-#: Gathers for a path: called with (path, start, dx, dy, z); counts if dx is empty, else fills.
-Gatherer = Callable[..., npt.NDArray[np.int64]]
+#: Writes what was counted: called with (start, dx, dy, z), one slice per path point.
+Fill = Callable[..., object]
+
+#: Counts the heights of each path point, and returns how to write them.
+Gatherer = Callable[[WheelPath], tuple[Integer, Fill]]
+
+#: Start and outputs of a kernel that shall only count.
+NOTHING: tuple[Integer, Float, Float, Float] = (
+    np.zeros(1, np.int64), np.empty(0), np.empty(0), np.empty(0)
+)  # fmt: skip
 
 #: Residuals below this weigh alike in the robust plane [m]: far below what any scanner resolves.
 _LEVEL_STEP = 1e-7
@@ -41,12 +50,11 @@ def distributions_along(
     """
     from trueterrain.profile.search import _kernels
 
-    nothing = np.empty(0)
-    counts = gather(path, np.zeros(1, np.int64), nothing, nothing, nothing)
+    counts, fill = gather(path)
     start = np.concatenate([[0], np.cumsum(counts)])
     dx, dy, heights, distances = (np.empty(start[-1]) for _ in range(4))
     if start[-1]:
-        gather(path, start, dx, dy, heights)
+        fill(start, dx, dy, heights)
         if level:
             settings = _LEVEL_STEP, _LEVEL_TOLERANCE, _LEVEL_ITERATIONS
             _kernels.level(start, dx, dy, heights, *settings)

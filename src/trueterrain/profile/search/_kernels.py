@@ -18,13 +18,15 @@ def gather_grid(
 ):  # fmt: skip
     """Gather nodes of a grid; node (i, j) lies at origin[i] + v[j] * normal[i].
 
-    `row` is the row of the cell in which each path point lies, -1 outside of the surface.
+    `row` is the row of the cell in which each path point lies, -1 outside of the surface. Also
+    returns which search areas reach the edge of the surface: other nodes may lie beyond it.
     """
     fill = dx.size > 0
-    counts = np.zeros(row.size, np.int64)
+    counts, at_edge = np.zeros(row.size, np.int64), np.zeros(row.size, np.bool_)
     nu, nv = height.shape
     for k in prange(row.size):
         if row[k] < 0:
+            at_edge[k] = True
             continue
         x, y = at[k, 0], at[k, 1]
         cos, sin = math.cos(heading[k]), math.sin(heading[k])
@@ -33,7 +35,10 @@ def gather_grid(
         write = start[k] if fill else 0
         for direction in (-1, 1):
             i = row[k] if direction == -1 else row[k] + 1
-            while 0 <= i < nu:
+            while True:
+                if not 0 <= i < nu:
+                    at_edge[k] = True
+                    break
                 ox, oy = x - origin[i, 0], y - origin[i, 1]
                 nx, ny = normal[i, 0], normal[i, 1]
                 stretch = math.sqrt(nx * nx + ny * ny)
@@ -42,6 +47,8 @@ def gather_grid(
                     break
                 along = (ox * nx + oy * ny) / (stretch * stretch)
                 span = math.sqrt(reach * reach - off_line * off_line) / stretch
+                if along - span < v[0] or along + span > v[nv - 1]:
+                    at_edge[k] = True
                 j = np.searchsorted(v, along - span)
                 while j < nv and v[j] <= along + span:
                     px = origin[i, 0] + v[j] * nx - x
@@ -53,7 +60,7 @@ def gather_grid(
                         inside = (a / half[0]) ** 2 + (b / half[1]) ** 2 <= 1.0
                     else:
                         inside = abs(a) <= half[0] and abs(b) <= half[1]
-                    if inside and not math.isnan(height[i, j]):
+                    if inside and math.isfinite(height[i, j]):
                         if fill:
                             dx[write + count] = px
                             dy[write + count] = py
@@ -62,11 +69,11 @@ def gather_grid(
                     j += 1
                 i += direction
         counts[k] = count
-    return counts
+    return counts, at_edge
 
 
 @njit(cache=True, nogil=True)
-def number_cells(column, row, columns, cell_size, reach, at, low, keys, numbers):
+def number_cells(column, row, columns, cells_per_metre, reach, at, low, keys, numbers):
     """Number the cells that the search areas touch, in path order, in a hash table.
 
     Returns the quantity of cells; the table (`keys`, `numbers`) is open addressed.
@@ -74,10 +81,10 @@ def number_cells(column, row, columns, cell_size, reach, at, low, keys, numbers)
     mask = keys.size - 1
     quantity = 0
     for k in range(at.shape[0]):
-        left = int(math.floor((at[k, 0] - reach - low[0]) / cell_size))
-        right = int(math.floor((at[k, 0] + reach - low[0]) / cell_size))
-        bottom = int(math.floor((at[k, 1] - reach - low[1]) / cell_size))
-        top = int(math.floor((at[k, 1] + reach - low[1]) / cell_size))
+        left = int(math.floor((at[k, 0] - reach - low[0]) * cells_per_metre))
+        right = int(math.floor((at[k, 0] + reach - low[0]) * cells_per_metre))
+        bottom = int(math.floor((at[k, 1] - reach - low[1]) * cells_per_metre))
+        top = int(math.floor((at[k, 1] + reach - low[1]) * cells_per_metre))
         for r in range(bottom, top + 1):
             for c in range(left, right + 1):
                 key = r * columns + c
@@ -95,7 +102,7 @@ def number_cells(column, row, columns, cell_size, reach, at, low, keys, numbers)
 
 @njit(cache=True, nogil=True, parallel=True)
 def find_cells(
-    easting, northing, up, low, high, columns, cell_size, coarse, coarse_scale, keys, numbers
+    easting, northing, up, low, high, columns, cells_per_metre, coarse, coarse_scale, keys, numbers
 ):
     """Number of the cell of each point; -1 where no search area comes near it."""
     mask = keys.size - 1
@@ -103,11 +110,12 @@ def find_cells(
     for n in prange(easting.size):
         found[n] = -1
         x, y = easting[n] - low[0], northing[n] - low[1]
-        if not (0.0 <= x < high[0] and 0.0 <= y < high[1]) or math.isnan(up[n]):
+        if not (0.0 <= x < high[0] and 0.0 <= y < high[1]) or not math.isfinite(up[n]):
             continue
-        if not coarse[int(y * coarse_scale[1]), int(x * coarse_scale[0])]:
+        c, r = int(x * cells_per_metre), int(y * cells_per_metre)
+        if not coarse[int(r * coarse_scale[1]), int(c * coarse_scale[0])]:
             continue
-        key = int(y / cell_size) * columns + int(x / cell_size)
+        key = r * columns + c
         slot = ((key * 0x9E3779B97F4A7C15) >> 20) & mask
         while keys[slot] != _EMPTY and keys[slot] != key:
             slot = (slot + 1) & mask
@@ -134,7 +142,7 @@ def sort_into_cells(cell, quantity):
 
 @njit(cache=True, nogil=True, parallel=True)
 def gather_scattered(
-    points, begin, low, columns, cell_size, keys, numbers, at, heading, shape, half, reach,
+    points, begin, low, columns, cells_per_metre, keys, numbers, at, heading, shape, half, reach,
     start, dx, dy, z,
 ):  # fmt: skip
     """Gather scattered points, sorted into cells, inside the search area of each path point."""
@@ -145,10 +153,10 @@ def gather_scattered(
         x, y = at[k, 0], at[k, 1]
         cos, sin = math.cos(heading[k]), math.sin(heading[k])
         is_disc = shape == 0 and half[0] == half[1]
-        left = int(math.floor((x - reach - low[0]) / cell_size))
-        right = int(math.floor((x + reach - low[0]) / cell_size))
-        bottom = int(math.floor((y - reach - low[1]) / cell_size))
-        top = int(math.floor((y + reach - low[1]) / cell_size))
+        left = int(math.floor((x - reach - low[0]) * cells_per_metre))
+        right = int(math.floor((x + reach - low[0]) * cells_per_metre))
+        bottom = int(math.floor((y - reach - low[1]) * cells_per_metre))
+        top = int(math.floor((y + reach - low[1]) * cells_per_metre))
         count = 0
         write = start[k] if fill else 0
         for r in range(bottom, top + 1):
@@ -189,7 +197,12 @@ def level(start, dx, dy, z, step, tolerance, iterations):
         n = last - first
         if n < 3:
             continue
-        reference = z[first]
+        # in an order of their own, so that the sums forget that of the input
+        order = np.argsort(z[first:last], kind="mergesort")
+        order = order[np.argsort(dy[first:last][order], kind="mergesort")]
+        order = order[np.argsort(dx[first:last][order], kind="mergesort")]
+        x, y, h = dx[first:last][order], dy[first:last][order], z[first:last][order]
+        reference = h[0]
         weight = np.ones(n)
         b = c = 0.0
         for _ in range(iterations):
@@ -197,15 +210,15 @@ def level(start, dx, dy, z, step, tolerance, iterations):
             for m in range(n):
                 w = weight[m]
                 sw += w
-                sx += w * dx[first + m]
-                sy += w * dy[first + m]
-                sz += w * (z[first + m] - reference)
+                sx += w * x[m]
+                sy += w * y[m]
+                sz += w * (h[m] - reference)
             mx, my, mz = sx / sw, sy / sw, sz / sw
             xx = xy = yy = xz = yz = 0.0
             for m in range(n):
                 w = weight[m]
-                px, py = dx[first + m] - mx, dy[first + m] - my
-                pz = z[first + m] - reference - mz
+                px, py = x[m] - mx, y[m] - my
+                pz = h[m] - reference - mz
                 xx += w * px * px
                 xy += w * px * py
                 yy += w * py * py
@@ -224,12 +237,13 @@ def level(start, dx, dy, z, step, tolerance, iterations):
             c = sa * slope_strong + ca * slope_weak
             a = mz - b * mx - c * my
             for m in range(n):
-                residual = abs(z[first + m] - reference - a - b * dx[first + m] - c * dy[first + m])
+                residual = abs(h[m] - reference - a - b * x[m] - c * y[m])
                 weight[m] = 1.0 / max(residual, step)
             if abs(b - old_b) + abs(c - old_c) <= tolerance:
                 break
         for m in range(n):
-            z[first + m] -= b * dx[first + m] + c * dy[first + m]
+            dx[first + m], dy[first + m] = x[m], y[m]
+            z[first + m] = h[m] - (b * x[m] + c * y[m])
 
 
 @njit(cache=True, nogil=True, parallel=True)
@@ -248,7 +262,13 @@ def sort_heights(start, dx, dy, z, distance):
             distances = distance[first:last][order]
             z[first:last] = heights
             distance[first:last] = distances
-        # sorts short slices, and puts equal heights of long ones in order
+            equal = first
+            for m in range(first + 1, last + 1):
+                if m == last or z[m] != z[equal]:
+                    if m - equal > 48:
+                        distance[equal:m] = np.sort(distance[equal:m])
+                    equal = m
+        # sorts short slices, and puts the few equal heights of long ones in order
         for m in range(first + 1, last):
             height, far = z[m], distance[m]
             hole = m

@@ -1,12 +1,25 @@
-"""Heights of a gridded surface inside search areas."""
+"""Heights of a gridded surface inside search areas.
+
+From the cell in which a path point lies, the search walks along the rows of the grid. A search area
+that reaches the edge of the surface may hold nodes that this walk does not come to: those of the
+far end of a closed loop, or all of them if the path point lies outside. There the nodes are
+searched as scattered points, so that a surface and its nodes always give the same heights.
+"""
 
 import numpy as np
+import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.profile.area import SearchArea
+from trueterrain.profile.area import SearchArea, reach
 from trueterrain.profile.path import WheelPath
-from trueterrain.profile.search._gather import Gatherer, kernel_area, path_arrays
-from trueterrain.surface.reference_line import grid_frame, xy_to_uv
+from trueterrain.profile.search._gather import NOTHING, Fill, Gatherer, kernel_area, path_arrays
+from trueterrain.profile.search.scattered import ScatteredHeights
+from trueterrain.surface.reference_line import GridFrame, grid_frame, xy_to_uv
+
+Float = npt.NDArray[np.float64]
+Integer = npt.NDArray[np.int64]
+
+_ROWS = 256  # cross-sections searched as scattered points at a time
 
 
 def grid_gatherer(surface: xr.Dataset, area: SearchArea) -> Gatherer:
@@ -35,15 +48,52 @@ def grid_gatherer(surface: xr.Dataset, area: SearchArea) -> Gatherer:
     dims = ("u", "v") if "u" in surface.dims else ("easting", "northing")
     height = np.ascontiguousarray(surface.height.transpose(*dims), dtype=float)
 
-    def gather(path: WheelPath, *output: np.ndarray) -> np.ndarray:
+    def gather(path: WheelPath) -> tuple[Integer, Fill]:
         u, _ = xy_to_uv(frame, path.easting, path.northing)
         row = np.searchsorted(frame.u, u, side="right") - 1
         row = np.where(np.isnan(u), -1, np.clip(row, 0, frame.u.size - 2))
         at, heading = path_arrays(path)
-        return np.asarray(
-            gather_grid(
-                origin, normal, frame.v, height, at, row, heading, *kernel_area(area), *output
-            )
-        )
+
+        def walk(start: Integer, *output: Float) -> tuple[Integer, npt.NDArray[np.bool_]]:
+            places = origin, normal, frame.v, height, at, row, heading
+            counts, at_edge = gather_grid(*places, *kernel_area(area), start, *output)
+            return counts, at_edge
+
+        counts, at_edge = walk(*NOTHING)
+        edge = np.flatnonzero(at_edge)
+        if edge.size == 0:
+            return counts, walk
+        counts[edge], fill_edge = _scattered(frame, height, path, edge, area)
+
+        def fill(start: Integer, *output: Float) -> None:
+            walk(start, *output)
+            fill_edge(start[edge], *output)
+
+        return counts, fill
 
     return gather
+
+
+def _scattered(
+    frame: GridFrame, height: Float, path: WheelPath, some: Integer, area: SearchArea
+) -> tuple[Integer, Fill]:
+    """Count the nodes in some search areas by searching them as scattered points."""
+    some_path = WheelPath(
+        s=path.s[some],
+        easting=path.easting[some],
+        northing=path.northing[some],
+        heading=path.heading[some],
+        length=path.length,
+    )
+    scattered = ScatteredHeights(some_path, area)
+    at, _ = path_arrays(some_path)
+    for begin in range(0, frame.u.size, _ROWS):
+        cut = slice(begin, begin + _ROWS)
+        origin = np.stack([frame.origin_easting[cut], frame.origin_northing[cut]], axis=-1)
+        normal = np.stack([frame.normal_easting[cut], frame.normal_northing[cut]], axis=-1)
+        ends = np.concatenate([origin + v * normal for v in frame.v[[0, -1]]])
+        low, high = ends.min(axis=0) - reach(area), ends.max(axis=0) + reach(area)
+        if ((at >= low) & (at <= high)).all(axis=1).any():
+            nodes = origin[:, None] + frame.v[:, None] * normal[:, None]
+            scattered.add_heights(nodes[..., 0].ravel(), nodes[..., 1].ravel(), height[cut].ravel())
+    return scattered.gatherer()(some_path)

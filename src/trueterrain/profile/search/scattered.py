@@ -11,9 +11,10 @@ import xarray as xr
 
 from trueterrain.profile.area import SearchArea, reach
 from trueterrain.profile.path import WheelPath
-from trueterrain.profile.search._gather import Gatherer, kernel_area, path_arrays
+from trueterrain.profile.search._gather import NOTHING, Fill, Gatherer, kernel_area, path_arrays
 
 Float = npt.NDArray[np.float64]
+Integer = npt.NDArray[np.int64]
 
 _COARSE = 1024  # most cells per axis of the first sieve: a byte each, so that caches hold it
 _BLOCK = 1 << 22  # points sieved at a time
@@ -35,15 +36,16 @@ class ScatteredHeights:
 
         self._area = area
         self._reach = reach(area)
-        self._cell = 2.001 * self._reach  # a search area then touches at most four cells
+        cell = 2.001 * self._reach  # a search area then touches at most four cells
         at, _ = path_arrays(path)
-        margin = self._reach + self._cell  # so that no cell number is negative
+        margin = self._reach + cell  # so that no cell number is negative
         self._low = at.min(axis=0) - margin
-        shape = np.ceil((at.max(axis=0) + margin - self._low) / self._cell).astype(np.int64)
+        shape = np.ceil((at.max(axis=0) + margin - self._low) / cell).astype(np.int64)
         self._columns = int(shape[0])
-        self._high = shape * self._cell
+        self._high = shape * cell
+        self._per_metre = 1 / cell
         self._coarse_shape = np.minimum(shape, _COARSE)
-        self._coarse_scale = self._coarse_shape / self._high
+        self._coarse_scale = self._coarse_shape / shape
 
         most = 4 * len(path)
         size = 1 << int(2 * most - 1).bit_length()
@@ -51,7 +53,7 @@ class ScatteredHeights:
         self._numbers = np.empty(size, np.int32)
         column, row = np.empty(most, np.int64), np.empty(most, np.int64)
         self._quantity = number_cells(
-            column, row, self._columns, self._cell, self._reach, at, self._low,
+            column, row, self._columns, self._per_metre, self._reach, at, self._low,
             self._keys, self._numbers,
         )  # fmt: skip
         self._coarse = self._sieve(column[: self._quantity], row[: self._quantity])
@@ -65,16 +67,23 @@ class ScatteredHeights:
         points : xarray.Dataset
             Points, or a block of them.
         """
+        self.add_heights(*(np.asarray(points[name]) for name in ("easting", "northing", "up")))
+
+    def add_heights(self, easting: Float, northing: Float, up: Float) -> None:
+        """Keep those heights that are near the path; such as are not finite are left out.
+
+        Parameters
+        ----------
+        easting, northing, up : numpy.ndarray, shape (point,)
+            Coordinates [m].
+        """
         from trueterrain.profile.search._kernels import find_cells
 
-        columns = tuple(
-            np.ascontiguousarray(points[name], dtype=float)
-            for name in ("easting", "northing", "up")
-        )
+        columns = tuple(np.ascontiguousarray(c, dtype=float) for c in (easting, northing, up))
         for begin in range(0, columns[0].size, _BLOCK):
             block = tuple(column[begin : begin + _BLOCK] for column in columns)
             cell = find_cells(
-                *block, self._low, self._high, self._columns, self._cell,
+                *block, self._low, self._high, self._columns, self._per_metre,
                 self._coarse, self._coarse_scale, self._keys, self._numbers,
             )  # fmt: skip
             near = np.flatnonzero(cell >= 0)
@@ -95,31 +104,28 @@ class ScatteredHeights:
         begin, order = sort_into_cells(cell, self._quantity)
         points = points[order]
 
-        def gather(path: WheelPath, *output: np.ndarray) -> np.ndarray:
+        def gather(path: WheelPath) -> tuple[Integer, Fill]:
             at, heading = path_arrays(path)
-            return np.asarray(
-                gather_scattered(
-                    points, begin, self._low, self._columns, self._cell, self._keys, self._numbers,
-                    at, heading, *kernel_area(self._area), *output,
-                )
-            )  # fmt: skip
+
+            def run(start: Integer, *output: Float) -> Integer:
+                counts = gather_scattered(
+                    points, begin, self._low, self._columns, self._per_metre, self._keys,
+                    self._numbers, at, heading, *kernel_area(self._area), start, *output,
+                )  # fmt: skip
+                return np.asarray(counts)
+
+            return run(*NOTHING), run
 
         return gather
 
     def _sieve(
         self, column: npt.NDArray[np.int64], row: npt.NDArray[np.int64]
     ) -> npt.NDArray[np.bool_]:
-        """Mark the coarse cells that the numbered cells touch."""
+        """Mark the coarse cells in which the numbered cells lie."""
         columns, rows = self._coarse_shape + 1  # one more: round-off at the far edge
         coarse = np.zeros((rows, columns), bool)
-        width, height = self._cell * self._coarse_scale
-        left, right = (
-            np.floor(column * width).astype(int),
-            np.floor((column + 1) * width).astype(int),
-        )
-        bottom, top = np.floor(row * height).astype(int), np.floor((row + 1) * height).astype(int)
-        # a cell is at most as large as a coarse one, so that it touches two of them per axis
-        for r in (bottom, top):
-            for c in (left, right):
-                coarse[r, c] = True
+        # the same arithmetic as in `find_cells`, so that round-off cannot tell them apart
+        coarse[
+            (row * self._coarse_scale[1]).astype(int), (column * self._coarse_scale[0]).astype(int)
+        ] = True
         return coarse
