@@ -1,0 +1,208 @@
+"""Casting beams on a raster. No checks: the callers make them."""
+
+import math
+
+import numpy as np
+from numba import njit, prange
+
+_BELOW = 1e-12  # [m] a beam this little below a cell's edge enters it from above all the same
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def beams(
+    time, knot_start, knot_step, coefficients, lever, mounting, angle, delay,
+    origin, direction, forward,
+):  # fmt: skip
+    """Origin and direction of every beam, each at its own time, and the scanner's forward axis."""
+    last = coefficients.shape[0] - 1
+    for n in prange(time.size):
+        pose = np.empty(6)
+        for b in range(angle.size):
+            x = (time[n] + delay[b] - knot_start) / knot_step
+            piece = min(max(int(x), 0), last)
+            x -= piece
+            for c in range(6):
+                k = coefficients[piece, :, c]
+                pose[c] = ((((k[5] * x + k[4]) * x + k[3]) * x + k[2]) * x + k[1]) * x + k[0]
+            cr, sr = math.cos(pose[3]), math.sin(pose[3])
+            cp, sp = math.cos(pose[4]), math.sin(pose[4])
+            cy, sy = math.cos(pose[5]), math.sin(pose[5])
+            # the beam in the body: the mounting turns (0, sin angle, -cos angle)
+            ca, sa = math.cos(angle[b]), math.sin(angle[b])
+            bx = mounting[0, 1] * sa - mounting[0, 2] * ca
+            by = mounting[1, 1] * sa - mounting[1, 2] * ca
+            bz = mounting[2, 1] * sa - mounting[2, 2] * ca
+            # body -> ground: turn about x by roll, then y by pitch, then z by yaw
+            for v in range(3):
+                if v == 0:
+                    px, py, pz = bx, by, bz
+                elif v == 1:
+                    px, py, pz = lever[0], lever[1], lever[2]
+                else:
+                    px, py, pz = mounting[0, 0], mounting[1, 0], mounting[2, 0]
+                ry, rz = cr * py - sr * pz, sr * py + cr * pz
+                qx, qz = cp * px + sp * rz, -sp * px + cp * rz
+                gx, gy = cy * qx - sy * ry, sy * qx + cy * ry
+                if v == 0:
+                    direction[n, b, 0], direction[n, b, 1], direction[n, b, 2] = gx, gy, qz
+                elif v == 1:
+                    origin[n, b, 0] = pose[0] + gx
+                    origin[n, b, 1] = pose[1] + gy
+                    origin[n, b, 2] = pose[2] + qz
+                else:
+                    forward[n, b, 0], forward[n, b, 1], forward[n, b, 2] = gx, gy, qz
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def cast(
+    origin, direction, furthest, spacing, first, index, height, block_top, tile_top, cells, block,
+    distance, slope, missing,
+):  # fmt: skip
+    """First intersection of each beam with the raster.
+
+    `distance` is NaN where a beam meets nothing within `furthest`; `slope` holds the gradient of
+    the ground there. A beam that enters a tile which is not there gets its column and row in
+    `missing` (and a distance of -1).
+    """
+    tile_size, block_size = cells * spacing, block * spacing
+    blocks = cells // block
+    rows, columns = index.shape
+    for n in prange(origin.shape[0]):
+        ox, oy, oz = origin[n, 0], origin[n, 1], origin[n, 2]
+        dx, dy, dz = direction[n, 0], direction[n, 1], direction[n, 2]
+        distance[n] = np.nan
+        tile_x, tile_y = math.floor(ox / tile_size), math.floor(oy / tile_size)
+        rho = 0.0
+        found = False
+        while not found and rho < furthest:
+            # where the beam leaves this tile
+            out_x = out_y = math.inf
+            if dx > 0.0:
+                out_x = ((tile_x + 1) * tile_size - ox) / dx
+            elif dx < 0.0:
+                out_x = (tile_x * tile_size - ox) / dx
+            if dy > 0.0:
+                out_y = ((tile_y + 1) * tile_size - oy) / dy
+            elif dy < 0.0:
+                out_y = (tile_y * tile_size - oy) / dy
+            tile_end = min(out_x, out_y, furthest)
+            column, row = int(tile_x - first[0]), int(tile_y - first[1])
+            inside = 0 <= column < columns and 0 <= row < rows
+            slot = index[row, column] if inside else -1
+            if slot < 0:
+                missing[n, 0], missing[n, 1] = tile_x, tile_y
+                distance[n] = -1.0
+                break
+            if oz + min(dz * rho, dz * tile_end) <= tile_top[slot]:
+                # through the blocks of the tile
+                left, bottom = tile_x * blocks, tile_y * blocks
+                bx = math.floor((ox + dx * rho) / block_size)
+                by = math.floor((oy + dy * rho) / block_size)
+                bx = min(max(bx, left), left + blocks - 1)
+                by = min(max(by, bottom), bottom + blocks - 1)
+                at = rho
+                while True:
+                    out_x = out_y = math.inf
+                    if dx > 0.0:
+                        out_x = ((bx + 1) * block_size - ox) / dx
+                    elif dx < 0.0:
+                        out_x = (bx * block_size - ox) / dx
+                    if dy > 0.0:
+                        out_y = ((by + 1) * block_size - oy) / dy
+                    elif dy < 0.0:
+                        out_y = (by * block_size - oy) / dy
+                    block_end = min(out_x, out_y, tile_end)
+                    top = block_top[slot, int(by - bottom), int(bx - left)]
+                    if oz + min(dz * at, dz * block_end) <= top:
+                        # through the cells of the block
+                        low_x, low_y = bx * block, by * block
+                        cx = math.floor((ox + dx * at) / spacing)
+                        cy = math.floor((oy + dy * at) / spacing)
+                        cx = min(max(cx, low_x), low_x + block - 1)
+                        cy = min(max(cy, low_y), low_y + block - 1)
+                        here = at
+                        while True:
+                            leave_x = leave_y = math.inf
+                            if dx > 0.0:
+                                leave_x = ((cx + 1) * spacing - ox) / dx
+                            elif dx < 0.0:
+                                leave_x = (cx * spacing - ox) / dx
+                            if dy > 0.0:
+                                leave_y = ((cy + 1) * spacing - oy) / dy
+                            elif dy < 0.0:
+                                leave_y = (cy * spacing - oy) / dy
+                            cell_end = min(leave_x, leave_y, block_end)
+                            i = int(cx - tile_x * cells)
+                            j = int(cy - tile_y * cells)
+                            h00, h10 = height[slot, j, i], height[slot, j, i + 1]
+                            h01, h11 = height[slot, j + 1, i], height[slot, j + 1, i + 1]
+                            lowest = oz + min(dz * here, dz * cell_end)
+                            if lowest <= max(max(h00, h10), max(h01, h11)):
+                                # beam above ground is a quadratic of the way t through the cell
+                                fx = (ox + dx * here) / spacing - cx
+                                fy = (oy + dy * here) / spacing - cy
+                                gx, gy = dx / spacing, dy / spacing
+                                ex, ey = h10 - h00, h01 - h00
+                                twist = h11 - h10 - h01 + h00
+                                a = oz + dz * here - (h00 + ex * fx + ey * fy + twist * fx * fy)
+                                b = dz - (ex * gx + ey * gy + twist * (fx * gy + fy * gx))
+                                c = -twist * gx * gy
+                                way = cell_end - here
+                                t = math.inf
+                                if a <= 0.0:
+                                    # met on the edge; a beam that starts below meets nothing
+                                    t = 0.0 if a >= -_BELOW or here > 0.0 else math.inf
+                                elif c == 0.0:
+                                    if b < 0.0:
+                                        t = -a / b
+                                else:
+                                    root = b * b - 4.0 * a * c
+                                    if root >= 0.0:
+                                        q = -0.5 * (b + math.copysign(math.sqrt(root), b))
+                                        t1 = q / c
+                                        t2 = a / q if q != 0.0 else math.inf
+                                        t1 = t1 if t1 >= 0.0 else math.inf
+                                        t2 = t2 if t2 >= 0.0 else math.inf
+                                        t = min(t1, t2)
+                                if t <= way:
+                                    distance[n] = here + t
+                                    fx += gx * t
+                                    fy += gy * t
+                                    slope[n, 0] = (ex + twist * fy) / spacing
+                                    slope[n, 1] = (ey + twist * fx) / spacing
+                                    found = True
+                                    break
+                            if cell_end >= block_end:
+                                break
+                            here = cell_end
+                            if leave_x <= leave_y:
+                                cx += 1 if dx > 0.0 else -1
+                            else:
+                                cy += 1 if dy > 0.0 else -1
+                            if not (low_x <= cx < low_x + block and low_y <= cy < low_y + block):
+                                break
+                    if found or block_end >= tile_end:
+                        break
+                    at = block_end
+                    if out_x <= out_y:
+                        bx += 1 if dx > 0.0 else -1
+                    else:
+                        by += 1 if dy > 0.0 else -1
+                    if not (left <= bx < left + blocks and bottom <= by < bottom + blocks):
+                        break
+            if found or tile_end >= furthest:
+                break
+            out_x = out_y = math.inf
+            if dx > 0.0:
+                out_x = ((tile_x + 1) * tile_size - ox) / dx
+            elif dx < 0.0:
+                out_x = (tile_x * tile_size - ox) / dx
+            if dy > 0.0:
+                out_y = ((tile_y + 1) * tile_size - oy) / dy
+            elif dy < 0.0:
+                out_y = (tile_y * tile_size - oy) / dy
+            rho = tile_end
+            if out_x <= out_y:
+                tile_x += 1 if dx > 0.0 else -1
+            else:
+                tile_y += 1 if dy > 0.0 else -1

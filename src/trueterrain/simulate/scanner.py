@@ -1,0 +1,506 @@
+"""The virtual scanning laser: what it is, what it sees, and how wrong it is.
+
+A mirror sweeps a beam across the road. Every beam starts at its own time from where the laser is at
+that time, and ends where it first meets the ground: shadows, the largest slope that can be seen,
+and the uneven spacing of the points arise by themselves.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from trueterrain.simulate.ground import Ground
+from trueterrain.simulate.pose import PoseKnots, quintic
+from trueterrain.simulate.raster import BLOCK_CELLS, TILE_CELLS, Raster
+
+Float = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reflectivity:
+    """How bright the ground is: plain, or with painted stripes."""
+
+    ground: float = 0.3
+    "Reflectivity of the ground, 0 to 1."
+
+    stripe: float = 0.8
+    "Reflectivity of the stripes, 0 to 1."
+
+    period: float = 0.0
+    "Distance from stripe to stripe [m]; 0 for none."
+
+    width: float = 0.1
+    "Width of a stripe [m]."
+
+    direction: float = 0.0
+    "Direction in which the stripes follow each other, counter-clockwise from east [rad]."
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        for name in ("ground", "stripe"):
+            if not 0 <= getattr(self, name) <= 1:
+                message = f"{name} must be from 0 to 1, got {getattr(self, name)}."
+                raise ValueError(message)
+        if not (self.period >= 0 and self.width > 0):
+            message = "period must be at least 0 m and width greater than 0 m."
+            raise ValueError(message)
+
+    def at(self, x: Float, y: Float) -> Float:
+        """Reflectivity at points.
+
+        Parameters
+        ----------
+        x, y : numpy.ndarray
+            Easting and northing [m].
+
+        Returns
+        -------
+        numpy.ndarray
+            Values from 0 to 1.
+        """
+        if not self.period:
+            return np.full(np.shape(x), self.ground)
+        along = x * np.cos(self.direction) + y * np.sin(self.direction)
+        return np.where(np.mod(along, self.period) < self.width, self.stripe, self.ground)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scanner:
+    """A scanning laser; the defaults are those of the thesis's system (section 2.2)."""
+
+    beams: int = 940
+    "Beams per scan."
+
+    rate: float = 1000.0
+    "Scans per second [Hz]."
+
+    swath: float = 4.0
+    "Width that the beams cover on level ground at the nominal height [m]."
+
+    nominal_height: float = 2.0
+    "Height of the laser above level ground for which the swath holds [m]."
+
+    duty: float = 0.8
+    "Share of the time from scan to scan in which the mirror sweeps across the ground."
+
+    furthest: float = 6.0
+    "Largest range [m]; nothing beyond it returns."
+
+    range_noise: float = 0.0005
+    "Standard deviation of a range [m]."
+
+    quantum: float = 0.0001
+    "Step of the ranges [m]; 0 for none."
+
+    spot_length: float = 0.010
+    "Extent of the spot along the direction of travel [m] (thesis: 1.5 mm x 10 mm)."
+
+    spot_width: float = 0.0015
+    "Extent of the spot along the scan [m]."
+
+    spot_rays: int = 5
+    "Rays over the spot whose ranges are averaged, an odd number; 1 for a point."
+
+    gain: float = 30000.0
+    "Intensity of a white surface, met at right angles at the nominal height [counts]."
+
+    intensity_noise: float = 50.0
+    "Standard deviation of an intensity [counts]."
+
+    floor: float = 500.0
+    "Returns with less intensity are lost [counts]."
+
+    saturation: float = 20000.0
+    "Intensity above which the receiver saturates [counts]."
+
+    saturation_bias: float = -0.002
+    "Error of a range at twice the saturation [m]; grows from 0 at the saturation."
+
+    dropouts: float = 0.0005
+    "Share of returns lost at random."
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        for name in ("rate", "swath", "nominal_height", "furthest", "gain", "saturation"):
+            _require(getattr(self, name) > 0, name, "greater than 0", getattr(self, name))
+        for name in ("range_noise", "quantum", "spot_length", "spot_width", "intensity_noise"):
+            _require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
+        _require(self.beams >= 2, "beams", "at least 2", self.beams)
+        _require(self.spot_rays % 2 == 1, "spot_rays", "odd and at least 1", self.spot_rays)
+        _require(0 < self.duty <= 1, "duty", "greater than 0 and at most 1", self.duty)
+        _require(0 <= self.dropouts < 1, "dropouts", "from 0 to less than 1", self.dropouts)
+
+    @property
+    def angle(self) -> Float:
+        """Angle of each beam from straight down, left positive, shape (beam,) [rad]."""
+        half = float(np.arctan(0.5 * self.swath / self.nominal_height))
+        return np.linspace(-half, half, self.beams, dtype=np.float64)
+
+    @property
+    def delay(self) -> Float:
+        """Time of each beam after the first one of its scan, shape (beam,) [s]."""
+        return np.arange(self.beams, dtype=float) * (self.duty / self.rate / self.beams)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scans:
+    """Consecutive scans: what was recorded, and what is true."""
+
+    time: Float
+    "Stamp of each scan's first beam, shape (scan,) [s]."
+
+    range: Float
+    "Recorded ranges, NaN without return, shape (scan, beam) [m]."
+
+    intensity: npt.NDArray[np.uint16]
+    "Recorded intensities, shape (scan, beam) [counts]."
+
+    true_range: Float
+    "Exact ranges, NaN where a beam meets nothing, shape (scan, beam) [m]."
+
+    bias: Float
+    "Error of each range by saturation, shape (scan, beam) [m]."
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Mounted:
+    """A scanner on a body: where, how turned, and with which clock."""
+
+    scanner: Scanner = field(default_factory=Scanner)
+    "The scanner."
+
+    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    "Centre of the mirror in the body frame [m]."
+
+    rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    "Roll, pitch, yaw that turn the scanner's axes into the body's [rad]."
+
+    clock: float = 0.0
+    "True time minus stamp [s]."
+
+
+class ScannerStream:
+    """Records scans block by block.
+
+    Parameters
+    ----------
+    mounted : Mounted
+        Scanner and how it is mounted.
+    ground : Ground
+        True ground. A `Raster` is fast and exact; any other ground is met within 1e-9 m, slowly.
+    reflectivity : Reflectivity
+        Brightness of the ground.
+    seed : int
+        Seed of noise and drop-outs.
+    """
+
+    def __init__(
+        self,
+        mounted: Mounted,
+        ground: Ground,
+        *,
+        reflectivity: Reflectivity = Reflectivity(),
+        seed: int,
+    ) -> None:
+        self.mounted = mounted
+        self.ground = ground
+        self.reflectivity = reflectivity
+        sequences = np.random.SeedSequence(seed).spawn(3)
+        self._noise, self._speckle, self._loss = (
+            np.random.Generator(np.random.Philox(sequence)) for sequence in sequences
+        )
+        self._tiles: set[tuple[int, int]] = set()
+
+    def record(self, knots: PoseKnots, begin: float, end: float) -> Scans:
+        """Scans whose first beam truly falls into [begin, end).
+
+        Parameters
+        ----------
+        knots : PoseKnots
+            Motion of the body, from `begin` to one scan beyond `end`.
+        begin, end : float
+            True times [s].
+
+        Returns
+        -------
+        Scans
+            Recorded and true ranges. Stamps are whole multiples of the time from scan to scan.
+        """
+        scanner = self.mounted.scanner
+        stamp = stamps(begin, end, scanner.rate, self.mounted.clock)
+        shape = (stamp.size, scanner.beams)
+        rays = self._beams(knots, stamp + self.mounted.clock)
+        true_range, cosine, hit = self._cast(*(ray.reshape(-1, 3) for ray in rays))
+        bright = self.reflectivity.at(hit[:, 0], hit[:, 1])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            signal = scanner.gain * bright * cosine * (scanner.nominal_height / true_range) ** 2
+        signal = np.nan_to_num(signal, nan=0.0, posinf=0.0)
+        signal += scanner.intensity_noise * self._speckle.standard_normal(signal.size)
+        over = np.maximum(signal / scanner.saturation - 1.0, 0.0)
+        bias = scanner.saturation_bias * over
+        ranges = true_range + bias + scanner.range_noise * self._noise.standard_normal(signal.size)
+        lost = (self._loss.random(signal.size) < scanner.dropouts) | (signal < scanner.floor)
+        ranges[lost] = np.nan
+        if scanner.quantum:
+            ranges = np.round(ranges / scanner.quantum) * scanner.quantum
+        counts = np.clip(np.rint(np.minimum(signal, scanner.saturation)), 0, 65535)
+        return Scans(
+            time=stamp,
+            range=ranges.reshape(shape),
+            intensity=counts.astype(np.uint16).reshape(shape),
+            true_range=true_range.reshape(shape),
+            bias=bias.reshape(shape),
+        )
+
+    def _beams(self, knots: PoseKnots, time: Float) -> tuple[Float, Float, Float]:
+        """Origin and direction of every beam, and the scanner's forward axis."""
+        from trueterrain.simulate._kernels import beams
+
+        scanner = self.mounted.scanner
+        step = float(knots.time[1] - knots.time[0])
+        if time.size and time[-1] + scanner.delay[-1] > knots.time[-1]:
+            message = f"the motion ends at {knots.time[-1]} s, before the last beam."
+            raise ValueError(message)
+        coefficients = np.stack(
+            quintic(
+                knots.pose[:-1], step * knots.rate[:-1], step**2 * knots.acceleration[:-1],
+                knots.pose[1:], step * knots.rate[1:], step**2 * knots.acceleration[1:],
+            ),
+            axis=1,
+        )  # fmt: skip
+        origin, direction, forward = (np.empty((time.size, scanner.beams, 3)) for _ in range(3))
+        beams(
+            time, float(knots.time[0]), step, coefficients, np.array(self.mounted.position),
+            mounting_matrix(*self.mounted.rotation), scanner.angle, scanner.delay,
+            origin, direction, forward,
+        )  # fmt: skip
+        return origin, direction, forward
+
+    def _cast(self, origin: Float, direction: Float, forward: Float) -> tuple[Float, Float, Float]:
+        """Ranges, cosines of incidence and points met, averaged over the spot."""
+        scanner = self.mounted.scanner
+        total = np.zeros(len(origin))
+        met = np.zeros(len(origin), np.int64)
+        middle = np.full(len(origin), np.nan), np.full((len(origin), 2), np.nan)
+        for turned, is_middle in _spot(scanner, direction, forward):
+            distance, slope = cast(
+                self.ground, origin, turned, furthest=scanner.furthest, known=self._tiles
+            )
+            returned = np.isfinite(distance)
+            total[returned] += distance[returned]
+            met += returned
+            if is_middle:
+                middle = distance, slope
+        with np.errstate(invalid="ignore", divide="ignore"):
+            mean = total / met
+        mean[np.isnan(middle[0])] = np.nan
+        slope = middle[1]
+        upward = slope[:, 0] * direction[:, 0] + slope[:, 1] * direction[:, 1] - direction[:, 2]
+        cosine = upward / np.sqrt(1.0 + slope[:, 0] ** 2 + slope[:, 1] ** 2)
+        hit = origin[:, :2] + mean[:, None] * direction[:, :2]
+        return mean, np.clip(np.nan_to_num(cosine), 0.0, 1.0), hit
+
+
+def stamps(begin: float, end: float, rate: float, clock: float) -> Float:
+    """Stamps, whole multiples of 1 / rate, whose true time lies in [begin, end).
+
+    Parameters
+    ----------
+    begin, end : float
+        True times [s].
+    rate : float
+        Stamps per second [Hz].
+    clock : float
+        True time minus stamp [s].
+
+    Returns
+    -------
+    numpy.ndarray, shape (n,)
+        Stamps [s]. Adjoining stretches neither share a stamp nor miss one.
+
+    Examples
+    --------
+    >>> stamps(0.0, 0.3, 10.0, 0.05)
+    array([0. , 0.1, 0.2])
+    """
+    first, last = (int(np.ceil((edge - clock) * rate - 1e-6)) for edge in (begin, end))
+    return np.arange(first, last) / rate
+
+
+def cast(
+    ground: Ground,
+    origin: Float,
+    direction: Float,
+    *,
+    furthest: float,
+    known: set[tuple[int, int]] | None = None,
+) -> tuple[Float, Float]:
+    """First intersection of beams with the ground.
+
+    Parameters
+    ----------
+    ground : Ground
+        Raster, met exactly; or any other ground, met within 1e-9 m as long as it has no feature
+        narrower than 1 mm.
+    origin, direction : numpy.ndarray, shape (n, 3)
+        Begin [m] and unit direction of each beam.
+    furthest : float
+        Largest distance [m].
+    known : set of (column, row), optional
+        Tiles of the raster that beams have met lately; kept up to date.
+
+    Returns
+    -------
+    distance : numpy.ndarray, shape (n,)
+        Distance along each beam [m]; NaN if it meets nothing.
+    slope : numpy.ndarray, shape (n, 2)
+        Gradient of the ground there, dz/dx and dz/dy.
+
+    Examples
+    --------
+    >>> from trueterrain.simulate.ground import Plane
+    >>> down = np.array([[0.0, 0.0, -1.0]])
+    >>> cast(Plane(elevation=0.5), np.array([[0.0, 0.0, 2.0]]), down, furthest=5.0)[0]
+    array([1.5])
+    """
+    if isinstance(ground, Raster):
+        return _cast_raster(ground, origin, direction, furthest, set() if known is None else known)
+    return _cast_any(ground, origin, direction, furthest)
+
+
+def mounting_matrix(roll: float, pitch: float, yaw: float) -> Float:
+    """Matrix that turns the scanner's axes into the body's: Rz(yaw) Ry(pitch) Rx(roll).
+
+    Parameters
+    ----------
+    roll, pitch, yaw : float
+        Angles [rad].
+
+    Returns
+    -------
+    numpy.ndarray, shape (3, 3)
+        Body vector = matrix @ scanner vector.
+    """
+    (cr, sr), (cp, sp), (cy, sy) = ((np.cos(a), np.sin(a)) for a in (roll, pitch, yaw))
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+
+
+def _cast_raster(
+    raster: Raster, origin: Float, direction: Float, furthest: float, known: set[tuple[int, int]]
+) -> tuple[Float, Float]:
+    """Cast, make the tiles that beams ask for, and cast those beams again."""
+    from trueterrain.simulate import _kernels
+
+    distance, slope = np.empty(len(origin)), np.full((len(origin), 2), np.nan)
+    missing = np.empty((len(origin), 2), np.int64)
+    todo = np.arange(len(origin))
+    # a few begins tell where the scanner is; beams ask for the tiles that these leave out
+    begins = raster.tile_of(*origin[:: max(len(origin) // 256, 1), :2].T)
+    used = _different(begins)
+    known &= _near(used, known)
+    known |= used
+    while todo.size:
+        tiles = raster.tiles(known)
+        part = np.empty(todo.size), np.empty((todo.size, 2)), np.empty((todo.size, 2), np.int64)
+        _kernels.cast(
+            origin[todo], direction[todo], furthest, raster.spacing, tiles.first, tiles.index,
+            tiles.height, tiles.block_top, tiles.tile_top, TILE_CELLS, BLOCK_CELLS, *part,
+        )  # fmt: skip
+        distance[todo], slope[todo], missing[todo] = part
+        todo = todo[part[0] < 0]
+        known |= _different(missing[todo])
+    return distance, slope
+
+
+def _different(tiles: npt.NDArray[np.int64]) -> set[tuple[int, int]]:
+    """Tiles without repetition; one key per tile sorts much faster than rows of two."""
+    key = np.unique((tiles[:, 0] << 32) + (tiles[:, 1] & 0xFFFFFFFF))
+    row = ((key & 0xFFFFFFFF) ^ 0x80000000) - 0x80000000
+    return set(zip((key >> 32).tolist(), row.tolist(), strict=True))
+
+
+def _near(used: set[tuple[int, int]], known: set[tuple[int, int]]) -> set[tuple[int, int]]:
+    """Those known tiles that lie within the reach of the beams; the others are left behind."""
+    columns, rows = np.array(sorted(used)).T
+    reach = 8
+    return {
+        (column, row)
+        for column, row in known
+        if columns.min() - reach <= column <= columns.max() + reach
+        and rows.min() - reach <= row <= rows.max() + reach
+    }
+
+
+def _cast_any(
+    ground: Ground, origin: Float, direction: Float, furthest: float
+) -> tuple[Float, Float]:
+    """March in steps of 1 mm until a beam is below the ground, then bisect."""
+    step = 1e-3
+
+    def above(beam: npt.NDArray[np.intp], at: Float) -> Float:
+        point = origin[beam] + at[:, None] * direction[beam]
+        return point[:, 2] - ground.height(point[:, 0], point[:, 1])
+
+    low, high = np.zeros(len(origin)), np.full(len(origin), np.nan)
+    flying = np.arange(len(origin))
+    for n in range(int(np.ceil(furthest / step))):
+        at = np.full(flying.size, (n + 1) * step)
+        below = above(flying, at) <= 0
+        high[flying[below]] = at[below]
+        low[flying[~below]] = at[~below]
+        flying = flying[~below]
+        if not flying.size:
+            break
+    hit = np.flatnonzero(np.isfinite(high))
+    a, b = low[hit], high[hit]
+    for _ in range(40):
+        middle = 0.5 * (a + b)
+        below = above(hit, middle) <= 0
+        a, b = np.where(below, a, middle), np.where(below, middle, b)
+    distance = np.full(len(origin), np.nan)
+    distance[hit] = 0.5 * (a + b)
+    point = origin + distance[:, None] * direction
+    tiny = 1e-6
+    slope = [
+        (ground.height(point[:, 0] + ex, point[:, 1] + ey)
+         - ground.height(point[:, 0] - ex, point[:, 1] - ey)) / (2 * tiny)
+        for ex, ey in ((tiny, 0.0), (0.0, tiny))
+    ]  # fmt: skip
+    return distance, np.stack(slope, axis=1)
+
+
+def _spot(scanner: Scanner, direction: Float, forward: Float) -> Iterator[tuple[Float, bool]]:
+    """Directions of the rays that fill the spot, and whether a ray is its middle.
+
+    The rays are a lattice over the spot: spread evenly over its length and over its width.
+    """
+    half = scanner.spot_rays // 2
+    if half == 0:
+        yield direction, True
+        return
+    beside = np.cross(forward, direction)
+    for n in range(-half, half + 1):
+        if n == 0:
+            yield direction, True
+            continue
+        across = (2 * n + half) % scanner.spot_rays - half
+        turned = (
+            direction
+            + (n * scanner.spot_length / scanner.spot_rays / scanner.nominal_height) * forward
+            + (across * scanner.spot_width / scanner.spot_rays / scanner.nominal_height) * beside
+        )
+        yield turned, False
+
+
+def _require(holds: bool, name: str, rule: str, value: object) -> None:
+    if not holds:
+        message = f"{name} must be {rule}, got {value}."
+        raise ValueError(message)
