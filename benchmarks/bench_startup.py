@@ -11,11 +11,10 @@ _RUNS = 7
 def bench() -> list[dict[str, Any]]:
     """Rows of name, ours, peer, unit, ratio and budget."""
     bare = _seconds("pass")
-    rows = [
+    return [
         _row("trueterrain --help", "from trueterrain.cli import main; main(['--help'])", 0.3, bare),
         _row("import trueterrain", "import trueterrain", 0.2, bare),
     ]
-    return rows
 
 
 def _row(name: str, code: str, budget: float, bare: float) -> dict[str, Any]:

@@ -32,8 +32,8 @@ class TrueTerrainError(Exception):
 
     Examples
     --------
-    >>> print(FormatError("has 3 of 8 columns", path="p.erd", place="line 12", cure="Export it again."))
-    p.erd: line 12: has 3 of 8 columns. Export it again.
+    >>> print(FormatError("has 3 of 8 columns", path="p.erd", place="line 12", cure="Copy it."))
+    p.erd: line 12: has 3 of 8 columns. Copy it.
     """
 
     def __init__(

@@ -133,9 +133,9 @@ def make_surface(
     """
     if u is None or v is None:
         named: dict[str, Array] = {"height": height, **optional}
-        dims = dict.fromkeys(named, ("northing", "easting"))
         axes: dict[str, Array] = {"northing": northing, "easting": easting}
-        return check_surface(_dataset(named, dims, axes, "surface", crs))
+        over_map = dict.fromkeys(named, ("northing", "easting"))
+        return check_surface(_dataset(named, over_map, axes, "surface", crs))
     length = np.size(u)
     line: dict[str, Array] = {
         "easting": easting,
@@ -146,7 +146,8 @@ def make_surface(
     if banking is not None:
         line["banking"] = banking
     cells = {"height": height, **optional}
-    dims = dict.fromkeys(line, ("u",)) | dict.fromkeys(cells, ("u", "v"))
+    dims: dict[str, tuple[str, ...]] = dict.fromkeys(line, ("u",))
+    dims |= dict.fromkeys(cells, ("u", "v"))
     return check_surface(_dataset(line | cells, dims, {"u": u, "v": v}, "surface", crs))
 
 

@@ -63,6 +63,7 @@ def profile(
     minimum_count: int = 3,
     thin: Literal["error", "nan"] = "error",
     units: Literal["m", "mm", "ft", "in"] = "m",
+    crs: str | None = None,
     force: bool = False,
 ) -> None:
     """Extract the profile that a tyre feels along a path.
@@ -117,6 +118,9 @@ def profile(
         Whether thin search areas are an error or become NaN (CSV only).
     units
         Unit of the heights in an ERD file.
+    crs
+        Coordinate reference system of a point cloud whose file names none, or a wrong one, e.g.
+        EPSG:25832.
     force
         Replace the output if it exists.
     """
@@ -132,7 +136,7 @@ def profile(
     area = _area(radius, patch, ellipse)
     require_writable(output, force=force)
     formats.writer_of("profile", output)
-    ground, travelled = _ground_and_path(surface, offset, line, path, spacing, area)
+    ground, travelled = _ground_and_path(surface, offset, line, path, spacing, area, crs)
     if taken is None:
         result = point_profile(ground, travelled)
     else:
@@ -211,6 +215,7 @@ def _ground_and_path(
     path: Path | None,
     spacing: float,
     area: "SearchArea",
+    crs: str | None,
 ) -> "tuple[Ground, WheelPath]":
     """Read the ground and lay the path over it; a cloud stays on disk until it is needed."""
     from trueterrain import formats
@@ -221,9 +226,15 @@ def _ground_and_path(
     if sum(way is not None for way in (offset, line, path)) != 1:
         message = "name the path with exactly one of --offset, --line and --path."
         raise ValueError(message)
-    is_cloud = formats.recognise(surface).module in ("las", "table")
+    kind = formats.kind_of_file(surface)
+    if kind == "profile":
+        raise CoverageError(
+            "is a profile already",
+            path=surface,
+            cure="Give the surface or the point cloud that it shall be taken from.",
+        )
     if offset is not None:
-        if is_cloud:
+        if kind == "points":
             raise CoverageError(
                 "--offset needs a reference line, which a point cloud does not have",
                 path=surface,
@@ -236,7 +247,7 @@ def _ground_and_path(
     else:
         assert path is not None
         travelled = waypoint_path(*read_waypoints(path), spacing=spacing)
-    if not is_cloud:
+    if kind == "surface":
         return formats.open(surface), travelled
     margin = reach(area)
     bounds = (
@@ -245,7 +256,7 @@ def _ground_and_path(
         travelled.easting.max() + margin,
         travelled.northing.max() + margin,
     )
-    return formats.point_blocks(surface, bounds=bounds), travelled
+    return formats.point_blocks(surface, bounds=bounds, crs=crs), travelled
 
 
 def _summarise(result: "xr.Dataset", output: Path) -> None:

@@ -65,7 +65,7 @@ def tyre_profile(
     Returns
     -------
     xarray.Dataset
-        Profile with ``height``, ``sd``, ``count``, ``easting``, ``northing``, ``heading``; the
+        Profile with ``height``, ``sd``, ``count``, ``easting``, ``northing``; the
         quantity of thin search areas is in ``attrs["thin"]``.
 
     Raises
@@ -114,7 +114,7 @@ def tyre_profile(
     height[is_thin] = sd[is_thin] = np.nan
     profile = make_profile(
         path.s, height, sd=sd, count=count, easting=path.easting, northing=path.northing,
-        heading=path.heading, crs=source.attrs.get("crs", ""),
+        crs=source.attrs.get("crs", ""),
     )  # fmt: skip
     parameters = {
         "area": area, "statistic": statistic, "level": level, "minimum_count": minimum_count,
@@ -137,7 +137,7 @@ def point_profile(ground: Ground, path: WheelPath) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        Profile with ``height``, ``easting``, ``northing``, ``heading``.
+        Profile with ``height``, ``easting``, ``northing``.
 
     Raises
     ------
@@ -169,7 +169,7 @@ def point_profile(ground: Ground, path: WheelPath) -> xr.Dataset:
             cure="Choose a path inside the surface.",
         )
     profile = make_profile(
-        path.s, height, easting=path.easting, northing=path.northing, heading=path.heading,
+        path.s, height, easting=path.easting, northing=path.northing,
         crs=ground.attrs.get("crs", ""),
     )  # fmt: skip
     return provenance.add_step(profile, "point_profile", after=ground)
