@@ -11,9 +11,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from trueterrain.simulate.casting import cast
 from trueterrain.simulate.ground import Ground
+from trueterrain.simulate.noise import generator
 from trueterrain.simulate.pose import PoseKnots, quintic
-from trueterrain.simulate.raster import BLOCK_CELLS, TILE_CELLS, Raster
+from trueterrain.simulate.rotation import body_to_ground
 
 Float = npt.NDArray[np.float64]
 
@@ -207,9 +209,8 @@ class ScannerStream:
         self.mounted = mounted
         self.ground = ground
         self.reflectivity = reflectivity
-        sequences = np.random.SeedSequence(seed).spawn(3)
         self._noise, self._speckle, self._loss = (
-            np.random.Generator(np.random.Philox(sequence)) for sequence in sequences
+            generator(seed, "scanner", name) for name in ("range", "intensity", "loss")
         )
         self._tiles: set[tuple[int, int]] = set()
 
@@ -273,7 +274,7 @@ class ScannerStream:
         origin, direction, forward = (np.empty((time.size, scanner.beams, 3)) for _ in range(3))
         beams(
             time, float(knots.time[0]), step, coefficients, np.array(self.mounted.position),
-            mounting_matrix(*self.mounted.rotation), scanner.angle, scanner.delay,
+            body_to_ground(self.mounted.rotation), scanner.angle, scanner.delay,
             origin, direction, forward,
         )  # fmt: skip
         return origin, direction, forward
@@ -327,154 +328,6 @@ def stamps(begin: float, end: float, rate: float, clock: float) -> Float:
     """
     first, last = (int(np.ceil((edge - clock) * rate - 1e-6)) for edge in (begin, end))
     return np.arange(first, last) / rate
-
-
-def cast(
-    ground: Ground,
-    origin: Float,
-    direction: Float,
-    *,
-    furthest: float,
-    known: set[tuple[int, int]] | None = None,
-) -> tuple[Float, Float]:
-    """First intersection of beams with the ground.
-
-    Parameters
-    ----------
-    ground : Ground
-        Raster, met exactly; or any other ground, met within 1e-9 m as long as it has no feature
-        narrower than 1 mm.
-    origin, direction : numpy.ndarray, shape (n, 3)
-        Begin [m] and unit direction of each beam.
-    furthest : float
-        Largest distance [m].
-    known : set of (column, row), optional
-        Tiles of the raster that beams have met lately; kept up to date.
-
-    Returns
-    -------
-    distance : numpy.ndarray, shape (n,)
-        Distance along each beam [m]; NaN if it meets nothing.
-    slope : numpy.ndarray, shape (n, 2)
-        Gradient of the ground there, dz/dx and dz/dy.
-
-    Examples
-    --------
-    >>> from trueterrain.simulate.ground import Plane
-    >>> down = np.array([[0.0, 0.0, -1.0]])
-    >>> cast(Plane(elevation=0.5), np.array([[0.0, 0.0, 2.0]]), down, furthest=5.0)[0]
-    array([1.5])
-    """
-    if isinstance(ground, Raster):
-        return _cast_raster(ground, origin, direction, furthest, set() if known is None else known)
-    return _cast_any(ground, origin, direction, furthest)
-
-
-def mounting_matrix(roll: float, pitch: float, yaw: float) -> Float:
-    """Matrix that turns the scanner's axes into the body's: Rz(yaw) Ry(pitch) Rx(roll).
-
-    Parameters
-    ----------
-    roll, pitch, yaw : float
-        Angles [rad].
-
-    Returns
-    -------
-    numpy.ndarray, shape (3, 3)
-        Body vector = matrix @ scanner vector.
-    """
-    (cr, sr), (cp, sp), (cy, sy) = ((np.cos(a), np.sin(a)) for a in (roll, pitch, yaw))
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )
-
-
-def _cast_raster(
-    raster: Raster, origin: Float, direction: Float, furthest: float, known: set[tuple[int, int]]
-) -> tuple[Float, Float]:
-    """Cast, make the tiles that beams ask for, and cast those beams again."""
-    from trueterrain.simulate import _kernels
-
-    distance, slope = np.empty(len(origin)), np.full((len(origin), 2), np.nan)
-    missing = np.empty((len(origin), 2), np.int64)
-    todo = np.arange(len(origin))
-    # a few begins tell where the scanner is; beams ask for the tiles that these leave out
-    begins = raster.tile_of(*origin[:: max(len(origin) // 256, 1), :2].T)
-    used = _different(begins)
-    known &= _near(used, known)
-    known |= used
-    while todo.size:
-        tiles = raster.tiles(known)
-        part = np.empty(todo.size), np.empty((todo.size, 2)), np.empty((todo.size, 2), np.int64)
-        _kernels.cast(
-            origin[todo], direction[todo], furthest, raster.spacing, tiles.first, tiles.index,
-            tiles.height, tiles.block_top, tiles.tile_top, TILE_CELLS, BLOCK_CELLS, *part,
-        )  # fmt: skip
-        distance[todo], slope[todo], missing[todo] = part
-        todo = todo[part[0] < 0]
-        known |= _different(missing[todo])
-    return distance, slope
-
-
-def _different(tiles: npt.NDArray[np.int64]) -> set[tuple[int, int]]:
-    """Tiles without repetition; one key per tile sorts much faster than rows of two."""
-    key = np.unique((tiles[:, 0] << 32) + (tiles[:, 1] & 0xFFFFFFFF))
-    row = ((key & 0xFFFFFFFF) ^ 0x80000000) - 0x80000000
-    return set(zip((key >> 32).tolist(), row.tolist(), strict=True))
-
-
-def _near(used: set[tuple[int, int]], known: set[tuple[int, int]]) -> set[tuple[int, int]]:
-    """Those known tiles that lie within the reach of the beams; the others are left behind."""
-    columns, rows = np.array(sorted(used)).T
-    reach = 8
-    return {
-        (column, row)
-        for column, row in known
-        if columns.min() - reach <= column <= columns.max() + reach
-        and rows.min() - reach <= row <= rows.max() + reach
-    }
-
-
-def _cast_any(
-    ground: Ground, origin: Float, direction: Float, furthest: float
-) -> tuple[Float, Float]:
-    """March in steps of 1 mm until a beam is below the ground, then bisect."""
-    step = 1e-3
-
-    def above(beam: npt.NDArray[np.intp], at: Float) -> Float:
-        point = origin[beam] + at[:, None] * direction[beam]
-        return point[:, 2] - ground.height(point[:, 0], point[:, 1])
-
-    low, high = np.zeros(len(origin)), np.full(len(origin), np.nan)
-    flying = np.arange(len(origin))
-    for n in range(int(np.ceil(furthest / step))):
-        at = np.full(flying.size, (n + 1) * step)
-        below = above(flying, at) <= 0
-        high[flying[below]] = at[below]
-        low[flying[~below]] = at[~below]
-        flying = flying[~below]
-        if not flying.size:
-            break
-    hit = np.flatnonzero(np.isfinite(high))
-    a, b = low[hit], high[hit]
-    for _ in range(40):
-        middle = 0.5 * (a + b)
-        below = above(hit, middle) <= 0
-        a, b = np.where(below, a, middle), np.where(below, middle, b)
-    distance = np.full(len(origin), np.nan)
-    distance[hit] = 0.5 * (a + b)
-    point = origin + distance[:, None] * direction
-    tiny = 1e-6
-    slope = [
-        (ground.height(point[:, 0] + ex, point[:, 1] + ey)
-         - ground.height(point[:, 0] - ex, point[:, 1] - ey)) / (2 * tiny)
-        for ex, ey in ((tiny, 0.0), (0.0, tiny))
-    ]  # fmt: skip
-    return distance, np.stack(slope, axis=1)
 
 
 def _spot(scanner: Scanner, direction: Float, forward: Float) -> Iterator[tuple[Float, bool]]:
