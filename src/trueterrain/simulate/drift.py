@@ -1,0 +1,353 @@
+"""Drift of the height that navigation reports, pass by pass.
+
+Two passes over one road never agree: the height drifts. How much was measured on two drives over
+the same 8 km of road with a post-processed Applanix POS LV (Boreas data set, University of Toronto,
+CC BY 4.0). Where both move and their tracks are within 1 m, the second is 42 mm lower in the
+median, with a standard deviation of 25 mm and an autocorrelation that falls to 1/e after 25 s. Its
+spectrum is that of a first-order Gauss-Markov process from 0.01 Hz to 4 Hz within a factor of 2.5,
+so the default drift is one, without any file. (The difference holds whatever differs between two
+days: the ride height too, and the crossfall of the road times the distance of the tracks.)
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from trueterrain.errors import CoverageError, FormatError
+from trueterrain.simulate.noise import (
+    GaussMarkov,
+    SecondOrderGaussMarkov,
+    check_not_negative,
+    check_positive,
+    generator,
+)
+
+Float = npt.NDArray[np.float64]
+
+Order = Literal["first", "second"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class GaussMarkovDrift:
+    """Drift that wanders, with the statistics of the two Boreas drives.
+
+    Each pass has a drift of its own, and a constant part that alternates from pass to pass. The
+    difference of two neighbouring passes then has the mean and the standard deviation measured.
+    """
+
+    height_sd: float = 0.025 / 2**0.5
+    "Standard deviation of one pass [m]; the difference of two is sqrt(2) times as large."
+
+    correlation_time: float = 25.0
+    "Time after which the autocorrelation is 1/e [s]."
+
+    between_passes: float = -0.042
+    "Mean height of an odd pass (1, 3, ...) less that of an even pass (0, 2, ...) [m]."
+
+    order: Order = "first"
+    "``first``, as measured, or ``second``: smooth, as that of an INS without satellites."
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        check_not_negative(height_sd=self.height_sd)
+        check_positive(correlation_time=self.correlation_time)
+        if not np.isfinite(self.between_passes):
+            message = f"between_passes must be finite, got {self.between_passes}."
+            raise ValueError(message)
+        if self.order not in get_args(Order):
+            message = f"order must be first or second, got {self.order!r}."
+            raise ValueError(message)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriftSeries:
+    """Difference of two passes as a time series; each pass gets half of it.
+
+    An odd pass drifts by half of the series, the even pass before by half of it with the sign
+    turned, so that their difference is the series. Each further pair of passes begins `stretch`
+    later in the series. At its ends the series runs backwards.
+
+    Examples
+    --------
+    >>> ramp = DriftSeries(time=(0.0, 100.0), height=(0.0, 0.04))
+    >>> start_drift(ramp, seed=1, pass_number=1, rate=1.0).next(np.array([0.0, 50.0]))
+    array([0.  , 0.01])
+    """
+
+    time: tuple[float, ...]
+    "Times since the first, ascending [s]."
+
+    height: tuple[float, ...]
+    "Height of the odd pass less that of the even one [m]; straight lines between the times."
+
+    stretch: float = 300.0
+    "Time in the series by which each further pair of passes begins later [s]."
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        if len(self.time) < 2 or len(self.time) != len(self.height):
+            message = (
+                "time and height must hold as many values as each other, at least 2, "
+                f"got {len(self.time)} and {len(self.height)}."
+            )
+            raise ValueError(message)
+        if not (np.isfinite(self.time).all() and np.isfinite(self.height).all()):
+            message = "time and height must be finite."
+            raise ValueError(message)
+        steps = np.diff(self.time)
+        if not (steps > 0).all():
+            place = int(np.argmax(steps <= 0)) + 1
+            message = (
+                f"time must ascend, got {self.time[place]} s after {self.time[place - 1]} s "
+                f"at value {place}."
+            )
+            raise ValueError(message)
+        check_not_negative(stretch=self.stretch)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuredDrift:
+    """The measured difference of two drives over one road, read from their files.
+
+    See `height_difference` for the files and `DriftSeries` for who gets which part.
+    """
+
+    first: Path
+    "CSV file of the poses of the first drive."
+
+    second: Path
+    "CSV file of the poses of the second drive."
+
+    stretch: float = 300.0
+    "Time in the series by which each further pair of passes begins later [s]."
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        check_not_negative(stretch=self.stretch)
+
+    def series(self) -> DriftSeries:
+        """The drift as a time series.
+
+        Returns
+        -------
+        DriftSeries
+            Difference of the two drives.
+
+        Raises
+        ------
+        FormatError
+            If a file cannot be read.
+        CoverageError
+            If the drives do not share a road.
+        """
+        time, height = height_difference(self.first, self.second)
+        return DriftSeries(time=tuple(time), height=tuple(height), stretch=self.stretch)
+
+
+HeightDrift = GaussMarkovDrift | DriftSeries | MeasuredDrift
+
+
+@dataclass(kw_only=True, eq=False)
+class Drift:
+    """Drift of the height of one pass, in blocks; made by `start_drift`."""
+
+    sd: float
+    "Root mean square of the drift over time and over all passes of its parity [m]."
+
+    offset: float
+    "Constant part [m]."
+
+    process: GaussMarkov | SecondOrderGaussMarkov | None
+    "What wanders; None if a series does."
+
+    series: tuple[Float, Float]
+    "Times [s] and heights [m] of the series, the sign of the pass included."
+
+    begin: float
+    "Where in the series the pass begins [s]."
+
+    def next(self, time: Float) -> Float:
+        """Drift of the next epochs.
+
+        Parameters
+        ----------
+        time : numpy.ndarray, shape (n,)
+            Times since the begin of the pass [s].
+
+        Returns
+        -------
+        numpy.ndarray, shape (n,)
+            Drift of the height [m].
+        """
+        if self.process is not None:
+            return self.process.next(time.size)[:, 0] + self.offset
+        times, heights = self.series
+        span = times[-1] - times[0]
+        folded = np.mod(self.begin + time, 2.0 * span)
+        place = times[0] + np.minimum(folded, 2.0 * span - folded)
+        return np.asarray(np.interp(place, times, heights), dtype=np.float64)
+
+
+def start_drift(drift: HeightDrift, *, seed: int, pass_number: int, rate: float) -> Drift:
+    """Drift of one pass from its begin.
+
+    Parameters
+    ----------
+    drift : GaussMarkovDrift, DriftSeries or MeasuredDrift
+        Parameters; the files of a measured drift are read here.
+    seed : int
+        Seed of all that is random.
+    pass_number : int
+        Which pass over the road, from 0.
+    rate : float
+        Epochs per second [Hz].
+
+    Returns
+    -------
+    Drift
+        Gives the drift block by block.
+
+    Raises
+    ------
+    ValueError
+        If the number of the pass is negative.
+
+    Examples
+    --------
+    >>> perfect = GaussMarkovDrift(height_sd=0.0)
+    >>> start_drift(perfect, seed=1, pass_number=0, rate=1.0).next(np.zeros(1))
+    array([0.021])
+    >>> start_drift(perfect, seed=1, pass_number=1, rate=1.0).next(np.zeros(1))
+    array([-0.021])
+    """
+    if pass_number < 0:
+        message = f"pass_number must be at least 0, got {pass_number}."
+        raise ValueError(message)
+    sign = 0.5 if pass_number % 2 else -0.5
+    none = (np.zeros(1), np.zeros(1))
+    if isinstance(drift, GaussMarkovDrift):
+        kind = GaussMarkov if drift.order == "first" else SecondOrderGaussMarkov
+        process = kind(
+            rng=generator(seed, "navigation", f"pass {pass_number}", "height drift"),
+            sd=drift.height_sd,
+            correlation_time=drift.correlation_time,
+            rate=rate,
+        )
+        offset = sign * drift.between_passes
+        sd = float(np.hypot(offset, drift.height_sd))
+        return Drift(sd=sd, offset=offset, process=process, series=none, begin=0.0)
+    series = drift.series() if isinstance(drift, MeasuredDrift) else drift
+    times, heights = np.array(series.time), sign * np.array(series.height)
+    # Mean square of straight lines between the values, each weighted by its time.
+    left, right = heights[:-1], heights[1:]
+    square = np.average((left**2 + left * right + right**2) / 3.0, weights=np.diff(times))
+    return Drift(
+        sd=float(np.sqrt(square)),
+        offset=0.0,
+        process=None,
+        series=(times, heights),
+        begin=(pass_number // 2) * series.stretch,
+    )
+
+
+def height_difference(
+    first: str | Path, second: str | Path, *, within: float = 1.0, moving: float = 1.0
+) -> tuple[Float, Float]:
+    """Difference in height of two drives over one road, along the time of the second.
+
+    Each pose of the second drive is compared with the nearest of the first, moved along its
+    velocity to the foot of the perpendicular. Both must move, and the perpendicular must be short.
+
+    Parameters
+    ----------
+    first, second : str or Path
+        CSV files of poses with the columns ``GPSTime`` [us], ``easting``, ``northing``,
+        ``altitude`` [m], ``vel_east``, ``vel_north``, ``vel_up`` [m/s], such as the
+        ``lidar_poses.csv`` of the Boreas data set.
+    within : float
+        Greatest distance of the tracks [m].
+    moving : float
+        Least speed of both drives [m/s].
+
+    Returns
+    -------
+    time : numpy.ndarray, shape (n,)
+        Times of the second drive, the first 0 [s].
+    height : numpy.ndarray, shape (n,)
+        Height of the second drive less that of the first [m].
+
+    Raises
+    ------
+    OSError
+        If a file cannot be opened.
+    FormatError
+        If a file lacks a column, holds no number where one must be, or its time runs backwards.
+    CoverageError
+        If fewer than two poses of the drives are near each other.
+    """
+    check_positive(within=within, moving=moving)
+    from scipy.spatial import cKDTree
+
+    one, two = _read_poses(Path(first)), _read_poses(Path(second))
+    _, nearest = cKDTree(one.position[:, :2]).query(two.position[:, :2])
+    position, velocity = one.position[nearest], one.velocity[nearest]
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    both_move = (speed > moving) & (np.hypot(two.velocity[:, 0], two.velocity[:, 1]) > moving)
+    scale = np.where(both_move, speed, 1.0)
+    apart = two.position - position
+    along = (apart[:, 0] * velocity[:, 0] + apart[:, 1] * velocity[:, 1]) / scale
+    across = (apart[:, 1] * velocity[:, 0] - apart[:, 0] * velocity[:, 1]) / scale
+    # The distance along must be that of neighbouring poses, or the first drive had ended there.
+    spacing = np.gradient(one.time)[nearest] * speed
+    usable = both_move & (np.abs(across) < within) & (np.abs(along) < spacing)
+    if np.count_nonzero(usable) < 2:
+        raise CoverageError(
+            f"comes within {within} m of {Path(first).name} at {np.count_nonzero(usable)} poses, "
+            "at least 2 are needed",
+            path=second,
+            cure="Give two drives over the same road.",
+        )
+    height = apart[:, 2] - along * velocity[:, 2] / scale
+    time = two.time[usable]
+    return time - time[0], height[usable]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Poses:
+    time: Float
+    position: Float
+    velocity: Float
+
+
+_COLUMNS = ("GPSTime", "easting", "northing", "altitude", "vel_east", "vel_north", "vel_up")
+
+
+def _read_poses(path: Path) -> _Poses:
+    import pandas as pd
+
+    try:
+        table = pd.read_csv(path, usecols=list(_COLUMNS), dtype=np.float64)
+    except ValueError as error:
+        raise FormatError(
+            f"is no table of poses ({error})",
+            path=path,
+            cure=f"It must be a CSV file with the columns {', '.join(_COLUMNS)}.",
+        ) from error
+    values = table[list(_COLUMNS)].to_numpy()
+    bad = ~np.isfinite(values).all(axis=1)
+    time = values[:, 0] * 1e-6
+    if len(values) < 2:
+        raise FormatError(f"must hold at least 2 poses, holds {len(values)}", path=path)
+    if bad.any():
+        raise FormatError(
+            "must hold a number in each column", path=path, place=f"line {int(np.argmax(bad)) + 2}"
+        )
+    steps = np.diff(time)
+    if not (steps > 0).all():
+        raise FormatError(
+            "time must ascend", path=path, place=f"line {int(np.argmax(steps <= 0)) + 3}"
+        )
+    return _Poses(time=time, position=values[:, 1:4], velocity=values[:, 4:7])
