@@ -125,7 +125,7 @@ def test_the_largest_slope_that_is_seen(offset):
     limit = np.arctan2(HEIGHT, offset)  # [rad] of the face, from level
     seen = {}
     for name, slope in (("flatter", limit - 0.05), ("steeper", limit + 0.05)):
-        ground = Step(position=offset, rise=-0.05, width=0.05 / np.tan(slope), direction=np.pi / 2)
+        ground = Step(position=offset, rise=-0.3, width=0.3 / np.tan(slope), direction=np.pi / 2)
         found = ranges(ground).true_range[0]
         depth = found * np.cos(PERFECT.angle) - HEIGHT
         seen[name] = np.count_nonzero((depth > 0.002) & (depth < 0.298))
@@ -166,20 +166,20 @@ def test_a_moving_scan_lies_on_the_ground(ground):
 
 
 def test_the_first_intersection_is_met():
-    """Beams of any direction on rough ground, against a march of 0.1 mm."""
+    """Beams of any direction on rough ground, against a march of 0.2 mm."""
     raster = Raster(BelgianBlock(seed=5), spacing=0.01)
     rng = np.random.default_rng(1)
-    direction = rng.normal(size=(300, 3)) * [1, 1, 0.3]
+    direction = rng.normal(size=(100, 3)) * [1, 1, 0.3]
     direction[:, 2] = -np.abs(direction[:, 2]) - 0.2
     direction /= np.linalg.norm(direction, axis=1)[:, None]
-    origin = np.array([0.3, -0.4, 0.3]) + rng.uniform(-1, 1, (300, 3)) * [1, 1, 0.1]
+    origin = np.array([0.3, -0.4, 0.3]) + rng.uniform(-1, 1, (100, 3)) * [1, 1, 0.1]
     distance, _ = cast(raster, origin, direction, furthest=2.0)
-    at = np.arange(0, 2.0, 1e-4)
+    at = np.arange(0, 2.0, 2e-4)
     for n in range(len(origin)):
         point = origin[n] + at[:, None] * direction[n]
         below = point[:, 2] < raster.height(point[:, 0], point[:, 1]) - 1e-12
         if not below.any():
-            # a graze of less than 0.1 mm may be between the steps of the march
+            # a graze of less than 0.2 mm may be between the steps of the march
             assert np.isnan(distance[n]) or distance[n] > 1.99
             continue
         assert distance[n] <= at[below.argmax()] + 1e-9
@@ -291,7 +291,8 @@ def test_true_time_is_stamp_plus_clock():
     ("name", "value", "rule"),
     [
         ("beams", 1, "at least 2"), ("rate", 0.0, "greater than 0"),
-        ("range_noise", -1.0, "at least 0"), ("duty", 1.5, "at most 1"), ("dropouts", 1.0, "less than 1"), ("spot_rays", 4, "odd"),
+        ("range_noise", -1.0, "at least 0"),
+        ("duty", 1.5, "at most 1"), ("dropouts", 1.0, "less than 1"), ("spot_rays", 4, "odd"),
         ("nominal_height", float("nan"), "greater than 0"),
     ],
 )  # fmt: skip
