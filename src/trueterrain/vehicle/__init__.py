@@ -1,0 +1,59 @@
+"""How a vehicle moves on the ground: parameters, modes, frequency and time response, tyre contact.
+
+Axes are those of ISO 8855: x forward, y left, z up; heave up positive, roll right-handed about x,
+pitch right-handed about y, that is nose-down positive. Wheels come in the order front left, front
+right, rear left, rear right. Displacements are departures from the rest on level ground at height
+0; angles are small. Quarter car and full car after chapter 3 of Smith, "Improving the Quality of
+Terrain Measurement" (Virginia Tech, 2009), its Eq. 3-2 corrected.
+"""
+
+from trueterrain.vehicle.contact import Tyre, contact_heights, contact_margin
+from trueterrain.vehicle.model import (
+    LinearModel,
+    StateSpace,
+    frequency_response,
+    linear_model,
+    state_space,
+)
+from trueterrain.vehicle.modes import Modes, modes
+from trueterrain.vehicle.parameters import (
+    GOLDEN_QUARTER_CAR,
+    FullCarParameters,
+    QuarterCarParameters,
+    named_vehicle,
+    vehicle_names,
+)
+from trueterrain.vehicle.response import (
+    DiscreteModel,
+    Response,
+    VehicleState,
+    advance,
+    discretise,
+    respond,
+    start_state,
+)
+
+__all__ = [
+    "GOLDEN_QUARTER_CAR",
+    "DiscreteModel",
+    "FullCarParameters",
+    "LinearModel",
+    "Modes",
+    "QuarterCarParameters",
+    "Response",
+    "StateSpace",
+    "Tyre",
+    "VehicleState",
+    "advance",
+    "contact_heights",
+    "contact_margin",
+    "discretise",
+    "frequency_response",
+    "linear_model",
+    "modes",
+    "named_vehicle",
+    "respond",
+    "start_state",
+    "state_space",
+    "vehicle_names",
+]

@@ -1,0 +1,140 @@
+"""Modes of a vehicle: the motions in which it oscillates freely, undamped and damped."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from trueterrain.vehicle.model import Array, ComplexArray, LinearModel, state_space
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Modes:
+    """The n modes of a model in order of their undamped frequencies; see `modes`."""
+
+    names: tuple[str, ...]
+    "Name of each mode: that of the pattern which its undamped shape is most like."
+
+    undamped_frequency: Array
+    "Frequency with all dampers removed, shape (n,) [Hz]."
+
+    undamped_shape: Array
+    "Motion of the freedoms with all dampers removed, shape (n, n), one mode per row."
+
+    eigenvalue: ComplexArray
+    "s in exp(s t); of two real ones the slower one, shape (n,) [1/s]."
+
+    natural_frequency: Array
+    "Modulus of the eigenvalue over 2 pi, shape (n,) [Hz]."
+
+    damped_frequency: Array
+    "Imaginary part of the eigenvalue over 2 pi; 0 if the mode does not oscillate, shape (n,) [Hz]."
+
+    damping_ratio: Array
+    "Of critical damping; 1 or more if the mode does not oscillate, shape (n,) [1]."
+
+    shape: ComplexArray
+    "Motion of the freedoms, complex as they lead or lag each other, shape (n, n), one per row."
+
+
+def modes(model: LinearModel) -> Modes:
+    """Natural frequencies, damping ratios and shapes, undamped and damped.
+
+    Parameters
+    ----------
+    model : LinearModel
+        With n freedoms.
+
+    Returns
+    -------
+    Modes
+        In order of the undamped frequencies. Shapes have a modal mass of 1 kg, and their
+        component of most kinetic energy is real and positive.
+
+    Notes
+    -----
+    The eigenvalues of M^-1 K, with which Smith (2009) goes on from Eq. 3-3, are the squares of the
+    *undamped* frequencies, times (2 pi)², and say nothing of damping. That comes from the complex
+    eigenvalues s of [[0, I], [-M^-1 K, -M^-1 C]]: frequency |s| / 2 pi, ratio
+    -Re(s) / |s|. These need not equal the undamped frequencies, as dampers couple modes; each is
+    listed beside the undamped mode that its shape is most like. If an overdamped mode has two real
+    eigenvalues, these are the pair of like shape, frequency sqrt(s1 s2) / 2 pi, ratio
+    -(s1 + s2) / 2 sqrt(s1 s2).
+
+    Where frequencies coincide, any mixture of the shapes is a mode, and names are arbitrary.
+
+    Examples
+    --------
+    >>> from trueterrain.vehicle import GOLDEN_QUARTER_CAR, linear_model
+    >>> found = modes(linear_model(GOLDEN_QUARTER_CAR))
+    >>> found.names
+    ('heave', 'hop')
+    >>> print(found.undamped_frequency.round(3), found.damping_ratio.round(3))
+    [ 1.208 11.005] [0.333 0.302]
+    """
+    from scipy.linalg import eigh
+
+    squares, columns = eigh(model.stiffness, model.mass)
+    undamped = _upright(columns.T, model.mass).real
+    first, second, shapes = _damped(model)
+    order = _matched(_likeness(undamped, shapes, model.mass))
+    first, second, shapes = first[order], second[order], shapes[order]
+    patterns = _matched(_likeness(undamped, model.mode_patterns, model.mass))
+    modulus = np.sqrt((first * second).real)
+    return Modes(
+        names=tuple(model.mode_names[index] for index in patterns),
+        undamped_frequency=np.sqrt(squares) / (2 * np.pi),
+        undamped_shape=undamped,
+        eigenvalue=first,
+        natural_frequency=modulus / (2 * np.pi),
+        damped_frequency=np.abs(first.imag) / (2 * np.pi),
+        damping_ratio=-(first + second).real / (2 * modulus),
+        shape=_upright(shapes, model.mass),
+    )
+
+
+def _damped(model: LinearModel) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    """Both eigenvalues of each mode, shape (n,), and its shape, shape (n, n), in any order."""
+    values, vectors = np.linalg.eig(state_space(model).A)
+    values, shapes = values.astype(complex), vectors[: len(model.freedoms)].T.astype(complex)
+
+    # An oscillation has a conjugate pair. A mode that does not oscillate has two real eigenvalues:
+    # from the slowest on, each is paired with that of the others whose shape is most like its own.
+    pairs = [(index, index) for index in np.flatnonzero(values.imag > 0)]
+    second = values.conj()
+    real = sorted(np.flatnonzero(values.imag == 0), key=lambda index: abs(values[index]))
+    while real:
+        slow = real.pop(0)
+        fast = real.pop(int(_likeness(shapes[[slow]], shapes[real], model.mass)[0].argmax()))
+        pairs.append((slow, fast))
+    chosen, partners = np.array(pairs).T
+    return values[chosen], second[partners], shapes[chosen]
+
+
+def _likeness(some: npt.NDArray[np.number], others: npt.NDArray[np.number], mass: Array) -> Array:
+    """Modal assurance criterion of each of `some` with each of `others`, from 0 to 1 (same)."""
+    common = np.abs(some.conj() @ mass @ others.T) ** 2
+    own = np.einsum("ij,jk,ik->i", some.conj(), mass, some).real
+    theirs = np.einsum("ij,jk,ik->i", others.conj(), mass, others).real
+    likeness: Array = common / np.outer(own, theirs)
+    return likeness
+
+
+def _matched(likeness: Array) -> list[int]:
+    """Column of each row, every column once, from the likest pair on."""
+    left = likeness.copy()
+    columns = [0] * len(left)
+    for _ in columns:
+        row, column = np.unravel_index(np.argmax(left), left.shape)
+        columns[int(row)] = int(column)
+        left[row, :] = left[:, column] = -1.0
+    return columns
+
+
+def _upright(shapes: ComplexArray, mass: Array) -> ComplexArray:
+    """Shapes of modal mass 1, turned so that the component of most energy is real and positive."""
+    energy = np.abs(shapes) ** 2 * np.diag(mass)
+    main = np.take_along_axis(shapes, energy.argmax(axis=1)[:, None], axis=1)
+    modal_mass = np.einsum("ij,jk,ik->i", shapes.conj(), mass, shapes).real
+    upright: ComplexArray = shapes * (np.abs(main) / main) / np.sqrt(modal_mass)[:, None]
+    return upright
