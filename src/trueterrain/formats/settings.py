@@ -1,0 +1,351 @@
+"""Settings: TOML files that are read into frozen dataclasses, and templates made from them.
+
+A dataclass is the only description of its settings: the names and defaults are its fields, the help
+is the text below each field, the checks are its ``__post_init__``. Nested dataclasses are tables.
+"""
+
+import dataclasses
+import difflib
+import enum
+import inspect
+import itertools
+import json
+import math
+import re
+import textwrap
+import tomllib
+import types
+import typing
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+from trueterrain.errors import FormatError
+
+Settings = TypeVar("Settings")
+
+_WIDTH = 98  # [characters] of a comment
+
+
+def read_settings(kind: type[Settings], path: str | Path) -> Settings:
+    r"""Settings from a TOML file.
+
+    Parameters
+    ----------
+    kind : type
+        Frozen dataclass that describes the settings.
+    path : str or Path
+        TOML file.
+
+    Returns
+    -------
+    object
+        An instance of `kind`.
+
+    Raises
+    ------
+    FormatError
+        If the file is no TOML, or settings are unknown, missing or break a rule: all of them are
+        named with their dotted path, unknown ones with the known name that is nearest.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> @dataclasses.dataclass(frozen=True, kw_only=True)
+    ... class Scanner:
+    ...     beams: int = 940
+    ...     "Beams per scan."
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "scanner.toml"
+    ...     _ = path.write_text("beams = 271\n")
+    ...     read_settings(Scanner, path)
+    Scanner(beams=271)
+    """
+    path = Path(path)
+    try:
+        values = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+    except UnicodeDecodeError:
+        raise FormatError(
+            "is not written in UTF-8", path=path, cure="Save it as UTF-8 text."
+        ) from None
+    except tomllib.TOMLDecodeError as error:
+        found = re.search(r"\((at .*?)\)$", str(error))
+        place = found[1].removeprefix("at ") if found else None
+        problem = str(error).removesuffix(found[0]).strip() if found else str(error)
+        raise FormatError(
+            f"is no TOML: {problem[:1].lower()}{problem[1:]}",
+            path=path,
+            place=place,
+            cure="Write keys as `name = value`, and text in quotation marks.",
+        ) from None
+    return parse_settings(kind, values, path=path)
+
+
+def parse_settings(
+    kind: type[Settings], values: Mapping[str, Any], *, path: str | Path | None = None
+) -> Settings:
+    """Settings from a mapping.
+
+    Parameters
+    ----------
+    kind : type
+        Frozen dataclass that describes the settings.
+    values : mapping
+        Values by name; tables are mappings, too.
+    path : str or Path, optional
+        File that they came from, for the message.
+
+    Returns
+    -------
+    object
+        An instance of `kind`.
+
+    Raises
+    ------
+    FormatError
+        As by `read_settings`.
+
+    Examples
+    --------
+    >>> @dataclasses.dataclass(frozen=True, kw_only=True)
+    ... class Scanner:
+    ...     beams: int = 940
+    >>> parse_settings(Scanner, {"beems": 271})
+    Traceback (most recent call last):
+    trueterrain.errors.FormatError: beems: is unknown (did you mean 'beams'?).
+    """
+    from pydantic import ConfigDict, TypeAdapter, ValidationError
+
+    # a list around it hands "forbid" down to plain dataclasses, which have no setting of their own
+    adapter = TypeAdapter(list[kind], config=ConfigDict(extra="forbid"))  # type: ignore[valid-type]  # made at run time
+    text = json.dumps([values], default=str)
+    try:
+        # as JSON, so that arrays may become tuples and yet no text becomes a number
+        settings: Settings = adapter.validate_json(text, strict=True)[0]
+    except ValidationError as error:
+        problems = [_explain(dict(entry), kind, values) for entry in error.errors()]
+        raise FormatError("; ".join(dict.fromkeys(problems)), path=path) from None
+    return settings
+
+
+def settings_template(settings: Any, *, title: str = "") -> str:
+    r"""Complete TOML text for settings: every value, with its help as comment.
+
+    Parameters
+    ----------
+    settings : dataclass or type
+        Instance whose values are written, or dataclass whose defaults are. What has no default
+        stands in a comment, to be filled in.
+    title : str
+        First line; by default what the class says about itself.
+
+    Returns
+    -------
+    str
+        TOML that `read_settings` reads back to the same settings.
+
+    Examples
+    --------
+    >>> @dataclasses.dataclass(frozen=True, kw_only=True)
+    ... class Scanner:
+    ...     '''A line scanner.'''
+    ...     beams: int = 940
+    >>> print(settings_template(Scanner()))
+    # A line scanner.
+    <BLANKLINE>
+    beams = 940
+    <BLANKLINE>
+    """
+    kind = settings if isinstance(settings, type) else type(settings)
+    heading = title or _summary(kind)
+    lines = [*_comment(heading), ""] if heading else []
+    lines += _table(settings, (), commented=False)
+    text = "\n".join(lines)
+    return re.sub(r"\n{3,}", "\n\n", text).strip("\n") + "\n"
+
+
+def attribute_docs(kind: type) -> dict[str, str]:
+    """Help of the fields of a dataclass: the text below each of them.
+
+    Parameters
+    ----------
+    kind : type
+        Dataclass.
+
+    Returns
+    -------
+    dict of str
+        Text by name of the field, without line breaks; fields without help are left out.
+    """
+    import ast
+
+    docs: dict[str, str] = {}
+    for base in reversed(kind.__mro__[:-1]):
+        try:
+            tree = ast.parse(textwrap.dedent(inspect.getsource(base)))
+        except (OSError, TypeError, SyntaxError):  # made at run time: there is no source
+            continue
+        body = tree.body[0].body if isinstance(tree.body[0], ast.ClassDef) else []
+        for statement, after in itertools.pairwise(body):
+            if not (isinstance(statement, ast.AnnAssign) and isinstance(after, ast.Expr)):
+                continue
+            name, text = statement.target, after.value
+            if isinstance(name, ast.Name) and isinstance(text, ast.Constant):
+                docs[name.id] = " ".join(str(text.value).split())
+    return docs
+
+
+def _explain(entry: dict[str, Any], kind: type, values: Mapping[str, Any]) -> str:
+    """One problem in one phrase: dotted path, rule, value."""
+    missing = entry["type"] in ("missing", "missing_argument")
+    path = _user_path(entry["loc"][1:], values, missing=missing)
+    name = ".".join(path)
+    if entry["type"] in ("unexpected_keyword_argument", "extra_forbidden"):
+        known = sorted({field for cls in _classes_at(kind, path[:-1]) for field in _fields(cls)})
+        near = difflib.get_close_matches(path[-1], known, n=1, cutoff=0.6)
+        hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
+        return f"{name}: is unknown ({hint})"
+    if missing:
+        return f"{name}: is missing"
+    message = str(entry["msg"]).removeprefix("Value error, ").rstrip(".")
+    if entry["type"] == "value_error":
+        return f"{name}: {message}" if name else message
+    message = message.replace("Input should be", "must be")
+    got = entry.get("input")
+    shown = "a table" if isinstance(got, Mapping) else json.dumps(got, default=str)
+    return f"{name or 'the file'}: {message[:1].lower()}{message[1:]}, got {shown[:60]}"
+
+
+def _user_path(location: Sequence[int | str], values: Any, *, missing: bool) -> list[str]:
+    """Location without the marks that a validator puts between for unions."""
+    path, here = [], values
+    for index, part in enumerate(location):
+        in_list = isinstance(here, list) and isinstance(part, int) and part < len(here)
+        if in_list or (isinstance(here, Mapping) and part in here):
+            here = here[part]
+        elif not (missing and index == len(location) - 1):
+            continue  # a mark
+        path.append(str(part))
+    return path
+
+
+def _classes_at(kind: Any, path: Sequence[str]) -> list[type]:
+    """Dataclasses that may stand at a dotted path."""
+    here = _dataclasses_in(kind)
+    for part in path:
+        if part.isdigit():
+            continue  # an entry of an array has the type of the array
+        hints = [typing.get_type_hints(cls).get(part) for cls in here]
+        here = [cls for hint in hints for cls in _dataclasses_in(hint)]
+    return here
+
+
+def _dataclasses_in(hint: Any) -> list[type]:
+    if isinstance(hint, type) and dataclasses.is_dataclass(hint):
+        return [hint]
+    return [cls for part in typing.get_args(hint) for cls in _dataclasses_in(part)]
+
+
+def _fields(cls: type) -> list[str]:
+    return [field.name for field in dataclasses.fields(cls)]
+
+
+def _table(settings: Any, path: tuple[str, ...], *, commented: bool) -> list[str]:
+    """Lines of a table: its values first, then the tables in it, as TOML wants them."""
+    kind = settings if isinstance(settings, type) else type(settings)
+    docs, hints = attribute_docs(kind), typing.get_type_hints(kind)
+    lines: list[str] = []
+    tables: list[str] = []
+    for field in dataclasses.fields(kind):
+        value = _value_of(field, settings)
+        inner = _dataclasses_in(hints[field.name])
+        here = (*path, field.name)
+        help_lines = _comment(docs.get(field.name, ""))
+        if dataclasses.is_dataclass(value):
+            tables += _section(value, here, help_lines, commented=commented)
+        elif isinstance(value, list | tuple) and any(map(dataclasses.is_dataclass, value)):
+            for item in value:
+                tables += _section(item, here, help_lines, commented=commented, array=True)
+        elif inner and value in (None, dataclasses.MISSING, (), []):
+            array = typing.get_origin(hints[field.name]) in (tuple, list)
+            tables += _section(inner[0], here, help_lines, commented=True, array=array)
+        else:
+            lines += [*help_lines, _assignment(field, value, hints[field.name], commented), ""]
+    return lines + tables
+
+
+def _section(
+    value: Any,
+    path: tuple[str, ...],
+    help_lines: list[str],
+    *,
+    commented: bool,
+    array: bool = False,
+) -> list[str]:
+    name = ".".join(path)
+    header = f"[[{name}]]" if array else f"[{name}]"
+    kind = value if isinstance(value, type) else type(value)
+    about = help_lines or _comment(_summary(kind))
+    body = _table(value, path, commented=commented)
+    return ["", *about, f"# {header}" if commented else header, *body]
+
+
+def _assignment(field: Any, value: Any, hint: Any, commented: bool) -> str:
+    if value is dataclasses.MISSING:
+        return f"# {field.name} = ... (required: {_type_name(hint)})"
+    if value is None:
+        return f"# {field.name} = ... (not set: {_type_name(hint)})"
+    return f"{'# ' if commented else ''}{field.name} = {_toml(value)}"
+
+
+def _value_of(field: Any, settings: Any) -> Any:
+    if not isinstance(settings, type):
+        return getattr(settings, field.name)
+    if field.default is not dataclasses.MISSING:
+        return field.default
+    if field.default_factory is not dataclasses.MISSING:
+        return field.default_factory()
+    return dataclasses.MISSING
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, enum.Enum):
+        return _toml(value.value)
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int):
+        return str(value)
+    if isinstance(value, float):
+        return repr(float(value)) if math.isfinite(value) else str(float(value))
+    if isinstance(value, Mapping):
+        items = ", ".join(f"{json.dumps(str(key))} = {_toml(item)}" for key, item in value.items())
+        return f"{{ {items} }}" if items else "{}"
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return f"[{', '.join(map(_toml, value))}]"
+    return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _type_name(hint: Any) -> str:
+    if typing.get_origin(hint) is typing.Literal:
+        return " or ".join(_toml(option) for option in typing.get_args(hint))
+    if typing.get_origin(hint) in (typing.Union, types.UnionType):
+        return " or ".join(_flat(_type_name(part) for part in typing.get_args(hint)))
+    if typing.get_origin(hint) in (tuple, list):
+        parts = [_type_name(part) for part in typing.get_args(hint) if part is not Ellipsis]
+        return f"[{', '.join(parts)}{', ...' if Ellipsis in typing.get_args(hint) else ''}]"
+    names = {float: "number", int: "whole number", str: "text", bool: "true or false"}
+    return names.get(hint, "" if hint is type(None) else getattr(hint, "__name__", str(hint)))
+
+
+def _flat(names: Iterator[str]) -> list[str]:
+    return [name for name in names if name]
+
+
+def _comment(text: str) -> list[str]:
+    return [f"# {line}" for line in textwrap.wrap(" ".join(text.split()), _WIDTH)]
+
+
+def _summary(kind: type) -> str:
+    # a dataclass without a docstring is given its signature as one
+    text = inspect.getdoc(kind) or ""
+    return "" if text.startswith(f"{kind.__name__}(") else text.partition("\n\n")[0]
