@@ -146,13 +146,13 @@ def contact_heights(heights: npt.ArrayLike, spacing: float, patch_length: float)
         raise CoverageError(
             f"a tyre must stand on finite heights, got {strip[along, across]} m",
             place=f"sample {along}, line {across}",
-            cure="Fill the holes of the surface, or drive elsewhere",
+            cure="Fill the holes of the surface, or drive elsewhere.",
         )
     if len(strip) < len(weights):
         raise CoverageError(
             f"a patch of {patch_length} m needs {len(weights)} samples along the path, "
             f"got {len(strip)}",
-            cure="Let the ground reach beyond the path of the wheel by half a patch",
+            cure="Let the ground reach beyond the path of the wheel by half a patch.",
         )
     from trueterrain.vehicle._kernels import weighted_means
 

@@ -185,8 +185,8 @@ def advance(
 
     Notes
     -----
-    With tyre damping, the acceleration of the wheels depends on the rate of the wheel heights, which
-    jumps at a sample. It is given as it is just before that jump: half a step late in that part.
+    With tyre damping, the acceleration of the wheels depends on the rate of the wheel heights,
+    which jumps at a sample. It is given as just before that jump: half a step late in that part.
 
     Examples
     --------
