@@ -64,5 +64,5 @@ def parallel_profiles(
         ax.plot(line.s, line.height, color=shade, linewidth=0.9, label=name)
     draw_profile(ax, check_profile(tyre).drop_vars("sd", errors="ignore"), "tyre", "#D55E00", 2.0)
     label_profile_axes(ax, *[line.height for line in lines.values()], tyre.height)
-    _canvas.legend_above(ax, columns=6)
+    _canvas.legend_above(ax, columns=3)
     return ax
