@@ -1,0 +1,61 @@
+"""Navigation: where the body was and how it stood, epoch by epoch.
+
+All readers give the same dataset with the dimension ``epoch``: ``time`` [s]; ``east``, ``north``,
+``up`` [m] in the local frame of ``attrs["origin"]``; ``roll``, ``pitch``, ``yaw`` [rad]; where
+known ``sd_east``, ``sd_north``, ``sd_up`` [m] and ``sd_roll``, ``sd_pitch``, ``sd_yaw`` [rad].
+
+Angles follow ISO 8855: body x forward, y left, z up; ground east, north, up; body to ground is
+Rz(yaw) Ry(pitch) Rx(roll), so that pitch is nose-down positive and yaw counter-clockwise from east.
+Every other convention is converted here, once.
+
+=================  ==============================================================================
+`read_sbet`        Applanix smoothed best estimate of trajectory (17 doubles per record)
+`read_smrmsg`      Applanix accuracy of it (10 doubles per record)
+`read_boreas`      poses of the Boreas data set (CSV)
+`read_columns`     CSV or Parquet with columns that are named by `Columns`
+=================  ==============================================================================
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from trueterrain.formats.navigation._schema import check_navigation, make_navigation
+    from trueterrain.formats.navigation.boreas import read as read_boreas
+    from trueterrain.formats.navigation.columns import Columns
+    from trueterrain.formats.navigation.columns import read as read_columns
+    from trueterrain.formats.navigation.sbet import read as read_sbet
+    from trueterrain.formats.navigation.smrmsg import add_accuracy
+    from trueterrain.formats.navigation.smrmsg import read as read_smrmsg
+
+__all__ = [
+    "Columns",
+    "add_accuracy",
+    "check_navigation",
+    "make_navigation",
+    "read_boreas",
+    "read_columns",
+    "read_sbet",
+    "read_smrmsg",
+]
+
+# imported when first asked for, so that the package itself costs nothing
+_HOMES = {
+    "Columns": ("columns", "Columns"),
+    "add_accuracy": ("smrmsg", "add_accuracy"),
+    "check_navigation": ("_schema", "check_navigation"),
+    "make_navigation": ("_schema", "make_navigation"),
+    "read_boreas": ("boreas", "read"),
+    "read_columns": ("columns", "read"),
+    "read_sbet": ("sbet", "read"),
+    "read_smrmsg": ("smrmsg", "read"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first used."""
+    if name not in _HOMES:
+        message = f"module {__name__!r} has no attribute {name!r}"
+        raise AttributeError(message)
+    module, attribute = _HOMES[name]
+    return getattr(importlib.import_module(f"{__name__}.{module}"), attribute)

@@ -1,0 +1,273 @@
+"""Navigation from any table: CSV or Parquet, its columns named by a frozen dataclass."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from trueterrain import provenance
+from trueterrain.errors import FormatError, SchemaError
+from trueterrain.formats.navigation._frames import (
+    Origin,
+    Turns,
+    check_origin,
+    enu_of_geodetic,
+    iso8855_of_ned,
+)
+from trueterrain.formats.navigation._records import Floats
+from trueterrain.formats.navigation._schema import EpochRules, check_length, navigation_of
+from trueterrain.formats.navigation._tables import ROWS, table_blocks
+
+_SD = ("sd_east", "sd_north", "sd_up", "sd_roll", "sd_pitch", "sd_yaw")
+_ANGLES = ("roll", "pitch", "yaw", "heading", "sd_roll", "sd_pitch", "sd_yaw")
+
+
+def _require_one(what: str, one: dict[str, str], other: dict[str, str]) -> None:
+    complete = [all(group.values()) for group in (one, other)]
+    touched = [any(group.values()) for group in (one, other)]
+    if touched != complete or sum(complete) != 1:
+        message = (
+            f"columns must name {what} either as {', '.join(one)} or as {', '.join(other)}, got "
+            f"{ {name: column for name, column in (one | other).items() if column} }."
+        )
+        raise ValueError(message)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Columns:
+    """Which column of a table holds what; the columns decide which convention is meant.
+
+    Positions are either ``east``, ``north``, ``up`` [m] or ``longitude``, ``latitude`` [deg] and
+    ``height`` [m]. Angles are either after ISO 8855 (``yaw`` given: pitch nose-down, yaw
+    counter-clockwise from east) or aerospace (``heading`` given: pitch nose-up, heading clockwise
+    from true north).
+    """
+
+    time: str = "time"
+    "Column of the time [s]."
+
+    east: str = ""
+    "Column of the position east of the origin [m]."
+
+    north: str = ""
+    "Column of the position north of the origin [m]."
+
+    up: str = ""
+    "Column of the height above the origin [m]."
+
+    longitude: str = ""
+    "Column of the longitude [deg]."
+
+    latitude: str = ""
+    "Column of the latitude [deg]."
+
+    height: str = ""
+    "Column of the ellipsoidal height [m]."
+
+    roll: str = "roll"
+    "Column of the roll angle, right-down positive."
+
+    pitch: str = "pitch"
+    "Column of the pitch angle, nose-down positive with yaw, nose-up positive with heading."
+
+    yaw: str = ""
+    "Column of the yaw angle, counter-clockwise from east."
+
+    heading: str = ""
+    "Column of the heading, clockwise from true north."
+
+    sd_east: str = ""
+    "Column of the standard deviation of the position to the east [m]."
+
+    sd_north: str = ""
+    "Column of the standard deviation of the position to the north [m]."
+
+    sd_up: str = ""
+    "Column of the standard deviation of the height [m]."
+
+    sd_roll: str = ""
+    "Column of the standard deviation of the roll angle."
+
+    sd_pitch: str = ""
+    "Column of the standard deviation of the pitch angle."
+
+    sd_yaw: str = ""
+    "Column of the standard deviation of the yaw angle or heading."
+
+    degrees: bool = False
+    "Whether roll, pitch, yaw, heading and their standard deviations are in degrees."
+
+    time_scale: float = 1.0
+    "Seconds per unit of the time."
+
+    def __post_init__(self) -> None:
+        """Check that one convention is named, and wholly."""
+        _require_one("positions", self._named("east", "north", "up"),
+                     self._named("longitude", "latitude", "height"))  # fmt: skip
+        _require_one("the direction", self._named("yaw"), self._named("heading"))
+        if not self.time_scale > 0:
+            message = f"time_scale must be greater than 0, got {self.time_scale}."
+            raise ValueError(message)
+        for name in ("time", "roll", "pitch"):
+            if not getattr(self, name):
+                message = f"{name} must name a column, got ''."
+                raise ValueError(message)
+
+    def _named(self, *names: str) -> dict[str, str]:
+        return {name: getattr(self, name) for name in names}
+
+    @property
+    def is_geodetic(self) -> bool:
+        """Whether positions are longitude, latitude and height."""
+        return bool(self.longitude)
+
+    def used(self) -> dict[str, str]:
+        """Columns that are named, by what they hold."""
+        chosen = {f.name: getattr(self, f.name) for f in fields(self)}
+        return {
+            name: column for name, column in chosen.items() if isinstance(column, str) and column
+        }
+
+
+#: Columns named as the variables of navigation are.
+OURS = Columns(east="east", north="north", up="up", yaw="yaw")
+
+
+def read(path: str | Path, columns: Columns = OURS, *, origin: Origin | None = None) -> xr.Dataset:
+    """Navigation from a table.
+
+    Parameters
+    ----------
+    path : str or Path
+        CSV or Parquet file.
+    columns : Columns
+        Which column holds what; by default they are called as the variables of navigation.
+    origin : sequence of float, optional
+        Longitude [deg], latitude [deg], ellipsoidal height [m] of the local frame; needed by
+        positions in east, north, up only if it shall be recorded, and by default the first row of
+        longitude, latitude and height.
+
+    Returns
+    -------
+    xarray.Dataset
+        Navigation, see `trueterrain.formats.navigation`.
+
+    Raises
+    ------
+    FormatError
+        Naming line and column: a missing column, a cell that is no number.
+    SchemaError
+        If a value is NaN, time does not run forward, or angles are in degrees that were said to be
+        in radians.
+    """
+    parts = list(blocks(path, columns, origin=origin))
+    data = xr.concat(parts, "epoch", combine_attrs="override") if len(parts) > 1 else parts[0]
+    check_length(data, "epoch", 2, path=path, place="")
+    parameters = {"format": "table", "columns": columns, "origin": origin}
+    return provenance.add_step(data, "read", parameters=parameters, inputs=[path])
+
+
+def blocks(
+    path: str | Path,
+    columns: Columns = OURS,
+    *,
+    origin: Origin | None = None,
+    size: int = ROWS,
+) -> Iterator[xr.Dataset]:
+    """Navigation from a table block by block.
+
+    Parameters
+    ----------
+    path : str or Path
+        CSV or Parquet file.
+    columns : Columns
+        Which column holds what.
+    origin : sequence of float, optional
+        As for `read`.
+    size : int
+        Largest number of epochs in a block.
+
+    Yields
+    ------
+    xarray.Dataset
+        Navigation.
+
+    Raises
+    ------
+    FormatError, SchemaError
+        As by `read`.
+    """
+    rules = EpochRules(path=path)
+    used = columns.used()
+    place = None if origin is None else check_origin(origin)
+    turns = Turns()
+    row = 0
+    for raw in table_blocks(path, list(used.values()), size):
+        values = {name: raw[column] for name, column in used.items()}
+        if columns.degrees:
+            values |= {name: np.deg2rad(values[name]) for name in _ANGLES if name in values}
+        _refuse_impossible(values, used, row, path)
+        row += values["time"].size
+        if columns.is_geodetic and place is None:
+            place = _first_place(values, path)
+        named = {"time": values["time"] * columns.time_scale}
+        named |= _pose(values, place)
+        named["yaw"] = turns.continued(named["yaw"])
+        named |= {name: values[name] for name in _SD if name in values}
+        attrs = {} if place is None else {"origin": list(place)}
+        block = navigation_of(named, **attrs)
+        rules.check(block)
+        yield block
+
+
+def _pose(values: dict[str, Floats], place: Origin | None) -> dict[str, Floats]:
+    geodetic: dict[str, Floats] = {}
+    if "longitude" in values and place is not None:
+        longitude, latitude = np.deg2rad(values["longitude"]), np.deg2rad(values["latitude"])
+        position = enu_of_geodetic(longitude, latitude, values["height"], place).T
+        geodetic = {"longitude": longitude, "latitude": latitude}
+    else:
+        position = np.stack([values[name] for name in ("east", "north", "up")])
+    roll, pitch = values["roll"], values["pitch"]
+    if "heading" in values:
+        roll, pitch, yaw = iso8855_of_ned(
+            roll, pitch, values["heading"], origin=place if geodetic else None, **geodetic
+        )
+    else:
+        yaw = values["yaw"]
+    east, north, up = position
+    return {"east": east, "north": north, "up": up, "roll": roll, "pitch": pitch, "yaw": yaw}
+
+
+def _refuse_impossible(
+    values: dict[str, Floats], used: dict[str, str], row: int, path: str | Path
+) -> None:
+    """Raise at gaps, and at angles that no later rule could tell from possible ones."""
+    limits: dict[str, tuple[float, str, str | None]] = {"latitude": (90.0, "90 deg", None)}
+    quarter = (np.pi / 2, "a quarter turn (pi/2 rad)", "Say `degrees = true` if they are degrees.")
+    limits |= {"roll": quarter, "pitch": quarter}
+    for name, cells in values.items():
+        rule = "must be finite everywhere"
+        cure: str | None = "Remove the row, or fill in the number."
+        bad = ~np.isfinite(cells)
+        if name in limits and not bad.any():
+            limit, words, cure = limits[name]
+            rule, bad = f"must be within {words}", np.abs(cells) > limit
+        if bad.any():
+            first = int(np.flatnonzero(bad)[0])
+            raise SchemaError(
+                f"{rule}, got {cells[first]:g} (time {values['time'][first]:g})",
+                path=path,
+                place=f"row {row + first + 1}, column {used[name]!r}",
+                cure=cure,
+            )
+
+
+def _first_place(values: dict[str, Floats], path: str | Path) -> tuple[float, float, float]:
+    first = [float(values[name][0]) for name in ("longitude", "latitude", "height")]
+    try:
+        return check_origin(first)
+    except ValueError as error:
+        raise FormatError(f"has no place in its first row ({error})", path=path) from None

@@ -1,0 +1,214 @@
+"""SBET: the smoothed best estimate of trajectory of Applanix POSPac.
+
+136 bytes per record, 17 little-endian doubles without any header: seconds of the GPS week,
+latitude, longitude [rad], ellipsoidal height [m], three velocities in the wander frame [m/s], roll,
+pitch, platform heading, wander angle [rad], three specific forces [m/s²] and three angular rates
+[rad/s] of the body. The body is forward-right-down. The true heading is the platform heading less
+the wander angle; the velocities are along the x axis of the wander frame (wander angle west of
+north), its y axis (to the left of x) and up. The file names neither datum nor week.
+
+Sources: POSPac MMS user guide as reproduced by the LiDAR360 manual ("OUT File"); the sign of the
+wander angle and the axes of the velocities were found in measured files.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from trueterrain import provenance
+from trueterrain.formats.navigation._frames import (
+    Origin,
+    Turns,
+    check_origin,
+    enu_of_geodetic,
+    iso8855_of_ned,
+)
+from trueterrain.formats.navigation._records import (
+    BLOCK,
+    WEEK,
+    Floats,
+    IntervalTally,
+    WeekClock,
+    mapped,
+    record_blocks,
+    refuse,
+)
+from trueterrain.formats.navigation._schema import EpochRules, check_length, navigation_of
+
+FIELDS = 17
+
+_HIGHEST = 100_000.0  # [m] of a height that can be one: the edge of space
+_SWAPPED = "If the bytes stand in the wrong order, or it is no SBET file, export it again."
+
+
+def read(
+    path: str | Path, *, origin: Origin | None = None, accuracy: str | Path | None = None
+) -> xr.Dataset:
+    """Navigation from an SBET file.
+
+    Positions are turned into the local east-north-up frame of the origin, attitudes from the local
+    level of each record into that of the origin. Yaw is continuous, without jumps of a turn.
+    Seconds of the week count on beyond 604800 s after a week rollover.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    origin : sequence of float, optional
+        Longitude [deg], latitude [deg], ellipsoidal height [m] of the local frame; by default the
+        position of the first record.
+    accuracy : str or Path, optional
+        SMRMSG file of the same solution, for the standard deviations.
+
+    Returns
+    -------
+    xarray.Dataset
+        Navigation, see `trueterrain.formats.navigation`; ``attrs["origin"]`` holds the origin,
+        ``attrs["time_reference"]`` is ``"gps"``.
+
+    Raises
+    ------
+    FormatError
+        Naming record and field: the file is cut off, latitude or longitude is in degrees or
+        impossible, a number is not finite.
+    SchemaError
+        If time does not run forward.
+    CoverageError
+        If the accuracies do not cover the epochs.
+    """
+    path = Path(path)
+    parts = list(blocks(path, origin=origin))
+    data = xr.concat(parts, "epoch", combine_attrs="override") if len(parts) > 1 else parts[0]
+    check_length(data, "epoch", 2, path=path, place="")
+    inputs = [path]
+    if accuracy is not None:
+        from trueterrain.formats.navigation import smrmsg
+
+        data = smrmsg.add_accuracy(data, smrmsg.read(accuracy), path=accuracy)
+        inputs.append(Path(accuracy))
+    parameters = {"format": "SBET", "origin": data.attrs["origin"]}
+    return provenance.add_step(data, "read", parameters=parameters, inputs=inputs)
+
+
+def blocks(
+    path: str | Path, *, origin: Origin | None = None, size: int = BLOCK
+) -> Iterator[xr.Dataset]:
+    """Navigation from an SBET file block by block.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    origin : sequence of float, optional
+        As for `read`.
+    size : int
+        Largest number of epochs in a block.
+
+    Yields
+    ------
+    xarray.Dataset
+        Navigation.
+
+    Raises
+    ------
+    FormatError, SchemaError
+        As by `read`; damage is found when it is reached.
+    """
+    path = Path(path)
+    records = mapped(path, FIELDS, "SBET")
+    clock, rules = WeekClock(path), EpochRules(path=path)
+    turns = Turns()
+    place = None if origin is None else check_origin(origin)
+    for first, fields in record_blocks(records, size):
+        _check(path, fields, first)
+        time = clock.continued(fields[0])
+        latitude, longitude, height, roll, pitch = fields[[1, 2, 3, 7, 8]]
+        if place is None:
+            place = _origin_of(longitude[0], latitude[0], height[0])
+        east, north, up = enu_of_geodetic(longitude, latitude, height, place).T
+        heading = fields[9] - fields[10]
+        roll, pitch, yaw = iso8855_of_ned(
+            roll, pitch, heading, longitude=longitude, latitude=latitude, origin=place
+        )
+        yaw = turns.continued(yaw)
+        columns = {
+            "time": time, "east": east, "north": north, "up": up,
+            "roll": roll, "pitch": pitch, "yaw": yaw,
+        }  # fmt: skip
+        block = navigation_of(columns, origin=list(place), time_reference="gps")
+        rules.check(block)
+        yield block
+
+
+def describe(path: str | Path) -> dict[str, Any]:
+    """Summary of an SBET file for ``trueterrain info``.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    dict
+        ``format``, ``kind``, ``count``, ``time`` [s], ``rate`` [1/s], ``jitter`` [s], ``gaps``,
+        ``extent`` of longitude and latitude [deg] and height [m], ``speed`` [m/s], ``crs`` (the
+        file names none) and ``problems``; everything can be written as JSON.
+
+    Raises
+    ------
+    FormatError, SchemaError
+        As by `read`.
+    """
+    path = Path(path)
+    clock, tally = WeekClock(path), IntervalTally()
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    fastest, latest = 0.0, 0.0
+    for first, fields in record_blocks(mapped(path, FIELDS, "SBET"), BLOCK):
+        _check(path, fields, first)
+        tally.add(clock.continued(fields[0]))
+        place = np.stack([np.rad2deg(fields[2]), np.rad2deg(fields[1]), fields[3]])
+        low, high = np.minimum(low, place.min(axis=1)), np.maximum(high, place.max(axis=1))
+        fastest = max(fastest, float(np.sqrt(np.sum(fields[4:7] ** 2, axis=0)).max()))
+        latest = max(latest, float(fields[0].max()))
+    problems = tally.problems("navigation")
+    if clock.rollovers:
+        problems.append(f"a GPS week begins at record {clock.rollovers[0] + 1}")
+    if latest > 2 * WEEK or tally.start < 0:
+        problems.append(f"times up to {latest:.0f} s are no seconds of the GPS week")
+    names = ("longitude", "latitude", "height")
+    extent = {n: [float(a), float(b)] for n, a, b in zip(names, low, high, strict=True)}
+    return {
+        "format": "SBET",
+        "kind": "navigation",
+        **tally.summary(),
+        "extent": extent,
+        "speed": fastest,
+        "crs": "",
+        "problems": problems,
+    }
+
+
+def _check(path: Path, fields: Floats, first: int) -> None:
+    latitude, longitude, height = fields[1:4]
+    names = ("time", "latitude", "longitude", "height", *(f"velocity {axis}" for axis in "xyz"),
+             "roll", "pitch", "platform heading", "wander angle")  # fmt: skip
+    for name, values in zip(names, fields, strict=False):
+        bad = ~np.isfinite(values)
+        refuse(path, name, "must be finite everywhere", values, bad, first, _SWAPPED)
+    limits = (("latitude", latitude, 90), ("longitude", longitude, 360),
+              ("roll", fields[7], 90), ("pitch", fields[8], 90))  # fmt: skip
+    for name, values, limit in limits:
+        rule = f"must be in radians and within {limit} deg ({np.deg2rad(limit):.4f} rad)"
+        cure = "Convert degrees to radians." if np.all(np.abs(values) <= limit) else _SWAPPED
+        refuse(path, name, rule, values, np.abs(values) > np.deg2rad(limit), first, cure)
+    bad = np.abs(height) > _HIGHEST
+    refuse(path, "height", f"must be within {_HIGHEST:g} m", height, bad, first, _SWAPPED)
+
+
+def _origin_of(longitude: float, latitude: float, height: float) -> tuple[float, float, float]:
+    degrees = (np.rad2deg(longitude) + 180.0) % 360.0 - 180.0
+    return float(degrees), float(np.rad2deg(latitude)), float(height)
