@@ -26,7 +26,7 @@ DOCS = ROOT / "docs"
 BUILT = {"_build", "gallery", "generated"}
 PAGES = sorted(page for page in DOCS.rglob("*.md") if not BUILT & set(page.relative_to(DOCS).parts))
 FENCE = re.compile(
-    r"^(?P<fence>`{3,})(?P<language>[\w-]*) *\n(?P<code>.*?)^(?P=fence) *$",
+    r"^(?P<fence>`{3,})(?P<language>[^`\n]*)\n(?P<code>.*?)^(?P=fence) *$",
     re.MULTILINE | re.DOTALL,
 )
 ALIKE = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
@@ -37,7 +37,7 @@ def blocks(text):
     found = []
     for match in FENCE.finditer(text):
         line = text.count("\n", 0, match.start()) + 2
-        found.append((match["language"], match["code"], line))
+        found.append((match["language"].strip(), match["code"], line))
     return found
 
 
@@ -137,6 +137,15 @@ def test_a_page_that_shows_another_number_is_noticed(empty_folder, monkeypatch):
     page.write_text("```console\n$ trueterrain info none.crg\n```\n")
     with pytest.raises(pytest.fail.Exception, match="exit code 2"):
         run_page(page)
+
+
+def test_blocks_of_any_kind_end_where_they_end():
+    page = "```{image} a.png\n:alt: a\n```\n\n```python\n1\n```\n\n````\n```\n````\n"
+    assert blocks(page) == [
+        ("{image} a.png", ":alt: a\n", 2),
+        ("python", "1\n", 6),
+        ("", "```\n", 10),
+    ]
 
 
 def test_every_public_name_is_in_the_reference():
