@@ -149,8 +149,8 @@ class PositionErrors:
     >>> error, variance, code = lost.next(np.array([0.0, 1.0, 2.0]))
     >>> code
     array([0, 3, 3], dtype=int8)
-    >>> np.sqrt(variance)
-    array([0.   , 0.005, 0.00707])
+    >>> np.sqrt(variance).round(4)
+    array([0.    , 0.005 , 0.0071])
     """
 
     def __init__(
