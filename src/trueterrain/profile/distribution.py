@@ -3,7 +3,7 @@
 The cumulative probability function F(h) is the share of heights that do not exceed h. Measured
 heights make it a staircase; heights quantised to a step (the thesis's 1 mm) are continued between
 the steps by PCHIP (thesis 5.3, Fig. 5-7): a height recorded as h lies within half a step of h, so F
-is known at the upper edge of every occupied step, and PCHIP keeps it monotonic in between.
+is known at both edges of every occupied step, and PCHIP keeps it monotonic in between.
 """
 
 from collections.abc import Iterator
@@ -11,6 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+
+#: Heights that differ by less than this share of a step were recorded in the same step.
+SAME_STEP = 0.001
+
+#: Neighbouring heights farther apart than this quantity of steps have an empty step between them.
+NEXT_STEP = 1.01
 
 Float = npt.NDArray[np.float64]
 Integer = npt.NDArray[np.int64]
@@ -37,7 +43,7 @@ class HeightDistribution:
         Returns
         -------
         numpy.ndarray
-            Values from 0 to 1, in the shape of `height`.
+            Values from 0 to 1, in the shape of `height`; NaN if there are no heights.
 
         Examples
         --------
@@ -46,7 +52,7 @@ class HeightDistribution:
         array([0.    , 0.6667, 1.    ])
         """
         rank = np.searchsorted(self.heights, height, side="right")
-        return np.asarray(rank / self.heights.size, dtype=float)
+        return np.asarray(rank / (self.heights.size or np.nan), dtype=float)
 
     def steps(self, resolution: float) -> tuple[Float, Float]:
         """Edges of the occupied steps of quantised heights and the CPF there.
@@ -58,10 +64,11 @@ class HeightDistribution:
 
         Returns
         -------
-        heights : numpy.ndarray, shape (m + 1,)
-            Lower edge of the lowest step, then the upper edge of each occupied one [m].
-        probabilities : numpy.ndarray, shape (m + 1,)
-            CPF at these edges, from 0 to 1.
+        heights : numpy.ndarray, shape (m,)
+            Edges in ascending order, half a step below and above each recorded height [m]; the
+            common edge of two neighbouring steps once.
+        probabilities : numpy.ndarray, shape (m,)
+            CPF at these edges, from 0 to 1; equal at both edges of an empty step.
 
         Raises
         ------
@@ -71,9 +78,24 @@ class HeightDistribution:
         if not resolution > 0:
             message = f"resolution must be greater than 0 m, got {resolution}."
             raise ValueError(message)
-        step, count = np.unique(np.rint(self.heights / resolution), return_counts=True)
-        edges = np.concatenate([step[:1] - 0.5, step + 0.5]) * resolution
-        return edges, np.concatenate([[0.0], np.cumsum(count) / self.heights.size])
+        if not self.heights.size:
+            return np.empty(0), np.empty(0)
+        begins = [0]  # of the heights that were recorded in the same step
+        while begins[-1] < self.heights.size:
+            same = self.heights[begins[-1]] + SAME_STEP * resolution
+            begins.append(int(np.searchsorted(self.heights, same, side="right")))
+        recorded = self.heights[begins[:-1]]
+        share = np.array(begins[1:-1]) / self.heights.size
+        apart = np.diff(recorded) > NEXT_STEP * resolution
+        middle = 0.5 * (recorded[:-1] + recorded[1:])
+        upper = np.where(apart, recorded[:-1] + 0.5 * resolution, middle)
+        inner = np.stack([upper, recorded[1:] - 0.5 * resolution], axis=-1)
+        once = np.stack([np.ones_like(apart), apart], axis=-1)
+        ends = recorded[[0, -1]] + np.array([-0.5, 0.5]) * resolution
+        return (
+            np.concatenate([ends[:1], inner[once], ends[1:]]),
+            np.concatenate([[0.0], np.stack([share, share], axis=-1)[once], [1.0]]),
+        )
 
     def continued_cpf(self, height: npt.ArrayLike, resolution: float) -> Float:
         """CPF of quantised heights, continued between the steps by PCHIP (thesis Fig. 5-7).
@@ -88,7 +110,7 @@ class HeightDistribution:
         Returns
         -------
         numpy.ndarray
-            Values from 0 to 1, in the shape of `height`.
+            Values from 0 to 1, in the shape of `height`; NaN if there are no heights.
 
         Raises
         ------
@@ -104,8 +126,10 @@ class HeightDistribution:
         from scipy.interpolate import PchipInterpolator
 
         edges, probabilities = self.steps(resolution)
+        if not edges.size:
+            return np.full(np.shape(height), np.nan)
         inside = np.clip(height, edges[0], edges[-1])
-        return np.asarray(PchipInterpolator(edges, probabilities)(inside))
+        return np.asarray(np.clip(PchipInterpolator(edges, probabilities)(inside), 0.0, 1.0))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

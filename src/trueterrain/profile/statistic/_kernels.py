@@ -78,22 +78,35 @@ def window(start, z, low, high):
                 weight += w
         value[k] = z[first] + total / weight
         if n > 1:
-            bottom = z[first + min(int(low * n), n - 1)]
-            top = z[first + min(max(int(math.ceil(high * n)) - 1, 0), n - 1)]
+            # a window narrower than the scatter of its own ranks is as uncertain as those
+            middle = 0.5 * (low + high)
+            half = max(0.5 * (high - low), 2.0 * math.sqrt(middle * (1.0 - middle) / n))
+            lower, upper = max(middle - half, 0.0), min(middle + half, 1.0)
+            bottom = _height_at_share(z, first, last, lower)
+            top = _height_at_share(z, first, last, upper)
             average = squares = 0.0
             for m in range(first, last):
                 average += min(max(z[m], bottom), top) - bottom
             average = bottom + average / n
             for m in range(first, last):
                 squares += (min(max(z[m], bottom), top) - average) ** 2
-            sd[k] = math.sqrt(squares / (n - 1) / n) / (high - low)
+            sd[k] = math.sqrt(squares / (n - 1) / n) / (upper - lower)
     return value, sd
+
+
+@njit(cache=True, nogil=True)
+def _height_at_share(z, first, last, share):
+    """Height below which a share of the heights lies; each stands at the middle of its rank."""
+    position = min(max(share * (last - first) - 0.5, 0.0), last - first - 1.0)
+    below = min(int(position), last - first - 2)
+    low = z[first + below]
+    return low + (position - below) * (z[first + below + 1] - low)
 
 
 @njit(cache=True, nogil=True, parallel=True)
 def weighted_mean(start, z, distance, power, core):
-    """Inverse-distance weighted mean and its standard error."""
-    value, sd = np.full(start.size - 1, np.nan), np.full(start.size - 1, np.nan)
+    """Inverse-distance weighted mean, and the root of n sum w^2 / (sum w)^2."""
+    value, growth = np.full(start.size - 1, np.nan), np.full(start.size - 1, np.nan)
     for k in prange(start.size - 1):
         first, last = start[k], start[k + 1]
         if last == first:
@@ -105,21 +118,49 @@ def weighted_mean(start, z, distance, power, core):
             weight += w
             weight_squares += w * w
         value[k] = z[first] + total / weight
-        effective = weight * weight / weight_squares
-        if last - first > 1:
-            squares = 0.0
-            for m in range(first, last):
-                w = (core / max(distance[m], core)) ** power
-                squares += (w * (z[m] - value[k])) ** 2
-            sd[k] = math.sqrt(squares * effective / max(effective - 1.0, 1e-12)) / weight
-    return value, sd
+        growth[k] = math.sqrt((last - first) * weight_squares) / weight
+    return value, growth
 
 
 @njit(cache=True, nogil=True, parallel=True)
 def weighted_median(start, z, distance, power, core):
-    """Inverse-distance weighted median, and its standard error after Woodruff.
+    """Inverse-distance weighted median, and the root of n sum w^2 / (sum w)^2.
 
     Height m stands at the middle of its own weight; between the heights the CPF is linear.
+    """
+    value, growth = np.full(start.size - 1, np.nan), np.full(start.size - 1, np.nan)
+    for k in prange(start.size - 1):
+        first, last = start[k], start[k + 1]
+        if last == first:
+            continue
+        weight = weight_squares = 0.0
+        for m in range(first, last):
+            w = (core / max(distance[m], core)) ** power
+            weight += w
+            weight_squares += w * w
+        growth[k] = math.sqrt((last - first) * weight_squares) / weight
+        value[k] = z[last - 1]
+        reached = before = 0.0
+        for m in range(first, last):
+            w = (core / max(distance[m], core)) ** power
+            middle = reached + 0.5 * w
+            if middle >= 0.5 * weight:
+                value[k] = z[m]
+                if m > first:
+                    part = (0.5 * weight - before) / (middle - before)
+                    value[k] = z[m - 1] + part * (z[m] - z[m - 1])
+                break
+            before = middle
+            reached += w
+    return value, growth
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def continued_quantile(start, z, probability, resolution, same, gap):
+    """Quantile of quantised heights whose CPF is continued by PCHIP, and its standard error.
+
+    Knots as in `HeightDistribution.steps`. The error is half of Woodruff's interval, and what is
+    not known inside of a step that holds a large share of the heights.
     """
     value, sd = np.full(start.size - 1, np.nan), np.full(start.size - 1, np.nan)
     for k in prange(start.size - 1):
@@ -127,99 +168,83 @@ def weighted_median(start, z, distance, power, core):
         n = last - first
         if n == 0:
             continue
-        weight = weight_squares = 0.0
+        edge, share = np.empty(2 * n + 1), np.empty(2 * n + 1)
+        edge[0], share[0] = z[first] - 0.5 * resolution, 0.0
+        knots, recorded = 1, z[first]
         for m in range(first, last):
-            w = (core / max(distance[m], core)) ** power
-            weight += w
-            weight_squares += w * w
-        half_interval = 0.5 * math.sqrt(weight_squares) / weight
-        found = np.empty(3)
-        for q in range(3):
-            wanted = (0.5 + (q - 1) * half_interval) * weight
-            found[q] = z[last - 1]
-            reached = before = 0.0
-            for m in range(first, last):
-                w = (core / max(distance[m], core)) ** power
-                middle = reached + 0.5 * w
-                if middle >= wanted:
-                    found[q] = z[m]
-                    if m > first:
-                        part = (wanted - before) / (middle - before)
-                        found[q] = z[m - 1] + part * (z[m] - z[m - 1])
-                    break
-                before = middle
-                reached += w
-        value[k] = found[1]
+            if z[m] - recorded <= same * resolution:
+                continue
+            if z[m] - recorded <= gap * resolution:
+                edge[knots] = 0.5 * (recorded + z[m])
+            else:  # no height lies in between: the CPF rests
+                edge[knots], share[knots] = recorded + 0.5 * resolution, (m - first) / n
+                knots += 1
+                edge[knots] = z[m] - 0.5 * resolution
+            share[knots] = (m - first) / n
+            knots, recorded = knots + 1, z[m]
+        edge[knots], share[knots] = recorded + 0.5 * resolution, 1.0
+        knots += 1
+        value[k], mass = _continued(edge, share, knots, probability)
         if n > 1:
-            sd[k] = 0.5 * (found[2] - found[0])
+            half = math.sqrt(probability * (1.0 - probability) / n)
+            low, _ = _continued(edge, share, knots, max(probability - half, 0.0))
+            high, _ = _continued(edge, share, knots, min(probability + half, 1.0))
+            inside = resolution * mass * mass * math.sqrt(1.0 / 12.0 + (probability - 0.5) ** 2)
+            sd[k] = math.hypot(0.5 * (high - low), inside)
     return value, sd
 
 
-@njit(cache=True, nogil=True, parallel=True)
-def continued_quantile(start, z, probability, resolution):
-    """Quantile of quantised heights whose CPF is continued by PCHIP between the steps."""
-    value = np.full(start.size - 1, np.nan)
-    for k in prange(start.size - 1):
-        first, last = start[k], start[k + 1]
-        n = last - first
-        if n == 0:
-            continue
-        edge, share = np.empty(n + 1), np.empty(n + 1)
-        edge[0], share[0] = (np.rint(z[first] / resolution) - 0.5) * resolution, 0.0
-        knots = 1
-        for m in range(first, last):
-            upper = (np.rint(z[m] / resolution) + 0.5) * resolution
-            if knots == 1 or upper > edge[knots - 1]:
-                edge[knots] = upper
-                knots += 1
-            share[knots - 1] = (m + 1.0 - first) / n
-        # the piece in which the probability lies, and the PCHIP slopes at its two ends
-        piece = 0
-        while piece < knots - 2 and share[piece + 1] < probability:
-            piece += 1
-        slope = np.zeros(2)
-        for side in range(2):
-            i = piece + side
-            if knots == 2:
-                slope[side] = (share[1] - share[0]) / (edge[1] - edge[0])
-            elif i == 0 or i == knots - 1:
-                a = 0 if i == 0 else knots - 2
-                b = 1 if i == 0 else knots - 3
-                ha, hb = edge[a + 1] - edge[a], edge[b + 1] - edge[b]
-                da, db = (share[a + 1] - share[a]) / ha, (share[b + 1] - share[b]) / hb
-                end = ((2.0 * ha + hb) * da - ha * db) / (ha + hb)
-                slope[side] = 0.0 if end < 0.0 else end
-            else:
-                ha, hb = edge[i] - edge[i - 1], edge[i + 1] - edge[i]
-                da, db = (share[i] - share[i - 1]) / ha, (share[i + 1] - share[i]) / hb
-                wa, wb = 2.0 * hb + ha, hb + 2.0 * ha
+@njit(cache=True, nogil=True)
+def _continued(edge, share, knots, probability):
+    """Height at which the PCHIP through the knots reaches a probability, and its step's share."""
+    piece = 0
+    while piece < knots - 2 and share[piece + 1] < probability:
+        piece += 1
+    mass = share[piece + 1] - share[piece]
+    if piece < knots - 2 and share[piece + 1] == probability == share[piece + 2]:
+        return 0.5 * (edge[piece + 1] + edge[piece + 2]), mass  # the middle of where it rests
+    slope = np.zeros(2)
+    for side in range(2):
+        i = piece + side
+        if knots == 2:
+            slope[side] = mass / (edge[1] - edge[0])
+        elif i == 0 or i == knots - 1:
+            a = 0 if i == 0 else knots - 2
+            b = 1 if i == 0 else knots - 3
+            ha, hb = edge[a + 1] - edge[a], edge[b + 1] - edge[b]
+            da, db = (share[a + 1] - share[a]) / ha, (share[b + 1] - share[b]) / hb
+            slope[side] = max(((2.0 * ha + hb) * da - ha * db) / (ha + hb), 0.0)
+        else:
+            ha, hb = edge[i] - edge[i - 1], edge[i + 1] - edge[i]
+            da, db = (share[i] - share[i - 1]) / ha, (share[i + 1] - share[i]) / hb
+            wa, wb = 2.0 * hb + ha, hb + 2.0 * ha
+            if da > 0.0 and db > 0.0:
                 slope[side] = (wa + wb) / (wa / da + wb / db)
-        # the cubic ascends: bisection cannot miss
-        width = edge[piece + 1] - edge[piece]
-        low, high = 0.0, 1.0
-        for _ in range(60):
-            t = 0.5 * (low + high)
-            at = (
-                share[piece] * (1.0 + 2.0 * t) * (1.0 - t) ** 2
-                + share[piece + 1] * t * t * (3.0 - 2.0 * t)
-                + width * slope[0] * t * (1.0 - t) ** 2
-                - width * slope[1] * t * t * (1.0 - t)
-            )
-            if at < probability:
-                low = t
-            else:
-                high = t
-        value[k] = edge[piece] + 0.5 * (low + high) * width
-    return value
+    # the cubic ascends: bisection cannot miss
+    width = edge[piece + 1] - edge[piece]
+    low, high = 0.0, 1.0
+    for _ in range(60):
+        t = 0.5 * (low + high)
+        at = (
+            share[piece] * (1.0 + 2.0 * t) * (1.0 - t) ** 2
+            + share[piece + 1] * t * t * (3.0 - 2.0 * t)
+            + width * slope[0] * t * (1.0 - t) ** 2
+            - width * slope[1] * t * t * (1.0 - t)
+        )
+        if at < probability:
+            low = t
+        else:
+            high = t
+    return edge[piece] + 0.5 * (low + high) * width, mass
 
 
 @njit(cache=True, nogil=True, parallel=True)
 def steepest(start, z, bandwidth, smallest, steps, tie):
     """Height where the smoothed CPF is steepest: the mode of a triweight kernel density.
 
-    Of modes that are equally high within the share `tie`, the one nearest to the median counts.
-    The standard error is that of an M-estimator: root of the sum of squared influences over the
-    curvature at the mode. It is infinite where the top is flat.
+    Of modes that are equally high within the share `tie`, the one nearest to the median counts, of
+    two equally near ones the lower. The standard error is that of an M-estimator: root of the sum
+    of squared influences over the curvature at the mode. It is infinite where the top is flat.
     """
     value, sd = np.full(start.size - 1, np.nan), np.full(start.size - 1, np.nan)
     used = np.full(start.size - 1, np.nan)
@@ -228,71 +253,97 @@ def steepest(start, z, bandwidth, smallest, steps, tie):
         n = last - first
         if n == 0:
             continue
+        spread = _spread(z, first, last)
         h = bandwidth
         if h <= 0.0:  # normal-scale rule for the slope of a density, in the triweight's units
-            average = squares = 0.0
-            for m in range(first, last):
-                average += (z[m] - z[first]) / n
-            for m in range(first, last):
-                squares += (z[m] - z[first] - average) ** 2
-            spread = math.sqrt(squares / max(n - 1, 1))
-            quarter = (z[first + (3 * (n - 1)) // 4] - z[first + (n - 1) // 4]) / 1.349
-            if 0.0 < quarter < spread:
-                spread = quarter
             h = max(2.978 * 0.9686 * spread * n ** (-1.0 / 7.0), smallest)
         used[k] = h
-        middle = 0.5 * (z[first + (n - 1) // 2] + z[first + n // 2])
-        bottom = z[first]
+        median = 0.5 * (z[first + (n - 1) // 2] + z[first + n // 2])
         step = h / steps
-        grid = int(math.ceil((z[last - 1] - bottom) / step)) + 1
-        density = np.zeros(grid + 2)  # one more point at either side of the heights
-        left = first
-        for g in range(grid + 2):
-            x = bottom + (g - 1) * step
-            while left < last and z[left] <= x - h:
-                left += 1
-            for m in range(left, last):
-                t = (x - z[m]) / h
-                if t <= -1.0:
-                    break
-                density[g] += (1.0 - t * t) ** 3
-        highest = density.max()
+        highest = 0.0
         best = best_density = -1.0
-        for g in range(1, grid + 1):
-            # a mode between two grid points rises above the higher one by less than a tenth
-            if density[g] < 0.9 * highest:
-                continue
-            if density[g] < density[g - 1] or density[g] < density[g + 1]:
-                continue
-            low, high = bottom + (g - 2) * step, bottom + g * step
-            for _ in range(60):
-                x = 0.5 * (low + high)
-                slope = 0.0
-                for m in range(first, last):
-                    t = (x - z[m]) / h
-                    if abs(t) < 1.0:
-                        slope -= t * (1.0 - t * t) ** 2
-                if slope > 0.0:
-                    low = x
-                else:
-                    high = x
-            x = 0.5 * (low + high)
-            at = 0.0
-            for m in range(first, last):
-                t = (x - z[m]) / h
-                if abs(t) < 1.0:
-                    at += (1.0 - t * t) ** 3
-            equal = abs(at - best_density) <= tie * at
-            nearer = abs(x - middle) < abs(best - middle)
-            if (equal and nearer) or (not equal and at > best_density):
-                best, best_density = x, at
+        for turn in range(2):  # the highest place of a lattice, then the modes nearly as high
+            g, left = -1, first
+            before = here = 0.0  # densities at the last two places of the lattice
+            while left < last:
+                x = z[first] + g * step
+                while left < last and z[left] <= x - h:
+                    left += 1
+                after, jump = 0.0, False
+                if left < last:
+                    jump = z[left] >= x + h
+                    after = _density(z, left, last, x, h)
+                if turn == 0:
+                    highest = max(highest, after)
+                # a mode between two places rises above the higher one by less than a tenth
+                elif here >= 0.9 * highest and here >= before and here >= after:
+                    top = _mode(z, first, last, x - 2.0 * step, x, h)
+                    at = _density(z, first, last, top, h)
+                    equal = abs(at - best_density) <= tie * at
+                    nearer = abs(top - median) < abs(best - median) - tie * h
+                    if (equal and nearer) or (not equal and at > best_density):
+                        best, best_density = top, at
+                before, here = here, after
+                g += 1
+                if jump:  # over the gap to the next heights
+                    g = max(g, int(math.floor((z[left] - h - z[first]) / step)))
         value[k] = best
-        influence = curvature = 0.0
-        for m in range(first, last):
-            t = (best - z[m]) / h
-            if abs(t) < 1.0:
-                influence += (t * (1.0 - t * t) ** 2) ** 2
-                curvature += (1.0 - t * t) * (1.0 - 5.0 * t * t)
         if n > 1:
+            # a mode stands where the curvature happens to be sharp, so that a wider look is more
+            # honest; the curvature of a normal density tells how far it falls with the bandwidth
+            wide = h * (1.0 + 2.5 / math.sqrt(n))
+            blunt = (spread**2 + wide * wide / 9.0) / (spread**2 + h * h / 9.0)
+            influence = curvature = 0.0
+            for m in range(first, last):
+                t = (best - z[m]) / h
+                if abs(t) < 1.0:
+                    influence += (t * (1.0 - t * t) ** 2) ** 2
+                t = (best - z[m]) / wide
+                if abs(t) < 1.0:
+                    curvature += (1.0 - t * t) * (1.0 - 5.0 * t * t)
+            curvature *= (blunt * h * h / (wide * wide)) ** 1.5
             sd[k] = h * math.sqrt(influence) / curvature if curvature > 0.0 else np.inf
     return value, sd, used
+
+
+@njit(cache=True, nogil=True)
+def _spread(z, first, last):
+    """Standard deviation, or that of a normal density with the same quarters if it is less."""
+    n = last - first
+    average = squares = 0.0
+    for m in range(first, last):
+        average += (z[m] - z[first]) / n
+    for m in range(first, last):
+        squares += (z[m] - z[first] - average) ** 2
+    quarters = z[first + (3 * (n - 1)) // 4] - z[first + (n - 1) // 4]
+    return min(math.sqrt(squares / max(n - 1, 1)), quarters / 1.349)
+
+
+@njit(cache=True, nogil=True)
+def _density(z, first, last, x, h):
+    """Sum of triweight kernels at x, up to a factor."""
+    total = 0.0
+    for m in range(first, last):
+        t = (x - z[m]) / h
+        if t <= -1.0:
+            break
+        if t < 1.0:
+            total += (1.0 - t * t) ** 3
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _mode(z, first, last, low, high, h):
+    """Place between two heights where the density stops to rise."""
+    for _ in range(60):
+        x = 0.5 * (low + high)
+        slope = 0.0
+        for m in range(first, last):
+            t = (x - z[m]) / h
+            if abs(t) < 1.0:
+                slope -= t * (1.0 - t * t) ** 2
+        if slope > 0.0:
+            low = x
+        else:
+            high = x
+    return 0.5 * (low + high)

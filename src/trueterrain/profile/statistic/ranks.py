@@ -4,7 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trueterrain.profile.distribution import Float, HeightDistributions
+from trueterrain.profile.distribution import (
+    NEXT_STEP,
+    SAME_STEP,
+    Float,
+    HeightDistributions,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -13,7 +18,13 @@ class Percentile:
 
     Linear between order statistics, as in ``numpy.percentile``. The standard deviation is that of
     Maritz and Jarrett (1978, JASA 73): the order statistics weighted with the beta distribution of
-    the quantile's rank, which is the bootstrap without the drawing.
+    the rank of the quantile, the bootstrap without the drawing. Simulated with 15 to 80 heights,
+    rms(error / sd) of the median is 1.00 to 1.06, of a percentile with 3 heights beyond it up to
+    1.14; with less than 2 heights beyond it, the standard deviation is too small by far.
+
+    The standard deviation of quantised heights is half of Woodruff's interval (1952, JASA 47) in
+    the continued CPF; where a share q of the heights lies in the step of the percentile, it also
+    contains q^2 of what is not known within one step. Its rms(error / sd) is 0.6 to 1.5.
     """
 
     percent: float
@@ -54,13 +65,13 @@ class Percentile:
         from trueterrain.profile.statistic import _kernels
 
         probability = self.percent / 100
-        weights, begin = _maritz_jarrett(np.unique(distributions.count), probability)
         start, heights = distributions.start, distributions.heights
-        height, sd = _kernels.quantile(start, heights, probability, weights, begin)
         if self.resolution is not None:
-            height = _kernels.continued_quantile(start, heights, probability, self.resolution)
-            # a height is not known better than its step, even where all fall into the same one
-            sd = np.hypot(sd, self.resolution / np.sqrt(12 * np.maximum(distributions.count, 1)))
+            settings = self.resolution, SAME_STEP, NEXT_STEP
+            height, sd = _kernels.continued_quantile(start, heights, probability, *settings)
+        else:
+            weights, begin = _maritz_jarrett(np.unique(distributions.count), probability)
+            height, sd = _kernels.quantile(start, heights, probability, weights, begin)
         return height, sd
 
 
@@ -108,7 +119,10 @@ class Window:
     With 0 < skip this is the bridge value of line lasers, with skip = (100 - size) / 2 the trimmed
     mean. A height at the edge of the window counts with the part of its rank that lies inside. The
     standard deviation is that of the winsorised heights over the share of the window (Tukey and
-    McLaughlin 1963, Sankhya 25), for windows that need not be symmetric.
+    McLaughlin 1963, Sankhya 25), for windows that need not be symmetric. A window narrower than
+    four standard deviations of a rank is widened to that for it. Simulated with 15 to 80 heights,
+    rms(error / sd) is 1.00 to 1.05 for the default window and up to 1.2 for a narrow one in the
+    middle; a window that ends at the highest or lowest height wants some twenty heights in it.
     """
 
     skip: float = 15.0

@@ -17,16 +17,20 @@ class SteepestCpf:
 
     The slope of the CPF is the density of heights, taken with a triweight kernel: smooth enough
     for a unique top and of finite width. The height is its highest mode, found to round-off. Of
-    modes equally high within 1e-9, the one nearest to the median counts.
+    modes equally high within 1e-9, the one nearest to the median counts, of two equally near ones
+    the lower.
 
     The standard deviation is that of an M-estimator (the root of the summed squared influences over
     the curvature at the mode); asymptotically it is that of Parzen (1962, Ann. Math. Statist. 33).
-    It does not contain the bias that smoothing brings to a lopsided density. It is infinite where
-    the top is flat.
+    The curvature is taken over a wider bandwidth, since a mode stands where it happens to be sharp.
+    Simulated with 15 to 80 heights of one clear mode, rms(error / sd) is 0.90 to 1.08; with half of
+    the default bandwidth up to 1.4. It contains neither the bias that smoothing brings to a lopsided
+    density (0.2 to 0.3 standard deviations of a gamma density of shape 3) nor the risk of choosing
+    the wrong one of two modes. It is infinite where the top is flat.
     """
 
     bandwidth: float | None = None
-    "Half width of the kernel [m]; by default 2.88 sigma n^(-1/7), the rule for a normal density."
+    "Half width of the kernel [m]; by default 2.88 spread n^(-1/7), the rule for a normal density."
 
     smallest_bandwidth: float = 0.0005
     "The default bandwidth is never less than this, about the noise of one height [m]."
