@@ -74,5 +74,7 @@ ax.plot(
     path.easting, path.northing, "o", color="white", markeredgecolor="#D55E00", markersize=5,
     label=f"path points, every {spacing:g} m (error {error:.0e} of it)",
 )  # fmt: skip
-ax.legend(loc="lower left", bbox_to_anchor=(0, 1.05), ncols=3, frameon=False, fontsize="small")
-ax.set_title(name, fontsize="medium", y=1.12)
+if ax.get_legend():
+    ax.get_legend().remove()  # one legend for all, below
+ax.figure.legend(loc="outside lower left", ncols=3, frameon=False, fontsize="small")
+ax.figure.suptitle(name, fontsize="medium")

@@ -149,6 +149,27 @@ def test_a_long_road_is_stretched_sideways_and_says_so(length, stretch):
     boxes_apart(ax)
 
 
+@pytest.mark.parametrize(
+    "width", [0.3, 0.5, 0.8, 1.2, 1.6, 1.7, 1.9, 2.0, 2.1, 2.4, 3.0, 6.0, 40.0]
+)
+@pytest.mark.parametrize("frame", ["grid", "ground"])
+def test_a_surface_of_any_shape_fits_on_its_page(width, frame):
+    u, v = np.linspace(0, 2, 9), np.linspace(-width / 2, width / 2, 9)
+    height = -0.08 + 0.1 * u[:, None] * np.cos(v)
+    road = make_surface(height, u=u, v=v, easting=u, northing=0 * u)
+    boxes_apart(figures.surface_map(road, path=offset_path(road, 0.1), frame=frame))
+
+
+@pytest.mark.parametrize("width", [0.0, 0.5, 1.6, 2.0, 2.4, 40.0])
+def test_points_over_any_shape_fit_on_their_page(width):
+    x, y = np.linspace(0, 2, 50), np.linspace(0, width, 50)
+    boxes_apart(figures.points_map(make_points(x, y, 0.1 * x)))
+
+
+def test_one_point_is_a_map():
+    boxes_apart(figures.points_map(make_points([1.0], [2.0], [3.0])))
+
+
 def test_a_fine_surface_is_thinned_and_says_so():
     u, v = 0.01 * np.arange(3001), np.array([-1.0, 0.0, 1.0])
     height = np.sin(u[:, None] + v)
@@ -520,6 +541,12 @@ def test_a_path_of_another_place_leaves_the_grid_alone():
     ax = figures.surface_map(road, path=path)
     assert np.isnan(ax.lines[1].get_xdata()).all()
     assert legend_texts(ax) == ["path", "no height"]
+
+
+def test_a_path_that_begins_outside_of_the_grid_shows_no_begin():
+    road = bend()
+    ax = figures.surface_map(road.isel(u=slice(100, None)), path=offset_path(road, 0.1))
+    assert legend_texts(ax) == ["path"]
 
 
 def test_a_curved_path_over_the_grid_is_where_the_ground_says():

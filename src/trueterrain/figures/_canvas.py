@@ -28,6 +28,7 @@ _QUIET = "0.35"  # grey of notes
 _ROW = 17.0  # [points] height of the row of notes above the axes
 _GAP = 4.0  # [points] between the axes and a legend without notes
 _LOCAL = 10_000.0  # [m] coordinates beyond are shown from a round number on
+_TALL = 0.8  # ratio of width to length from which a figure is as high as its height allows
 _MILLIMETRES = 1.0  # [m] heights that range over less are shown in mm
 
 
@@ -63,6 +64,16 @@ def axes_or_new(ax: "Axes | None", width: float = 8.0, height: float = 3.4) -> "
 
     new: Axes = plt.subplots(figsize=(width, height), layout="constrained")[1]
     return new
+
+
+def map_height(length: float, width: float) -> float:
+    """Height of a figure [inches] 8 inches wide whose axes have this shape.
+
+    Either the width or the height is left with room to spare: where both fit at once, the layout
+    engine does not settle and cuts labels off.
+    """
+    shape = width / length if length > 0 else 1.0
+    return max(6.5 * shape + 1.4, 2.2) if shape < _TALL else 5.6
 
 
 def height_scale(*heights: npt.ArrayLike) -> Scale:
@@ -150,11 +161,9 @@ def draw_path(ax: "Axes", x: npt.ArrayLike, y: npt.ArrayLike, label: str = "path
     x, y = np.asarray(x), np.asarray(y)
     ax.plot(x, y, color="white", linewidth=3.5, solid_capstyle="butt")
     ax.plot(x, y, color=PATH_COLOUR, linewidth=1.8, label=label)
-    known = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
-    if known.size:
-        begin = known[:1]
+    if np.isfinite([x[0], y[0]]).all():  # else it begins outside of what is drawn
         ax.plot(
-            x[begin], y[begin], "o", color=PATH_COLOUR, markeredgecolor="white", label="its begin",
+            x[:1], y[:1], "o", color=PATH_COLOUR, markeredgecolor="white", label="its begin",
             linestyle="none",
         )  # fmt: skip
 

@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+import numpy as np
 import xarray as xr
 
 from trueterrain.figures import _canvas
@@ -55,7 +56,8 @@ def points_map(
         raise ValueError(message)
     every = -(-check_points(points).sizes["point"] // most)
     shown = points.isel(point=slice(None, None, max(every, 1)))
-    ax = _canvas.axes_or_new(ax, height=5.0)
+    length, width = (float(np.ptp(shown[axis].values)) for axis in ("easting", "northing"))
+    ax = _canvas.axes_or_new(ax, height=_canvas.map_height(length, width))
     dots = ax.scatter(
         shown.easting, shown.northing, c=shown.up, s=2, linewidths=0, cmap=_canvas.HEIGHT_MAP,
         rasterized=True,

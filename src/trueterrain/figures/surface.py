@@ -92,7 +92,7 @@ def surface_map(
 def _over_grid(surface: xr.Dataset, ax: "Axes | None") -> "tuple[Axes, Any, float]":
     u, v = surface.u.values, surface.v.values
     stretch = _stretch(u[-1] - u[0], v[-1] - v[0])
-    ax = _canvas.axes_or_new(ax, height=_height(u[-1] - u[0], stretch * (v[-1] - v[0])))
+    ax = _canvas.axes_or_new(ax, height=_canvas.map_height(u[-1] - u[0], stretch * (v[-1] - v[0])))
     image = _image(ax, u, v, surface.height.values.T)
     ax.set_aspect(stretch)
     _canvas.scale_axis(ax.xaxis, _canvas.coordinate_scale(u), "Station u")
@@ -103,13 +103,13 @@ def _over_grid(surface: xr.Dataset, ax: "Axes | None") -> "tuple[Axes, Any, floa
 def _over_ground(surface: xr.Dataset, ax: "Axes | None") -> "tuple[Axes, Any, float]":
     if "u" in surface.dims:
         easting, northing = node_coordinates(surface)
-        ax = _canvas.axes_or_new(ax, height=_height(np.ptp(easting), np.ptp(northing)))
+        ax = _canvas.axes_or_new(ax, height=_canvas.map_height(np.ptp(easting), np.ptp(northing)))
         image = ax.pcolormesh(
             easting, northing, surface.height.values, shading="nearest", rasterized=True
         )
     else:
         easting, northing = surface.easting.values, surface.northing.values
-        ax = _canvas.axes_or_new(ax, height=_height(np.ptp(easting), np.ptp(northing)))
+        ax = _canvas.axes_or_new(ax, height=_canvas.map_height(np.ptp(easting), np.ptp(northing)))
         image = _image(ax, easting, northing, surface.height.values)
     ax.set_aspect("equal")
     _canvas.scale_axis(ax.xaxis, _canvas.coordinate_scale(easting), "Easting")
@@ -142,11 +142,6 @@ def _stretch(length: float, width: float) -> float:
     """Smallest round factor by which the width must be drawn larger to be seen."""
     needed = length / (_LONGEST * width)
     return next((factor for factor in _STRETCHES if factor >= needed), _STRETCHES[-1])
-
-
-def _height(length: float, width: float) -> float:
-    """Height of a figure [inches] 8 inches wide whose axes have this shape."""
-    return float(np.clip(6.4 * width / length + 1.3, 2.2, 7.5))
 
 
 def _cmap() -> Any:
