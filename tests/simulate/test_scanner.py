@@ -151,7 +151,7 @@ def test_a_moving_scan_lies_on_the_ground(ground):
         scanner=PERFECT, position=(-1.2, 0.1, 0.15), rotation=(0.02, -0.03, 0.05), clock=0.004
     )
     knots = moving()
-    scans = ScannerStream(mounted, raster, seed=1).record(knots, 0.05, 0.15)
+    scans = ScannerStream(mounted, raster, seed=1, begin=0.05).record(knots, 0.05, 0.15)
     time = ((scans.time + mounted.clock)[:, None] + PERFECT.delay).ravel()
     pose, _, _ = knots.at(time)
     angle = np.tile(PERFECT.angle, scans.time.size)
@@ -279,7 +279,7 @@ def test_true_time_is_stamp_plus_clock():
     knots = moving()
     knots.pose[:, 1:] = [0, HEIGHT, 0, 0, 0]
     knots.rate[:, 1:] = knots.acceleration[:, 1:] = 0
-    scans = ScannerStream(mounted, Raster(step), seed=1).record(knots, 0.02, 0.18)
+    scans = ScannerStream(mounted, Raster(step), seed=1, begin=0.02).record(knots, 0.02, 0.18)
     middle = PERFECT.beams // 2
     up = scans.true_range[:, middle] < HEIGHT - 0.05
     stamp = scans.time[up.argmax()]

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trueterrain.simulate.casting import cast
+from trueterrain.simulate.clock import Clock, check_next
 from trueterrain.simulate.ground import Ground
 from trueterrain.simulate.noise import generator
 from trueterrain.simulate.pose import PoseKnots, quintic
@@ -196,6 +197,10 @@ class ScannerStream:
         Brightness of the ground.
     seed : int
         Seed of noise and drop-outs.
+    pass_number : int
+        Which pass over the road, from 0: each has noise of its own.
+    begin : float
+        True time at which the pass begins [s].
     """
 
     def __init__(
@@ -205,12 +210,17 @@ class ScannerStream:
         *,
         reflectivity: Reflectivity = Reflectivity(),
         seed: int,
+        pass_number: int = 0,
+        begin: float = 0.0,
     ) -> None:
         self.mounted = mounted
+        self._clock = Clock(offset=mounted.clock)
+        self._end = begin
         self.ground = ground
         self.reflectivity = reflectivity
         self._noise, self._speckle, self._loss = (
-            generator(seed, "scanner", name) for name in ("range", "intensity", "loss")
+            generator(seed, "scanner", f"pass {pass_number}", name)
+            for name in ("range", "intensity", "loss")
         )
         self._tiles: set[tuple[int, int]] = set()
 
@@ -222,17 +232,24 @@ class ScannerStream:
         knots : PoseKnots
             Motion of the body, from `begin` to one scan beyond `end`.
         begin, end : float
-            True times [s].
+            True times [s]; the begin must be the end of the last block.
 
         Returns
         -------
         Scans
             Recorded and true ranges. Stamps are whole multiples of the time from scan to scan.
+
+        Raises
+        ------
+        ValueError
+            If the block does not follow the last one, or the knots do not reach as far.
         """
         scanner = self.mounted.scanner
-        stamp = stamps(begin, end, scanner.rate, self.mounted.clock)
+        check_next(self._end, begin, end)
+        stamp = self._clock.ticks(begin, end, scanner.rate) / scanner.rate
         shape = (stamp.size, scanner.beams)
-        rays = self._beams(knots, stamp + self.mounted.clock)
+        rays = self._beams(knots, self._clock.true(stamp))
+        self._end = end
         true_range, cosine, hit = self._cast(*(ray.reshape(-1, 3) for ray in rays))
         bright = self.reflectivity.at(hit[:, 0], hit[:, 1])
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -302,32 +319,6 @@ class ScannerStream:
         cosine = upward / np.sqrt(1.0 + slope[:, 0] ** 2 + slope[:, 1] ** 2)
         hit = origin[:, :2] + mean[:, None] * direction[:, :2]
         return mean, np.clip(np.nan_to_num(cosine), 0.0, 1.0), hit
-
-
-def stamps(begin: float, end: float, rate: float, clock: float) -> Float:
-    """Stamps, whole multiples of 1 / rate, whose true time lies in [begin, end).
-
-    Parameters
-    ----------
-    begin, end : float
-        True times [s].
-    rate : float
-        Stamps per second [Hz].
-    clock : float
-        True time minus stamp [s].
-
-    Returns
-    -------
-    numpy.ndarray, shape (n,)
-        Stamps [s]. Adjoining stretches neither share a stamp nor miss one.
-
-    Examples
-    --------
-    >>> stamps(0.0, 0.3, 10.0, 0.05)
-    array([0. , 0.1, 0.2])
-    """
-    first, last = (int(np.ceil((edge - clock) * rate - 1e-6)) for edge in (begin, end))
-    return np.arange(first, last) / rate
 
 
 def _spot(scanner: Scanner, direction: Float, forward: Float) -> Iterator[tuple[Float, bool]]:
