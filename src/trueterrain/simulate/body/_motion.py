@@ -1,0 +1,198 @@
+"""What all motions have in common: knots, block by block."""
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from itertools import count, pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from trueterrain.simulate.pose import PoseKnots
+
+Float = npt.NDArray[np.float64]
+
+#: Time over which a motion is computed at once, whatever blocks are asked for [s].
+CHUNK = 5.0
+
+_LEAST_RATE = 1000.0  # [Hz]
+_WHOLE = 1e-6  # [1] of a knot, by which a time may miss it
+_ENDLESS = 2**62  # [1] knots
+
+
+class Chunk(NamedTuple):
+    """Consecutive knots; knot k is at time k / rate."""
+
+    first: int
+    "Number of the first knot."
+    values: Float
+    "Pose, rate and acceleration, shape (3, n, 6) [m], [rad], [s]."
+
+
+class Motion(ABC):
+    """Motion of the body of a vehicle, from which the instruments take their exact poses.
+
+    Components are easting, northing and height of the origin of the body [m], roll, pitch (nose
+    down positive) and yaw (counter-clockwise from east, not wrapped) [rad]: ISO 8855. Knot k is at
+    time k / rate and is the same bit for bit, however the motion is cut into blocks.
+    """
+
+    rate: float
+
+    @property
+    @abstractmethod
+    def duration(self) -> float:
+        """Time at which the motion ends [s]; it begins at 0."""
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last time at which the motion is known, beyond its begin and end [s]."""
+        return -math.inf, math.inf
+
+    @abstractmethod
+    def _chunks(self, first: int) -> Iterator[Chunk]:
+        """Chunks that follow each other; the first one begins at knot `first` or before."""
+
+    def blocks(
+        self,
+        begin: float = 0.0,
+        end: float | None = None,
+        block: float = CHUNK,
+        *,
+        margin: float = 0.1,
+    ) -> Iterator[tuple[float, float, PoseKnots]]:
+        """Knots of the motion, block by block.
+
+        Parameters
+        ----------
+        begin : float
+            Where the first block begins [s].
+        end : float, optional
+            Where the last block ends [s]; by default the duration of the motion.
+        block : float
+            Length of the blocks [s]; the last one may be shorter.
+        margin : float
+            Time that the knots of a block reach beyond it on either side [s].
+
+        Yields
+        ------
+        begin, end : float
+            Times of the block [s].
+        knots : PoseKnots
+            Motion from ``begin - margin`` to ``end + margin`` at least.
+
+        Raises
+        ------
+        ValueError
+            If the block or the stretch of time is empty, or the motion is not known all the way.
+
+        Examples
+        --------
+        >>> from trueterrain.simulate.body import Parked
+        >>> [(a, b) for a, b, knots in Parked(duration=12.0).blocks(block=5.0)]
+        [(0.0, 5.0), (5.0, 10.0), (10.0, 12.0)]
+        """
+        end = self.duration if end is None else end
+        if not begin < end:
+            raise ValueError(f"end must be later than begin {begin} s, got {end} s.")
+        if not (block > 0 and margin >= 0):
+            raise ValueError(
+                f"block must be greater than 0 s and margin at least 0 s, got {block} and {margin}."
+            )
+        earliest, latest = self.span
+        if begin - margin < earliest or end + margin > latest:
+            raise ValueError(
+                f"begin, end and margin must keep to the motion, which is known from "
+                f"{earliest:.6g} s to {latest:.6g} s, got {begin - margin:.6g} s to "
+                f"{end + margin:.6g} s."
+            )
+        return self._blocks(begin, end, block, margin)
+
+    def _blocks(
+        self, begin: float, end: float, block: float, margin: float
+    ) -> Iterator[tuple[float, float, PoseKnots]]:
+        number = max(math.ceil((end - begin) / block - _WHOLE), 1)
+        edges = [*(begin + n * block for n in range(number)), end]
+        first = math.floor((begin - margin) * self.rate + _WHOLE)
+        source = self._chunks(first)
+        held: list[Chunk] = []
+        for early, late in pairwise(edges):
+            first = math.floor((early - margin) * self.rate + _WHOLE)
+            last = math.ceil((late + margin) * self.rate - _WHOLE)
+            while not held or held[-1].first + held[-1].values.shape[1] <= last:
+                held.append(next(source))
+            held = [chunk for chunk in held if chunk.first + chunk.values.shape[1] > first]
+            values = np.concatenate([chunk.values for chunk in held], axis=1)
+            part = slice(first - held[0].first, last + 1 - held[0].first)
+            pose, rate, acceleration = np.ascontiguousarray(values[:, part])
+            time = np.arange(first, last + 1) / self.rate
+            yield early, late, PoseKnots(time=time, pose=pose, rate=rate, acceleration=acceleration)
+
+    def knots(self, begin: float, end: float, *, margin: float = 0.1) -> PoseKnots:
+        """Knots of one stretch of time.
+
+        Parameters
+        ----------
+        begin, end : float
+            The stretch [s].
+        margin : float
+            Time that the knots reach beyond it on either side [s].
+
+        Returns
+        -------
+        PoseKnots
+            As from `blocks`.
+        """
+        return next(iter(self.blocks(begin, end, end - begin, margin=margin)))[2]
+
+    def describe(self) -> dict[str, Any]:
+        """Kind and parameters of the motion, for provenance."""
+        names = getattr(self, "__dataclass_fields__", {})
+        fields = {name: getattr(self, name) for name in names}
+        return {
+            "kind": type(self).__name__,
+            **{
+                name: value.describe() if hasattr(value, "describe") else value
+                for name, value in fields.items()
+            },
+        }
+
+
+class FormulaMotion(Motion):
+    """A motion that can be computed at any time without what went before."""
+
+    @abstractmethod
+    def _values(self, time: Float) -> Float:
+        """Pose, rate and acceleration at times, shape (3, n, 6)."""
+
+    def _chunks(self, first: int) -> Iterator[Chunk]:
+        size = round(CHUNK * self.rate)
+        lowest, highest = self._known()
+        for number in count(first // size):
+            begin = max(number * size, lowest)
+            end = min((number + 1) * size, highest + 1)
+            if begin >= end:
+                return
+            yield Chunk(begin, self._values(np.arange(begin, end) / self.rate))
+
+    def _known(self) -> tuple[int, int]:
+        """Numbers of the first and the last knot at which the motion is known."""
+        earliest, latest = self.span
+        return (
+            -_ENDLESS if math.isinf(earliest) else math.ceil(earliest * self.rate - _WHOLE),
+            _ENDLESS if math.isinf(latest) else math.floor(latest * self.rate + _WHOLE),
+        )
+
+
+def check_rate(rate: float) -> None:
+    """Raise ValueError unless the rate of the knots is high enough."""
+    if not (np.isfinite(rate) and rate >= _LEAST_RATE):
+        raise ValueError(f"rate must be at least {_LEAST_RATE:g} Hz, got {rate}.")
+
+
+def check_at_least_0(unit: str, **values: float) -> None:
+    """Raise ValueError unless the values are finite and at least 0."""
+    for name, value in values.items():
+        if not (np.isfinite(value) and value >= 0):
+            raise ValueError(f"{name} must be finite and at least 0 {unit}, got {value}.")

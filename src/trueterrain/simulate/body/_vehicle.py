@@ -1,0 +1,225 @@
+"""The motion of a body on its wheels over the ground."""
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from trueterrain.simulate.body._motion import (
+    CHUNK,
+    Chunk,
+    Motion,
+    check_at_least_0,
+    check_rate,
+)
+from trueterrain.simulate.body._pass import Pass
+from trueterrain.simulate.body._wheels import WheelPaths
+from trueterrain.simulate.ground import Ground
+from trueterrain.vehicle import (
+    FullCarParameters,
+    LinearModel,
+    QuarterCarParameters,
+    Tyre,
+    VehicleState,
+    advance,
+    discretise,
+    linear_model,
+    start_state,
+)
+
+Float = npt.NDArray[np.float64]
+
+_AHEAD = 2.5  # [m] of the start, to where the slope of the ground is taken
+_UP, _ROLL, _PITCH = 2, 3, 4
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BodyMotion(Motion):
+    """Vehicle on springs that drives a pass over the ground.
+
+    In the plane the origin of the body follows the lane exactly. Vertically the wheels follow the
+    ground under their contact patches, wherever yaw puts them, and the body answers as the linear
+    model of the vehicle does, integrated exactly for wheel heights that are linear from knot to
+    knot. Heights are absolute: a road that climbs by a slope of i has the body at a pitch of -i,
+    one whose left side is higher by i has it at a roll of i. A model in which angles are small
+    leaves out that i is a tangent, that lateral and longitudinal acceleration tilt the body, and
+    that a tilted body moves its wheels sideways.
+
+    A full car has its origin at the centre of gravity of the body, which is `cg_height` of its
+    parameters above level ground at rest. A quarter car has no pitch and roll: the heave of the one
+    that runs under `wheel` is that of the whole body, whose origin is `origin_height` above level
+    ground (the motion of the laser in Smith 2009, Fig. 3-11 and 3-20).
+
+    The vehicle begins `run_in` seconds before time 0 at rest on its springs there, or steadily
+    climbing if the ground does; so there must be ground before the start and behind the end.
+
+    Examples
+    --------
+    >>> from trueterrain.simulate.course import Straight
+    >>> from trueterrain.simulate.ground import Plane
+    >>> from trueterrain.simulate.speed import Constant
+    >>> from trueterrain.vehicle import named_vehicle
+    >>> climb = BodyMotion(drive=Pass(course=Straight(length=50.0), speed=Constant(speed=10.0)),
+    ...                    ground=Plane(slope=0.05), vehicle=named_vehicle("van"))
+    >>> print(climb.knots(0.0, 5.0).at([4.0])[0].round(4))
+    [[40.      0.      2.8045  0.     -0.05    0.    ]]
+    """
+
+    drive: Pass
+    "Course, lane and speed."
+
+    ground: Ground
+    "The ground."
+
+    vehicle: FullCarParameters | QuarterCarParameters
+    "The vehicle."
+
+    tyre: Tyre = field(default_factory=Tyre)
+    "Contact patch of its tyres."
+
+    wheel: tuple[float, float] = (0.0, 0.0)
+    "Place of the wheel of a quarter car in the body: x forward, y left [m]."
+
+    origin_height: float = 0.6
+    "Height of the origin of a quarter car above level ground at rest [m]."
+
+    rate: float = 2000.0
+    "Knots per second, at least 1000 [Hz]."
+
+    run_in: float = 2.0
+    "Time driven before time 0, for the vehicle to settle [s]."
+
+    run_out: float = 0.5
+    "Time driven after the end [s]."
+
+    spacing: float = 0.005
+    "Distance from height to height along the paths of the wheels [m]."
+
+    def __post_init__(self) -> None:
+        check_rate(self.rate)
+        check_at_least_0("s", run_in=self.run_in, run_out=self.run_out)
+        if not (np.isfinite(self.spacing) and self.spacing > 0):
+            raise ValueError(f"spacing must be greater than 0 m, got {self.spacing}.")
+        if not np.isfinite([*self.wheel, self.origin_height]).all():
+            raise ValueError("wheel and origin_height must be finite.")
+
+    @property
+    def duration(self) -> float:
+        """Time that the pass takes [s]."""
+        return self.drive.duration
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last time at which the motion is known [s]."""
+        first, last = self._knots_known
+        return first / self.rate, last / self.rate
+
+    @property
+    def height(self) -> float:
+        """Height of the origin of the body above level ground at rest [m]."""
+        if isinstance(self.vehicle, QuarterCarParameters):
+            return self.origin_height
+        return self.vehicle.cg_height
+
+    def wheel_heights(self, time: npt.ArrayLike) -> Float:
+        """Height of the ground that each wheel feels.
+
+        Parameters
+        ----------
+        time : array_like, shape (n,)
+            Times [s].
+
+        Returns
+        -------
+        numpy.ndarray, shape (n, wheels)
+            Mean height under the contact patch [m]; front left, front right, rear left, rear right.
+
+        Raises
+        ------
+        CoverageError
+            If there is no ground under a wheel.
+        """
+        return self._paths.heights(self.drive.speed.at(time).distance)
+
+    def describe(self) -> dict[str, Any]:
+        """Kind and parameters of the motion, for provenance."""
+        vehicle = {"kind": type(self.vehicle).__name__, **asdict(self.vehicle)}
+        return super().describe() | {"vehicle": vehicle, "tyre": asdict(self.tyre)}
+
+    def _chunks(self, first: int) -> Iterator[Chunk]:
+        """From the start of the vehicle on: what it does depends on all that went before."""
+        del first
+        begin, last = self._knots_known
+        size = round(CHUNK * self.rate)
+        discrete = discretise(self._model, 1.0 / self.rate)
+        state: VehicleState | None = None
+        for knot in range(begin, last + 1, size):
+            time = np.arange(knot, min(knot + size, last + 1)) / self.rate
+            heights = self.wheel_heights(time)
+            if state is None:
+                state = self._start(time[0], heights[0])
+                response, end = advance(discrete, state, heights[1:])
+                parts = [
+                    np.vstack([before, after])
+                    for before, after in zip(
+                        (state.displacement, state.velocity, state.acceleration),
+                        response,
+                        strict=True,
+                    )
+                ]
+                state = end
+            else:
+                response, state = advance(discrete, state, heights)
+                parts = list(response)
+            yield Chunk(knot, self._assembled(time, np.stack(parts)))
+
+    def _assembled(self, time: Float, response: Float) -> Float:
+        """All components from the freedoms of the model, shape (3, n, freedoms)."""
+        out = np.zeros((3, time.size, 6))
+        out[:, :, [0, 1, 5]] = self.drive.plan(time)
+        names = self._model.freedoms
+        out[:, :, _UP] = response[:, :, names.index("heave")]
+        out[0, :, _UP] += self.height
+        for component, name in ((_ROLL, "roll"), (_PITCH, "pitch")):
+            if name in names:
+                out[:, :, component] = response[:, :, names.index(name)]
+        return out
+
+    def _start(self, time: float, heights: Float) -> VehicleState:
+        """At rest on the ground, or climbing with its slope."""
+        distance, speed, _ = self.drive.speed.at(time)
+        ends = self._paths.heights(distance[0] + np.array([0.0, _AHEAD]))
+        slope = (ends[1] - ends[0]).mean() / _AHEAD
+        return start_state(self._model, heights, wheel_rates=speed[0] * slope)
+
+    @cached_property
+    def _knots_known(self) -> tuple[int, int]:
+        return (
+            -int(np.ceil(self.run_in * self.rate)),
+            int(np.ceil((self.duration + self.run_out) * self.rate)),
+        )
+
+    @cached_property
+    def _model(self) -> LinearModel:
+        return linear_model(self.vehicle)
+
+    @cached_property
+    def _paths(self) -> WheelPaths:
+        if isinstance(self.vehicle, QuarterCarParameters):
+            places = np.array([self.wheel])
+        else:
+            places = self.vehicle.wheel_positions
+        wheels = tuple(
+            (name, float(x), float(y))
+            for name, (x, y) in zip(self._model.wheels, places, strict=True)
+        )
+        return WheelPaths(
+            ground=self.ground,
+            lane=self.drive._lane,
+            wheels=wheels,
+            tyre=self.tyre,
+            spacing=self.spacing,
+        )

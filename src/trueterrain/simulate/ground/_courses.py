@@ -1,0 +1,317 @@
+"""Grounds that follow a course, and measured ground that goes on for ever."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from trueterrain import provenance
+from trueterrain.kinds import check_surface
+from trueterrain.simulate.course import Course
+from trueterrain.simulate.ground._ground import Floats, Ground, check_finite, check_not_negative
+
+_SAME = 1e-9  # [1/m], [m] round-off between values that should be equal
+
+
+@dataclass(frozen=True, kw_only=True)
+class StationTable:
+    """A value that changes along a course, between the stations where it is given.
+
+    Beyond the first and the last station it stays what it is there.
+
+    Examples
+    --------
+    >>> StationTable(station=(0.0, 10.0), value=(0.0, 1.0)).at([-5.0, 5.0, 99.0])
+    array([0. , 0.5, 1. ])
+    """
+
+    station: tuple[float, ...]
+    "Stations, ascending [m]."
+    value: tuple[float, ...]
+    "Value at each of them."
+    smooth: bool = True
+    """Whether the slope is continuous too (cubics without overshoot, Fritsch and Butland 1984), or
+    straight lines join the values."""
+
+    def __post_init__(self) -> None:
+        if len(self.station) < 2 or len(self.station) != len(self.value):
+            raise ValueError(
+                "station and value must be of the same length of at least 2, "
+                f"got {len(self.station)} and {len(self.value)}."
+            )
+        if not (np.isfinite(self.station).all() and np.isfinite(self.value).all()):
+            raise ValueError("station and value must be finite.")
+        if not (np.diff(self.station) > 0).all():
+            raise ValueError("station must ascend.")
+
+    def at(self, station: Floats) -> Floats:
+        """Value at stations, shape of `station`."""
+        s = np.clip(station, self.station[0], self.station[-1])
+        if not self.smooth:
+            return np.asarray(np.interp(s, self.station, self.value))
+        return np.asarray(self._cubics(s))
+
+    def around(self, length: float) -> "StationTable":
+        """The same table for a closed course: one lap before and one after.
+
+        Raises
+        ------
+        ValueError
+            If it does not begin at 0, end at `length`, and end as it begins.
+        """
+        station, value = np.array(self.station), np.array(self.value)
+        if abs(station[0]) > _SAME or abs(station[-1] - length) > _SAME * length:
+            raise ValueError(
+                f"station must be from 0 to {length:.9g} m, the length of the closed course, "
+                f"got {station[0]} to {station[-1]} m."
+            )
+        if abs(value[-1] - value[0]) > _SAME:
+            raise ValueError(
+                f"value must end as it begins on a closed course, got {value[0]} and {value[-1]}."
+            )
+        station[-1] = length
+        stations = np.concatenate([station[:-1] - length, station, station[1:] + length])
+        values = np.concatenate([value[:-1], value, value[1:]])
+        return StationTable(
+            station=tuple(stations.tolist()), value=tuple(values.tolist()), smooth=self.smooth
+        )
+
+    @cached_property
+    def _cubics(self) -> Any:
+        from scipy.interpolate import PchipInterpolator
+
+        return PchipInterpolator(self.station, self.value)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AlongCourse(Ground):
+    """Ground that follows a course: its x is the station u, its y the offset v.
+
+    The height is ``ground(u, v) + elevation(u) + slope u + banking(u) v`` at the point of the
+    course that is nearest. Where two parts of a course are equally near, the ground has a fault.
+
+    Examples
+    --------
+    A road that falls to its left by 5 %, in a left turn:
+
+    >>> from trueterrain.simulate.course import Arc
+    >>> from trueterrain.simulate.ground import Plane
+    >>> bend = AlongCourse(ground=Plane(), course=Arc(radius=30.0, angle=3.0), banking=-0.05)
+    >>> bend.height([0.0, 28.0], [2.0, 30.0]).round(9)
+    array([-0.1, -0.1])
+    """
+
+    ground: Ground
+    "Ground as if the course were straight, along x."
+    course: Course
+    "The course."
+    elevation: StationTable | float = 0.0
+    "Height added along the course [m]."
+    slope: float = 0.0
+    "Rise of the course per length [m/m]; of an open course only."
+    banking: StationTable | float = 0.0
+    "Rise to the left [m/m]; a left turn that leans inwards has a negative one."
+    seam: float = 5.0
+    """Length before the end of a closed course over which the ground goes over into that of the
+    begin [m]; 0 leaves a step there unless `ground` repeats itself."""
+
+    def __post_init__(self) -> None:
+        check_finite(self, "slope")
+        check_not_negative(self, "seam")
+        for name in ("elevation", "banking"):
+            if not isinstance(getattr(self, name), StationTable):
+                check_finite(self, name)
+        if self.course.closed and self.slope != 0.0:
+            raise ValueError(
+                f"slope must be 0 on a closed course, which ends as high as it begins, "
+                f"got {self.slope} m/m."
+            )
+        if self.course.closed and self.seam > self.course.length:
+            raise ValueError(
+                f"seam must be at most the length of the course {self.course.length:.6g} m, "
+                f"got {self.seam} m."
+            )
+        _ = self._tables  # a table that does not fit is refused when the ground is made
+
+    @classmethod
+    def superelevated(
+        cls, *, ground: Ground, course: Course, greatest: float, **others: Any
+    ) -> "AlongCourse":
+        """Ground that leans inwards in all curves, in proportion to their curvature.
+
+        Parameters
+        ----------
+        ground, course : Ground, Course
+            As for the class.
+        greatest : float
+            Banking where the course is curved most, at least 0 [m/m].
+        **others : Any
+            Further parameters of the class.
+
+        Returns
+        -------
+        AlongCourse
+            With a banking that changes evenly along the clothoids.
+
+        Raises
+        ------
+        ValueError
+            If the curvature of the course jumps, or `greatest` is negative.
+
+        Examples
+        --------
+        >>> from trueterrain.simulate.course import Oval
+        >>> from trueterrain.simulate.ground import Plane
+        >>> oval = Oval(straight=100.0, radius=50.0, transition=30.0)
+        >>> track = AlongCourse.superelevated(ground=Plane(), course=oval, greatest=0.1)
+        >>> outside = oval.at([50.0, 200.0], -3.0).position  # in a straight and in a half circle
+        >>> track.height(*outside.T).round(9)
+        array([0. , 0.3])
+        """
+        if not (np.isfinite(greatest) and greatest >= 0):
+            raise ValueError(f"greatest must be at least 0 m/m, got {greatest}.")
+        parts = course._stretches()
+        following = [*pairwise(parts), *([(parts[-1], parts[0])] if course.closed else [])]
+        if any(abs(before.end - after.begin) > _SAME for before, after in following):
+            raise ValueError(
+                "course must have clothoids between straights and arcs, so that its banking is "
+                "continuous."
+            )
+        station, curvature = np.array(course.borders).T
+        largest = np.abs(curvature).max()
+        banking = -greatest * curvature / largest if largest > 0 else np.zeros(curvature.size)
+        table = StationTable(
+            station=tuple(station.tolist()), value=tuple(banking.tolist()), smooth=False
+        )
+        return cls(ground=ground, course=course, banking=table, **others)
+
+    def describe(self) -> dict[str, Any]:
+        """Kind and parameters, with descriptions of ground and course."""
+        whole = super().describe()
+        return whole | {"ground": self.ground.describe(), "course": self.course.describe()}
+
+    def _height(self, x: Floats, y: Floats) -> Floats:
+        u, v = self.course.project(x, y)
+        height = self.ground._height(u, v)
+        if self.course.closed and self.seam > 0:
+            begin = self.course.length - self.seam
+            late = np.flatnonzero(u > begin)
+            if late.size:
+                share = (u[late] - begin) / self.seam
+                share = share**2 * (3.0 - 2.0 * share)
+                first = self.ground._height(u[late] - self.course.length, v[late])
+                height[late] = (1.0 - share) * height[late] + share * first
+        elevation, banking = self._tables
+        return height + (_value(elevation, u) + self.slope * u) + _value(banking, u) * v
+
+    @cached_property
+    def _tables(self) -> tuple[StationTable | float, StationTable | float]:
+        both = self.elevation, self.banking
+        if not self.course.closed:
+            return both
+        elevation, banking = (
+            one.around(self.course.length) if isinstance(one, StationTable) else one for one in both
+        )
+        return elevation, banking
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Repeated(Ground):
+    """Measured surface that goes on for ever: x is u from its begin, y is v.
+
+    Mirrored, each copy runs against the last one, so that there is no step between them; otherwise
+    all copies run the same way, and there is a step where the surface does not end as it begins.
+
+    Examples
+    --------
+    >>> from trueterrain.kinds import make_surface
+    >>> ramp = make_surface([[0.0, 0.0], [1.0, 1.0]], u=[0, 2], v=[-1, 1], easting=[0, 2],
+    ...                     northing=[0, 0])
+    >>> Repeated(surface=ramp).height([0.5, 1.5, 2.5, 4.5, -0.5], 0.0)
+    array([0.25, 0.75, 0.75, 0.25, 0.25])
+    >>> Repeated(surface=ramp, mirrored=False).height([0.5, 1.5, 2.5, 4.5, -0.5], 0.0)
+    array([0.25, 0.75, 0.25, 0.25, 0.75])
+    """
+
+    surface: xr.Dataset
+    "Surface along a reference line; that line is straightened."
+    mirrored: bool = True
+    "Whether every other copy runs backwards."
+    across: bool = False
+    "Whether it is repeated across too, mirrored; otherwise there is no ground beside it."
+    part_u: tuple[float, float] | None = None
+    "Stations between which it is used [m]; all of it by default."
+    part_v: tuple[float, float] | None = None
+    "Offsets between which it is used, so as to leave out ragged edges [m]; all by default."
+
+    def __post_init__(self) -> None:
+        check_surface(self.surface)
+        if "u" not in self.surface.dims:
+            raise ValueError("surface must lie along a reference line, got a map.")
+        for name in ("part_u", "part_v"):
+            part, axis = getattr(self, name), np.asarray(self.surface[name[-1]], dtype=float)
+            if part is not None and not axis[0] <= part[0] < part[1] <= axis[-1]:
+                raise ValueError(
+                    f"{name} must be two ascending values from {axis[0]} to {axis[-1]} m, "
+                    f"got {part}."
+                )
+
+    @classmethod
+    def from_file(cls, path: str | Path, **others: Any) -> "Repeated":
+        """Ground from an OpenCRG file.
+
+        Parameters
+        ----------
+        path : str or Path
+            The file.
+        **others : Any
+            Further parameters of the class.
+
+        Raises
+        ------
+        FormatError
+            If it is damaged or no OpenCRG file.
+        """
+        from trueterrain.formats import opencrg
+
+        return cls(surface=opencrg.read(path), **others)
+
+    def describe(self) -> dict[str, Any]:
+        """Kind and parameters, and the steps that led to the surface."""
+        whole = super().describe()
+        del whole["surface"]
+        return whole | {"steps": provenance.steps(self.surface)}
+
+    def _height(self, x: Floats, y: Floats) -> Floats:
+        from trueterrain.surface.evaluate import heights_at_uv
+
+        (u0, u1), (v0, v1) = self._part
+        u = u0 + (_folded(x, u1 - u0) if self.mirrored else np.remainder(x, u1 - u0))
+        if self.across:
+            v = v0 + _folded(y - v0, v1 - v0)
+        else:
+            v = np.where((y >= v0) & (y <= v1), y, np.inf)
+        return np.asarray(heights_at_uv(self.surface, np.clip(u, u0, u1), np.maximum(v, v0)))
+
+    @cached_property
+    def _part(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        u, v = (np.asarray(self.surface[axis], dtype=float) for axis in "uv")
+        along, across = self.part_u, self.part_v
+        return (
+            (float(u[0]), float(u[-1])) if along is None else along,
+            (float(v[0]), float(v[-1])) if across is None else across,
+        )
+
+
+def _value(table: StationTable | float, station: Floats) -> Floats | float:
+    return table.at(station) if isinstance(table, StationTable) else table
+
+
+def _folded(x: Floats, length: float) -> Floats:
+    """Place from 0 to `length` of a point that goes to and fro between them."""
+    there_and_back = np.remainder(x, 2.0 * length)
+    return np.asarray(np.minimum(there_and_back, 2.0 * length - there_and_back))
