@@ -31,6 +31,7 @@ exclude_patterns = ["_build", "gallery_src", "**.ipynb", "sg_execution_times.rst
 templates_path = ["_templates"]
 default_role = "py:obj"
 nitpicky = False
+toc_object_entries = False  # parameters of a class are listed on its page, not beside it
 
 # pages in Markdown
 

@@ -1,6 +1,8 @@
 """Figures: what is drawn equals what was given, and says in which unit."""
 
 import dataclasses
+import subprocess
+import sys
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
@@ -558,3 +560,8 @@ def test_a_curved_path_over_the_grid_is_where_the_ground_says():
     drawn = figures.surface_map(road, path=dataclasses.replace(path)).lines[1].get_xydata()
     # [m] `xy_to_uv` solves for u within its own edge tolerance at coordinates of some km
     npt.assert_allclose(drawn, np.stack([u, v], 1), rtol=0, atol=1e-9)
+
+
+def test_the_room_is_loaded_without_matplotlib():
+    code = "import sys, trueterrain.figures; sys.exit('matplotlib' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
