@@ -83,9 +83,9 @@ def test_an_outage_grows_from_the_last_value_with_the_square_of_time():
 
 def test_an_outage_without_acceleration_is_a_random_walk():
     accuracy = Accuracy(outage_walk=0.2, outage_acceleration=0.0)
-    error, variance = many([state(0.0, "outage")], 100, accuracy=accuracy)
+    error, variance = many([state(0.0, "outage")], 25, rate=4.0, accuracy=accuracy)
     for epoch in (0, 24, 99):
-        npt.assert_allclose(variance[0, epoch], 0.2**2 * (epoch + 1), rtol=0, atol=EXACT)
+        npt.assert_allclose(variance[0, epoch], 0.2**2 * (epoch + 1) / 4, rtol=0, atol=EXACT)
         rms = np.sqrt(np.mean(error[:, epoch] ** 2) / variance[0, epoch])
         npt.assert_allclose(rms, 1, rtol=0, atol=SPREAD)
 
