@@ -29,13 +29,15 @@ def test_a_stone_is_round_and_ends_at_its_edge():
 
 @pytest.fixture(scope="module")
 def scattered() -> np.ndarray:
-    """Heights of stones on 2 m x 2 m [m]."""
+    """Heights of stones on 2 m x 2 m, along the cells of 0.1 m that hold one stone each [m]."""
     stones = Stones(density=100.0, diameter_min=0.02, diameter_max=0.04, height_ratio=0.3, seed=5)
-    return stones.height(axis[:, None] - 1.0, axis + 7.0)
+    along, across = axis[:, None] - 1.0, axis + 7.0
+    cos, sin = np.cos(stones._turn), np.sin(stones._turn)
+    return stones.height(cos * along - sin * across, sin * along + cos * across)
 
 
 def test_there_are_as_many_stones_as_asked_for_and_none_overlap(scattered):
-    number = label(scattered > 0)[1]  # cells are 0.1 m wide: the area holds whole ones
+    number = label(scattered > 0)[1]  # the area holds whole cells
     assert number == 400
 
 
@@ -49,6 +51,17 @@ def test_stones_have_the_diameters_and_heights_asked_for(scattered):
     npt.assert_allclose(np.median(diameter), np.sqrt(0.02 * 0.04), rtol=0.05, atol=0)  # of 400
     npt.assert_allclose(highest / diameter[:19], 0.3, rtol=0.01, atol=0)
     assert number > 20
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_line_along_or_across_the_road_meets_its_share_of_stones(seed):
+    """Even a line between the cells of an unturned lattice: share covered is density x area."""
+    stones = Stones(density=100.0, diameter_min=0.03, diameter_max=0.03, seed=seed)
+    s = np.linspace(0, 200, 200_001)
+    share = 100.0 * np.pi * 0.015**2
+    for x, y in ((s, 0.0), (s, 0.3), (0.0, s)):
+        # some 600 stones are met; they lie in a lattice, so that they scatter less than by chance
+        npt.assert_allclose((stones.height(x, y) > 0).mean(), share, rtol=0.15, atol=0)
 
 
 def test_stones_lie_on_the_ground_below():

@@ -131,7 +131,7 @@ def _figures(
         "profiles": lambda: figures.parallel_profiles(beside, tyre.sel(s=shown)),
         "difference": lambda: figures.profile_difference(point.sel(s=shown), tyre.sel(s=shown)),
         "search-area": lambda: figures.search_area_map(road, path, station=path.s[roughest]),
-        "distribution": lambda: figures.cpf(distribution, resolution=0.001),
+        "distribution": lambda: figures.cpf(distribution),
     }
     for name, draw in pictures.items():
         figure = draw().figure

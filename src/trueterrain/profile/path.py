@@ -178,7 +178,9 @@ def arc_path(
 def function_path(
     function: Callable[[Float], Float], start: float, end: float, *, spacing: float = 0.01
 ) -> WheelPath:
-    """Path northing = function(easting) (thesis Eqs. 5-3 to 5-5, in arc length).
+    """Path along the graph of a function, northing over easting.
+
+    In arc length, where the thesis steps by its Eqs. 5-3 to 5-5.
 
     Parameters
     ----------

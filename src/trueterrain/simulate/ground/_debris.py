@@ -19,6 +19,7 @@ from trueterrain.simulate.ground._ground import (
 
 CrackPattern = Literal["transverse", "alligator"]
 
+_GOLDEN_SHARE = 0.6180339887498949  # multiples of it, less their whole part, lie evenly
 _WIDEST_MEANDER = 0.2  # [1] of the spacing, so that neighbouring cracks cannot cross
 
 
@@ -56,7 +57,8 @@ class Stones(Ground):
     """Stones scattered without end: half-ellipsoids that do not overlap.
 
     The ground is divided into square cells of area ``1 / density``; each holds one stone, wholly
-    within it. Diameters are spread evenly on a logarithmic scale.
+    within it. The cells are turned by an angle that follows from the seed, so that a line along the
+    road does not run between them. Diameters are spread evenly on a logarithmic scale.
 
     Examples
     --------
@@ -94,9 +96,15 @@ class Stones(Ground):
     def _cell(self) -> float:
         return float(self.density**-0.5)
 
+    @property
+    def _turn(self) -> float:
+        """Angle of the cells [rad], from 10 to 35 degrees: never along or across a road's axes."""
+        return float(np.deg2rad(10.0 + 25.0 * ((self.seed * _GOLDEN_SHARE) % 1.0)))
+
     def _height(self, x: Floats, y: Floats) -> Floats:
         sizes = (self._cell, self.diameter_min, self.diameter_max, self.height_ratio)
-        return np.asarray(_kernels.stones(self.seed, *sizes, x, y))
+        cos, sin = np.cos(self._turn), np.sin(self._turn)
+        return np.asarray(_kernels.stones(self.seed, *sizes, cos * x + sin * y, cos * y - sin * x))
 
 
 @dataclass(frozen=True, kw_only=True)
