@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 #: Heights that differ by less than this share of a step were recorded in the same step.
-SAME_STEP = 0.001
+SAME_STEP = 1e-6
 
 #: Neighbouring heights farther apart than this quantity of steps have an empty step between them.
 NEXT_STEP = 1.01

@@ -188,9 +188,11 @@ def gather_scattered(
 def level(start, dx, dy, z, step, tolerance, iterations):
     """Take the slope out of each search area: z - b dx - c dy of a robust plane a + b dx + c dy.
 
-    The plane minimises the sum of absolute residuals (reweighted least squares), so that a stone
-    does not tilt it. Where the points do not tell a direction (a single scan line), the plane has
-    no slope in it: the normal equations are solved along their own axes.
+    The plane first minimises the sum of absolute residuals (reweighted least squares), so that a
+    stone does not tilt it. That plane passes exactly through three heights; Tukey's biweight takes
+    it from there to the least squares of all heights but the stone. Where the points do not tell a
+    direction (a single scan line), the plane has no slope in it: the normal equations are solved
+    along their own axes.
     """
     for k in prange(start.size - 1):
         first, last = start[k], start[k + 1]
@@ -203,9 +205,9 @@ def level(start, dx, dy, z, step, tolerance, iterations):
         order = order[np.argsort(dx[first:last][order], kind="mergesort")]
         x, y, h = dx[first:last][order], dy[first:last][order], z[first:last][order]
         reference = h[0]
-        weight = np.ones(n)
-        b = c = 0.0
-        for _ in range(iterations):
+        weight, residual = np.ones(n), np.empty(n)
+        b = c = scale = 0.0  # no scale yet: absolute residuals
+        for turn in range(2 * iterations):
             sw = sx = sy = sz = 0.0
             for m in range(n):
                 w = weight[m]
@@ -237,10 +239,18 @@ def level(start, dx, dy, z, step, tolerance, iterations):
             c = sa * slope_strong + ca * slope_weak
             a = mz - b * mx - c * my
             for m in range(n):
-                residual = abs(h[m] - reference - a - b * x[m] - c * y[m])
-                weight[m] = 1.0 / max(residual, step)
-            if abs(b - old_b) + abs(c - old_c) <= tolerance:
+                residual[m] = abs(h[m] - reference - a - b * x[m] - c * y[m])
+            settled = abs(b - old_b) + abs(c - old_c) <= tolerance
+            if scale > 0.0 and settled:
                 break
+            if scale == 0.0 and (settled or turn == iterations - 1):
+                # six robust standard deviations, as the median of absolute residuals tells them
+                scale = 6.0 * max(1.4826 * np.median(residual), step)
+            for m in range(n):
+                if scale == 0.0:
+                    weight[m] = 1.0 / max(residual[m], step)
+                else:
+                    weight[m] = max(1.0 - (residual[m] / scale) ** 2, 0.0) ** 2
         for m in range(n):
             dx[first + m], dy[first + m] = x[m], y[m]
             z[first + m] = h[m] - (b * x[m] + c * y[m])

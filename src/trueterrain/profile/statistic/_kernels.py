@@ -244,7 +244,7 @@ def steepest(start, z, bandwidth, smallest, steps, tie):
 
     Of modes that are equally high within the share `tie`, the one nearest to the median counts, of
     two equally near ones the lower. The standard error is that of an M-estimator: root of the sum
-    of squared influences over the curvature at the mode. It is infinite where the top is flat.
+    of squared influences over the curvature at the mode, but not more than the scatter of heights.
     """
     value, sd = np.full(start.size - 1, np.nan), np.full(start.size - 1, np.nan)
     used = np.full(start.size - 1, np.nan)
@@ -253,7 +253,7 @@ def steepest(start, z, bandwidth, smallest, steps, tie):
         n = last - first
         if n == 0:
             continue
-        spread = _spread(z, first, last)
+        scatter, spread = _scatter(z, first, last)
         h = bandwidth
         if h <= 0.0:  # normal-scale rule for the slope of a density, in the triweight's units
             h = max(2.978 * 0.9686 * spread * n ** (-1.0 / 7.0), smallest)
@@ -302,13 +302,15 @@ def steepest(start, z, bandwidth, smallest, steps, tie):
                 if abs(t) < 1.0:
                     curvature += (1.0 - t * t) * (1.0 - 5.0 * t * t)
             curvature *= (blunt * h * h / (wide * wide)) ** 1.5
-            sd[k] = h * math.sqrt(influence) / curvature if curvature > 0.0 else np.inf
+            sd[k] = scatter
+            if curvature * scatter > h * math.sqrt(influence):
+                sd[k] = h * math.sqrt(influence) / curvature
     return value, sd, used
 
 
 @njit(cache=True, nogil=True)
-def _spread(z, first, last):
-    """Standard deviation, or that of a normal density with the same quarters if it is less."""
+def _scatter(z, first, last):
+    """Standard deviation, and that of a normal density with the same quarters if it is less."""
     n = last - first
     average = squares = 0.0
     for m in range(first, last):
@@ -316,7 +318,8 @@ def _spread(z, first, last):
     for m in range(first, last):
         squares += (z[m] - z[first] - average) ** 2
     quarters = z[first + (3 * (n - 1)) // 4] - z[first + (n - 1) // 4]
-    return min(math.sqrt(squares / max(n - 1, 1)), quarters / 1.349)
+    scatter = math.sqrt(squares / max(n - 1, 1))
+    return scatter, min(scatter, quarters / 1.349)
 
 
 @njit(cache=True, nogil=True)
