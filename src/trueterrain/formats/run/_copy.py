@@ -1,0 +1,88 @@
+"""A run in memory, or one that was changed, to a store."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import xarray as xr
+
+from trueterrain.engine import Progress, no_progress
+from trueterrain.formats.run._open import BLOCK, scan_blocks
+from trueterrain.formats.run._rules import check_run, group_of
+from trueterrain.formats.run._schema import QUANTUM, ROW_CHUNK, Mounting
+from trueterrain.formats.run._write import RunWriter
+
+_ALONG_TIME = ("scan", "epoch", "sample")
+
+
+def write(
+    tree: xr.DataTree,
+    path: str | Path,
+    *,
+    force: bool = False,
+    progress: Progress = no_progress,
+) -> None:
+    """Write a run that is in memory, or a lazy one that was changed.
+
+    Parameters
+    ----------
+    tree : xarray.DataTree
+        The run; it is checked, and copied block by block.
+    path : str or Path
+        Where the store shall be: a folder ``NAME.zarr``.
+    force : bool
+        Replace a run that is there already.
+    progress : callable
+        Told about the scans that are written.
+
+    Raises
+    ------
+    SchemaError
+        If it is no run, see `check_run`.
+    OutputError
+        If the store exists and `force` is false.
+    """
+    check_run(tree)
+    scans = group_of(tree, "scans")
+    sensors = group_of(tree, "accelerometers") if "accelerometers" in tree.children else None
+    # unless the ranges were read from two bytes, any may come
+    stored = scans["range"].encoding.get("_FillValue", 2**32 - 1)
+    nodes = tree.children["truth"].children if "truth" in tree.children else {}
+    truth = {name: node.to_dataset(inherit=False) for name, node in nodes.items()}
+    growing = {name: group for name, group in truth.items() if _time_of(group)}
+    with RunWriter(
+        path,
+        name=tree.attrs["name"],
+        origin=tree.attrs["origin"],
+        time_reference=tree.attrs["time_reference"],
+        mounting=Mounting.from_attrs(tree.attrs["mounting"]),
+        angle=scans["angle"].values,
+        delay=scans["delay"].values,
+        accelerometer_positions=None if sensors is None else sensors["position"].values,
+        truth={name: group for name, group in truth.items() if name not in growing},
+        largest_range=float(stored - 1) * QUANTUM,
+        history=tree.attrs.get("provenance", "[]"),
+        force=force,
+    ) as run:
+        for block in scan_blocks(tree):
+            intensity = block["intensity"].values if "intensity" in block else None
+            run.append_scans(block["time"].values, block["range"].values, intensity)
+            progress("scans", block.attrs["first_scan"] + block.sizes["scan"], scans.sizes["scan"])
+        for part in _parts(group_of(tree, "navigation"), "epoch", ROW_CHUNK):
+            run.append_navigation(part)
+        if sensors is not None:
+            for part in _parts(sensors, "sample", ROW_CHUNK):
+                run.append_accelerometers(part["time"].values, part["acceleration"].values)
+        for name, group in growing.items():
+            dim = _time_of(group)
+            for part in _parts(group, dim, BLOCK):
+                run.append_truth(name, part, dim=dim)
+
+
+def _time_of(group: xr.Dataset) -> str:
+    """Dimension along time, or nothing."""
+    return next((dim for dim in _ALONG_TIME if dim in group.sizes), "")
+
+
+def _parts(data: xr.Dataset, dim: str, size: int) -> Iterator[xr.Dataset]:
+    for start in range(0, data.sizes[dim], size):
+        yield data.isel({dim: slice(start, start + size)})

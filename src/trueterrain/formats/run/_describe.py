@@ -1,0 +1,201 @@
+"""What a run holds, and what is wrong with it."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from trueterrain.errors import TrueTerrainError
+from trueterrain.formats.navigation._records import IntervalTally
+from trueterrain.formats.run._open import open_tree, scan_blocks
+from trueterrain.formats.run._rules import group_of, row_blocks, rules_of, span_of
+from trueterrain.formats.run._schema import QUANTUM
+
+_TIMED = {"scans": "scan", "navigation": "epoch", "accelerometers": "sample"}
+_CLOCKS = {"scans": "scanner_clock", "accelerometers": "accelerometer_clock"}
+_MANY = 0.2  # share of drop-outs that deserves a word
+_FASTEST = 100.0  # [m/s] that a vehicle can drive
+_JITTER = 0.1  # of the interval that deserves a word
+
+
+def describe(path: str | Path) -> dict[str, Any]:
+    """Summary of a run for ``trueterrain info``; reads it once, in blocks.
+
+    Parameters
+    ----------
+    path : str or Path
+        Folder ``NAME.zarr``.
+
+    Returns
+    -------
+    dict
+        ``format``, ``kind``, ``name``, ``origin``, ``time_reference``, ``mounting``, ``bytes``,
+        ``count`` (returns), ``scans``, ``navigation`` and ``accelerometers`` with their ``count``,
+        ``time`` [s], ``rate`` [1/s], ``jitter`` (rms) [s] and ``gaps``; of the scans ``beams``,
+        ``angle`` [rad], ``range`` [m], ``dropouts`` (share of beams without a return) and
+        ``empty_scans``; ``extent`` [m] and ``way`` [m] of the navigation; ``clock_order``: the
+        instruments in the order in which they start and end in true time, with their times [s];
+        ``truth`` (names of its groups) and ``problems``. Everything can be written as JSON.
+
+    Raises
+    ------
+    FormatError
+        If it is no Zarr store, or damaged beyond description.
+    """
+    path = Path(path)
+    tree = open_tree(path)
+    problems = problems_of(tree, path)
+    summary: dict[str, Any] = {"format": "Run", "kind": "run"}
+    for name in ("name", "origin", "time_reference", "mounting"):
+        summary[name] = tree.attrs.get(name)
+    summary["bytes"] = sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
+    summary["crs"] = ""
+    doubts: list[str] = []
+    for name, dim in _TIMED.items():
+        if _is_timed(tree, name, dim):
+            group = group_of(tree, name)
+            summary[name], found = _timing(group, name, dim)
+            doubts += found
+    if "scans" in summary:
+        doubts += _describe_scans(tree, summary, problems)
+    if "navigation" in summary:
+        doubts += _describe_way(tree, summary)
+    if "accelerometers" in summary:
+        summary["accelerometers"]["sensors"] = tree.children["accelerometers"].sizes.get(
+            "sensor", 0
+        )
+    summary["clock_order"] = _clock_order(tree, summary)
+    summary["truth"] = sorted(tree.children["truth"].children) if "truth" in tree.children else []
+    summary["problems"] = [*problems, *doubts]
+    return summary
+
+
+def problems_of(tree: xr.DataTree, path: str | Path | None = None) -> list[str]:
+    """Every rule that a run breaks, one line each.
+
+    Parameters
+    ----------
+    tree : xarray.DataTree
+        What shall be a run.
+    path : str or Path, optional
+        Store that it came from.
+
+    Returns
+    -------
+    list of str
+        Messages as those of `check_run`, without the name of the file; a wrong layout hides what
+        comes after it.
+    """
+    found = []
+    for index, rule in enumerate(rules_of(tree, path)):
+        try:
+            rule()
+        except TrueTerrainError as error:
+            cure = f". {error.cure}" if error.cure else ""
+            found.append(f"{error.place}: {error.problem}{cure}" if error.place else error.problem)
+            if index == 0:
+                break
+    return found
+
+
+def _is_timed(tree: xr.DataTree, name: str, dim: str) -> bool:
+    if name not in tree.children or "time" not in group_of(tree, name):
+        return False
+    return group_of(tree, name)["time"].dims == (dim,)
+
+
+def _timing(group: xr.Dataset, name: str, dim: str) -> tuple[dict[str, Any], list[str]]:
+    tally = IntervalTally()
+    for block in row_blocks(group, dim, ("time",)):
+        tally.add(block["time"])
+    summary = tally.summary()
+    doubts = [text for text in tally.problems(name) if "run forward" not in text]
+    if summary["rate"] and summary["jitter"] and summary["jitter"] * summary["rate"] > _JITTER:
+        doubts.append(
+            f"{name}: the time between two of them varies by {summary['jitter']:.3g} s (rms)"
+        )
+    return summary, doubts
+
+
+def _describe_scans(tree: xr.DataTree, summary: dict[str, Any], problems: list[str]) -> list[str]:
+    scans, group = summary["scans"], group_of(tree, "scans")
+    if "range" not in group or group["range"].dims != ("scan", "beam"):
+        return []
+    scans["beams"] = group.sizes["beam"]
+    if "angle" in group and group["angle"].size:
+        scans["angle"] = [float(group["angle"].values.min()), float(group["angle"].values.max())]
+    returns, empty, low, high = 0, 0, np.inf, -np.inf
+    try:
+        for block in scan_blocks(tree):
+            ranges = block["range"].values
+            is_return = np.isfinite(ranges)
+            per_scan = np.count_nonzero(is_return, axis=1)
+            returns += int(per_scan.sum())
+            empty += int(np.count_nonzero(per_scan == 0))
+            low = min(low, float(np.min(ranges, where=is_return, initial=np.inf)))
+            high = max(high, float(np.max(ranges, where=is_return, initial=-np.inf)))
+    except TrueTerrainError as error:
+        problems.append(str(error).rstrip("."))
+        return []
+    total = scans["count"] * scans["beams"]
+    scans |= {
+        "returns": returns,
+        "range": [low, high] if returns else None,
+        "dropouts": 1 - returns / total if total else None,
+        "empty_scans": empty,
+        "intensity": "intensity" in group,
+    }
+    summary["count"] = returns
+    doubts = []
+    if total and scans["dropouts"] > _MANY:
+        doubts.append(f"scans: {scans['dropouts']:.0%} of the beams have no return")
+    if empty:
+        doubts.append(f"scans: {empty} of {scans['count']} have no return at all")
+    largest = group["range"].encoding.get("_FillValue", np.inf) * QUANTUM
+    if returns and high > largest - 2 * QUANTUM:
+        doubts.append(f"scans: ranges reach the largest that can be kept, {high:.4f} m")
+    return doubts
+
+
+def _describe_way(tree: xr.DataTree, summary: dict[str, Any]) -> list[str]:
+    """Extent and length of the way, by the navigation."""
+    group = group_of(tree, "navigation")
+    axes = ("east", "north", "up")
+    if not all(name in group and group[name].dims == ("epoch",) for name in axes):
+        return []
+    low, high, way, fastest = np.full(3, np.inf), np.full(3, -np.inf), 0.0, 0.0
+    before = np.empty((4, 0))
+    for block in row_blocks(group, "epoch", ("time", *axes)):
+        rows = np.stack([block[name] for name in ("time", *axes)])
+        low = np.fmin(low, np.fmin.reduce(rows[1:], axis=1, initial=np.inf))
+        high = np.fmax(high, np.fmax.reduce(rows[1:], axis=1, initial=-np.inf))
+        steps = np.diff(np.concatenate([before, rows], axis=1), axis=1)
+        steps = steps[:, np.isfinite(steps).all(axis=0) & (steps[0] > 0)]
+        length = np.sqrt(np.sum(steps[1:] ** 2, axis=0))
+        way += float(length.sum())
+        fastest = max(fastest, float(np.max(length / steps[0], initial=0.0)))
+        before = rows[:, -1:]
+    known = bool(np.isfinite(low).all())
+    spans = zip(axes, low, high, strict=True)
+    summary["extent"] = {name: [float(a), float(b)] for name, a, b in spans} if known else None
+    summary["way"] = way
+    summary["navigation"]["speed"] = fastest
+    if fastest > _FASTEST:
+        return [f"navigation: positions jump, as if at {fastest:.4g} m/s"]
+    return []
+
+
+def _clock_order(tree: xr.DataTree, summary: dict[str, Any]) -> dict[str, list[list[Any]]]:
+    mounting = tree.attrs.get("mounting")
+    mounting = mounting if isinstance(mounting, dict) else {}
+    spans = {}
+    for name, dim in _TIMED.items():
+        if name in summary and summary[name]["count"]:
+            clock = mounting.get(_CLOCKS.get(name, ""), 0.0)
+            start, end = span_of(group_of(tree, name), dim)
+            spans[name] = (start + clock, end + clock)
+    return {
+        which: [[name, spans[name][i]] for name in sorted(spans, key=lambda n: spans[n][i])]
+        for i, which in enumerate(("start", "end"))
+    }

@@ -1,0 +1,189 @@
+"""Runs from flat files, described by a small TOML."""
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from trueterrain import provenance
+from trueterrain.engine import Progress, no_progress
+from trueterrain.errors import FormatError
+from trueterrain.formats.navigation import columns as tables
+from trueterrain.formats.navigation import sbet, smrmsg
+from trueterrain.formats.navigation._tables import table_blocks
+from trueterrain.formats.run._files import (
+    AccelerometerTable,
+    NavigationFiles,
+    RunFiles,
+    ScanTable,
+)
+from trueterrain.formats.run._scans import Scans, scan_table_blocks
+from trueterrain.formats.run._write import RunWriter
+from trueterrain.formats.settings import read_settings
+
+__all__ = ["AccelerometerTable", "NavigationFiles", "RunFiles", "ScanTable", "import_run"]
+
+
+def import_run(
+    description: str | Path,
+    output: str | Path,
+    *,
+    force: bool = False,
+    progress: Progress = no_progress,
+) -> None:
+    """Make a run from flat files; memory stays flat however large they are.
+
+    Parameters
+    ----------
+    description : str or Path
+        TOML that says what the files hold, see `RunFiles`;
+        ``trueterrain.formats.settings.settings_template(RunFiles)`` is one to fill in. Files are
+        named relative to it.
+    output : str or Path
+        Where the store shall be: a folder ``NAME.zarr``.
+    force : bool
+        Replace a run that is there already.
+    progress : callable
+        Told about the epochs, scans and samples that are written; totals are not known.
+
+    Raises
+    ------
+    FormatError
+        If the description or a file is wrong: file, line or row, column, rule and value.
+    SchemaError
+        If what the files hold is no run, see `check_run`.
+    CoverageError
+        If the accuracies do not cover the navigation.
+    OutputError
+        If the store exists and `force` is false.
+    """
+    description = Path(description)
+    files = _with_folder(read_settings(RunFiles, description), description.parent)
+    epochs = _navigation(files, description)
+    first = next(epochs)
+    origin = files.origin or first.attrs["origin"]
+    angle, delay = files.scans.fan()
+    sensors = files.accelerometers
+    with RunWriter(
+        output,
+        name=files.name,
+        origin=origin,
+        time_reference=files.time_reference,
+        mounting=files.mounting,
+        angle=angle,
+        delay=delay,
+        accelerometer_positions=None if sensors is None else sensors.positions,
+        largest_range=files.scans.largest_range,
+        history=_history(files, description),
+        force=force,
+    ) as run:
+        start, count = float(first["time"][0]), 0
+        end = start
+        for block in _chained(first, epochs):
+            run.append_navigation(block)
+            end, count = float(block["time"][-1]), count + block.sizes["epoch"]
+            progress("navigation", count, None)
+        _import_scans(run, files, (start, end), progress)
+        if sensors is not None:
+            _import_accelerometers(run, sensors, progress)
+
+
+def _navigation(files: RunFiles, description: Path) -> Iterator[xr.Dataset]:
+    source = files.navigation
+    if source.format == "sbet":
+        blocks = sbet.blocks(source.file, origin=files.origin)
+    else:
+        chosen = source.columns or tables.OURS
+        if files.origin is None and not chosen.is_geodetic:
+            raise FormatError(
+                "origin: is missing, and positions in east, north, up do not tell it",
+                path=description,
+                cure="Give origin = [longitude, latitude, height].",
+            )
+        blocks = tables.blocks(source.file, chosen, origin=files.origin)
+    accuracy = None if source.accuracy is None else smrmsg.read(source.accuracy)
+    for block in blocks:
+        if accuracy is None:
+            yield block
+        else:
+            yield smrmsg.add_accuracy(block, accuracy, path=source.accuracy)
+
+
+def _chained(first: xr.Dataset, others: Iterator[xr.Dataset]) -> Iterator[xr.Dataset]:
+    yield first
+    yield from others
+
+
+def _import_scans(
+    run: RunWriter, files: RunFiles, span: tuple[float, float], progress: Progress
+) -> None:
+    table = files.scans
+    _, delay = table.fan()
+    written, dropped = 0, 0
+    for block in scan_table_blocks(table.file, table):
+        inside = np.ones(block.time.size, dtype=bool)
+        if table.outside == "drop":
+            true = block.time + files.mounting.scanner_clock
+            inside = (true + delay.min() >= span[0]) & (true + delay.max() <= span[1])
+            dropped += int(np.count_nonzero(~inside))
+        kept = block if inside.all() else _kept(block, inside)
+        if kept.time.size:
+            run.append_scans(kept.time, kept.range, kept.intensity)
+        written += kept.time.size
+        progress("scans", written, None)
+    if dropped:
+        message = f"{table.file}: {dropped} scans outside of the navigation are left out"
+        warnings.warn(message, stacklevel=3)
+
+
+def _kept(block: Scans, inside: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> Scans:
+    intensity = None if block.intensity is None else block.intensity[inside]
+    return Scans(time=block.time[inside], range=block.range[inside], intensity=intensity)
+
+
+def _import_accelerometers(run: RunWriter, sensors: AccelerometerTable, progress: Progress) -> None:
+    count = 0
+    for block in table_blocks(sensors.file, [sensors.time, *sensors.columns]):
+        values = np.stack([block[name] for name in sensors.columns], axis=-1)
+        run.append_accelerometers(block[sensors.time] * sensors.time_scale, values * sensors.scale)
+        count += len(values)
+        progress("accelerometers", count, None)
+
+
+def _with_folder(files: RunFiles, folder: Path) -> RunFiles:
+    """Files named from where we are, not from where the description is."""
+    navigation = files.navigation
+    accuracy = None if navigation.accuracy is None else folder / navigation.accuracy
+    sensors = files.accelerometers
+    files = replace(
+        files,
+        navigation=replace(navigation, file=folder / navigation.file, accuracy=accuracy),
+        scans=replace(files.scans, file=folder / files.scans.file),
+        accelerometers=sensors and replace(sensors, file=folder / sensors.file),
+    )
+    for path in _paths(files):
+        if not path.is_file():
+            raise FormatError("does not exist", path=path, cure="Correct the description.")
+    return files
+
+
+def _paths(files: RunFiles) -> list[Path]:
+    sensors = files.accelerometers
+    named = [
+        files.navigation.file,
+        files.navigation.accuracy,
+        files.scans.file,
+        None if sensors is None else sensors.file,
+    ]
+    return [path for path in named if path is not None]
+
+
+def _history(files: RunFiles, description: Path) -> str:
+    data = provenance.add_step(
+        xr.Dataset(), "import", parameters={"mounting": files.mounting, "name": files.name},
+        inputs=[description, *_paths(files)],
+    )  # fmt: skip
+    return str(data.attrs["provenance"])

@@ -1,0 +1,141 @@
+"""What a run must hold."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from trueterrain.errors import SchemaError
+from trueterrain.formats.navigation._schema import NAVIGATION, Variable, suggestion
+
+KIND = "trueterrain/run"
+
+#: Version of the schema below.
+SCHEMA = 1
+
+#: Step that ranges are rounded to [m].
+QUANTUM = 1e-4
+
+#: Scans in a chunk of a store.
+SCAN_CHUNK = 1000
+
+#: Values along time in a chunk of everything else.
+ROW_CHUNK = 1 << 16
+
+TIME_REFERENCES = ("gps", "run")
+
+SCANS = {
+    "time": Variable(dims=("scan",), units="s"),
+    "range": Variable(dims=("scan", "beam"), units="m"),
+    "intensity": Variable(dims=("scan", "beam"), units="1", required=False),
+    "angle": Variable(dims=("beam",), units="rad"),
+    "delay": Variable(dims=("beam",), units="s"),
+}
+
+ACCELEROMETERS = {
+    "time": Variable(dims=("sample",), units="s"),
+    "acceleration": Variable(dims=("sample", "sensor"), units="m/s2"),
+    "position": Variable(dims=("sensor", "axis"), units="m"),
+}
+
+GROUPS = {"scans": SCANS, "navigation": NAVIGATION, "accelerometers": ACCELEROMETERS}
+
+_FARTHEST = 50.0  # [m] of an instrument from the origin of the body
+_LATEST = 3600.0  # [s] of a clock that is meant
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mounting:
+    """Where the instruments sit in the body, and how much their clocks are behind.
+
+    Examples
+    --------
+    >>> Mounting(scanner_position=(-1.2, 0.0, 1.9)).scanner_clock
+    0.0
+    """
+
+    scanner_position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    "Position of the scanner in the body frame: forward, left, up [m]."
+
+    scanner_rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    "Roll, pitch, yaw of the scanner in the body [rad]: to body is Rz(yaw) Ry(pitch) Rx(roll)."
+
+    scanner_clock: float = 0.0
+    "What is added to the scanner's stamps to make them true time [s]."
+
+    accelerometer_clock: float = 0.0
+    "What is added to the accelerometers' stamps to make them true time [s]."
+
+    def __post_init__(self) -> None:
+        """Check numbers and units."""
+        for name, limit, hint in (
+            ("scanner_position", _FARTHEST, "metres"),
+            ("scanner_rotation", 2 * math.pi, "radians"),
+        ):
+            values = getattr(self, name)
+            if len(values) != 3 or not all(math.isfinite(value) for value in values):
+                message = f"{name} must be three numbers, got {values!r}."
+                raise ValueError(message)
+            if max(map(abs, values)) > limit:
+                message = f"{name} must be in {hint} and within {limit:.4g}, got {values!r}."
+                raise ValueError(message)
+        for name in ("scanner_clock", "accelerometer_clock"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and abs(value) <= _LATEST):
+                message = f"{name} must be in seconds and within {_LATEST:g}, got {value!r}."
+                raise ValueError(message)
+
+    def to_attrs(self) -> dict[str, Any]:
+        """Values as they stand in the attributes of a run."""
+        return {
+            name: [float(part) for part in value]
+            if isinstance(value, tuple | list)
+            else float(value)
+            for name, value in asdict(self).items()
+        }
+
+    @classmethod
+    def from_attrs(cls, values: Any, *, path: str | Path | None = None) -> "Mounting":
+        """Mounting from the attribute of a run.
+
+        Parameters
+        ----------
+        values : mapping
+            What ``attrs["mounting"]`` holds.
+        path : str or Path, optional
+            File that it came from, for the message.
+
+        Returns
+        -------
+        Mounting
+            The same.
+
+        Raises
+        ------
+        SchemaError
+            If a key is missing or unknown, or a value is impossible.
+        """
+        place = "attribute mounting"
+        if not isinstance(values, Mapping):
+            raise SchemaError(f"must be a table, got {values!r}", path=path, place=place)
+        known = [field.name for field in fields(cls)]
+        for name in values:
+            if name not in known:
+                raise SchemaError(
+                    f"the key {name!r} is unknown{suggestion(str(name), known)}; known are "
+                    f"{', '.join(known)}",
+                    path=path,
+                    place=place,
+                )
+        for name in known:
+            if name not in values:
+                raise SchemaError(f"the key {name!r} is missing", path=path, place=place)
+        plain: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list | tuple) else value
+            for name, value in values.items()
+        }
+        try:
+            return cls(**plain)
+        except (TypeError, ValueError) as error:
+            raise SchemaError(str(error), path=path, place=place) from None

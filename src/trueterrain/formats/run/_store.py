@@ -1,0 +1,220 @@
+"""A Zarr store whose arrays grow row by row, and which appears when it is whole."""
+
+import json
+import shutil
+import uuid
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import zarr
+from zarr.codecs import BloscCodec, BloscShuffle
+
+from trueterrain.errors import OutputError
+from trueterrain.formats.run._schema import ROW_CHUNK
+
+_CHUNK_VALUES = 1_000_000  # values in a chunk of more than one dimension, at most
+
+Array = npt.NDArray[Any]
+
+
+@contextmanager
+def whole_store(path: Path, *, force: bool) -> Iterator[Path]:
+    """Write a store under a temporary name and rename it when the block ends without error.
+
+    Parameters
+    ----------
+    path : Path
+        Where the store shall be: a folder ``NAME.zarr``.
+    force : bool
+        Replace a store that is there already.
+
+    Yields
+    ------
+    Path
+        Temporary name beside `path`.
+
+    Raises
+    ------
+    OutputError
+        As by `require_store_writable`.
+    """
+    require_store_writable(path, force=force)
+    temporary = path.absolute().with_name(f".{uuid.uuid4().hex[:8]}.part.{path.name}")
+    try:
+        yield temporary
+        require_store_writable(path, force=force)
+        old = temporary.with_suffix(".old")
+        if path.exists():
+            path.replace(old)
+        temporary.replace(path)
+        shutil.rmtree(old, ignore_errors=True)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def require_store_writable(path: Path, *, force: bool) -> None:
+    """Raise if a store may not be written, before the work for it begins.
+
+    Raises
+    ------
+    ValueError
+        If the name does not end with .zarr.
+    OutputError
+        If it exists and `force` is false, if it is no Zarr store, or if its folder does not exist.
+    """
+    if path.suffix != ".zarr":
+        message = f"path must end with .zarr, got {str(path)!r}."
+        raise ValueError(message)
+    if not path.absolute().parent.is_dir():
+        raise OutputError(
+            f"the folder {path.parent} does not exist", path=path, cure="Create it first."
+        )
+    if not path.exists():
+        return
+    if not force:
+        raise OutputError(
+            "exists already and is not overwritten",
+            path=path,
+            cure="Choose another name, or add --force (force=True).",
+        )
+    if not (path / "zarr.json").is_file():
+        raise OutputError(
+            "is no Zarr store, and nothing else is replaced by one",
+            path=path,
+            cure="Choose another name.",
+        )
+
+
+class GrowingStore:
+    """Arrays of a Zarr store that rows are appended to.
+
+    Rows wait until they fill a chunk, so that memory stays flat, each chunk is written once, and
+    blocks of any size give the same bytes.
+    """
+
+    def __init__(self, path: Path, attrs: Mapping[str, Any]) -> None:
+        self._root = zarr.create_group(path, zarr_format=3, attributes=dict(attrs))
+        self._rows: dict[str, _Rows] = {}
+
+    def names(self, group: str) -> set[str]:
+        """Names of the growing arrays of a group."""
+        prefix = f"{group}/"
+        return {path.removeprefix(prefix) for path in self._rows if path.startswith(prefix)}
+
+    def set_attrs(self, group: str, attrs: Mapping[Any, Any]) -> None:
+        """Attributes of a group."""
+        plain = json.loads(json.dumps(dict(attrs), default=_plain))
+        self._root.require_group(group).attrs.update(plain)
+
+    def write(
+        self, path: str, values: Array, dims: Sequence[Any], attrs: Mapping[Any, Any]
+    ) -> None:
+        """Write an array at once."""
+        chunk = max(1, min(values.shape[0], _rows_of(values.shape))) if values.ndim else 1
+        self._create(path, values.shape, chunk, values.dtype, dims, attrs, 0)[...] = values
+
+    def grow(
+        self,
+        path: str,
+        like: Array,
+        dims: Sequence[Any],
+        attrs: Mapping[Any, Any],
+        *,
+        chunk: int | None = None,
+        fill: float = 0,
+    ) -> None:
+        """Make an array without rows, whose rows will be as those of `like`."""
+        chunk = chunk or _rows_of(like.shape)
+        shape = (0, *like.shape[1:])
+        self._rows[path] = _Rows(self._create(path, shape, chunk, like.dtype, dims, attrs, fill))
+
+    def append(self, path: str, rows: Array) -> None:
+        """Append rows to an array."""
+        self._rows[path].append(rows)
+
+    def close(self) -> None:
+        """Write the rows that still wait."""
+        for rows in self._rows.values():
+            rows.close()
+
+    def _create(
+        self,
+        path: str,
+        shape: tuple[int, ...],
+        chunk: int,
+        dtype: Any,
+        dims: Sequence[Any],
+        attrs: Mapping[Any, Any],
+        fill: float,
+    ) -> zarr.Array[Any]:
+        if np.dtype(dtype).kind not in "fiub":
+            message = f"{path} must hold numbers, got {dtype}."
+            raise ValueError(message)
+        chunks = (chunk, *(max(1, n) for n in shape[1:])) if shape else ()
+        return self._root.create_array(
+            path,
+            shape=shape,
+            chunks=chunks,
+            dtype=dtype,
+            fill_value=np.dtype(dtype).type(fill),
+            compressors=[BloscCodec(cname="zstd", clevel=1, shuffle=BloscShuffle.bitshuffle)],
+            dimension_names=[str(dim) for dim in dims],
+            attributes=json.loads(json.dumps(dict(attrs), default=_plain)),
+            chunk_key_encoding={"name": "default", "separator": "."},
+            # so that a chunk that is missing is known to be lost
+            config={"write_empty_chunks": True},
+        )
+
+
+class _Rows:
+    """Rows of an array, written whole chunk by whole chunk."""
+
+    def __init__(self, array: zarr.Array[Any]) -> None:
+        self._array = array
+        self._chunk = array.chunks[0]
+        self._waiting = np.empty((self._chunk, *array.shape[1:]), dtype=array.dtype)
+        self._filled = 0
+        self._written = 0
+
+    def append(self, values: Array) -> None:
+        """Append rows; whole chunks are written, the rest waits."""
+        start = 0
+        while start < len(values):
+            if self._filled == 0 and len(values) - start >= self._chunk:
+                end = start + (len(values) - start) // self._chunk * self._chunk
+                self._write(values[start:end])
+            else:
+                end = min(len(values), start + self._chunk - self._filled)
+                self._waiting[self._filled : self._filled + end - start] = values[start:end]
+                self._filled += end - start
+                if self._filled == self._chunk:
+                    self.close()
+            start = end
+
+    def close(self) -> None:
+        """Write what waits."""
+        if self._filled:
+            self._write(self._waiting[: self._filled])
+            self._filled = 0
+
+    def _write(self, rows: Array) -> None:
+        end = self._written + len(rows)
+        self._array.resize((end, *self._array.shape[1:]))
+        self._array[self._written : end] = rows
+        self._written = end
+
+
+def _rows_of(shape: tuple[int, ...]) -> int:
+    """Rows in a chunk."""
+    return max(1, min(ROW_CHUNK, _CHUNK_VALUES // max(1, int(np.prod(shape[1:])))))
+
+
+def _plain(value: Any) -> Any:
+    """What JSON takes for numbers of numpy; other things as text."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    return str(value)
