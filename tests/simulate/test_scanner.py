@@ -8,11 +8,12 @@ import numpy.testing as npt
 import pytest
 from scipy.spatial.transform import Rotation
 
+from trueterrain.formats.run import Mounting
 from trueterrain.simulate.casting import cast
 from trueterrain.simulate.ground import BelgianBlock, Ground, Plane, Step
 from trueterrain.simulate.pose import PoseKnots
 from trueterrain.simulate.raster import Raster
-from trueterrain.simulate.scanner import Mounted, Reflectivity, Scanner, ScannerStream
+from trueterrain.simulate.scanner import Reflectivity, Scanner, ScannerStream
 
 ANALYTIC = 1e-7  # [m] what is asked of a noise-free range; bisection reaches round-off
 ON_RASTER = 1e-9  # [m] round-off: a beam's end is an exact root in its cell
@@ -58,7 +59,7 @@ def moving(duration=0.2):
 
 def ranges(ground, scanner=PERFECT):
     """One scan of a standing scanner."""
-    return ScannerStream(Mounted(scanner=scanner), ground, seed=1).record(standing(), 0, 0.001)
+    return ScannerStream(scanner, Mounting(), ground, seed=1).record(standing(), 0, 0.001)
 
 
 def test_a_plane_from_a_standing_scanner():
@@ -107,7 +108,7 @@ def test_beams_and_spacing_are_those_of_the_thesis():
     assert across.size == 940
     npt.assert_allclose(across[-1] - across[0], 4.0, rtol=0, atol=1e-12)
     knots = moving()
-    scans = ScannerStream(Mounted(scanner=PERFECT), Raster(Plane()), seed=1).record(knots, 0, 0.1)
+    scans = ScannerStream(PERFECT, Mounting(), Raster(Plane()), seed=1).record(knots, 0, 0.1)
     assert scans.range.shape == (100, 940)
     npt.assert_allclose(np.diff(scans.time) * 5.0, 0.005, rtol=0, atol=1e-12)
 
@@ -147,19 +148,21 @@ def test_what_lies_behind_a_wall_is_in_its_shadow():
 def test_a_moving_scan_lies_on_the_ground(ground):
     """Georeferenced here with scipy alone: every beam at its own time, mounted askew."""
     raster = Raster(ground, spacing=0.005)
-    mounted = Mounted(
-        scanner=PERFECT, position=(-1.2, 0.1, 0.15), rotation=(0.02, -0.03, 0.05), clock=0.004
+    mounting = Mounting(
+        scanner_position=(-1.2, 0.1, 0.15),
+        scanner_rotation=(0.02, -0.03, 0.05),
+        scanner_clock=0.004,
     )
     knots = moving()
-    scans = ScannerStream(mounted, raster, seed=1, begin=0.05).record(knots, 0.05, 0.15)
-    time = ((scans.time + mounted.clock)[:, None] + PERFECT.delay).ravel()
+    scans = ScannerStream(PERFECT, mounting, raster, seed=1, begin=0.05).record(knots, 0.05, 0.15)
+    time = ((scans.time + mounting.scanner_clock)[:, None] + PERFECT.delay).ravel()
     pose, _, _ = knots.at(time)
     angle = np.tile(PERFECT.angle, scans.time.size)
     beam = np.stack([0 * angle, np.sin(angle), -np.cos(angle)], axis=1)
-    beam = Rotation.from_euler("ZYX", mounted.rotation[::-1]).apply(beam)
+    beam = Rotation.from_euler("ZYX", mounting.scanner_rotation[::-1]).apply(beam)
     beam *= scans.range.reshape(-1, 1)
     body = Rotation.from_euler("ZYX", pose[:, [5, 4, 3]])
-    point = pose[:, :3] + body.apply(np.array(mounted.position) + beam)
+    point = pose[:, :3] + body.apply(np.array(mounting.scanner_position) + beam)
     assert np.isfinite(point).all()
     truth = raster.height(point[:, 0], point[:, 1])
     npt.assert_allclose(point[:, 2], truth, rtol=0, atol=ON_RASTER)
@@ -198,7 +201,7 @@ def test_range_noise_quantum_and_dropouts_have_their_size():
         range_noise=0.0005, quantum=0.0001, dropouts=0.01, floor=0.0, saturation_bias=0.0,
         spot_rays=1,
     )  # fmt: skip
-    stream = ScannerStream(Mounted(scanner=scanner), Raster(Plane()), seed=3)
+    stream = ScannerStream(scanner, Mounting(), Raster(Plane()), seed=3)
     scans = stream.record(standing(0.2), 0, 0.1)
     lost = np.isnan(scans.range)
     n = lost.size
@@ -220,7 +223,7 @@ def test_bright_stripes_saturate_and_bias_the_range():
         saturation=20000.0, saturation_bias=-0.002, spot_rays=1,
     )  # fmt: skip
     stripes = Reflectivity(ground=0.3, stripe=1.0, period=0.5, width=0.1, direction=np.pi / 2)
-    stream = ScannerStream(Mounted(scanner=scanner), Plane(), reflectivity=stripes, seed=1)
+    stream = ScannerStream(scanner, Mounting(), Plane(), reflectivity=stripes, seed=1)
     scans = stream.record(standing(), 0, 0.001)
     across = scans.true_range[0] * np.sin(scanner.angle)
     bright = np.mod(across, 0.5) < 0.1
@@ -235,7 +238,7 @@ def test_bright_stripes_saturate_and_bias_the_range():
 def test_dark_ground_is_lost_below_the_floor():
     scanner = Scanner(intensity_noise=0.0, floor=500.0, dropouts=0.0)
     stream = ScannerStream(
-        Mounted(scanner=scanner), Plane(), reflectivity=Reflectivity(ground=0.01), seed=1
+        scanner, Mounting(), Plane(), reflectivity=Reflectivity(ground=0.01), seed=1
     )
     assert np.isnan(stream.record(standing(), 0, 0.001).range).all()
 
@@ -261,10 +264,10 @@ def test_a_spot_on_a_plane_is_a_point():
 
 
 def test_the_size_of_a_block_changes_nothing():
-    mounted = Mounted(scanner=Scanner())
+    both = Scanner(), Mounting()
     raster = Raster(BelgianBlock(seed=6))
-    whole = ScannerStream(mounted, raster, seed=9).record(moving(), 0, 0.15)
-    stream = ScannerStream(mounted, Raster(BelgianBlock(seed=6)), seed=9)
+    whole = ScannerStream(*both, raster, seed=9).record(moving(), 0, 0.15)
+    stream = ScannerStream(*both, Raster(BelgianBlock(seed=6)), seed=9)
     edges = [0, 0.013, 0.05, 0.0501, 0.15]
     parts = [stream.record(moving(), a, b) for a, b in pairwise(edges)]
     for name in ("time", "range", "intensity", "true_range", "bias"):
@@ -275,16 +278,18 @@ def test_the_size_of_a_block_changes_nothing():
 def test_true_time_is_stamp_plus_clock():
     """The ground jumps up at a station that is passed at a known time."""
     step = Step(position=0.5, rise=0.1)
-    mounted = Mounted(scanner=PERFECT, clock=0.02)
+    mounting = Mounting(scanner_clock=0.02)
     knots = moving()
     knots.pose[:, 1:] = [0, HEIGHT, 0, 0, 0]
     knots.rate[:, 1:] = knots.acceleration[:, 1:] = 0
-    scans = ScannerStream(mounted, Raster(step), seed=1, begin=0.02).record(knots, 0.02, 0.18)
+    scans = ScannerStream(PERFECT, mounting, Raster(step), seed=1, begin=0.02).record(
+        knots, 0.02, 0.18
+    )
     middle = PERFECT.beams // 2
     up = scans.true_range[:, middle] < HEIGHT - 0.05
     stamp = scans.time[up.argmax()]
     passed = 0.5 / 5.0 - PERFECT.delay[middle]
-    assert 0 <= stamp + mounted.clock - passed <= 0.001
+    assert 0 <= stamp + mounting.scanner_clock - passed <= 0.001
 
 
 @pytest.mark.parametrize(
@@ -303,4 +308,4 @@ def test_a_scanner_that_cannot_be(name, value, rule):
 
 def test_a_motion_that_is_too_short():
     with pytest.raises(ValueError, match="before the last beam"):
-        ScannerStream(Mounted(scanner=PERFECT), Plane(), seed=1).record(standing(), 0, 5.0)
+        ScannerStream(PERFECT, Mounting(), Plane(), seed=1).record(standing(), 0, 5.0)

@@ -6,11 +6,12 @@ and the uneven spacing of the points arise by themselves.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from trueterrain.formats.run import Mounting
 from trueterrain.simulate.casting import cast
 from trueterrain.simulate.clock import Clock, check_next
 from trueterrain.simulate.ground import Ground
@@ -167,30 +168,15 @@ class Scans:
     "Error of each range by saturation, shape (scan, beam) [m]."
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Mounted:
-    """A scanner on a body: where, how turned, and with which clock."""
-
-    scanner: Scanner = field(default_factory=Scanner)
-    "The scanner."
-
-    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    "Centre of the mirror in the body frame [m]."
-
-    rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    "Roll, pitch, yaw that turn the scanner's axes into the body's [rad]."
-
-    clock: float = 0.0
-    "True time minus stamp [s]."
-
-
 class ScannerStream:
     """Records scans block by block.
 
     Parameters
     ----------
-    mounted : Mounted
-        Scanner and how it is mounted.
+    scanner : Scanner
+        The scanner.
+    mounting : Mounting
+        Where it truly sits in the body, and its clock.
     ground : Ground
         True ground. A `Raster` is fast and exact; any other ground is met within 1e-9 m, slowly.
     reflectivity : Reflectivity
@@ -205,7 +191,8 @@ class ScannerStream:
 
     def __init__(
         self,
-        mounted: Mounted,
+        scanner: Scanner,
+        mounting: Mounting,
         ground: Ground,
         *,
         reflectivity: Reflectivity = Reflectivity(),
@@ -213,8 +200,9 @@ class ScannerStream:
         pass_number: int = 0,
         begin: float = 0.0,
     ) -> None:
-        self.mounted = mounted
-        self._clock = Clock(offset=mounted.clock)
+        self.scanner = scanner
+        self.mounting = mounting
+        self._clock = Clock(offset=mounting.scanner_clock)
         self._end = begin
         self.ground = ground
         self.reflectivity = reflectivity
@@ -244,7 +232,7 @@ class ScannerStream:
         ValueError
             If the block does not follow the last one, or the knots do not reach as far.
         """
-        scanner = self.mounted.scanner
+        scanner = self.scanner
         check_next(self._end, begin, end)
         stamp = self._clock.ticks(begin, end, scanner.rate) / scanner.rate
         shape = (stamp.size, scanner.beams)
@@ -276,7 +264,7 @@ class ScannerStream:
         """Origin and direction of every beam, and the scanner's forward axis."""
         from trueterrain.simulate._kernels import beams
 
-        scanner = self.mounted.scanner
+        scanner = self.scanner
         step = float(knots.time[1] - knots.time[0])
         if time.size and time[-1] + scanner.delay[-1] > knots.time[-1]:
             message = f"the motion ends at {knots.time[-1]} s, before the last beam."
@@ -290,15 +278,16 @@ class ScannerStream:
         )  # fmt: skip
         origin, direction, forward = (np.empty((time.size, scanner.beams, 3)) for _ in range(3))
         beams(
-            time, float(knots.time[0]), step, coefficients, np.array(self.mounted.position),
-            body_to_ground(self.mounted.rotation), scanner.angle, scanner.delay,
+            time, float(knots.time[0]), step, coefficients,
+            np.array(self.mounting.scanner_position),
+            body_to_ground(self.mounting.scanner_rotation), scanner.angle, scanner.delay,
             origin, direction, forward,
         )  # fmt: skip
         return origin, direction, forward
 
     def _cast(self, origin: Float, direction: Float, forward: Float) -> tuple[Float, Float, Float]:
         """Ranges, cosines of incidence and points met, averaged over the spot."""
-        scanner = self.mounted.scanner
+        scanner = self.scanner
         total = np.zeros(len(origin))
         met = np.zeros(len(origin), np.int64)
         middle = np.full(len(origin), np.nan), np.full((len(origin), 2), np.nan)

@@ -1,0 +1,143 @@
+"""What a scene can be made of: grounds, courses and speeds by the names they have in TOML."""
+
+import difflib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from trueterrain.errors import FormatError, TrueTerrainError
+from trueterrain.formats.settings import parse_settings, settings_template
+from trueterrain.simulate.course import Arc, Oval, Straight, Stretches, Waypoints
+from trueterrain.simulate.ground import (
+    BelgianBlock,
+    Cleats,
+    Cracks,
+    ExcitationEvent,
+    Plane,
+    Repeated,
+    Road,
+    Sine,
+    Step,
+    Stone,
+    Stones,
+)
+from trueterrain.simulate.scene._plate import CalibrationPlate
+from trueterrain.simulate.speed import Constant, Ramp, StopAndGo
+
+Table = Mapping[str, Any]
+
+GROUNDS: dict[str, type] = {
+    "plane": Plane,
+    "sine": Sine,
+    "step": Step,
+    "cleats": Cleats,
+    "event": ExcitationEvent,
+    "plate": CalibrationPlate,
+    "belgian-block": BelgianBlock,
+    "road": Road,
+    "stone": Stone,
+    "stones": Stones,
+    "cracks": Cracks,
+}
+
+COURSES: dict[str, type] = {
+    "straight": Straight,
+    "arc": Arc,
+    "oval": Oval,
+    "stretches": Stretches,
+    "waypoints": Waypoints,
+}
+
+SPEEDS: dict[str, type] = {"constant": Constant, "ramp": Ramp, "stop-and-go": StopAndGo}
+
+#: A measured surface is no dataclass of numbers: it is read from its file.
+MEASURED = "crg"
+
+
+def build(kinds: Mapping[str, type], table: Table, place: str, *, path: Path | None) -> Any:
+    """Object that a table with a key ``kind`` describes.
+
+    Parameters
+    ----------
+    kinds : mapping
+        Classes by name.
+    table : mapping
+        ``kind`` and the parameters of the class.
+    place : str
+        Where the table stands, for the message.
+    path : Path, optional
+        File that it came from, for the message; CRG files are looked for beside it.
+
+    Returns
+    -------
+    object
+        Instance of the class.
+
+    Raises
+    ------
+    FormatError
+        If the kind is unknown, or a parameter is unknown, missing or breaks a rule.
+
+    Examples
+    --------
+    >>> build(SPEEDS, {"kind": "constant", "speed": 5.0}, "speed", path=None)
+    Constant(speed=5.0)
+    """
+    values = dict(table)
+    kind = values.pop("kind", None)
+    known = [*kinds, MEASURED] if kinds is GROUNDS else list(kinds)
+    if kind not in known:
+        near = difflib.get_close_matches(str(kind), known, n=1)
+        hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
+        problem = "kind is missing" if kind is None else f"kind {kind!r} is unknown"
+        raise FormatError(f"{problem} ({hint})", path=path, place=place)
+    if kind == MEASURED:
+        return _measured(values, place, path)
+    try:
+        return parse_settings(kinds[kind], values)
+    except FormatError as error:
+        raise FormatError(error.problem, path=path, place=place) from None
+
+
+def catalogue() -> str:
+    """All kinds with their parameters, as comments for a template.
+
+    Returns
+    -------
+    str
+        Lines that begin with ``#``.
+    """
+    lines = []
+    for what, kinds in {
+        "[course]": COURSES,
+        "[[ground]] (several lie on top of each other)": GROUNDS,
+        "speed of a pass": SPEEDS,
+    }.items():
+        lines += ["", f"Kinds for {what}", ""]
+        for name, kind in kinds.items():
+            lines += [f'kind = "{name}"', *settings_template(kind).splitlines(), ""]
+    lines += [
+        'kind = "crg"',
+        "A measured surface from an OpenCRG file, repeated or mirrored without end.",
+        'file = "road.crg"', "mirrored = true", "across = false",
+    ]  # fmt: skip
+    return "\n".join(f"# {line}".rstrip() for line in lines) + "\n"
+
+
+def _measured(values: dict[str, Any], place: str, path: Path | None) -> Repeated:
+    file = values.pop("file", None)
+    if not isinstance(file, str):
+        raise FormatError("file is missing: the OpenCRG file", path=path, place=place)
+    folder = Path() if path is None else path.parent
+    pairs = {key: tuple(value) for key, value in values.items() if isinstance(value, list)}
+    try:
+        return Repeated.from_file(folder / file, **{**values, **pairs})
+    except TypeError:
+        known = "file, mirrored, across, part_u, part_v"
+        raise FormatError(
+            f"unknown key among {', '.join(values)} (known are {known})", path=path, place=place
+        ) from None
+    except ValueError as error:
+        raise FormatError(str(error), path=path, place=place) from None
+    except TrueTerrainError:
+        raise

@@ -1,0 +1,67 @@
+"""A calibration plate: cleats of known profile on a level plate (thesis 3.4)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from trueterrain.simulate.ground import Ground
+
+Float = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrationPlate(Ground):
+    """A level plate with one rectangular, one triangular and one round cleat across the lane.
+
+    The thesis's calibration surface (section 3.4) carries interchangeable cleats on a plate with a
+    grid of holes of 152 mm; here three of them lie two holes apart. The cleats run along `y`, so
+    that a vehicle that drives along `x` crosses them.
+
+    Examples
+    --------
+    >>> plate = CalibrationPlate(east=10.0)
+    >>> plate.height([10.0, 10.0 - 0.304, 12.0], 0.0).round(4)
+    array([0.05, 0.05, 0.  ])
+    """
+
+    east: float = 0.0
+    "Easting of the middle of the plate [m]."
+
+    north: float = 0.0
+    "Northing of the middle of the plate [m]."
+
+    length: float = 1.2
+    "Extent along the lane [m]."
+
+    width: float = 1.2
+    "Extent across the lane [m]."
+
+    thickness: float = 0.012
+    "Height of the plate above the ground [m]."
+
+    pitch: float = 0.304
+    "Distance from cleat to cleat, two holes of 152 mm [m]."
+
+    cleat: float = 0.076
+    "Width of a cleat at its foot [m]; the round one is half a circle."
+
+    rise: float = 0.038
+    "Height of a cleat above the plate [m]."
+
+    def __post_init__(self) -> None:
+        """Check the sizes."""
+        for name in ("length", "width", "pitch", "cleat", "rise"):
+            if not getattr(self, name) > 0:
+                message = f"{name} must be greater than 0 m, got {getattr(self, name)}."
+                raise ValueError(message)
+
+    def _height(self, x: Float, y: Float) -> Float:
+        along, across = x - self.east, y - self.north
+        half = 0.5 * self.cleat
+        rectangle = np.where(np.abs(along + self.pitch) <= half, 1.0, 0.0)
+        triangle = np.maximum(1.0 - np.abs(along - self.pitch) / half, 0.0)
+        circle = np.sqrt(np.maximum(1.0 - (along / half) ** 2, 0.0))
+        profile = self.thickness + self.rise * np.max([rectangle, triangle, circle], axis=0)
+        on_plate = (np.abs(along) <= 0.5 * self.length) & (np.abs(across) <= 0.5 * self.width)
+        return np.where(on_plate, profile, 0.0)
