@@ -1,5 +1,7 @@
 """Navigation: SBET, SMRMSG, Boreas poses and tables against independent numbers."""
 
+import sys
+
 import numpy as np
 import numpy.testing as npt
 import pandas as pd
@@ -9,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import trueterrain.formats.navigation as nav
 from trueterrain import provenance
-from trueterrain.errors import CoverageError, FormatError, SchemaError
+from trueterrain.errors import CoverageError, FormatError, SchemaError, TrueTerrainError
 from trueterrain.formats.navigation import _recognise, boreas, columns, sbet, smrmsg
 from trueterrain.formats.navigation._frames import (
     Turns,
@@ -623,6 +625,14 @@ def test_parquet_that_is_damaged(tmp_path):
     our_table(5).to_parquet(path)
     path.write_bytes(path.read_bytes()[:-30])
     with pytest.raises(FormatError, match="is damaged or cut off"):
+        nav.read_columns(path)
+
+
+def test_parquet_without_pyarrow(tmp_path, monkeypatch):
+    path = tmp_path / "nav.parquet"
+    our_table(5).to_parquet(path)
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(TrueTerrainError, match=r"needs the package pyarrow. Install it"):
         nav.read_columns(path)
 
 

@@ -1143,8 +1143,10 @@ def test_the_output_is_not_overwritten_by_an_import(tmp_path, store):
 def test_the_description_has_a_template():
     text = settings_template(RunFiles)
     assert "# name = ... (required: text)" in text
-    assert "# [navigation]" in text
-    assert '# range = "range"' in text
+    assert "\n[navigation]\n" in text
+    assert "# [navigation.columns]" in text
+    assert '\nrange = "range"' in text
+    assert "# file = ... (required: text)" in text
     for kind in (RunFiles, ScanTable):
         for field in dataclasses.fields(kind):
             assert field.name in text

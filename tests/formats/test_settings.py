@@ -149,6 +149,7 @@ def test_the_template_is_complete_and_explained():
         "beams = 940",
         "# Position in the body frame [m], forward, left and up.",
         "position = [0.0, 0.0, 2.0]",
+        '# Side that it looks to. One of "left", "right".',
         'side = "left"',
         "# A second scanner.",
         "# [spare]",
@@ -170,8 +171,11 @@ def test_required_values_stand_in_comments():
     assert "# mass = ... (required: number)" in text
     assert '# mode = ... (required: "slow" or "fast")' in text
     assert "# size = ... (required: [whole number, ...])" in text
-    assert "# [inner]" in text
-    assert tomllib.loads(text) == {}
+    assert "# file = ... (required: text)" in text
+    assert '# One of "slow", "fast".' in text
+    # a table that must be there stands open, with what has a default
+    assert set(tomllib.loads(text)) == {"inner"}
+    assert tomllib.loads(text)["inner"]["beams"] == 940
 
 
 def test_a_misspelt_key_names_the_right_one(tmp_path):

@@ -260,7 +260,7 @@ def _table(settings: Any, path: tuple[str, ...], *, commented: bool) -> list[str
         value = _value_of(field, settings)
         inner = _dataclasses_in(hints[field.name])
         here = (*path, field.name)
-        help_lines = _comment(docs.get(field.name, ""))
+        help_lines = _comment(_with_choices(docs.get(field.name, ""), hints[field.name]))
         if dataclasses.is_dataclass(value):
             tables += _section(value, here, help_lines, commented=commented)
         elif isinstance(value, list | tuple) and any(map(dataclasses.is_dataclass, value)):
@@ -268,7 +268,9 @@ def _table(settings: Any, path: tuple[str, ...], *, commented: bool) -> list[str
                 tables += _section(item, here, help_lines, commented=commented, array=True)
         elif inner and value in (None, dataclasses.MISSING, (), []):
             array = typing.get_origin(hints[field.name]) in (tuple, list)
-            tables += _section(inner[0], here, help_lines, commented=True, array=array)
+            # a table that must be there stands open, what is needed in it is to be filled in
+            aside = commented or array or value is not dataclasses.MISSING
+            tables += _section(inner[0], here, help_lines, commented=aside, array=array)
         else:
             lines += [*help_lines, _assignment(field, value, hints[field.name], commented), ""]
     return lines + tables
@@ -325,6 +327,16 @@ def _toml(value: Any) -> str:
     return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
+def _with_choices(text: str, hint: Any) -> str:
+    """Help with the values that there are to choose from."""
+    choices = typing.get_args(hint) if typing.get_origin(hint) is typing.Literal else ()
+    if isinstance(hint, type) and issubclass(hint, enum.Enum):
+        choices = tuple(hint)
+    if len(choices) < 2:
+        return text
+    return f"{text} One of {', '.join(map(_toml, choices))}.".strip()
+
+
 def _type_name(hint: Any) -> str:
     if typing.get_origin(hint) is typing.Literal:
         return " or ".join(_toml(option) for option in typing.get_args(hint))
@@ -333,7 +345,7 @@ def _type_name(hint: Any) -> str:
     if typing.get_origin(hint) in (tuple, list):
         parts = [_type_name(part) for part in typing.get_args(hint) if part is not Ellipsis]
         return f"[{', '.join(parts)}{', ...' if Ellipsis in typing.get_args(hint) else ''}]"
-    names = {float: "number", int: "whole number", str: "text", bool: "true or false"}
+    names = {float: "number", int: "whole number", bool: "true or false", str: "text", Path: "text"}
     return names.get(hint, "" if hint is type(None) else getattr(hint, "__name__", str(hint)))
 
 

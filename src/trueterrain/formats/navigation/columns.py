@@ -136,7 +136,7 @@ OURS = Columns(east="east", north="north", up="up", yaw="yaw")
 
 
 def read(path: str | Path, columns: Columns = OURS, *, origin: Origin | None = None) -> xr.Dataset:
-    """Navigation from a table.
+    r"""Navigation from a table.
 
     Parameters
     ----------
@@ -161,6 +161,17 @@ def read(path: str | Path, columns: Columns = OURS, *, origin: Origin | None = N
     SchemaError
         If a value is NaN, time does not run forward, or angles are in degrees that were said to be
         in radians.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "nav.csv"
+    ...     _ = path.write_text("t,x,y,z,roll,pitch,hdg\n0,0,0,0,0,2,90\n1,9,0,0,0,2,90\n")
+    ...     named = Columns(time="t", east="x", north="y", up="z", heading="hdg", degrees=True)
+    ...     navigation = read(path, named)
+    >>> navigation.pitch.values, navigation.yaw.values
+    (array([-0.0349, -0.0349]), array([0., 0.]))
     """
     parts = list(blocks(path, columns, origin=origin))
     data = xr.concat(parts, "epoch", combine_attrs="override") if len(parts) > 1 else parts[0]

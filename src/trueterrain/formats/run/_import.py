@@ -34,7 +34,7 @@ def import_run(
     force: bool = False,
     progress: Progress = no_progress,
 ) -> None:
-    """Make a run from flat files; memory stays flat however large they are.
+    r"""Make a run from flat files; memory stays flat however large they are.
 
     Parameters
     ----------
@@ -59,6 +59,26 @@ def import_run(
         If the accuracies do not cover the navigation.
     OutputError
         If the store exists and `force` is false.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from trueterrain.formats.run import scan_blocks
+    >>> with tempfile.TemporaryDirectory() as name:
+    ...     folder = Path(name)
+    ...     _ = (folder / "run.toml").write_text(
+    ...         "name = 'still'\norigin = [11.0, 48.0, 500.0]\n"
+    ...         "[navigation]\nfile = 'nav.csv'\nformat = 'table'\n"
+    ...         "[scans]\nfile = 'scans.csv'\nlayout = 'scans'\nangles = [-0.1, 0.1]\n"
+    ...     )
+    ...     _ = (folder / "nav.csv").write_text(
+    ...         "time,east,north,up,roll,pitch,yaw\n0,0,0,0,0,0,0\n1,0,0,0,0,0,0\n"
+    ...     )
+    ...     _ = (folder / "scans.csv").write_text("time,range0,range1\n0.1,2.01,\n0.2,2.02,1.99\n")
+    ...     import_run(folder / "run.toml", folder / "still.zarr")
+    ...     next(scan_blocks(folder / "still.zarr")).range.values
+    array([[2.01,  nan],
+           [2.02, 1.99]])
     """
     description = Path(description)
     files = _with_folder(read_settings(RunFiles, description), description.parent)

@@ -73,7 +73,7 @@ def scan_blocks(run: xr.DataTree | str | Path, size: int = BLOCK) -> Iterator[xr
     run : xarray.DataTree or path
         The run, or its store.
     size : int
-        Largest number of scans in a block; multiples of 1000 are read fastest, and some thousand at most.
+        Largest number of scans in a block; some thousand, in multiples of 1000, are read fastest.
 
     Yields
     ------

@@ -59,6 +59,12 @@ def check_run(tree: xr.DataTree, path: str | Path | None = None) -> xr.DataTree:
         unit, an unknown group, variable or key, angles that are no radians.
     FormatError
         If chunks of the store are missing or damaged.
+
+    Examples
+    --------
+    >>> check_run(xr.DataTree(xr.Dataset(attrs={"kind": "log"})), "x.zarr")
+    Traceback (most recent call last):
+    trueterrain.errors.SchemaError: x.zarr: attribute kind: must be 'trueterrain/run', got 'log'...
     """
     for rule in rules_of(tree, path):
         rule()
