@@ -388,15 +388,22 @@ def test_description_of_the_measured_accuracies(data):
     npt.assert_allclose(summary["largest"]["sd_up"], 1.127, rtol=0, atol=1e-3)
 
 
+def start_of(path):
+    with path.open("rb") as stream:
+        return stream.read(1024)
+
+
 def test_files_without_a_header_are_recognised_by_their_values(data):
     a = leeward(data) / "sbet.out"
     b = data / "scanning" / "accuracy" / "smrmsg.smrmsg"
     for path, is_sbet, is_smrmsg in ((a, True, False), (b, False, True)):
-        start, size = path.read_bytes()[:1024], path.stat().st_size
+        start, size = start_of(path), path.stat().st_size
         assert _recognise.is_sbet(start, size) == is_sbet
         assert _recognise.is_smrmsg(start, size) == is_smrmsg
-    for other in (leeward(data) / "points.las", poses(data, POSES[0])):
-        start, size = other.read_bytes()[:1024], other.stat().st_size
+    others = sorted(path for path in data.rglob("*") if path.is_file() and path not in (a, b))
+    assert len(others) > 50
+    for other in others:
+        start, size = start_of(other), other.stat().st_size
         assert not _recognise.is_sbet(start, size)
         assert not _recognise.is_smrmsg(start, size)
     assert not _recognise.is_sbet(b"", 0)

@@ -5,6 +5,7 @@ import struct
 
 _WEEK = 604_800.0  # [s]
 _HIGHEST = 100_000.0  # [m]
+_TINY = 1e-9  # [s, rad, m, m/s] what is less was not measured
 
 
 def is_sbet(start: bytes, size: int) -> bool:
@@ -60,6 +61,9 @@ def is_smrmsg(start: bytes, size: int) -> bool:
 
 def _records(start: bytes, size: int, fields: int) -> list[tuple[float, ...]]:
     length = 8 * fields
+    # text, read as doubles, may well be tiny numbers
+    if all(32 <= byte < 127 or byte in b"\t\r\n" for byte in start[:length]):
+        return []
     whole = min(len(start), size) // length
     return [struct.unpack_from(f"<{fields}d", start, length * i) for i in range(min(whole, 2))]
 
@@ -73,9 +77,9 @@ def _can_be_sbet(record: tuple[float, ...]) -> bool:
     time, latitude, longitude, height = record[:4]
     return (
         all(map(math.isfinite, record))
-        and 0 < time < 2 * _WEEK
-        and 0 < abs(latitude) <= math.pi / 2
-        and 0 < abs(longitude) <= 2 * math.pi
+        and _TINY < time < 2 * _WEEK
+        and _TINY < abs(latitude) <= math.pi / 2
+        and _TINY < abs(longitude) <= 2 * math.pi
         and abs(height) < _HIGHEST
         and all(abs(angle) <= math.pi for angle in record[7:9])
         and all(abs(angle) <= 4 * math.pi for angle in record[9:11])
@@ -83,4 +87,4 @@ def _can_be_sbet(record: tuple[float, ...]) -> bool:
 
 
 def _can_be_smrmsg(record: tuple[float, ...]) -> bool:
-    return 0 < record[0] < 2 * _WEEK and all(0 < error < 1e4 for error in record[1:])
+    return _TINY < record[0] < 2 * _WEEK and all(_TINY < error < 1e4 for error in record[1:])
