@@ -64,12 +64,14 @@ def cast(
     the ground there. A beam that enters a tile which is not there gets its column and row in
     `missing` (and a distance of -1).
     """
-    tile_size, block_size = cells * spacing, block * spacing
+    tile_size, block_size, per_metre = cells * spacing, block * spacing, 1.0 / spacing
     blocks = cells // block
     rows, columns = index.shape
     for n in prange(origin.shape[0]):
         ox, oy, oz = origin[n, 0], origin[n, 1], origin[n, 2]
         dx, dy, dz = direction[n, 0], direction[n, 1], direction[n, 2]
+        per_x = 1.0 / dx if dx != 0.0 else math.inf
+        per_y = 1.0 / dy if dy != 0.0 else math.inf
         distance[n] = np.nan
         tile_x, tile_y = math.floor(ox / tile_size), math.floor(oy / tile_size)
         rho = 0.0
@@ -78,13 +80,13 @@ def cast(
             # where the beam leaves this tile
             out_x = out_y = math.inf
             if dx > 0.0:
-                out_x = ((tile_x + 1) * tile_size - ox) / dx
+                out_x = ((tile_x + 1) * tile_size - ox) * per_x
             elif dx < 0.0:
-                out_x = (tile_x * tile_size - ox) / dx
+                out_x = (tile_x * tile_size - ox) * per_x
             if dy > 0.0:
-                out_y = ((tile_y + 1) * tile_size - oy) / dy
+                out_y = ((tile_y + 1) * tile_size - oy) * per_y
             elif dy < 0.0:
-                out_y = (tile_y * tile_size - oy) / dy
+                out_y = (tile_y * tile_size - oy) * per_y
             tile_end = min(out_x, out_y, furthest)
             column, row = int(tile_x - first[0]), int(tile_y - first[1])
             inside = 0 <= column < columns and 0 <= row < rows
@@ -104,13 +106,13 @@ def cast(
                 while True:
                     out_x = out_y = math.inf
                     if dx > 0.0:
-                        out_x = ((bx + 1) * block_size - ox) / dx
+                        out_x = ((bx + 1) * block_size - ox) * per_x
                     elif dx < 0.0:
-                        out_x = (bx * block_size - ox) / dx
+                        out_x = (bx * block_size - ox) * per_x
                     if dy > 0.0:
-                        out_y = ((by + 1) * block_size - oy) / dy
+                        out_y = ((by + 1) * block_size - oy) * per_y
                     elif dy < 0.0:
-                        out_y = (by * block_size - oy) / dy
+                        out_y = (by * block_size - oy) * per_y
                     block_end = min(out_x, out_y, tile_end)
                     top = block_top[slot, int(by - bottom), int(bx - left)]
                     if oz + min(dz * at, dz * block_end) <= top:
@@ -124,13 +126,13 @@ def cast(
                         while True:
                             leave_x = leave_y = math.inf
                             if dx > 0.0:
-                                leave_x = ((cx + 1) * spacing - ox) / dx
+                                leave_x = ((cx + 1) * spacing - ox) * per_x
                             elif dx < 0.0:
-                                leave_x = (cx * spacing - ox) / dx
+                                leave_x = (cx * spacing - ox) * per_x
                             if dy > 0.0:
-                                leave_y = ((cy + 1) * spacing - oy) / dy
+                                leave_y = ((cy + 1) * spacing - oy) * per_y
                             elif dy < 0.0:
-                                leave_y = (cy * spacing - oy) / dy
+                                leave_y = (cy * spacing - oy) * per_y
                             cell_end = min(leave_x, leave_y, block_end)
                             i = int(cx - tile_x * cells)
                             j = int(cy - tile_y * cells)
@@ -139,9 +141,9 @@ def cast(
                             lowest = oz + min(dz * here, dz * cell_end)
                             if lowest <= max(max(h00, h10), max(h01, h11)):
                                 # beam above ground is a quadratic of the way t through the cell
-                                fx = (ox + dx * here) / spacing - cx
-                                fy = (oy + dy * here) / spacing - cy
-                                gx, gy = dx / spacing, dy / spacing
+                                fx = (ox + dx * here) * per_metre - cx
+                                fy = (oy + dy * here) * per_metre - cy
+                                gx, gy = dx * per_metre, dy * per_metre
                                 ex, ey = h10 - h00, h01 - h00
                                 twist = h11 - h10 - h01 + h00
                                 a = oz + dz * here - (h00 + ex * fx + ey * fy + twist * fx * fy)
@@ -194,15 +196,38 @@ def cast(
                 break
             out_x = out_y = math.inf
             if dx > 0.0:
-                out_x = ((tile_x + 1) * tile_size - ox) / dx
+                out_x = ((tile_x + 1) * tile_size - ox) * per_x
             elif dx < 0.0:
-                out_x = (tile_x * tile_size - ox) / dx
+                out_x = (tile_x * tile_size - ox) * per_x
             if dy > 0.0:
-                out_y = ((tile_y + 1) * tile_size - oy) / dy
+                out_y = ((tile_y + 1) * tile_size - oy) * per_y
             elif dy < 0.0:
-                out_y = (tile_y * tile_size - oy) / dy
+                out_y = (tile_y * tile_size - oy) * per_y
             rho = tile_end
             if out_x <= out_y:
                 tile_x += 1 if dx > 0.0 else -1
             else:
                 tile_y += 1 if dy > 0.0 else -1
+
+
+@njit(cache=True, nogil=True, parallel=True)
+def receive(
+    true_range, direction, slope, bright, speckle, noise, loss,
+    nominal, gain, intensity_noise, floor, saturation, saturation_bias, range_noise, quantum,
+    dropouts, ranges, counts, bias,
+):  # fmt: skip
+    """What the receiver makes of each beam: range with its errors, and intensity."""
+    for n in prange(true_range.size):
+        signal = 0.0
+        if not math.isnan(true_range[n]):
+            gx, gy = slope[n, 0], slope[n, 1]
+            facing = gx * direction[n, 0] + gy * direction[n, 1] - direction[n, 2]
+            cosine = max(facing / math.sqrt(1.0 + gx * gx + gy * gy), 0.0)
+            signal = gain * bright[n % bright.size] * cosine * (nominal / true_range[n]) ** 2
+        signal += intensity_noise * speckle[n]
+        bias[n] = saturation_bias * max(signal / saturation - 1.0, 0.0)
+        value = true_range[n] + bias[n] + range_noise * noise[n]
+        if quantum > 0.0:
+            value = np.rint(value / quantum) * quantum
+        ranges[n] = np.nan if loss[n] < dropouts or signal < floor else value
+        counts[n] = np.uint16(min(max(np.rint(min(signal, saturation)), 0.0), 65535.0))

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trueterrain.simulate.ground import Ground
-from trueterrain.simulate.raster import BLOCK_CELLS, TILE_CELLS, Raster
+from trueterrain.simulate.raster import BLOCK_CELLS, TILE_CELLS, Raster, Tiles
 
 Float = npt.NDArray[np.float64]
 
@@ -66,27 +66,35 @@ def _cast_raster(
     raster: Raster, origin: Float, direction: Float, furthest: float, known: set[tuple[int, int]]
 ) -> tuple[Float, Float]:
     """Cast, make the tiles that beams ask for, and cast those beams again."""
-    from trueterrain.simulate import _kernels
-
-    distance, slope = np.empty(len(origin)), np.full((len(origin), 2), np.nan)
-    missing = np.empty((len(origin), 2), np.int64)
-    todo = np.arange(len(origin))
     # a few begins tell where the scanner is; beams ask for the tiles that these leave out
     begins = raster.tile_of(*origin[:: max(len(origin) // 256, 1), :2].T)
     used = _different(begins)
     known &= _near(used, known)
     known |= used
+    distance, slope, missing = _meet(raster.tiles(known), origin, direction, furthest)
+    todo = np.flatnonzero(distance < 0)
     while todo.size:
-        tiles = raster.tiles(known)
-        part = np.empty(todo.size), np.empty((todo.size, 2)), np.empty((todo.size, 2), np.int64)
-        _kernels.cast(
-            origin[todo], direction[todo], furthest, raster.spacing, tiles.first, tiles.index,
-            tiles.height, tiles.block_top, tiles.tile_top, TILE_CELLS, BLOCK_CELLS, *part,
-        )  # fmt: skip
-        distance[todo], slope[todo], missing[todo] = part
-        todo = todo[part[0] < 0]
         known |= _different(missing[todo])
+        again = _meet(raster.tiles(known), origin[todo], direction[todo], furthest)
+        distance[todo], slope[todo], missing[todo] = again
+        todo = todo[again[0] < 0]
     return distance, slope
+
+
+def _meet(
+    tiles: Tiles, origin: Float, direction: Float, furthest: float
+) -> tuple[Float, Float, npt.NDArray[np.int64]]:
+    """Distances (-1 where a tile is missing), slopes, and the missing tiles."""
+    from trueterrain.simulate import _kernels
+
+    distance, slope = np.empty(len(origin)), np.full((len(origin), 2), np.nan)
+    missing = np.empty((len(origin), 2), np.int64)
+    _kernels.cast(
+        origin, direction, furthest, tiles.spacing, tiles.first, tiles.index,
+        tiles.height, tiles.block_top, tiles.tile_top, TILE_CELLS, BLOCK_CELLS,
+        distance, slope, missing,
+    )  # fmt: skip
+    return distance, slope, missing
 
 
 def _different(tiles: npt.NDArray[np.int64]) -> set[tuple[int, int]]:

@@ -17,9 +17,12 @@ from trueterrain.simulate.clock import Clock, check_next
 from trueterrain.simulate.ground import Ground
 from trueterrain.simulate.noise import generator
 from trueterrain.simulate.pose import PoseKnots, quintic
+from trueterrain.simulate.raster import Raster
 from trueterrain.simulate.rotation import body_to_ground
 
 Float = npt.NDArray[np.float64]
+
+_SPARSE = 97  # every so manieth beam tells which tiles are needed; no divisor of 940
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -211,6 +214,7 @@ class ScannerStream:
             for name in ("range", "intensity", "loss")
         )
         self._tiles: set[tuple[int, int]] = set()
+        self._usual = 0.0  # range of the last block [m]
 
     def record(self, knots: PoseKnots, begin: float, end: float) -> Scans:
         """Scans whose first beam truly falls into [begin, end).
@@ -238,24 +242,13 @@ class ScannerStream:
         shape = (stamp.size, scanner.beams)
         rays = self._beams(knots, self._clock.true(stamp))
         self._end = end
-        true_range, cosine, hit = self._cast(*(ray.reshape(-1, 3) for ray in rays))
-        bright = self.reflectivity.at(hit[:, 0], hit[:, 1])
-        with np.errstate(invalid="ignore", divide="ignore"):
-            signal = scanner.gain * bright * cosine * (scanner.nominal_height / true_range) ** 2
-        signal = np.nan_to_num(signal, nan=0.0, posinf=0.0)
-        signal += scanner.intensity_noise * self._speckle.standard_normal(signal.size)
-        over = np.maximum(signal / scanner.saturation - 1.0, 0.0)
-        bias = scanner.saturation_bias * over
-        ranges = true_range + bias + scanner.range_noise * self._noise.standard_normal(signal.size)
-        lost = (self._loss.random(signal.size) < scanner.dropouts) | (signal < scanner.floor)
-        ranges[lost] = np.nan
-        if scanner.quantum:
-            ranges = np.round(ranges / scanner.quantum) * scanner.quantum
-        counts = np.clip(np.rint(np.minimum(signal, scanner.saturation)), 0, 65535)
+        origin, direction, forward = (ray.reshape(-1, 3) for ray in rays)
+        true_range, slope = self._cast(origin, direction, forward)
+        ranges, counts, bias = self._receive(true_range, origin, direction, slope)
         return Scans(
             time=stamp,
             range=ranges.reshape(shape),
-            intensity=counts.astype(np.uint16).reshape(shape),
+            intensity=counts.reshape(shape),
             true_range=true_range.reshape(shape),
             bias=bias.reshape(shape),
         )
@@ -285,29 +278,55 @@ class ScannerStream:
         )  # fmt: skip
         return origin, direction, forward
 
-    def _cast(self, origin: Float, direction: Float, forward: Float) -> tuple[Float, Float, Float]:
-        """Ranges, cosines of incidence and points met, averaged over the spot."""
+    def _cast(self, origin: Float, direction: Float, forward: Float) -> tuple[Float, Float]:
+        """Ranges averaged over the spot, and the slope of the ground in its middle."""
         scanner = self.scanner
-        total = np.zeros(len(origin))
-        met = np.zeros(len(origin), np.int64)
-        middle = np.full(len(origin), np.nan), np.full((len(origin), 2), np.nan)
+        self._expect(origin, direction)
+        total, met = np.zeros(len(origin)), np.zeros(len(origin), np.int64)
+        distance, slope = np.empty(0), np.empty((0, 2))
         for turned, is_middle in _spot(scanner, direction, forward):
-            distance, slope = cast(
+            reached, rising = cast(
                 self.ground, origin, turned, furthest=scanner.furthest, known=self._tiles
             )
-            returned = np.isfinite(distance)
-            total[returned] += distance[returned]
-            met += returned
             if is_middle:
-                middle = distance, slope
-        with np.errstate(invalid="ignore", divide="ignore"):
-            mean = total / met
-        mean[np.isnan(middle[0])] = np.nan
-        slope = middle[1]
-        upward = slope[:, 0] * direction[:, 0] + slope[:, 1] * direction[:, 1] - direction[:, 2]
-        cosine = upward / np.sqrt(1.0 + slope[:, 0] ** 2 + slope[:, 1] ** 2)
-        hit = origin[:, :2] + mean[:, None] * direction[:, :2]
-        return mean, np.clip(np.nan_to_num(cosine), 0.0, 1.0), hit
+                distance, slope = reached, rising
+            if scanner.spot_rays > 1:
+                returned = np.isfinite(reached)
+                total[returned] += reached[returned]
+                met += returned
+        usual = distance[::_SPARSE]
+        self._usual = float(np.median(usual[np.isfinite(usual)])) if np.isfinite(usual).any() else 0
+        if scanner.spot_rays > 1:
+            distance = np.where(np.isnan(distance), np.nan, total / np.maximum(met, 1))
+        return distance, slope
+
+    def _expect(self, origin: Float, direction: Float) -> None:
+        """Ask for the tiles that beams of the usual range will meet, before they miss them."""
+        if isinstance(self.ground, Raster) and self._usual:
+            point = origin[::_SPARSE, :2] + self._usual * direction[::_SPARSE, :2]
+            self._tiles |= {tuple(tile) for tile in self.ground.tile_of(*point.T).tolist()}
+
+    def _receive(
+        self, true_range: Float, origin: Float, direction: Float, slope: Float
+    ) -> tuple[Float, npt.NDArray[np.uint16], Float]:
+        """Recorded ranges and intensities, and the bias by saturation."""
+        from trueterrain.simulate._kernels import receive
+
+        scanner, size = self.scanner, true_range.size
+        if self.reflectivity.period:
+            point = (origin[:, c] + true_range * direction[:, c] for c in (0, 1))
+            bright = self.reflectivity.at(*point)
+        else:
+            bright = np.array([self.reflectivity.ground])
+        ranges, counts, bias = np.empty(size), np.empty(size, np.uint16), np.empty(size)
+        receive(
+            true_range, direction, slope, bright, self._speckle.standard_normal(size),
+            self._noise.standard_normal(size), self._loss.random(size),
+            scanner.nominal_height, scanner.gain, scanner.intensity_noise, scanner.floor,
+            scanner.saturation, scanner.saturation_bias, scanner.range_noise, scanner.quantum,
+            scanner.dropouts, ranges, counts, bias,
+        )  # fmt: skip
+        return ranges, counts, bias
 
 
 def _spot(scanner: Scanner, direction: Float, forward: Float) -> Iterator[tuple[Float, bool]]:

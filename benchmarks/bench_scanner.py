@@ -1,0 +1,105 @@
+"""The virtual scanner: beams per second on Belgian block, and memory over ten minutes."""
+
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trueterrain.formats.run import Mounting
+from trueterrain.simulate.body import Follower, Pass
+from trueterrain.simulate.course import Straight
+from trueterrain.simulate.ground import BelgianBlock
+from trueterrain.simulate.raster import Raster
+from trueterrain.simulate.scanner import Scanner, ScannerStream
+from trueterrain.simulate.speed import Constant
+
+MINUTES = 10  # of the run whose memory is measured
+_BLOCK = 0.25  # [s]
+
+
+def bench() -> list[dict[str, Any]]:
+    """Rows of name, ours, peer, unit, ratio and budget."""
+    return [
+        beams("spot averaging off", Scanner(spot_rays=1), 5.0),
+        beams("spot averaging on (5 rays)", Scanner(spot_rays=5), 1.0),
+        memory(),
+    ]
+
+
+def beams(name: str, scanner: Scanner, budget: float) -> dict[str, Any]:
+    """Recorded beams per second over a lane whose ground is there, noise and all."""
+    ground = Raster(BelgianBlock(seed=1))
+    drive = Pass(course=Straight(length=10.0), speed=Constant(speed=5.0))
+    best = 0.0
+    for _ in range(3):  # the first drive makes the ground and compiles
+        stream = ScannerStream(scanner, Mounting(), ground, seed=1)
+        begin, count = time.perf_counter(), 0
+        for early, late, knots in Follower(drive=drive, up=2.0).blocks(block=_BLOCK):
+            count += stream.record(knots, early, late).range.size
+        best = max(best, count / (time.perf_counter() - begin) / 1e6)
+    return {
+        "name": f"virtual scanner on Belgian block, {name}",
+        "ours": best,
+        "peer": None,
+        "peer_name": None,
+        "unit": "M beams/s",
+        "ratio": None,
+        "budget": f">= {budget:g} M beams/s",
+        "met": best >= budget,
+    }
+
+
+def memory() -> dict[str, Any]:
+    """Peak memory of recording a long run, in a process of its own."""
+    finished = subprocess.run(
+        [sys.executable, __file__, "record"], check=True, capture_output=True, text=True
+    )
+    gigabytes, seconds, scans = (float(word) for word in finished.stdout.split())
+    return {
+        "name": f"recording {MINUTES} min ({scans:,.0f} scans) in {seconds:.0f} s, peak memory",
+        "ours": gigabytes,
+        "peer": None,
+        "peer_name": None,
+        "unit": "GB",
+        "ratio": None,
+        "budget": "< 1 GB",
+        "met": gigabytes < 1,
+    }
+
+
+def _record() -> None:
+    """Record a run of `MINUTES` with all instruments and print peak memory, time and scans."""
+    from trueterrain.formats.run import open_run
+    from trueterrain.simulate.scene import Drive, Scene, Truth, record_scene
+
+    scene = Scene(
+        name="long",
+        ground=({"kind": "belgian-block"},),
+        course={"kind": "oval", "straight": 200.0, "radius": 40.0, "transition": 30.0},
+        passes=(
+            Drive(
+                name="run", length=600.0 * MINUTES / 10, speed={"kind": "constant", "speed": 1.0}
+            ),
+        ),
+        # coarse, few rays: memory does not depend on it, and a benchmark must end
+        scanner=Scanner(spot_rays=1),
+        raster=0.01,
+        truth=Truth(spacing=0.1, returns=False),
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        begin = time.perf_counter()
+        (path,) = record_scene(scene, Path(folder))
+        seconds = time.perf_counter() - begin
+        scans = open_run(path)["scans"].sizes["scan"]
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+    print(peak, seconds, scans)
+    assert np.isfinite(peak)
+
+
+if __name__ == "__main__":
+    _record()
