@@ -215,14 +215,23 @@ def kind_of_file(path: str | Path) -> str:
     Returns
     -------
     str
-        ``"points"``, ``"surface"``, ``"profile"``, or ``"path"`` (a table without heights).
+        ``"points"``, ``"surface"``, ``"profile"``, ``"path"`` (a table without heights), ``"run"``,
+        ``"navigation"`` or ``"accuracy"``.
 
     Raises
     ------
     FormatError
         If the format is unknown.
     """
-    kinds = {"opencrg": "surface", "geotiff": "surface", "las": "points", "erd": "profile"}
+    kinds = {
+        "opencrg": "surface",
+        "geotiff": "surface",
+        "las": "points",
+        "erd": "profile",
+        "run": "run",
+        "navigation.sbet": "navigation",
+        "navigation.smrmsg": "accuracy",
+    }
     module = recognise(path).module
     return kinds[module] if module in kinds else str(_module(module).kind(path))
 

@@ -1,11 +1,13 @@
 """What a file is, by its first bytes: an ending is only a claim."""
 
+import json
 import re
 import string
 from dataclasses import dataclass
 from pathlib import Path
 
 from trueterrain.errors import FormatError
+from trueterrain.formats.navigation._recognise import is_sbet, is_smrmsg
 
 _SAMPLE = 1 << 16  # [bytes] enough to see the first section of any header
 
@@ -36,7 +38,11 @@ ERD = Format(name="ERD", module="erd", endings=(".erd",))
 CSV = Format(name="CSV", module="table", endings=(".csv", ".txt", ".tsv", ".dat", ".xyz", ".asc"))
 PARQUET = Format(name="Parquet", module="table", endings=(".parquet", ".pq"), compressed=True)
 
-FORMATS = (CRG, GEOTIFF, LAS, LAZ, COPC, ERD, CSV, PARQUET)
+RUN = Format(name="Run", module="run", endings=(".zarr",), compressed=True)
+SBET = Format(name="SBET", module="navigation.sbet", endings=(".out", ".sbet"))
+SMRMSG = Format(name="SMRMSG", module="navigation.smrmsg", endings=(".out", ".smrmsg"))
+
+FORMATS = (CRG, GEOTIFF, LAS, LAZ, COPC, ERD, CSV, PARQUET, RUN, SBET, SMRMSG)
 
 # names that head the columns of our own tables, with any unit or track behind them
 _COLUMN = re.compile(r"(s|height|easting|northing|up|x|y|z)(\W.*|_.*)?$")
@@ -93,10 +99,12 @@ def recognise(path: str | Path) -> Format:
     """
     path = Path(path)
     if path.is_dir():
+        if _is_run(path):
+            return RUN
         raise FormatError("is a folder, not a file", path=path, cure="Name the files in it.")
     with path.open("rb") as stream:
         start = stream.read(_SAMPLE)
-    found = _binary(start) or _text(start)
+    found = _binary(start) or _records(start, path.stat().st_size) or _text(start)
     if found is None:
         known = ", ".join(known.name for known in FORMATS)
         raise FormatError(
@@ -124,6 +132,20 @@ def _binary(start: bytes) -> Format | None:
     if start.startswith(b"PAR1"):
         return PARQUET
     return None
+
+
+def _is_run(folder: Path) -> bool:
+    try:
+        about = json.loads((folder / "zarr.json").read_text(encoding="utf-8"))
+        return bool(about["attributes"]["kind"] == "trueterrain/run")
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+
+
+def _records(start: bytes, size: int) -> Format | None:
+    if is_sbet(start, size):
+        return SBET
+    return SMRMSG if is_smrmsg(start, size) else None
 
 
 def _text(start: bytes) -> Format | None:
