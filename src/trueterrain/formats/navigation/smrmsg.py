@@ -2,9 +2,9 @@
 
 80 bytes per record, 10 little-endian doubles: seconds of the GPS week; root mean square errors of
 the position north, east and down [m], of the velocity north, east and down [m/s], and of roll,
-pitch and heading [arc minutes]. The file does not say the unit of the angles, and it was not checked
-against the manufacturer's documents: minutes of arc are the unit in which measured files are
-plausible (a heading of 1 to 3 minutes, roll and pitch of 0.1 to 0.2).
+pitch and heading [arc minutes]. The file does not say the unit of the angles, and it was not
+checked against the manufacturer's documents: minutes of arc are the unit in which measured files
+are plausible (a heading of 1 to 3 minutes, roll and pitch of 0.1 to 0.2).
 """
 
 from pathlib import Path
