@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import zarr
-from zarr.codecs import BloscCodec, BloscShuffle
+from zarr.codecs import BloscCodec
 
 from trueterrain.errors import OutputError
 from trueterrain.formats.run._schema import ROW_CHUNK
@@ -161,7 +161,7 @@ class GrowingStore:
             chunks=chunks,
             dtype=dtype,
             fill_value=np.dtype(dtype).type(fill),
-            compressors=[BloscCodec(cname="zstd", clevel=1, shuffle=BloscShuffle.bitshuffle)],
+            compressors=[BloscCodec(cname="zstd", clevel=1, shuffle="bitshuffle")],
             dimension_names=[str(dim) for dim in dims],
             attributes=json.loads(json.dumps(dict(attrs), default=_plain)),
             chunk_key_encoding={"name": "default", "separator": "."},
