@@ -12,6 +12,10 @@ from trueterrain.simulate.ground import Ground
 from trueterrain.simulate.raster import BLOCK_CELLS, TILE_CELLS, Raster, Tiles
 
 Float = npt.NDArray[np.float64]
+Beams = tuple[Float, Float, Float]
+
+#: The spot of a beam without extent.
+POINT = ((0.0, 0.0),)
 
 #: Step in which a ground that is no raster is marched along [m]; narrower features may be missed.
 MARCH = 1e-3
@@ -28,8 +32,10 @@ def cast(
     *,
     furthest: float,
     known: set[tuple[int, int]] | None = None,
+    forward: Float | None = None,
+    spot: npt.ArrayLike = POINT,
 ) -> tuple[Float, Float]:
-    """First intersection of beams with the ground.
+    """First intersection of beams with the ground, averaged over their spots.
 
     Parameters
     ----------
@@ -42,13 +48,19 @@ def cast(
         Largest distance [m].
     known : set of (column, row), optional
         Tiles of the raster that beams have met lately; kept up to date.
+    forward : numpy.ndarray, shape (n, 3), optional
+        Unit vector at right angles to each beam, along which its spot extends; needed only if the
+        spot is no point.
+    spot : array_like, shape (rays, 2)
+        By how much each ray of a spot is turned along `forward`, and at right angles to it [rad]:
+        an odd number of rays, the one in the middle is the beam itself.
 
     Returns
     -------
     distance : numpy.ndarray, shape (n,)
-        Distance along each beam [m]; NaN if it meets nothing.
+        Mean distance along the rays of each beam [m]; NaN if the middle one meets nothing.
     slope : numpy.ndarray, shape (n, 2)
-        Gradient of the ground there, dz/dx and dz/dy.
+        Gradient of the ground where the middle one ends, dz/dx and dz/dy.
 
     Examples
     --------
@@ -57,40 +69,46 @@ def cast(
     >>> cast(Plane(elevation=0.5), np.array([[0.0, 0.0, 2.0]]), down, furthest=5.0)[0]
     array([1.5])
     """
+    rays = np.array(spot, dtype=float)
+    forward = np.zeros_like(origin) if forward is None else forward
     if isinstance(ground, Raster):
-        return _cast_raster(ground, origin, direction, furthest, set() if known is None else known)
-    return _cast_any(ground, origin, direction, furthest)
+        known = set() if known is None else known
+        return _cast_raster(ground, (origin, direction, forward), rays, furthest, known)
+    return _cast_spot(ground, origin, direction, forward, rays, furthest)
 
 
 def _cast_raster(
-    raster: Raster, origin: Float, direction: Float, furthest: float, known: set[tuple[int, int]]
+    raster: Raster, beams: Beams, spot: Float, furthest: float, known: set[tuple[int, int]]
 ) -> tuple[Float, Float]:
     """Cast, make the tiles that beams ask for, and cast those beams again."""
     # a few begins tell where the scanner is; beams ask for the tiles that these leave out
+    origin = beams[0]
     begins = raster.tile_of(*origin[:: max(len(origin) // 256, 1), :2].T)
     used = _different(begins)
     known &= _near(used, known)
     known |= used
-    distance, slope, missing = _meet(raster.tiles(known), origin, direction, furthest)
+    distance, slope, missing = _meet(raster.tiles(known), beams, spot, furthest)
     todo = np.flatnonzero(distance < 0)
     while todo.size:
         known |= _different(missing[todo])
-        again = _meet(raster.tiles(known), origin[todo], direction[todo], furthest)
+        some = beams[0][todo], beams[1][todo], beams[2][todo]
+        again = _meet(raster.tiles(known), some, spot, furthest)
         distance[todo], slope[todo], missing[todo] = again
         todo = todo[again[0] < 0]
     return distance, slope
 
 
 def _meet(
-    tiles: Tiles, origin: Float, direction: Float, furthest: float
+    tiles: Tiles, beams: Beams, spot: Float, furthest: float
 ) -> tuple[Float, Float, npt.NDArray[np.int64]]:
     """Distances (-1 where a tile is missing), slopes, and the missing tiles."""
     from trueterrain.simulate import _kernels
 
-    distance, slope = np.empty(len(origin)), np.full((len(origin), 2), np.nan)
-    missing = np.empty((len(origin), 2), np.int64)
+    number = len(beams[0])
+    distance, slope = np.empty(number), np.full((number, 2), np.nan)
+    missing = np.empty((number, 2), np.int64)
     _kernels.cast(
-        origin, direction, furthest, tiles.spacing, tiles.first, tiles.index,
+        *beams, spot, furthest, tiles.spacing, tiles.first, tiles.index,
         tiles.height, tiles.block_top, tiles.tile_top, TILE_CELLS, BLOCK_CELLS,
         distance, slope, missing,
     )  # fmt: skip
@@ -113,6 +131,22 @@ def _near(used: set[tuple[int, int]], known: set[tuple[int, int]]) -> set[tuple[
         if columns.min() - _REACH <= column <= columns.max() + _REACH
         and rows.min() - _REACH <= row <= rows.max() + _REACH
     }
+
+
+def _cast_spot(
+    ground: Ground, origin: Float, direction: Float, forward: Float, spot: Float, furthest: float
+) -> tuple[Float, Float]:
+    """Mean over the rays of the spot on ground that is no raster, ray by ray."""
+    beside = np.cross(forward, direction)
+    total, met = np.zeros(len(origin)), np.zeros(len(origin), np.int64)
+    for number, (along, across) in enumerate(spot):
+        turned = direction + along * forward + across * beside
+        distance, rising = _cast_any(ground, origin, turned, furthest)
+        if number == len(spot) // 2:
+            seen, slope = np.isfinite(distance), rising
+        total += np.where(np.isnan(distance), 0.0, distance)
+        met += np.isfinite(distance)
+    return np.where(seen, total / np.maximum(met, 1), np.nan), slope
 
 
 def _cast_any(

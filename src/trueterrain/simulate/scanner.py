@@ -5,7 +5,6 @@ that time, and ends where it first meets the ground: shadows, the largest slope 
 and the uneven spacing of the points arise by themselves.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -282,22 +281,12 @@ class ScannerStream:
         """Ranges averaged over the spot, and the slope of the ground in its middle."""
         scanner = self.scanner
         self._expect(origin, direction)
-        total, met = np.zeros(len(origin)), np.zeros(len(origin), np.int64)
-        distance, slope = np.empty(0), np.empty((0, 2))
-        for turned, is_middle in _spot(scanner, direction, forward):
-            reached, rising = cast(
-                self.ground, origin, turned, furthest=scanner.furthest, known=self._tiles
-            )
-            if is_middle:
-                distance, slope = reached, rising
-            if scanner.spot_rays > 1:
-                returned = np.isfinite(reached)
-                total[returned] += reached[returned]
-                met += returned
+        distance, slope = cast(
+            self.ground, origin, direction, furthest=scanner.furthest, known=self._tiles,
+            forward=forward, spot=_spot(scanner),
+        )  # fmt: skip
         usual = distance[::_SPARSE]
         self._usual = float(np.median(usual[np.isfinite(usual)])) if np.isfinite(usual).any() else 0
-        if scanner.spot_rays > 1:
-            distance = np.where(np.isnan(distance), np.nan, total / np.maximum(met, 1))
         return distance, slope
 
     def _expect(self, origin: Float, direction: Float) -> None:
@@ -329,27 +318,17 @@ class ScannerStream:
         return ranges, counts, bias
 
 
-def _spot(scanner: Scanner, direction: Float, forward: Float) -> Iterator[tuple[Float, bool]]:
-    """Directions of the rays that fill the spot, and whether a ray is its middle.
+def _spot(scanner: Scanner) -> Float:
+    """By how much the rays that fill the spot are turned, along and across the lane [rad].
 
     The rays are a lattice over the spot: spread evenly over its length and over its width.
     """
     half = scanner.spot_rays // 2
-    if half == 0:
-        yield direction, True
-        return
-    beside = np.cross(forward, direction)
-    for n in range(-half, half + 1):
-        if n == 0:
-            yield direction, True
-            continue
-        across = (2 * n + half) % scanner.spot_rays - half
-        turned = (
-            direction
-            + (n * scanner.spot_length / scanner.spot_rays / scanner.nominal_height) * forward
-            + (across * scanner.spot_width / scanner.spot_rays / scanner.nominal_height) * beside
-        )
-        yield turned, False
+    along = np.arange(-half, half + 1)
+    across = np.mod(2 * along + half, scanner.spot_rays) - half
+    extent = np.array([scanner.spot_length, scanner.spot_width])
+    turn = extent / (scanner.spot_rays * scanner.nominal_height)
+    return np.stack([along, across], axis=1) * turn
 
 
 def _require(holds: bool, name: str, rule: str, value: object) -> None:
