@@ -2,6 +2,9 @@
 
 A dataclass is the only description of its settings: the names and defaults are its fields, the help
 is the text below each field, the checks are its ``__post_init__``. Nested dataclasses are tables.
+
+What a table leaves out is as in the default of its field, which may differ from the defaults of its
+class. A field that is None by default may name what completes it: ``metadata={"table": ...}``.
 """
 
 import dataclasses
@@ -118,7 +121,7 @@ def parse_settings(
 
     # a list around it hands "forbid" down to plain dataclasses, which have no setting of their own
     adapter = TypeAdapter(list[kind], config=ConfigDict(extra="forbid"))  # type: ignore[valid-type]  # made at run time
-    text = json.dumps([values], default=str)
+    text = json.dumps([_completed(kind, values)], default=str)
     try:
         # as JSON, so that arrays may become tuples and yet no text becomes a number
         settings: Settings = adapter.validate_json(text, strict=True)[0]
@@ -193,6 +196,37 @@ def attribute_docs(kind: type) -> dict[str, str]:
             if isinstance(name, ast.Name) and isinstance(text, ast.Constant):
                 docs[name.id] = " ".join(str(text.value).split())
     return docs
+
+
+def _completed(base: Any, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Values with those by which `base`, a dataclass or an instance, differs from its class."""
+    kind = base if isinstance(base, type) else type(base)
+    hints, out = typing.get_type_hints(kind), dict(given)
+    if not set(given) <= set(_fields(kind)):
+        return out  # unknown names are refused, or those of another class of a union
+    for field in dataclasses.fields(kind):
+        own = _value_of(field, base)
+        if field.name not in given:
+            if not isinstance(base, type) and own != _value_of(field, kind):
+                out[field.name] = dataclasses.asdict(base)[field.name]
+            continue
+        value, table = given[field.name], _table_of(field, own)
+        inner = _dataclasses_in(hints[field.name])
+        if table is None and len(inner) == 1:
+            table = inner[0]
+        if table is not None and isinstance(value, Mapping):
+            out[field.name] = _completed(table, value)
+        elif table is not None and isinstance(value, list):
+            out[field.name] = [
+                _completed(table, item) if isinstance(item, Mapping) else item for item in value
+            ]
+    return out
+
+
+def _table_of(field: Any, value: Any) -> Any:
+    """Instance that completes a table, if there is one."""
+    table = value if dataclasses.is_dataclass(value) else field.metadata.get("table")
+    return None if isinstance(table, type) else table
 
 
 def _explain(entry: dict[str, Any], kind: type, values: Mapping[str, Any]) -> str:
@@ -270,7 +304,8 @@ def _table(settings: Any, path: tuple[str, ...], *, commented: bool) -> list[str
             array = typing.get_origin(hints[field.name]) in (tuple, list)
             # a table that must be there stands open, what is needed in it is to be filled in
             aside = commented or array or value is not dataclasses.MISSING
-            tables += _section(inner[0], here, help_lines, commented=aside, array=array)
+            table = _table_of(field, value) or inner[0]
+            tables += _section(table, here, help_lines, commented=aside, array=array)
         else:
             lines += [*help_lines, _assignment(field, value, hints[field.name], commented), ""]
     return lines + tables

@@ -2,6 +2,7 @@
 
 import difflib
 from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from trueterrain.simulate.ground import (
 )
 from trueterrain.simulate.scene._plate import CalibrationPlate
 from trueterrain.simulate.speed import Constant, Ramp, StopAndGo
+from trueterrain.vehicle import GOLDEN_QUARTER_CAR, named_vehicle
 
 Table = Mapping[str, Any]
 
@@ -52,6 +54,26 @@ SPEEDS: dict[str, type] = {"constant": Constant, "ramp": Ramp, "stop-and-go": St
 
 #: A measured surface is no dataclass of numbers: it is read from its file.
 MEASURED = "crg"
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuredFile:
+    """A measured surface from an OpenCRG file, repeated without end."""
+
+    file: str
+    "OpenCRG file, beside the scene."
+
+    mirrored: bool = True
+    "Whether every other copy runs backwards, so that there is no step between them."
+
+    across: bool = False
+    "Whether it is repeated across too, mirrored; otherwise there is no ground beside it."
+
+    part_u: tuple[float, float] | None = None
+    "Stations between which it is used [m]; all of it by default."
+
+    part_v: tuple[float, float] | None = None
+    "Offsets between which it is used, so as to leave out ragged edges [m]; all by default."
 
 
 def build(kinds: Mapping[str, type], table: Table, place: str, *, path: Path | None) -> Any:
@@ -91,12 +113,13 @@ def build(kinds: Mapping[str, type], table: Table, place: str, *, path: Path | N
         hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
         problem = "kind is missing" if kind is None else f"kind {kind!r} is unknown"
         raise FormatError(f"{problem} ({hint})", path=path, place=place)
-    if kind == MEASURED:
-        return _measured(values, place, path)
     try:
+        if kind == MEASURED:
+            return _measured(parse_settings(MeasuredFile, values), path)
         return parse_settings(kinds[kind], values)
-    except FormatError as error:
-        raise FormatError(error.problem, path=path, place=place) from None
+    except (TrueTerrainError, ValueError) as error:
+        problem = error.problem if isinstance(error, FormatError) else str(error)
+        raise FormatError(problem, path=path, place=place) from None
 
 
 def catalogue() -> str:
@@ -110,34 +133,27 @@ def catalogue() -> str:
     lines = []
     for what, kinds in {
         "[course]": COURSES,
-        "[[ground]] (several lie on top of each other)": GROUNDS,
+        "[[ground]] (several lie on top of each other)": {**GROUNDS, MEASURED: MeasuredFile},
         "speed of a pass": SPEEDS,
     }.items():
         lines += ["", f"Kinds for {what}", ""]
         for name, kind in kinds.items():
             lines += [f'kind = "{name}"', *settings_template(kind).splitlines(), ""]
-    lines += [
-        'kind = "crg"',
-        "A measured surface from an OpenCRG file, repeated or mirrored without end.",
-        'file = "road.crg"', "mirrored = true", "across = false",
-    ]  # fmt: skip
+    for what, car in {'full cars, here "van"': named_vehicle("van"),
+                      '"quarter car"': GOLDEN_QUARTER_CAR}.items():  # fmt: skip
+        lines += ["", f"Parameters for [vehicle.parameters] of {what}", ""]
+        lines += settings_template(car).splitlines()
     return "\n".join(f"# {line}".rstrip() for line in lines) + "\n"
 
 
-def _measured(values: dict[str, Any], place: str, path: Path | None) -> Repeated:
-    file = values.pop("file", None)
-    if not isinstance(file, str):
-        raise FormatError("file is missing: the OpenCRG file", path=path, place=place)
-    folder = Path() if path is None else path.parent
-    pairs = {key: tuple(value) for key, value in values.items() if isinstance(value, list)}
+def _measured(settings: MeasuredFile, path: Path | None) -> Repeated:
+    file = (Path() if path is None else path.parent) / settings.file
+    options = asdict(settings)
+    del options["file"]
     try:
-        return Repeated.from_file(folder / file, **{**values, **pairs})
-    except TypeError:
-        known = "file, mirrored, across, part_u, part_v"
-        raise FormatError(
-            f"unknown key among {', '.join(values)} (known are {known})", path=path, place=place
-        ) from None
-    except ValueError as error:
-        raise FormatError(str(error), path=path, place=place) from None
-    except TrueTerrainError:
-        raise
+        return Repeated.from_file(file, **options)
+    except OSError as error:
+        message = f"{file}: {error.strerror}"
+        raise ValueError(message) from None
+    except TrueTerrainError as error:
+        raise ValueError(str(error)) from None

@@ -1,5 +1,6 @@
 """A calibration plate: cleats of known profile on a level plate (thesis 3.4)."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,9 +53,26 @@ class CalibrationPlate(Ground):
     def __post_init__(self) -> None:
         """Check the sizes."""
         for name in ("length", "width", "pitch", "cleat", "rise"):
-            if not getattr(self, name) > 0:
+            if not 0 < getattr(self, name) < math.inf:
                 message = f"{name} must be greater than 0 m, got {getattr(self, name)}."
                 raise ValueError(message)
+        for name in ("east", "north", "thickness"):
+            if not math.isfinite(getattr(self, name)):
+                message = f"{name} must be finite, got {getattr(self, name)}."
+                raise ValueError(message)
+        if self.thickness < 0:
+            message = f"thickness must be at least 0 m, got {self.thickness}."
+            raise ValueError(message)
+        if self.pitch < self.cleat:
+            message = f"pitch must be at least the cleat of {self.cleat} m, got {self.pitch} m."
+            raise ValueError(message)
+        needed = 2 * self.pitch + self.cleat
+        if self.length < needed:
+            message = (
+                f"length must leave room for the three cleats, which need {needed:g} m, "
+                f"got {self.length} m."
+            )
+            raise ValueError(message)
 
     def _height(self, x: Float, y: Float) -> Float:
         along, across = x - self.east, y - self.north

@@ -21,7 +21,8 @@ from trueterrain.simulate.pose import COMPONENTS, PoseKnots
 from trueterrain.simulate.raster import Raster
 from trueterrain.simulate.rotation import body_to_ground
 from trueterrain.simulate.scanner import ScannerStream, Scans
-from trueterrain.simulate.scene._scene import Drive, Scene, Stage, set_stage
+from trueterrain.simulate.scene._parts import Drive
+from trueterrain.simulate.scene._scene import Scene, Stage, set_stage
 
 Float = npt.NDArray[np.float64]
 

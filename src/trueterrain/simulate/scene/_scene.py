@@ -1,122 +1,35 @@
 """A scene: which ground is driven over, how, and with which instruments."""
 
-import difflib
+import math
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from trueterrain.errors import FormatError
+from trueterrain.formats.navigation._frames import check_origin
 from trueterrain.formats.run import Mounting
 from trueterrain.formats.settings import read_settings, settings_template
 from trueterrain.simulate.accelerometers import Accelerometers, triangle
-from trueterrain.simulate.body import BodyMotion, Follower, Motion, Parked, Pass, Wave
+from trueterrain.simulate.body import BodyMotion, Follower, Motion, Parked, Pass
 from trueterrain.simulate.course import Course
 from trueterrain.simulate.ground import AlongCourse, Ground, Sum
 from trueterrain.simulate.navigation import Navigation
 from trueterrain.simulate.scanner import Reflectivity, Scanner
 from trueterrain.simulate.scene._kinds import COURSES, GROUNDS, SPEEDS, build, catalogue
-from trueterrain.vehicle import GOLDEN_QUARTER_CAR, Tyre, named_vehicle
+from trueterrain.simulate.scene._parts import (
+    Drive,
+    Road,
+    Standing,
+    Truth,
+    Vehicle,
+    check_name,
+    hint,
+)
+from trueterrain.vehicle import FullCarParameters
 
-#: Where the laser of the thesis's vehicle sits: 1 m behind the rear axle of the van, 2 m high.
+#: Where the laser sits: 0.93 m behind the rear axle of the van, 2 m above level ground.
 LASER = (-2.25, 0.0, 1.2)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Road:
-    """How the ground lies along the course."""
-
-    along_course: bool = False
-    "Whether the ground follows the course, its x the station and its y the offset."
-
-    slope: float = 0.0
-    "Climb of the course [m/m]."
-
-    banking: float = 0.0
-    "Cross slope of the whole course, left side up [m/m]."
-
-    superelevation: float = 0.0
-    "Greatest inward lean, in the tightest curve; in proportion to the curvature elsewhere [m/m]."
-
-
-@dataclass(frozen=True, kw_only=True)
-class Standing:
-    """Instead of driving: how the vehicle stands."""
-
-    duration: float = 4.0
-    "How long it stands [s]."
-
-    east: float = 0.0
-    "Easting of the body [m]."
-
-    north: float = 0.0
-    "Northing of the body [m]."
-
-    yaw: float = 0.0
-    "Direction in which it stands, counter-clockwise from east [rad]."
-
-    waves: tuple[Wave, ...] = ()
-    "What bounces it: sines in east, north, up, roll, pitch, yaw."
-
-
-@dataclass(frozen=True, kw_only=True)
-class Drive:
-    """One pass over the ground: one recorded run."""
-
-    name: str
-    "Name of the pass; the run is called after the scene and it."
-
-    lane: float = 0.0
-    "Offset of the lane to the left of the course [m]."
-
-    reverse: bool = False
-    "Whether the lane is driven against the course."
-
-    start: float | None = None
-    "Station at which it begins [m]; by default where the course does."
-
-    length: float | None = None
-    "Length driven [m]; by default to the end of the course, or once around."
-
-    speed: dict[str, Any] = field(default_factory=lambda: {"kind": "constant", "speed": 5.0})
-    "Speed: its kind and parameters."
-
-    standing: Standing | None = None
-    "Stand instead of driving."
-
-
-@dataclass(frozen=True, kw_only=True)
-class Vehicle:
-    """The vehicle that carries the instruments."""
-
-    model: str = "van"
-    'Full car "compact", "golden car", "sedan" or "van"; "quarter car"; or "rigid".'
-
-    height: float = 0.8
-    "Height of the origin of the body over level ground [m]; a full car has its own."
-
-    roll: float = 0.0
-    "Roll of a rigid body [rad]."
-
-    pitch: float = 0.0
-    "Pitch of a rigid body, nose down positive [rad]."
-
-    waves: tuple[Wave, ...] = ()
-    "What moves a rigid body besides: sines in its components."
-
-    tyre: Tyre = field(default_factory=Tyre)
-    "Contact patch of the tyres."
-
-
-@dataclass(frozen=True, kw_only=True)
-class Truth:
-    """What the truth of a run shall hold besides the exact motion and the injected errors."""
-
-    spacing: float = 0.02
-    "Spacing of the surface that shows the ground [m]."
-
-    returns: bool = True
-    "Whether to keep the error of every range (2 bytes each)."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,7 +75,9 @@ class Scene:
     mounting: Mounting = field(default_factory=lambda: Mounting(scanner_position=LASER))
     "Where the scanner truly sits; the clock of the accelerometers is theirs."
 
-    declared: Mounting | None = None
+    declared: Mounting | None = field(
+        default=None, metadata={"table": Mounting(scanner_position=LASER)}
+    )
     "Mounting that the run claims instead of the true one, to be found out by calibration."
 
     navigation: Navigation = field(default_factory=Navigation)
@@ -178,15 +93,24 @@ class Scene:
 
     def __post_init__(self) -> None:
         """Check what can be checked without driving."""
-        if not self.name or set(self.name) & set("/\\"):
-            message = f"name must be a word without slashes, got {self.name!r}."
+        check_name(self.name)
+        if self.seed < 0:
+            message = f"seed must be at least 0, got {self.seed}."
             raise ValueError(message)
-        if not self.raster >= 0:
+        if not 0 <= self.raster < math.inf:
             message = f"raster must be at least 0 m, got {self.raster}."
             raise ValueError(message)
+        check_origin(self.origin)
+        if not self.ground:
+            message = "ground is missing: it must hold at least one layer."
+            raise ValueError(message)
         names = [drive.name for drive in self.passes]
-        if not names or len(set(names)) < len(names):
-            message = f"passes must have names that differ, got {names}."
+        if not names:
+            message = "passes are missing: there must be at least one."
+            raise ValueError(message)
+        twice = [name for name in names if names.count(name) > 1]
+        if twice:
+            message = f"passes must have names that differ, got {twice[0]!r} {len(twice)} times."
             raise ValueError(message)
 
 
@@ -242,29 +166,24 @@ class Stage:
             start=drive.start,
             length=drive.length,
         )
-        if vehicle.model == "rigid":
+        if vehicle.car is None:
             return Follower(
                 drive=way, up=vehicle.height, roll=vehicle.roll, pitch=vehicle.pitch,
                 waves=vehicle.waves,
             )  # fmt: skip
-        if vehicle.model == "quarter car":
-            return BodyMotion(
-                drive=way, ground=self.ground, vehicle=GOLDEN_QUARTER_CAR, tyre=vehicle.tyre,
-                wheel=self.scene.mounting.scanner_position[:2], origin_height=vehicle.height,
-            )  # fmt: skip
-        car = named_vehicle(vehicle.model)
-        return BodyMotion(drive=way, ground=self.ground, vehicle=car, tyre=vehicle.tyre)
+        return BodyMotion(
+            drive=way, ground=self.ground, vehicle=vehicle.car, tyre=vehicle.tyre,
+            wheel=self.scene.mounting.scanner_position[:2], origin_height=vehicle.height,
+        )  # fmt: skip
 
     def _parked(self, standing: Standing) -> Motion:
         vehicle = self.scene.vehicle
-        how: dict[str, Any] = {
-            name: getattr(standing, name) for name in ("east", "north", "yaw", "duration", "waves")
-        }
-        if vehicle.model in ("rigid", "quarter car"):
-            up = vehicle.height + float(self.ground.height(standing.east, standing.north))
-            return Parked(up=up, roll=vehicle.roll, pitch=vehicle.pitch, **how)
-        car = named_vehicle(vehicle.model)
-        return Parked.on_ground(ground=self.ground, vehicle=car, **how)
+        how = {name: getattr(standing, name) for name in ("east", "north", "yaw", "duration")}
+        waves = (*vehicle.waves, *standing.waves)
+        if isinstance(vehicle.car, FullCarParameters):
+            return Parked.on_ground(ground=self.ground, vehicle=vehicle.car, waves=waves, **how)
+        up = vehicle.height + float(self.ground.height(standing.east, standing.north))
+        return Parked(up=up, roll=vehicle.roll, pitch=vehicle.pitch, waves=waves, **how)
 
 
 def scene_names() -> list[str]:
@@ -314,9 +233,10 @@ def read_scene(scene: str | Path) -> tuple[Scene, Path]:
     path = Path(scene)
     if path.suffix.lower() != ".toml":
         if str(scene) not in scene_names():
-            near = difflib.get_close_matches(str(scene), scene_names(), n=1)
-            hint = f"Did you mean {near[0]!r}?" if near else f"Known: {', '.join(scene_names())}."
-            message = f"{scene}: no ready scene has this name, and it is no .toml file. {hint}"
+            message = (
+                f"{scene}: no ready scene has this name, and it is no .toml file "
+                f"({hint(str(scene), scene_names())})."
+            )
             raise ValueError(message)
         path = Path(str(_folder() / f"{scene}.toml"))
     return read_settings(Scene, path), path
@@ -347,10 +267,12 @@ def set_stage(scene: Scene, *, path: Path | None = None) -> Stage:
         build(GROUNDS, table, f"ground {number}", path=path)
         for number, table in enumerate(scene.ground, start=1)
     ]
-    if not layers:
-        raise FormatError("ground is missing: at least one layer", path=path)
     ground: Ground = layers[0] if len(layers) == 1 else Sum(parts=tuple(layers))
-    return Stage(scene=scene, course=course, ground=_laid(ground, course, scene.road), path=path)
+    try:
+        ground = _laid(ground, course, scene.road)
+    except ValueError as error:
+        raise FormatError(str(error), path=path, place="road") from None
+    return Stage(scene=scene, course=course, ground=ground, path=path)
 
 
 def scene_template(scene: Scene | None = None) -> str:

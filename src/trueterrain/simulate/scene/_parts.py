@@ -1,0 +1,219 @@
+"""What a scene is made of: roads, passes, vehicles and what is kept of the truth."""
+
+import dataclasses
+import difflib
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+from trueterrain.simulate.body import Wave
+from trueterrain.vehicle import (
+    GOLDEN_QUARTER_CAR,
+    FullCarParameters,
+    QuarterCarParameters,
+    Tyre,
+    named_vehicle,
+    vehicle_names,
+)
+
+_QUARTER, _RIGID = "quarter car", "rigid"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Road:
+    """How the ground lies along the course."""
+
+    along_course: bool = False
+    """Whether the ground follows the course, its x the station and its y the offset; with a slope,
+    banking or superelevation it always does."""
+
+    slope: float = 0.0
+    "Climb of the course [m/m]."
+
+    banking: float = 0.0
+    "Cross slope of the whole course, left side up [m/m]."
+
+    superelevation: float = 0.0
+    """Greatest inward lean, in the tightest curve; in proportion to the curvature elsewhere, which
+    must not jump: courses need transitions [m/m]."""
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        check_finite(self, "slope", "banking", "superelevation")
+        if not self.superelevation >= 0:
+            message = f"superelevation must be at least 0 m/m, got {self.superelevation}."
+            raise ValueError(message)
+        if self.superelevation and self.banking:
+            message = (
+                "banking and superelevation exclude each other, "
+                f"got {self.banking} and {self.superelevation} m/m."
+            )
+            raise ValueError(message)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Standing:
+    """Instead of driving: how the vehicle stands."""
+
+    duration: float = 4.0
+    "How long it stands [s]."
+
+    east: float = 0.0
+    "Easting of the body [m]."
+
+    north: float = 0.0
+    "Northing of the body [m]."
+
+    yaw: float = 0.0
+    "Direction in which it stands, counter-clockwise from east [rad]."
+
+    waves: tuple[Wave, ...] = ()
+    "What bounces it: sines in east, north, up, roll, pitch, yaw."
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        if not 0 < self.duration < math.inf:
+            message = f"duration must be greater than 0 s, got {self.duration}."
+            raise ValueError(message)
+        check_finite(self, "east", "north", "yaw")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drive:
+    """One pass over the ground: one recorded run."""
+
+    name: str
+    "Name of the pass; the run is called after the scene and it."
+
+    lane: float = 0.0
+    "Offset of the lane to the left of the course [m]."
+
+    reverse: bool = False
+    "Whether the lane is driven against the course."
+
+    start: float | None = None
+    "Station at which it begins [m]; by default where the course does."
+
+    length: float | None = None
+    "Length driven [m]; by default to the end of the course, or once around."
+
+    speed: dict[str, Any] = field(default_factory=lambda: {"kind": "constant", "speed": 5.0})
+    "Speed: its kind and parameters."
+
+    standing: Standing | None = None
+    "Stand instead of driving."
+
+    def __post_init__(self) -> None:
+        """Check the name, and that a vehicle that stands does not drive."""
+        check_name(self.name)
+        check_finite(self, "lane", "start", "length")
+        driven = self.lane or self.reverse or self.start is not None or self.length is not None
+        if self.standing is not None and driven:
+            message = "standing excludes lane, reverse, start and length; standing has a place."
+            raise ValueError(message)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Vehicle:
+    """The vehicle that carries the instruments."""
+
+    model: str = "van"
+    """Full car "compact", "golden car", "sedan" or "van"; "quarter car", the golden one; or
+    "rigid", without springs."""
+
+    parameters: dict[str, float] = field(default_factory=dict)
+    "Parameters of the car that are not those of the model; all are listed at the end."
+
+    height: float = 0.8
+    """Height of the origin of a rigid body or a quarter car over level ground [m]; of a full car it
+    is its parameter cg_height."""
+
+    roll: float = 0.0
+    "Roll of a rigid body [rad]."
+
+    pitch: float = 0.0
+    "Pitch of a rigid body, nose down positive [rad]."
+
+    waves: tuple[Wave, ...] = ()
+    "What moves a rigid body besides: sines in its components."
+
+    tyre: Tyre = field(default_factory=Tyre)
+    "Contact patch of the tyres."
+
+    def __post_init__(self) -> None:
+        """Check model and parameters."""
+        known = [*vehicle_names(), _QUARTER, _RIGID]
+        if self.model not in known:
+            message = f"model {self.model!r} is unknown ({hint(self.model, known)})."
+            raise ValueError(message)
+        check_finite(self, "height", "roll", "pitch")
+        if self.model != _RIGID and (self.roll or self.pitch or self.waves):
+            message = f"roll, pitch and waves are for a rigid body, got the model {self.model!r}."
+            raise ValueError(message)
+        _ = self.car  # parameters that break a rule are refused at once
+
+    @property
+    def car(self) -> FullCarParameters | QuarterCarParameters | None:
+        """Parameters of the car; None for a rigid body.
+
+        Examples
+        --------
+        >>> Vehicle(model="van", parameters={"sprung_mass": 1500.0}).car.sprung_mass
+        1500.0
+        """
+        if self.model == _RIGID:
+            if self.parameters:
+                message = "parameters are for a car on springs, got the model 'rigid'."
+                raise ValueError(message)
+            return None
+        car = GOLDEN_QUARTER_CAR if self.model == _QUARTER else named_vehicle(self.model)
+        known = [entry.name for entry in dataclasses.fields(car)]
+        for name in self.parameters:
+            if name not in known:
+                message = f"parameters.{name} is unknown ({hint(name, known)})."
+                raise ValueError(message)
+        values: dict[str, float] = dataclasses.asdict(car) | self.parameters
+        try:
+            return type(car)(**values)
+        except ValueError as error:
+            message = f"parameters.{error}"
+            raise ValueError(message) from None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Truth:
+    """What the truth of a run shall hold besides the exact motion and the injected errors."""
+
+    spacing: float = 0.02
+    "Spacing of the surface that shows the ground [m]."
+
+    returns: bool = True
+    "Whether to keep the error of every range (2 bytes each)."
+
+    def __post_init__(self) -> None:
+        """Check the spacing."""
+        if not 0 < self.spacing < math.inf:
+            message = f"spacing must be greater than 0 m, got {self.spacing}."
+            raise ValueError(message)
+
+
+def hint(name: str, known: list[str]) -> str:
+    """Known name that is nearest, or all of them."""
+    near = difflib.get_close_matches(name.lower(), known, n=1)
+    return f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
+
+
+def check_name(name: str) -> None:
+    """Raise ValueError unless a name can be part of the name of a file."""
+    if not name.strip() or name.startswith(".") or not name.isprintable() or set(name) & set("/\\"):
+        message = f"name must be a word without slashes, got {name!r}."
+        raise ValueError(message)
+
+
+def check_finite(settings: object, *names: str) -> None:
+    """Raise ValueError unless fields are finite or None."""
+    for name in names:
+        value = getattr(settings, name)
+        if value is not None and not math.isfinite(value):
+            message = f"{name} must be finite, got {value}."
+            raise ValueError(message)
