@@ -7,22 +7,39 @@ data. Without ``ax`` a new figure is made; ``save`` writes it, whole or not at a
 
 from trueterrain.figures.cpf import cpf
 from trueterrain.figures.difference import profile_difference
+from trueterrain.figures.drift import navigation_errors
 from trueterrain.figures.iri import iri_segments
+from trueterrain.figures.motion import body_motion, laser_displacement
+from trueterrain.figures.navigation import navigation_heights, navigation_plan
 from trueterrain.figures.output import save
 from trueterrain.figures.parallel import parallel_profiles
 from trueterrain.figures.points import points_map
 from trueterrain.figures.profiles import profiles
+from trueterrain.figures.ranges import range_image
+from trueterrain.figures.scan import scan_elevation, scan_plan
 from trueterrain.figures.search import search_area_map
+from trueterrain.figures.slope import measurable_slope
+from trueterrain.figures.spectrum import spectrum
 from trueterrain.figures.surface import surface_map
 
 __all__ = [
+    "body_motion",
     "cpf",
     "iri_segments",
+    "laser_displacement",
+    "measurable_slope",
+    "navigation_errors",
+    "navigation_heights",
+    "navigation_plan",
     "parallel_profiles",
     "points_map",
     "profile_difference",
     "profiles",
+    "range_image",
     "save",
+    "scan_elevation",
+    "scan_plan",
     "search_area_map",
+    "spectrum",
     "surface_map",
 ]

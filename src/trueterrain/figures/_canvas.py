@@ -111,6 +111,19 @@ def colour_bar(image: Any, ax: "Axes", scale: Scale, name: str = "Height") -> No
     scale_axis(bar.ax.yaxis, scale, name)
 
 
+def degree_axis(axis: Any, name: str) -> None:
+    """Write an axis of angles in round degrees, while the data stay in radians."""
+    from matplotlib.ticker import MaxNLocator
+
+    class Degrees(MaxNLocator):
+        def tick_values(self, vmin: float, vmax: float) -> list[float]:
+            ticks = super().tick_values(float(np.rad2deg(vmin)), float(np.rad2deg(vmax)))
+            return [float(np.deg2rad(tick)) for tick in ticks]
+
+    axis.set_major_locator(Degrees(nbins=6, steps=[1, 2, 5, 10]))
+    scale_axis(axis, Scale(factor=float(np.rad2deg(1.0)), unit="deg"), name)
+
+
 def note(ax: "Axes", text: str) -> None:
     """Short remark above the right end of the axes."""
     ax.annotate(
@@ -138,7 +151,7 @@ def note_exaggeration(ax: "Axes") -> None:
 def exaggeration(ax: "Axes") -> float:
     """How much larger a metre is drawn on the y axis than on the x axis."""
     (x0, y0), (x1, y1) = ax.transData.transform([(0.0, 0.0), (1.0, 1.0)])
-    return float((y1 - y0) / (x1 - x0))
+    return abs(float((y1 - y0) / (x1 - x0)))
 
 
 def legend_above(ax: "Axes", columns: int = 4, *, notes: bool = True) -> None:
