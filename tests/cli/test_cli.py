@@ -7,7 +7,7 @@ import pytest
 from trueterrain import __version__
 from trueterrain.cli import command_line
 
-COMMANDS = ("convert", "demo", "doctor", "info", "iri", "plot", "profile")
+COMMANDS = ("convert", "demo", "doctor", "info", "init", "iri", "plot", "profile", "simulate")
 
 
 def test_help_lists_every_command(run):

@@ -3,22 +3,28 @@
 Exit codes: 0 done, 2 bad input or arguments (one line on stderr; ``--debug`` adds the traceback).
 """
 
+import os
 import sys
 import warnings
 
 import cyclopts
 
 from trueterrain._version import __version__
+from trueterrain.cli._console import in_words
 from trueterrain.errors import TrueTerrainError
+
+_PIPE_CLOSED = 141  # exit code by which shells name a program that nobody listened to any more
 
 _COMMANDS = {
     "convert": "Convert surfaces, points and profiles between file formats.",
     "demo": "Make a Belgian block road, extract the profile a tyre feels, and rate it.",
     "doctor": "Say what a bug report needs: versions, backends, cores.",
     "info": "Say what a file is: kind, counts, extent, CRS, and what is wrong with it.",
+    "init": "Print complete settings to begin with, e.g. of a scene.",
     "iri": "International Roughness Index of profiles.",
     "plot": "Draw a surface, a point cloud or a profile.",
     "profile": "Extract the profile that a tyre feels along a path.",
+    "simulate": "Drive a virtual profiler over known ground and record its runs.",
 }
 
 
@@ -65,20 +71,22 @@ def main(arguments: list[str] | None = None) -> None:
     warnings.showwarning = _show_warning
     try:
         command_line(called)(arguments, exit_on_error=False, print_error=False)
-    except (TrueTerrainError, ValueError, OSError, cyclopts.CycloptsError) as error:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # whoever reads the output has seen enough, as `head` does; what is left goes nowhere, since
+        # python would complain about it at exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(_PIPE_CLOSED)
+    except (
+        TrueTerrainError, ValueError, OSError, MemoryError, cyclopts.CycloptsError
+    ) as error:  # fmt: skip
         if debug:
             raise
-        sys.stderr.write(f"trueterrain: error: {_one_line(error)}\n")
+        sys.stderr.write(f"trueterrain: error: {in_words(error)}\n")
         sys.exit(2)
     except KeyboardInterrupt:
         sys.stderr.write("trueterrain: stopped; nothing was left half written\n")
         sys.exit(130)
-
-
-def _one_line(error: Exception) -> str:
-    if isinstance(error, OSError) and error.filename is not None:
-        return f"{error.filename}: {error.strerror}."
-    return " ".join(str(error).split())
 
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:

@@ -332,7 +332,10 @@ def _assignment(field: Any, value: Any, hint: Any, commented: bool) -> str:
         return f"# {field.name} = ... (required: {_type_name(hint)})"
     if value is None:
         return f"# {field.name} = ... (not set: {_type_name(hint)})"
-    return f"{'# ' if commented else ''}{field.name} = {_toml(value)}"
+    line = f"{field.name} = {_toml(value)}"
+    if len(line) > _WIDTH and isinstance(value, list | tuple):
+        line = "\n".join([f"{field.name} = [", *(f"    {_toml(item)}," for item in value), "]"])
+    return textwrap.indent(line, "# ") if commented else line
 
 
 def _value_of(field: Any, settings: Any) -> Any:
@@ -355,11 +358,15 @@ def _toml(value: Any) -> str:
     if isinstance(value, float):
         return repr(float(value)) if math.isfinite(value) else str(float(value))
     if isinstance(value, Mapping):
-        items = ", ".join(f"{json.dumps(str(key))} = {_toml(item)}" for key, item in value.items())
+        items = ", ".join(f"{_key(str(name))} = {_toml(item)}" for name, item in value.items())
         return f"{{ {items} }}" if items else "{}"
     if isinstance(value, Sequence) and not isinstance(value, str):
         return f"[{', '.join(map(_toml, value))}]"
     return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name)
 
 
 def _with_choices(text: str, hint: Any) -> str:
@@ -389,7 +396,7 @@ def _flat(names: Iterator[str]) -> list[str]:
 
 
 def _comment(text: str) -> list[str]:
-    return [f"# {line}" for line in textwrap.wrap(" ".join(text.split()), _WIDTH)]
+    return [f"# {line}" for line in textwrap.wrap(" ".join(text.replace("``", "").split()), _WIDTH)]
 
 
 def _summary(kind: type) -> str:

@@ -1,0 +1,178 @@
+"""The command ``trueterrain simulate``: recorded runs whose truth is known."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from trueterrain.cli._console import out, out_json, progress_bar
+from trueterrain.errors import CoverageError, OutputError
+
+if TYPE_CHECKING:
+    from trueterrain.simulate.body import Motion
+    from trueterrain.simulate.scene import Drive, Scene, Stage
+
+
+def simulate(
+    scene: str | None = None,
+    /,
+    *,
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    passes: Annotated[list[str] | None, Parameter(name="--pass", negative="")] = None,
+    seed: int | None = None,
+    show_scenes: Annotated[bool, Parameter(name="--list", negative="")] = False,
+    json: Annotated[bool, Parameter(negative="")] = False,
+    force: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Drive a virtual profiler over known ground and record what its instruments see.
+
+    Each pass of the scene becomes one run, SCENE-PASS.zarr: scans, navigation and accelerometers
+    with all their errors, and the truth. The same scene and seed give the same runs. A run appears
+    when it is whole. `trueterrain init scene` prints a scene to begin with.
+
+    Example: `trueterrain simulate belgian-two-lanes -o runs`
+
+    Parameters
+    ----------
+    scene
+        Scene: a .toml file, or a ready scene by its name.
+    output
+        Folder for the runs; it is made if it does not exist.
+    passes
+        Record only the pass of this name; may be given several times. By default all.
+    seed
+        Seed of all noise; by default that of the scene.
+    show_scenes
+        List the ready scenes and do nothing else.
+    json
+        Print one JSON document {"scene", "title", "seed", "runs": [{"pass", "path", "scans",
+        "beams", "seconds", "bytes"}]}; with --list [{"name", "title", "passes"}].
+    force
+        Replace runs that exist.
+    """
+    if show_scenes:
+        _list(json)
+        return
+    if scene is None:
+        message = "name a scene: a .toml file, or a ready one (see `trueterrain simulate --list`)."
+        raise ValueError(message)
+    if output is None:
+        message = "name the folder for the runs: --output DIR."
+        raise ValueError(message)
+    drives, stage = _stage(scene, passes or [], seed)
+    todo = [
+        (number, drive, stage.motion(drive), output / f"{stage.scene.name}-{drive.name}.zarr")
+        for number, drive in drives
+    ]
+    runs = []
+    with _folder(output, [target for *_, target in todo], force=force):
+        for number, drive, motion, target in todo:
+            _record(stage, drive, motion, target, number=number, force=force)
+            runs.append(_summary(drive, motion, target))
+            if not json:
+                out(_in_words(runs[-1], max(len(str(path)) for *_, path in todo)))
+    if json:
+        settings = stage.scene
+        out_json(
+            {"scene": settings.name, "title": settings.title, "seed": settings.seed, "runs": runs}
+        )
+
+
+def _list(json: bool) -> None:
+    from trueterrain.simulate.scene import read_scene, scene_names
+
+    scenes = [read_scene(name)[0] for name in scene_names()]
+    if json:
+        out_json([
+            {"name": s.name, "title": s.title, "passes": [drive.name for drive in s.passes]}
+            for s in scenes
+        ])  # fmt: skip
+        return
+    width = max(len(scene.name) for scene in scenes)
+    for scene in scenes:
+        out(f"{scene.name:<{width}}  {scene.title}")
+
+
+def _stage(
+    name: str, passes: list[str], seed: int | None
+) -> "tuple[list[tuple[int, Drive]], Stage]":
+    """Passes to record with their numbers in the scene, and the scene with its ground."""
+    from dataclasses import replace
+
+    from trueterrain.simulate.scene import read_scene, set_stage
+
+    scene, path = read_scene(name)
+    if seed is not None:
+        scene = replace(scene, seed=seed)
+    return _chosen(scene, path, passes), set_stage(scene, path=path)
+
+
+def _chosen(scene: "Scene", path: Path, passes: list[str]) -> "list[tuple[int, Drive]]":
+    known = [drive.name for drive in scene.passes]
+    for name in passes:
+        if name not in known:
+            message = f"{path}: --pass must be one of {', '.join(known)}, got {name!r}."
+            raise ValueError(message)
+    # the number of a pass is its place in the scene, so that it has the same noise alone
+    return [(n, drive) for n, drive in enumerate(scene.passes) if drive.name in (passes or known)]
+
+
+@contextmanager
+def _folder(folder: Path, targets: list[Path], *, force: bool) -> Iterator[None]:
+    """Make the folder if all runs may be written there; leave none behind that is empty."""
+    from trueterrain.formats.run._store import require_store_writable
+
+    if folder.exists() and not folder.is_dir():
+        raise OutputError("is a file, not a folder", path=folder, cure="Name a folder.")
+    if not folder.absolute().parent.is_dir():
+        raise OutputError(
+            f"the folder {folder.parent} does not exist", path=folder, cure="Create it first."
+        )
+    made = not folder.exists()
+    folder.mkdir(exist_ok=True)
+    try:
+        for target in targets:
+            require_store_writable(target, force=force)
+        yield
+    finally:
+        if made:
+            with suppress(OSError):  # it is not empty
+                folder.rmdir()
+
+
+def _record(
+    stage: "Stage", drive: "Drive", motion: "Motion", target: Path, *, number: int, force: bool
+) -> None:
+    from trueterrain.simulate.scene import record_pass
+
+    with progress_bar() as progress:
+        try:
+            record_pass(stage, drive, motion, target, number=number, force=force, progress=progress)
+        except CoverageError as error:
+            where = f"pass {drive.name}" + (f", {error.place}" if error.place else "")
+            raise CoverageError(
+                error.problem, path=stage.path, place=where, cure=error.cure
+            ) from None
+
+
+def _summary(drive: "Drive", motion: "Motion", target: Path) -> dict[str, Any]:
+    from trueterrain.formats.run import open_run
+
+    sizes = open_run(target)["scans"].sizes
+    return {
+        "pass": drive.name,
+        "path": str(target),
+        "scans": sizes["scan"],
+        "beams": sizes["beam"],
+        "seconds": motion.duration,
+        "bytes": sum(file.stat().st_size for file in target.rglob("*") if file.is_file()),
+    }
+
+
+def _in_words(run: dict[str, Any], width: int) -> str:
+    return (
+        f"{run['path']:<{width}}  {run['scans']:>9,} scans of {run['beams']} beams in "
+        f"{run['seconds']:.3f} s, {run['bytes'] / 1e6:.1f} MB"
+    )
