@@ -147,8 +147,9 @@ class Raster(Ground):
         for di, wx in ((0, 1 - fx), (1, fx)):
             for dj, wy in ((0, 1 - fy), (1, fy)):
                 weight = wx * wy
-                node = self.ground.height((i + di) * self.spacing, (j + dj) * self.spacing)
-                total += np.where(weight > 0, weight * node, 0.0)
+                needed = np.flatnonzero(weight != 0)  # a point on a node needs that node alone
+                at_x, at_y = (i[needed] + di) * self.spacing, (j[needed] + dj) * self.spacing
+                total[needed] += weight[needed] * self.ground.height(at_x, at_y)
         return total
 
 

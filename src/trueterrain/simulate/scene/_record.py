@@ -11,8 +11,10 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.engine.progress import Progress, no_progress
-from trueterrain.formats.run import RunWriter
+from trueterrain.formats.run import Mounting, RunWriter
+from trueterrain.formats.run._store import require_store_writable
 from trueterrain.kinds import make_surface
+from trueterrain.provenance import add_step
 from trueterrain.simulate.accelerometers import AccelerometerStream
 from trueterrain.simulate.body import Motion
 from trueterrain.simulate.ground import Ground
@@ -21,17 +23,23 @@ from trueterrain.simulate.pose import COMPONENTS, PoseKnots
 from trueterrain.simulate.raster import Raster
 from trueterrain.simulate.rotation import body_to_ground
 from trueterrain.simulate.scanner import ScannerStream, Scans
+from trueterrain.simulate.scene._kinds import MEASURED
 from trueterrain.simulate.scene._parts import Drive
 from trueterrain.simulate.scene._scene import Scene, Stage, set_stage
 
 Float = npt.NDArray[np.float64]
 
-_BLOCK = 0.25  # [s] recorded at a time: some 235,000 beams
+#: Time recorded at once [s]: some 235,000 beams. What is recorded does not depend on it.
+BLOCK = 0.25
+
 _LEAD = 0.1  # [s] that navigation and accelerometers record before and after the scans
 _MARGIN = 0.1  # [s] of motion around a block
 _MICROMETRE = 1e-6  # [m] step in which the errors of ranges are kept
-_LOST = np.int16(-32768)
-_LARGEST_TRUTH = 30_000_000  # nodes of the surface that shows the ground
+_LOST = np.iinfo(np.int32).min
+_BESIDE = 0.5  # [m] by which the surface that shows the ground is wider than the swath, either side
+_BEYOND = 1.0  # [m] by which it is longer than the way of the laser, either end
+_LARGEST_TRUTH = 30_000_000  # nodes of that surface
+_ROWS = 1000  # of it computed at a time
 
 
 def record_scene(
@@ -69,9 +77,11 @@ def record_scene(
     OutputError
         If a run exists and `force` is false, or the folder does not exist.
     """
+    targets = [Path(folder) / f"{scene.name}-{drive.name}.zarr" for drive in scene.passes]
+    for target in targets:
+        require_store_writable(target, force=force)
     stage = set_stage(scene, path=path)
     motions = [stage.motion(drive) for drive in scene.passes]  # all are possible, or none is driven
-    targets = [Path(folder) / f"{scene.name}-{drive.name}.zarr" for drive in scene.passes]
     for number, (drive, motion, target) in enumerate(
         zip(scene.passes, motions, targets, strict=True)
     ):
@@ -87,6 +97,7 @@ def record_pass(
     *,
     number: int = 0,
     force: bool = False,
+    block: float = BLOCK,
     progress: Progress = no_progress,
 ) -> None:
     """Record one pass.
@@ -105,11 +116,15 @@ def record_pass(
         Number of the pass, from 0: each has noise and drift of its own.
     force : bool
         Replace a run that is there already.
+    block : float
+        Time recorded at once [s]; the run is the same, byte by byte, for any.
     progress : callable, optional
         Called with the name of the pass, and the seconds driven and to drive.
 
     Raises
     ------
+    CoverageError
+        If there is no ground under a wheel.
     OutputError
         If the run exists and `force` is false, or its folder does not exist.
     """
@@ -123,6 +138,9 @@ def record_pass(
     navigation = NavigationStream(scene.navigation, begin=-_LEAD, **seeded)
     accelerometers = AccelerometerStream(scene.accelerometers, begin=-_LEAD, **seeded)
     duration = motion.duration
+    half = 0.5 * scene.scanner.swath + _BESIDE
+    across = _multiples(half, scene.truth.spacing)
+    way = _Way(mounting, scene.truth.spacing, most=_LARGEST_TRUTH // across.size)
     with RunWriter(
         target,
         name=f"{scene.name}-{drive.name}",
@@ -133,103 +151,128 @@ def record_pass(
         delay=scene.scanner.delay,
         accelerometer_positions=np.array(scene.accelerometers.positions),
         largest_range=scene.scanner.furthest,
+        history=_history(stage, drive, number),
         force=force,
     ) as run:
-        for begin, end, knots in motion.blocks(-_LEAD, duration + _LEAD, _BLOCK, margin=_MARGIN):
+        for begin, end, knots in motion.blocks(-_LEAD, duration + _LEAD, block, margin=_MARGIN):
             epochs = navigation.record(knots, begin, end)
             run.append_navigation(epochs.recorded)
             run.append_truth("navigation", _along(epochs.truth, "epoch"))
             samples = accelerometers.record(knots, begin, end)
             run.append_accelerometers(**samples.recorded)
-            run.append_truth(
-                "accelerometers", _along(samples.truth, "sample", "sensor"), dim="sample"
-            )
-            run.append_truth("body", _knots(knots, begin, end, last=end == duration + _LEAD))
+            felt = _along(samples.truth, "sample", "sensor").merge(_constant_errors(accelerometers))
+            run.append_truth("accelerometers", felt, dim="sample")
+            driven = _knots(knots, begin, end, last=end == duration + _LEAD)
+            run.append_truth("body", driven)
+            if drive.standing is None or not way.begun:
+                way.append(driven)
             first, last = max(begin, 0.0), min(end, duration)
             if last > first:
                 scans = scanner.record(knots, first, last)
                 run.append_scans(scans.time, scans.range, scans.intensity)
-                run.append_truth("scanner", _poses(knots, scans, scanner))
+                run.append_truth("scanner", _poses(knots, scans, mounting))
                 if scene.truth.returns:
                     run.append_truth("returns", _errors(scans), dim="scan")
                 progress(drive.name, last, duration)
-        for part in true_ground(stage, motion, ground):
+        for part in _strips(way.line(), across, ground):
             run.append_truth("ground", part, dim="u")
 
 
-def true_ground(stage: Stage, motion: Motion, ground: Ground) -> Iterator[xr.Dataset]:
-    """Surface that shows the ground under a pass, piece by piece along it.
+def _history(stage: Stage, drive: Drive, number: int) -> str:
+    """Provenance: the whole scene, which pass, and the measured surfaces."""
+    folder = stage.path.parent if stage.path else Path()
+    measured = [table["file"] for table in stage.scene.ground if table.get("kind") == MEASURED]
+    step = add_step(
+        xr.Dataset(), "simulate",
+        parameters={"scene": stage.scene, "pass": drive.name, "pass_number": number},
+        inputs=[folder / file for file in measured],
+    )  # fmt: skip
+    return str(step.attrs["provenance"])
 
-    Parameters
-    ----------
-    stage : Stage
-        Scene with its ground.
-    motion : Motion
-        Motion of the body.
-    ground : Ground
-        True ground.
 
-    Yields
-    ------
-    xarray.Dataset
-        Surface with the way of the body as reference line, wider than the swath; a standing
-        vehicle looks along its x axis.
+class _Way:
+    """Way of the laser in the plane, with nodes at whole multiples of a spacing along it.
+
+    When there are too many nodes, every other one is given up; what is left does not depend on
+    how the way came.
     """
-    scene = stage.scene
-    spacing = scene.truth.spacing
-    half = 0.5 * scene.scanner.swath + 0.5
-    v = _multiples(half, spacing)
-    line = _way(motion, spacing)
-    if line.shape[0] * v.size > _LARGEST_TRUTH:
-        line = line[:: math.ceil(line.shape[0] * v.size / _LARGEST_TRUTH)]
-    rows = 1000
-    for begin in range(0, len(line) - 1, rows):
-        part = line[begin : begin + rows]
-        if len(part) < 2:
-            break
-        yield _strip(part, v, ground)
+
+    def __init__(self, mounting: Mounting, spacing: float, *, most: int) -> None:
+        self._lever = np.array(mounting.scanner_position[:2])
+        self._spacing = spacing
+        self._most = max(most, 2)
+        self._nodes = np.empty((0, 3))  # station, easting, northing
+        self._next = 0  # number of the next node
+        self._last = np.empty((0, 3))  # the same where the way was last
+
+    @property
+    def begun(self) -> bool:
+        """Whether it has a begin."""
+        return len(self._last) > 0
+
+    def append(self, knots: xr.Dataset) -> None:
+        """Go on along knots of the body."""
+        yaw = knots["yaw"].values
+        x, y = self._lever
+        east = knots["east"].values + x * np.cos(yaw) - y * np.sin(yaw)
+        north = knots["north"].values + x * np.sin(yaw) + y * np.cos(yaw)
+        if not self.begun and yaw.size:
+            self._heading = float(yaw[0])
+            self._last = np.array([[0.0, east[0], north[0]]])
+        _, last_east, last_north = self._last.T
+        east, north = np.append(last_east, east), np.append(last_north, north)
+        # one sum after the other, so that it does not matter where blocks end
+        steps = np.hypot(np.diff(east), np.diff(north))
+        s = np.cumsum(np.append(self._last[:, 0], steps))
+        numbers = np.arange(self._next, math.floor(s[-1] / self._spacing) + 1)
+        at = numbers * self._spacing
+        nodes = np.stack([at, np.interp(at, s, east), np.interp(at, s, north)], axis=1)
+        self._nodes = np.concatenate([self._nodes, nodes])
+        self._next += numbers.size
+        self._last = np.array([[s[-1], east[-1], north[-1]]])
+        while len(self._nodes) > self._most:
+            self._nodes = self._nodes[::2]
+            self._spacing *= 2
+            self._next = math.ceil(self._next / 2)
+
+    def line(self) -> Float:
+        """Station, easting and northing of the nodes, and straight on beyond both ends."""
+        nodes = self._nodes
+        ahead = np.tile([np.cos(self._heading), np.sin(self._heading)], (2, 1))
+        if len(nodes) > 1:
+            ahead = np.diff(nodes[[0, 1, -2, -1], 1:], axis=0)[[0, 2]]
+            ahead /= np.linalg.norm(ahead, axis=1)[:, None]
+        on = np.arange(1, math.ceil(_BEYOND / self._spacing) + 1)[:, None] * self._spacing
+        before = nodes[0] - on[::-1] * np.append(1.0, ahead[0])
+        after = nodes[-1] + on * np.append(1.0, ahead[1])
+        return np.concatenate([before, nodes, after])
 
 
-def _way(motion: Motion, spacing: float) -> Float:
-    """Station, position and heading along the way of the body, shape (n, 4)."""
-    pieces, travelled = [], 0.0
-    for begin, end, knots in motion.blocks(0.0, motion.duration, 1.0, margin=_MARGIN):
-        inside = (knots.time >= begin) & (knots.time <= end)
-        pose = knots.pose[inside]
-        steps = np.hypot(*np.diff(pose[:, :2], axis=0).T)
-        s = travelled + np.concatenate([[0.0], np.cumsum(steps)])
-        at = np.arange(math.ceil(s[0] / spacing), math.floor(s[-1] / spacing) + 1) * spacing
-        if s[-1] > s[0]:
-            columns = [np.interp(at, s, pose[:, c]) for c in (0, 1, 5)]
-            pieces.append(np.stack([at, *columns], axis=1))
-        travelled = s[-1]
-    line = np.concatenate(pieces) if pieces else np.empty((0, 4))
-    line = (
-        line[np.concatenate([[True], np.diff(line[:, 0]) > 0.5 * spacing])] if len(line) else line
-    )
-    if len(line) >= 2:
-        return line
-    pose = motion.knots(0.0, min(motion.duration, 0.01)).pose[0]
-    s = _multiples(1.0, spacing)
-    ahead = np.array([np.cos(pose[5]), np.sin(pose[5])])
-    return np.column_stack([s, pose[:2] + s[:, None] * ahead, np.full(s.size, pose[5])])
+def _strips(line: Float, v: Float, ground: Ground) -> Iterator[xr.Dataset]:
+    """Surface that shows the ground on either side of a line, piece by piece along it.
+
+    A cross-section lies on the bisector of the two chords that meet in its node.
+    """
+    u, east, north = line.T
+    chords = np.diff(line[:, 1:], axis=0)
+    heading = np.unwrap(np.arctan2(chords[:, 1], chords[:, 0]))
+    left = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
+    before, after = left[np.r_[0, : len(left)]], left[np.r_[: len(left), -1]]
+    normal = (before + after) / (1.0 + np.sum(before * after, axis=1))[:, None]
+    for begin in range(0, u.size, _ROWS):
+        rows = slice(begin, begin + _ROWS)
+        x = east[rows, None] + v * normal[rows, :1]
+        y = north[rows, None] + v * normal[rows, 1:]
+        yield make_surface(
+            ground.height(x, y), u=u[rows], v=v, easting=east[rows], northing=north[rows],
+            heading=heading[np.r_[0, : len(heading)]][rows],
+        )  # fmt: skip
 
 
 def _multiples(half: float, spacing: float) -> Float:
     """Multiples of the spacing from -half to half [m]."""
     most = math.ceil(half / spacing)
     return spacing * np.arange(-most, most + 1, dtype=float)
-
-
-def _strip(line: Float, v: Float, ground: Ground) -> xr.Dataset:
-    """Surface across a part of the way."""
-    u, east, north, heading = line.T
-    left = np.stack([-np.sin(heading), np.cos(heading)])
-    x = east[:, None] + v * left[0][:, None]
-    y = north[:, None] + v * left[1][:, None]
-    return make_surface(
-        ground.height(x, y), u=u, v=v, easting=east, northing=north, heading=heading
-    )
 
 
 def _along(block: Mapping[str, npt.ArrayLike], *dims: str) -> xr.Dataset:
@@ -239,8 +282,9 @@ def _along(block: Mapping[str, npt.ArrayLike], *dims: str) -> xr.Dataset:
 
 
 def _knots(knots: PoseKnots, begin: float, end: float, *, last: bool) -> xr.Dataset:
-    """Knots of the exact motion in [begin, end), and the one that closes the last block."""
-    inside = (knots.time >= begin - 1e-9) & (knots.time < end + (1e-9 if last else -1e-9))
+    """Knots of the exact motion in [begin, end), and the one after the end of the last block."""
+    step = knots.time[1] - knots.time[0]
+    inside = (knots.time >= begin - 1e-9) & (knots.time < end + (step if last else 0.0) - 1e-9)
     columns: dict[str, Float] = {"time": knots.time[inside]}
     for number, name in enumerate(COMPONENTS):
         columns[name] = knots.pose[inside, number]
@@ -249,26 +293,32 @@ def _knots(knots: PoseKnots, begin: float, end: float, *, last: bool) -> xr.Data
     return _along(columns, "knot")
 
 
-def _poses(knots: PoseKnots, scans: Scans, scanner: ScannerStream) -> xr.Dataset:
-    """Exact pose of the scanner at the first beam of every scan."""
-    time = scans.time + scanner.mounting.scanner_clock
+def _constant_errors(accelerometers: AccelerometerStream) -> xr.Dataset:
+    """Errors of scale and of axes: the unit vector of each axis in the body."""
+    scale, axis = accelerometers.scale, accelerometers.axes
+    return xr.Dataset({"scale_error": ("sensor", scale), "axis": (("sensor", "component"), axis)})
+
+
+def _poses(knots: PoseKnots, scans: Scans, mounting: Mounting) -> xr.Dataset:
+    """Exact pose of the scanner at the first beam of every scan, and the true mounting."""
+    time = scans.time + mounting.scanner_clock
     pose, _, _ = knots.at(time)
     body = body_to_ground(pose[:, 3:])
-    at = pose[:, :3] + body @ np.array(scanner.mounting.scanner_position)
-    turned = body @ body_to_ground(scanner.mounting.scanner_rotation)
+    at = pose[:, :3] + body @ np.array(mounting.scanner_position)
+    turned = body @ body_to_ground(mounting.scanner_rotation)
     angles = (
         np.arctan2(turned[:, 2, 1], turned[:, 2, 2]),
         -np.arcsin(np.clip(turned[:, 2, 0], -1, 1)),
         np.arctan2(turned[:, 1, 0], turned[:, 0, 0]),
     )
     columns = dict(zip(COMPONENTS, [*at.T, *angles], strict=True))
-    return _along({"time": time, **columns}, "scan")
+    poses = _along({"time": time, **columns}, "scan")
+    return poses.assign_attrs(mounting=mounting.to_attrs())
 
 
 def _errors(scans: Scans) -> xr.Dataset:
     """Error of every range: recorded less exact."""
-    error = scans.range - scans.true_range
-    steps = np.where(np.isnan(error), float(_LOST), np.rint(error / _MICROMETRE))
+    error = (scans.range - scans.true_range) / _MICROMETRE
+    steps = np.where(np.isnan(error), _LOST, np.rint(error)).astype(np.int32)
     attrs = {"units": "m", "scale_factor": _MICROMETRE, "_FillValue": int(_LOST)}
-    values = np.clip(steps, _LOST, 32767).astype(np.int16)
-    return xr.Dataset({"range_error": (("scan", "beam"), values, attrs)})
+    return xr.Dataset({"range_error": (("scan", "beam"), steps, attrs)})
