@@ -106,14 +106,14 @@ def _stage(
     scene, path = read_scene(name)
     if seed is not None:
         scene = replace(scene, seed=seed)
-    return _chosen(scene, path, passes), set_stage(scene, path=path)
+    return _chosen(scene, name, passes), set_stage(scene, path=path)
 
 
-def _chosen(scene: "Scene", path: Path, passes: list[str]) -> "list[tuple[int, Drive]]":
+def _chosen(scene: "Scene", name: str, passes: list[str]) -> "list[tuple[int, Drive]]":
     known = [drive.name for drive in scene.passes]
-    for name in passes:
-        if name not in known:
-            message = f"{path}: --pass must be one of {', '.join(known)}, got {name!r}."
+    for wanted in passes:
+        if wanted not in known:
+            message = f"{name}: --pass must be one of {', '.join(known)}, got {wanted!r}."
             raise ValueError(message)
     # the number of a pass is its place in the scene, so that it has the same noise alone
     return [(n, drive) for n, drive in enumerate(scene.passes) if drive.name in (passes or known)]
