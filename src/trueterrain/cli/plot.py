@@ -1,11 +1,26 @@
-"""The command ``trueterrain plot``: a picture of a surface, a point cloud or a profile."""
+"""The command ``trueterrain plot``: a picture of a surface, points, profiles, runs, navigation."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
 from trueterrain.cli._console import note
+from trueterrain.errors import FormatError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_SECOND = 1.0  # [s] of ranges that are shown from a time on
+_SEGMENT = 4.0  # [s] of the segments of a spectrum: a resolution of 0.4 Hz
+_SHOWN = (0.25, 100.0)  # [Hz] of a spectrum
+_PEAKS = {"ride": (0.8, 3.0), "hop": (8.0, 16.0)}  # [Hz] between which vehicles have their modes
+
+# columns by which a table is navigation, and the reader of it
+_NAVIGATION = {
+    "read_boreas": {"GPSTime", "easting", "northing", "altitude", "roll", "pitch", "heading"},
+    "read_columns": {"time", "east", "north", "up", "roll", "pitch", "yaw"},
+}
 
 
 def plot(
@@ -13,22 +28,32 @@ def plot(
     /,
     *more: Path,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    show: Literal["ranges", "scan", "motion", "drift", "spectrum"] | None = None,
+    at: float | None = None,
     frame: Literal["grid", "ground"] = "grid",
     resolution: float = 160.0,
     force: bool = False,
 ) -> None:
-    """Draw a surface, a point cloud, or one or several profiles.
+    """Draw a surface, a point cloud, profiles, a recorded run, or navigation.
 
     Example: `trueterrain plot tyre.erd point.erd -o both.svg`
 
     Parameters
     ----------
     file
-        Surface, point cloud or profile, in any format that is read.
+        Surface, point cloud, profile, run (.zarr) or navigation (SBET, CSV), in any format that is
+        read.
     more
-        More profiles, drawn into the same picture.
+        More profiles, drawn into the same picture, or more runs, of which the drift is drawn.
     output
         Picture to write: .svg, .pdf or .png.
+    show
+        What to show of a run. ranges: how far below the scanner all returns lie, as an image; scan:
+        one scan from behind, and 200 from above if the truth is known; motion: heave, pitch and
+        roll; drift: the errors of the navigation (simulated runs only); spectrum: that of the
+        accelerometers. By default ranges of one run, drift of several.
+    at
+        Time in a run [s]: that of the scan, or that from which on a second of ranges is shown.
     frame
         Whether a surface with a reference line is drawn over station and offset, which straightens
         it, or over the ground.
@@ -37,24 +62,190 @@ def plot(
     force
         Replace the output if it exists.
     """
-    from trueterrain import figures, formats
+    from trueterrain import figures
     from trueterrain.engine import require_writable
+
+    files = (file, *more)
+    require_writable(output, force=force, inputs=files)
+    kinds = {path: _kind(path) for path in files}
+    _check_together(kinds)
+    kind = kinds[file]
+    if kind != "run" and (show is not None or at is not None):
+        message = f"{file}: --show and --at are for runs, this is {kind}."
+        raise ValueError(message)
+    if kind == "run":
+        drawn = _runs(files, show, at)
+    elif kind == "navigation":
+        drawn = _way(file)
+    else:
+        drawn = _data(files, frame)
+    figures.save(drawn, output, force=force, resolution=resolution)
+    note(f"{output}: written")
+
+
+def _kind(path: Path) -> str:
+    from trueterrain import formats
+
+    if _navigation_reader(path) is not None:
+        return "navigation"
+    kind = formats.kind_of_file(path)
+    if kind in ("accuracy", "path"):
+        what = {"accuracy": "accuracies without positions", "path": "a path without heights"}[kind]
+        cure = {
+            "accuracy": "Plot the SBET file that they belong to.",
+            "path": "Plot what it lies on, or a profile along it.",
+        }[kind]
+        raise FormatError(f"holds {what}", path=path, cure=cure)
+    return kind
+
+
+def _navigation_reader(path: Path) -> str | None:
+    """Name of the function that reads a file as navigation, if it is such."""
+    from trueterrain import formats
+
+    module = formats.recognise(path).module
+    if module == "navigation.sbet":
+        return "read_sbet"
+    if module != "table":
+        return None
+    from trueterrain.formats.navigation._tables import table_columns
+
+    columns = set(table_columns(path))
+    return next((reader for reader, needed in _NAVIGATION.items() if needed <= columns), None)
+
+
+def _check_together(kinds: dict[Path, str]) -> None:
+    """Only profiles with profiles, and runs with runs."""
+    first = next(iter(kinds.values()))
+    if len(kinds) == 1:
+        return
+    allowed = first if first in ("profile", "run") else "profile"
+    other = next((path for path, kind in kinds.items() if kind != allowed), None)
+    if other is not None:
+        rule = (
+            "only profiles are drawn together"
+            if allowed == "profile"
+            else "it is drawn beside runs"
+        )
+        message = f"{other}: {rule}, this is {kinds[other]}. Plot it alone."
+        raise ValueError(message)
+
+
+def _data(files: tuple[Path, ...], frame: Literal["grid", "ground"]) -> Any:
+    """Surface, points or profiles."""
+    from trueterrain import figures, formats
     from trueterrain.kinds import kind_of
 
-    require_writable(output, force=force)
-    data = {str(path): formats.open(path) for path in (file, *more)}
-    kinds = {name: kind_of(item) for name, item in data.items()}
-    if more and set(kinds.values()) != {"profile"}:
-        other = next(name for name, kind in kinds.items() if kind != "profile")
-        message = f"{other}: only profiles are drawn together. Plot it alone."
-        raise ValueError(message)
-    first = data[str(file)]
-    match kinds[str(file)]:
+    first = formats.open(files[0])
+    match kind_of(first):
         case "surface":
-            axes = figures.surface_map(first, frame=frame)
+            return figures.surface_map(first, frame=frame)
         case "points":
-            axes = figures.points_map(first)
+            return figures.points_map(first)
         case _:
-            axes = figures.profiles({Path(name).name: item for name, item in data.items()})
-    figures.save(axes, output, force=force, resolution=resolution)
-    note(f"{output}: written")
+            others = {path.name: formats.open(path) for path in files[1:]}
+            return figures.profiles({files[0].name: first} | others)
+
+
+def _way(path: Path) -> Any:
+    """Navigation from above, and its heights."""
+    import matplotlib.pyplot as plt
+
+    from trueterrain import figures
+    from trueterrain.formats import navigation
+
+    reader = _navigation_reader(path)
+    assert reader is not None
+    data: xr.Dataset = getattr(navigation, reader)(path)
+    figure, (above, below) = plt.subplots(
+        2, 1, figsize=(8, 8), layout="constrained", height_ratios=(5, 2)
+    )
+    figures.navigation_plan(data, ax=above)
+    figures.navigation_heights(data, ax=below)
+    figure.suptitle(path.name, fontsize="medium")
+    return figure
+
+
+def _runs(files: tuple[Path, ...], show: str | None, at: float | None) -> Any:
+    from trueterrain import figures
+    from trueterrain.formats.run import open_run
+
+    show = show or ("ranges" if len(files) == 1 else "drift")
+    if len(files) > 1 and show != "drift":
+        message = f"{files[1]}: of several runs only the drift is drawn, got --show {show}."
+        raise ValueError(message)
+    if at is not None and show not in ("ranges", "scan"):
+        message = f"--at is for --show ranges and --show scan, got --show {show}."
+        raise ValueError(message)
+    runs = {path: open_run(path) for path in files}
+    run = runs[files[0]]
+    match show:
+        case "ranges":
+            end = None if at is None else at + _SECOND
+            drawn: Any = figures.range_image(run, begin=at, end=end, below=True)
+        case "scan":
+            drawn = _scan(run, at)
+        case "motion":
+            drawn = _motion(run)
+        case "spectrum":
+            drawn = _spectrum(run)
+        case _:
+            drawn = figures.navigation_errors({path.stem: run for path, run in runs.items()})
+    if len(files) == 1:
+        whole = drawn if hasattr(drawn, "suptitle") else drawn.get_figure(root=True)
+        whole.suptitle(run.attrs["name"], fontsize="medium")
+    return drawn
+
+
+def _scan(run: "xr.DataTree", at: float | None) -> Any:
+    """Scans from above if that is known, and one from behind."""
+    import matplotlib.pyplot as plt
+
+    from trueterrain import figures
+
+    if "truth" not in run.children:
+        return figures.scan_elevation(run, at=at)
+    figure, (above, below) = plt.subplots(2, 1, figsize=(8, 7), layout="constrained")
+    figures.scan_plan(run, at=at, ax=above)
+    figures.scan_elevation(run, at=at, ax=below)
+    return figure
+
+
+def _motion(run: "xr.DataTree") -> Any:
+    """Motion of the body, and that of the laser if it is known."""
+    import matplotlib.pyplot as plt
+
+    from trueterrain import figures
+
+    if "truth" not in run.children:
+        return figures.body_motion(run)
+    figure, (above, below) = plt.subplots(2, 1, figsize=(8, 6), layout="constrained")
+    figures.body_motion(run, ax=above)
+    figures.laser_displacement(run, ax=below)
+    return figure
+
+
+def _spectrum(run: "xr.DataTree") -> Any:
+    """Spectra of all accelerometers."""
+    import numpy as np
+
+    from trueterrain import figures
+    from trueterrain.errors import SchemaError
+
+    if "accelerometers" not in run.children:
+        raise SchemaError(
+            "holds no accelerometers, whose spectrum would be drawn",
+            place=f"run {run.attrs['name']}",
+            cure="Choose another --show.",
+        )
+    samples = run["accelerometers"].to_dataset().load()
+    rate = 1.0 / float(np.median(np.diff(samples["time"].values)))
+    signals = {
+        f"sensor {number}": column
+        for number, column in enumerate(samples["acceleration"].values.T, start=1)
+    }
+    span = samples.sizes["sample"] / rate
+    return figures.spectrum(
+        signals, rate, segment=min(_SEGMENT, span), frequencies=_SHOWN, peaks=_PEAKS,
+        name="Specific force",
+    )  # fmt: skip

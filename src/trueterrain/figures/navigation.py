@@ -46,7 +46,7 @@ def navigation_plan(navigation: xr.DataTree | xr.Dataset, *, ax: "Axes | None" =
     height = _canvas.map_height(float(np.ptp(x)), float(np.ptp(y)))
     ax = _canvas.axes_or_new(ax, height=height)
     _canvas.draw_path(ax, x, y, label="way")
-    ax.set_aspect("equal", adjustable="datalim" if height < 3 else "box")
+    ax.set_aspect("equal", adjustable="datalim")
     ax.set_xlabel("East of the origin [m]")
     ax.set_ylabel("North of the origin [m]")
     ax.grid(color="0.9", linewidth=0.6)
@@ -90,7 +90,7 @@ def navigation_heights(navigation: xr.DataTree | xr.Dataset, *, ax: "Axes | None
         )  # fmt: skip
     ax.plot(time, up, color=_canvas.COLOURS[0], linewidth=1.3, label="height")
     ax.set_xlabel(f"Time {_canvas.MINUS} {start:.12g} s [s]" if start else "Time [s]")
-    _canvas.scale_axis(ax.yaxis, _canvas.height_scale(up), "Height above the origin")
+    _canvas.scale_axis(ax.yaxis, _canvas.height_scale(up), "Height")
     ax.margins(x=0)
     ax.grid(color="0.9", linewidth=0.6)
     ax.set_axisbelow(True)

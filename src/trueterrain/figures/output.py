@@ -17,6 +17,8 @@ _METADATA: dict[str, dict[str, Any]] = {
     ".pdf": {"CreationDate": None},
 }
 
+_MOST_DOTS = 2400.0  # [1/inch] what printers can show
+
 
 def save(
     figure: "Figure | Axes", path: str | Path, *, force: bool = False, resolution: float = 160.0
@@ -37,7 +39,7 @@ def save(
     Raises
     ------
     ValueError
-        If the ending is another one, or the resolution is not greater than 0.
+        If the ending is another one, or the resolution is not greater than 0 and at most 2400.
     OutputError
         If the file exists and `force` is false, or its folder does not exist.
 
@@ -58,8 +60,11 @@ def save(
     if ending not in _METADATA:
         message = f"{path}: a figure ends in {', '.join(_METADATA)}, got {ending or 'no ending'!r}."
         raise ValueError(message)
-    if not resolution > 0:
-        message = f"resolution must be greater than 0 dots per inch, got {resolution}."
+    if not 0 < resolution <= _MOST_DOTS:
+        message = (
+            f"resolution must be greater than 0 and at most {_MOST_DOTS:g} dots per inch, "
+            f"got {resolution:g}."
+        )
         raise ValueError(message)
     whole: Any = figure if hasattr(figure, "savefig") else figure.get_figure(root=True)
     with (

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _SHADOW = 3.0  # times the distance of neighbours on level ground, from which a gap is a shadow
+_FLATTEST = 0.1  # height over width of what is shown from above
 _LINE = 2000  # points of the line of the true ground
 _AROUND = 3.0  # [m] of the true ground that is read, to either side along the way
 
@@ -47,7 +48,8 @@ def scan_plan(
     -------
     Axes
         Offset, left on the left, and distance ahead of the first scan [m], at equal scale; the
-        distance from point to point along a scan is printed.
+        distance from point to point along a scan is printed, but for the 2 % of the closest and the
+        2 % of the widest.
 
     Raises
     ------
@@ -67,6 +69,9 @@ def scan_plan(
     dots = ax.scatter(x, y, c=z, s=size, linewidths=0, cmap=_canvas.HEIGHT_MAP, rasterized=True)
     _canvas.colour_bar(dots, ax, _canvas.height_scale(z))
     ax.set_aspect("equal")
+    room = _FLATTEST * float(np.ptp(x)) - float(np.ptp(y))
+    if room > 0:  # a scanner that hardly moved
+        ax.set_ylim(y.min() - 0.5 * room, y.max() + 0.5 * room)
     ax.invert_xaxis()
     ax.set_xlabel(f"Offset from the scanner at {returns.time[0]:.6g} s, left + [m]")
     ax.set_ylabel("Ahead [m]")

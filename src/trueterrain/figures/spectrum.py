@@ -105,7 +105,7 @@ def spectrum(
     ax.set_ylim(bottom=max(ax.get_ylim()[0], _DECADES * max(tops)))
     _plain_ticks(ax)
     ax.set_xlabel("Frequency [Hz]")
-    ax.set_ylabel(f"{name}, density [({unit})²/Hz]")
+    ax.set_ylabel(f"{name} [({unit})²/Hz]")
     ax.margins(x=0)
     ax.grid(which="major", color="0.85", linewidth=0.6)
     ax.grid(which="minor", color="0.94", linewidth=0.4)
