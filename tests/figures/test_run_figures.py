@@ -123,7 +123,7 @@ def test_along_and_across_are_seen_from_the_first_beam(slope):
 
 
 def test_a_plan_shows_all_points_and_says_how_far_they_are_apart(wall):
-    ax = figures.scan_plan(wall, at=0.3, scans=5, across=(-2.0, 0.3))
+    ax = figures.scan_plan(wall, at=0.3, scans=5, across=(-2.1, 0.3))
     points = _run.returns_of(wall, slice(30, 35))
     shown = points.across <= 0.3
     offsets = np.stack([points.across[shown], points.along[shown]], axis=1)
