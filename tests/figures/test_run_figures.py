@@ -132,7 +132,7 @@ def test_a_plan_shows_all_points_and_says_how_far_they_are_apart(wall):
     assert ax.xaxis_inverted()  # left is on the left
     # on level ground 2 m below; all but the closest and the widest 2 % of the gaps
     offset = 2.0 * np.tan(wall.scans.angle.values)
-    near, far = 1000 * np.percentile(np.diff(offset[offset <= 0.3]), [2, 98])
+    near, far = 1000 * np.percentile(np.tile(np.diff(offset[offset <= 0.3]), 5), [2, 98])
     assert notes(ax) == [f"equal scale, 5 scans, {near:.1f} to {far:.1f} mm from point to point"]
 
 
