@@ -153,7 +153,7 @@ def test_bad_arguments(run, profile, road, tmp_path):
     refused(run("convert", profile, "-o", out, "--units", "cm"), "units", "cm")
     refused(run("convert", profile, "-o", out, "--scale", 0.1), "--scale is for LAS and LAZ")
     refused(run("convert", profile, "-o", out, "--crs", "nowhere"), "EPSG:25832")
-    refused(run("convert", profile, "-o", profile, "--force"), "is the input as well")
+    refused(run("convert", profile, "-o", profile, "--force"), "is an input as well")
     refused(run("convert", profile, "-o", road), "cannot become .crg")
     refused(run("convert", tmp_path / "none.csv", "-o", out), "none.csv")
     refused(run("convert", profile, "-o", tmp_path / "no" / "p.csv"), "does not exist")

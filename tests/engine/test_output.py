@@ -47,6 +47,15 @@ def test_a_failed_replacement_keeps_the_old_one(tmp_path):
     assert (tmp_path / "a.erd").read_text() == "old"
 
 
+def test_an_input_is_never_replaced(tmp_path):
+    (tmp_path / "a.csv").write_text("mine")
+    (tmp_path / "same.csv").symlink_to(tmp_path / "a.csv")
+    for name in ("a.csv", "same.csv"):
+        with pytest.raises(OutputError, match=rf"{name}: is an input as well"):
+            require_writable(tmp_path / name, force=True, inputs=[tmp_path / "a.csv"])
+    require_writable(tmp_path / "b.csv", inputs=[tmp_path / "a.csv", tmp_path / "none.csv"])
+
+
 def test_a_missing_folder_is_named(tmp_path):
     with pytest.raises(OutputError, match=r"folder .*nowhere does not exist"):
         require_writable(tmp_path / "nowhere" / "a.erd")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from trueterrain.cli._console import note, progress_bar
+from trueterrain.cli._recordings import refuse_recording
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -28,7 +29,7 @@ def convert(
     units: Literal["m", "mm", "ft", "in"] | None = None,
     crs: str | None = None,
     scale: float | None = None,
-    force: Annotated[bool, Parameter(negative="")] = False,
+    force: bool = False,
 ) -> None:
     """Convert surfaces, points and profiles between file formats.
 
@@ -60,14 +61,12 @@ def convert(
 
     ending = output.suffix.lower()
     kind = formats.kind_of_file(source)
+    refuse_recording(source, kind, "a surface, points or a profile")
     _check_possible(source, kind, output, ending)
     options = _options(ending, units, scale)
     if crs is not None:
         parse_crs(crs)
-    require_writable(output, force=force)
-    if output.exists() and output.samefile(source):
-        message = f"{output}: is the input as well; choose another name."
-        raise ValueError(message)
+    require_writable(output, force=force, inputs=[source])
 
     def write(data: Any) -> Any:
         return formats.write(data, output, force=force, **options)

@@ -3,7 +3,7 @@
 import os
 import shutil
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -109,7 +109,9 @@ def whole_folder(path: str | Path, *, force: bool = False) -> Iterator[Path]:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
-def require_writable(path: str | Path, *, force: bool = False) -> None:
+def require_writable(
+    path: str | Path, *, force: bool = False, inputs: Iterable[str | Path] = ()
+) -> None:
     """Raise if an output may not be written, before the work for it begins.
 
     Parameters
@@ -118,15 +120,24 @@ def require_writable(path: str | Path, *, force: bool = False) -> None:
         Where the output shall be.
     force : bool
         Whether a file that is there already may be replaced.
+    inputs : iterable of str or Path
+        Files that the work reads; none of them is replaced, not even with `force`.
 
     Raises
     ------
     OutputError
-        If the file exists and `force` is false, if it is a folder, or if its folder does not exist.
+        If the file exists and `force` is false, if it is an input or a folder, or if its folder
+        does not exist.
     """
     path = Path(path)
     if path.is_dir():
         raise OutputError("is a folder, not a file", path=path, cure="Name a file.")
+    if path.exists() and any(path.samefile(file) for file in inputs if Path(file).exists()):
+        raise OutputError(
+            "is an input as well, and inputs are never modified",
+            path=path,
+            cure="Choose another name.",
+        )
     if path.exists() and not force:
         raise OutputError(
             "exists already and is not overwritten",
