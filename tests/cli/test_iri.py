@@ -228,5 +228,9 @@ def test_unknown_wheel_paths(capsys, erd_file):
     assert "wheel_paths must name two of the tracks left, right, got left, middle" in message
 
 
+def test_a_step_needs_sliding_windows(capsys, erd_file):
+    assert "--step belongs to --continuous" in refused(capsys, erd_file, "--step", 2)
+
+
 def test_restart_and_sliding_windows_exclude_each_other(capsys, erd_file):
     assert "restart" in refused(capsys, erd_file, "--restart", "--continuous", "20")

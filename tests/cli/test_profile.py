@@ -128,6 +128,43 @@ def test_nothing_is_overwritten_without_force(run, road, tmp_path):
     assert run(*arguments, "--force").code == 0
 
 
+def test_no_input_is_replaced_even_by_force(run, road, tmp_path):
+    """A CSV file can be the output, the path and the point cloud."""
+    (tmp_path / "way.csv").write_text("easting,northing\n1,0\n2,0\n")
+    assert run("convert", road, "-o", tmp_path / "cloud.csv").code == 0
+    for ground, output in ((road, "way.csv"), (tmp_path / "cloud.csv", "cloud.csv")):
+        before = (tmp_path / output).read_bytes()
+        finished = run("profile", ground, "--path", tmp_path / "way.csv",
+                       "-o", tmp_path / output, "--force")  # fmt: skip
+        one_line(finished, output, "is an input as well", "Choose another name")
+        assert (tmp_path / output).read_bytes() == before
+
+
+def test_units_are_for_erd(run, road, tmp_path):
+    one_line(
+        run("profile", road, "--offset", 0, "--units", "mm", "-o", tmp_path / "p.csv"),
+        "--units is for ERD output",
+    )
+    arguments = ("profile", road, "--offset", 0, "--units", "mm", "-o", tmp_path / "p.erd")
+    assert run(*arguments).code == 0
+    assert "UNITSNAMmm" in (tmp_path / "p.erd").read_text()
+
+
+def test_the_crs_of_the_user_is_kept(run, road, tmp_path):
+    arguments = (
+        "profile",
+        road,
+        "--offset",
+        0,
+        "--crs",
+        "EPSG:25832",
+        "-o",
+        tmp_path / "p.parquet",
+    )
+    assert run(*arguments).code == 0
+    assert tt.open(tmp_path / "p.parquet").attrs["crs"] == "EPSG:25832"
+
+
 def damaged(road, folder, damage):
     """Make a damaged file; returns its path."""
     content = road.read_bytes()
@@ -168,14 +205,19 @@ def test_half_a_laz_is_one_line(run, road, tmp_path):
     ("options", "parts"),
     [
         (("--offset", 9), ("offset 9 m lies outside", "-0.5", "0.5", "Choose an offset")),
-        (("--line", 90, 0, 91, 0), ("path lies outside of the ground", "CRS")),
+        (("--line", 90, 0, 91, 0), ("road.crg", "path lies outside of the ground", "CRS")),
         (("--offset", 0, "--spacing", 0), ("spacing must be greater than 0 m, got 0",)),
         (("--offset", 0, "--spacing", "nan"), ("spacing must be greater than 0 m, got nan",)),
+        (("--offset", 0, "--spacing", 1e-12), ("at most 100,000,000 points", "coarser")),
+        (("--offset", 0, "--spacing", 5), ("4 m long, shorter than the spacing of 5 m",)),
         (("--offset", 0, "--radius", -0.025), ("radius must be greater than 0 m, got -0.025",)),
         (("--offset", 0, "--patch", 0.1, 0), ("width must be greater than 0 m, got 0",)),
         (("--offset", 0, "--statistic", "percentile"), ("--percent",)),
         (("--offset", 0, "--percent", 5), ("--percent belongs to --statistic percentile",)),
         (("--offset", 0, "--minimum-count", 0), ("minimum_count must be at least 1",)),
+        (("--offset", 0, "--statistic", "point", "--radius", 1), ("no search area",)),
+        (("--offset", 0, "--statistic", "point", "--thin", "nan"), ("no search area",)),
+        (("--offset", 0, "--crs", "nowhere"), ("EPSG:25832",)),
         (("--offset", 0, "--radius", 0.02, "--patch", 1, 1), ("only one of --radius",)),
         ((), ("exactly one of --offset, --line and --path",)),
         (("--offset", 0, "--line", 0, 0, 1, 0), ("exactly one of",)),
@@ -195,9 +237,10 @@ def test_bad_arguments_are_one_line(run, road, tmp_path, options, parts):
         ("easting,northing\n0,0\none,0\n2,0\n", ("way.csv", "line 3", "one")),
         ("a,b\n0,0\n1,0\n", ("way.csv", "easting")),
         ("", ("way.csv", "empty")),
-        ("easting,northing\n1,0\n", ("2 different waypoints",)),
+        ("easting,northing\n1,0\n", ("way.csv", "2 different waypoints")),
+        ("easting,northing\n1,0\n1,0\n", ("way.csv", "2 different waypoints")),
     ],
-    ids=["NaN", "text", "wrong columns", "empty", "one waypoint"],
+    ids=["NaN", "text", "wrong columns", "empty", "one waypoint", "one waypoint twice"],
 )
 def test_bad_waypoints_are_one_line(run, road, tmp_path, content, parts):
     (tmp_path / "way.csv").write_text(content)

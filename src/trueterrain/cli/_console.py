@@ -5,9 +5,11 @@ import math
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from trueterrain.engine.progress import Progress
+from trueterrain.errors import TrueTerrainError
 
 
 def out(text: str = "") -> None:
@@ -18,6 +20,27 @@ def out(text: str = "") -> None:
 def out_json(document: Any) -> None:
     """Write one JSON document to stdout; numbers that are not finite become null."""
     out(json.dumps(_finite(document), indent=2, allow_nan=False))
+
+
+@contextmanager
+def concerning(path: Path) -> Iterator[None]:
+    """Name the file in errors in data that do not name one yet."""
+    try:
+        yield
+    except TrueTerrainError as error:
+        error.path = error.path or path
+        raise
+
+
+def in_words(error: Exception) -> str:
+    """Say in one line what is wrong."""
+    if isinstance(error, MemoryError):
+        cure = "Choose a coarser spacing, a smaller search area or a part of the data."
+        return " ".join(f"there is not enough memory ({error}). {cure}".split())
+    if isinstance(error, OSError) and error.strerror is not None:
+        where = "" if error.filename is None else f"{error.filename}: "
+        return f"{where}{error.strerror}."
+    return " ".join(str(error).split())
 
 
 def note(text: str) -> None:

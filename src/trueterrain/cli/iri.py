@@ -2,12 +2,11 @@
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from cyclopts import Parameter
-
-from trueterrain.cli._console import out, out_json
-from trueterrain.errors import SchemaError, TrueTerrainError
+from trueterrain.cli._console import concerning, out, out_json
+from trueterrain.cli._recordings import refuse_recording
+from trueterrain.errors import SchemaError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -24,13 +23,13 @@ def iri(
     *more: Path,
     segment: float = 100.0,
     continuous: float | None = None,
-    step: float = 1.0,
+    step: float | None = None,
     window: Literal["sayers", "centred", "exact", "none"] = "sayers",
     window_length: float = 0.25,
     start: Literal["11m", "0.5s", "level"] = "11m",
-    restart: Annotated[bool, Parameter(negative="")] = False,
-    wheel_paths: Annotated[tuple[str, str] | None, Parameter(negative="")] = None,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    restart: bool = False,
+    wheel_paths: tuple[str, str] | None = None,
+    json: bool = False,
 ) -> None:
     """International Roughness Index (IRI) of profiles [m/km], as by Sayers's program (ASTM E1926).
 
@@ -50,7 +49,7 @@ def iri(
     continuous
         Length of a window that slides along each track [m]; none by default.
     step
-        Distance from one sliding window to the next [m].
+        Distance from one sliding window to the next [m]; by default 1.
     window
         Moving average before the car. sayers: slope over the whole number of samples nearest to the
         length, equal spacing only; centred: mean of the samples within half a length; exact: mean
@@ -73,8 +72,14 @@ def iri(
     """
     from trueterrain.roughness import IriOptions
 
+    if step is not None and continuous is None:
+        message = "--step belongs to --continuous, which is not given."
+        raise ValueError(message)
     options = IriOptions(window=window, window_length=window_length, start=start, restart=restart)
-    rated = [_rate(path, options, segment, continuous, step, wheel_paths) for path in (file, *more)]
+    rated = [
+        _rate(path, options, segment, continuous, 1.0 if step is None else step, wheel_paths)
+        for path in (file, *more)
+    ]
     if json:
         documents = [document for document, _ in rated]
         out_json(documents if more else documents[0])
@@ -95,16 +100,13 @@ def _rate(
     from trueterrain import roughness
 
     profile = _read(path)
-    try:
+    with concerning(path):
         index = roughness.iri(profile, options=options, segment=segment, wheel_paths=wheel_paths)
         document = _document(path, index)
         if continuous is not None:
             sliding = roughness.continuous_iri(profile, continuous, step=step, options=options)
             for track, values in zip(document["tracks"], sliding["iri"].values, strict=True):
                 track["continuous"] = _stretches(sliding, values)
-    except TrueTerrainError as error:
-        error.path = path
-        raise
     return document, index
 
 
@@ -112,6 +114,7 @@ def _read(path: Path) -> "xr.Dataset":
     from trueterrain import formats
     from trueterrain.kinds import kind_of
 
+    refuse_recording(path, formats.kind_of_file(path), "a profile")
     data = formats.open(path)
     kind = kind_of(data)
     if kind != "profile":

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import note, progress_bar
+from trueterrain.cli._console import concerning, note, progress_bar
+from trueterrain.cli._recordings import refuse_recording
 from trueterrain.errors import CoverageError
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ def profile(
     level: bool = False,
     minimum_count: int = 3,
     thin: Literal["error", "nan"] = "error",
-    units: Literal["m", "mm", "ft", "in"] = "m",
+    units: Literal["m", "mm", "ft", "in"] | None = None,
     crs: str | None = None,
     force: bool = False,
 ) -> None:
@@ -117,10 +118,10 @@ def profile(
     thin
         Whether thin search areas are an error or become NaN (CSV only).
     units
-        Unit of the heights in an ERD file.
+        Unit of the heights in an ERD file; by default m.
     crs
-        Coordinate reference system of a point cloud whose file names none, or a wrong one, e.g.
-        EPSG:25832.
+        Coordinate reference system of the ground, e.g. EPSG:25832, if its file names none or a
+        wrong one. Nothing is transformed.
     force
         Replace the output if it exists.
     """
@@ -133,23 +134,37 @@ def profile(
         "resolution": resolution, "bandwidth": bandwidth,
     }  # fmt: skip
     taken = _statistic(statistic, {name: v for name, v in options.items() if v is not None})
+    if taken is None and (radius or patch or ellipse or level or thin == "nan"):
+        message = "--statistic point has no search area, so none of its options can be given."
+        raise ValueError(message)
     area = _area(radius, patch, ellipse)
-    require_writable(output, force=force)
-    formats.writer_of("profile", output)
-    ground, travelled = _ground_and_path(surface, offset, line, path, spacing, area, crs)
-    if taken is None:
-        result = point_profile(ground, travelled)
-    else:
-        with progress_bar() as progress:
+    inputs = [surface, *([path] if path else [])]
+    require_writable(output, force=force, inputs=inputs)
+    written = _writing(output, units)
+    with concerning(surface), progress_bar() as progress:
+        ground, travelled = _ground_and_path(surface, offset, line, path, spacing, area, crs)
+        if taken is None:
+            result = point_profile(ground, travelled)
+        else:
             result = tyre_profile(
                 ground, travelled, area=area, statistic=taken, level=level,
                 minimum_count=minimum_count, thin=thin, progress=progress,
             )  # fmt: skip
-    result = provenance.add_step(result, "profile", inputs=[surface, *([path] if path else [])])
-    formats.write(
-        result, output, force=force, **({"units": units} if output.suffix.lower() == ".erd" else {})
-    )
+    result = provenance.add_step(result, "profile", inputs=inputs)
+    formats.write(result, output, force=force, **written)
     _summarise(result, output)
+
+
+def _writing(output: Path, units: str | None) -> dict[str, str]:
+    """Options of writing, if the output can be written at all."""
+    from trueterrain import formats
+
+    if formats.writer_of("profile", output) == "erd":
+        return {} if units is None else {"units": units}
+    if units is not None:
+        message = f"--units is for ERD output (.erd), got {output.suffix}; other formats are in m."
+        raise ValueError(message)
+    return {}
 
 
 def _statistic(name: str, options: dict[str, float]) -> "Statistic | None":
@@ -219,6 +234,7 @@ def _ground_and_path(
 ) -> "tuple[Ground, WheelPath]":
     """Read the ground and lay the path over it; a cloud stays on disk until it is needed."""
     from trueterrain import formats
+    from trueterrain.formats.crs import parse_crs
     from trueterrain.formats.table import read_waypoints
     from trueterrain.profile import offset_path, straight_path, waypoint_path
     from trueterrain.profile.area import reach
@@ -227,12 +243,15 @@ def _ground_and_path(
         message = "name the path with exactly one of --offset, --line and --path."
         raise ValueError(message)
     kind = formats.kind_of_file(surface)
+    refuse_recording(surface, kind, "a surface or a point cloud")
     if kind == "profile":
         raise CoverageError(
             "is a profile already",
             path=surface,
             cure="Give the surface or the point cloud that it shall be taken from.",
         )
+    if crs is not None:
+        parse_crs(crs)
     if offset is not None:
         if kind == "points":
             raise CoverageError(
@@ -240,7 +259,7 @@ def _ground_and_path(
                 path=surface,
                 cure="Name the path with --line or --path.",
             )
-        ground = formats.open(surface)
+        ground = _surface(surface, crs)
         return ground, offset_path(ground, offset, spacing=spacing)
     if line is not None:
         travelled = straight_path(line[:2], line[2:], spacing=spacing)
@@ -248,7 +267,7 @@ def _ground_and_path(
         assert path is not None
         travelled = waypoint_path(*read_waypoints(path), spacing=spacing)
     if kind == "surface":
-        return formats.open(surface), travelled
+        return _surface(surface, crs), travelled
     margin = reach(area)
     bounds = (
         travelled.easting.min() - margin,
@@ -257,6 +276,13 @@ def _ground_and_path(
         travelled.northing.max() + margin,
     )
     return formats.point_blocks(surface, bounds=bounds, crs=crs), travelled
+
+
+def _surface(path: Path, crs: str | None) -> "xr.Dataset":
+    from trueterrain import formats
+
+    surface = formats.open(path)
+    return surface if crs is None else surface.assign_attrs(crs=crs)
 
 
 def _summarise(result: "xr.Dataset", output: Path) -> None:

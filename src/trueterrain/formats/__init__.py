@@ -157,7 +157,8 @@ def writer_of(kind: str, path: str | Path) -> str:
     ending = Path(path).suffix.lower()
     if ending not in writers:
         known = ", ".join(writers)
-        message = f"{path}: {kind} can be written to {known}, got ending {ending!r}."
+        what = kind if kind == "points" else f"a {kind}"
+        message = f"{path}: {what} can be written to {known}, got ending {ending!r}."
         raise ValueError(message)
     return writers[ending]
 

@@ -19,6 +19,9 @@ PANEL_TOLERANCE = 1e-9
 #: Round-off below which panels are not split further, as a part of the panel's length.
 ROUND_OFF = 1e-14
 
+#: Most points of a path: 1000 km at 10 mm, an array of which takes 0.8 GB.
+MOST_POINTS = 100_000_000
+
 _MAXIMUM_SPLITS = 48
 _MAXIMUM_NEWTON_STEPS = 60
 _BLOCK = 1 << 16  # points solved at a time, so that their quadrature stays in the caches
@@ -81,8 +84,20 @@ def point_count(length: float, spacing: float) -> int:
     -------
     int
         A remainder of less than one millionth of the spacing counts as round-off.
+
+    Raises
+    ------
+    ValueError
+        If there are more than `MOST_POINTS`.
     """
-    return int(np.floor(length / spacing + 1e-6)) + 1
+    count = np.floor(length / spacing + 1e-6) + 1
+    if not count <= MOST_POINTS:
+        message = (
+            f"spacing must leave at most {MOST_POINTS:,} points on a path of {length:g} m, "
+            f"got {spacing:g} m: choose a coarser one."
+        )
+        raise ValueError(message)
+    return int(count)
 
 
 def _lengths(curve: Curve, begin: Float, end: Float) -> Float:

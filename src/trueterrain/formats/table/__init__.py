@@ -126,7 +126,8 @@ def read_waypoints(path: str | Path) -> tuple[npt.NDArray[np.float64], npt.NDArr
     Raises
     ------
     FormatError
-        Naming line and column: a waypoint that is NaN or no number, a missing column.
+        Naming line and column: a waypoint that is NaN or no number, a missing column; or if all
+        waypoints are the same.
 
     Examples
     --------
@@ -139,7 +140,14 @@ def read_waypoints(path: str | Path) -> tuple[npt.NDArray[np.float64], npt.NDArr
     """
     source = _open(Path(path), kind="path")
     named = {column.name: array for column, array in _concatenated(source).items()}
-    return named["easting"].astype(float), named["northing"].astype(float)
+    easting, northing = named["easting"].astype(float), named["northing"].astype(float)
+    if np.ptp(easting) == np.ptp(northing) == 0:
+        raise FormatError(
+            "a path needs at least 2 different waypoints, got 1",
+            path=path,
+            cure="Add where the path leads to.",
+        )
+    return easting, northing
 
 
 def kind(path: str | Path) -> str:
