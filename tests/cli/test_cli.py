@@ -1,6 +1,8 @@
 """The command line as a whole: help, version, errors."""
 
 import re
+import subprocess
+import sys
 
 import pytest
 
@@ -56,6 +58,32 @@ def test_a_missing_file_is_one_line(run, tmp_path):
 def test_debug_shows_the_traceback(run, tmp_path):
     with pytest.raises(FileNotFoundError):
         run("--debug", "iri", tmp_path / "none.erd")
+
+
+def test_too_little_memory_is_one_line(run, monkeypatch, tmp_path):
+    def allocate(path):
+        raise MemoryError("Unable to allocate 72.8 TiB")
+
+    monkeypatch.setattr("trueterrain.formats.open", allocate)
+    (tmp_path / "p.csv").write_text("s,height\n0,0\n1,0\n")
+    finished = run("iri", tmp_path / "p.csv")
+    assert finished.code == 2
+    assert finished.err == (
+        "trueterrain: error: there is not enough memory (Unable to allocate 72.8 TiB). Choose a "
+        "coarser spacing, a smaller search area or a part of the data.\n"
+    )
+
+
+def test_a_closed_pipe_is_no_error():
+    """As with `trueterrain doctor | head -0`."""
+    code = "from trueterrain.cli import main; main(['doctor'])"
+    program = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    program.stdout.close()
+    assert program.stderr.read() == ""
+    program.stderr.close()
+    assert program.wait() == 141
 
 
 def test_doctor_names_version_and_backends(run):

@@ -44,7 +44,7 @@ def test_text_of_a_road(run, data):
         "OpenCRG, surface",
         "1,001 x 341",
         "730 to 740 m (10 m)",
-        "6.5% of the nodes",
+        "6.51 % of the nodes",
         "unknown",
     ):
         assert part in text, part

@@ -2,11 +2,10 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from cyclopts import Parameter
-
-from trueterrain.cli._console import out, out_json
+from trueterrain.cli._console import in_words, out, out_json
+from trueterrain.cli._recordings import RECORDED, rows_of_recording
 from trueterrain.errors import FormatError, TrueTerrainError
 
 # units of numbers in a summary
@@ -30,23 +29,25 @@ _LONG = 8  # entries of a list that are shown
 _WIDTH = 100  # characters of a text that are shown
 
 
-def info(file: Path, /, *more: Path, json: Annotated[bool, Parameter(negative="")] = False) -> None:
+def info(file: Path, /, *more: Path, json: bool = False) -> None:
     """Say what files are: kind, counts, extent, CRS, time, and what is wrong with them.
 
-    Files are recognised by their content. All files are looked at; the exit code is 2 if one of
-    them cannot be read.
+    Of runs and navigation also rates, gaps and the order of the clocks. Files are recognised by
+    their content. All files are looked at; the exit code is 2 if one of them cannot be read.
 
     Example: trueterrain info *.laz --json
 
     Parameters
     ----------
     file
-        OpenCRG, GeoTIFF, LAS, LAZ, COPC, ERD, CSV or Parquet file.
+        OpenCRG, GeoTIFF, LAS, LAZ, COPC, ERD, CSV or Parquet file; recorded run (NAME.zarr), SBET
+        or SMRMSG.
     more
         More files.
     json
         Print one JSON document {"files": [{"file", "bytes", "format", "kind", ..., "problems"}]};
-        of a file that cannot be read {"file", "error"}. Lengths are in m, times in s.
+        of a file that cannot be read {"file", "error"}. Lengths are in m, times in s, angles in
+        rad, but longitude and latitude in deg.
     """
     summaries, errors = [], []
     for path in (file, *more):
@@ -54,7 +55,7 @@ def info(file: Path, /, *more: Path, json: Annotated[bool, Parameter(negative=""
             summaries.append(_summary(path))
         except (TrueTerrainError, OSError) as error:
             errors.append(error)
-            summaries.append({"file": str(path), "error": _in_words(error)})
+            summaries.append({"file": str(path), "error": in_words(error)})
     if json:
         out_json({"files": summaries})
     elif more or not errors:
@@ -64,7 +65,7 @@ def info(file: Path, /, *more: Path, json: Annotated[bool, Parameter(negative=""
             _show(summary)
     if len(errors) > 1:
         count = f"{len(errors)} of {len(summaries)} files"
-        raise FormatError(f"{count} cannot be read; the first: {_in_words(errors[0])}")
+        raise FormatError(f"{count} cannot be read; the first: {in_words(errors[0])}")
     if errors:
         raise errors[0]
 
@@ -73,12 +74,6 @@ def _summary(path: Path) -> dict[str, Any]:
     from trueterrain import formats
 
     return formats.info(path)
-
-
-def _in_words(error: Exception) -> str:
-    if isinstance(error, OSError) and error.filename is not None:
-        return f"{error.filename}: {error.strerror}."
-    return " ".join(str(error).split())
 
 
 def _show(summary: dict[str, Any]) -> None:
@@ -94,6 +89,17 @@ def _rows(summary: dict[str, Any]) -> Iterator[tuple[str, str]]:
         yield "unreadable", summary["error"].removeprefix(f"{summary['file']}: ")
         return
     yield "format", f"{summary['format']}, {summary['kind']}, {summary['bytes']:,} bytes"
+    if summary["kind"] in RECORDED:
+        yield from rows_of_recording(summary)
+    else:
+        yield from _rows_of_ground(summary)
+    problems = summary["problems"]
+    yield "problems", problems[0] if problems else "no problems found"
+    for problem in problems[1:]:
+        yield "", problem
+
+
+def _rows_of_ground(summary: dict[str, Any]) -> Iterator[tuple[str, str]]:
     for key, value in summary.items():
         if key in _APART or value is None or value in ("", [], {}):
             continue
@@ -109,10 +115,6 @@ def _rows(summary: dict[str, Any]) -> Iterator[tuple[str, str]]:
             yield _TITLES.get(key, key.replace("_", " ")), _value(key, value, summary)
     if summary["kind"] in ("points", "surface") and not summary["crs"]:
         yield "CRS", "unknown"
-    problems = summary["problems"]
-    yield "problems", problems[0] if problems else "no problems found"
-    for problem in problems[1:]:
-        yield "", problem
 
 
 def _tracks(tracks: list[dict[str, Any]]) -> Iterator[tuple[str, str]]:
@@ -134,7 +136,7 @@ def _value(key: str, value: Any, summary: dict[str, Any]) -> str:
         name = summary.get("crs_name", "")
         return _cut(f"{value} ({name})" if name and not value.startswith("PROJ") else name or value)
     if key == "missing":
-        return f"{value:.1%} of the nodes"
+        return f"{100 * value:.3g} % of the nodes" if value else "none of the nodes"
     if key == "size":
         return " x ".join(f"{number:,}" for number in value)
     if isinstance(value, dict):
