@@ -463,6 +463,42 @@ def test_lies_of_the_header_are_found(tmp_path, place, value, problem):
     assert any(problem in text for text in las.describe(path)["problems"])
 
 
+@pytest.mark.parametrize(
+    ("at", "number", "place"),
+    [
+        (100, 0xFFFFFFFF, "record 4 of 4294967295"),  # count of records before the points
+        (96, 300, "record 1 of 3"),  # begin of the points, within the first record
+        (94, 0xFFFF, "record 1 of"),  # size of the header
+    ],
+    ids=["count of records", "begin of points", "size of header"],
+)
+def test_records_that_cannot_be_are_found_at_once(data, tmp_path, at, number, place):
+    """Reading as many records as a damaged header announces would take hours."""
+    content = bytearray((data / "scanning" / "strips" / "faceraster_2strips_20m.laz").read_bytes())
+    width = 2 if at == 94 else 4
+    content[at : at + width] = number.to_bytes(width, "little")
+    (tmp_path / "bad.laz").write_bytes(content)
+    for look in (las.read, las.describe):
+        with pytest.raises(FormatError, match=rf"bad.laz: byte \d+: {place}"):
+            look(tmp_path / "bad.laz")
+
+
+def test_more_chunks_than_fit_are_found(data, tmp_path):
+    content = bytearray((data / "scanning" / "strips" / "faceraster_2strips_20m.laz").read_bytes())
+    points = int.from_bytes(content[96:100], "little")
+    table = int.from_bytes(content[points : points + 8], "little")
+    content[table + 4 : table + 8] = b"\xff\xff\xff\xff"
+    (tmp_path / "bad.laz").write_bytes(content)
+    with pytest.raises(FormatError, match="cannot hold the 4294967295 chunks"):
+        las.read(tmp_path / "bad.laz")
+
+
+def test_a_header_cut_short_is_found(tmp_path):
+    (tmp_path / "bad.las").write_bytes(b"LASF" + bytes(100))
+    with pytest.raises(FormatError, match="ends at byte 104, within its header"):
+        las.read(tmp_path / "bad.las")
+
+
 def test_coarse_scale_is_found(tmp_path):
     las.write(cloud(), tmp_path / "p.laz", scale=0.01)
     problems = las.describe(tmp_path / "p.laz")["problems"]

@@ -202,7 +202,7 @@ def _opened(path: Path) -> Iterator[Any]:
             warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
             with rasterio.open(path, driver="GTiff") as source:
                 yield source
-    except rasterio.errors.RasterioError as error:
+    except (rasterio.errors.RasterioError, UnicodeDecodeError) as error:
         reason = " ".join(str(error.__cause__ or error).split()).rstrip(".")
         raise FormatError(
             f"is no whole GeoTIFF file: {reason}",

@@ -1,10 +1,12 @@
 """Opening LAS, LAZ and COPC files, and saying in one line what is wrong with damaged ones."""
 
 import logging
+import os
+import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, NamedTuple
 
 import laspy
 
@@ -16,12 +18,27 @@ logging.getLogger("laspy").addHandler(logging.NullHandler())
 Bounds = tuple[float, float, float, float]
 
 _EXPORT = "The file is damaged or cut off: copy or export it again."
-_EVLR_HEADER, _EVLR_LENGTH = 60, 20  # [bytes] size of an extended record's header; its length field
+_SHORTEST_HEADER = 227  # [bytes]
+_WITH_EVLRS = 4  # minor version from which on there are extended records
 _POINTER = 8  # [bytes] in front of compressed points: where the table of chunks begins
+_VERSION = 4  # [bytes] at the begin of that table, in front of the count of chunks
 
 # what laspy and lazrs raise on damaged files; pyo3 panics are no Exception and handled by name
 _DAMAGE = (laspy.LaspyException, RuntimeError, ValueError, LookupError, OverflowError, EOFError,
            MemoryError, AssertionError, TypeError)  # fmt: skip
+
+
+class _Record(NamedTuple):
+    """How the records before and behind the points are laid out [bytes]."""
+
+    name: str
+    header: int
+    length_at: int
+    length_size: int
+
+
+_VLR = _Record("record", 54, 20, 2)
+_EVLR = _Record("extended record", 60, 20, 8)
 
 
 @contextmanager
@@ -39,7 +56,6 @@ def opened(path: str | Path, selection: Any = None) -> Iterator[Any]:
             _require_all_points(path, header, size)
         elif header.point_count:
             _require_chunk_table(path, header, size)
-        _require_last_records(path, header, size)
         yield reader
 
 
@@ -84,17 +100,50 @@ def chunks(reader: Any, path: Path, size: int) -> Iterator[Any]:
 
 def _require_las(path: Path) -> int:
     with path.open("rb") as stream:
-        start = stream.read(4)
+        start = stream.read(247)
         size = stream.seek(0, 2)
-    if start != b"LASF":
-        found = "is empty" if not start else f"begins with {start!r}"
-        raise FormatError(
-            f"is no LAS or LAZ file: it must begin with LASF, but {found}",
-            path=path,
-            place="byte 1",
-            cure="See with `trueterrain info` what the file is.",
-        )
+        if start[:4] != b"LASF":
+            found = "is empty" if not start else f"begins with {start[:4]!r}"
+            raise FormatError(
+                f"is no LAS or LAZ file: it must begin with LASF, but {found}",
+                path=path,
+                place="byte 1",
+                cure="See with `trueterrain info` what the file is.",
+            )
+        if len(start) < _SHORTEST_HEADER:
+            raise FormatError(
+                f"ends at byte {size}, within its header",
+                path=path,
+                place=f"byte {size}",
+                cure=_EXPORT,
+            )
+        # laspy reads as many records as a damaged header announces, for hours if need be; and COPC
+        # keeps its hierarchy behind the points, where nothing else would miss what is cut off
+        begin, points, count = struct.unpack_from("<HLL", start, 94)
+        _require_records(stream, path, _VLR, begin, count, min(points, size))
+        if start[25] >= _WITH_EVLRS:
+            begin, count = struct.unpack_from("<QL", start.ljust(247, b"\0"), 235)
+            _require_records(stream, path, _EVLR, begin, count, size)
     return size
+
+
+def _require_records(
+    stream: BinaryIO, path: Path, record: _Record, begin: int, count: int, end: int
+) -> None:
+    for number in range(1, count + 1):
+        if begin + record.header <= end:
+            stream.seek(begin + record.length_at)
+            begin += int.from_bytes(stream.read(record.length_size), "little")
+        begin += record.header
+        if begin > end:
+            behind = "the file ends" if record is _EVLR else "the points begin or the file ends"
+            raise FormatError(
+                f"{record.name} {number} of {count} should end at byte {begin}, but {behind} at "
+                f"byte {end}",
+                path=path,
+                place=f"byte {end}",
+                cure=_EXPORT,
+            )
 
 
 def _require_all_points(path: Path, header: Any, size: int) -> None:
@@ -121,28 +170,24 @@ def _require_chunk_table(path: Path, header: Any, size: int) -> None:
     with path.open("rb") as stream:
         stream.seek(header.offset_to_point_data)
         table = int.from_bytes(stream.read(_POINTER), "little", signed=True)
-    # writers that cannot seek leave -1 here, and the pointer in the last bytes
-    if table != -1 and not header.offset_to_point_data < table < size:
+        if table == -1:  # writers that cannot seek leave the pointer in the last bytes
+            stream.seek(-_POINTER, os.SEEK_END)
+            table = int.from_bytes(stream.read(_POINTER), "little", signed=True)
+        if not header.offset_to_point_data < table < size:
+            raise FormatError(
+                f"ends at byte {size}, but its table of chunks should begin at byte {table}",
+                path=path,
+                place=f"byte {size}",
+                cure=_EXPORT,
+            )
+        stream.seek(table + _VERSION)
+        chunks = int.from_bytes(stream.read(4), "little")
+    # lazrs makes room for all of them, and ends the process if there is not enough; every chunk
+    # holds one whole point at least
+    if chunks * header.point_format.size > size:
         raise FormatError(
-            f"ends at byte {size}, but its table of chunks should begin at byte {table}",
+            f"cannot hold the {chunks} chunks of points that it announces in {size} bytes",
             path=path,
-            place=f"byte {size}",
+            place=f"byte {table}",
             cure=_EXPORT,
         )
-
-
-def _require_last_records(path: Path, header: Any, size: int) -> None:
-    """COPC keeps its hierarchy behind the points; what is cut off there would not be missed."""
-    start = header.start_of_first_evlr
-    with path.open("rb") as stream:
-        for number in range(header.number_of_evlrs):
-            stream.seek(start + _EVLR_LENGTH)
-            start += _EVLR_HEADER + int.from_bytes(stream.read(8), "little")
-            if start > size:
-                raise FormatError(
-                    f"ends at byte {size}, but its extended record {number + 1} of "
-                    f"{header.number_of_evlrs} should end at byte {start}",
-                    path=path,
-                    place=f"byte {size}",
-                    cure=_EXPORT,
-                )

@@ -30,13 +30,14 @@ def open_parquet(path: Path, *, kind: str | None = None) -> tuple[Any, Layout, d
     pa, pq = import_pyarrow(path)
     try:
         file = pq.ParquetFile(path)
-    except (pa.ArrowException, OSError) as error:
+        names = file.schema_arrow.names
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         if isinstance(error, FileNotFoundError):
             raise
         raise _damaged(path, error) from None
     if file.metadata.num_rows == 0:
         raise FormatError("has no rows", path=path, cure="Export it again.")
-    layout = layout_of(file.schema_arrow.names, path, kind=kind)
+    layout = layout_of(names, path, kind=kind)
     kept = (file.schema_arrow.metadata or {}).get(_METADATA, b"{}")
     return file, layout, json.loads(kept)
 
