@@ -524,6 +524,8 @@ def test_other_endings_are_refused(tmp_path, name):
     ax = figures.profiles(make_profile([0.0, 1.0], [0.0, 0.01]))
     with pytest.raises(ValueError, match=r"a figure ends in \.png, \.svg, \.pdf"):
         figures.save(ax, tmp_path / name)
+    with pytest.raises(ValueError, match="resolution must be .* at most 2400 dots per inch, got 1e"):
+        figures.save(ax, tmp_path / "huge.png", resolution=1e9)
     with pytest.raises(ValueError, match="resolution must be greater than 0"):
         figures.save(ax, tmp_path / "a.png", resolution=0.0)
     assert list(tmp_path.iterdir()) == []

@@ -19,6 +19,7 @@ _SPACING = 0.005  # [m] of the grid: fine enough to show a stone of 25 mm
 _OFFSET = 0.3  # [m] of the path from the middle of the road
 _LINES = (-0.03, -0.015, 0.0, 0.015, 0.03)  # [m] bare lines beside the path, for the pictures
 _SHOWN = (4.0, 6.0)  # [m] part of the road that is drawn
+_SHORTEST, _LONGEST = 12.0, 500.0  # [m] of the road: all that is shown, and what memory holds
 
 
 def demo(
@@ -55,12 +56,12 @@ def demo(
     from trueterrain.profile import Disc, Median, offset_path, point_profile, tyre_profile
     from trueterrain.simulate.ground import BelgianBlock, Stones, sample_road
 
-    if length < 2 * _SHOWN[1]:
-        message = f"length must be at least {2 * _SHOWN[1]:g} m, got {length:g}."
+    if not _SHORTEST <= length <= _LONGEST:
+        message = f"length must be from {_SHORTEST:g} m to {_LONGEST:g} m, got {length:g}."
         raise ValueError(message)
+    ground = BelgianBlock(seed=seed) + Stones(seed=seed + 1)
     with whole_folder(output, force=force) as folder, progress_bar() as progress:
         note("making the road ...")
-        ground = BelgianBlock(seed=seed) + Stones(seed=seed + 1)
         road = sample_road(
             ground, length=length, width=_WIDTH, spacing_u=_SPACING, spacing_v=_SPACING
         )
