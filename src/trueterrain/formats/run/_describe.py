@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.errors import TrueTerrainError
@@ -12,11 +13,14 @@ from trueterrain.formats.run._open import open_tree, scan_blocks
 from trueterrain.formats.run._rules import group_of, row_blocks, rules_of, span_of
 from trueterrain.formats.run._schema import QUANTUM
 
+Floats = npt.NDArray[np.float64]
+
 _TIMED = {"scans": "scan", "navigation": "epoch", "accelerometers": "sample"}
 _CLOCKS = {"scans": "scanner_clock", "accelerometers": "accelerometer_clock"}
 _MANY = 0.2  # share of drop-outs that deserves a word
 _FASTEST = 100.0  # [m/s] that a vehicle can drive
 _JITTER = 0.1  # of the interval that deserves a word
+_STRIDE = 0.2  # [s] from position to position of which way and speed are taken: noise is no way
 
 
 def describe(path: str | Path) -> dict[str, Any]:
@@ -34,7 +38,8 @@ def describe(path: str | Path) -> dict[str, Any]:
         ``count`` (returns), ``scans``, ``navigation`` and ``accelerometers`` with their ``count``,
         ``time`` [s], ``rate`` [1/s], ``jitter`` (rms) [s] and ``gaps``; of the scans ``beams``,
         ``angle`` [rad], ``range`` [m], ``dropouts`` (share of beams without a return) and
-        ``empty_scans``; ``extent`` [m] and ``way`` [m] of the navigation; ``clock_order``: the
+        ``empty_scans``; ``extent`` [m] and ``way`` [m] of the navigation, and its ``speed`` (the
+        largest, as the way from five positions per second) [m/s]; ``clock_order``: the
         instruments in the order in which they start and end in true time, with their times [s];
         ``truth`` (names of its groups) and ``problems``. Everything can be written as JSON.
 
@@ -164,26 +169,37 @@ def _describe_way(tree: xr.DataTree, summary: dict[str, Any]) -> list[str]:
     axes = ("east", "north", "up")
     if not all(name in group and group[name].dims == ("epoch",) for name in axes):
         return []
-    low, high, way, fastest = np.full(3, np.inf), np.full(3, -np.inf), 0.0, 0.0
-    before = np.empty((4, 0))
+    low, high, way, fastest, jump = np.full(3, np.inf), np.full(3, -np.inf), 0.0, 0.0, 0.0
+    stride = max(1, round(_STRIDE * (summary["navigation"]["rate"] or 0.0)))
+    before = landmark = np.empty((4, 0))
+    done, count = 0, group.sizes["epoch"]
     for block in row_blocks(group, "epoch", ("time", *axes)):
         rows = np.stack([block[name] for name in ("time", *axes)])
         low = np.fmin(low, np.fmin.reduce(rows[1:], axis=1, initial=np.inf))
         high = np.fmax(high, np.fmax.reduce(rows[1:], axis=1, initial=-np.inf))
-        steps = np.diff(np.concatenate([before, rows], axis=1), axis=1)
-        steps = steps[:, np.isfinite(steps).all(axis=0) & (steps[0] > 0)]
-        length = np.sqrt(np.sum(steps[1:] ** 2, axis=0))
-        way += float(length.sum())
-        fastest = max(fastest, float(np.max(length / steps[0], initial=0.0)))
-        before = rows[:, -1:]
+        number = done + np.arange(rows.shape[1])
+        landmarks = rows[:, (number % stride == 0) | (number == count - 1)]
+        jump = max(jump, _steps(before, rows)[1])
+        length, speed = _steps(landmark, landmarks)
+        way, fastest = way + length, max(fastest, speed)
+        before, done = rows[:, -1:], done + rows.shape[1]
+        landmark = landmarks[:, -1:] if landmarks.size else landmark
     known = bool(np.isfinite(low).all())
     spans = zip(axes, low, high, strict=True)
     summary["extent"] = {name: [float(a), float(b)] for name, a, b in spans} if known else None
     summary["way"] = way
     summary["navigation"]["speed"] = fastest
-    if fastest > _FASTEST:
-        return [f"navigation: positions jump, as if at {fastest:.4g} m/s"]
+    if jump > _FASTEST:
+        return [f"navigation: positions jump, as if at {jump:.4g} m/s"]
     return []
+
+
+def _steps(before: Floats, rows: Floats) -> tuple[float, float]:
+    """Length of the way through times and positions (4, epoch) [m], and largest speed [m/s]."""
+    steps = np.diff(np.concatenate([before, rows], axis=1), axis=1)
+    steps = steps[:, np.isfinite(steps).all(axis=0) & (steps[0] > 0)]
+    length = np.sqrt(np.sum(steps[1:] ** 2, axis=0))
+    return float(length.sum()), float(np.max(length / steps[0], initial=0.0))
 
 
 def _clock_order(tree: xr.DataTree, summary: dict[str, Any]) -> dict[str, list[list[Any]]]:

@@ -30,6 +30,7 @@ from trueterrain.formats.run._schema import (
 Floats = npt.NDArray[np.float64]
 
 _GRAVITY = (5.0, 15.0)  # [m/s²] where the median of a specific force along z must lie
+_LONG_ENOUGH = 5.0  # [s] over which it does: on rough ground a car may fall for most of a second
 _IN_G = (0.5, 1.5)  # where it lies if the unit is g
 _SLACK = 1.001  # of the delay beyond the time between two scans: rounding of clocks
 
@@ -266,7 +267,7 @@ def check_accelerometers(tree: xr.DataTree, path: str | Path | None) -> None:
         done, values = clock.count, block["acceleration"]
         clock.check(block["time"])
         _require_finite(values, f"{place}, variable acceleration", path, first=done)
-        if done == 0:
+        if done == 0 and block["time"][-1] - block["time"][0] >= _LONG_ENOUGH:
             _check_gravity(values, path)
 
 
