@@ -106,6 +106,24 @@ def test_a_path_at_an_offset_is_straight_over_the_grid():
     assert u[0] == pytest.approx(50, abs=1e-9)
 
 
+def test_a_loop_over_the_ground():
+    """Coordinates that turn back, at which matplotlib would doubt the cells; corners are exact."""
+    angle = np.linspace(0, 2 * np.pi, 73)
+    v = [-1.0, 0.0, 2.0]
+    loop = make_surface(
+        np.zeros((73, 3)), u=10 * angle, v=v, easting=10 * np.cos(angle),
+        northing=10 * np.sin(angle),
+    )  # fmt: skip
+    (mesh,) = figures.surface_map(loop, frame="ground").collections[:1]
+    corners = mesh.get_coordinates()
+    radius = np.hypot(corners[..., 0], corners[..., 1])
+    # v is positive to the left, towards the centre; chords of 5 degrees cut 1 - cos of half of that
+    outer, inner = 10 + 1.5, 10 - 3.0
+    npt.assert_allclose(radius[1:-1, 0], outer, rtol=0, atol=0.02)
+    npt.assert_allclose(radius[1:-1, -1], inner, rtol=0, atol=0.02)
+    assert corners.shape == (74, 4, 2)
+
+
 def test_a_surface_over_the_ground():
     road = bend()
     path = offset_path(road, 0.1)
@@ -524,7 +542,9 @@ def test_other_endings_are_refused(tmp_path, name):
     ax = figures.profiles(make_profile([0.0, 1.0], [0.0, 0.01]))
     with pytest.raises(ValueError, match=r"a figure ends in \.png, \.svg, \.pdf"):
         figures.save(ax, tmp_path / name)
-    with pytest.raises(ValueError, match="resolution must be .* at most 2400 dots per inch, got 1e"):
+    with pytest.raises(
+        ValueError, match=r"resolution must be .* at most 2400 dots per inch, got 1e"
+    ):
         figures.save(ax, tmp_path / "huge.png", resolution=1e9)
     with pytest.raises(ValueError, match="resolution must be greater than 0"):
         figures.save(ax, tmp_path / "a.png", resolution=0.0)

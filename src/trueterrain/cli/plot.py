@@ -110,7 +110,10 @@ def _navigation_reader(path: Path) -> str | None:
         return None
     from trueterrain.formats.navigation._tables import table_columns
 
-    columns = set(table_columns(path))
+    try:
+        columns = set(table_columns(path))
+    except FormatError:  # profiles and points need no header
+        return None
     return next((reader for reader, needed in _NAVIGATION.items() if needed <= columns), None)
 
 

@@ -104,9 +104,8 @@ def _over_ground(surface: xr.Dataset, ax: "Axes | None") -> "tuple[Axes, Any, fl
     if "u" in surface.dims:
         easting, northing = node_coordinates(surface)
         ax = _canvas.axes_or_new(ax, height=_canvas.map_height(np.ptp(easting), np.ptp(northing)))
-        image = ax.pcolormesh(
-            easting, northing, surface.height.values, shading="nearest", rasterized=True
-        )
+        corners = _corners(easting), _corners(northing)
+        image = ax.pcolormesh(*corners, surface.height.values, rasterized=True)
     else:
         easting, northing = surface.easting.values, surface.northing.values
         ax = _canvas.axes_or_new(ax, height=_canvas.map_height(np.ptp(easting), np.ptp(northing)))
@@ -115,6 +114,15 @@ def _over_ground(surface: xr.Dataset, ax: "Axes | None") -> "tuple[Axes, Any, fl
     _canvas.scale_axis(ax.xaxis, _canvas.coordinate_scale(easting), "Easting")
     _canvas.scale_axis(ax.yaxis, _canvas.coordinate_scale(northing), "Northing")
     return ax, image, 1.0
+
+
+def _corners(nodes: np.ndarray) -> np.ndarray:
+    """Corners of the cells around nodes, shape (u + 1, v + 1): halfway to the neighbours."""
+    for _ in range(2):  # along u, then along v
+        half = np.diff(nodes, axis=0) / 2
+        ends = nodes[:1] - half[:1], nodes[-1:] + half[-1:]
+        nodes = np.concatenate([ends[0], nodes[:-1] + half, ends[1]]).T
+    return nodes
 
 
 def _image(ax: "Axes", x: np.ndarray, y: np.ndarray, height: np.ndarray) -> Any:
