@@ -13,6 +13,8 @@
 Every message is one line: the file, the place in it, the rule and what was found, and the cure.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 
@@ -70,3 +72,28 @@ class CoverageError(TrueTerrainError):
 
 class OutputError(TrueTerrainError):
     """An output cannot be written."""
+
+
+@contextmanager
+def concerning(path: str | Path) -> Iterator[None]:
+    """Name a file in the errors of a block that do not name one themselves.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Examples
+    --------
+    >>> try:
+    ...     with concerning("p.erd"):
+    ...         raise CoverageError("there is no height", place="s = 2 m")
+    ... except CoverageError as error:
+    ...     print(error)
+    p.erd: s = 2 m: there is no height.
+    """
+    try:
+        yield
+    except TrueTerrainError as error:
+        error.path = error.path or Path(path)
+        raise

@@ -5,11 +5,9 @@ import math
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 from trueterrain.engine.progress import Progress
-from trueterrain.errors import TrueTerrainError
 
 
 def out(text: str = "") -> None:
@@ -20,16 +18,6 @@ def out(text: str = "") -> None:
 def out_json(document: Any) -> None:
     """Write one JSON document to stdout; numbers that are not finite become null."""
     out(json.dumps(_finite(document), indent=2, allow_nan=False))
-
-
-@contextmanager
-def concerning(path: Path) -> Iterator[None]:
-    """Name the file in errors in data that do not name one yet."""
-    try:
-        yield
-    except TrueTerrainError as error:
-        error.path = error.path or path
-        raise
 
 
 def in_words(error: Exception) -> str:

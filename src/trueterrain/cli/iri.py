@@ -4,9 +4,9 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from trueterrain.cli._console import concerning, out, out_json
+from trueterrain.cli._console import out, out_json
 from trueterrain.cli._recordings import refuse_recording
-from trueterrain.errors import SchemaError
+from trueterrain.errors import SchemaError, concerning
 
 if TYPE_CHECKING:
     import xarray as xr

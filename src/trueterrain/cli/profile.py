@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import concerning, note, progress_bar
+from trueterrain.cli._console import note, progress_bar
 from trueterrain.cli._recordings import refuse_recording
-from trueterrain.errors import CoverageError
+from trueterrain.errors import CoverageError, concerning
 
 if TYPE_CHECKING:
     import xarray as xr

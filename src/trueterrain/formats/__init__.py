@@ -10,7 +10,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from trueterrain.errors import FormatError
+from trueterrain.errors import FormatError, concerning
 from trueterrain.formats.signature import Format, ending_matches, recognise
 
 if TYPE_CHECKING:
@@ -125,7 +125,9 @@ def write(
     from trueterrain.kinds import kind_of
 
     kind = "points" if isinstance(data, Iterator) else kind_of(data)
-    return _module(writer_of(kind, path)).write(data, path, force=force, **options)
+    module = _module(writer_of(kind, path))
+    with concerning(path):
+        return module.write(data, path, force=force, **options)
 
 
 def writer_of(kind: str, path: str | Path) -> str:
