@@ -9,7 +9,7 @@ import trueterrain as tt
 
 @pytest.fixture
 def files(tmp_path):
-    """A road, its nodes, a profile, and a table without a header; pictures are closed at the end."""
+    """A road, its nodes, a profile, and a table without a header."""
     road = tt.sample_road(tt.BelgianBlock(seed=1), length=1.0, width=0.6)
     tt.write(road, tmp_path / "road.crg")
     tt.write(tt.surface_to_points(road), tmp_path / "points.laz")
