@@ -1,0 +1,5 @@
+"""Motion: where the body was at any time, and how surely (thesis 2.3 and 4.2)."""
+
+from trueterrain.motion.trajectory import Poses, Trajectory
+
+__all__ = ["Poses", "Trajectory"]
