@@ -8,7 +8,6 @@ class. A field that is None by default may name what completes it: ``metadata={"
 """
 
 import dataclasses
-import difflib
 import enum
 import inspect
 import itertools
@@ -24,6 +23,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from trueterrain.errors import FormatError
+from trueterrain.formats._problems import dataclasses_in, problems_of
 
 Settings = TypeVar("Settings")
 
@@ -126,8 +126,8 @@ def parse_settings(
         # as JSON, so that arrays may become tuples and yet no text becomes a number
         settings: Settings = adapter.validate_json(text, strict=True)[0]
     except ValidationError as error:
-        problems = [_explain(dict(entry), kind, values) for entry in error.errors()]
-        raise FormatError("; ".join(dict.fromkeys(problems)), path=path) from None
+        problems = problems_of([dict(entry) for entry in error.errors()], kind, values)
+        raise FormatError("; ".join(problems), path=path) from None
     return settings
 
 
@@ -202,7 +202,7 @@ def _completed(base: Any, given: Mapping[str, Any]) -> dict[str, Any]:
     """Values with those by which `base`, a dataclass or an instance, differs from its class."""
     kind = base if isinstance(base, type) else type(base)
     hints, out = typing.get_type_hints(kind), dict(given)
-    if not set(given) <= set(_fields(kind)):
+    if not set(given) <= {field.name for field in dataclasses.fields(kind)}:
         return out  # unknown names are refused, or those of another class of a union
     for field in dataclasses.fields(kind):
         own = _value_of(field, base)
@@ -211,7 +211,7 @@ def _completed(base: Any, given: Mapping[str, Any]) -> dict[str, Any]:
                 out[field.name] = dataclasses.asdict(base)[field.name]
             continue
         value, table = given[field.name], _table_of(field, own)
-        inner = _dataclasses_in(hints[field.name])
+        inner = dataclasses_in(hints[field.name])
         if table is None and len(inner) == 1:
             table = inner[0]
         if table is not None and isinstance(value, Mapping):
@@ -229,61 +229,6 @@ def _table_of(field: Any, value: Any) -> Any:
     return None if isinstance(table, type) else table
 
 
-def _explain(entry: dict[str, Any], kind: type, values: Mapping[str, Any]) -> str:
-    """One problem in one phrase: dotted path, rule, value."""
-    missing = entry["type"] in ("missing", "missing_argument")
-    path = _user_path(entry["loc"][1:], values, missing=missing)
-    name = ".".join(path)
-    if entry["type"] in ("unexpected_keyword_argument", "extra_forbidden"):
-        known = sorted({field for cls in _classes_at(kind, path[:-1]) for field in _fields(cls)})
-        near = difflib.get_close_matches(path[-1], known, n=1, cutoff=0.6)
-        hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
-        return f"{name}: is unknown ({hint})"
-    if missing:
-        return f"{name}: is missing"
-    message = str(entry["msg"]).removeprefix("Value error, ").rstrip(".")
-    if entry["type"] == "value_error":
-        return f"{name}: {message}" if name else message
-    message = message.replace("Input should be", "must be")
-    got = entry.get("input")
-    shown = "a table" if isinstance(got, Mapping) else json.dumps(got, default=str)
-    return f"{name or 'the file'}: {message[:1].lower()}{message[1:]}, got {shown[:60]}"
-
-
-def _user_path(location: Sequence[int | str], values: Any, *, missing: bool) -> list[str]:
-    """Location without the marks that a validator puts between for unions."""
-    path, here = [], values
-    for index, part in enumerate(location):
-        in_list = isinstance(here, list) and isinstance(part, int) and part < len(here)
-        if in_list or (isinstance(here, Mapping) and part in here):
-            here = here[part]
-        elif not (missing and index == len(location) - 1):
-            continue  # a mark
-        path.append(str(part))
-    return path
-
-
-def _classes_at(kind: Any, path: Sequence[str]) -> list[type]:
-    """Dataclasses that may stand at a dotted path."""
-    here = _dataclasses_in(kind)
-    for part in path:
-        if part.isdigit():
-            continue  # an entry of an array has the type of the array
-        hints = [typing.get_type_hints(cls).get(part) for cls in here]
-        here = [cls for hint in hints for cls in _dataclasses_in(hint)]
-    return here
-
-
-def _dataclasses_in(hint: Any) -> list[type]:
-    if isinstance(hint, type) and dataclasses.is_dataclass(hint):
-        return [hint]
-    return [cls for part in typing.get_args(hint) for cls in _dataclasses_in(part)]
-
-
-def _fields(cls: type) -> list[str]:
-    return [field.name for field in dataclasses.fields(cls)]
-
-
 def _table(settings: Any, path: tuple[str, ...], *, commented: bool) -> list[str]:
     """Lines of a table: its values first, then the tables in it, as TOML wants them."""
     kind = settings if isinstance(settings, type) else type(settings)
@@ -292,7 +237,7 @@ def _table(settings: Any, path: tuple[str, ...], *, commented: bool) -> list[str
     tables: list[str] = []
     for field in dataclasses.fields(kind):
         value = _value_of(field, settings)
-        inner = _dataclasses_in(hints[field.name])
+        inner = dataclasses_in(hints[field.name])
         here = (*path, field.name)
         help_lines = _comment(_with_choices(docs.get(field.name, ""), hints[field.name]))
         if dataclasses.is_dataclass(value):

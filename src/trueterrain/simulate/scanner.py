@@ -134,7 +134,8 @@ class Scanner:
         for name in ("range_noise", "quantum", "spot_length", "spot_width", "intensity_noise"):
             _require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
         _require(self.beams >= 2, "beams", "at least 2", self.beams)
-        _require(self.spot_rays % 2 == 1, "spot_rays", "odd and at least 1", self.spot_rays)
+        is_odd = self.spot_rays >= 1 and self.spot_rays % 2 == 1
+        _require(is_odd, "spot_rays", "odd and at least 1", self.spot_rays)
         _require(0 < self.duty <= 1, "duty", "greater than 0 and at most 1", self.duty)
         _require(0 <= self.dropouts < 1, "dropouts", "from 0 to less than 1", self.dropouts)
 

@@ -109,7 +109,7 @@ def build(kinds: Mapping[str, type], table: Table, place: str, *, path: Path | N
     kind = values.pop("kind", None)
     known = [*kinds, MEASURED] if kinds is GROUNDS else list(kinds)
     if kind not in known:
-        near = difflib.get_close_matches(str(kind), known, n=1)
+        near = difflib.get_close_matches(str(kind), known, n=1) if kind is not None else []
         hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
         problem = "kind is missing" if kind is None else f"kind {kind!r} is unknown"
         raise FormatError(f"{problem} ({hint})", path=path, place=place)

@@ -1,7 +1,7 @@
 """A scene: which ground is driven over, how, and with which instruments."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -30,6 +30,8 @@ from trueterrain.vehicle import FullCarParameters
 
 #: Where the laser sits: 0.93 m behind the rear axle of the van, 2 m above level ground.
 LASER = (-2.25, 0.0, 1.2)
+
+_APART = 0.09  # [s] clocks may be: navigation is recorded 0.1 s before and after the scans
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,6 +103,14 @@ class Scene:
             message = f"raster must be at least 0 m, got {self.raster}."
             raise ValueError(message)
         check_origin(self.origin)
+        for name in ("scanner", "reflectivity"):
+            part = getattr(self, name)
+            for entry in fields(part):
+                if not math.isfinite(getattr(part, entry.name)):
+                    message = (
+                        f"{name}.{entry.name} must be finite, got {getattr(part, entry.name)}."
+                    )
+                    raise ValueError(message)
         if not self.ground:
             message = "ground is missing: it must hold at least one layer."
             raise ValueError(message)
@@ -150,9 +160,24 @@ class Stage:
         """
         place = f"pass {drive.name}"
         try:
-            return self._motion(drive, place)
+            motion = self._motion(drive, place)
+            self._check_clocks(motion.duration)
         except ValueError as error:
             raise FormatError(str(error), path=self.path, place=place) from None
+        return motion
+
+    def _check_clocks(self, duration: float) -> None:
+        """Raise ValueError if scans would lie outside of the navigation, as the run claims."""
+        true, navigation = self.scene.mounting.scanner_clock, self.scene.navigation
+        claimed = (self.scene.declared or self.scene.mounting).scanner_clock
+        begin = claimed - true + navigation.clock_offset
+        apart = max(abs(begin), abs(begin + navigation.clock_rate * duration))
+        if apart > _APART:
+            message = (
+                "the clocks of scanner (less the one declared) and navigation must be at most "
+                f"{_APART} s apart, got {apart:.6g} s."
+            )
+            raise ValueError(message)
 
     def _motion(self, drive: Drive, place: str) -> Motion:
         vehicle = self.scene.vehicle
