@@ -46,6 +46,7 @@ def command_line(called: str | None = None) -> cyclopts.App:
         name="trueterrain",
         version=__version__,
         default_parameter=cyclopts.Parameter(negative=()),
+        suppress_keyboard_interrupt=False,  # main says what became of the output
         help="Ground you can trust: from measured terrain to the profile a tyre feels.",
         help_epilogue="`trueterrain COMMAND --help` shows options, units and defaults. "
         "`--debug` adds tracebacks to errors.",
