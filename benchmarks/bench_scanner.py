@@ -8,8 +8,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from trueterrain.formats.run import Mounting
 from trueterrain.simulate.body import Follower, Pass
 from trueterrain.simulate.course import Straight
@@ -19,6 +17,7 @@ from trueterrain.simulate.scanner import Scanner, ScannerStream
 from trueterrain.simulate.speed import Constant
 
 MINUTES = 10  # of the run whose memory is measured
+EARLY = 2  # [min] after which memory must not grow any more
 _BLOCK = 0.25  # [s]
 
 
@@ -59,46 +58,54 @@ def memory() -> dict[str, Any]:
     finished = subprocess.run(
         [sys.executable, __file__, "record"], check=True, capture_output=True, text=True
     )
-    gigabytes, seconds, scans = (float(word) for word in finished.stdout.split())
+    early, peak, seconds, scans = (float(word) for word in finished.stdout.split())
     return {
-        "name": f"recording {MINUTES} min ({scans:,.0f} scans) in {seconds:.0f} s, peak memory",
-        "ours": gigabytes,
+        "name": f"recording {MINUTES} min ({scans:,.0f} scans) in {seconds:.0f} s, peak memory "
+        f"({early:.2f} GB after {EARLY} min)",
+        "ours": peak,
         "peer": None,
         "peer_name": None,
         "unit": "GB",
         "ratio": None,
         "budget": "< 1 GB",
-        "met": gigabytes < 1,
+        "met": peak < 1,
     }
 
 
-def _record() -> None:
-    """Record a run of `MINUTES` with all instruments and print peak memory, time and scans."""
-    from trueterrain.formats.run import open_run
-    from trueterrain.simulate.scene import Drive, Scene, Truth, record_scene
+def _peak() -> float:
+    """Largest memory of this process so far [GB]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
 
+
+def _record() -> None:
+    """Record a run with all instruments; print memory early and at the end, time and scans."""
+    from trueterrain.formats.run import open_run
+    from trueterrain.simulate.scene import Drive, Scene, record_scene
+
+    speed = 1.0  # [m/s] so that most of the time goes into beams, and not into making stones
+    drive = Drive(
+        name="run", length=60.0 * MINUTES * speed, speed={"kind": "constant", "speed": speed}
+    )
     scene = Scene(
         name="long",
         ground=({"kind": "belgian-block"},),
         course={"kind": "oval", "straight": 200.0, "radius": 40.0, "transition": 30.0},
-        passes=(
-            Drive(
-                name="run", length=600.0 * MINUTES / 10, speed={"kind": "constant", "speed": 1.0}
-            ),
-        ),
-        # coarse, few rays: memory does not depend on it, and a benchmark must end
-        scanner=Scanner(spot_rays=1),
+        passes=(drive,),
+        scanner=Scanner(spot_rays=1),  # the rays of a spot take time and no memory
         raster=0.01,
-        truth=Truth(spacing=0.1, returns=False),
     )
+    early = [0.0]
+
+    def watch(_name: str, done: float, _total: float | None) -> None:
+        if done <= 60.0 * EARLY:
+            early[0] = _peak()
+
     with tempfile.TemporaryDirectory() as folder:
         begin = time.perf_counter()
-        (path,) = record_scene(scene, Path(folder))
+        (path,) = record_scene(scene, Path(folder), progress=watch)
         seconds = time.perf_counter() - begin
         scans = open_run(path)["scans"].sizes["scan"]
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
-    print(peak, seconds, scans)
-    assert np.isfinite(peak)
+    print(early[0], _peak(), seconds, scans)
 
 
 if __name__ == "__main__":

@@ -309,3 +309,54 @@ def test_a_scanner_that_cannot_be(name, value, rule):
 def test_a_motion_that_is_too_short():
     with pytest.raises(ValueError, match="before the last beam"):
         ScannerStream(PERFECT, Mounting(), Plane(), seed=1).record(standing(), 0, 5.0)
+
+
+@pytest.mark.parametrize("rays", [3, 5])
+def test_a_spot_is_the_mean_of_its_rays(rays):
+    """On rough ground, against the same rays cast one by one."""
+    raster = Raster(BelgianBlock(seed=5), spacing=0.01)
+    rng = np.random.default_rng(2)
+    turn = Rotation.from_euler("ZYX", rng.normal(size=(300, 3)) * [3.0, 0.3, 0.3])
+    direction, forward = turn.apply([0.0, 0.0, -1.0]), turn.apply([1.0, 0.0, 0.0])
+    origin = np.array([0.3, -0.4, 1.5]) + rng.uniform(-1, 1, (300, 3)) * [2, 2, 0.1]
+    spot = 0.02 * rng.normal(size=(rays, 2))
+    spot[rays // 2] = 0.0
+    distance, slope = cast(raster, origin, direction, furthest=6.0, forward=forward, spot=spot)
+    beside = np.cross(forward, direction)
+    each = [
+        cast(raster, origin, direction + a * forward + b * beside, furthest=6.0) for a, b in spot
+    ]
+    truth = np.mean([one for one, _ in each], axis=0)
+    npt.assert_allclose(distance, truth, rtol=0, atol=1e-12)
+    npt.assert_array_equal(slope, each[rays // 2][1])
+    assert np.ptp([one for one, _ in each], axis=0).max() > 0.01  # the rays differ
+    # ground that is no raster is averaged over in the same way
+    down = direction[:, 2] < -0.8
+    assert np.count_nonzero(down) > 100
+    beams = origin[down], direction[down]
+    on_plane = [
+        cast(ground, *beams, furthest=2.5, forward=forward[down], spot=spot)[0]
+        for ground in (Plane(slope=0.1), Raster(Plane(slope=0.1)))
+    ]
+    npt.assert_allclose(on_plane[0], on_plane[1], rtol=0, atol=ON_RASTER)
+
+
+def test_tiles_that_are_wanted_at_once_are_made_once(monkeypatch):
+    monkeypatch.setattr("trueterrain.simulate.raster._MOST_TILES", 3)
+    made = []
+
+    class Counted(Plane):
+        def _height(self, x, y):
+            made.append(x.size)
+            return super()._height(x, y)
+
+    raster = Raster(Counted())
+    wanted = [(column, row) for column in range(3) for row in range(3)]
+    for tiles in (wanted, [*wanted, (3, 3)]):
+        assert raster.tiles(tiles).height.shape[0] == len(tiles)
+    assert len(made) == len(wanted) + 1
+    raster.tiles([(5, 5)])  # only three are kept from now on, this one and the last two
+    raster.tiles([(5, 5), (3, 3)])
+    assert len(made) == len(wanted) + 2
+    raster.tiles(wanted[:1])
+    assert len(made) == len(wanted) + 3

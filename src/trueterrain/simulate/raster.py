@@ -22,7 +22,7 @@ Integer = npt.NDArray[np.int64]
 TILE_CELLS = 200
 BLOCK_CELLS = 10
 
-_MOST_TILES = 400  # of 323 kB each; a lane of 4 m needs about 6 per metre of road at 5 mm
+_MOST_TILES = 400  # kept unless more are wanted at once, 323 kB each; a lane has 5 a metre at 5 mm
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,6 +74,7 @@ class Raster(Ground):
         self.ground = ground
         self.spacing = spacing
         self._tiles: OrderedDict[tuple[int, int], tuple[Float, Float]] = OrderedDict()
+        self._most = _MOST_TILES
         self._last: tuple[list[tuple[int, int]], Tiles] | None = None
 
     def describe(self) -> dict[str, Any]:
@@ -112,6 +113,7 @@ class Raster(Ground):
         wanted = sorted(set(wanted))
         if self._last is not None and self._last[0] == wanted:
             return self._last[1]
+        self._most = max(_MOST_TILES, len(wanted))
         height, tops = (np.stack(part) for part in zip(*map(self._tile, wanted), strict=True))
         columns, rows = np.array(wanted).T
         first = np.array([columns.min(), rows.min()])
@@ -136,7 +138,7 @@ class Raster(Ground):
             height = self.ground.height(x[None, :], y[:, None])
             self._tiles[tile] = height, _block_tops(np.where(np.isnan(height), -np.inf, height))
         self._tiles.move_to_end(tile)
-        while len(self._tiles) > _MOST_TILES:
+        while len(self._tiles) > self._most:
             self._tiles.popitem(last=False)
         return self._tiles[tile]
 
