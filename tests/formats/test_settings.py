@@ -265,3 +265,104 @@ def test_help_is_inherited():
     docs = attribute_docs(Child)
     assert docs["beams"] == "Beams per scan."
     assert docs["rate"] == "Scans per second [1/s]."
+
+
+# --- tables that complete the defaults of their fields --------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mount:
+    """A mounting."""
+
+    place: tuple[float, float] = (0.0, 0.0)
+    "Place [m]."
+
+    clock: float = 0.0
+    "Clock [s]."
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wander:
+    """Drift that wanders."""
+
+    sd: float = 0.02
+
+    def __post_init__(self):
+        if not self.sd >= 0:
+            raise ValueError(f"sd must be at least 0 m, got {self.sd}.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Series:
+    """Drift as measured."""
+
+    time: tuple[float, ...]
+    height: tuple[float, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rig:
+    """What carries instruments."""
+
+    mount: Mount = field(default_factory=lambda: Mount(place=(-2.0, 1.0)))
+    claimed: Mount | None = field(default=None, metadata={"table": Mount(place=(-2.0, 1.0))})
+    drift: Wander | Series = field(default_factory=lambda: Wander(sd=0.5))
+    layers: tuple[dict[str, object], ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fleet:
+    """Some rigs."""
+
+    rigs: tuple[Rig, ...] = ()
+    first: Rig = field(default_factory=lambda: Rig(mount=Mount(place=(7.0, 7.0), clock=1.0)))
+
+
+def test_a_table_completes_the_default_of_its_field():
+    rig = parse_settings(Rig, {"mount": {"clock": 0.5}, "claimed": {}})
+    assert rig.mount == Mount(place=(-2.0, 1.0), clock=0.5)
+    assert rig.claimed == Mount(place=(-2.0, 1.0))
+    assert parse_settings(Rig, {}).claimed is None
+    assert parse_settings(Rig, {"mount": {"place": [0.0, 0.0]}}).mount == Mount()
+
+
+def test_a_table_completes_defaults_at_any_depth():
+    fleet = parse_settings(
+        Fleet, {"rigs": [{"mount": {"clock": 2.0}}], "first": {"mount": {"clock": 3.0}}}
+    )
+    assert fleet.rigs[0].mount == Mount(place=(-2.0, 1.0), clock=2.0)
+    assert fleet.first.mount == Mount(place=(7.0, 7.0), clock=3.0)
+    assert parse_settings(Fleet, {"first": {"drift": {}}}).first.mount.clock == 1.0
+
+
+def test_tables_of_another_class_are_not_completed():
+    series = {"time": [0.0, 1.0], "height": [0.0, 0.1]}
+    assert parse_settings(Rig, {"drift": series}).drift == Series(**{
+        name: tuple(values) for name, values in series.items()
+    })  # fmt: skip
+    assert parse_settings(Rig, {"drift": {}}).drift == Wander(sd=0.5)
+
+
+@pytest.mark.parametrize(
+    ("drift", "message"),
+    [
+        ({"sd": -1.0}, r"^drift: sd must be at least 0 m, got -1\.0\.$"),
+        ({"sdd": 1.0}, r"^drift\.sdd: is unknown \(did you mean 'sd'\?\)\.$"),
+        ({"time": [0.0], "hight": [1.0]},
+         r"^drift\.height: is missing; drift\.hight: is unknown \(did you mean 'height'\?\)\.$"),
+        ({"time": "now", "height": [1.0]}, r"^drift\.time: must be a valid .*array, got"),
+    ],
+)  # fmt: skip
+def test_of_several_tables_only_the_one_that_is_meant_is_blamed(drift, message):
+    with pytest.raises(FormatError, match=message):
+        parse_settings(Rig, {"drift": drift})
+
+
+def test_long_arrays_take_a_line_for_each_value_and_come_back(tmp_path):
+    layers = tuple({"kind": "road", "seed": n, "two words": "a" * 30} for n in range(3))
+    text = settings_template(Rig(layers=layers))
+    assert '    { kind = "road", seed = 1, "two words"' in text
+    assert max(map(len, text.splitlines())) <= 100
+    (tmp_path / "rig.toml").write_text(text)
+    assert read_settings(Rig, tmp_path / "rig.toml") == Rig(layers=layers)
+    assert "# place = [-2.0, 1.0]" in text  # what a table would be completed with
