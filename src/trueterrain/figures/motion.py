@@ -85,7 +85,8 @@ def body_motion(
     _finish(ax)
     if turned is not ax:
         _same_zero(ax, turned)
-    _canvas.note(ax, what)
+    if isinstance(motion, xr.DataTree):
+        _canvas.note(ax, what)
     _canvas.legend_above(ax)
     return ax
 
