@@ -50,7 +50,7 @@ class InverseDistance:
     not outweigh all others. The standard deviation is that of the plain mean or median, times the
     root of n over the effective number of heights (sum w)^2 / sum w^2: the heights scatter alike,
     near and far, and all of them tell how much. Simulated with 15 to 80 heights, rms(error / sd) is
-    0.96 to 1.07.
+    0.96 to 1.07; on Belgian block, where heights nearby are alike, 0.6.
     """
 
     power: float = 2.0

@@ -26,7 +26,8 @@ class SteepestCpf:
     Simulated with 15 to 80 heights of one clear mode, rms(error / sd) is 0.90 to 1.08; with half of
     the default bandwidth up to 1.4. It contains neither the bias of smoothing a lopsided
     density (0.2 to 0.3 standard deviations of a gamma density of shape 3) nor the risk of choosing
-    the wrong one of two modes. It is at most that of a single height.
+    the wrong one of two modes: on Belgian block with its joints, rms(error / sd) is 1.7. It is at
+    most that of a single height.
     """
 
     bandwidth: float | None = None
