@@ -1,1 +1,7 @@
-"""Georeferencing: from scans and motion to points, every return at its own time (thesis 2.3)."""
+"""Georeferencing: from scans and motion to points (thesis 2.3)."""
+
+from trueterrain.georeference.points import georeference, mounting_of
+from trueterrain.georeference.scans import Expansion, ScanGeometry
+from trueterrain.georeference.screening import Screening
+
+__all__ = ["Expansion", "ScanGeometry", "Screening", "georeference", "mounting_of"]

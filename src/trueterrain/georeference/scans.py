@@ -1,0 +1,193 @@
+"""Motion during scans: the pose of the scanner at the time of every beam, at the cost of a few.
+
+The way and the turn of the body during a scan are quadratics of time through its poses at the
+begin, the middle and the end. Their error is at most 0.07 h³ times the jerk, h being half of the
+duration: with 0.4 ms and 1000 m/s³ that is 4 nm. Scans that last longer are cut into pieces.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from trueterrain.formats.run import Mounting
+from trueterrain.motion.trajectory import Trajectory
+
+Floats = npt.NDArray[np.float64]
+
+#: Longest piece of a scan during which the motion is taken as a quadratic [s].
+LONGEST = 2e-3
+
+_SHORTEST = 1e-6  # [s] half of the time over which rates are taken
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Expansion:
+    """Motion during the pieces of some scans; all pieces of a scan follow each other."""
+
+    coefficient: Floats
+    """Of 1, x, x² of the scanner's position, then of its left and of its upward axis, x being the
+    time after the middle of the piece, shape (piece, 3, 9) [m], [m/s], ..."""
+
+    body: Floats
+    "East, north, up of the body in the middle of the piece, shape (piece, 3) [m]."
+
+    variance: Floats
+    """Of up, and of turns about east and north: uu, ue, un, ee, en, nn; then the mean of those of
+    east and north, shape (piece, 7) [m²], [m rad], [rad²]."""
+
+    flag: npt.NDArray[np.uint8]
+    "Flags of the trajectory during the piece, added up, shape (piece,)."
+
+
+class ScanGeometry:
+    """Where the beams of a scanner start and where they point while a body moves.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Motion of the body.
+    mounting : Mounting
+        Where the scanner sits in the body, and its clock.
+    angle : array_like, shape (beam,)
+        Angle of each beam from straight down, positive to the left [rad].
+    delay : array_like, shape (beam,)
+        Time of each beam after the time of its scan [s].
+
+    Raises
+    ------
+    ValueError
+        If angles and delays do not fit together or are not finite.
+    """
+
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        mounting: Mounting,
+        angle: npt.ArrayLike,
+        delay: npt.ArrayLike,
+    ) -> None:
+        from trueterrain.georeference import _kernels
+
+        self.trajectory = trajectory
+        self.mounting = mounting
+        self.angle = np.asarray(angle, dtype=np.float64)
+        self.delay = np.asarray(delay, dtype=np.float64)
+        _check_fan(self.angle, self.delay)
+        self.first = _pieces(self.delay)
+        "First beam of each piece, and the number of beams."
+        bounds = list(zip(self.first[:-1], self.first[1:], strict=True))
+        low = np.array([self.delay[a:b].min() for a, b in bounds])
+        high = np.array([self.delay[a:b].max() for a, b in bounds])
+        self._middle = 0.5 * (low + high)
+        self._half = np.maximum(0.5 * (high - low), _SHORTEST)
+        x = self.delay - np.repeat(self._middle, np.diff(self.first))
+        powers = np.stack([np.ones_like(x), x, x * x])
+        self.beam = np.concatenate(
+            [powers, np.sin(self.angle) * powers, -np.cos(self.angle) * powers]
+        )
+        "Per beam, the factors of the nine coefficients, shape (9, beam)."
+        turned = Rotation.from_euler("ZYX", mounting.scanner_rotation[::-1]).as_matrix()
+        self._left, self._upward = turned[:, 1].copy(), turned[:, 2].copy()
+        self._lever = np.array(mounting.scanner_position, dtype=np.float64)
+        knots = trajectory.time.size
+        self._turn, self._rate = np.empty((knots - 1, 3)), np.empty((knots - 1, 3))
+        self._motion = tuple(
+            np.ascontiguousarray(getattr(trajectory, name), dtype=np.float64)
+            for name in ("time", "position", "velocity", "quaternion", "angular_velocity")
+        )
+        _kernels.turns(self._motion[3], self._motion[4], self._turn, self._rate)
+        self._covariance = np.ascontiguousarray(trajectory.covariance, dtype=np.float64)
+
+    @property
+    def pieces(self) -> int:
+        """Pieces of a scan."""
+        return self.first.size - 1
+
+    def covers(self, time: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+        """Whether the trajectory covers all beams of scans.
+
+        Parameters
+        ----------
+        time : array_like, shape (scan,)
+            Stamps of the scans [s].
+
+        Returns
+        -------
+        numpy.ndarray of bool, shape (scan,)
+            False too where a stamp is not finite.
+        """
+        true = np.asarray(time, dtype=np.float64) + self.mounting.scanner_clock
+        begin, end = self._middle - self._half, self._middle + self._half
+        knots = self.trajectory.time
+        return np.asarray((true + begin.min() >= knots[0]) & (true + end.max() <= knots[-1]))
+
+    def expand(self, time: npt.ArrayLike) -> Expansion:
+        """Motion during scans.
+
+        Parameters
+        ----------
+        time : array_like, shape (scan,)
+            Stamps of the scans [s].
+
+        Returns
+        -------
+        Expansion
+            Of all pieces, scan by scan.
+
+        Raises
+        ------
+        ValueError
+            If the trajectory does not cover a scan.
+        """
+        from trueterrain.georeference import _kernels
+
+        time = np.asarray(time, dtype=np.float64)
+        missing = np.flatnonzero(~self.covers(time))
+        if missing.size:
+            knots = self.trajectory.time
+            message = (
+                f"time must be from {knots[0]:.6f} s to {knots[-1]:.6f} s with the scanner's clock "
+                f"and all delays, got {time[missing[0]]:.6f} s (scan {missing[0]})."
+            )
+            raise ValueError(message)
+        middle = (time[:, None] + self.mounting.scanner_clock + self._middle).ravel()
+        n = middle.size
+        found = Expansion(
+            coefficient=np.empty((n, 3, 9)),
+            body=np.empty((n, 3)),
+            variance=np.empty((n, 7)),
+            flag=np.empty(n, np.uint8),
+        )
+        _kernels.expand(
+            middle, self._half, *self._motion, self._turn, self._rate, self._covariance,
+            self.trajectory.flag, self._lever, self._left, self._upward,
+            found.coefficient, found.body, found.variance, found.flag,
+        )  # fmt: skip
+        return found
+
+
+def _check_fan(angle: Floats, delay: Floats) -> None:
+    if not (angle.ndim == 1 and angle.shape == delay.shape and angle.size):
+        message = (
+            f"angle and delay must hold one value for each beam, got the shapes {angle.shape} "
+            f"and {delay.shape}."
+        )
+        raise ValueError(message)
+    if not (np.isfinite(angle).all() and np.isfinite(delay).all()):
+        message = "angle and delay must be finite everywhere."
+        raise ValueError(message)
+
+
+def _pieces(delay: Floats) -> npt.NDArray[np.int64]:
+    """First beams of the fewest pieces of about equal length that are short enough."""
+    wanted = max(1, int(np.ceil(np.ptp(delay) / LONGEST)))
+    longest = np.ptp(delay) / wanted * (1 + 1e-9)
+    starts, low, high = [0], delay[0], delay[0]
+    for beam, value in enumerate(delay):
+        low, high = min(low, value), max(high, value)
+        if high - low > longest:
+            starts.append(beam)
+            low = high = value
+    return np.array([*starts, delay.size], dtype=np.int64)

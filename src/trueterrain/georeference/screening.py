@@ -1,0 +1,109 @@
+"""Which returns are good, by their intensity and their range (thesis 3.6).
+
+A receiver in saturation reads ranges that are wrong by millimetres, and a return near the floor is
+noisy. Such returns are doubtful: they are rejected, or weigh less than good ones.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Screening:
+    """Which returns are doubtful, and what becomes of them.
+
+    Examples
+    --------
+    >>> Screening(floor=800.0, saturation=20000.0).weights(
+    ...     np.array([[2.0, 2.0, np.nan]]), np.array([[900, 30000, 900]]))
+    array([[1., 0., 0.]])
+    """
+
+    floor: float = 0.0
+    "Intensity under which a return is doubtful [counts]."
+
+    saturation: float = math.inf
+    "Intensity above which a return is doubtful [counts]."
+
+    nearest: float = 0.0
+    "Range under which a return is no ground [m]; it is always rejected."
+
+    furthest: float = math.inf
+    "Range beyond which a return is no ground [m]; it is always rejected."
+
+    weight: float = 0.0
+    """Weight of a doubtful return beside a good one, from 0 (rejected) to 1 (as good); in surfaces
+    to the next sixteenth [1]."""
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        if not 0 <= self.floor < self.saturation:
+            message = (
+                "floor must be at least 0 and less than saturation, got "
+                f"{self.floor} and {self.saturation}."
+            )
+            raise ValueError(message)
+        if not 0 <= self.nearest < self.furthest:
+            message = (
+                "nearest must be at least 0 m and less than furthest, got "
+                f"{self.nearest} and {self.furthest} m."
+            )
+            raise ValueError(message)
+        if not 0 <= self.weight <= 1:
+            message = f"weight must be from 0 to 1, got {self.weight}."
+            raise ValueError(message)
+
+    @property
+    def needs_intensity(self) -> bool:
+        """Whether intensities matter."""
+        return self.floor > 0 or self.saturation < math.inf
+
+    def doubtful(self, intensity: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+        """Whether returns are doubtful.
+
+        Parameters
+        ----------
+        intensity : array_like
+            Intensities [counts].
+
+        Returns
+        -------
+        numpy.ndarray of bool
+            Of the same shape; an intensity that is not known is doubtful.
+        """
+        values = np.asarray(intensity)
+        return np.asarray(~((values >= self.floor) & (values <= self.saturation)))
+
+    def weights(self, ranges: npt.ArrayLike, intensity: npt.ArrayLike | None = None) -> Floats:
+        """Weights of returns.
+
+        Parameters
+        ----------
+        ranges : array_like, shape (scan, beam)
+            Ranges [m]; NaN where there was no return.
+        intensity : array_like, shape (scan, beam), optional
+            Intensities [counts].
+
+        Returns
+        -------
+        numpy.ndarray
+            1 for good returns, `weight` for doubtful ones, 0 where there is none.
+
+        Raises
+        ------
+        ValueError
+            If intensities matter and are not given.
+        """
+        ranges = np.asarray(ranges)
+        weights = ((ranges >= self.nearest) & (ranges <= self.furthest)).astype(np.float64)
+        if self.needs_intensity:
+            if intensity is None:
+                message = "floor and saturation need intensities, which were not recorded."
+                raise ValueError(message)
+            weights[self.doubtful(intensity)] *= self.weight
+        return weights
