@@ -160,7 +160,9 @@ def _block(
     )  # fmt: skip
     good = weights > 0
     _count(counts, screening, ranges, intensity, good)
-    flags = np.repeat(motion.flag.reshape(time.size, geometry.pieces), np.diff(geometry.first), axis=1)
+    flags = np.repeat(
+        motion.flag.reshape(time.size, geometry.pieces), np.diff(geometry.first), axis=1
+    )
     counts["bridged"] += int(((flags != 0) & good).sum())
     beams = time[:, None] + geometry.mounting.scanner_clock + geometry.delay
     columns: dict[str, Any] = {
