@@ -15,8 +15,6 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from trueterrain import figures
 from trueterrain.formats.run import open_run
 from trueterrain.simulate.scene import Vehicle, read_scene, record_pass, set_stage

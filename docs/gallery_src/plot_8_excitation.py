@@ -2,9 +2,9 @@
 How much does an event of five cleats shake the laser?
 ======================================================
 
-Lumber across the lane excites a vehicle in its ride mode and in wheel hop, so that a profiler can be
-tested in motion: five cleats of 38 mm, 0.488 m apart. Driven over at 5.4 m/s, wheels meet cleats at
-11 Hz, and the event as a whole is half a period of 1.1 Hz.
+Lumber across the lane excites a vehicle in its ride mode and in wheel hop, so that a profiler can
+be tested in motion: five cleats of 38 mm, 0.488 m apart. Driven over at 5.4 m/s, wheels meet cleats
+at 11 Hz, and the event as a whole is half a period of 1.1 Hz.
 
 In the manner of thesis Fig. 3-11 (spectrum) and Fig. 3-20 (displacement of the laser).
 """
@@ -63,10 +63,10 @@ for name, frequency in zip(found.names, found.undamped_frequency, strict=True):
 # %%
 # One number, of several cars: the displacement of the laser from peak to peak. The thesis shows
 # nearly 200 mm. The event as printed does not come near: a vehicle answers to its mean height of
-# 13 mm as a pulse, and to the 11 Hz of its cleats with a few millimetres. With plywood of 19 mm under
-# the cleats the pulse is more than twice as high. Repeated every 4.88 m, events swing the body up
-# further, but damping ends that soon. What is left may be a slope of the road that the thesis's
-# figure contains; which vehicle it shows is not known either.
+# 13 mm as a pulse, and to the 11 Hz of its cleats with a few millimetres. With plywood of 19 mm
+# under the cleats the pulse is more than twice as high. Repeated every 4.88 m, events swing the
+# body up further, but damping ends that soon. What is left may be a slope of the road that the
+# thesis's figure contains; which vehicle it shows is not known either.
 
 for model in ("golden car", "van", "sedan", "compact"):
     spans = [

@@ -2,9 +2,9 @@
 How steep a face can a scanner see?
 ===================================
 
-A beam cannot look behind an edge: a face that falls away from the scanner more steeply than the beam
-comes down lies in its own shadow. Straight below the laser every face is seen, 2 m to the side only
-those up to 45 degrees, and what is measured there of joints and potholes is not all of them.
+A beam cannot look behind an edge: a face that falls away from the scanner more steeply than the
+beam comes down lies in its own shadow. Straight below the laser every face is seen, 2 m to the side
+only those up to 45 degrees, and what is measured there of joints and potholes is not all of them.
 
 In the manner of thesis Fig. 3-14. The limit follows from geometry; a virtual scanner, which knows
 nothing of it, finds the same.

@@ -264,6 +264,13 @@ def test_both_zeros_are_at_the_same_height_and_all_is_in_sight(slope):
             assert np.all((drawn.get_ydata() >= low) & (drawn.get_ydata() <= high))
 
 
+def test_a_body_that_stands_still_can_be_shown():
+    still = np.zeros(5)
+    ax = figures.body_motion({"time": np.arange(5.0), "up": still, "pitch": still, "roll": still})
+    low, high = ax.get_ylim()
+    assert low < 0 < high
+
+
 def test_angles_are_ticked_at_round_degrees(slope):
     ax = figures.body_motion(slope, components=["pitch"])
     ax.figure.canvas.draw()

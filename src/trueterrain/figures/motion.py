@@ -167,5 +167,7 @@ def _same_zero(ax: "Axes", other: "Axes") -> None:
     largest = [float(np.ptp(span)) or 1e-3 for span in spans]
     below = max(-span[0] / size for span, size in zip(spans, largest, strict=True))
     above = max(span[1] / size for span, size in zip(spans, largest, strict=True))
+    if below + above == 0.0:  # nothing moves
+        below = above = 0.5
     for each, size in zip((ax, other), largest, strict=True):
         each.set_ylim(-below * size, above * size)
