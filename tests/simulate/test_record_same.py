@@ -137,7 +137,8 @@ def test_the_true_ground_of_a_long_way_has_wider_spacing(tmp_path, monkeypatch):
     for block in (0.05, 5.0):
         found = open_run(recorded(scene(), tmp_path / f"{block}", block=block))["truth/ground"]
         coarse = found.to_dataset().load()
-        npt.assert_allclose(np.diff(coarse["u"]), 0.08, rtol=0, atol=1e-12)
+        # 3.3 m by 5 m at 20 mm are 41,666 nodes: a third of the rows will do
+        npt.assert_allclose(np.diff(coarse["u"]), 0.06, rtol=0, atol=1e-12)
         shared = coarse.sel(u=coarse["u"][(coarse["u"] >= 0) & (coarse["u"] <= 4.6)])
         there = fine.sel(u=shared["u"], method="nearest")
         for name in ("easting", "northing"):

@@ -150,9 +150,24 @@ class Raster(Ground):
             for dj, wy in ((0, 1 - fy), (1, fy)):
                 weight = wx * wy
                 needed = np.flatnonzero(weight != 0)  # a point on a node needs that node alone
-                at_x, at_y = (i[needed] + di) * self.spacing, (j[needed] + dj) * self.spacing
-                total[needed] += weight[needed] * self.ground.height(at_x, at_y)
+                total[needed] += weight[needed] * self._nodes(i[needed] + di, j[needed] + dj)
         return total
+
+    def _nodes(self, i: Float, j: Float) -> Float:
+        """Heights of nodes, from the last tiles if they are there."""
+        if self._last is None:
+            return self.ground.height(i * self.spacing, j * self.spacing)
+        tiles, height = self._last[1], np.empty(i.size)
+        column, row = (np.floor(n / TILE_CELLS).astype(np.int64) for n in (i, j))
+        at = row - tiles.first[1], column - tiles.first[0]
+        rows, columns = tiles.index.shape
+        inside = (at[0] >= 0) & (at[0] < rows) & (at[1] >= 0) & (at[1] < columns)
+        slot = np.where(inside, tiles.index[at[0] * inside, at[1] * inside], -1)
+        known, new = np.flatnonzero(slot >= 0), np.flatnonzero(slot < 0)
+        cell = [(n[known] - t[known] * TILE_CELLS).astype(int) for n, t in ((j, row), (i, column))]
+        height[known] = tiles.height[slot[known], cell[0], cell[1]]
+        height[new] = self.ground.height(i[new] * self.spacing, j[new] * self.spacing)
+        return height
 
 
 def _block_tops(height: Float) -> Float:

@@ -39,7 +39,7 @@ _LOST = np.iinfo(np.int32).min
 _BESIDE = 0.5  # [m] by which the surface that shows the ground is wider than the swath, either side
 _BEYOND = 1.0  # [m] by which it is longer than the way of the laser, either end
 _LARGEST_TRUTH = 30_000_000  # nodes of that surface
-_ROWS = 1000  # of it computed at a time
+_ROWS = 50  # of it computed at a time, while the tiles of the raster are there
 
 
 def record_scene(
@@ -138,9 +138,7 @@ def record_pass(
     navigation = NavigationStream(scene.navigation, begin=-_LEAD, **seeded)
     accelerometers = AccelerometerStream(scene.accelerometers, begin=-_LEAD, **seeded)
     duration = motion.duration
-    half = 0.5 * scene.scanner.swath + _BESIDE
-    across = _multiples(half, scene.truth.spacing)
-    way = _Way(mounting, scene.truth.spacing, most=_LARGEST_TRUTH // across.size)
+    shown = _ground_under(scene, mounting, motion, ground)
     with RunWriter(
         target,
         name=f"{scene.name}-{drive.name}",
@@ -164,8 +162,8 @@ def record_pass(
             run.append_truth("accelerometers", felt, dim="sample")
             driven = _knots(knots, begin, end, last=end == duration + _LEAD)
             run.append_truth("body", driven)
-            if drive.standing is None or not way.begun:
-                way.append(driven)
+            if drive.standing is None or begin == -_LEAD:
+                shown.append(driven)
             first, last = max(begin, 0.0), min(end, duration)
             if last > first:
                 scans = scanner.record(knots, first, last)
@@ -174,8 +172,8 @@ def record_pass(
                 if scene.truth.returns:
                     run.append_truth("returns", _errors(scans), dim="scan")
                 progress(drive.name, last, duration)
-        for part in _strips(way.line(), across, ground):
-            run.append_truth("ground", part, dim="u")
+            for part in shown.rows(end=end == duration + _LEAD):
+                run.append_truth("ground", part, dim="u")
 
 
 def _history(stage: Stage, drive: Drive, number: int) -> str:
@@ -190,25 +188,36 @@ def _history(stage: Stage, drive: Drive, number: int) -> str:
     return str(step.attrs["provenance"])
 
 
-class _Way:
-    """Way of the laser in the plane, with nodes at whole multiples of a spacing along it.
+def _ground_under(scene: Scene, mounting: Mounting, motion: Motion, ground: Ground) -> "_Shown":
+    """Surface wider than the swath, with wider spacing where the way is very long."""
+    half, spacing = 0.5 * scene.scanner.swath + _BESIDE, scene.truth.spacing
+    way = getattr(motion, "drive", None)  # what stands has none
+    length = float(way.speed.at(motion.duration).distance[0]) if way else 0.0
+    nodes = (length / spacing + 1.0) * (2.0 * half / spacing + 1.0)
+    times = math.ceil(nodes / _LARGEST_TRUTH)
+    return _Shown(ground, mounting, along=times * spacing, across=spacing, half=half)
 
-    When there are too many nodes, every other one is given up; what is left does not depend on
-    how the way came.
+
+class _Shown:
+    """Surface that shows the ground, row by row as the laser drives over it.
+
+    Its reference line is the way of the laser in the plane, with nodes at whole multiples of a
+    spacing, and goes straight on beyond both ends. A cross-section lies on the bisector of the two
+    chords that meet in its node.
     """
 
-    def __init__(self, mounting: Mounting, spacing: float, *, most: int) -> None:
-        self._lever = np.array(mounting.scanner_position[:2])
-        self._spacing = spacing
-        self._most = max(most, 2)
-        self._nodes = np.empty((0, 3))  # station, easting, northing
+    def __init__(
+        self, ground: Ground, mounting: Mounting, *, along: float, across: float, half: float
+    ) -> None:
+        self._ground = ground
+        self._lever = mounting.scanner_position[:2]
+        self._spacing = along
+        most = math.ceil(half / across)
+        self._v = across * np.arange(-most, most + 1, dtype=float)
         self._next = 0  # number of the next node
-        self._last = np.empty((0, 3))  # the same where the way was last
-
-    @property
-    def begun(self) -> bool:
-        """Whether it has a begin."""
-        return len(self._last) > 0
+        self._last = np.empty((0, 4))  # station, easting, northing and yaw where the way was last
+        self._nodes = np.empty((0, 4))  # the same of nodes whose rows wait, and of the one before
+        self._begun = False
 
     def append(self, knots: xr.Dataset) -> None:
         """Go on along knots of the body."""
@@ -216,63 +225,52 @@ class _Way:
         x, y = self._lever
         east = knots["east"].values + x * np.cos(yaw) - y * np.sin(yaw)
         north = knots["north"].values + x * np.sin(yaw) + y * np.cos(yaw)
-        if not self.begun and yaw.size:
-            self._heading = float(yaw[0])
-            self._last = np.array([[0.0, east[0], north[0]]])
-        _, last_east, last_north = self._last.T
-        east, north = np.append(last_east, east), np.append(last_north, north)
+        there = np.stack([np.zeros(yaw.size), east, north, yaw], axis=1)
+        way = np.concatenate([self._last if len(self._last) else there[:1], there])
         # one sum after the other, so that it does not matter where blocks end
-        steps = np.hypot(np.diff(east), np.diff(north))
-        s = np.cumsum(np.append(self._last[:, 0], steps))
-        numbers = np.arange(self._next, math.floor(s[-1] / self._spacing) + 1)
+        steps = np.hypot(*np.diff(way[:, 1:3], axis=0).T)
+        way[:, 0] = np.cumsum(np.append(way[:1, 0], steps))
+        numbers = np.arange(self._next, math.floor(way[-1, 0] / self._spacing) + 1)
         at = numbers * self._spacing
-        nodes = np.stack([at, np.interp(at, s, east), np.interp(at, s, north)], axis=1)
-        self._nodes = np.concatenate([self._nodes, nodes])
+        new = np.stack([at, *(np.interp(at, way[:, 0], column) for column in way.T[1:])], axis=1)
+        self._nodes = np.concatenate([self._nodes, new])
         self._next += numbers.size
-        self._last = np.array([[s[-1], east[-1], north[-1]]])
-        while len(self._nodes) > self._most:
-            self._nodes = self._nodes[::2]
-            self._spacing *= 2
-            self._next = math.ceil(self._next / 2)
+        self._last = way[-1:]
 
-    def line(self) -> Float:
-        """Station, easting and northing of the nodes, and straight on beyond both ends."""
+    def rows(self, *, end: bool) -> Iterator[xr.Dataset]:
+        """Rows of the surface that are ready; at the end all that are left."""
+        if len(self._nodes) < _ROWS and not end:
+            return
         nodes = self._nodes
-        ahead = np.tile([np.cos(self._heading), np.sin(self._heading)], (2, 1))
+        before = np.empty((0, 4)) if self._begun else self._beyond(self._nodes[:2], -1)
+        after = self._beyond(self._nodes[-2:], 1) if end else np.empty((0, 4))
+        nodes = np.concatenate([before, nodes, after])
+        row = np.arange(1 if self._begun else 0, len(nodes) - (0 if end else 1))
+        chords = np.diff(nodes[:, 1:3], axis=0)
+        heading = np.arctan2(chords[:, 1], chords[:, 0])
+        left = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
+        came, goes = np.maximum(row - 1, 0), np.minimum(row, len(chords) - 1)
+        normal = left[came] + left[goes]
+        normal /= 1.0 + np.sum(left[came] * left[goes], axis=1)[:, None]
+        u, east, north, yaw = nodes[row].T
+        heading = heading[came] + 2 * np.pi * np.rint((yaw - heading[came]) / (2 * np.pi))
+        self._nodes, self._begun = nodes[row[-1] :], True
+        for part in np.array_split(np.arange(row.size), math.ceil(row.size / _ROWS)):
+            x = east[part, None] + self._v * normal[part, :1]
+            y = north[part, None] + self._v * normal[part, 1:]
+            yield make_surface(
+                self._ground.height(x, y), u=u[part], v=self._v, easting=east[part],
+                northing=north[part], heading=heading[part],
+            )  # fmt: skip
+
+    def _beyond(self, nodes: Float, side: int) -> Float:
+        """Nodes straight on before the first (side -1) or behind the last (1) of two nodes."""
+        end = nodes[0 if side < 0 else -1]
+        ahead = np.array([np.cos(end[3]), np.sin(end[3])])
         if len(nodes) > 1:
-            ahead = np.diff(nodes[[0, 1, -2, -1], 1:], axis=0)[[0, 2]]
-            ahead /= np.linalg.norm(ahead, axis=1)[:, None]
-        on = np.arange(1, math.ceil(_BEYOND / self._spacing) + 1)[:, None] * self._spacing
-        before = nodes[0] - on[::-1] * np.append(1.0, ahead[0])
-        after = nodes[-1] + on * np.append(1.0, ahead[1])
-        return np.concatenate([before, nodes, after])
-
-
-def _strips(line: Float, v: Float, ground: Ground) -> Iterator[xr.Dataset]:
-    """Surface that shows the ground on either side of a line, piece by piece along it.
-
-    A cross-section lies on the bisector of the two chords that meet in its node.
-    """
-    u, east, north = line.T
-    chords = np.diff(line[:, 1:], axis=0)
-    heading = np.unwrap(np.arctan2(chords[:, 1], chords[:, 0]))
-    left = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
-    before, after = left[np.r_[0, : len(left)]], left[np.r_[: len(left), -1]]
-    normal = (before + after) / (1.0 + np.sum(before * after, axis=1))[:, None]
-    for begin in range(0, u.size, _ROWS):
-        rows = slice(begin, begin + _ROWS)
-        x = east[rows, None] + v * normal[rows, :1]
-        y = north[rows, None] + v * normal[rows, 1:]
-        yield make_surface(
-            ground.height(x, y), u=u[rows], v=v, easting=east[rows], northing=north[rows],
-            heading=heading[np.r_[0, : len(heading)]][rows],
-        )  # fmt: skip
-
-
-def _multiples(half: float, spacing: float) -> Float:
-    """Multiples of the spacing from -half to half [m]."""
-    most = math.ceil(half / spacing)
-    return spacing * np.arange(-most, most + 1, dtype=float)
+            ahead = (nodes[1, 1:3] - nodes[0, 1:3]) / np.hypot(*(nodes[1, 1:3] - nodes[0, 1:3]))
+        way = side * self._spacing * np.arange(1, math.ceil(_BEYOND / self._spacing) + 1)
+        return np.asarray(end + way[:, None] * np.array([1.0, *ahead, 0.0]))[::side]
 
 
 def _along(block: Mapping[str, npt.ArrayLike], *dims: str) -> xr.Dataset:
