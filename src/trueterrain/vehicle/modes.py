@@ -55,10 +55,10 @@ def modes(model: LinearModel) -> Modes:
     -----
     The eigenvalues of M^-1 K, with which Smith (2009) goes on from Eq. 3-3, are the squares of the
     *undamped* frequencies, times (2 pi)², and say nothing of damping. That comes from the complex
-    eigenvalues s of [[0, I], [-M^-1 K, -M^-1 C]]: frequency |s| / 2 pi, ratio
-    -Re(s) / |s|. These need not equal the undamped frequencies, as dampers couple modes; each is
-    listed beside the undamped mode that its shape is most like. If an overdamped mode has two real
-    eigenvalues, these are the pair of like shape, frequency sqrt(s1 s2) / 2 pi, ratio
+    eigenvalues s of [[0, I], [-M^-1 K, -M^-1 C]]: frequency ``|s| / 2 pi``, ratio
+    ``-Re(s) / |s|``. These need not equal the undamped frequencies, as dampers couple modes; each
+    is listed beside the undamped mode that its shape is most like. If an overdamped mode has two
+    real eigenvalues, these are the pair of like shape, frequency sqrt(s1 s2) / 2 pi, ratio
     -(s1 + s2) / 2 sqrt(s1 s2).
 
     Where frequencies coincide, any mixture of the shapes is a mode, and names are arbitrary.
