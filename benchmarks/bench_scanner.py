@@ -17,7 +17,7 @@ from trueterrain.simulate.scanner import Scanner, ScannerStream
 from trueterrain.simulate.speed import Constant
 
 MINUTES = 10  # of the run whose memory is measured
-EARLY = 2  # [min] after which memory must not grow any more
+EARLY = 5  # [min] when the cache of the ground is full, and memory must not grow any more
 _BLOCK = 0.25  # [s]
 
 
