@@ -125,11 +125,7 @@ def _check_together(kinds: dict[Path, str]) -> None:
     allowed = first if first in ("profile", "run") else "profile"
     other = next((path for path, kind in kinds.items() if kind != allowed), None)
     if other is not None:
-        rule = (
-            "only profiles are drawn together"
-            if allowed == "profile"
-            else "it is drawn beside runs"
-        )
+        rule = f"only {allowed}s are drawn together"
         message = f"{other}: {rule}, this is {kinds[other]}. Plot it alone."
         raise ValueError(message)
 
