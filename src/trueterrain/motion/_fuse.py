@@ -1,0 +1,297 @@
+"""The steps of the fusion, one after the other."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from trueterrain.motion import _complementary as filters
+from trueterrain.motion._assemble import trajectory_of
+from trueterrain.motion._complementary import Coordinates, Spectra
+from trueterrain.motion._heave import lever
+from trueterrain.motion._inertial import Inertial, inertial_of, knots_without
+from trueterrain.motion._inputs import AccelerometerInput, NavigationInput, Span
+from trueterrain.motion._noise import LEAST, Noise, quietest, white_and_wander
+from trueterrain.motion._rts import Found, Sensors, smoothed_coordinates
+from trueterrain.motion._way import Smooth, bridge_variance
+from trueterrain.motion.fuse import DRIFT_TIME, FusedMotion, FusionSettings
+
+Float = npt.NDArray[np.float64]
+
+_HEAVE = [2, 3, 4]  # up, roll, pitch among the components of navigation
+_WAY = [0, 1, 5]  # east, north, yaw
+_QUICK, _SLOW = 0.1, 1.0  # [s] windows for attitude, and for accelerations of the way
+_APART = 1.5  # [Hz] crossover of the filter that measures noise
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Parts:
+    navigation: NavigationInput
+    settings: FusionSettings
+    sd: Float  # of navigation, reported or assumed, (epoch, 6)
+    quick: Smooth  # up, roll, pitch as they are
+    attitude: Smooth  # roll, pitch
+    way: Smooth  # east, north, yaw
+
+
+def fused(
+    run: xr.DataTree,
+    navigation: NavigationInput,
+    sensors: AccelerometerInput | None,
+    settings: FusionSettings,
+    problems: list[str],
+) -> FusedMotion:
+    """Motion from what was read."""
+    sd = np.where(np.isfinite(navigation.sd), navigation.sd, settings.navigation_sd)
+    parts = _Parts(
+        navigation=navigation, settings=settings, sd=sd,
+        quick=Smooth(navigation, _HEAVE, window=0.0, slow=_SLOW),
+        attitude=Smooth(navigation, _HEAVE[1:], window=_QUICK, slow=_QUICK),
+        way=Smooth(navigation, _WAY, window=settings.way_window, slow=_SLOW),
+    )  # fmt: skip
+    problems = [*problems, *_gap_problems("navigation", navigation.gaps)]
+    if sensors is None:
+        return _by_navigation(parts, problems)
+    problems += _gap_problems("accelerometers", sensors.gaps)
+    if sensors.dropped:
+        problems.append(f"accelerometers: {sensors.dropped} samples are left out: not finite")
+    gravity = gravity_at(run.attrs.get("origin")) if settings.gravity is None else settings.gravity
+    inertial = inertial_of(
+        sensors, navigation, parts.attitude, parts.way, rate=settings.rate, gravity=gravity
+    )
+    if not inertial.turns:
+        problems.append("the accelerometers do not tell roll and pitch, which are by navigation")
+    return _by_both(parts, sensors, inertial, problems)
+
+
+def gravity_at(origin: object) -> float:
+    """Gravity on the ellipsoid and above it [m/s^2]; standard gravity if no place is known.
+
+    Source: Somigliana's formula of WGS 84 with the free-air gradient.
+
+    Examples
+    --------
+    >>> gravity_at((11.0, 45.0, 0.0))
+    9.80619...
+    """
+    if not isinstance(origin, list | tuple | np.ndarray) or len(origin) != 3:
+        return 9.80665
+    square = np.sin(np.deg2rad(float(origin[1]))) ** 2
+    normal = 9.7803253359 * (1 + 0.00193185265241 * square)
+    return float(normal / np.sqrt(1 - 0.00669437999013 * square) - 3.086e-6 * float(origin[2]))
+
+
+def _gap_problems(name: str, gaps: tuple[Span, ...]) -> list[str]:
+    if not gaps:
+        return []
+    longest = max(gaps, key=lambda gap: gap[1] - gap[0])
+    several = f"{len(gaps)} gaps are" if len(gaps) > 1 else "a gap is"
+    return [
+        f"{name}: {several} bridged, the longest {longest[1] - longest[0]:.6g} s at "
+        f"{longest[0]:.6f} s"
+    ]
+
+
+def _by_navigation(parts: _Parts, problems: list[str]) -> FusedMotion:
+    time = knots_without(parts.navigation, parts.settings.rate)
+    variance = _at(time, parts.navigation.time, parts.sd[:, _HEAVE] ** 2)
+    variance += _bridge(parts, time, _HEAVE)
+    found = Coordinates(
+        value=parts.quick.value(time), rate=parts.quick.rate(time), covariance=_diagonal(variance)
+    )
+    edge = (parts.navigation.step, parts.navigation.step)
+    return _finished(parts, time, found, np.zeros(3), (), edge, problems)
+
+
+def _by_both(
+    parts: _Parts, sensors: AccelerometerInput, inertial: Inertial, problems: list[str]
+) -> FusedMotion:
+    settings = parts.settings
+    time = inertial.time
+    roll, pitch = parts.attitude.value(time).T
+    over, _, _ = lever(roll, pitch, inertial.middle)
+    coordinates = parts.quick.value(time)
+    coordinates[:, 0] += over
+    noise, wander = _noise(parts, sensors, inertial, coordinates)
+    spectra = _spectra(parts, inertial, noise, wander)
+    white = np.array(noise.white)
+    drift_sd = np.sqrt(np.maximum(parts.sd[:, _HEAVE] ** 2 - white**2, (0.1 * white) ** 2))
+    drift_sd = _at(time, parts.navigation.time, drift_sd)
+    found: Found | None = None
+    edge = (0.5 * settings.way_window, 0.5 * settings.way_window)
+    if settings.method == "rts":
+        turn = np.sqrt(np.mean(parts.attitude.second(parts.navigation.time) ** 2, axis=0))
+        found = smoothed_coordinates(
+            inertial, parts.navigation, parts.attitude.value(parts.navigation.time), turn, noise,
+            drift_sd,
+            Sensors(bias_sd=settings.bias_sd, bias_walk=settings.bias_walk,
+                    scale_sd=settings.scale_sd, delay_sd=settings.accelerometer_delay_sd),
+        )  # fmt: skip
+        result = found.coordinates
+    else:
+        result, settles = _filtered(parts, inertial, coordinates, spectra, drift_sd)
+        edge = (max(edge[0], settles[0]), max(edge[1], settles[1]))
+    gaps = tuple(("accelerometers", *gap) for gap in _lost_spans(inertial))
+    motion = _finished(parts, time, result, inertial.middle, gaps, edge, problems)
+    return FusedMotion(
+        trajectory=motion.trajectory, method=settings.method, noise=noise,
+        crossover=filters.crossover(spectra), gaps=motion.gaps, problems=motion.problems,
+        drift=None if found is None else found.drift,
+        bias=None if found is None else tuple(map(float, found.bias)),
+        delay=None if found is None else found.delay,
+        surprise=None if found is None else _three(found.surprise),
+    )  # fmt: skip
+
+
+def _filtered(
+    parts: _Parts, inertial: Inertial, coordinates: Float, spectra: Spectra, drift_sd: Float
+) -> tuple[Coordinates, tuple[float, float]]:
+    """Coordinates by a complementary filter, and the times in which it settles at both ends."""
+    s = parts.settings
+    time = inertial.time
+    frequency = np.geomspace(0.5 / (time[-1] - time[0]), 0.5 * s.rate, 2000)
+    share = filters.butterworth(frequency, s.crossover, s.order)
+    settles = (0.5 / s.crossover, 0.5 / s.crossover)
+    extra = np.zeros(3)
+    if s.method == "thesis":
+        value, rate, extra = filters.causal(
+            inertial, coordinates, cutoff=s.crossover, order=s.order
+        )
+        settles = (2.0 / s.crossover, 0.0)
+    elif s.method == "zero-phase":
+        value, rate = filters.zero_phase(inertial, coordinates, cutoff=s.crossover, order=s.order)
+    else:
+        value, rate = filters.wiener(inertial, coordinates, spectra)
+        share = filters.low_pass(spectra, frequency)
+    variance = filters.variance(spectra, share, frequency) + extra**2
+    whole = drift_sd**2 + variance + _bridge(parts, time, _HEAVE)
+    for begin, end in _lost_spans(inertial):
+        lost = bridge_variance(time, ((begin, end),), 1.0)[:, None]
+        whole += lost * [s.bridge_density, s.bridge_turn_density, s.bridge_turn_density]
+    return Coordinates(value=value, rate=rate, covariance=_diagonal(whole)), settles
+
+
+def _noise(
+    parts: _Parts, sensors: AccelerometerInput, inertial: Inertial, coordinates: Float
+) -> tuple[Noise, Float]:
+    """Noise of the instruments, and the wander of the drift per second."""
+    s = parts.settings
+    estimated = []
+    inside = (sensors.time >= inertial.fine[0]) & (sensors.time <= inertial.fine[-1])
+    density = [quietest(one, 1.0 / sensors.step) for one in sensors.force[inside].T]
+    if s.accelerometer_noise is not None:
+        density = [s.accelerometer_noise] * len(density)
+    else:
+        estimated.append("accelerometer")
+    residual = _residual(parts, inertial, coordinates)
+    rate = 1.0 / parts.navigation.step
+    pairs = np.array([white_and_wander(column, rate) for column in residual.T])
+    white = np.maximum(pairs[:, 0], LEAST)
+    if s.navigation_noise is not None:
+        white = np.array(s.navigation_noise)
+    else:
+        estimated.append("white")
+    total = np.sqrt(np.mean(parts.sd[:, _HEAVE] ** 2, axis=0))
+    drift = np.sqrt(np.maximum(total**2 - white**2, (0.1 * white) ** 2))
+    length = np.array(DRIFT_TIME if s.drift_time is None else s.drift_time)
+    if s.drift_time is None:
+        seen = pairs[:, 1] > 0
+        length[seen] = 2 * drift[seen] ** 2 / pairs[seen, 1]
+        estimated += [f"drift_time of {name}" for name, at in
+                      zip(("up", "roll", "pitch"), seen, strict=True) if at]  # fmt: skip
+    noise = Noise(
+        white=_three(white), drift_sd=_three(drift), drift_time=_three(length),
+        accelerometer=tuple(density), estimated=tuple(estimated),
+    )  # fmt: skip
+    return noise, 2 * drift**2 / length
+
+
+def _residual(parts: _Parts, inertial: Inertial, coordinates: Float) -> Float:
+    """Navigation less the fused motion, above 1.5 Hz, at the epochs; shape (epoch, 3).
+
+    What errors of the accelerometers' clock and scale leave of the motion is fitted and removed.
+    """
+    from scipy.interpolate import CubicHermiteSpline
+
+    navigation = parts.navigation
+    time = inertial.time
+    value, rate = filters.zero_phase(inertial, coordinates, cutoff=_APART, order=2)
+    smooth = CubicHermiteSpline(time, value, rate, axis=0)(navigation.time)
+    slow, slow_rate = filters.zero_phase(
+        inertial, np.zeros_like(coordinates), cutoff=_APART, order=2
+    )  # the motion above the crossover
+    measured = navigation.pose[:, _HEAVE].copy()
+    roll, pitch = parts.attitude.value(navigation.time).T
+    measured[:, 0] += lever(roll, pitch, inertial.middle)[0]
+    residual = measured - smooth
+    fast = CubicHermiteSpline(time, slow, slow_rate, axis=0)
+    shapes = fast(navigation.time), fast(navigation.time, 1)
+    for j in range(3):
+        basis = np.stack([shape[:, j] for shape in shapes], axis=1)
+        residual[:, j] -= basis @ np.linalg.lstsq(basis, residual[:, j], rcond=None)[0]
+    return np.asarray(residual)
+
+
+def _spectra(parts: _Parts, inertial: Inertial, noise: Noise, wander: Float) -> Spectra:
+    shares = np.square(inertial.share)
+    acceleration = shares @ np.square(noise.accelerometer)
+    walk = shares.sum(axis=1) * 2 * parts.settings.bias_walk**2
+    if not inertial.turns:
+        acceleration[1:], walk[1:] = 1e3, 0.0  # nothing is known of roll and pitch
+    return Spectra(
+        white=2 * np.square(noise.white) * parts.navigation.step, wander=2 * wander,
+        acceleration=acceleration, walk=walk,
+    )  # fmt: skip
+
+
+def _finished(
+    parts: _Parts,
+    time: Float,
+    found: Coordinates,
+    middle: Float,
+    gaps: tuple[tuple[str, float, float], ...],
+    edge: tuple[float, float],
+    problems: list[str],
+) -> FusedMotion:
+    variance = _at(time, parts.navigation.time, parts.sd[:, _WAY] ** 2)
+    variance += _bridge(parts, time, _WAY)
+    every = (*(("navigation", *gap) for gap in parts.navigation.gaps), *gaps)
+    spans = tuple((begin, end) for _, begin, end in every)
+    trajectory = trajectory_of(time, found, middle, parts.way, variance, spans, edge)
+    return FusedMotion(
+        trajectory=trajectory, method="navigation", noise=None, crossover=None, drift=None,
+        bias=None, delay=None, surprise=None, gaps=every, problems=tuple(problems),
+    )  # fmt: skip
+
+
+def _bridge(parts: _Parts, time: Float, columns: list[int]) -> Float:
+    """Variance over the gaps of navigation, shape (n, columns)."""
+    s = parts.settings
+    one = bridge_variance(time, parts.navigation.gaps, 1.0)[:, None]
+    return one * [s.bridge_density if c < 3 else s.bridge_turn_density for c in columns]
+
+
+def _lost_spans(inertial: Inertial) -> tuple[Span, ...]:
+    """Stretches without accelerometers."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], inertial.bridged.astype(int), [0]])))
+    fine = inertial.fine
+    spans = edges.reshape(-1, 2)
+    tick = 1e-9  # [s] so that a knot at the end counts
+    return tuple(
+        (float(fine[max(a - 1, 0)]) - (tick if a == 0 else 0.0),
+         float(fine[min(b, fine.size - 1)]) + (tick if b == fine.size else 0.0))
+        for a, b in spans
+    )  # fmt: skip
+
+
+def _at(time: Float, known: Float, values: Float) -> Float:
+    return np.stack([np.interp(time, known, column) for column in values.T], axis=1)
+
+
+def _diagonal(variance: Float) -> Float:
+    return np.asarray(variance[:, :, None] * np.eye(3))
+
+
+def _three(values: Float) -> tuple[float, float, float]:
+    return float(values[0]), float(values[1]), float(values[2])

@@ -1,0 +1,217 @@
+"""The model of body, accelerometers and navigation that the smoother works on."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from trueterrain.motion._complementary import Coordinates
+from trueterrain.motion._heave import lever
+from trueterrain.motion._inertial import Inertial
+from trueterrain.motion._inputs import NavigationInput
+from trueterrain.motion._noise import Noise
+from trueterrain.motion._smoother import Model, Smoothed, smooth
+
+Float = npt.NDArray[np.float64]
+
+# Nothing is known of the first pose: height [m], roll, pitch [rad], and their rates.
+_FIRST = np.array([10.0, 0.2, 0.2, 5.0, 1.0, 1.0])
+_TURN_MEMORY = 0.1  # [s] of roll and pitch acceleration where no accelerometer tells them
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sensors:
+    """What may be wrong with the accelerometers besides their noise."""
+
+    bias_sd: float
+    "Standard deviation of the bias [m/s^2]."
+
+    bias_walk: float
+    "Of its random walk after 1 s [m/s^2/sqrt(s)]."
+
+    scale_sd: float
+    "Of the error of scale [1]."
+
+    delay_sd: float
+    "Of the error of their clock [s]."
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Found:
+    """What the smoother says."""
+
+    coordinates: Coordinates
+    "Height of the middle of the sensors, roll and pitch."
+
+    drift: Float
+    "Drift of up, roll and pitch of navigation, shape (n, 3) [m, rad, rad]."
+
+    drift_sd: Float
+    "Its standard deviation, shape (n, 3)."
+
+    bias: Float
+    "Of the accelerometers at the last knot, shape (sensor,) [m/s^2]."
+
+    scale: Float
+    "Their errors of scale, shape (sensor,) [1]."
+
+    delay: tuple[float, float]
+    "By how much they are later than was said, and its standard deviation [s]."
+
+    surprise: Float
+    "Mean square of the innovations over what was expected, of up, roll and pitch; near 1."
+
+
+def smoothed_coordinates(
+    inertial: Inertial,
+    navigation: NavigationInput,
+    nominal: Float,
+    turn: Float,
+    noise: Noise,
+    drift_sd: Float,
+    sensors: Sensors,
+) -> Found:
+    """Coordinates at the knots by the smoother.
+
+    Parameters
+    ----------
+    inertial : Inertial
+        What accelerometers say.
+    navigation : NavigationInput
+        Epochs.
+    nominal : numpy.ndarray, shape (epoch, 2)
+        Roll and pitch about which levers are linear [rad].
+    turn : numpy.ndarray, shape (2,)
+        Root mean square of the roll and pitch acceleration, where no sensor tells it [rad/s^2].
+    noise : Noise
+        Noise of the instruments.
+    drift_sd : numpy.ndarray, shape (n, 3)
+        Standard deviation of the drifts at the knots [m, rad, rad].
+    sensors : Sensors
+        What may be wrong with the accelerometers.
+    """
+    model = _model(inertial, navigation, nominal, turn, noise, drift_sd, sensors)
+    count = inertial.share.shape[1]
+    size = 6 + 2 * count + 1 + 3
+    spread = np.empty(size)
+    spread[:6] = _FIRST
+    spread[6 : 6 + count] = sensors.bias_sd
+    spread[6 + count : 6 + 2 * count] = sensors.scale_sd
+    spread[6 + 2 * count] = sensors.delay_sd
+    spread[-3:] = drift_sd[0]
+    state = np.zeros(size)
+    state[:3] = np.linalg.solve(model.design[0], model.measured[0])
+    found = smooth(model, state, np.diag(spread**2))
+    return _found(found, count)
+
+
+def _found(s: Smoothed, count: int) -> Found:
+    delay = s.mean[-1, 6 + 2 * count], np.sqrt(max(s.parameter_covariance[-1, -1], 0.0))
+    return Found(
+        coordinates=Coordinates(
+            value=s.mean[:, :3].copy(), rate=s.mean[:, 3:6].copy(), covariance=s.covariance
+        ),
+        drift=s.mean[:, -3:].copy(),
+        drift_sd=np.sqrt(np.maximum(s.drift_variance, 0.0)),
+        bias=s.mean[-1, 6 : 6 + count].copy(),
+        scale=s.mean[-1, 6 + count : 6 + 2 * count].copy(),
+        delay=(float(delay[0]), float(delay[1])),
+        surprise=s.surprise,
+    )
+
+
+def _model(
+    inertial: Inertial,
+    navigation: NavigationInput,
+    nominal: Float,
+    turn: Float,
+    noise: Noise,
+    drift_sd: Float,
+    sensors: Sensors,
+) -> Model:
+    time = inertial.time
+    step = np.diff(time)
+    once, twice = inertial.integrals(inertial.acceleration)
+    into_coordinate, into_rate = _parameters(inertial, once, step)
+    count = inertial.share.shape[1]
+    walk = np.zeros(2 * count + 1)
+    walk[:count] = sensors.bias_walk**2
+    decay = np.exp(-step[:, None] / np.array(noise.drift_time))
+    decay = np.minimum(decay, drift_sd[1:] / drift_sd[:-1])
+    nearest = _nearest(time, navigation.time)
+    order = np.arange(time.size)
+    before = navigation.time - time[nearest]
+    design, measured = _measurements(navigation, nominal, inertial.middle)
+    # the body accelerates on the way from the knot to the epoch
+    ahead = 0.5 * before[:, None] ** 2 * inertial.acceleration[inertial.knot[nearest]]
+    measured -= np.einsum("mij,mj->mi", design, ahead)
+    return Model(
+        step=step,
+        known=np.concatenate([twice, once], axis=1),
+        into_coordinate=into_coordinate,
+        into_rate=into_rate,
+        noise=_acceleration_noise(inertial, noise, turn),
+        walk=walk,
+        decay=decay,
+        drift_noise=np.maximum(drift_sd[1:] ** 2 - (decay * drift_sd[:-1]) ** 2, 0.0),
+        seen=np.stack(
+            [np.searchsorted(nearest, order), np.searchsorted(nearest, order, side="right")], axis=1
+        ),
+        before=before,
+        measured=measured,
+        design=design,
+        variance=np.tile(np.square(noise.white), (navigation.time.size, 1)),
+    )
+
+
+def _parameters(inertial: Inertial, once: Float, step: Float) -> tuple[Float, Float]:
+    """What biases, errors of scale and the error of the clock add to coordinates and rates."""
+    count = inertial.share.shape[1]
+    n = step.size
+    into_coordinate, into_rate = np.zeros((n, 3, 2 * count + 1)), np.zeros((n, 3, 2 * count + 1))
+    share = -inertial.share
+    into_rate[:, :, :count] = share * step[:, None, None]
+    into_coordinate[:, :, :count] = share * 0.5 * step[:, None, None] ** 2
+    felt, felt_twice = inertial.integrals(inertial.per_sensor)
+    into_rate[:, :, count:-1] = share * felt[:, None, :]
+    into_coordinate[:, :, count:-1] = share * felt_twice[:, None, :]
+    at_knots = inertial.acceleration[inertial.knot]
+    into_rate[:, :, -1] = np.diff(at_knots, axis=0)
+    into_coordinate[:, :, -1] = once - step[:, None] * at_knots[:-1]
+    missing = np.maximum.reduceat(inertial.bridged[:-1] | inertial.bridged[1:], inertial.knot[:-1])
+    into_coordinate[missing] = 0.0
+    into_rate[missing] = 0.0
+    return into_coordinate, into_rate
+
+
+def _acceleration_noise(inertial: Inertial, noise: Noise, turn: Float) -> Float:
+    """Two-sided density of the error of the accelerations, shape (n - 1, 3, 3)."""
+    density = 0.5 * np.square(noise.accelerometer)
+    always = (inertial.share * density) @ inertial.share.T
+    if not inertial.turns:
+        always[[1, 2], [1, 2]] += np.maximum(turn, 1e-3) ** 2 * _TURN_MEMORY
+    length = np.diff(inertial.fine)[:, None]
+    starts = inertial.knot[:-1]
+    lost = np.add.reduceat(inertial.lost * length, starts, axis=0)
+    lost /= np.diff(inertial.time)[:, None]
+    whole = np.tile(always, (starts.size, 1, 1))
+    whole[:, [0, 1, 2], [0, 1, 2]] += lost
+    return whole
+
+
+def _nearest(knots: Float, time: Float) -> npt.NDArray[np.intp]:
+    right = np.clip(np.searchsorted(knots, time), 1, knots.size - 1)
+    return np.asarray(right - (time - knots[right - 1] < knots[right] - time))
+
+
+def _measurements(
+    navigation: NavigationInput, nominal: Float, middle: Float
+) -> tuple[Float, Float]:
+    """Derivatives (epoch, 3, 3) of up, roll and pitch by the coordinates, and what is measured."""
+    roll, pitch = nominal.T
+    over, by_roll, by_pitch = lever(roll, pitch, middle)
+    design = np.tile(np.eye(3), (roll.size, 1, 1))
+    design[:, 0, 1], design[:, 0, 2] = -by_roll, -by_pitch
+    measured = navigation.pose[:, 2:5].copy()
+    measured[:, 0] += over - by_roll * roll - by_pitch * pitch
+    return design, measured
