@@ -14,7 +14,7 @@ from trueterrain.simulate.pose import PoseKnots
 from trueterrain.simulate.scanner import Scanner
 from trueterrain.simulate.scene import Drive, Scene, Standing, Truth, record_scene
 
-DURATION = 20.0  # [s]
+DURATION = 10.0  # [s]
 BEAMS, RATE = 100, 500.0
 SCANNER = Scanner(beams=BEAMS, rate=RATE, dropouts=0.01, spot_rays=1, floor=0.0)
 ACCELEROMETERS = Accelerometers(noise_density=0.002, filter_order=4)
@@ -42,7 +42,7 @@ def test_ranges_have_the_noise_asked_for(runs):
         error = run["truth/returns/range_error"].values
         lost = np.isnan(error)
         npt.assert_array_equal(lost, np.isnan(run["scans/range"].values))
-        n = error.size  # 1,000,000 returns
+        n = error.size  # 500,000 returns
         npt.assert_allclose(lost.mean(), 0.01, rtol=0, atol=4 * np.sqrt(0.01 * 0.99 / n))
         sd = np.hypot(SCANNER.range_noise, SCANNER.quantum / np.sqrt(12))
         npt.assert_allclose(np.nanstd(error) / sd, 1.0, rtol=0, atol=4 / np.sqrt(2 * n))
@@ -68,7 +68,7 @@ def test_accelerometers_have_the_noise_density_asked_for(runs):
         noise = group["acceleration"].values - exact - truth["bias"].values
         frequency, density = welch(noise, 2000.0, nperseg=2000, axis=0)
         band = (frequency >= 10) & (frequency <= 200)  # where the filter passes all, within 0.1 %
-        # as many squares are averaged as 3 sensors x 40,000 samples x the share of the band
+        # as many squares are averaged as 3 sensors x 20,000 samples x the share of the band
         bound = 4 * np.sqrt(2 / (3 * len(noise) * 0.19))
         found = density[band].mean() / ACCELEROMETERS.noise_density**2
         npt.assert_allclose(found, 1.0, rtol=0, atol=bound)
