@@ -1,0 +1,269 @@
+"""Grids: which nodes there are, and the cells around them that returns are sorted into.
+
+The cell of a node reaches half a spacing to either side, so a node at the edge has a whole cell
+as well.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from trueterrain.kinds import make_surface
+from trueterrain.surface.line import ReferenceLine, millimetres
+from trueterrain.surface.reference_line import Floats, GridFrame, grid_frame, xy_to_uv
+
+_MOST = 2_000_000_000  # cells
+_NEAR = 16  # nodes from one that is looked at to the next, where a scan is looked for
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Grid:
+    """Nodes of a surface to be: along a reference line, or over a map."""
+
+    line: ReferenceLine | None
+    "Reference line; None for a map."
+
+    u: Floats
+    "Stations, or eastings of a map, equally spaced, shape (u,) [m]."
+
+    v: Floats
+    "Offsets, left positive, or northings of a map, equally spaced, shape (v,) [m]."
+
+    def __post_init__(self) -> None:
+        """Check the size."""
+        if self.u.size < 2 or self.v.size < 2:
+            message = f"a grid needs at least 2 x 2 nodes, got {self.u.size} x {self.v.size}."
+            raise ValueError(message)
+        if self.u.size * self.v.size > _MOST:
+            message = (
+                f"a grid of {self.u.size:,} x {self.v.size:,} nodes is too large; choose a coarser "
+                "spacing or a part of the ground."
+            )
+            raise ValueError(message)
+
+    @property
+    def spacing(self) -> tuple[float, float]:
+        """Spacing along u and along v [m]."""
+        along, across = (float((axis[-1] - axis[0]) / (axis.size - 1)) for axis in (self.u, self.v))
+        return along, across
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Nodes along u and along v."""
+        return self.u.size, self.v.size
+
+    def surface(self, height: Floats, *, crs: str = "", **cells: Any) -> xr.Dataset:
+        """Surface on the grid.
+
+        Parameters
+        ----------
+        height : numpy.ndarray, shape (u, v)
+            Heights [m].
+        crs : str
+            Coordinate reference system.
+        **cells : numpy.ndarray, shape (u, v)
+            ``count``, ``sd``, ``filled``.
+
+        Returns
+        -------
+        xarray.Dataset
+            Along the reference line, or over a map with northings first.
+        """
+        if self.line is None:
+            turned: dict[str, Any] = {name: values.T for name, values in cells.items()}
+            return make_surface(height.T, easting=self.u, northing=self.v, crs=crs, **turned)
+        line = self.line
+        return make_surface(
+            height, u=self.u, v=self.v, easting=line.easting, northing=line.northing,
+            elevation=line.elevation, crs=crs, **cells,
+        )  # fmt: skip
+
+    def locate(self, easting: npt.ArrayLike, northing: npt.ArrayLike) -> tuple[Floats, Floats]:
+        """Grid coordinates of points, half a spacing beyond the outermost nodes too.
+
+        Parameters
+        ----------
+        easting, northing : array_like, shape (point,)
+            Coordinates [m].
+
+        Returns
+        -------
+        u, v : numpy.ndarray, shape (point,)
+            NaN outside.
+        """
+        if self.line is None:
+            return np.asarray(easting, dtype=np.float64), np.asarray(northing, dtype=np.float64)
+        return xy_to_uv(self.frame, easting, northing)
+
+    @cached_property
+    def frame(self) -> GridFrame:
+        """Geometry of the cells: one chord more at either end, half a spacing more across."""
+        along, across = self.spacing
+        u = np.concatenate([[self.u[0] - along], self.u, [self.u[-1] + along]])
+        v = np.array([self.v[0] - 0.5 * across, self.v[-1] + 0.5 * across])
+        if self.line is None:
+            zero, one = np.zeros(u.size), np.ones(u.size)
+            return GridFrame(
+                u=u, v=v, origin_easting=u, origin_northing=zero, normal_easting=zero,
+                normal_northing=one,
+            )  # fmt: skip
+        x, y = (
+            np.concatenate([[2 * at[0] - at[1]], at, [2 * at[-1] - at[-2]]])
+            for at in (self.line.easting, self.line.northing)
+        )
+        flat = make_surface(np.zeros((u.size, 2)), u=u, v=v, easting=x, northing=y)
+        return grid_frame(flat)
+
+    @cached_property
+    def strips(self) -> tuple[Floats, ...]:
+        """Nodes and cross directions of `frame`, and per strip what the loops need.
+
+        That is its direction, how far ahead of its begin the cross-section there runs per metre of
+        offset, by how much the strip grows longer per metre of offset, and its length.
+        """
+        frame = self.frame
+        x, y = frame.origin_easting, frame.origin_northing
+        nx, ny = frame.normal_easting, frame.normal_northing
+        length = np.hypot(np.diff(x), np.diff(y))
+        dx, dy = np.diff(x) / length, np.diff(y) / length
+        lean = nx[:-1] * dx + ny[:-1] * dy
+        widen = nx[1:] * dx + ny[1:] * dy - lean
+        return x, y, nx, ny, dx, dy, lean, widen, length
+
+    def near(self, easting: Floats, northing: Floats) -> npt.NDArray[np.int64]:
+        """Strip of `frame` near each place.
+
+        Parameters
+        ----------
+        easting, northing : numpy.ndarray, shape (place,)
+            Coordinates [m].
+
+        Returns
+        -------
+        numpy.ndarray of int, shape (place,)
+            The strip that holds the place, or one near it.
+        """
+        u, _ = xy_to_uv(self.frame, easting, northing)
+        strip = np.searchsorted(self.frame.u, np.nan_to_num(u, nan=self.u[0]), side="right") - 1
+        lost = np.flatnonzero(np.isnan(u))
+        if lost.size:
+            _, nearest = self._tree.query(np.stack([easting[lost], northing[lost]], axis=1))
+            strip[lost] = nearest * _NEAR
+        return np.clip(strip, 0, self.frame.u.size - 2)
+
+    @cached_property
+    def _tree(self) -> Any:
+        from scipy.spatial import KDTree
+
+        x, y, *_ = self.strips
+        middle = 0.5 * (self.v[0] + self.v[-1])
+        nx, ny = self.strips[2:4]
+        return KDTree(np.stack([x + middle * nx, y + middle * ny], axis=1)[::_NEAR])
+
+
+def grid_along(
+    line: ReferenceLine, *, right: float = -2.0, left: float = 2.0, spacing: float | None = None
+) -> Grid:
+    """Grid along a reference line; its spacing along u is that of the line.
+
+    Parameters
+    ----------
+    line : ReferenceLine
+        The line.
+    right, left : float
+        Offsets of the outermost nodes, left positive [m]; outer ones are taken if these are no
+        whole multiples of the spacing.
+    spacing : float, optional
+        Spacing across [m], a multiple of 1 mm; by default that of the line.
+
+    Returns
+    -------
+    Grid
+        With offsets that are whole multiples of the spacing.
+
+    Raises
+    ------
+    ValueError
+        If `right` is not less than `left`, the spacing is no multiple of 1 mm, or the line turns
+        so sharply that the grid overlaps itself.
+
+    Examples
+    --------
+    >>> from trueterrain.surface.line import straight_line
+    >>> grid_along(straight_line((0, 0), (5, 0)), right=-1, left=1, spacing=0.02).shape
+    (501, 101)
+    """
+    step = line.spacing if spacing is None else millimetres(spacing, "spacing")
+    if not (np.isfinite([right, left]).all() and right < left):
+        message = f"right must be less than left, got {right} and {left} m."
+        raise ValueError(message)
+    v = _multiples(right, left, step)
+    kappa = line.curvature
+    sharp = np.maximum(kappa * (v[0] - 0.5 * step), kappa * (v[-1] + 0.5 * step))
+    if (sharp >= 1).any():
+        at = int(np.argmax(sharp))
+        message = (
+            f"the line turns with a radius of {1 / abs(kappa[at]):.3g} m at u = "
+            f"{line.u[at + 1]:.3f} m, so a grid from {right:g} to {left:g} m overlaps itself; "
+            "smooth the line or make the grid narrower."
+        )
+        raise ValueError(message)
+    return Grid(line=line, u=line.u, v=v)
+
+
+def grid_over(
+    west: float, south: float, east: float, north: float, *, spacing: float | tuple[float, float]
+) -> Grid:
+    """Grid over a map.
+
+    Parameters
+    ----------
+    west, south, east, north : float
+        Part of the ground that the cells shall cover [m].
+    spacing : float or tuple of float
+        Spacing, or those along easting and along northing [m].
+
+    Returns
+    -------
+    Grid
+        With nodes at whole multiples of the spacing.
+
+    Raises
+    ------
+    ValueError
+        If there is no ground between the limits, or a spacing is not greater than 0.
+
+    Examples
+    --------
+    >>> grid_over(10.2, 5.0, 12.9, 8.0, spacing=0.5).u
+    array([10. , 10.5, 11. , 11.5, 12. , 12.5, 13. ])
+    """
+    along, across = (spacing, spacing) if isinstance(spacing, int | float) else spacing
+    if not (np.isfinite([along, across]).all() and along > 0 and across > 0):
+        message = f"spacing must be greater than 0 m, got {spacing}."
+        raise ValueError(message)
+    if not (np.isfinite([west, south, east, north]).all() and west <= east and south <= north):
+        message = f"the limits must be west, south, east, north, got {(west, south, east, north)}."
+        raise ValueError(message)
+    return Grid(
+        line=None, u=_covering(west, east, along), v=_covering(south, north, across)
+    )  # fmt: skip
+
+
+def _multiples(low: float, high: float, step: float) -> Floats:
+    """Whole multiples of a step from the last one not above `low` to the first not below `high`."""
+    first, last = int(np.floor(low / step + 1e-6)), int(np.ceil(high / step - 1e-6))
+    return np.round(np.arange(first, last + 1) * step, 9)
+
+
+def _covering(low: float, high: float, step: float) -> Floats:
+    """Nodes whose cells cover a stretch, at least two."""
+    first = int(np.floor(low / step + 0.5))
+    last = int(np.floor(high / step + 0.5))
+    if first == last:
+        last += 1
+    return np.asarray(np.arange(first, last + 1) * float(step))

@@ -1,0 +1,306 @@
+"""From returns or points to a surface: a height and its standard deviation for each node.
+
+The height of a node is the mean of the heights in its cell (thesis 4.3.2). On a slope that mean
+belongs to the mean place of the returns, which is not the node; so it is brought to the node along
+the slope of the neighbouring heights, unless the plain mean is asked for.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from trueterrain.errors import CoverageError
+from trueterrain.surface.accumulate import STEP, CellSums, Wanted
+from trueterrain.surface.accumulate import _kernels as _cell_kernels
+from trueterrain.surface.accumulate._sums import PARTS, VARIANCE_STEP
+from trueterrain.surface.cells import Grid
+
+Floats = npt.NDArray[np.float64]
+
+_ROWS = 1024  # rows that are finished at once
+_HALO = 6  # rows around them that they depend on
+_POOL = 2  # cells to either side whose scatter is pooled
+_ROUNDS = 2  # in which slopes and levelled heights settle
+_STEEPER = 2.0  # times the gentler of both sides, a slope is believed
+
+
+@dataclass(frozen=True, kw_only=True)
+class GridOptions:
+    """What is taken of the returns in a cell."""
+
+    statistic: Literal["mean", "minimum", "maximum"] = "mean"
+    "Height of a node: the mean, least or greatest height in its cell."
+
+    level: bool = True
+    "Whether a mean is brought from the mean place of the returns to the node along the slope."
+
+    minimum_count: int = 1
+    "Cells with fewer returns have no height."
+
+    range_noise: float = 0.0
+    """Standard deviation of a return without that of its motion [m]; the scatter within cells is
+    taken where it is greater."""
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        if self.statistic not in ("mean", "minimum", "maximum"):
+            message = f"statistic must be mean, minimum or maximum, got {self.statistic!r}."
+            raise ValueError(message)
+        if self.minimum_count < 1:
+            message = f"minimum_count must be at least 1, got {self.minimum_count}."
+            raise ValueError(message)
+        if not self.range_noise >= 0:
+            message = f"range_noise must be at least 0 m, got {self.range_noise}."
+            raise ValueError(message)
+
+    def wanted(self, *, point_sd: bool = False) -> Wanted:
+        """Sums that are needed.
+
+        Parameters
+        ----------
+        point_sd : bool
+            Whether points know their standard deviation.
+
+        Returns
+        -------
+        Wanted
+            For `CellSums`.
+        """
+        mean = self.statistic == "mean"
+        return Wanted(extremes=not mean, places=mean and self.level, point_sd=point_sd)
+
+
+def surface_of(
+    sums: CellSums, options: GridOptions = GridOptions(), *, crs: str = ""
+) -> xr.Dataset:
+    """Surface from the sums of its cells.
+
+    Parameters
+    ----------
+    sums : CellSums
+        Sums over returns or points, with what `options.wanted` names.
+    options : GridOptions
+        What is taken of them.
+    crs : str
+        Coordinate reference system of the grid.
+
+    Returns
+    -------
+    xarray.Dataset
+        Surface with ``height`` [m], ``count`` (returns; good ones, where doubtful ones weigh less)
+        and ``sd`` [m].
+
+    Raises
+    ------
+    CoverageError
+        If no cell has enough returns.
+    ValueError
+        If the sums lack what the options need.
+
+    Notes
+    -----
+    The variance of a height is the scatter of the returns within cells, less what the slope adds,
+    pooled over 5 x 5 cells and divided by the count; plus the variance of the pose, which is the
+    same for all returns of a pass; plus that of its horizontal position times the square of the
+    slope. Least and greatest heights get the standard deviation of a single return.
+    """
+    missing = [
+        name for name in ("extremes", "places")
+        if getattr(options.wanted(), name) and not getattr(sums.wanted, name)
+    ]  # fmt: skip
+    if missing:
+        message = f"the sums lack {', '.join(missing)}, which {options.statistic} needs."
+        raise ValueError(message)
+    rows, columns = sums.grid.shape
+    height, sd = np.empty((rows, columns)), np.empty((rows, columns), np.float32)
+    count = np.empty((rows, columns), np.int32)
+    for start in range(0, rows, _ROWS):
+        _finish(sums, options, start, min(start + _ROWS, rows), height, sd, count)
+    if not np.isfinite(height).any():
+        tally = sums.tally
+        raise CoverageError(
+            f"no cell has {options.minimum_count} returns: {tally.used} lie on the grid, "
+            f"{tally.outside} beside it",
+            cure="Choose a coarser spacing, or a grid where the returns are.",
+        )
+    return sums.grid.surface(height, crs=crs, count=count, sd=sd)
+
+
+def grid_points(
+    points: xr.Dataset | Iterable[xr.Dataset],
+    grid: Grid,
+    options: GridOptions = GridOptions(),
+    *,
+    threads: int = 1,
+) -> xr.Dataset:
+    """Surface from points.
+
+    Parameters
+    ----------
+    points : xarray.Dataset or iterable of xarray.Dataset
+        Points, or blocks of them.
+    grid : Grid
+        The cells.
+    options : GridOptions
+        What is taken of the points in each.
+    threads : int
+        Threads that work at once; the surface does not depend on it.
+
+    Returns
+    -------
+    xarray.Dataset
+        Surface with ``height``, ``count`` and ``sd``; ``attrs["outside"]`` counts points beside the
+        grid.
+
+    Raises
+    ------
+    CoverageError
+        If there are no points on the grid.
+    SchemaError
+        If blocks disagree about their CRS or standard deviations.
+
+    Examples
+    --------
+    >>> from trueterrain.kinds import make_points
+    >>> from trueterrain.surface.cells import grid_over
+    >>> points = make_points([0.1, 0.2, 0.9, 1.1], [0, 0, 1, 1], [5.0, 5.2, 7.0, 7.2])
+    >>> grid_points(points, grid_over(0, 0, 1, 1, spacing=1.0), GridOptions(level=False)).height
+    <xarray.DataArray 'height' (northing: 2, easting: 2)>...
+    array([[5.1, nan],
+           [nan, 7.1]])
+    ...
+    """
+    from trueterrain.errors import SchemaError
+
+    sums: CellSums | None = None
+    crs = ""
+    for block in [points] if isinstance(points, xr.Dataset) else points:
+        found = str(block.attrs.get("crs", ""))
+        if sums is None:
+            sums = CellSums(grid, options.wanted(point_sd="sd" in block), threads=threads)
+            crs = found
+        elif found != crs:
+            raise SchemaError(
+                f"all points must have the same CRS, got {found[:40]!r} after {crs[:40]!r}",
+                cure="Transform them first, or name the CRS of all.",
+            )
+        own = block["sd"].values if "sd" in block else None
+        sums.add_points(block.easting.values, block.northing.values, block.up.values, own)
+    if sums is None:
+        raise CoverageError("there are no points to grid")
+    surface = surface_of(sums, options, crs=crs)
+    return surface.assign_attrs(outside=sums.tally.outside)
+
+
+def _finish(
+    sums: CellSums, options: GridOptions, begin: int, end: int, height: Floats, sd: Any, count: Any
+) -> None:
+    """Heights, standard deviations and counts of some rows."""
+    rows, columns = sums.grid.shape
+    around = slice(max(begin - _HALO, 0), min(end + _HALO, rows))
+    inner = slice(begin - around.start, end - around.start)
+    part = sums.total()
+
+    def of(values: Any) -> Any:
+        return values.reshape(rows, columns)[around]
+
+    weights = of(part.count)
+    n = weights / sums.weight
+    mean, deviation = _moments(weights, of(part.totals), of(part.squares))
+    scatter = deviation / sums.weight
+    if options.wanted().places:
+        with np.errstate(invalid="ignore", divide="ignore"):
+            places = [of(part.alongs) / (weights * PARTS), of(part.acrosses) / (weights * PARTS)]
+        mean, slopes = _levelled(mean, places)
+        slope = slopes[0] ** 2 + slopes[1] ** 2
+        scatter = np.maximum(scatter - np.maximum(n - 1, 0) * slope / 12, 0.0)
+    else:
+        slopes = [_slope(mean, axis) for axis in (0, 1)]
+    single = _pooled(scatter, n, options.range_noise)
+    pose = sums.pose_variance(around)
+    if part.variances.size:
+        with np.errstate(invalid="ignore", divide="ignore"):
+            own = of(part.variances) * VARIANCE_STEP / weights
+        pose = pose + np.maximum(own - options.range_noise**2, 0.0)
+    along, across = sums.grid.spacing
+    steep = (slopes[0] / along) ** 2 + (slopes[1] / across) ** 2
+    pose = pose + sums.sideways_variance() * np.nan_to_num(steep)
+    if options.statistic == "mean":
+        value = mean
+        with np.errstate(invalid="ignore", divide="ignore"):
+            variance = single / n + pose
+    else:
+        low = options.statistic == "minimum"
+        stored = of(part.lows if low else part.highs) - float(_cell_kernels.MIDDLE)
+        value = (-stored if low else stored) * STEP
+        variance = single + pose
+    enough = n >= options.minimum_count
+    value, variance = np.where(enough, value, np.nan), np.where(enough, variance, np.nan)
+    height[begin:end] = value[inner]
+    sd[begin:end] = np.sqrt(variance[inner])
+    count[begin:end] = np.ceil(n[inner])
+
+
+def _moments(count: Any, totals: Any, squares: Any) -> tuple[Floats, Floats]:
+    """Mean height [m] and sum of squared deviations [m²] of each cell."""
+    mean, deviation = np.empty(count.size), np.empty(count.size)
+    _cell_kernels.moments(count.ravel(), totals.ravel(), squares.ravel(), mean, deviation)
+    return mean.reshape(count.shape) * STEP, deviation.reshape(count.shape) * STEP**2
+
+
+def _levelled(mean: Floats, places: list[Floats]) -> tuple[Floats, list[Floats]]:
+    """Means brought to their nodes, and slopes per cell along both axes [m]."""
+    level = mean
+    for _ in range(_ROUNDS):
+        slopes = [_slope(level, axis) for axis in (0, 1)]
+        level = mean - slopes[0] * places[0] - slopes[1] * places[1]
+    return level, slopes
+
+
+def _slope(height: Floats, axis: int) -> Floats:
+    """Slope per cell, the mean of both sides; no steeper than twice the gentler one.
+
+    So a step in the ground does not become a slope in the cells beside it. Where one side has no
+    height the other one is taken, and where none has, 0.
+    """
+    step = np.diff(height, axis=axis)
+    pad = [(0, 0), (0, 0)]
+    pad[axis] = (1, 0)
+    before = np.pad(step, pad, constant_values=np.nan)
+    pad[axis] = (0, 1)
+    after = np.pad(step, pad, constant_values=np.nan)
+    before, after = (
+        np.where(np.isnan(before), after, before),
+        np.where(np.isnan(after), before, after),
+    )
+    least = _STEEPER * np.minimum(np.abs(before), np.abs(after))
+    middle = 0.5 * (before + after)
+    limited = np.sign(middle) * np.minimum(np.abs(middle), least)
+    return np.where(before * after > 0, limited, 0.0)
+
+
+def _pooled(scatter: Floats, n: Floats, noise: float) -> Floats:
+    """Variance of a single return from the scatter in the cells around [m²]."""
+    free = _box(np.maximum(n - 1, 0.0))
+    total = _box(np.where(n > 1, scatter, 0.0))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        pooled = np.where(free > 0, total / free, noise**2 if noise > 0 else np.nan)
+    return np.maximum(pooled, noise**2)
+
+
+def _box(values: Floats) -> Floats:
+    """Sum over the cells around, shifted and added so that it depends on these alone."""
+    for axis in (0, 1):
+        pad = [(0, 0), (0, 0)]
+        pad[axis] = (_POOL, _POOL)
+        padded = np.pad(values, pad)
+        size = values.shape[axis]
+        values = sum(
+            (padded.take(range(k, k + size), axis=axis) for k in range(2 * _POOL + 1)),
+            start=np.zeros_like(values),
+        )
+    return values
