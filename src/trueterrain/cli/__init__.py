@@ -22,7 +22,7 @@ _COMMANDS = {
     "info": "Say what a file is: kind, counts, extent, CRS, and what is wrong with it.",
     "init": "Print complete settings to begin with, e.g. of a scene.",
     "iri": "International Roughness Index of profiles.",
-    "plot": "Draw a surface, a point cloud or a profile.",
+    "plot": "Draw a surface, a point cloud, a profile, a recorded run or a navigation.",
     "profile": "Extract the profile that a tyre feels along a path.",
     "simulate": "Drive a virtual profiler over known ground and record its runs.",
 }
