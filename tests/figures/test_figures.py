@@ -94,7 +94,7 @@ def test_a_surface_over_its_grid_shows_its_heights_where_they_are():
     npt.assert_array_equal(image.get_array().filled(np.nan), road.height.values.T)
     npt.assert_allclose(image.get_extent(), [49.995, 52.005, -0.41, 0.41], **EXACT)
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("Station u [m]", "Offset v, left + [m]")
-    assert legend_texts(ax) == ["path", "its begin", "no height"]
+    assert legend_texts(ax) == ["path", "its start", "no height"]
     assert notes(ax) == ["equal scale"]
     boxes_apart(ax)
 

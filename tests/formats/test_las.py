@@ -467,10 +467,10 @@ def test_lies_of_the_header_are_found(tmp_path, place, value, problem):
     ("at", "number", "place"),
     [
         (100, 0xFFFFFFFF, "record 4 of 4294967295"),  # count of records before the points
-        (96, 300, "record 1 of 3"),  # begin of the points, within the first record
+        (96, 300, "record 1 of 3"),  # start of the points, within the first record
         (94, 0xFFFF, "record 1 of"),  # size of the header
     ],
-    ids=["count of records", "begin of points", "size of header"],
+    ids=["count of records", "start of points", "size of header"],
 )
 def test_records_that_cannot_be_are_found_at_once(data, tmp_path, at, number, place):
     """Reading as many records as a damaged header announces would take hours."""

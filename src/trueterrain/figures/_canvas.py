@@ -176,7 +176,7 @@ def draw_path(ax: "Axes", x: npt.ArrayLike, y: npt.ArrayLike, label: str = "path
     ax.plot(x, y, color=PATH_COLOUR, linewidth=1.8, label=label)
     if np.isfinite([x[0], y[0]]).all():  # else it begins outside of what is drawn
         ax.plot(
-            x[:1], y[:1], "o", color=PATH_COLOUR, markeredgecolor="white", label="its begin",
+            x[:1], y[:1], "o", color=PATH_COLOUR, markeredgecolor="white", label="its start",
             linestyle="none",
         )  # fmt: skip
 

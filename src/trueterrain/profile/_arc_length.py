@@ -55,7 +55,7 @@ def equidistant_parameters(curve: Curve, spacing: float) -> tuple[Float, float]:
     Returns
     -------
     parameters : numpy.ndarray, shape (n,)
-        Parameter of each point; the first is the curve's begin.
+        Parameter of each point; the first is the curve's start.
     length : float
         Length of the whole curve [m].
     """

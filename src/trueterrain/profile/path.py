@@ -32,7 +32,7 @@ class WheelPath:
     """Points at equal arc length along the path of a wheel."""
 
     s: Float
-    "Arc length from the begin, shape (s,) [m]."
+    "Arc length from the start, shape (s,) [m]."
 
     easting: Float
     "Easting, shape (s,) [m]."

@@ -21,7 +21,7 @@ _EXPORT = "The file is damaged or cut off: copy or export it again."
 _SHORTEST_HEADER = 227  # [bytes]
 _WITH_EVLRS = 4  # minor version from which on there are extended records
 _POINTER = 8  # [bytes] in front of compressed points: where the table of chunks begins
-_VERSION = 4  # [bytes] at the begin of that table, in front of the count of chunks
+_VERSION = 4  # [bytes] at the start of that table, in front of the count of chunks
 
 # what laspy and lazrs raise on damaged files; pyo3 panics are no Exception and handled by name
 _DAMAGE = (laspy.LaspyException, RuntimeError, ValueError, LookupError, OverflowError, EOFError,

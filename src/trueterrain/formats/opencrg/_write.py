@@ -168,7 +168,7 @@ def _comment(road: xr.Dataset, comment: str | Iterable[str]) -> list[str]:
     for line in lines:
         plain = line.encode("ascii", "replace").decode()
         found += textwrap.wrap(plain, _LINE - 1) or [""]
-    # in free text, a $ at the begin of a line would end the section
+    # in free text, a $ at the start of a line would end the section
     found = [f" {line}" if line.startswith("$") else line for line in found]
     history = json.dumps(provenance.steps(road), separators=(",", ":"))
     for mark, text in ((CRS_MARK, str(road.attrs.get("crs", ""))), (HISTORY_MARK, history)):

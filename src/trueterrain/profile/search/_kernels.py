@@ -135,7 +135,7 @@ def find_cells(
 
 @njit(cache=True, nogil=True)
 def sort_into_cells(cell, quantity):
-    """Counting sort: begin of each cell's points, and the points in the order of their cells."""
+    """Counting sort: where each cell begins, and the points in the order of their cells."""
     begin = np.zeros(quantity + 1, np.int64)
     for n in range(cell.size):
         begin[cell[n] + 1] += 1
