@@ -174,6 +174,22 @@ def variance(spectra: Spectra, share: Float, frequency: Float) -> Float:
     return np.asarray(np.trapezoid(density, frequency, axis=0))
 
 
+def passed(share: Float, frequency: Float, time: Float) -> Float:
+    """Share of the variance of a Gauss-Markov drift that a real low-pass lets through, (3,).
+
+    Parameters
+    ----------
+    share : numpy.ndarray, shape (f, 3)
+        Gain of the low-pass; 1 below the first frequency.
+    frequency : numpy.ndarray, shape (f,)
+        Frequencies [Hz].
+    time : numpy.ndarray, shape (3,)
+        Time of correlation of the drift [s].
+    """
+    density = 4 * time / (1 + (2 * np.pi * frequency[:, None] * time) ** 2)
+    return np.asarray(1 - np.trapezoid((1 - share**2) * density, frequency, axis=0))
+
+
 def butterworth(frequency: Float, cutoff: float, order: int) -> Float:
     """Gain of a Butterworth low-pass forward and backward, shape (f, 3)."""
     gain = 1.0 / (1.0 + (frequency / cutoff) ** (2 * order))

@@ -130,7 +130,7 @@ def _by_both(
         )  # fmt: skip
         result = found.coordinates
     else:
-        result, settles = _filtered(parts, inertial, coordinates, spectra, drift_sd)
+        result, settles = _filtered(parts, inertial, coordinates, spectra, noise, drift_sd)
         edge = (max(edge[0], settles[0]), max(edge[1], settles[1]))
     gaps = tuple(("accelerometers", *gap) for gap in _lost_spans(inertial))
     motion = _finished(parts, time, result, inertial.middle, gaps, edge, problems)
@@ -145,12 +145,17 @@ def _by_both(
 
 
 def _filtered(
-    parts: _Parts, inertial: Inertial, coordinates: Float, spectra: Spectra, drift_sd: Float
+    parts: _Parts,
+    inertial: Inertial,
+    coordinates: Float,
+    spectra: Spectra,
+    noise: Noise,
+    drift_sd: Float,
 ) -> tuple[Coordinates, tuple[float, float]]:
     """Coordinates by a complementary filter, and the times in which it settles at both ends."""
     s = parts.settings
     time = inertial.time
-    frequency = np.geomspace(0.5 / (time[-1] - time[0]), 0.5 * s.rate, 2000)
+    frequency = np.geomspace(1.0 / (time[-1] - time[0]), 0.5 * s.rate, 2000)
     share = filters.butterworth(frequency, s.crossover, s.order)
     settles = (0.5 / s.crossover, 0.5 / s.crossover)
     extra = np.zeros(3)
@@ -165,7 +170,8 @@ def _filtered(
         value, rate = filters.wiener(inertial, coordinates, spectra)
         share = filters.low_pass(spectra, frequency)
     variance = filters.variance(spectra, share, frequency) + extra**2
-    whole = drift_sd**2 + variance + _bridge(parts, time, _HEAVE)
+    left = filters.passed(share, frequency, np.array(noise.drift_time))
+    whole = left * drift_sd**2 + variance + _bridge(parts, time, _HEAVE)
     for begin, end in _lost_spans(inertial):
         lost = bridge_variance(time, ((begin, end),), 1.0)[:, None]
         whole += lost * [s.bridge_density, s.bridge_turn_density, s.bridge_turn_density]

@@ -126,7 +126,8 @@ def accelerations(force: Float, position: Float, motion: Attitude, gravity: floa
     matrix = mixing(motion.roll, motion.pitch, position)
     free = force - _known(position, motion, gravity)
     if tells_turns(position):
-        return np.asarray(np.einsum("nij,nj->ni", np.linalg.pinv(matrix), free))
+        across = np.swapaxes(matrix, 1, 2)
+        return np.asarray(np.linalg.solve(across @ matrix, across @ free[:, :, None])[:, :, 0])
     free -= np.einsum("nij,nj->ni", matrix[:, :, 1:], motion.turn)
     height = free.mean(axis=1) / matrix[:, 0, 0]
     return np.column_stack([height, motion.turn])

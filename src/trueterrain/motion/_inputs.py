@@ -1,7 +1,6 @@
 """What the fusion takes from a run: navigation and accelerometers in true time, and their gaps."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +16,30 @@ COORDINATES = ("east", "north", "up", "roll", "pitch", "yaw")
 _GAP = 1.5  # usual steps from which on a step is a gap
 _FEWEST = 4  # epochs between two gaps that are of use
 _JUMP_SPEED = 1.0  # [m/s] from which on a jump of the clock shows in the positions
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clock:
+    """How stamps become true time.
+
+    Examples
+    --------
+    >>> Clock(offset=0.5, rate=0.001, begin=10.0).true(np.array([20.0]))
+    array([20.51])
+    """
+
+    offset: float = 0.0
+    "What is added to stamps at `begin` [s]."
+
+    rate: float = 0.0
+    "Growth of it per second [s/s]."
+
+    begin: float = 0.0
+    "Stamp from which on it grows [s]."
+
+    def true(self, stamp: Float) -> Float:
+        """True times of stamps [s]."""
+        return np.asarray(stamp + self.offset + self.rate * (stamp - self.begin))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -96,15 +119,15 @@ def read_navigation(run: xr.DataTree) -> NavigationInput:
     return NavigationInput(time=time, pose=pose, sd=sd, step=step, gaps=gaps, dropped=dropped)
 
 
-def read_accelerometers(run: xr.DataTree, clock: float) -> AccelerometerInput | None:
+def read_accelerometers(run: xr.DataTree, clock: Clock) -> AccelerometerInput | None:
     """Accelerometers of a run; None if there are none.
 
     Parameters
     ----------
     run : xarray.DataTree
         The run.
-    clock : float
-        True time less stamp [s], the delay of the filter included.
+    clock : Clock
+        Of the accelerometers, the delay of their filter included.
 
     Raises
     ------
@@ -121,16 +144,11 @@ def read_accelerometers(run: xr.DataTree, clock: float) -> AccelerometerInput | 
         return None
     step = float(np.median(np.diff(time)))
     dropped = int(usable.size - np.count_nonzero(usable))
-    time = time[usable] + clock
+    time = clock.true(time[usable])
     return AccelerometerInput(
         time=time, force=force[usable], position=np.asarray(group["position"].values, float),
         step=step, gaps=_gaps(time, step), dropped=dropped,
     )  # fmt: skip
-
-
-def mounting_of(run: xr.DataTree, name: str) -> Any:
-    """Entry of the mounting of a run."""
-    return run.attrs["mounting"][name]
 
 
 def within(time: Float, spans: tuple[Span, ...]) -> npt.NDArray[np.bool_]:

@@ -69,6 +69,9 @@ class FusionSettings:
     accelerometer_delay: float = 0.0
     "Delay of the accelerometers' filter against aliases, besides their clock [s]."
 
+    accelerometer_clock_rate: float = 0.0
+    "Growth of what is added to their stamps, from the first epoch of navigation on [s/s]."
+
     accelerometer_delay_sd: float = 0.001
     "How surely it and their clock are known; rts finds the rest [s]."
 
@@ -223,7 +226,8 @@ def fuse(run: xr.DataTree, *, settings: FusionSettings | None = None) -> FusedMo
     array([[5.006, 0.   , 0.   ]])
     """
     from trueterrain.motion import _fuse
-    from trueterrain.motion._inputs import mounting_of, read_accelerometers, read_navigation
+    from trueterrain.motion._inputs import read_accelerometers, read_navigation
+    from trueterrain.motion.clocks import accelerometer_clock
 
     settings = FusionSettings() if settings is None else settings
     navigation = read_navigation(run)
@@ -232,9 +236,10 @@ def fuse(run: xr.DataTree, *, settings: FusionSettings | None = None) -> FusedMo
     problems = problems if navigation.dropped else []
     sensors = None
     if settings.method != "navigation":
-        clock = 0.0
-        if "accelerometers" in run.children:
-            clock = mounting_of(run, "accelerometer_clock") - settings.accelerometer_delay
+        clock = accelerometer_clock(
+            run, delay=settings.accelerometer_delay, rate=settings.accelerometer_clock_rate,
+            begin=float(navigation.time[0]),
+        )  # fmt: skip
         sensors = read_accelerometers(run, clock)
         sensors = _overlapping(sensors, navigation)
     if settings.method != "navigation" and sensors is None:
