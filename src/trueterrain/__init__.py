@@ -37,6 +37,7 @@ from trueterrain.errors import (
 
 if TYPE_CHECKING:
     from trueterrain.formats import info, open, point_blocks, write  # noqa: A004 - tt.open(...)
+    from trueterrain.formats.run import check_run, import_run, open_run
     from trueterrain.kinds import make_points, make_profile, make_surface
     from trueterrain.profile import (
         Disc,
@@ -75,11 +76,13 @@ if TYPE_CHECKING:
         sample_road,
         sample_surface,
     )
+    from trueterrain.simulate.scene import Scene, read_scene, record_scene
     from trueterrain.surface import heights_at, surface_to_points
 
 # each public name and the room it lives in: a room is imported when its first name is used
 _ROOMS = {
     "trueterrain.formats": ("info", "open", "point_blocks", "write"),
+    "trueterrain.formats.run": ("check_run", "import_run", "open_run"),
     "trueterrain.kinds": ("make_points", "make_profile", "make_surface"),
     "trueterrain.profile": (
         "Disc",
@@ -118,6 +121,7 @@ _ROOMS = {
         "sample_road",
         "sample_surface",
     ),
+    "trueterrain.simulate.scene": ("Scene", "read_scene", "record_scene"),
     "trueterrain.surface": ("heights_at", "surface_to_points"),
 }
 _ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}
@@ -140,6 +144,7 @@ __all__ = [
     "Plane",
     "Rectangle",
     "Road",
+    "Scene",
     "SchemaError",
     "Sine",
     "SteepestCpf",
@@ -150,11 +155,13 @@ __all__ = [
     "Window",
     "__version__",
     "arc_path",
+    "check_run",
     "continuous_iri",
     "curve_path",
     "function_path",
     "height_distributions",
     "heights_at",
+    "import_run",
     "info",
     "iri",
     "make_points",
@@ -162,9 +169,12 @@ __all__ = [
     "make_surface",
     "offset_path",
     "open",
+    "open_run",
     "point_blocks",
     "point_profile",
     "polyline_path",
+    "read_scene",
+    "record_scene",
     "sample_points",
     "sample_road",
     "sample_surface",
