@@ -447,3 +447,13 @@ def test_a_tyre_feels_less_of_the_joints_of_the_belgian_block(belgian_block, off
 
     assert depth(felt) < 0.93 * depth(bare)
     assert abs(felt.mean() - bare.mean()) < 0.001
+
+
+@pytest.mark.parametrize("extract", [tyre_profile, point_profile, height_distributions])
+def test_ground_and_path_in_the_wrong_order_are_refused(extract):
+    """A surface has easting, northing and heading too, but not one of each per path point."""
+    surface = road(0.3, lambda e, n: 0 * e)
+    path = straight_path((-0.05, 0.0), (0.05, 0.0), spacing=0.01)
+    for arguments in ((path, surface), (surface, surface)):
+        with pytest.raises(TypeError, match="path must be a WheelPath, behind the ground, got Dat"):
+            extract(*arguments)

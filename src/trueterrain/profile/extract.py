@@ -158,6 +158,7 @@ def point_profile(ground: Ground, path: WheelPath) -> xr.Dataset:
     """
     from trueterrain.surface.evaluate import heights_at
 
+    _require_path(path)
     if not isinstance(ground, xr.Dataset) or kind_of(ground) != "surface":
         raise CoverageError(
             "scattered points have no height between them",
@@ -217,6 +218,7 @@ def height_distributions(
 
 def _prepare(ground: Ground, path: WheelPath, area: SearchArea) -> tuple[xr.Dataset, Gatherer]:
     """Return the dataset whose attributes describe the ground, and its gatherer."""
+    _require_path(path)
     if isinstance(ground, xr.Dataset) and kind_of(ground) == "surface":
         return ground, grid_gatherer(check_surface(ground), area)
     if isinstance(ground, xr.Dataset) and kind_of(ground) == "profile":
@@ -229,6 +231,13 @@ def _prepare(ground: Ground, path: WheelPath, area: SearchArea) -> tuple[xr.Data
         source = check_points(block).isel(point=slice(0, 0))
         scattered.add(block)
     return source, scattered.gatherer()
+
+
+def _require_path(path: object) -> None:
+    # kernels take its arrays as they are
+    if not isinstance(path, WheelPath):
+        message = f"path must be a WheelPath, behind the ground, got {type(path).__name__}."
+        raise TypeError(message)
 
 
 def _next_size(distributions: HeightDistributions) -> int:

@@ -352,7 +352,7 @@ def offset_path(surface: xr.Dataset, offset: float, *, spacing: float = 0.01) ->
 
     if "u" not in surface.dims:
         raise CoverageError(
-            "an offset needs a reference line, which a map surface does not have",
+            "an offset needs a reference line, which only a surface along a road has",
             cure="Give a line (--line) or waypoints (--path) instead.",
         )
     right, left = float(surface.v[0]), float(surface.v[-1])

@@ -47,7 +47,7 @@ class ScatteredHeights:
         self._coarse_shape = np.minimum(shape, _COARSE)
         self._coarse_scale = self._coarse_shape / shape
 
-        most = 4 * len(path)
+        most = 4 * len(at)
         size = 1 << int(2 * most - 1).bit_length()
         self._keys = np.full(size, -1, np.int64)
         self._numbers = np.empty(size, np.int32)
