@@ -5,9 +5,11 @@ import subprocess
 import sys
 
 import pytest
+from numba.core.event import trigger_event
 
 from trueterrain import __version__
 from trueterrain.cli import command_line
+from trueterrain.cli._console import compiling_noted
 
 COMMANDS = ("convert", "demo", "doctor", "info", "init", "iri", "plot", "profile", "simulate")
 
@@ -84,6 +86,17 @@ def test_a_closed_pipe_is_no_error():
     assert program.stderr.read() == ""
     program.stderr.close()
     assert program.wait() == 141
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_compiling_is_said_once_and_on_terminals_only(monkeypatch, capsys, terminal):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
+    with compiling_noted():
+        for _ in range(2):
+            with trigger_event("numba:compile"):
+                pass
+    said = "compiling kernels, once on this machine ...\n" if terminal else ""
+    assert capsys.readouterr() == ("", said)
 
 
 def test_doctor_names_version_and_backends(run):

@@ -62,6 +62,29 @@ def progress_bar() -> Iterator[Progress]:
         yield show
 
 
+@contextmanager
+def compiling_noted() -> Iterator[None]:
+    """Say on a terminal that kernels are compiled: the first call on a machine looks stuck else."""
+    if not sys.stderr.isatty():
+        yield
+        return
+    from numba.core import event
+
+    class Tell(event.Listener):  # type: ignore[misc]  # numba has no types
+        told = False
+
+        def on_start(self, event: Any) -> None:  # noqa: ARG002 - as numba calls it
+            if not self.told:
+                note("compiling kernels, once on this machine ...")
+            self.told = True
+
+        def on_end(self, event: Any) -> None:
+            pass
+
+    with event.install_listener("numba:compile", Tell()):
+        yield
+
+
 def _finite(value: Any) -> Any:
     if isinstance(value, dict):
         return {name: _finite(item) for name, item in value.items()}

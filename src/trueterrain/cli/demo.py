@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import note, out, out_json, progress_bar
+from trueterrain.cli._console import compiling_noted, note, out, out_json, progress_bar
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -60,7 +60,11 @@ def demo(
         message = f"length must be from {_SHORTEST:g} m to {_LONGEST:g} m, got {length:g}."
         raise ValueError(message)
     ground = BelgianBlock(seed=seed) + Stones(seed=seed + 1)
-    with whole_folder(output, force=force) as folder, progress_bar() as progress:
+    with (
+        whole_folder(output, force=force) as folder,
+        compiling_noted(),
+        progress_bar() as progress,
+    ):
         note("making the road ...")
         road = sample_road(
             ground, length=length, width=_WIDTH, spacing_u=_SPACING, spacing_v=_SPACING

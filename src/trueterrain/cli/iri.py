@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from trueterrain.cli._console import out, out_json
+from trueterrain.cli._console import compiling_noted, out, out_json
 from trueterrain.cli._recordings import refuse_recording
 from trueterrain.errors import SchemaError, concerning
 
@@ -76,10 +76,11 @@ def iri(
         message = "--step belongs to --continuous, which is not given."
         raise ValueError(message)
     options = IriOptions(window=window, window_length=window_length, start=start, restart=restart)
-    rated = [
-        _rate(path, options, segment, continuous, 1.0 if step is None else step, wheel_paths)
-        for path in (file, *more)
-    ]
+    with compiling_noted():
+        rated = [
+            _rate(path, options, segment, continuous, 1.0 if step is None else step, wheel_paths)
+            for path in (file, *more)
+        ]
     if json:
         documents = [document for document, _ in rated]
         out_json(documents if more else documents[0])

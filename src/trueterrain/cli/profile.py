@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import note, progress_bar
+from trueterrain.cli._console import compiling_noted, note, progress_bar
 from trueterrain.cli._recordings import refuse_recording
 from trueterrain.errors import CoverageError, concerning
 
@@ -141,7 +141,7 @@ def profile(
     inputs = [surface, *([path] if path else [])]
     require_writable(output, force=force, inputs=inputs)
     written = _writing(output, units)
-    with concerning(surface), progress_bar() as progress:
+    with concerning(surface), compiling_noted(), progress_bar() as progress:
         ground, travelled = _ground_and_path(surface, offset, line, path, spacing, area, crs)
         if taken is None:
             result = point_profile(ground, travelled)
