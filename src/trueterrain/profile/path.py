@@ -48,8 +48,9 @@ class WheelPath:
 
     def __post_init__(self) -> None:
         """Check that the arrays fit together."""
-        if not (self.s.shape == self.easting.shape == self.northing.shape == self.heading.shape):
-            message = "s, easting, northing and heading must have the same shape."
+        shapes = {getattr(self, name).shape for name in ("s", "easting", "northing", "heading")}
+        if len(shapes) > 1 or self.s.ndim != 1:
+            message = "s, easting, northing and heading must be arrays (s,) of one length."
             raise ValueError(message)
         for name in ("s", "easting", "northing", "heading"):
             if not (getattr(self, name).size and np.isfinite(getattr(self, name)).all()):
