@@ -441,8 +441,10 @@ def test_ends_that_make_no_path_are_refused():
 
 def test_a_wheel_path_holds_finite_arrays_of_one_shape():
     good = {"s": np.arange(3.0), "easting": np.zeros(3), "northing": np.zeros(3)}
-    with pytest.raises(ValueError, match="same shape"):
-        WheelPath(**good, heading=np.zeros(2), length=2.0)
+    square = dict.fromkeys(("s", "easting", "northing", "heading"), np.zeros((2, 2)))
+    for wrong in (good | {"heading": np.zeros(2)}, square):
+        with pytest.raises(ValueError, match=r"must be arrays \(s,\) of one length"):
+            WheelPath(**wrong, length=2.0)
     with pytest.raises(ValueError, match="northing must hold"):
         WheelPath(**(good | {"northing": np.full(3, np.nan)}), heading=np.zeros(3), length=2.0)
     with pytest.raises(ValueError, match="at least one value"):
