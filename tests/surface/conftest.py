@@ -1,22 +1,39 @@
 """Runs without noise, and their exact motion as a trajectory."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from trueterrain.formats.run import open_run
+from trueterrain.formats.run import Mounting, open_run, scan_blocks
+from trueterrain.georeference import ScanGeometry, mounting_of
 from trueterrain.motion import Trajectory
 from trueterrain.simulate.navigation import Navigation
+from trueterrain.simulate.raster import Raster
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import Scene, read_scene, record_scene
+from trueterrain.simulate.scene import Drive, Road, Scene, record_scene, set_stage
 
 NOISE_FREE = Scanner(
     range_noise=0.0, intensity_noise=0.0, floor=0.0, saturation_bias=0.0, dropouts=0.0, spot_rays=1
 )
+SMOOTH = ({"kind": "road", "road_class": "A", "seed": 11, "waves": 300},)
+
+
+@dataclass(frozen=True)
+class Driven:
+    """A recorded pass and what is true of it."""
+
+    path: Path
+    trajectory: Trajectory
+    mounting: Mounting
+    ground: Raster
+    geometry: ScanGeometry
+    time: np.ndarray
+    range: np.ndarray
 
 
 def exact(run: Path) -> Trajectory:
@@ -42,28 +59,63 @@ def exact(run: Path) -> Trajectory:
     )  # fmt: skip
 
 
-def short(name: str, **changes: object) -> Scene:
-    """A ready scene without noise, with its first pass shortened."""
-    scene, _ = read_scene(name)
-    how = {"start": 20.0, "length": 1.0}
-    passes = (replace(scene.passes[0], **how),)
-    return replace(
-        scene, passes=passes, **{"scanner": NOISE_FREE, "navigation": Navigation(), **changes}
-    )
+@pytest.fixture(scope="session")
+def drive(tmp_path_factory) -> Callable[..., Driven]:
+    """Drive over a smooth road, 8 m/s on a van, and record it without noise unless told."""
+
+    def driven(
+        course: dict[str, Any],
+        road: Road = Road(),
+        *,
+        start: float = 12.0,
+        length: float = 4.0,
+        speed: float = 8.0,
+        **changes: Any,
+    ) -> Driven:
+        how = {"kind": "constant", "speed": speed}
+        scene = Scene(
+            name="drive", course=course, road=road, raster=0.01,
+            passes=(Drive(name="pass", start=start, length=length, speed=how),),
+            **{"ground": SMOOTH, "scanner": NOISE_FREE, "navigation": Navigation(), **changes},
+        )  # fmt: skip
+        (path,) = record_scene(scene, tmp_path_factory.mktemp("run"))
+        blocks = list(scan_blocks(path))
+        trajectory, mounting = exact(path), mounting_of(open_run(path))
+        return Driven(
+            path=path,
+            trajectory=trajectory,
+            mounting=mounting,
+            ground=Raster(set_stage(scene).ground, spacing=scene.raster),
+            geometry=ScanGeometry(trajectory, mounting, blocks[0].angle, blocks[0].delay),
+            time=np.concatenate([block.time.values for block in blocks]),
+            range=np.concatenate([block.range.values for block in blocks]),
+        )
+
+    return driven
 
 
 @pytest.fixture(scope="session")
-def record(tmp_path_factory) -> Callable[[Scene], tuple[Path, Trajectory]]:
-    """Record a scene of one pass; the run and its exact motion."""
+def with_errors() -> Callable[..., Trajectory]:
+    """A trajectory with slow errors drawn from the covariance that it states."""
 
-    def recorded(scene: Scene) -> tuple[Path, Trajectory]:
-        (run,) = record_scene(scene, tmp_path_factory.mktemp("run"))
-        return run, exact(run)
+    def disturbed(
+        trajectory: Trajectory, rng: np.random.Generator, sd: np.ndarray, period: float = 0.03
+    ) -> Trajectory:
+        # a sum of waves with random phases: stationary, and nearly normal
+        waves = 24
+        rate = 2 * np.pi / period * rng.uniform(0.3, 1.0, (waves, 6))
+        phase = rng.uniform(0, 2 * np.pi, (waves, 6))
+        t = trajectory.time[:, None, None]
+        error = sd * np.sqrt(2 / waves) * np.sin(rate * t + phase).sum(axis=1)
+        slope = sd * np.sqrt(2 / waves) * (rate * np.cos(rate * t + phase)).sum(axis=1)
+        turned = Rotation.from_rotvec(error[:, 3:]) * Rotation.from_quat(trajectory.quaternion)
+        return replace(
+            trajectory,
+            position=trajectory.position + error[:, :3],
+            velocity=trajectory.velocity + slope[:, :3],
+            quaternion=turned.as_quat(),
+            angular_velocity=trajectory.angular_velocity + turned.inv().apply(slope[:, 3:]),
+            covariance=np.tile(np.diag(sd**2), (trajectory.time.size, 1, 1)),
+        )
 
-    return recorded
-
-
-@pytest.fixture(scope="session")
-def short_scene() -> Callable[..., Scene]:
-    """`short`, for tests."""
-    return short
+    return disturbed

@@ -103,10 +103,11 @@ def surface_of(
 
     Notes
     -----
-    The variance of a height is the scatter of the returns within cells, less what the slope adds,
-    pooled over 5 x 5 cells and divided by the count; plus the variance of the pose, which is the
-    same for all returns of a pass; plus that of its horizontal position times the square of the
-    slope. Least and greatest heights get the standard deviation of a single return.
+    The variance of a height is the scatter of the returns within cells, less what the slope and
+    different errors of the passes add, pooled over 5 x 5 cells and divided by the count; plus the
+    variance of the pose, which is the same for all returns of a pass; plus that of its horizontal
+    position times the square of the slope. Least and greatest heights get the standard deviation
+    of a single return.
     """
     missing = [
         name for name in ("extremes", "places")
@@ -211,7 +212,8 @@ def _finish(
     weights = of(part.count)
     n = weights / sums.weight
     mean, deviation = _moments(weights, of(part.totals), of(part.squares))
-    scatter = deviation / sums.weight
+    pose, between = sums.pose_variance(around)
+    scatter = np.maximum(deviation / sums.weight - between, 0.0)
     if options.wanted().places:
         with np.errstate(invalid="ignore", divide="ignore"):
             places = [of(part.alongs) / (weights * PARTS), of(part.acrosses) / (weights * PARTS)]
@@ -221,7 +223,6 @@ def _finish(
     else:
         slopes = [_slope(mean, axis) for axis in (0, 1)]
     single = _pooled(scatter, n, options.range_noise)
-    pose = sums.pose_variance(around)
     if part.variances.size:
         with np.errstate(invalid="ignore", divide="ignore"):
             own = of(part.variances) * VARIANCE_STEP / weights

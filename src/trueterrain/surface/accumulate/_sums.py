@@ -156,7 +156,7 @@ class CellSums:
         self._parts = [_Part.empty(grid, wanted)]
         self._weight: int | None = None  # of a good return
         self._earlier: npt.NDArray[np.int32] | None = None  # counts before this pass
-        self._independent: Floats | None = None  # sum of n² times variance over finished passes
+        self._independent: Floats | None = None  # n² and n times variance, of finished passes
         self._sideways = np.zeros(2)
 
     @property
@@ -289,8 +289,11 @@ class CellSums:
         self._merge()
         return self._parts[0]
 
-    def pose_variance(self, rows: slice) -> Floats:
+    def pose_variance(self, rows: slice) -> tuple[Floats, Floats]:
         """Variance of the mean height of each cell that comes from the pose.
+
+        Errors of the pose are the same for all returns of a pass in a cell, and independent from
+        pass to pass.
 
         Parameters
         ----------
@@ -299,19 +302,24 @@ class CellSums:
 
         Returns
         -------
-        numpy.ndarray, shape (row, v)
-            Errors of the pose are the same for all returns of a pass in a cell, and independent
-            from pass to pass [m²].
+        variance : numpy.ndarray, shape (row, v)
+            Of the mean [m²].
+        between : numpy.ndarray, shape (row, v)
+            What the passes' differences add to the sum of squared deviations in a cell [m²].
         """
         part = self.total()
         columns = self.grid.shape[1]
         count = part.count.reshape(-1, columns)[rows].astype(np.float64)
+        pose = self._pose(part, rows)
         if self._independent is None or self._earlier is None:
-            return self._pose(part, rows)
+            return pose, np.zeros_like(count)
         late = count - self._earlier.reshape(-1, columns)[rows]
-        whole = self._independent[rows] + late**2 * self._pose(part, rows)
+        whole = self._independent[0, rows] + late**2 * pose
+        each = self._independent[1, rows] + late * pose
         with np.errstate(invalid="ignore", divide="ignore"):
-            return np.asarray(np.where(count > 0, whole / count**2, np.nan))
+            variance = np.where(count > 0, whole / count**2, np.nan)
+            between = np.where(count > 0, each - whole / count, 0.0) / self.weight
+        return variance, np.maximum(between, 0.0)
 
     def sideways_variance(self) -> float:
         """Mean variance of the pose in a horizontal direction [m²]."""
@@ -336,7 +344,7 @@ class CellSums:
         part = self._parts[0]
         rows, columns = self.grid.shape
         if self._independent is None:
-            self._independent = np.zeros((rows, columns))
+            self._independent = np.zeros((2, rows, columns))
         count = part.count.reshape(rows, columns)
         earlier = (
             np.zeros((rows, columns), np.int32) if self._earlier is None
@@ -345,7 +353,9 @@ class CellSums:
         for start in range(0, rows, _CHUNK):
             some = slice(start, start + _CHUNK)
             late = (count[some] - earlier[some]).astype(np.float64)
-            self._independent[some] += late**2 * self._pose(part, some)
+            pose = self._pose(part, some)
+            self._independent[0, some] += late**2 * pose
+            self._independent[1, some] += late * pose
         self._sideways += _sideways(part.pose)
         self._earlier = part.count.copy()
         part.pose[:] = 0

@@ -1,0 +1,135 @@
+"""Coarser surfaces for smooth terrain (thesis 4.4), and what is lost by it."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+Floats = npt.NDArray[np.float64]
+
+
+def down_sample(
+    surface: xr.Dataset, factor: tuple[int, int]
+) -> tuple[xr.Dataset, dict[str, float]]:
+    """Keep every so manieth node of a surface, each the mean of the nodes around it.
+
+    Parameters
+    ----------
+    surface : xarray.Dataset
+        Surface along a reference line, or map.
+    factor : tuple of int
+        Nodes that become one, along the first and along the second dimension of the height.
+
+    Returns
+    -------
+    surface : xarray.Dataset
+        Nodes 0, factor, 2 factor, ...; a height is the mean of the nodes nearer to it than to the
+        next one, those half-way with half the weight. ``count`` adds up in the same way; ``sd`` is
+        that of the mean, if errors of neighbours are the same (the cautious assumption).
+    report : dict
+        Loss of content, in the heights of all nodes that had one: ``rms`` and ``largest`` of what
+        the coarse surface, bilinear between its nodes, is off [m]; ``kept``: share of the variance
+        about the mean plane that is left [1].
+
+    Raises
+    ------
+    ValueError
+        If a factor is less than 1, or leaves fewer than 2 nodes.
+
+    Examples
+    --------
+    >>> from trueterrain.kinds import make_surface
+    >>> ramp = make_surface(np.arange(15.0).reshape(3, 5), easting=np.arange(5),
+    ...                     northing=np.arange(3))
+    >>> coarse, report = down_sample(ramp, (1, 2))
+    >>> coarse.height.values[0], report["rms"]
+    (array([0., 2., 4.]), 0.0)
+    """
+    first, second = factor
+    if min(factor) < 1:
+        message = f"factor must be at least 1 along both axes, got {factor}."
+        raise ValueError(message)
+    dims = surface["height"].dims
+    kept = {dim: slice(None, None, by) for dim, by in zip(dims, factor, strict=True)}
+    coarse = surface.isel(kept)
+    if min(coarse.sizes[dim] for dim in dims) < 2:
+        message = f"factor must leave at least 2 nodes along both axes, got {factor}."
+        raise ValueError(message)
+    fine = np.asarray(surface["height"], dtype=np.float64)
+    seen = np.isfinite(fine)
+    weight = _gathered(seen.astype(np.float64), factor)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        height = _gathered(np.where(seen, fine, 0.0), factor) / weight
+    # a node that had no height does not get one from its neighbours
+    height = np.where(seen[::first, ::second], height, np.nan)
+    cells: dict[str, Any] = {"height": coarse["height"].copy(data=height)}
+    if "count" in surface:
+        total = _gathered(np.asarray(surface["count"], dtype=np.float64), factor)
+        cells["count"] = coarse["count"].copy(data=np.rint(total).astype(np.int64))
+    if "sd" in surface:
+        known = np.asarray(surface["sd"], dtype=np.float64)
+        has = seen & np.isfinite(known)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            mean = _gathered(np.where(has, known, 0.0), factor) / _gathered(
+                has.astype(np.float64), factor
+            )
+        sd = np.where(np.isfinite(height), mean, np.nan)
+        cells["sd"] = coarse["sd"].copy(data=sd)
+    result = coarse.assign(cells)
+    return result, _loss(surface, result)
+
+
+def _gathered(values: Floats, factor: tuple[int, int]) -> Floats:
+    """Sums around every so manieth node; nodes half-way are shared.
+
+    A node at the edge, around which not all nodes are, stands for itself: a mean of one side would
+    lie higher or lower on a slope.
+    """
+    for axis, by in enumerate(factor):
+        reach = by // 2
+        pad = [(0, 0), (0, 0)]
+        pad[axis] = (reach, reach)
+        padded = np.pad(values, pad)
+        size = values.shape[axis]
+        total = np.zeros_like(np.take(values, range(0, size, by), axis=axis))
+        for k in range(-reach, reach + 1):
+            share = 0.5 if by % 2 == 0 and abs(k) == reach and by > 1 else 1.0
+            total += share * np.take(padded, range(reach + k, reach + k + size, by), axis=axis)
+        at = np.arange(0, size, by)
+        alone = np.flatnonzero((at < reach) | (at + reach > size - 1))
+        index = (alone, slice(None)) if axis == 0 else (slice(None), alone)
+        total[index] = np.take(values, at[alone], axis=axis)
+        values = total
+    return values
+
+
+def _loss(fine: xr.Dataset, coarse: xr.Dataset) -> dict[str, float]:
+    """How far the coarse surface is from the heights of the fine one."""
+    from scipy.interpolate import RegularGridInterpolator
+
+    dims = fine["height"].dims
+    axes = [np.asarray(coarse[dim], dtype=np.float64) for dim in dims]
+    between = RegularGridInterpolator(
+        axes, np.asarray(coarse["height"]), bounds_error=False, fill_value=np.nan
+    )
+    height = np.asarray(fine["height"], dtype=np.float64)
+    first, second = (np.asarray(fine[dim], dtype=np.float64) for dim in dims)
+    off = np.empty(height.shape)
+    for row in range(height.shape[0]):
+        at = np.stack([np.full(second.size, first[row]), second], axis=1)
+        off[row] = between(at) - height[row]
+    known = np.isfinite(off)
+    if not known.any():
+        return {"rms": float("nan"), "largest": float("nan"), "kept": float("nan")}
+    a, b = (axis[known] for axis in np.meshgrid(first, second, indexing="ij"))
+    design = np.stack([np.ones(a.size), a - a.mean(), b - b.mean()], axis=1)
+    plane, *_ = np.linalg.lstsq(design.T @ design, design.T @ height[known], rcond=None)
+    rest = height[known] - design @ plane
+    variance = float(np.mean(rest**2))
+    lost = float(np.mean(off[known] ** 2))
+    return {
+        "rms": lost**0.5,
+        "largest": float(np.abs(off[known]).max()),
+        "kept": 1.0 - lost / variance if variance > lost else 0.0,
+    }

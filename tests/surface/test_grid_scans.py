@@ -1,0 +1,254 @@
+"""Surfaces of recorded runs against the ground that was scanned, and against plain numpy."""
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+from scipy.stats import binned_statistic_2d
+
+from trueterrain.errors import CoverageError
+from trueterrain.georeference import Screening, georeference
+from trueterrain.simulate.scanner import Scanner
+from trueterrain.simulate.scene import Road
+from trueterrain.surface import node_coordinates, xy_to_uv
+from trueterrain.surface.accumulate import STEP, CellSums
+from trueterrain.surface.cells import grid_along, grid_over
+from trueterrain.surface.grid import GridOptions, surface_of
+from trueterrain.surface.line import line_from_trajectory
+
+TRUE = 1e-4  # [m] surface of a run without noise; ranges are stored in steps of as much
+ROUNDED = STEP  # [m] step of the heights, and the mean of what is left
+
+STRAIGHT = {"kind": "straight", "length": 40.0}
+OVAL = {"kind": "oval", "straight": 30.0, "radius": 25.0, "transition": 15.0}
+COURSES = {
+    "straight": (STRAIGHT, Road(), 12.0),
+    "banked and climbing": (STRAIGHT, Road(slope=0.04, banking=-0.06), 12.0),
+    "curved and leaning": (OVAL, Road(superelevation=0.05), 52.0),
+}
+
+
+def grid_of(driven, spacing=0.01, width=1.7):
+    begin, end = driven.time[[0, -1]] + driven.mounting.scanner_clock + [0.0, 1e-3]
+    line = line_from_trajectory(
+        driven.trajectory, spacing=spacing, lever=driven.mounting.scanner_position, begin=begin,
+        end=end,
+    )  # fmt: skip
+    return grid_along(line, right=-width, left=width, spacing=spacing)
+
+
+def sums_of(driven, grid, options=GridOptions(), *, size=10**9, threads=1, geometry=None):
+    sums = CellSums(grid, options.wanted(), threads=threads)
+    for start in range(0, driven.time.size, size):
+        part = slice(start, start + size)
+        sums.add_scans(geometry or driven.geometry, driven.time[part], driven.range[part])
+    return sums
+
+
+def inner(count):
+    """Cells that have returns in all cells around them, two deep."""
+    seen = np.pad(count > 0, 2)
+    whole = np.ones(count.shape, bool)
+    for i in range(5):
+        for j in range(5):
+            whole &= seen[i : i + count.shape[0], j : j + count.shape[1]]
+    return whole
+
+
+@pytest.fixture(scope="module", params=COURSES)
+def noise_free(request, drive):
+    course, road, start = COURSES[request.param]
+    return drive(course, road, start=start)
+
+
+def test_the_surface_of_a_run_without_noise_is_the_ground(noise_free):
+    surface = surface_of(sums_of(noise_free, grid_of(noise_free)))
+    truth = noise_free.ground.height(*node_coordinates(surface))
+    cells = inner(surface["count"].values)
+    assert cells.mean() > 0.9
+    npt.assert_allclose(surface.height.values[cells], truth[cells], rtol=0, atol=TRUE)
+
+
+def test_the_fused_way_is_that_of_points_and_scipy(noise_free):
+    """Counts and plain means from points, their grid coordinates and scipy's statistic."""
+    grid, options = grid_of(noise_free), GridOptions(level=False)
+    surface = surface_of(sums_of(noise_free, grid, options), options)
+    blocks = georeference(noise_free.path, noise_free.trajectory)
+    x, y, z = np.concatenate([np.stack([b.easting, b.northing, b.up]) for b in blocks], axis=1)
+    u, v = xy_to_uv(grid.frame, x, y)
+    on = np.isfinite(u)
+    edges = [
+        np.append(axis - 0.5 * step, axis[-1] + 0.5 * step)
+        for axis, step in zip((grid.u, grid.v), grid.spacing, strict=True)
+    ]
+    mean, *_ = binned_statistic_2d(u[on], v[on], z[on], "mean", bins=edges)
+    count, *_ = binned_statistic_2d(u[on], v[on], z[on], "count", bins=edges)
+    npt.assert_array_equal(surface["count"], count)
+    npt.assert_allclose(surface.height, mean, rtol=0, atol=ROUNDED)
+
+
+@pytest.mark.parametrize("statistic", ["mean", "minimum"])
+def test_surfaces_are_the_same_bit_for_bit(noise_free, statistic):
+    """For blocks of 1,000, 7,777 and 100,000 scans and smaller ones, and 1 and 2 threads."""
+    grid, options = grid_of(noise_free), GridOptions(statistic=statistic)
+    first = surface_of(sums_of(noise_free, grid, options), options)
+    for size in (77, 256, 1000, 7777, 100_000):
+        for threads in (1, 2):
+            sums = sums_of(noise_free, grid, options, size=size, threads=threads)
+            other = surface_of(sums, options)
+            for name in ("height", "sd", "count"):
+                npt.assert_array_equal(other[name], first[name])
+
+
+def test_stored_numbers_and_metres_give_the_same(noise_free):
+    grid = grid_of(noise_free)
+    metres = sums_of(noise_free, grid)
+    lost = np.isnan(noise_free.range)
+    raw = np.where(lost, 65535, np.rint(np.nan_to_num(noise_free.range) / 1e-4)).astype(np.uint16)
+    stored = CellSums(grid)
+    stored.add_scans(noise_free.geometry, noise_free.time, raw, scale=1e-4, missing=65535)
+    a, b = surface_of(metres), surface_of(stored)
+    npt.assert_array_equal(a["count"], b["count"])
+    npt.assert_allclose(a.height, b.height, rtol=0, atol=ROUNDED)
+
+
+def test_a_map_and_a_road_show_the_same_ground(drive):
+    driven = drive(STRAIGHT, Road(banking=0.03))
+    where = driven.trajectory.at(driven.time[[5, -5]]).position - np.array([2.2, 0.0, 0.0])
+    grid = grid_over(where[0, 0] + 0.2, -1.0, where[1, 0] - 0.2, 1.0, spacing=(0.01, 0.02))
+    surface = surface_of(sums_of(driven, grid))
+    assert surface.height.dims == ("northing", "easting")
+    truth = driven.ground.height(*node_coordinates(surface))
+    cells = inner(surface["count"].values)
+    assert cells.mean() > 0.9
+    npt.assert_allclose(surface.height.values[cells], truth[cells], rtol=0, atol=TRUE)
+
+
+def test_returns_far_off_the_line_do_no_harm(drive):
+    """A grid of the whole oval, of which a part is driven, and one that is elsewhere."""
+    driven = drive(OVAL, start=52.0)
+    grid = grid_of(driven)
+    moved = replace(grid.line, easting=grid.line.easting + 500.0)
+    sums = sums_of(driven, grid_along(moved, right=-1.7, left=1.7))
+    assert (sums.tally.used, sums.tally.outside) == (0, np.isfinite(driven.range).sum())
+    with pytest.raises(CoverageError, match="0 lie on the grid"):
+        surface_of(sums)
+
+
+NOISY = Scanner(spot_rays=1, dropouts=0.01, saturation_bias=0.0)
+CAUTIOUS = GridOptions(range_noise=NOISY.range_noise)
+
+
+@pytest.mark.parametrize("banking", [0.0, 0.08])
+def test_standard_deviations_are_honest_without_errors_of_the_pose(drive, banking):
+    driven = drive(STRAIGHT, Road(banking=banking), scanner=NOISY)
+    surface = surface_of(sums_of(driven, grid_of(driven)), GridOptions())
+    truth = driven.ground.height(*node_coordinates(surface))
+    cells = inner(surface["count"].values)
+    ratio = (surface.height.values - truth)[cells] / surface.sd.values[cells]
+    assert 0.9 < np.sqrt(np.mean(ratio**2)) < 1.1
+
+
+@pytest.mark.parametrize(
+    "sd", [[0.002, 0.002, 0.001, 3e-4, 3e-4, 3e-4], [0.01, 0.01, 0.0, 2e-3, 2e-3, 1e-3]]
+)
+def test_standard_deviations_are_honest_with_errors_of_the_pose(drive, with_errors, sd):
+    """Errors of all components of the pose that last for some 20 scans; many draws of them."""
+    driven = drive(STRAIGHT, Road(banking=0.02), scanner=NOISY, length=3.0)
+    grid = grid_of(driven)
+    ratios = []
+    for seed in range(16):
+        rng = np.random.default_rng(seed)
+        trajectory = with_errors(driven.trajectory, rng, np.array(sd))
+        geometry = type(driven.geometry)(
+            trajectory, driven.mounting, driven.geometry.angle, driven.geometry.delay
+        )
+        surface = surface_of(sums_of(driven, grid, geometry=geometry), CAUTIOUS)
+        truth = driven.ground.height(*node_coordinates(surface))
+        cells = inner(surface["count"].values)
+        ratios.append((surface.height.values - truth)[cells] / surface.sd.values[cells])
+    assert 0.9 < np.sqrt(np.mean(np.concatenate(ratios) ** 2)) < 1.1
+
+
+def test_errors_of_passes_average_out(drive, with_errors):
+    """Four passes with errors of the pose of their own: half the standard deviation, and honest."""
+    driven = drive(STRAIGHT, Road(), scanner=NOISY, length=3.0)
+    grid, sd = grid_of(driven), np.array([0.002, 0.002, 0.003, 5e-4, 5e-4, 5e-4])
+    ratios, sizes = [], []
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        sums = CellSums(grid)
+        for number in range(4):
+            if number:
+                sums.next_pass()
+            geometry = type(driven.geometry)(
+                with_errors(driven.trajectory, rng, sd), driven.mounting, driven.geometry.angle,
+                driven.geometry.delay,
+            )  # fmt: skip
+            sums.add_scans(geometry, driven.time, driven.range)
+            if number == 0:
+                alone = surface_of(sums, CAUTIOUS).sd.values
+        surface = surface_of(sums, CAUTIOUS)
+        truth = driven.ground.height(*node_coordinates(surface))
+        cells = inner(surface["count"].values)
+        ratios.append((surface.height.values - truth)[cells] / surface.sd.values[cells])
+        sizes.append(np.nanmedian(surface.sd.values / alone))
+    assert 0.9 < np.sqrt(np.mean(np.concatenate(ratios) ** 2)) < 1.1
+    # a little more than half: errors that change within a pass are scatter as well
+    assert 0.48 < min(sizes) <= max(sizes) < 0.56
+
+
+def test_doubtful_returns_are_left_out_or_weigh_less(drive):
+    driven = drive(STRAIGHT, length=1.0)
+    grid = grid_of(driven)
+    rng = np.random.default_rng(1)
+    bad = rng.random(driven.range.shape) < 0.3
+    intensity = np.where(bad, 100, 1000).astype(np.uint16)
+    wrong = np.where(bad, driven.range - 0.05, driven.range)
+
+    def surface(screening, ranges):
+        sums = CellSums(grid)
+        sums.add_scans(driven.geometry, driven.time, ranges, intensity, screening=screening)
+        return surface_of(sums), sums
+
+    strict, sums = surface(Screening(floor=500.0), wrong)
+    assert sums.tally.doubtful == (bad & np.isfinite(driven.range)).sum()
+    without = np.where(bad, np.nan, driven.range)
+    npt.assert_array_equal(strict.height, surface(Screening(), without)[0].height)
+    soft, _ = surface(Screening(floor=500.0, weight=0.125), wrong)
+    plain, _ = surface(Screening(), wrong)
+    truth = driven.ground.height(*node_coordinates(plain))
+    off = [np.nanmean(np.abs(found.height - truth)) for found in (strict, soft, plain)]
+    assert off[0] < 1e-4 < off[1] < 0.3 * off[2]
+
+
+def test_scans_without_motion_are_counted(drive):
+    driven = drive(STRAIGHT, length=1.0)
+    sums = CellSums(grid_of(driven))
+    time = driven.time.copy()
+    time[:3] = [np.nan, -5.0, 99.0]
+    sums.add_scans(driven.geometry, time, driven.range)
+    assert (sums.tally.scans, sums.tally.scans_uncovered) == (time.size, 3)
+
+
+def test_arguments_without_sense_are_refused(drive):
+    driven = drive(STRAIGHT, length=1.0)
+    grid = grid_of(driven)
+    with pytest.raises(ValueError, match="threads must be at least 1"):
+        CellSums(grid, threads=0)
+    sums = CellSums(grid)
+    with pytest.raises(ValueError, match="must have the shape"):
+        sums.add_scans(driven.geometry, driven.time, driven.range[1:])
+    with pytest.raises(ValueError, match="not recorded"):
+        sums.add_scans(
+            driven.geometry, driven.time, driven.range, screening=Screening(floor=1.0)
+        )  # fmt: skip
+    sums.add_scans(driven.geometry, driven.time, driven.range)
+    with pytest.raises(ValueError, match="with weights, or none"):
+        sums.add_scans(
+            driven.geometry, driven.time, driven.range, driven.range,
+            screening=Screening(floor=1.0, weight=0.5),
+        )  # fmt: skip
+    with pytest.raises(ValueError, match="lack extremes"):
+        surface_of(sums, GridOptions(statistic="maximum"))
