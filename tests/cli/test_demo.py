@@ -1,6 +1,9 @@
 """``trueterrain demo``: everything that it promises, and nothing left when it fails."""
 
 import json
+import signal
+import subprocess
+import sys
 
 import pytest
 
@@ -48,6 +51,17 @@ def test_bad_arguments_are_one_line_and_leave_nothing(run, tmp_path, options, pa
     assert (finished.code, finished.out) == (2, "")
     assert finished.err.count("\n") == 1
     assert part in finished.err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_nothing_is_left_when_it_is_stopped(tmp_path, sent, code):
+    arguments = [sys.executable, "-m", "trueterrain", "demo", "-o", str(tmp_path / "demo")]
+    with subprocess.Popen(arguments, stderr=subprocess.PIPE, text=True) as program:
+        assert program.stderr.readline() == "making the road ...\n"
+        program.send_signal(sent)
+        program.stderr.read()
+    assert program.returncode == code
     assert list(tmp_path.iterdir()) == []
 
 

@@ -4,7 +4,9 @@ Exit codes: 0 done, 2 bad input or arguments (one line on stderr; ``--debug`` ad
 """
 
 import os
+import signal
 import sys
+import threading
 import warnings
 
 import cyclopts
@@ -13,7 +15,8 @@ from trueterrain._version import __version__
 from trueterrain.cli._console import in_words
 from trueterrain.errors import TrueTerrainError
 
-_PIPE_CLOSED = 141  # exit code by which shells name a program that nobody listened to any more
+# exit codes by which shells name a program that nobody listened to any more, or that was ended
+_PIPE_CLOSED, _TERMINATED = 141, 143
 
 _COMMANDS = {
     "convert": "Convert surfaces, points and profiles between file formats.",
@@ -70,6 +73,9 @@ def main(arguments: list[str] | None = None) -> None:
     arguments = [argument for argument in arguments if argument != "--debug"]
     called = next((argument for argument in arguments if argument in _COMMANDS), None)
     warnings.showwarning = _show_warning
+    if threading.current_thread() is threading.main_thread():
+        # end as `timeout` and batch systems ask for it, but with half outputs taken away
+        signal.signal(signal.SIGTERM, lambda *_: sys.exit(_TERMINATED))
     try:
         command_line(called)(arguments, exit_on_error=False, print_error=False)
         sys.stdout.flush()
