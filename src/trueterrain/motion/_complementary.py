@@ -136,9 +136,10 @@ def wiener(inertial: Inertial, navigation: Float, spectra: Spectra) -> tuple[Flo
     apart = navigation - value
     n, sampling = len(apart), _rate(inertial.time)
     # straight from end to end, the rest a series of sines, which has no jump at the ends
-    end = max(min(int(0.25 * sampling), n // 4), 1)
     x = np.linspace(0.0, 1.0, n)[:, None]
-    first, last = apart[:end].mean(axis=0), apart[-end:].mean(axis=0)
+    length = [min(int(sampling / cross), n // 4) for cross in crossover(spectra)]
+    first = np.array([_end(apart[:, j], end) for j, end in enumerate(length)])
+    last = np.array([_end(apart[::-1, j], end) for j, end in enumerate(length)])
     straight = first + (last - first) * x
     frequency = np.arange(1, n + 1) * sampling / (2 * (n + 1))
     share = low_pass(spectra, frequency)
@@ -194,6 +195,12 @@ def butterworth(frequency: Float, cutoff: float, order: int) -> Float:
     """Gain of a Butterworth low-pass forward and backward, shape (f, 3)."""
     gain = 1.0 / (1.0 + (frequency / cutoff) ** (2 * order))
     return np.repeat(gain[:, None], 3, axis=1)
+
+
+def _end(series: Float, count: int) -> float:
+    """First value of a series, by a straight line through its first values."""
+    count = max(count, 2)
+    return float(np.polyfit(np.arange(count), series[:count], 1)[1])
 
 
 def _rate(time: Float) -> float:

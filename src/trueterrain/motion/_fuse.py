@@ -21,7 +21,10 @@ Float = npt.NDArray[np.float64]
 
 _HEAVE = [2, 3, 4]  # up, roll, pitch among the components of navigation
 _WAY = [0, 1, 5]  # east, north, yaw
-_QUICK, _SLOW = 0.1, 1.0  # [s] windows for attitude, and for accelerations of the way
+_QUICK, _SLOW = 0.1, 1.0  # [s] windows for attitude, and longest for accelerations of the way
+_DRIFT_TIMES = 0.1, 1e5  # [s] times of correlation of a drift that are believed
+_UNSURE = np.array([0.01, 0.01, 0.01])  # [m/s^2, rad/s^2] of errors of bias and scale over a gap
+_SIDE = 0.1  # [s] beside a gap from which it is bridged
 _APART = 1.5  # [Hz] crossover of the filter that measures noise
 
 
@@ -53,13 +56,14 @@ def fused(
     problems = [*problems, *_gap_problems("navigation", navigation.gaps)]
     if sensors is None:
         return _by_navigation(parts, problems)
-    problems += _gap_problems("accelerometers", sensors.gaps)
     if sensors.dropped:
         problems.append(f"accelerometers: {sensors.dropped} samples are left out: not finite")
     gravity = gravity_at(run.attrs.get("origin")) if settings.gravity is None else settings.gravity
+    slow = Smooth(navigation, _WAY, window=settings.way_window, slow=_window(parts, sensors))
     inertial = inertial_of(
-        sensors, navigation, parts.attitude, parts.way, rate=settings.rate, gravity=gravity
+        sensors, navigation, parts.attitude, slow, rate=settings.rate, gravity=gravity
     )
+    problems += _gap_problems("accelerometers", _lost_spans(inertial))
     if not inertial.turns:
         problems.append("the accelerometers do not tell roll and pitch, which are by navigation")
     return _by_both(parts, sensors, inertial, problems)
@@ -93,6 +97,20 @@ def _gap_problems(name: str, gaps: tuple[Span, ...]) -> list[str]:
     ]
 
 
+def _window(parts: _Parts, sensors: AccelerometerInput) -> float:
+    """Window for accelerations of the way [s]: so long that their noise is less than the sensors'.
+
+    A cubic over the window W passes noise up to 1.25 / W; an inclined accelerometer feels it.
+    """
+    navigation = parts.navigation
+    rough = navigation.pose[:, _WAY[:2]] - parts.way.value(navigation.time)[:, :2]
+    density = np.sqrt(2 * navigation.step) * np.sqrt(np.mean(rough**2))
+    incline = np.sqrt(np.mean(navigation.pose[:, 3:5] ** 2))
+    own = np.mean([quietest(one, 1.0 / sensors.step) for one in sensors.force.T])
+    window = 2 * np.pi * 1.25 * np.sqrt(density * incline * np.sqrt(len(sensors.position)) / own)
+    return float(np.clip(window, _QUICK, _SLOW))
+
+
 def _by_navigation(parts: _Parts, problems: list[str]) -> FusedMotion:
     time = knots_without(parts.navigation, parts.settings.rate)
     variance = _at(time, parts.navigation.time, parts.sd[:, _HEAVE] ** 2)
@@ -109,10 +127,7 @@ def _by_both(
 ) -> FusedMotion:
     settings = parts.settings
     time = inertial.time
-    roll, pitch = parts.attitude.value(time).T
-    over, _, _ = lever(roll, pitch, inertial.middle)
-    coordinates = parts.quick.value(time)
-    coordinates[:, 0] += over
+    coordinates = _middle(parts, inertial)
     noise, wander = _noise(parts, sensors, inertial, coordinates)
     spectra = _spectra(parts, inertial, noise, wander)
     white = np.array(noise.white)
@@ -144,6 +159,37 @@ def _by_both(
     )  # fmt: skip
 
 
+def _middle(parts: _Parts, inertial: Inertial) -> Float:
+    """Height of the middle of the sensors, roll and pitch at the knots by navigation, (n, 3).
+
+    The lever goes by roll and pitch of both instruments, whose noise is less.
+    """
+    coordinates = parts.quick.value(inertial.time)
+    angles = parts.attitude.value(inertial.time)
+    if inertial.turns:
+        angles = filters.zero_phase(inertial, coordinates, cutoff=_APART, order=2)[0][:, 1:]
+    coordinates[:, 0] += lever(angles[:, 0], angles[:, 1], inertial.middle)[0]
+    return _carried(parts.navigation.gaps, inertial, coordinates)
+
+
+def _carried(gaps: tuple[Span, ...], inertial: Inertial, coordinates: Float) -> Float:
+    """Over gaps of navigation the motion goes on as the accelerometers say."""
+    if not (gaps and inertial.turns):
+        return coordinates
+    time = inertial.time
+    for begin, end in gaps * 3:  # the parabola that aligns both is the better each time
+        value, _ = filters.integrated(inertial, coordinates)
+        apart = coordinates - value
+        sides = [(time > begin - _SIDE) & (time <= begin), (time >= end) & (time < end + _SIDE)]
+        inside = (time > begin) & (time < end)
+        if not (inside.any() and sides[0].any() and sides[1].any()):
+            continue
+        x = (time[inside, None] - begin) / (end - begin)
+        before, after = (apart[side].mean(axis=0) for side in sides)
+        coordinates[inside] = value[inside] + before + x * (after - before)
+    return coordinates
+
+
 def _filtered(
     parts: _Parts,
     inertial: Inertial,
@@ -155,23 +201,32 @@ def _filtered(
     """Coordinates by a complementary filter, and the times in which it settles at both ends."""
     s = parts.settings
     time = inertial.time
-    frequency = np.geomspace(1.0 / (time[-1] - time[0]), 0.5 * s.rate, 2000)
+    frequency = np.geomspace(1.5 / (time[-1] - time[0]), 0.5 * s.rate, 2000)
     share = filters.butterworth(frequency, s.crossover, s.order)
     settles = (0.5 / s.crossover, 0.5 / s.crossover)
     extra = np.zeros(3)
+    none = np.zeros_like(coordinates)  # through which the filter shows the share of the sensors
+    if s.method == "wiener":
+        value, rate = filters.wiener(inertial, coordinates, spectra)
+        _, fast = filters.wiener(inertial, none, spectra)
+        share = filters.low_pass(spectra, frequency)
+    else:
+        value, rate = filters.zero_phase(inertial, coordinates, cutoff=s.crossover, order=s.order)
+        _, fast = filters.zero_phase(inertial, none, cutoff=s.crossover, order=s.order)
     if s.method == "thesis":
         value, rate, extra = filters.causal(
             inertial, coordinates, cutoff=s.crossover, order=s.order
         )
         settles = (2.0 / s.crossover, 0.0)
-    elif s.method == "zero-phase":
-        value, rate = filters.zero_phase(inertial, coordinates, cutoff=s.crossover, order=s.order)
-    else:
-        value, rate = filters.wiener(inertial, coordinates, spectra)
-        share = filters.low_pass(spectra, frequency)
-    variance = filters.variance(spectra, share, frequency) + extra**2
+    late = s.accelerometer_delay_sd * np.sqrt(np.mean(fast**2, axis=0))
+    variance = filters.variance(spectra, share, frequency) + extra**2 + late**2
     left = filters.passed(share, frequency, np.array(noise.drift_time))
-    whole = left * drift_sd**2 + variance + _bridge(parts, time, _HEAVE)
+    whole = left * drift_sd**2 + variance
+    if inertial.turns:
+        carried = bridge_variance(time, parts.navigation.gaps, 1.0)[:, None]
+        whole += carried * (0.5 * spectra.acceleration + _UNSURE**2)
+    else:
+        whole += _bridge(parts, time, _HEAVE)
     for begin, end in _lost_spans(inertial):
         lost = bridge_variance(time, ((begin, end),), 1.0)[:, None]
         whole += lost * [s.bridge_density, s.bridge_turn_density, s.bridge_turn_density]
@@ -203,7 +258,7 @@ def _noise(
     length = np.array(DRIFT_TIME if s.drift_time is None else s.drift_time)
     if s.drift_time is None:
         seen = pairs[:, 1] > 0
-        length[seen] = 2 * drift[seen] ** 2 / pairs[seen, 1]
+        length[seen] = np.clip(2 * drift[seen] ** 2 / pairs[seen, 1], *_DRIFT_TIMES)
         estimated += [f"drift_time of {name}" for name, at in
                       zip(("up", "roll", "pitch"), seen, strict=True) if at]  # fmt: skip
     noise = Noise(
@@ -228,8 +283,8 @@ def _residual(parts: _Parts, inertial: Inertial, coordinates: Float) -> Float:
         inertial, np.zeros_like(coordinates), cutoff=_APART, order=2
     )  # the motion above the crossover
     measured = navigation.pose[:, _HEAVE].copy()
-    roll, pitch = parts.attitude.value(navigation.time).T
-    measured[:, 0] += lever(roll, pitch, inertial.middle)[0]
+    angles = smooth[:, 1:] if inertial.turns else parts.attitude.value(navigation.time)
+    measured[:, 0] += lever(angles[:, 0], angles[:, 1], inertial.middle)[0]
     residual = measured - smooth
     fast = CubicHermiteSpline(time, slow, slow_rate, axis=0)
     shapes = fast(navigation.time), fast(navigation.time, 1)
