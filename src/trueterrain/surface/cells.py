@@ -16,7 +16,7 @@ from trueterrain.kinds import make_surface
 from trueterrain.surface.line import ReferenceLine, millimetres
 from trueterrain.surface.reference_line import Floats, GridFrame, grid_frame, xy_to_uv
 
-_MOST = 2_000_000_000  # cells
+_MOST = 500_000_000  # nodes, of 60 bytes with their sums
 _NEAR = 16  # nodes from one that is looked at to the next, where a scan is looked for
 
 
@@ -38,12 +38,7 @@ class Grid:
         if self.u.size < 2 or self.v.size < 2:
             message = f"a grid needs at least 2 x 2 nodes, got {self.u.size} x {self.v.size}."
             raise ValueError(message)
-        if self.u.size * self.v.size > _MOST:
-            message = (
-                f"a grid of {self.u.size:,} x {self.v.size:,} nodes is too large; choose a coarser "
-                "spacing or a part of the ground."
-            )
-            raise ValueError(message)
+        _require_room(self.u.size, self.v.size)
 
     @property
     def spacing(self) -> tuple[float, float]:
@@ -201,6 +196,7 @@ def grid_along(
     if not (np.isfinite([right, left]).all() and right < left):
         message = f"right must be less than left, got {right} and {left} m."
         raise ValueError(message)
+    _require_room(line.u.size, (left - right) / step + 1)
     v = _multiples(right, left, step)
     kappa = line.curvature
     sharp = np.maximum(kappa * (v[0] - 0.5 * step), kappa * (v[-1] + 0.5 * step))
@@ -249,9 +245,20 @@ def grid_over(
     if not (np.isfinite([west, south, east, north]).all() and west <= east and south <= north):
         message = f"the limits must be west, south, east, north, got {(west, south, east, north)}."
         raise ValueError(message)
+    _require_room((east - west) / along + 1, (north - south) / across + 1)
     return Grid(
         line=None, u=_covering(west, east, along), v=_covering(south, north, across)
     )  # fmt: skip
+
+
+def _require_room(rows: float, columns: float) -> None:
+    """Raise ValueError if a grid would have too many nodes, before it has any."""
+    if rows * columns > _MOST:
+        message = (
+            f"a grid of {rows:,.0f} x {columns:,.0f} nodes is too large; choose a coarser spacing "
+            "or a part of the ground."
+        )
+        raise ValueError(message)
 
 
 def _multiples(low: float, high: float, step: float) -> Floats:
