@@ -17,6 +17,7 @@ from trueterrain.profile import (
     SteepestCpf,
     Window,
 )
+from trueterrain.simulate.ground import BelgianBlock
 
 ROUND_OFF = 1e-12  # [m] of heights of centimetres, and of means of 80 of them
 MODE = 1e-9  # [m] a density is flat at its mode: values known to 1e-16 place it to 1e-8 bandwidths
@@ -326,6 +327,42 @@ def test_the_standard_deviation_is_honest(claim, name, n):
     ratio = np.sqrt(np.mean((error / sd) ** 2))
     highest = exceptions.get((n, name), exceptions.get(n, HONEST[1]))
     assert HONEST[0] < ratio < highest
+
+
+# rms(error / sd) as the documentation states it for Belgian block; 400 discs tell it to 0.1 or so
+REAL_GROUND = [
+    (Median(), 1.05, 0.15),
+    (Mean(), 1.05, 0.15),
+    (Window(), 1.05, 0.15),
+    (Percentile(percent=85), 1.05, 0.15),
+    (InverseDistance(), 0.6, 0.15),
+    (SteepestCpf(), 1.7, 0.3),
+]
+
+
+@pytest.fixture(scope="module")
+def belgian_discs():
+    """40 heights at random places of discs of 25 mm, and 8000 in each."""
+    rng = np.random.default_rng(2009)
+    ground = BelgianBlock(seed=4)
+    few, many = [], []
+    for _ in range(400):
+        middle = rng.uniform((0, -1), (20, 1))
+        radius, angle = 0.025 * np.sqrt(rng.uniform(size=8000)), rng.uniform(0, 2 * np.pi, 8000)
+        at = middle[:, None] + radius * np.stack([np.cos(angle), np.sin(angle)])
+        height = ground.height(*at)
+        few.append((height[:40], radius[:40]))
+        many.append((height, radius))
+    return tuple(distributions(*zip(*pairs, strict=True)) for pairs in (few, many))
+
+
+@pytest.mark.parametrize(("statistic", "stated", "within"), REAL_GROUND, ids=str)
+def test_how_honest_standard_deviations_are_on_belgian_block(
+    belgian_discs, statistic, stated, within
+):
+    few, many = belgian_discs
+    (measured, sd), (truth, _) = statistic.estimate(few), statistic.estimate(many)
+    assert_allclose(np.sqrt(np.mean(((measured - truth) / sd) ** 2)), stated, rtol=0, atol=within)
 
 
 def test_a_percentile_with_no_heights_beyond_it_is_not_honest():
