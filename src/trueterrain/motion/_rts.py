@@ -14,8 +14,10 @@ from trueterrain.motion._smoother import Model, Smoothed, smooth
 
 Float = npt.NDArray[np.float64]
 
-# Nothing is known of the first pose: height [m], roll, pitch [rad], and their rates.
-_FIRST = np.array([10.0, 0.2, 0.2, 5.0, 1.0, 1.0])
+# Nothing is known of the first pose but the first epoch, of whose standard deviations these are so
+# many that it matters no more than once; and of the rates of height [m/s], roll and pitch [rad/s].
+_FIRST = 30.0
+_FIRST_RATE = np.array([5.0, 1.0, 1.0])
 _TURN_MEMORY = 0.1  # [s] of roll and pitch acceleration where no accelerometer tells them
 
 
@@ -94,7 +96,9 @@ def smoothed_coordinates(
     count = inertial.share.shape[1]
     size = 6 + 2 * count + 1 + 3
     spread = np.empty(size)
-    spread[:6] = _FIRST
+    spread[:3] = _FIRST * np.hypot(drift_sd[0], noise.white)
+    spread[0] += _FIRST * float(np.hypot(*inertial.middle[:2])) * spread[1:3].max()
+    spread[3:6] = _FIRST_RATE
     spread[6 : 6 + count] = sensors.bias_sd
     spread[6 + count : 6 + 2 * count] = sensors.scale_sd
     spread[6 + 2 * count] = sensors.delay_sd
@@ -109,7 +113,9 @@ def _found(s: Smoothed, count: int) -> Found:
     delay = s.mean[-1, 6 + 2 * count], np.sqrt(max(s.parameter_covariance[-1, -1], 0.0))
     return Found(
         coordinates=Coordinates(
-            value=s.mean[:, :3].copy(), rate=s.mean[:, 3:6].copy(), covariance=s.covariance
+            value=s.mean[:, :3].copy(),
+            rate=s.mean[:, 3:6].copy(),
+            covariance=_not_negative(s.covariance),
         ),
         drift=s.mean[:, -3:].copy(),
         drift_sd=np.sqrt(np.maximum(s.drift_variance, 0.0)),
@@ -118,6 +124,16 @@ def _found(s: Smoothed, count: int) -> Found:
         delay=(float(delay[0]), float(delay[1])),
         surprise=s.surprise,
     )
+
+
+def _not_negative(covariance: Float) -> Float:
+    """Covariances whose round-off, if next to nothing is unknown, has not made them negative."""
+    values, vectors = np.linalg.eigh(0.5 * (covariance + np.swapaxes(covariance, 1, 2)))
+    bad = values[:, 0] <= 0
+    if bad.any():
+        kept = np.maximum(values[bad], 1e-18)[:, None, :]
+        covariance[bad] = (vectors[bad] * kept) @ np.swapaxes(vectors[bad], 1, 2)
+    return covariance
 
 
 def _model(

@@ -1,0 +1,1 @@
+"""Tests of motion, with helpers of their own."""

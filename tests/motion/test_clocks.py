@@ -1,0 +1,149 @@
+"""Clocks that are off by a known time are found, and what cannot be told is refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+from numpy.testing import assert_allclose
+
+from trueterrain.errors import CoverageError
+from trueterrain.formats.run import Mounting
+from trueterrain.motion import FusionSettings, fuse
+from trueterrain.motion.clocks import (
+    accelerometer_clock_from_navigation,
+    scanner_clock_from_bounce,
+)
+from trueterrain.simulate.scene import read_scene
+
+from ._truth import Errors, rms
+from .conftest import knots_of, run_of
+
+BOUNCE = 5e-5  # [s] asked for
+SURE = 4.0  # standard deviations
+
+
+def test_the_scanner_clock_from_a_bounce(bounce_run):
+    run, scene = bounce_run
+    found = scanner_clock_from_bounce(
+        run,
+        accelerometer_clock=scene.accelerometers.clock_offset,
+        accelerometer_delay=scene.accelerometers.group_delay,
+    )
+    assert abs(found.clock - scene.mounting.scanner_clock) < BOUNCE
+    assert abs(found.clock - scene.mounting.scanner_clock) < SURE * found.sd
+    assert found.sd < 3e-5
+    assert_allclose(found.excitation[0], 0.0145, rtol=0, atol=0.002)  # [m] 20 mm / sqrt(2)
+
+
+def test_it_is_as_true_as_the_clock_of_the_accelerometers(bounce_run):
+    run, scene = bounce_run
+    found = scanner_clock_from_bounce(run)
+    late = scene.accelerometers.clock_offset - scene.accelerometers.group_delay
+    assert abs(found.clock - (scene.mounting.scanner_clock - late)) < BOUNCE
+
+
+def test_a_bounce_that_is_too_small(bounce_run):
+    run, _ = bounce_run
+    groups = {node.path: node.to_dataset() for node in run.subtree}
+    force = groups["/accelerometers"]["acceleration"]
+    groups["/accelerometers"]["acceleration"] = force.mean() + 0.0 * force
+    scans = groups["/scans"].load()
+    scans["range"] = 0 * scans["range"] + scans["range"].mean("scan")
+    still = xr.DataTree.from_dict({path: data for path, data in groups.items() if path != "/scans"})
+    still["scans"] = scans
+    with pytest.raises(CoverageError, match="motion is too small to tell the scanner clock"):
+        scanner_clock_from_bounce(still)
+
+
+def test_a_bounce_must_not_drive(excited):
+    scene, knots = excited
+    with pytest.raises(CoverageError, match="Take a bounce: parked on a flat floor"):
+        scanner_clock_from_bounce(run_of(knots, scene))
+
+
+@pytest.fixture(scope="module")
+def bounce():
+    scene, path = read_scene("bounce")
+    return scene, knots_of(scene, path)
+
+
+def test_the_accelerometer_clock_from_navigation(bounce):
+    """Five draws of all noise: errors as large as is claimed."""
+    scene, knots = bounce
+    delay = scene.accelerometers.group_delay
+    shares = []
+    for seed in range(5):
+        run = run_of(knots, scene, seed=seed)
+        found = accelerometer_clock_from_navigation(run, accelerometer_delay=delay)
+        shares.append((found.clock - scene.accelerometers.clock_offset) / found.sd)
+        assert found.sd < 2e-4
+        assert found.rate == found.rate_sd == 0.0
+    assert 0.3 < rms(shares) < 2.0  # 5 values: sd 0.3
+
+
+def test_a_clock_that_runs_fast(bounce):
+    scene, knots = bounce
+    sensors = replace(scene.accelerometers, clock_rate=4e-4)
+    scene = replace(scene, accelerometers=sensors)
+    run = run_of(knots, scene)
+    found = accelerometer_clock_from_navigation(
+        run, accelerometer_delay=sensors.group_delay, with_rate=True
+    )
+    assert abs(found.rate - 4e-4) < SURE * found.rate_sd
+    assert found.rate_sd < 5e-5
+    assert abs(found.clock - sensors.clock_offset) < SURE * found.sd
+    mounting = dict(run.attrs["mounting"]) | {"accelerometer_clock": found.clock}
+    run = run.copy()
+    run.attrs = {**run.attrs, "mounting": mounting}
+    settings = FusionSettings(
+        accelerometer_delay=sensors.group_delay, accelerometer_clock_rate=found.rate
+    )
+    right, wrong = fuse(run, settings=settings), fuse(run)
+    error = [rms(Errors(run, motion.trajectory).turn[:, 1]) for motion in (right, wrong)]
+    assert error[0] < error[1]
+
+
+def test_poor_excitation_is_refused(bounce):
+    scene, _ = bounce
+    still = replace(scene.passes[0].standing, waves=())
+    scene = replace(scene, passes=(replace(scene.passes[0], standing=still),))
+    run = run_of(knots_of(scene), scene)
+    with pytest.raises(CoverageError, match="too small to tell the accelerometer clock"):
+        accelerometer_clock_from_navigation(run)
+
+
+def test_a_run_that_is_too_short(excited):
+    scene, knots = excited
+    with pytest.raises(CoverageError, match=r"at least 5.0 s are needed"):
+        accelerometer_clock_from_navigation(run_of(knots, scene))
+
+
+def test_without_accelerometers(bounce):
+    scene, knots = bounce
+    run = run_of(knots, scene)
+    bare = xr.DataTree.from_dict(
+        {node.path: node.to_dataset() for node in run.subtree if node.path != "/accelerometers"}
+    )
+    with pytest.raises(CoverageError, match="has no accelerometers"):
+        accelerometer_clock_from_navigation(bare)
+
+
+def test_gaps_are_refused(bounce):
+    scene, knots = bounce
+    run = run_of(knots, scene)
+    data = run["navigation"].to_dataset()
+    time = data["time"].values
+    run["navigation"] = data.isel(epoch=np.flatnonzero((time < 5) | (time > 6)))
+    with pytest.raises(CoverageError, match="has gaps"):
+        accelerometer_clock_from_navigation(run)
+
+
+def test_declared_clocks_are_counted_in(bounce):
+    scene, knots = bounce
+    declared = Mounting(accelerometer_clock=scene.accelerometers.clock_offset)
+    delay = scene.accelerometers.group_delay
+    told = run_of(knots, replace(scene, declared=declared))
+    first = accelerometer_clock_from_navigation(told, accelerometer_delay=delay)
+    second = accelerometer_clock_from_navigation(run_of(knots, scene), accelerometer_delay=delay)
+    assert_allclose(first.clock, second.clock, rtol=0, atol=5e-6)  # [s] linear in 0.7 ms

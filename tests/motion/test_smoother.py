@@ -1,0 +1,104 @@
+"""The smoother against least squares over all states at once, which knows no recursion."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from trueterrain.motion import _smoother
+from trueterrain.motion._smoother import Model, smooth
+
+ROUND_OFF = 1e-8  # of values near 1: the dense normal equations lose more digits than the filter
+
+
+def model(n=40, parameters=2, seed=1):
+    """Knots at uneven steps, measurements at some of them, two at one, none at the first."""
+    rng = np.random.default_rng(seed)
+    step = rng.uniform(0.4, 0.8, n - 1)
+    at = np.sort(np.append(rng.choice(np.arange(1, n), 17, replace=False), [20, 20]))
+    half = rng.standard_normal((n - 1, 3, 3))
+    knots = np.arange(n)
+    return Model(
+        step=step,
+        known=rng.standard_normal((n - 1, 6)),
+        into_coordinate=0.1 * rng.standard_normal((n - 1, 3, parameters)),
+        into_rate=rng.standard_normal((n - 1, 3, parameters)),
+        noise=half @ np.swapaxes(half, 1, 2) + np.eye(3),
+        walk=np.array([0.1, 0.02]),
+        decay=rng.uniform(0.8, 1.0, (n - 1, 3)),
+        drift_noise=rng.uniform(0.01, 0.1, (n - 1, 3)),
+        seen=np.stack([np.searchsorted(at, knots), np.searchsorted(at, knots, side="right")], 1),
+        before=rng.uniform(-0.02, 0.02, at.size),
+        measured=rng.standard_normal((at.size, 3)),
+        design=np.eye(3) + 0.3 * rng.standard_normal((at.size, 3, 3)),
+        variance=rng.uniform(0.5, 1.0, (at.size, 3)),
+    ), at  # fmt: skip
+
+
+def transition(m, k, size):
+    f = np.eye(size)
+    h = m.step[k]
+    f[:3, 3:6] = h * np.eye(3)
+    f[:3, 6:-3], f[3:6, 6:-3] = m.into_coordinate[k], m.into_rate[k]
+    f[-3:, -3:] = np.diag(m.decay[k])
+    q = np.zeros((size, size))
+    q[:3, :3], q[3:6, 3:6] = m.noise[k] * h**3 / 3, m.noise[k] * h
+    q[:3, 3:6] = q[3:6, :3] = m.noise[k] * h**2 / 2
+    q[6:-3, 6:-3] = np.diag(m.walk * h)
+    q[-3:, -3:] = np.diag(m.drift_noise[k])
+    return f, q
+
+
+def dense(m, at, state, covariance):
+    """All states at once, by normal equations."""
+    n, size = m.step.size + 1, state.size
+    normal, right = np.zeros((n * size,) * 2), np.zeros(n * size)
+    first = np.linalg.inv(covariance)
+    normal[:size, :size] += first
+    right[:size] += first @ state
+    for k in range(n - 1):
+        f, q = transition(m, k, size)
+        weight = np.linalg.inv(q)
+        both = slice(k * size, (k + 2) * size)
+        rows = np.hstack([-f, np.eye(size)])
+        known = np.concatenate([m.known[k], np.zeros(size - 6)])
+        normal[both, both] += rows.T @ weight @ rows
+        right[both] += rows.T @ weight @ known
+    for i, k in enumerate(at):
+        rows = np.zeros((3, size))
+        rows[:, :3], rows[:, 3:6] = m.design[i], m.design[i] * m.before[i]
+        rows[:, -3:] = np.eye(3)
+        here = slice(k * size, (k + 1) * size)
+        normal[here, here] += rows.T @ (rows / m.variance[i][:, None])
+        right[here] += rows.T @ (m.measured[i] / m.variance[i])
+    whole = np.linalg.inv(normal)
+    blocks = np.array(
+        [whole[k * size : (k + 1) * size, k * size : (k + 1) * size] for k in range(n)]
+    )
+    return (whole @ right).reshape(n, size), blocks
+
+
+@pytest.mark.parametrize("piece", [4000, 7])
+def test_equal_to_least_squares_over_all_states(monkeypatch, piece):
+    monkeypatch.setattr(_smoother, "_PIECE", piece)
+    m, at = model()
+    state = np.linspace(-1.0, 1.0, 11)
+    covariance = np.diag(np.linspace(0.5, 2.0, 11))
+    found = smooth(m, state, covariance)
+    mean, blocks = dense(m, at, state, covariance)
+    assert_allclose(found.mean, mean, rtol=0, atol=ROUND_OFF)
+    assert_allclose(found.covariance, blocks[:, :3, :3], rtol=0, atol=ROUND_OFF)
+    drift = np.einsum("nii->ni", blocks)[:, -3:]
+    assert_allclose(found.drift_variance, drift, rtol=0, atol=ROUND_OFF)
+    assert_allclose(found.parameter_covariance, blocks[-1, 6:-3, 6:-3], rtol=0, atol=ROUND_OFF)
+
+
+def test_pieces_do_not_matter(monkeypatch):
+    m, _ = model()
+    state, covariance = np.zeros(11), np.eye(11)
+    whole = smooth(m, state, covariance)
+    monkeypatch.setattr(_smoother, "_PIECE", 5)
+    pieces = smooth(m, state, covariance)
+    for name in ("mean", "covariance", "drift_variance"):
+        assert (getattr(pieces, name) == getattr(whole, name)).all()
+    # sums of pieces are added up in another order
+    assert_allclose(pieces.surprise, whole.surprise, rtol=0, atol=1e-12)
