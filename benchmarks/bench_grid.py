@@ -1,0 +1,300 @@
+"""Gridding: ranges in memory and on disk to cells, beside numpy and scipy; LAZ beside laspy.
+
+The peer georeferences with vectors, by `scipy.spatial.transform`, and takes count, mean and
+standard deviation by `scipy.stats.binned_statistic_2d`, in one thread. Both give the same counts.
+
+On a machine that is busy with other things, elapsed time says little. Then the time of work that is
+shared among threads all the way is taken as its processor time over the number of threads, and that
+of all other work, which is not shared, as its whole processor time.
+"""
+
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import laspy
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+from scipy.stats import binned_statistic_2d
+
+from trueterrain.formats import point_blocks
+from trueterrain.formats import write as write_file
+from trueterrain.formats.run import Mounting, RunWriter
+from trueterrain.georeference import ScanGeometry
+from trueterrain.kinds import make_points
+from trueterrain.motion import Trajectory
+from trueterrain.surface.accumulate import CellSums
+from trueterrain.surface.cells import Grid, grid_along, grid_over
+from trueterrain.surface.grid import GridOptions, grid_points
+from trueterrain.surface.line import straight_line
+from trueterrain.surface.runs import Pass, grid_runs
+
+SCANS = 32_000  # 30 million returns
+PEER_SCANS = 2_000
+BEAMS = 940
+RATE = 1000.0  # [Hz]
+SPEED = 5.0  # [m/s]
+THREADS = 2
+POINTS = 3_000_000
+STEP = 1e-4  # [m] of the ranges
+APART = 1e-3  # of the returns, next to the edge of a cell, may fall to either side
+CURVE = 0.002  # [rad/s] by which the body turns
+PLAIN = GridOptions(level=False)
+
+
+def bench() -> list[dict[str, Any]]:
+    """Rows of name, ours, peer, unit, ratio and budget.
+
+    Returns
+    -------
+    list of dict
+        What was measured.
+    """
+    return [*in_memory(), growth(), on_disk(), cloud()]
+
+
+def in_memory() -> list[dict[str, Any]]:
+    """Ranges in memory to cells, and the same by numpy and scipy."""
+    trajectory, angle, delay = drive(SCANS / RATE), *fan()
+    geometry = ScanGeometry(trajectory, Mounting(), angle, delay)
+    grid = road(SCANS)
+    stamps, ranges = recorded(SCANS)
+    add(grid, geometry, stamps[:3000], ranges[:3000])  # compile
+    speed = max(rate(lambda: add(grid, geometry, stamps, ranges), ranges.size) for _ in range(4))
+
+    few = slice(0, PEER_SCANS)
+    part = road(PEER_SCANS)
+    ours = add(part, geometry, stamps[few], ranges[few]).total().count.reshape(part.shape)
+    rows = []
+    for each, name, least in ((True, "a pose for each return", 50), (False, "one per scan", None)):
+        begin = time.process_time()
+        count = by_scipy(trajectory, part, stamps[few], ranges[few], angle, delay, each)
+        peer = ranges[few].size / (time.process_time() - begin) / 1e6
+        apart = np.abs(ours - count).sum() / ranges[few].size
+        if apart > APART:
+            message = f"{apart:.2%} of the peer's returns lie in other cells"
+            raise AssertionError(message)
+        rows.append({
+            "name": f"ranges in memory -> (u,v) cells, {ranges.size / 1e6:.0f} M returns",
+            "ours": speed,
+            "peer": peer,
+            "peer_name": f"numpy + binned_statistic_2d, {name}",
+            "unit": "M returns/s",
+            "ratio": speed / peer,
+            "budget": ">= 120 M returns/s" + (f", ratio >= {least}" if least else ""),
+            "met": speed >= 120 and (least is None or speed / peer >= least),
+        })  # fmt: skip
+    return rows
+
+
+def growth() -> dict[str, Any]:
+    """Exponent with which the cost grows from 10 M to 300 M returns, over the same ground."""
+    angle, delay = fan()
+    stamps, ranges = recorded(SCANS)
+    geometry = ScanGeometry(drive(SCANS / RATE), Mounting(), angle, delay)
+    grid = road(SCANS)
+    sums = CellSums(grid, threads=THREADS)
+    seconds = []
+    for times in (1, 9):
+        begin = time.process_time()
+        for _ in range(times):
+            sums.add_scans(geometry, stamps, ranges, scale=STEP, missing=65535)
+        seconds.append(time.process_time() - begin)
+    third = slice(0, SCANS // 3)
+    begin = time.process_time()
+    sums.add_scans(geometry, stamps[third], ranges[third], scale=STEP, missing=65535)
+    least = time.process_time() - begin
+    exponent = float(np.log(sum(seconds) / least) / np.log(10 * SCANS / (SCANS // 3)))
+    return {
+        "name": "exponent of the cost of gridding from 10 M to 300 M returns",
+        "ours": exponent,
+        "peer": None,
+        "peer_name": None,
+        "unit": "1",
+        "ratio": None,
+        "budget": "<= 1.05",
+        "met": exponent <= 1.05,
+    }
+
+
+def on_disk() -> dict[str, Any]:
+    """A run on disk to a CRG file, in a process of its own."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "run.zarr"
+        write_run(path, SCANS)
+        finished = subprocess.run(
+            [sys.executable, __file__, str(path)], check=True, capture_output=True, text=True
+        )
+    speed, gigabytes = (float(word) for word in finished.stdout.split())
+    return {
+        "name": f"Zarr -> CRG, {SCANS * BEAMS / 1e6:.0f} M returns, peak {gigabytes:.2f} GB",
+        "ours": speed,
+        "peer": None,
+        "peer_name": None,
+        "unit": "M returns/s",
+        "ratio": None,
+        "budget": ">= 60 M returns/s, < 2 GB",
+        "met": speed >= 60 and gigabytes < 2,
+    }
+
+
+def cloud() -> dict[str, Any]:
+    """LAZ to a map, beside laspy reading the file alone."""
+    rng = np.random.default_rng(1)
+    x, y = np.sort(rng.uniform(0, 500, POINTS)), rng.uniform(0, 20, POINTS)
+    points = make_points(x, y, 0.01 * rng.standard_normal(POINTS))
+    grid = grid_over(0, 0, 500, 20, spacing=0.05)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "cloud.laz"
+        write_file(points, path)
+        grid_points(point_blocks(path), grid, PLAIN)
+        ours = min(elapsed(lambda: grid_points(point_blocks(path), grid, PLAIN)) for _ in range(3))
+        peer = min(elapsed(lambda: laspy.read(path)) for _ in range(3))
+    return {
+        "name": f"LAZ -> map, {POINTS:,} points",
+        "ours": ours,
+        "peer": peer,
+        "peer_name": "laspy.read alone",
+        "unit": "s (processor)",
+        "ratio": ours / peer,
+        "budget": "ratio <= 1.3",
+        "met": ours / peer <= 1.3,
+    }
+
+
+def drive(duration: float) -> Trajectory:
+    """A slight curve with heave, 2 m above the ground."""
+    t = np.arange(-0.1, duration + 0.2, 0.005)
+    yaw = CURVE * t
+    x, y = SPEED / CURVE * np.sin(yaw), SPEED / CURVE * (1 - np.cos(yaw))
+    position = np.stack([x, y, 2 + 0.02 * np.sin(9 * t)], axis=1)
+    velocity = np.stack([SPEED * np.cos(yaw), SPEED * np.sin(yaw), 0.18 * np.cos(9 * t)], axis=1)
+    return Trajectory(
+        time=t, position=position, velocity=velocity,
+        quaternion=Rotation.from_euler("Z", yaw[:, None]).as_quat(),
+        angular_velocity=np.tile([0, 0, CURVE], (t.size, 1)),
+        covariance=np.tile(1e-6 * np.eye(6), (t.size, 1, 1)), flag=np.zeros(t.size, np.uint8),
+    )  # fmt: skip
+
+
+def fan() -> tuple[np.ndarray, np.ndarray]:
+    """Angles and delays of the beams."""
+    return np.linspace(-0.78, 0.78, BEAMS), np.arange(BEAMS) * 0.8e-3 / BEAMS
+
+
+def recorded(scans: int) -> tuple[np.ndarray, np.ndarray]:
+    """Stamps, and ranges to level ground with noise, as they are stored."""
+    angle, _ = fan()
+    stamps = np.arange(scans) / RATE
+    up = 2 + 0.02 * np.sin(9 * stamps)
+    noise = np.random.default_rng(1).normal(0, 0.0005, (scans, BEAMS)).astype(np.float32)
+    steps = np.rint((up[:, None] / np.cos(angle) + noise) / STEP)
+    return stamps, steps.astype(np.uint16)
+
+
+def road(scans: int) -> Grid:
+    """Grid along the whole way, 4 m wide at 10 mm; the line is straight, so the way leaves it."""
+    length = max(SPEED * scans / RATE, 1.0)
+    return grid_along(straight_line((0.0, 0.0), (length, 0.0)), right=-2.0, left=2.0 + 6.0)
+
+
+def add(grid: Grid, geometry: ScanGeometry, stamps: np.ndarray, ranges: np.ndarray) -> CellSums:
+    """Our way."""
+    sums = CellSums(grid, threads=THREADS)
+    sums.add_scans(geometry, stamps, ranges, scale=STEP, missing=65535)
+    sums.total()
+    return sums
+
+
+def by_scipy(
+    trajectory: Trajectory, grid: Grid, stamps: np.ndarray, ranges: np.ndarray, angle: np.ndarray,
+    delay: np.ndarray, each: bool,
+) -> np.ndarray:  # fmt: skip
+    """Count, mean and standard deviation the way one would write them on numpy and scipy.
+
+    With a pose for `each` return, as accuracy asks for, or one attitude for a scan.
+    """
+    metres = ranges * STEP
+    beams = np.stack([np.zeros(angle.size), np.sin(angle), -np.cos(angle)], axis=1)
+    slerp = Slerp(trajectory.time, Rotation.from_quat(trajectory.quaternion))
+    times = (stamps[:, None] + delay).ravel()
+    if each:
+        arms = metres.reshape(-1, 1) * np.tile(beams, (stamps.size, 1))
+        turned = slerp(times).apply(arms)
+    else:
+        matrices = slerp(stamps + 0.5 * delay[-1]).as_matrix()
+        turned = np.einsum("sij,bj->sbi", matrices, beams) * metres[:, :, None]
+        turned = turned.reshape(-1, 3)
+    x, y, z = (
+        turned[:, axis] + np.interp(times, trajectory.time, trajectory.position[:, axis])
+        for axis in range(3)
+    )
+    edges = [
+        np.append(axis - 0.5 * step, axis[-1] + 0.5 * step)
+        for axis, step in zip((grid.u, grid.v), grid.spacing, strict=True)
+    ]
+    found = [
+        binned_statistic_2d(x, y, z, statistic, bins=edges)[0]
+        for statistic in ("count", "mean", "std")
+    ]
+    assert np.isfinite(found[1][found[0] > 0]).all()
+    return found[0]
+
+
+def rate(work: Callable[[], Any], size: int, cores: int = THREADS) -> float:
+    """M returns per second; at least what so many free cores would reach, if it is busy here."""
+    begin, used = time.perf_counter(), time.process_time()
+    work()
+    wall, busy = time.perf_counter() - begin, time.process_time() - used
+    return size / min(wall, busy / cores) / 1e6
+
+
+def elapsed(work: Callable[[], Any]) -> float:
+    """Processor time [s]."""
+    begin = time.process_time()
+    work()
+    return time.process_time() - begin
+
+
+def write_run(path: Path, scans: int) -> None:
+    """A run of plain scans."""
+    angle, delay = fan()
+    with RunWriter(
+        path, name="bench", origin=(11.0, 48.0, 500.0), time_reference="run", mounting=Mounting(),
+        angle=angle, delay=delay, largest_range=6.0,
+    ) as run:  # fmt: skip
+        t = np.arange(-0.1, scans / RATE + 0.2, 0.01)
+        still = dict.fromkeys(("north", "up", "roll", "pitch", "yaw"), np.zeros(t.size))
+        run.append_navigation({"time": t, "east": SPEED * t, **still})
+        stamps, steps = recorded(scans)
+        for start in range(0, scans, 4000):
+            rows = slice(start, start + 4000)
+            run.append_scans(stamps[rows], steps[rows] * STEP)
+
+
+def _from_disk(path: Path) -> None:
+    """Print M returns/s from the run to a CRG file, and peak memory [GB]."""
+    trajectory = drive(SCANS / RATE)
+    grid = grid_along(straight_line((0.0, 0.0), (0.96 * SPEED * SCANS / RATE, 0.0)), left=6.0)
+    one = Pass(path=path, trajectory=trajectory)
+    grid_runs([one], grid_along(straight_line((0, 0), (1, 0))), threads=THREADS)  # compile
+
+    def work() -> None:
+        surface, _ = grid_runs([one], grid, threads=THREADS)
+        write_file(surface, path.with_suffix(".crg"), force=True)
+
+    speed = rate(work, SCANS * BEAMS, cores=1)
+    print(speed, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) > 1:
+        _from_disk(Path(sys.argv[1]))
+    else:
+        for line in bench():
+            print({key: line[key] for key in ("name", "ours", "peer", "ratio", "budget", "met")})
