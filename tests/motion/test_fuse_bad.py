@@ -132,6 +132,21 @@ def test_a_clock_that_jumps_ahead(run):
         fuse(changed(run, "navigation", time=time))
 
 
+def test_an_accelerometer_clock_that_jumps_ahead_shows(run):
+    """As a gap, and because navigation then disagrees."""
+    time = times(run, "accelerometers").copy()
+    time[4000:] += 0.05
+    motion = fuse(changed(run, "accelerometers", time=time))
+    assert motion.gaps[0][0] == "accelerometers"
+    assert any("navigation and accelerometers disagree" in each for each in motion.problems)
+    assert not any("disagree" in each for each in fuse(run).problems)
+
+
+def test_accelerometers_much_later_than_was_said(run):
+    settings = FusionSettings(accelerometer_delay=-0.01)
+    assert any("ms later than was said" in each for each in fuse(run, settings=settings).problems)
+
+
 @pytest.mark.parametrize("group", ["navigation", "accelerometers"])
 def test_a_clock_that_jumps_back(run, group):
     time = times(run, group).copy()

@@ -24,6 +24,7 @@ _WAY = [0, 1, 5]  # east, north, yaw
 _QUICK, _SLOW = 0.1, 1.0  # [s] windows for attitude, and longest for accelerations of the way
 _DRIFT_TIMES = 0.1, 1e5  # [s] times of correlation of a drift that are believed
 _UNSURE = np.array([0.01, 0.01, 0.01])  # [m/s^2, rad/s^2] of errors of bias and scale over a gap
+_STRANGE = 2.0  # mean square of innovations over what is expected that is worth a word
 _SIDE = 0.1  # [s] beside a gap from which it is bridged
 _APART = 1.5  # [Hz] crossover of the filter that measures noise
 
@@ -144,6 +145,7 @@ def _by_both(
                     scale_sd=settings.scale_sd, delay_sd=settings.accelerometer_delay_sd),
         )  # fmt: skip
         result = found.coordinates
+        problems = [*problems, *_doubts(found, settings)]
     else:
         result, settles = _filtered(parts, inertial, coordinates, spectra, noise, drift_sd)
         edge = (max(edge[0], settles[0]), max(edge[1], settles[1]))
@@ -157,6 +159,24 @@ def _by_both(
         delay=None if found is None else found.delay,
         surprise=None if found is None else _three(found.surprise),
     )  # fmt: skip
+
+
+def _doubts(found: Found, settings: FusionSettings) -> list[str]:
+    """What the smoother finds strange, in words."""
+    doubts = []
+    if found.surprise.max() > _STRANGE:
+        name = ("up", "roll", "pitch")[int(np.argmax(found.surprise))]
+        doubts.append(
+            f"navigation and accelerometers disagree in {name}, {found.surprise.max():.1f} times "
+            "as much as their noise allows: look for a jump of a clock, or a position that is wrong"
+        )
+    if abs(found.delay[0]) > 3 * settings.accelerometer_delay_sd:
+        doubts.append(
+            f"the accelerometers are {1000 * found.delay[0]:.2f} ms later than was said, more than "
+            "accelerometer_delay_sd allows: find their clock with "
+            "clocks.accelerometer_clock_from_navigation"
+        )
+    return doubts
 
 
 def _middle(parts: _Parts, inertial: Inertial) -> Float:
