@@ -11,7 +11,10 @@ from trueterrain import __version__
 from trueterrain.cli import command_line
 from trueterrain.cli._console import compiling_noted
 
-COMMANDS = ("convert", "demo", "doctor", "info", "init", "iri", "plot", "profile", "simulate")
+COMMANDS = (
+    "convert", "demo", "doctor", "georeference", "grid", "info", "init", "iri", "plot", "profile",
+    "simulate",
+)  # fmt: skip
 
 
 def test_help_lists_every_command(run):

@@ -22,6 +22,8 @@ _COMMANDS = {
     "convert": "Convert surfaces, points and profiles between file formats.",
     "demo": "Make a Belgian block road, extract the profile a tyre feels, and rate it.",
     "doctor": "Say what a bug report needs: versions, backends, cores.",
+    "georeference": "Turn a recorded run into points: every return at its own time.",
+    "grid": "Grid recorded runs, or points, to a surface with its standard deviation.",
     "info": "Say what a file is: kind, counts, extent, CRS, and what is wrong with it.",
     "init": "Print complete settings to begin with, e.g. of a scene.",
     "iri": "International Roughness Index of profiles.",

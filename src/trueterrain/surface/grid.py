@@ -197,6 +197,37 @@ def grid_points(
     return surface.assign_attrs(outside=sums.tally.outside)
 
 
+def trimmed(surface: xr.Dataset) -> xr.Dataset:
+    """Surface without the cross-sections at both ends, or rows and columns, that have no height.
+
+    Parameters
+    ----------
+    surface : xarray.Dataset
+        Surface along a reference line, or map.
+
+    Returns
+    -------
+    xarray.Dataset
+        A view; along a line its width stays.
+
+    Examples
+    --------
+    >>> from trueterrain.kinds import make_surface
+    >>> road = make_surface([[np.nan, np.nan], [1, 2], [1, 2]], u=[0, 1, 2], v=[0, 1],
+    ...                     easting=[0, 1, 2], northing=[0, 0, 0])
+    >>> trimmed(road).u.values
+    array([1., 2.])
+    """
+    seen = np.isfinite(np.asarray(surface["height"]))
+    cut = {}
+    for axis, dim in enumerate(surface["height"].dims):
+        has = np.flatnonzero(seen.any(axis=1 - axis))
+        # a surface has at least two nodes along each axis
+        if dim != "v" and has.size > 1:
+            cut[dim] = slice(int(has[0]), int(has[-1]) + 1)
+    return surface.isel(cut)
+
+
 def _finish(
     sums: CellSums, options: GridOptions, begin: int, end: int, height: Floats, sd: Any, count: Any
 ) -> None:

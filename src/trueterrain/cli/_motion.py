@@ -1,0 +1,59 @@
+"""Motion of runs on the command line."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from trueterrain.cli._console import note
+from trueterrain.errors import SchemaError, concerning
+
+if TYPE_CHECKING:
+    from trueterrain.motion import Trajectory
+
+Method = Literal["navigation", "thesis", "zero-phase", "wiener", "rts"]
+
+
+def motion_of(run: Path, method: Method) -> "Trajectory":
+    """Motion of the body over a run; what is doubtful about it goes to stderr.
+
+    Parameters
+    ----------
+    run : Path
+        Store of the run.
+    method : str
+        How it is found.
+
+    Returns
+    -------
+    Trajectory
+        Over the time of the navigation.
+    """
+    import warnings
+
+    from trueterrain.formats.run import open_run
+    from trueterrain.motion import FusionSettings, fuse
+
+    with concerning(run), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what it warns of is among the problems as well
+        motion = fuse(open_run(run), settings=FusionSettings(method=method))
+    for problem in motion.problems:
+        note(f"{run}: {problem}")
+    return motion.trajectory
+
+
+def require_run(path: Path) -> None:
+    """Raise SchemaError if a file is no run.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    """
+    from trueterrain import formats
+
+    kind = formats.kind_of_file(path)
+    if kind != "run":
+        raise SchemaError(
+            f"must be a recorded run, but is {kind}",
+            path=path,
+            cure="Name the folder NAME.zarr of a run.",
+        )

@@ -1,0 +1,287 @@
+"""The command ``trueterrain grid``: from recorded runs or points to a surface."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from trueterrain.cli._console import note, out_json, progress_bar
+from trueterrain.cli._motion import Method, motion_of
+from trueterrain.cli._where import Four, Where
+from trueterrain.errors import SchemaError, concerning
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from trueterrain.engine import Progress
+    from trueterrain.surface.grid import GridOptions
+
+_MAPS = (".tif", ".tiff")
+
+
+def grid(
+    file: Annotated[Path, Parameter(name="INPUT")],
+    /,
+    *more: Annotated[Path, Parameter(name="MORE")],
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    spacing: float = 0.01,
+    across: float | None = None,
+    right: float = -2.0,
+    left: float = 2.0,
+    line: Four | None = None,
+    path: Path | None = None,
+    bounds: Four | None = None,
+    smoothing: float = 1.0,
+    statistic: Literal["mean", "minimum", "maximum"] = "mean",
+    plain: Annotated[bool, Parameter(negative="")] = False,
+    minimum_count: int = 1,
+    fill: float = 0.1,
+    down_sample: tuple[int, int] | None = None,
+    method: Method = "rts",
+    floor: float | None = None,
+    saturation: float | None = None,
+    nearest: float = 0.0,
+    furthest: float | None = None,
+    weight: float = 0.0,
+    range_noise: float = 0.0005,
+    threads: int | None = None,
+    crs: str | None = None,
+    json: Annotated[bool, Parameter(negative="")] = False,
+    force: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Grid recorded runs, or points, to a surface with a standard deviation for each height.
+
+    Runs are gridded along the way of the first one, points over a map, unless --line, --path or
+    --bounds say otherwise. Surfaces along a line are OpenCRG (.crg), maps also GeoTIFF (.tif).
+
+    Example: `trueterrain grid run.zarr --spacing 0.01 -o road.crg`
+
+    Parameters
+    ----------
+    file
+        Recorded run (NAME.zarr), or points (LAS, LAZ, COPC, CSV, Parquet).
+    more
+        More of the same kind. Errors of the motion of runs are taken as independent.
+    output
+        Surface to write: .crg or .tif.
+    spacing
+        Distance between nodes [m], along a line a multiple of 0.001.
+    across
+        Distance between nodes across the line, or along northing [m]; by default the same.
+    right
+        Offset of the outermost nodes to the right of a line, left positive [m].
+    left
+        Offset of the outermost nodes to the left [m].
+    line
+        Straight line to grid along: easting and northing of its two ends [m].
+    path
+        CSV file of waypoints to grid along, with the columns easting and northing [m].
+    bounds
+        Map to grid over: smallest easting and northing, largest easting and northing [m].
+    smoothing
+        Standard deviation of the Gaussian by which a way or a path is smoothed [m].
+    statistic
+        What is taken of the heights in a cell.
+    plain
+        Take the mean as it is, and do not bring it along the slope to the node.
+    minimum_count
+        Cells with fewer returns have no height.
+    fill
+        Extent of the largest interior hole that is filled [m]; 0 for none.
+    down_sample
+        Nodes that become one, along and across, for smooth terrain; the loss is reported.
+    method
+        How the motion of runs is found: "rts" (the best), "wiener", "zero-phase", "thesis", or
+        "navigation" alone.
+    floor
+        Intensity under which a return is doubtful [counts].
+    saturation
+        Intensity above which a return is doubtful [counts].
+    nearest
+        Range under which a return is no ground [m].
+    furthest
+        Range beyond which a return is no ground [m].
+    weight
+        Weight of a doubtful return, from 0 (rejected) to 1.
+    range_noise
+        Standard deviation of a range, or of a point without that of its motion [m].
+    threads
+        Threads that work at once; by default one for each processor. The surface does not depend
+        on it.
+    crs
+        Coordinate reference system of points whose files name none or a wrong one. Nothing is
+        transformed.
+    json
+        Print one JSON document {"output", "size", "spacing", "nodes", "count", "sd", "returns",
+        "holes", "down_sample"}.
+    force
+        Replace the output if it exists.
+    """
+    from trueterrain import formats, provenance
+    from trueterrain.engine import require_writable
+    from trueterrain.georeference import Screening
+    from trueterrain.surface.grid import GridOptions, trimmed
+    from trueterrain.surface.holes import Filling, fill_holes
+
+    inputs = [file, *more]
+    formats.writer_of("surface", output)
+    options = GridOptions(
+        statistic=statistic, level=not plain, minimum_count=minimum_count, range_noise=range_noise
+    )
+    screening = Screening(
+        floor=floor or 0.0, saturation=saturation or float("inf"), nearest=nearest,
+        furthest=furthest or float("inf"), weight=weight,
+    )  # fmt: skip
+    where = Where(
+        spacing=spacing, across=across, right=right, left=left, line=line, path=path,
+        bounds=bounds, smoothing=smoothing, as_map=output.suffix.lower() in _MAPS,
+    )  # fmt: skip
+    kind = _kind(inputs)
+    require_writable(output, force=force, inputs=[*inputs, *([path] if path else [])])
+    workers = _processors() if threads is None else threads
+    with progress_bar() as progress:
+        if kind == "run":
+            from trueterrain.surface.runs import Pass, grid_runs
+
+            passes = [Pass(path=run, trajectory=motion_of(run, method)) for run in inputs]
+            surface, counts = grid_runs(
+                passes, where.of_runs(passes), options, screening=screening, threads=workers,
+                progress=progress,
+            )  # fmt: skip
+        else:
+            surface, counts = _grid_points(inputs, where, options, crs, workers, progress)
+    surface, holes = fill_holes(trimmed(surface), Filling(largest=fill))
+    loss = None
+    if down_sample is not None:
+        from trueterrain.surface.down_sample import down_sample as coarser
+
+        surface, loss = coarser(surface, down_sample)
+    files = [one for one in inputs if one.is_file()] + ([path] if path else [])
+    parameters = {"options": options, "holes": holes, "down_sample": loss}
+    surface = provenance.add_step(surface, "grid", parameters=parameters, inputs=files)
+    formats.write(surface, output, force=force)
+    report = _report(output, surface, counts, holes, loss)
+    if json:
+        out_json(report)
+    else:
+        for text in _in_words(report):
+            note(text)
+
+
+def _grid_points(
+    files: list[Path],
+    where: Where,
+    options: "GridOptions",
+    crs: str | None,
+    threads: int,
+    progress: "Progress",
+) -> "tuple[xr.Dataset, dict[str, Any]]":
+    from trueterrain import formats
+    from trueterrain.formats.crs import parse_crs
+    from trueterrain.surface.grid import grid_points
+
+    if crs is not None:
+        parse_crs(crs)
+    cells = where.of_points(files, crs)
+    done = 0
+
+    def blocks() -> "Iterator[xr.Dataset]":
+        nonlocal done
+        for file in files:
+            with concerning(file):
+                for block in formats.point_blocks(file, crs=crs):
+                    yield block
+                    done += block.sizes["point"]
+                    progress(f"{done:,} points", 0, None)
+
+    surface = grid_points(blocks(), cells, options, threads=threads)
+    outside = int(surface.attrs.pop("outside"))
+    return surface, {"used": done - outside, "outside": outside}
+
+
+def _kind(inputs: list[Path]) -> str:
+    """Kind of all inputs: runs or points."""
+    from trueterrain import formats
+
+    kinds = [formats.kind_of_file(path) for path in inputs]
+    for path, kind in zip(inputs, kinds, strict=True):
+        if kind not in ("run", "points"):
+            raise SchemaError(
+                f"must be a recorded run or points, but is {kind}",
+                path=path,
+                cure="Convert a surface to points first: `trueterrain convert`.",
+            )
+        if kind != kinds[0]:
+            raise SchemaError(
+                f"is {kind}, but {inputs[0]} is {kinds[0]}",
+                path=path,
+                cure="Grid runs and points apart, or georeference the runs first.",
+            )
+    return kinds[0]
+
+
+def _processors() -> int:
+    import os
+
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _report(
+    output: Path,
+    surface: "xr.Dataset",
+    counts: dict[str, Any],
+    holes: dict[str, Any],
+    loss: dict[str, float] | None,
+) -> dict[str, Any]:
+    import numpy as np
+
+    height, dims = surface["height"].values, surface["height"].dims
+    seen = np.isfinite(height)
+    sd, count = surface["sd"].values[seen], surface["count"].values[seen]
+    known = sd[np.isfinite(sd)]
+    return {
+        "output": str(output),
+        "size": dict(zip(map(str, dims), height.shape, strict=True)),
+        "spacing": {str(dim): float(np.diff(surface[dim].values).mean()) for dim in dims},
+        "nodes": int(seen.sum()),
+        "count": {"median": float(np.median(count)), "most": int(count.max())},
+        "sd": {
+            "median": float(np.median(known)) if known.size else None,
+            "largest": float(known.max()) if known.size else None,
+        },
+        "returns": counts,
+        "holes": holes,
+        "down_sample": loss,
+    }
+
+
+def _in_words(report: dict[str, Any]) -> "Iterator[str]":
+    size = " x ".join(f"{n:,}" for n in report["size"].values())
+    text = f"{report['output']}: {size} nodes, {report['nodes']:,} with height"
+    text += f" of {report['count']['median']:.0f} returns each (median)"
+    if report["sd"]["median"] is not None:
+        text += f", standard deviation {report['sd']['median'] * 1000:.3g} mm"
+    yield text
+    words = {
+        "outside": "returns beside the grid", "too_high": "returns without a height",
+        "doubtful": "returns doubtful for their intensity",
+        "scans_uncovered": "scans without motion left out",
+        "bridged": "scans at times that navigation did not see",
+    }  # fmt: skip
+    for name, what in words.items():
+        if report["returns"].get(name):
+            yield f"{report['returns'][name]:,} {what}"
+    holes = report["holes"]
+    if holes["filled_holes"]:
+        yield f"{holes['filled_holes']:,} holes filled, {holes['filled_nodes']:,} nodes"
+    if holes["open_holes"]:
+        yield f"{holes['open_holes']:,} larger holes left open, {holes['open_nodes']:,} nodes"
+    if report["down_sample"] is not None:
+        loss = report["down_sample"]
+        yield (
+            f"coarser by {loss['rms'] * 1000:.3g} mm rms, {loss['largest'] * 1000:.3g} mm at most; "
+            f"{loss['kept']:.2%} of the content is left"
+        )

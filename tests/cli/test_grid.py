@@ -1,0 +1,165 @@
+"""The commands georeference and grid: from a recorded run, and from points, to a surface."""
+
+import json
+from dataclasses import replace
+
+import laspy
+import numpy as np
+import numpy.testing as npt
+import pytest
+
+from trueterrain import formats
+from trueterrain.kinds import make_points
+from trueterrain.simulate.raster import Raster
+from trueterrain.simulate.scene import read_scene, record_scene, set_stage
+from trueterrain.surface import node_coordinates
+
+GROUND = (
+    0.002  # [m] rms of heights by default errors of navigation over some metres, one height off
+)
+PLACE = 1e-6  # [m] round-off of map projections
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """Some metres of a ready scene with default errors, and its stage."""
+    scene, _ = read_scene("belgian-two-lanes")
+    scene = replace(
+        scene, passes=(replace(scene.passes[0], start=20.0, length=6.0),),
+        ground=({"kind": "road", "road_class": "B", "seed": 3, "waves": 200},), raster=0.01,
+    )  # fmt: skip
+    (path,) = record_scene(scene, tmp_path_factory.mktemp("runs"))
+    return path, set_stage(scene)
+
+
+def test_a_run_becomes_points_in_its_frame_and_in_a_map(run, recorded, tmp_path):
+    path, _ = recorded
+    finished = run("georeference", path, "-o", tmp_path / "local.laz", "--json")
+    assert finished.code == 0, finished.err
+    report = json.loads(finished.out)
+    assert report["points"] > 1_000_000
+    finished = run("georeference", path, "-o", tmp_path / "map.laz", "--crs", "EPSG:32632")
+    assert finished.code == 0, finished.err
+    assert f"{report['points']:,} points" in finished.err
+    local, moved = laspy.read(tmp_path / "local.laz"), laspy.read(tmp_path / "map.laz")
+    assert len(local.points) == len(moved.points) == report["points"]
+    # 2 degrees east of the central meridian: scale and convergence of UTM there
+    a, b = np.array(local.xyz[::1000]), np.array(moved.xyz[::1000])
+    chords = [np.hypot(*np.diff(points[[0, -1], :2], axis=0)[0]) for points in (a, b)]
+    npt.assert_allclose(chords[1] / chords[0], 0.99986, rtol=0, atol=1e-4)
+    npt.assert_allclose(b[:, 2] - a[:, 2], 500.0, rtol=0, atol=0.001)
+
+
+def test_a_run_becomes_a_road(run, recorded, tmp_path):
+    path, stage = recorded
+    finished = run("grid", path, "--spacing", 0.02, "-o", tmp_path / "road.crg", "--json")
+    assert finished.code == 0, finished.err
+    report = json.loads(finished.out)
+    assert report["returns"]["scans_uncovered"] == 0
+    road = formats.open(tmp_path / "road.crg")
+    truth = Raster(stage.ground, spacing=0.01).height(*node_coordinates(road))
+    off = road.height.values - truth
+    inner = off[20:-20, 20:-20]
+    assert np.nanstd(inner) < GROUND
+    assert abs(np.nanmean(inner)) < 0.1  # height of navigation
+    assert report["sd"]["median"] < 0.1
+
+
+def test_a_run_becomes_a_map(run, recorded, tmp_path):
+    path, _ = recorded
+    pytest.importorskip("rasterio")
+    finished = run(
+        "grid", path, "--spacing", 0.05, "-o", tmp_path / "map.tif", "--method", "navigation",
+        "--statistic", "maximum",
+    )  # fmt: skip
+    assert finished.code == 0, finished.err
+    surface = formats.open(tmp_path / "map.tif")
+    assert surface.height.dims == ("northing", "easting")
+    assert "returns each" in finished.err
+
+
+def test_points_become_a_map_and_a_road_with_the_same_heights(run, tmp_path):
+    rng = np.random.default_rng(1)
+    x, y = rng.uniform(0, 6, 40_000), rng.uniform(-1, 1, 40_000)
+    cloud = make_points(x, y, 5 + 0.02 * x)
+    formats.write(cloud, tmp_path / "cloud.laz")
+    formats.write(cloud, tmp_path / "cloud.csv")
+    finished = run(
+        "grid", tmp_path / "cloud.laz", tmp_path / "cloud.csv", "--line", 0, 0, 6, 0, "--right", -1,
+        "--left", 1, "--spacing", 0.1, "-o", tmp_path / "road.crg", "--json",
+    )  # fmt: skip
+    assert finished.code == 0, finished.err
+    road = formats.open(tmp_path / "road.crg")
+    npt.assert_allclose(road.height.values[2:-2, 5], 5 + 0.02 * road.u.values[2:-2], atol=1e-4)
+    assert json.loads(finished.out)["returns"] == {"used": 80_000, "outside": 0}
+    finished = run(
+        "grid", tmp_path / "cloud.laz", "--spacing", 0.1, "-o", tmp_path / "map.crg",
+        "--down-sample", 2, 2,
+    )  # fmt: skip
+    assert finished.code == 0, finished.err
+    assert "of the content is left" in finished.err
+
+
+def test_waypoints_lead_the_line(run, tmp_path):
+    angle = np.linspace(0, 1, 60)
+    x, y = 20 * np.sin(angle), 20 - 20 * np.cos(angle)
+    (tmp_path / "way.csv").write_text(
+        "easting,northing\n" + "\n".join(f"{a},{b}" for a, b in zip(x, y, strict=True))
+    )
+    rng = np.random.default_rng(1)
+    radius, at = 20 + rng.uniform(-1, 1, 60_000), rng.uniform(0, 1, 60_000)
+    cloud = make_points(radius * np.sin(at), 20 - radius * np.cos(at), radius)
+    formats.write(cloud, tmp_path / "cloud.csv")
+    finished = run(
+        "grid", tmp_path / "cloud.csv", "--path", tmp_path / "way.csv", "--smoothing", 0, "--right",
+        -0.8, "--left", 0.8, "--spacing", 0.1, "-o", tmp_path / "road.crg",
+    )  # fmt: skip
+    assert finished.code == 0, finished.err
+    road = formats.open(tmp_path / "road.crg")
+    inner = road.isel(u=slice(3, -3))
+    npt.assert_allclose(
+        inner.height, np.broadcast_to(20 - road.v.values, inner.height.shape), atol=2e-3
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--line", "0", "0", "1", "0", "--bounds", "0", "0", "1", "1"), "only one of --line"),
+        (("--spacing", "0"), "greater than 0"),
+        (("--threads", "0"), "threads must be at least 1"),
+        (("--minimum-count", "0"), "minimum_count must be at least 1"),
+        (("--fill", "-1"), "largest must be at least 0"),
+        (("--crs", "EPSG:0"), "crs must be an EPSG code"),
+        (("--floor", "5", "--saturation", "4"), "less than saturation"),
+    ],
+)
+def test_options_without_sense_are_one_line(run, tmp_path, arguments, words):
+    (tmp_path / "c.csv").write_text("easting,northing,up\n0,0,1\n1,1,2\n")
+    finished = run("grid", tmp_path / "c.csv", "-o", tmp_path / "a.crg", *arguments)
+    assert (finished.code, finished.out) == (2, "")
+    assert words in finished.err
+    assert not (tmp_path / "a.crg").exists()
+
+
+def test_inputs_that_do_not_fit_are_one_line(run, recorded, tmp_path):
+    path, _ = recorded
+    (tmp_path / "c.csv").write_text("easting,northing,up\n0,0,1\n1,1,2\n")
+    (tmp_path / "p.csv").write_text("s,height\n0,0\n1,0\n")
+    for arguments, words in (
+        (
+            ("grid", path, tmp_path / "c.csv", "-o", tmp_path / "a.crg"),
+            "Grid runs and points apart",
+        ),
+        (("grid", tmp_path / "p.csv", "-o", tmp_path / "a.crg"), "recorded run or points"),
+        (("grid", path, "--line", 0, 0, 9, 0, "-o", tmp_path / "a.tif"), "write .crg"),
+        (("georeference", tmp_path / "c.csv", "-o", tmp_path / "a.laz"), "must be a recorded run"),
+        (("georeference", path, "-o", tmp_path / "a.laz", "--crs", "EPSG:4326"), "projected"),
+        (("georeference", path, "-o", tmp_path / "a.laz", "--crs", "EPSG:7415"), "without heights"),
+        (("georeference", path, "-o", tmp_path / "a.crg"), "can be written to"),
+        (("georeference", path, "-o", tmp_path / "a.laz", "--furthest", 0.5), "no return in"),
+    ):
+        finished = run(*arguments)
+        assert finished.code == 2
+        assert words in finished.err.splitlines()[-1]
+    assert not list(tmp_path.glob("a.*"))
