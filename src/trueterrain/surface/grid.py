@@ -2,10 +2,13 @@
 
 The height of a node is the mean of the heights in its cell (thesis 4.3.2). On a slope that mean
 belongs to the mean place of the returns, which is not the node; so it is brought to the node along
-the slope of the neighbouring heights, unless the plain mean is asked for.
+the slope of the neighbouring heights, unless the plain mean is asked for. A slope is the mean of
+the steps to both sides, but no steeper than twice the gentler one, so that a step in the ground
+stays a step.
 """
 
 from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -15,7 +18,7 @@ import xarray as xr
 
 from trueterrain.errors import CoverageError
 from trueterrain.surface.accumulate import STEP, CellSums, Wanted
-from trueterrain.surface.accumulate import _kernels as _cell_kernels
+from trueterrain.surface.accumulate import _kernels as kernels
 from trueterrain.surface.accumulate._sums import PARTS, VARIANCE_STEP
 from trueterrain.surface.cells import Grid
 
@@ -119,8 +122,14 @@ def surface_of(
     rows, columns = sums.grid.shape
     height, sd = np.empty((rows, columns)), np.empty((rows, columns), np.float32)
     count = np.empty((rows, columns), np.int32)
-    for start in range(0, rows, _ROWS):
-        _finish(sums, options, start, min(start + _ROWS, rows), height, sd, count)
+    sums.total()
+    with ThreadPoolExecutor(sums.threads) as pool:
+        jobs = [
+            pool.submit(_finish, sums, options, start, min(start + _ROWS, rows), height, sd, count)
+            for start in range(0, rows, _ROWS)
+        ]
+        for job in jobs:
+            job.result()
     if not np.isfinite(height).any():
         tally = sums.tally
         raise CoverageError(
@@ -241,98 +250,71 @@ def _finish(
         return values.reshape(rows, columns)[around]
 
     weights = of(part.count)
-    n = weights / sums.weight
     mean, deviation = _moments(weights, of(part.totals), of(part.squares))
+    levelled = options.wanted().places
+    ahead, left = np.empty_like(mean), np.empty_like(mean)
+    kernels.slopes(mean, _STEEPER, ahead, left)
+    if levelled:
+        plain, mean = mean, np.empty_like(mean)
+        for round_ in range(_ROUNDS):
+            if round_:
+                kernels.slopes(mean, _STEEPER, ahead, left)
+            kernels.level(
+                plain, weights, of(part.alongs), of(part.acrosses), PARTS, ahead, left, mean
+            )
     pose, between = sums.pose_variance(around)
-    scatter = np.maximum(deviation / sums.weight - between, 0.0)
-    if options.wanted().places:
-        with np.errstate(invalid="ignore", divide="ignore"):
-            places = [of(part.alongs) / (weights * PARTS), of(part.acrosses) / (weights * PARTS)]
-        mean, slopes = _levelled(mean, places)
-        slope = slopes[0] ** 2 + slopes[1] ** 2
-        scatter = np.maximum(scatter - np.maximum(n - 1, 0) * slope / 12, 0.0)
-    else:
-        slopes = [_slope(mean, axis) for axis in (0, 1)]
-    single = _pooled(scatter, n, options.range_noise)
+    single = _single(
+        deviation, weights, sums.weight, between, (ahead, left), options.range_noise,
+        levelled=levelled,
+    )  # fmt: skip
     if part.variances.size:
         with np.errstate(invalid="ignore", divide="ignore"):
             own = of(part.variances) * VARIANCE_STEP / weights
         pose = pose + np.maximum(own - options.range_noise**2, 0.0)
-    along, across = sums.grid.spacing
-    steep = (slopes[0] / along) ** 2 + (slopes[1] / across) ** 2
-    pose = pose + sums.sideways_variance() * np.nan_to_num(steep)
+    sideways = sums.sideways_variance()
+    if sideways:
+        along, across = sums.grid.spacing
+        pose = pose + sideways * ((ahead / along) ** 2 + (left / across) ** 2)
+    n = weights / sums.weight
     if options.statistic == "mean":
         value = mean
         with np.errstate(invalid="ignore", divide="ignore"):
             variance = single / n + pose
     else:
         low = options.statistic == "minimum"
-        stored = of(part.lows if low else part.highs) - float(_cell_kernels.MIDDLE)
+        stored = of(part.lows if low else part.highs) - float(kernels.MIDDLE)
         value = (-stored if low else stored) * STEP
         variance = single + pose
-    enough = n >= options.minimum_count
-    value, variance = np.where(enough, value, np.nan), np.where(enough, variance, np.nan)
-    height[begin:end] = value[inner]
-    sd[begin:end] = np.sqrt(variance[inner])
+    few = n < options.minimum_count
+    height[begin:end] = np.where(few, np.nan, value)[inner]
+    sd[begin:end] = np.sqrt(np.where(few, np.nan, variance))[inner]
     count[begin:end] = np.ceil(n[inner])
 
 
 def _moments(count: Any, totals: Any, squares: Any) -> tuple[Floats, Floats]:
     """Mean height [m] and sum of squared deviations [m²] of each cell."""
     mean, deviation = np.empty(count.size), np.empty(count.size)
-    _cell_kernels.moments(count.ravel(), totals.ravel(), squares.ravel(), mean, deviation)
+    kernels.moments(count.ravel(), totals.ravel(), squares.ravel(), mean, deviation)
     return mean.reshape(count.shape) * STEP, deviation.reshape(count.shape) * STEP**2
 
 
-def _levelled(mean: Floats, places: list[Floats]) -> tuple[Floats, list[Floats]]:
-    """Means brought to their nodes, and slopes per cell along both axes [m]."""
-    level = mean
-    for _ in range(_ROUNDS):
-        slopes = [_slope(level, axis) for axis in (0, 1)]
-        level = mean - slopes[0] * places[0] - slopes[1] * places[1]
-    return level, slopes
-
-
-def _slope(height: Floats, axis: int) -> Floats:
-    """Slope per cell, the mean of both sides; no steeper than twice the gentler one.
-
-    So a step in the ground does not become a slope in the cells beside it. Where one side has no
-    height the other one is taken, and where none has, 0.
-    """
-    step = np.diff(height, axis=axis)
-    pad = [(0, 0), (0, 0)]
-    pad[axis] = (1, 0)
-    before = np.pad(step, pad, constant_values=np.nan)
-    pad[axis] = (0, 1)
-    after = np.pad(step, pad, constant_values=np.nan)
-    before, after = (
-        np.where(np.isnan(before), after, before),
-        np.where(np.isnan(after), before, after),
-    )
-    least = _STEEPER * np.minimum(np.abs(before), np.abs(after))
-    middle = 0.5 * (before + after)
-    limited = np.sign(middle) * np.minimum(np.abs(middle), least)
-    return np.where(before * after > 0, limited, 0.0)
-
-
-def _pooled(scatter: Floats, n: Floats, noise: float) -> Floats:
+def _single(
+    deviation: Floats,
+    weights: Any,
+    weight: int,
+    between: Floats,
+    slopes: tuple[Floats, Floats],
+    noise: float,
+    *,
+    levelled: bool,
+) -> Floats:
     """Variance of a single return from the scatter in the cells around [m²]."""
-    free = _box(np.maximum(n - 1, 0.0))
-    total = _box(np.where(n > 1, scatter, 0.0))
+    total, free = np.empty_like(deviation), np.empty_like(deviation)
+    kernels.scatter(deviation, weights, weight, between, *slopes, levelled, total, free)
+    sums = np.empty_like(total), np.empty_like(free)
+    row = np.empty(total.shape[1])
+    kernels.box(total, _POOL, row, sums[0])
+    kernels.box(free, _POOL, row, sums[1])
     with np.errstate(invalid="ignore", divide="ignore"):
-        pooled = np.where(free > 0, total / free, noise**2 if noise > 0 else np.nan)
+        pooled = np.where(sums[1] > 0, sums[0] / sums[1], noise**2 if noise > 0 else np.nan)
     return np.maximum(pooled, noise**2)
-
-
-def _box(values: Floats) -> Floats:
-    """Sum over the cells around, shifted and added so that it depends on these alone."""
-    for axis in (0, 1):
-        pad = [(0, 0), (0, 0)]
-        pad[axis] = (_POOL, _POOL)
-        padded = np.pad(values, pad)
-        size = values.shape[axis]
-        values = sum(
-            (padded.take(range(k, k + size), axis=axis) for k in range(2 * _POOL + 1)),
-            start=np.zeros_like(values),
-        )
-    return values

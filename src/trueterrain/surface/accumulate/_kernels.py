@@ -261,3 +261,81 @@ def moments(count, totals, squares, mean, deviation):
         around = squares[cell] - 2 * base * totals[cell] + n * base * base
         mean[cell] = base + rest / n
         deviation[cell] = max(around - rest * (rest / n), 0.0)
+
+
+@njit(cache=True, nogil=True)
+def _slope(before, here, after, steeper):
+    """Mean of the steps to both sides, no steeper than so many times the gentler one."""
+    a, b = here - before, after - here
+    if math.isnan(a):
+        a = b
+    if math.isnan(b):
+        b = a
+    if not a * b > 0.0:  # NaN too
+        return 0.0
+    middle = 0.5 * (a + b)
+    limit = steeper * min(abs(a), abs(b))
+    return min(max(middle, -limit), limit)
+
+
+@njit(cache=True, nogil=True)
+def slopes(height, steeper, ahead, left):
+    """Slopes per cell along both axes."""
+    rows, columns = height.shape
+    for i in range(rows):
+        for j in range(columns):
+            here = height[i, j]
+            ahead[i, j] = _slope(
+                height[i - 1, j] if i > 0 else math.nan, here,
+                height[i + 1, j] if i < rows - 1 else math.nan, steeper,
+            )  # fmt: skip
+            left[i, j] = _slope(
+                height[i, j - 1] if j > 0 else math.nan, here,
+                height[i, j + 1] if j < columns - 1 else math.nan, steeper,
+            )  # fmt: skip
+
+
+@njit(cache=True, nogil=True)
+def level(mean, count, alongs, acrosses, parts, ahead, left, height):
+    """Means brought from the mean place of the returns to the nodes."""
+    for i in range(mean.shape[0]):
+        for j in range(mean.shape[1]):
+            if count[i, j] == 0:
+                height[i, j] = math.nan
+                continue
+            per = 1.0 / (parts * float(count[i, j]))
+            height[i, j] = mean[i, j] - per * (
+                ahead[i, j] * alongs[i, j] + left[i, j] * acrosses[i, j]
+            )
+
+
+@njit(cache=True, nogil=True)
+def scatter(deviation, count, weight, between, ahead, left, levelled, total, free):
+    """What is left of squared deviations without slope and passes, and its degrees of freedom."""
+    for i in range(deviation.shape[0]):
+        for j in range(deviation.shape[1]):
+            n = count[i, j] / weight
+            total[i, j] = 0.0
+            free[i, j] = max(n - 1.0, 0.0)
+            if n > 1.0:
+                rest = deviation[i, j] / weight - between[i, j]
+                if levelled:
+                    rest -= (n - 1.0) * (ahead[i, j] ** 2 + left[i, j] ** 2) / 12.0
+                total[i, j] = max(rest, 0.0)
+
+
+@njit(cache=True, nogil=True)
+def box(values, reach, row, out):
+    """Sums over the cells around, added in an order of their own; `row` is room for one row."""
+    rows, columns = values.shape
+    for i in range(rows):
+        for j in range(columns):
+            row[j] = 0.0
+        for k in range(max(i - reach, 0), min(i + reach + 1, rows)):
+            for j in range(columns):
+                row[j] += values[k, j]
+        for j in range(columns):
+            total = 0.0
+            for k in range(max(j - reach, 0), min(j + reach + 1, columns)):
+                total += row[k]
+            out[i, j] = total

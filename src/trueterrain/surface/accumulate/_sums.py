@@ -152,7 +152,7 @@ class CellSums:
         self.grid = grid
         self.wanted = wanted
         self.passes = 1
-        self._threads = threads
+        self.threads = threads
         self._parts = [_Part.empty(grid, wanted)]
         self._weight: int | None = None  # of a good return
         self._earlier: npt.NDArray[np.int32] | None = None  # counts before this pass
@@ -370,7 +370,7 @@ class CellSums:
 
     def _share(self, work: Callable[[_Part, int, int], None], size: int, least: int) -> None:
         """Give each thread a stretch of the data, and sums of its own."""
-        threads = max(1, min(self._threads, size // least))
+        threads = max(1, min(self.threads, size // least))
         while len(self._parts) < threads:
             self._parts.append(_Part.empty(self.grid, self.wanted))
         edges = np.linspace(0, size, threads + 1).astype(int).tolist()
