@@ -161,7 +161,7 @@ def cloud() -> dict[str, Any]:
     rng = np.random.default_rng(1)
     x, y = np.sort(rng.uniform(0, 500, POINTS)), rng.uniform(0, 20, POINTS)
     points = make_points(x, y, 0.01 * rng.standard_normal(POINTS))
-    grid = grid_over(0, 0, 500, 20, spacing=0.05)
+    grid = grid_over(0, 0, 500, 20, spacing=0.1)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "cloud.laz"
         write_file(points, path)

@@ -24,7 +24,7 @@ from trueterrain.surface.cells import Grid
 
 Floats = npt.NDArray[np.float64]
 
-_ROWS = 1024  # rows that are finished at once
+_ROWS = 256  # rows that are finished at once
 _HALO = 6  # rows around them that they depend on
 _POOL = 2  # cells to either side whose scatter is pooled
 _ROUNDS = 2  # in which slopes and levelled heights settle

@@ -15,23 +15,6 @@ MIDDLE = 1 << 30
 
 
 @njit(cache=True, nogil=True)
-def _add(
-    cell, n, total, square, low, high, along, across,
-    count, totals, squares, lows, highs, alongs, acrosses,
-):  # fmt: skip
-    """Add some returns of one cell; what is not wanted has no room."""
-    count[cell] += n
-    totals[cell] += total
-    squares[cell] += square
-    if lows.size:
-        lows[cell] = max(lows[cell], MIDDLE - low)
-        highs[cell] = max(highs[cell], MIDDLE + high)
-    if alongs.size:
-        alongs[cell] += along
-        acrosses[cell] += across
-
-
-@njit(cache=True, nogil=True)
 def _place(expansion, beam, ranges, scale, begin, end, where):
     """Places of the returns of one piece of a scan, axis by axis."""
     x1, x2 = beam[1, begin:end], beam[2, begin:end]
@@ -198,28 +181,36 @@ def points(
     acrosses, variances, tally,
 ):  # fmt: skip
     """Points begin to end into cells; NaN in u is outside."""
+    extremes, places, own = lows.size > 0, alongs.size > 0, variances.size > 0
+    used, outside, high = 0, 0, 0
     for k in range(begin, end):
         ahead = (u[k] - first_u) * per_along + 0.5
         left = (v[k] - v_right) * per_across + 0.5
         if not (ahead >= 0.0 and ahead < rows and left >= 0.0 and left < columns):
-            tally[2] += 1
+            outside += 1
             continue
         if not (abs(z[k]) < furthest_height):
-            tally[3] += 1
+            high += 1
             continue
-        row, column = int(ahead), int(left)
+        row, column = np.int64(ahead), np.int64(left)
         h = np.int64(math.floor(z[k] * per_step + 0.5))
-        cell = np.int64(row) * columns + column
-        _add(
-            cell, 1, h, h * h, h, h,
-            np.int64(math.floor((ahead - row - 0.5) * parts + 0.5)),
-            np.int64(math.floor((left - column - 0.5) * parts + 0.5)),
-            count, totals, squares, lows, highs, alongs, acrosses,
-        )  # fmt: skip
-        if variances.size:
+        cell = row * columns + column
+        count[cell] += 1
+        totals[cell] += h
+        squares[cell] += h * h
+        if extremes:
+            lows[cell] = max(lows[cell], MIDDLE - h)
+            highs[cell] = max(highs[cell], MIDDLE + h)
+        if places:
+            alongs[cell] += np.int64(math.floor((ahead - row - 0.5) * parts + 0.5))
+            acrosses[cell] += np.int64(math.floor((left - column - 0.5) * parts + 0.5))
+        if own:
             variances[cell] += np.int64(math.floor(sd[k] * sd[k] / variance_unit + 0.5))
         touched[row] = True
-        tally[0] += 1
+        used += 1
+    tally[0] += used
+    tally[2] += outside
+    tally[3] += high
 
 
 @njit(cache=True, nogil=True)
