@@ -68,6 +68,52 @@ def test_minimum_and_maximum_are_those_of_numpy():
         npt.assert_allclose(found, (up.min(), up.max()), rtol=0, atol=ROUNDED)
 
 
+@pytest.mark.parametrize("held", [10**9, 3000])
+@pytest.mark.parametrize("percent", [50.0, 85.0])
+def test_medians_and_percentiles_are_those_of_numpy(monkeypatch, percent, held):
+    """All heights at once, and so few that the points are gone through several times."""
+    monkeypatch.setattr("trueterrain.surface.accumulate._sums._COLLECTED", held)
+    points, grid = cloud(), grid_over(0, 0, 10, 4, spacing=0.5)
+    options = GridOptions(statistic="median" if percent == 50 else "percentile", percent=percent)
+    parts = [points.isel(point=slice(k, k + 7000)) for k in range(0, 20_000, 7000)]
+    surface = grid_points(parts, grid, options, threads=2)
+    i = np.rint(points.easting.values / 0.5).astype(int)
+    j = np.rint(points.northing.values / 0.5).astype(int)
+    expected = [
+        [
+            np.percentile(points.up.values[(j == row) & (i == column)], percent)
+            for column in range(21)
+        ]
+        for row in range(9)
+    ]
+    npt.assert_allclose(surface.height, expected, rtol=0, atol=ROUNDED)
+    assert surface["count"].values.sum() == 20_000
+
+
+def test_standard_deviations_of_medians_are_honest():
+    rng = np.random.default_rng(1)
+    points = make_points(
+        rng.uniform(0, 10, 60_000), rng.uniform(0, 4, 60_000), 0.01 * rng.standard_normal(60_000)
+    )
+    grid = grid_over(0, 0, 10, 4, spacing=0.1)
+    surface = grid_points(points, grid, GridOptions(statistic="median"))
+    ratio = (surface.height / surface.sd).values[2:-2, 2:-2]
+    assert 0.9 < np.sqrt(np.nanmean(ratio**2)) < 1.1
+
+
+def test_medians_need_points_twice():
+    grid, options = grid_over(0, 0, 10, 4, spacing=0.5), GridOptions(statistic="median")
+    with pytest.raises(ValueError, match="gone through twice"):
+        grid_points(iter([cloud()]), grid, options)
+    sums = CellSums(grid)
+    points = cloud()
+    sums.add_points(points.easting, points.northing, points.up)
+    with pytest.raises(ValueError, match="another look"):
+        surface_of(sums, options)
+    with pytest.raises(ValueError, match="must be the same"):
+        surface_of(sums, options, again=lambda _: None)
+
+
 @pytest.mark.parametrize("threads", [1, 2, 3])
 def test_any_order_blocks_and_threads_give_the_same(threads):
     points, grid = cloud(600_000), grid_over(0, 0, 10, 4, spacing=0.1)
@@ -181,7 +227,12 @@ def test_data_without_sense_are_refused():
         grid_points([one, two], grid)
     with pytest.raises(SchemaError, match="variable sd: is missing"):
         grid_points([make_points([0], [0], [0], sd=[0.1]), two], grid)
-    for settings in ({"statistic": "mode"}, {"minimum_count": 0}, {"range_noise": -1.0}):
+    for settings in (
+        {"statistic": "mode"},
+        {"percent": 0.0},
+        {"minimum_count": 0},
+        {"range_noise": -1.0},
+    ):
         with pytest.raises(ValueError, match="must be"):
             GridOptions(**settings)
 

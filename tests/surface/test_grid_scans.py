@@ -1,5 +1,7 @@
 """Surfaces of recorded runs against the ground that was scanned, and against plain numpy."""
 
+import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +9,7 @@ import numpy.testing as npt
 import pytest
 from scipy.stats import binned_statistic_2d
 
-from trueterrain.errors import CoverageError
+from trueterrain.errors import CoverageError, FormatError, SchemaError
 from trueterrain.georeference import Screening, georeference
 from trueterrain.simulate.scanner import Scanner
 from trueterrain.simulate.scene import Road
@@ -16,6 +18,7 @@ from trueterrain.surface.accumulate import STEP, CellSums
 from trueterrain.surface.cells import grid_along, grid_over
 from trueterrain.surface.grid import GridOptions, surface_of
 from trueterrain.surface.line import line_from_trajectory
+from trueterrain.surface.runs import Pass, grid_runs
 
 TRUE = 1e-4  # [m] surface of a run without noise; ranges are stored in steps of as much
 ROUNDED = STEP  # [m] step of the heights, and the mean of what is left
@@ -99,6 +102,53 @@ def test_surfaces_are_the_same_bit_for_bit(noise_free, statistic):
             other = surface_of(sums, options)
             for name in ("height", "sd", "count"):
                 npt.assert_array_equal(other[name], first[name])
+
+
+def test_runs_from_their_stores_are_the_same(noise_free):
+    """With motion, mounting and ranges as they are stored, in blocks, and for the median too."""
+    grid = grid_of(noise_free)
+    one = Pass(path=noise_free.path, trajectory=noise_free.trajectory)
+    surface, report = grid_runs([one], grid, threads=2, block=99)
+    direct = surface_of(sums_of(noise_free, grid))
+    npt.assert_array_equal(surface["count"], direct["count"])
+    npt.assert_allclose(surface.height, direct.height, rtol=0, atol=ROUNDED)
+    assert report["used"] == direct["count"].values.sum()
+    options = GridOptions(statistic="median")
+    middle, _ = grid_runs([one], grid, options, block=99)
+    again, _ = grid_runs([one], grid, options, threads=2)
+    npt.assert_array_equal(middle.height, again.height)
+    few = surface["count"].values <= 2  # the median of two is their mean
+    plain, _ = grid_runs([one], grid, GridOptions(level=False))
+    npt.assert_allclose(middle.height.values[few], plain.height.values[few], rtol=0, atol=ROUNDED)
+    with pytest.raises(ValueError, match="at least one pass"):
+        grid_runs([], grid)
+    early = Pass(path=noise_free.path, trajectory=replace(
+        noise_free.trajectory, time=noise_free.trajectory.time + 100.0
+    ))  # fmt: skip
+    with pytest.raises(CoverageError, match="covers none of the"):
+        grid_runs([early], grid)
+
+
+def test_runs_of_different_frames_are_refused(noise_free, tmp_path):
+    other = tmp_path / "other.zarr"
+    shutil.copytree(noise_free.path, other)
+    document = json.loads((other / "zarr.json").read_text())
+    document["attributes"]["origin"] = [12.0, 48.0, 500.0]
+    (other / "zarr.json").write_text(json.dumps(document))
+    passes = [
+        Pass(path=path, trajectory=noise_free.trajectory) for path in (noise_free.path, other)
+    ]
+    with pytest.raises(SchemaError, match="attribute origin: is"):
+        grid_runs(passes, grid_of(noise_free))
+
+
+def test_a_damaged_chunk_is_named(noise_free, tmp_path):
+    broken = tmp_path / "broken.zarr"
+    shutil.copytree(noise_free.path, broken)
+    (chunk, *_) = (broken / "scans" / "range").glob("c*")
+    chunk.write_bytes(b"nonsense")
+    with pytest.raises(FormatError, match=r"scans/range from 0: is damaged"):
+        grid_runs([Pass(path=broken, trajectory=noise_free.trajectory)], grid_of(noise_free))
 
 
 def test_stored_numbers_and_metres_give_the_same(noise_free):

@@ -33,7 +33,8 @@ def grid(
     path: Path | None = None,
     bounds: Four | None = None,
     smoothing: float = 1.0,
-    statistic: Literal["mean", "minimum", "maximum"] = "mean",
+    statistic: Literal["mean", "median", "percentile", "minimum", "maximum"] = "mean",
+    percent: float | None = None,
     plain: Annotated[bool, Parameter(negative="")] = False,
     minimum_count: int = 1,
     fill: float = 0.1,
@@ -83,6 +84,8 @@ def grid(
         Standard deviation of the Gaussian by which a way or a path is smoothed [m].
     statistic
         What is taken of the heights in a cell.
+    percent
+        Percentile to take, with --statistic percentile [%].
     plain
         Take the mean as it is, and do not bring it along the slope to the node.
     minimum_count
@@ -127,8 +130,9 @@ def grid(
     inputs = [file, *more]
     formats.writer_of("surface", output)
     options = GridOptions(
-        statistic=statistic, level=not plain, minimum_count=minimum_count, range_noise=range_noise
-    )
+        statistic=statistic, level=not plain, minimum_count=minimum_count, range_noise=range_noise,
+        percent=_percent(statistic, percent),
+    )  # fmt: skip
     screening = Screening(
         floor=floor or 0.0, saturation=saturation or float("inf"), nearest=nearest,
         furthest=furthest or float("inf"), weight=weight,
@@ -177,27 +181,43 @@ def _grid_points(
     threads: int,
     progress: "Progress",
 ) -> "tuple[xr.Dataset, dict[str, Any]]":
-    from trueterrain import formats
     from trueterrain.formats.crs import parse_crs
     from trueterrain.surface.grid import grid_points
 
     if crs is not None:
         parse_crs(crs)
-    cells = where.of_points(files, crs)
-    done = 0
-
-    def blocks() -> "Iterator[xr.Dataset]":
-        nonlocal done
-        for file in files:
-            with concerning(file):
-                for block in formats.point_blocks(file, crs=crs):
-                    yield block
-                    done += block.sizes["point"]
-                    progress(f"{done:,} points", 0, None)
-
-    surface = grid_points(blocks(), cells, options, threads=threads)
+    blocks = _Blocks(files, crs, progress)
+    surface = grid_points(blocks, where.of_points(files, crs), options, threads=threads)
     outside = int(surface.attrs.pop("outside"))
-    return surface, {"used": done - outside, "outside": outside}
+    return surface, {"used": blocks.points - outside, "outside": outside}
+
+
+class _Blocks:
+    """Points of files, as often as they are wanted."""
+
+    def __init__(self, files: list[Path], crs: str | None, progress: "Progress") -> None:
+        self._files = files
+        self._crs = crs
+        self._progress = progress
+        self.points = 0
+
+    def __iter__(self) -> "Iterator[xr.Dataset]":
+        from trueterrain import formats
+
+        self.points = 0
+        for file in self._files:
+            with concerning(file):
+                for block in formats.point_blocks(file, crs=self._crs):
+                    yield block
+                    self.points += block.sizes["point"]
+                    self._progress(f"{self.points:,} points", 0, None)
+
+
+def _percent(statistic: str, percent: float | None) -> float:
+    if (statistic == "percentile") != (percent is not None):
+        message = "--statistic percentile and --percent belong together, e.g. --percent 85."
+        raise ValueError(message)
+    return 50.0 if percent is None else percent
 
 
 def _kind(inputs: list[Path]) -> str:

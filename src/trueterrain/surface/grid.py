@@ -7,16 +7,17 @@ the steps to both sides, but no steeper than twice the gentler one, so that a st
 stays a step.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, Literal
+from statistics import NormalDist
+from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.errors import CoverageError
+from trueterrain.errors import CoverageError, SchemaError
 from trueterrain.surface.accumulate import STEP, CellSums, Wanted
 from trueterrain.surface.accumulate import _kernels as kernels
 from trueterrain.surface.accumulate._sums import PARTS, VARIANCE_STEP
@@ -31,12 +32,18 @@ _ROUNDS = 2  # in which slopes and levelled heights settle
 _STEEPER = 2.0  # times the gentler of both sides, a slope is believed
 
 
+Statistic = Literal["mean", "minimum", "maximum", "median", "percentile"]
+
+
 @dataclass(frozen=True, kw_only=True)
 class GridOptions:
     """What is taken of the returns in a cell."""
 
-    statistic: Literal["mean", "minimum", "maximum"] = "mean"
-    "Height of a node: the mean, least or greatest height in its cell."
+    statistic: Statistic = "mean"
+    "Height of a node: mean, minimum, maximum, median or percentile of the heights in its cell."
+
+    percent: float = 50.0
+    "Percentile that is taken [%]."
 
     level: bool = True
     "Whether a mean is brought from the mean place of the returns to the node along the slope."
@@ -50,8 +57,14 @@ class GridOptions:
 
     def __post_init__(self) -> None:
         """Check the values."""
-        if self.statistic not in ("mean", "minimum", "maximum"):
-            message = f"statistic must be mean, minimum or maximum, got {self.statistic!r}."
+        if self.statistic not in get_args(Statistic):
+            message = (
+                f"statistic must be one of {', '.join(get_args(Statistic))}, got "
+                f"{self.statistic!r}."
+            )
+            raise ValueError(message)
+        if not 0 < self.percent < 100:
+            message = f"percent must be greater than 0 % and less than 100 %, got {self.percent}."
             raise ValueError(message)
         if self.minimum_count < 1:
             message = f"minimum_count must be at least 1, got {self.minimum_count}."
@@ -73,12 +86,26 @@ class GridOptions:
         Wanted
             For `CellSums`.
         """
-        mean = self.statistic == "mean"
-        return Wanted(extremes=not mean, places=mean and self.level, point_sd=point_sd)
+        return Wanted(
+            extremes=self.statistic in ("minimum", "maximum"),
+            places=self.statistic == "mean" and self.level,
+            point_sd=point_sd,
+        )
+
+    @property
+    def share(self) -> float | None:
+        """Share of the heights that lie below the one that is taken [1]; None if it is no rank."""
+        if self.statistic == "median":
+            return 0.5
+        return 0.01 * self.percent if self.statistic == "percentile" else None
 
 
 def surface_of(
-    sums: CellSums, options: GridOptions = GridOptions(), *, crs: str = ""
+    sums: CellSums,
+    options: GridOptions = GridOptions(),
+    *,
+    crs: str = "",
+    again: Callable[[CellSums], None] | None = None,
 ) -> xr.Dataset:
     """Surface from the sums of its cells.
 
@@ -90,6 +117,8 @@ def surface_of(
         What is taken of them.
     crs : str
         Coordinate reference system of the grid.
+    again : callable, optional
+        Adds all the data to the sums again; needed for medians and percentiles.
 
     Returns
     -------
@@ -110,8 +139,11 @@ def surface_of(
     different errors of the passes add, pooled over 5 x 5 cells and divided by the count; plus the
     variance of the pose, which is the same for all returns of a pass; plus that of its horizontal
     position times the square of the slope. Least and greatest heights get the standard deviation
-    of a single return.
+    of a single return; those of medians and percentiles are for normal errors.
     """
+    if options.share is not None and again is None:
+        message = f"{options.statistic} needs another look at the data: again must be given."
+        raise ValueError(message)
     missing = [
         name for name in ("extremes", "places")
         if getattr(options.wanted(), name) and not getattr(sums.wanted, name)
@@ -130,6 +162,9 @@ def surface_of(
         ]
         for job in jobs:
             job.result()
+    if options.share is not None and again is not None:
+        taken = sums.quantile(options.share, again)
+        height = np.where(np.isfinite(height), taken, np.nan)
     if not np.isfinite(height).any():
         tally = sums.tally
         raise CoverageError(
@@ -152,7 +187,7 @@ def grid_points(
     Parameters
     ----------
     points : xarray.Dataset or iterable of xarray.Dataset
-        Points, or blocks of them.
+        Points, or blocks of them; medians and percentiles go through them twice and more.
     grid : Grid
         The cells.
     options : GridOptions
@@ -184,11 +219,12 @@ def grid_points(
            [nan, 7.1]])
     ...
     """
-    from trueterrain.errors import SchemaError
-
+    if options.share is not None and isinstance(points, Iterator):
+        message = f"{options.statistic} needs points that can be gone through twice, e.g. a list."
+        raise ValueError(message)
     sums: CellSums | None = None
     crs = ""
-    for block in [points] if isinstance(points, xr.Dataset) else points:
+    for block in _blocks(points):
         found = str(block.attrs.get("crs", ""))
         if sums is None:
             sums = CellSums(grid, options.wanted(point_sd="sd" in block), threads=threads)
@@ -198,12 +234,25 @@ def grid_points(
                 f"all points must have the same CRS, got {found[:40]!r} after {crs[:40]!r}",
                 cure="Transform them first, or name the CRS of all.",
             )
-        own = block["sd"].values if "sd" in block else None
-        sums.add_points(block.easting.values, block.northing.values, block.up.values, own)
+        _add(sums, block)
     if sums is None:
         raise CoverageError("there are no points to grid")
-    surface = surface_of(sums, options, crs=crs)
+
+    def again(these: CellSums) -> None:
+        for block in _blocks(points):
+            _add(these, block)
+
+    surface = surface_of(sums, options, crs=crs, again=again)
     return surface.assign_attrs(outside=sums.tally.outside)
+
+
+def _blocks(points: xr.Dataset | Iterable[xr.Dataset]) -> Iterable[xr.Dataset]:
+    return [points] if isinstance(points, xr.Dataset) else points
+
+
+def _add(sums: CellSums, block: xr.Dataset) -> None:
+    own = block["sd"].values if "sd" in block else None
+    sums.add_points(block.easting.values, block.northing.values, block.up.values, own)
 
 
 def trimmed(surface: xr.Dataset) -> xr.Dataset:
@@ -276,10 +325,10 @@ def _finish(
         along, across = sums.grid.spacing
         pose = pose + sideways * ((ahead / along) ** 2 + (left / across) ** 2)
     n = weights / sums.weight
-    if options.statistic == "mean":
+    if options.statistic not in ("minimum", "maximum"):
         value = mean
         with np.errstate(invalid="ignore", divide="ignore"):
-            variance = single / n + pose
+            variance = _spread(options.share) * single / n + pose
     else:
         low = options.statistic == "minimum"
         stored = of(part.lows if low else part.highs) - float(kernels.MIDDLE)
@@ -289,6 +338,14 @@ def _finish(
     height[begin:end] = np.where(few, np.nan, value)[inner]
     sd[begin:end] = np.sqrt(np.where(few, np.nan, variance))[inner]
     count[begin:end] = np.ceil(n[inner])
+
+
+def _spread(share: float | None) -> float:
+    """Variance of a quantile of many normal values over that of their mean."""
+    if share is None:
+        return 1.0
+    normal = NormalDist()
+    return share * (1 - share) / normal.pdf(normal.inv_cdf(share)) ** 2
 
 
 def _moments(count: Any, totals: Any, squares: Any) -> tuple[Floats, Floats]:

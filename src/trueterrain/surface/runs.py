@@ -95,7 +95,12 @@ def grid_runs(
             sums.next_pass()
         _add_run(sums, one, screening, block, progress)
     tally = sums.tally
-    surface = surface_of(sums, options)
+
+    def again(these: CellSums) -> None:
+        for one in passes:
+            _add_run(these, one, screening, block, progress)
+
+    surface = surface_of(sums, options, again=again)
     surface = provenance.add_step(
         surface, "grid",
         parameters={

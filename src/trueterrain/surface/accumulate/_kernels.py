@@ -40,8 +40,12 @@ def scans(
     px, py, nx, ny, dx, dy, lean, widen, length, hint,
     v_right, per_across, columns, per_step, parts, furthest_height, variance_unit,
     touched, count, totals, squares, lows, highs, alongs, acrosses, pose, tally,
+    first_cell, cursor, values,
 ):  # fmt: skip
     """Ranges of the scans begin to end into cells, without points in between.
+
+    If there are `values`, heights of cells from `first_cell` on are put there, each cell's where
+    its cursor is, and nothing is added up.
 
     The line has one node more at either end than the grid has rows. `hint` is a strip of it near
     each scan; what is found does not depend on it unless the line overlaps itself. `lean` is how
@@ -55,15 +59,17 @@ def scans(
     last = length.size - 1
     used, doubted, outside, high = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
     screened, extremes, places = intensity.size > 0, lows.size > 0, alongs.size > 0
+    collect = values.size > 0
     rows = last  # nodes 1 to last are those of the grid
     for n in range(begin, end):
         for p in range(pieces):
             _place(expansion[n * pieces + p], beam, ranges[n], scale, first[p], first[p + 1], where)
         i = hint[n]
-        _add_pose(
-            body[n * pieces + pieces // 2], variance[n * pieces + pieces // 2],
-            px[i], py[i], nx[i], ny[i], variance_unit, pose[min(max(i - 1, 0), rows - 1)],
-        )  # fmt: skip
+        if not collect:
+            _add_pose(
+                body[n * pieces + pieces // 2], variance[n * pieces + pieces // 2],
+                px[i], py[i], nx[i], ny[i], variance_unit, pose[min(max(i - 1, 0), rows - 1)],
+            )  # fmt: skip
         cell = np.int64(-1)
         w_sum, z_sum, z_square = np.int64(0), np.int64(0), np.int64(0)
         z_low, z_high = np.int64(0), np.int64(0)
@@ -117,6 +123,12 @@ def scans(
             used += 1
             h = np.int64(math.floor(zb * per_step + 0.5))
             here = (node - 1) * columns + column
+            if collect:
+                place = here - first_cell
+                if 0 <= place < cursor.size:
+                    values[cursor[place]] = h
+                    cursor[place] += 1
+                continue
             if here != cell:
                 if cell >= 0:
                     count[cell] += w_sum
@@ -178,9 +190,10 @@ def _add_pose(at, c, px, py, nx, ny, unit, row):
 def points(
     begin, end, u, v, z, sd, first_u, per_along, rows, v_right, per_across, columns, per_step,
     parts, furthest_height, variance_unit, touched, count, totals, squares, lows, highs, alongs,
-    acrosses, variances, tally,
+    acrosses, variances, tally, first_cell, cursor, values,
 ):  # fmt: skip
-    """Points begin to end into cells; NaN in u is outside."""
+    """Points begin to end into cells, or their heights to `values`; NaN in u is outside."""
+    collect = values.size > 0
     extremes, places, own = lows.size > 0, alongs.size > 0, variances.size > 0
     used, outside, high = 0, 0, 0
     for k in range(begin, end):
@@ -195,6 +208,12 @@ def points(
         row, column = np.int64(ahead), np.int64(left)
         h = np.int64(math.floor(z[k] * per_step + 0.5))
         cell = row * columns + column
+        if collect:
+            place = cell - first_cell
+            if 0 <= place < cursor.size:
+                values[cursor[place]] = h
+                cursor[place] += 1
+            continue
         count[cell] += 1
         totals[cell] += h
         squares[cell] += h * h
@@ -330,3 +349,21 @@ def box(values, reach, row, out):
             for k in range(max(j - reach, 0), min(j + reach + 1, columns)):
                 total += row[k]
             out[i, j] = total
+
+
+@njit(cache=True, nogil=True)
+def quantiles(values, ends, share, out):
+    """Quantile of the heights of each cell, between two of them by their shares; sorts them."""
+    begin = 0
+    for cell in range(ends.size):
+        end = ends[cell]
+        if end == begin:
+            out[cell] = math.nan
+            continue
+        some = values[begin:end]
+        some.sort()
+        at = share * (end - begin - 1)
+        low = int(at)
+        high = min(low + 1, end - begin - 1)
+        out[cell] = some[low] + (at - low) * (some[high] - some[low])
+        begin = end

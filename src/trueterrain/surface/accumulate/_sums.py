@@ -31,6 +31,7 @@ _HIGHEST = 10_000.0  # [m] least and greatest heights are kept as 30 bit numbers
 _CHUNK = 2048  # scans whose motion is worked out at once
 _SHARE = 256  # scans that are worth a thread
 _POINTS = 1 << 18  # points whose places are worked out at once
+_COLLECTED = 50_000_000  # returns whose heights are held at once
 _NONE: Any = np.empty((0, 0))
 
 
@@ -129,6 +130,15 @@ class _Part:
         )  # fmt: skip
 
 
+@dataclass(eq=False)
+class _Collection:
+    """Room for the heights of some cells, one cell after the other."""
+
+    first_cell: int = 0
+    cursor: Any = field(default_factory=lambda: np.empty(0, np.int64))
+    values: Any = field(default_factory=lambda: np.empty(0, np.int32))
+
+
 class CellSums:
     """Sums over returns or points in the cells of a grid.
 
@@ -158,6 +168,7 @@ class CellSums:
         self._earlier: npt.NDArray[np.int32] | None = None  # counts before this pass
         self._independent: Floats | None = None  # n² and n times variance, of finished passes
         self._sideways = np.zeros(2)
+        self._collection: _Collection | None = None  # heights are collected instead of added
 
     @property
     def weight(self) -> int:
@@ -227,7 +238,7 @@ class CellSums:
                 _add_scans(
                     self.grid, part, geometry, time[rows], ranges[rows],
                     None if intensity is None else intensity[rows], scale, lost, screening,
-                    (good, doubtful),
+                    (good, doubtful), self._collection,
                 )  # fmt: skip
 
         self._share(work, time.size, _SHARE)
@@ -262,6 +273,7 @@ class CellSums:
         own = np.asarray(sd, dtype=np.float64) if self.wanted.point_sd else np.empty(0)
         along, across = self.grid.spacing
         rows, columns = self.grid.shape
+        into = self._collection or _Collection()
 
         def work(part: _Part, begin: int, end: int) -> None:
             tally = np.zeros(4, np.int64)
@@ -272,9 +284,10 @@ class CellSums:
                     0, stop - start, u, v, z[start:stop], own[start:stop],
                     self.grid.u[0], 1 / along, rows, self.grid.v[0], 1 / across, columns, 1 / STEP,
                     PARTS, _HIGHEST, VARIANCE_STEP, part.touched, *part.cells, part.variances,
-                    tally,
+                    tally, into.first_cell, into.cursor, into.values,
                 )  # fmt: skip
-            _note(part.tally, tally)
+            if self._collection is None:
+                _note(part.tally, tally)
 
         self._share(work, x.size, _POINTS)
 
@@ -288,6 +301,56 @@ class CellSums:
         """Sums of all threads."""
         self._merge()
         return self._parts[0]
+
+    def quantile(self, share: float, again: Callable[["CellSums"], None]) -> Floats:
+        """Quantile of the heights in each cell, exact to the step of the heights.
+
+        Counts say how much room each cell needs, so that another look at the data, or some for
+        many returns, puts the heights of each cell side by side.
+
+        Parameters
+        ----------
+        share : float
+            0.5 for the median; between two heights by their shares, as numpy does [1].
+        again : callable
+            Adds all the data again.
+
+        Returns
+        -------
+        numpy.ndarray, shape (u, v)
+            NaN where there is no return [m].
+
+        Raises
+        ------
+        ValueError
+            If returns have weights, or the data are not the same again.
+        """
+        if self.weight != 1:
+            message = "quantiles take no weights; reject doubtful returns (weight 0)."
+            raise ValueError(message)
+        rows, columns = self.grid.shape
+        count = self.total().count.reshape(rows, columns)
+        found = np.full((rows, columns), np.nan)
+        for begin, end in _stretches(count.sum(axis=1, dtype=np.int64)):
+            ends = np.cumsum(count[begin:end].ravel(), dtype=np.int64)
+            if not ends[-1]:
+                continue
+            starts = np.concatenate([[0], ends[:-1]])
+            self._collection = _Collection(
+                first_cell=begin * columns, cursor=starts.copy(),
+                values=np.empty(ends[-1] + 1, np.int32),
+            )  # fmt: skip
+            try:
+                again(self)
+                if not np.array_equal(self._collection.cursor, ends):
+                    message = "the data must be the same when they are added again."
+                    raise ValueError(message)
+                part = np.empty(ends.size)
+                _kernels.quantiles(self._collection.values, ends, share, part)
+            finally:
+                self._collection = None
+            found[begin:end] = part.reshape(end - begin, columns) * STEP
+        return found
 
     def pose_variance(self, rows: slice) -> tuple[Floats, Floats]:
         """Variance of the mean height of each cell that comes from the pose.
@@ -371,6 +434,8 @@ class CellSums:
     def _share(self, work: Callable[[_Part, int, int], None], size: int, least: int) -> None:
         """Give each thread a stretch of the data, and sums of its own."""
         threads = max(1, min(self.threads, size // least))
+        if self._collection is not None:
+            threads = 1  # all write to one place
         while len(self._parts) < threads:
             self._parts.append(_Part.empty(self.grid, self.wanted))
         edges = np.linspace(0, size, threads + 1).astype(int).tolist()
@@ -409,28 +474,41 @@ def _add_scans(
     missing: Any,
     screening: Screening,
     weights: tuple[int, int],
+    collection: _Collection | None,
 ) -> None:
     covered = geometry.covers(time)
-    part.tally.scans += time.size
+    counts = Tally(scans=time.size, scans_uncovered=int((~covered).sum()))
     if not covered.all():
-        part.tally.scans_uncovered += int((~covered).sum())
         time, ranges = time[covered], ranges[covered]
         intensity = None if intensity is None else intensity[covered]
     motion = geometry.expand(time)
-    part.tally.bridged += int(
-        (motion.flag.reshape(time.size, geometry.pieces) != 0).any(axis=1).sum()
-    )
+    counts.bridged = int((motion.flag.reshape(time.size, geometry.pieces) != 0).any(axis=1).sum())
     middle = motion.coefficient[geometry.pieces // 2 :: geometry.pieces, :2, 0]
     hint = grid.near(middle[:, 0], middle[:, 1])
     tally = np.zeros(4, np.int64)
+    into = collection or _Collection()
     _kernels.scans(
         0, time.size, motion.coefficient, motion.body, motion.variance, geometry.first,
         geometry.beam, ranges, scale, missing, screening.nearest, screening.furthest,
         _NONE if intensity is None else intensity, screening.floor, screening.saturation,
         *weights, *grid.strips, hint, grid.v[0], 1 / grid.spacing[1], grid.shape[1], 1 / STEP,
         PARTS, _HIGHEST, VARIANCE_STEP, part.touched, *part.cells, part.pose, tally,
+        into.first_cell, into.cursor, into.values,
     )  # fmt: skip
-    _note(part.tally, tally)
+    if collection is None:
+        part.tally.add(counts)
+        _note(part.tally, tally)
+
+
+def _stretches(returns: npt.NDArray[np.int64]) -> list[tuple[int, int]]:
+    """Stretches of rows that hold no more returns than are collected at once, if a row does not."""
+    found, begin, held = [], 0, 0
+    for row, some in enumerate(returns.tolist()):
+        if held and held + some > _COLLECTED:
+            found.append((begin, row))
+            begin, held = row, 0
+        held += some
+    return [*found, (begin, returns.size)]
 
 
 def _sideways(pose: npt.NDArray[np.int64]) -> Floats:
