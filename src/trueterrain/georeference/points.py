@@ -14,7 +14,7 @@ from trueterrain.formats.run import Mounting
 from trueterrain.georeference.scans import ScanGeometry
 from trueterrain.georeference.screening import Screening
 from trueterrain.kinds import make_points
-from trueterrain.motion.trajectory import Trajectory
+from trueterrain.motion.trajectory import BRIDGED, Trajectory
 
 Floats = npt.NDArray[np.float64]
 
@@ -163,7 +163,7 @@ def _block(
     flags = np.repeat(
         motion.flag.reshape(time.size, geometry.pieces), np.diff(geometry.first), axis=1
     )
-    counts["bridged"] += int(((flags != 0) & good).sum())
+    counts["bridged"] += int(((flags & BRIDGED != 0) & good).sum())
     beams = time[:, None] + geometry.mounting.scanner_clock + geometry.delay
     columns: dict[str, Any] = {
         "easting": found[good, 0], "northing": found[good, 1], "up": found[good, 2],

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from trueterrain.errors import SchemaError
 from trueterrain.georeference import ScanGeometry, Screening
+from trueterrain.motion.trajectory import BRIDGED
 from trueterrain.surface.accumulate import _kernels
 from trueterrain.surface.cells import Grid
 
@@ -482,7 +483,8 @@ def _add_scans(
         time, ranges = time[covered], ranges[covered]
         intensity = None if intensity is None else intensity[covered]
     motion = geometry.expand(time)
-    counts.bridged = int((motion.flag.reshape(time.size, geometry.pieces) != 0).any(axis=1).sum())
+    flags = motion.flag.reshape(time.size, geometry.pieces)
+    counts.bridged = int((flags & BRIDGED != 0).any(axis=1).sum())
     middle = motion.coefficient[geometry.pieces // 2 :: geometry.pieces, :2, 0]
     hint = grid.near(middle[:, 0], middle[:, 1])
     tally = np.zeros(4, np.int64)
