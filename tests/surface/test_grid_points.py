@@ -241,3 +241,57 @@ def test_surfaces_are_of_their_kind():
     surface = grid_points(cloud(crs="EPSG:25832"), grid_over(0, 0, 10, 4, spacing=0.5))
     assert isinstance(surface, xr.Dataset)
     assert (surface["sd"].dtype, surface["count"].dtype) == (np.float32, np.int32)
+
+
+@pytest.mark.parametrize("power", [0.0, 1.5])
+def test_means_over_discs_are_those_of_numpy(power):
+    """Each return has the weight of its cell, by the distance of the middle of the cell."""
+    points, step, radius = cloud(3000), 0.2, 0.5
+    grid = grid_over(0, 0, 10, 4, spacing=step)
+    options = GridOptions(level=False, radius=radius, power=power)
+    surface = grid_points(points, grid, options)
+    i = np.rint(points.easting.values / step)
+    j = np.rint(points.northing.values / step)
+    for row, column in ((0, 0), (5, 20), (20, 50), (11, 3)):
+        distance = step * np.hypot(i - column, j - row)
+        near = distance <= radius + 1e-9
+        weight = np.maximum(distance[near], 0.5 * step) ** -power
+        expected = np.average(points.up.values[near], weights=weight)
+        npt.assert_allclose(surface.height.values[row, column], expected, rtol=0, atol=STEP)
+        assert surface["count"].values[row, column] == near.sum()
+
+
+def test_discs_close_gaps_and_stay_on_a_plane():
+    points = cloud(2500)
+    points["up"] = points["up"].copy(data=100 + 0.1 * points.easting - 0.05 * points.northing)
+    grid = grid_over(0, 0, 10, 4, spacing=0.1)
+    own = grid_points(points, grid)
+    wide = grid_points(points, grid, GridOptions(radius=0.5))
+    assert np.isnan(own.height.values).mean() > 0.3
+    assert not np.isnan(wide.height.values).any()
+    truth = 100 + 0.1 * grid.u - 0.05 * grid.v[:, None]
+    inner = (slice(6, -6), slice(6, -6))
+    npt.assert_allclose(wide.height.values[inner], truth[inner], rtol=0, atol=2e-4)
+
+
+@pytest.mark.parametrize("power", [0.0, 2.0])
+def test_standard_deviations_over_discs_are_honest(power):
+    points = cloud(40_000)
+    grid = grid_over(0, 0, 10, 4, spacing=0.1)
+    surface = grid_points(points, grid, GridOptions(radius=0.3, power=power))
+    truth = 100 + 0.1 * grid.u - 0.05 * grid.v[:, None]
+    ratio = ((surface.height - truth) / surface.sd).values[6:-6, 6:-6]
+    assert 0.9 < np.sqrt(np.mean(ratio**2)) < 1.1
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"radius": -1.0}, "at least 0 m"),
+        ({"radius": 1.0, "statistic": "median"}, "goes with the mean"),
+        ({"power": 1.0}, "needs a radius"),
+    ],
+)
+def test_discs_without_sense_are_refused(settings, words):
+    with pytest.raises(ValueError, match=words):
+        GridOptions(**settings)

@@ -35,6 +35,8 @@ def grid(
     smoothing: float = 1.0,
     statistic: Literal["mean", "median", "percentile", "minimum", "maximum"] = "mean",
     percent: float | None = None,
+    radius: float = 0.0,
+    power: float = 0.0,
     plain: Annotated[bool, Parameter(negative="")] = False,
     minimum_count: int = 1,
     fill: float = 0.1,
@@ -86,6 +88,11 @@ def grid(
         What is taken of the heights in a cell.
     percent
         Percentile to take, with --statistic percentile [%].
+    radius
+        Radius of the disc around a node from whose cells the mean is taken [m]; 0 for the cell
+        of the node alone.
+    power
+        Power of the inverse distance by which returns in the disc are weighed; 0 weighs all alike.
     plain
         Take the mean as it is, and do not bring it along the slope to the node.
     minimum_count
@@ -131,7 +138,7 @@ def grid(
     formats.writer_of("surface", output)
     options = GridOptions(
         statistic=statistic, level=not plain, minimum_count=minimum_count, range_noise=range_noise,
-        percent=_percent(statistic, percent),
+        percent=_percent(statistic, percent), radius=radius, power=power,
     )  # fmt: skip
     screening = Screening(
         floor=floor or 0.0, saturation=saturation or float("inf"), nearest=nearest,

@@ -10,26 +10,18 @@ stays a step.
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from statistics import NormalDist
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.errors import CoverageError, SchemaError
-from trueterrain.surface.accumulate import STEP, CellSums, Wanted
-from trueterrain.surface.accumulate import _kernels as kernels
-from trueterrain.surface.accumulate._sums import PARTS, VARIANCE_STEP
+from trueterrain.surface._finish import ROWS, finish
+from trueterrain.surface.accumulate import CellSums, Wanted
 from trueterrain.surface.cells import Grid
 
 Floats = npt.NDArray[np.float64]
-
-_ROWS = 256  # rows that are finished at once
-_HALO = 6  # rows around them that they depend on
-_POOL = 2  # cells to either side whose scatter is pooled
-_ROUNDS = 2  # in which slopes and levelled heights settle
-_STEEPER = 2.0  # times the gentler of both sides, a slope is believed
 
 
 Statistic = Literal["mean", "minimum", "maximum", "median", "percentile"]
@@ -48,6 +40,14 @@ class GridOptions:
     level: bool = True
     "Whether a mean is brought from the mean place of the returns to the node along the slope."
 
+    radius: float = 0.0
+    """Radius of the disc around a node from whose cells a mean is taken, on the plane that fits
+    them, if it is levelled [m]; a cell belongs to it if its middle does. 0 for the own cell."""
+
+    power: float = 0.0
+    """Power of the inverse distance from the node that returns of a disc are weighed by; 0 weighs
+    all alike [1]."""
+
     minimum_count: int = 1
     "Cells with fewer returns have no height."
 
@@ -65,6 +65,18 @@ class GridOptions:
             raise ValueError(message)
         if not 0 < self.percent < 100:
             message = f"percent must be greater than 0 % and less than 100 %, got {self.percent}."
+            raise ValueError(message)
+        if not (self.radius >= 0 and self.power >= 0):
+            message = (
+                "radius must be at least 0 m and power at least 0, got "
+                f"{self.radius} m and {self.power}."
+            )
+            raise ValueError(message)
+        if self.radius and self.statistic != "mean":
+            message = f"radius goes with the mean, got the statistic {self.statistic}."
+            raise ValueError(message)
+        if self.power and not self.radius:
+            message = "power needs a radius, which is 0 m."
             raise ValueError(message)
         if self.minimum_count < 1:
             message = f"minimum_count must be at least 1, got {self.minimum_count}."
@@ -157,8 +169,8 @@ def surface_of(
     sums.total()
     with ThreadPoolExecutor(sums.threads) as pool:
         jobs = [
-            pool.submit(_finish, sums, options, start, min(start + _ROWS, rows), height, sd, count)
-            for start in range(0, rows, _ROWS)
+            pool.submit(finish, sums, options, start, min(start + ROWS, rows), height, sd, count)
+            for start in range(0, rows, ROWS)
         ]
         for job in jobs:
             job.result()
@@ -284,94 +296,3 @@ def trimmed(surface: xr.Dataset) -> xr.Dataset:
         if dim != "v" and has.size > 1:
             cut[dim] = slice(int(has[0]), int(has[-1]) + 1)
     return surface.isel(cut)
-
-
-def _finish(
-    sums: CellSums, options: GridOptions, begin: int, end: int, height: Floats, sd: Any, count: Any
-) -> None:
-    """Heights, standard deviations and counts of some rows."""
-    rows, columns = sums.grid.shape
-    around = slice(max(begin - _HALO, 0), min(end + _HALO, rows))
-    inner = slice(begin - around.start, end - around.start)
-    part = sums.total()
-
-    def of(values: Any) -> Any:
-        return values.reshape(rows, columns)[around]
-
-    weights = of(part.count)
-    mean, deviation = _moments(weights, of(part.totals), of(part.squares))
-    levelled = options.wanted().places
-    ahead, left = np.empty_like(mean), np.empty_like(mean)
-    kernels.slopes(mean, _STEEPER, ahead, left)
-    if levelled:
-        plain, mean = mean, np.empty_like(mean)
-        for round_ in range(_ROUNDS):
-            if round_:
-                kernels.slopes(mean, _STEEPER, ahead, left)
-            kernels.level(
-                plain, weights, of(part.alongs), of(part.acrosses), PARTS, ahead, left, mean
-            )
-    pose, between = sums.pose_variance(around)
-    single = _single(
-        deviation, weights, sums.weight, between, (ahead, left), options.range_noise,
-        levelled=levelled,
-    )  # fmt: skip
-    if part.variances.size:
-        with np.errstate(invalid="ignore", divide="ignore"):
-            own = of(part.variances) * VARIANCE_STEP / weights
-        pose = pose + np.maximum(own - options.range_noise**2, 0.0)
-    sideways = sums.sideways_variance()
-    if sideways:
-        along, across = sums.grid.spacing
-        pose = pose + sideways * ((ahead / along) ** 2 + (left / across) ** 2)
-    n = weights / sums.weight
-    if options.statistic not in ("minimum", "maximum"):
-        value = mean
-        with np.errstate(invalid="ignore", divide="ignore"):
-            variance = _spread(options.share) * single / n + pose
-    else:
-        low = options.statistic == "minimum"
-        stored = of(part.lows if low else part.highs) - float(kernels.MIDDLE)
-        value = (-stored if low else stored) * STEP
-        variance = single + pose
-    few = n < options.minimum_count
-    height[begin:end] = np.where(few, np.nan, value)[inner]
-    sd[begin:end] = np.sqrt(np.where(few, np.nan, variance))[inner]
-    count[begin:end] = np.ceil(n[inner])
-
-
-def _spread(share: float | None) -> float:
-    """Variance of a quantile of many normal values over that of their mean."""
-    if share is None:
-        return 1.0
-    normal = NormalDist()
-    return share * (1 - share) / normal.pdf(normal.inv_cdf(share)) ** 2
-
-
-def _moments(count: Any, totals: Any, squares: Any) -> tuple[Floats, Floats]:
-    """Mean height [m] and sum of squared deviations [m²] of each cell."""
-    mean, deviation = np.empty(count.size), np.empty(count.size)
-    kernels.moments(count.ravel(), totals.ravel(), squares.ravel(), mean, deviation)
-    return mean.reshape(count.shape) * STEP, deviation.reshape(count.shape) * STEP**2
-
-
-def _single(
-    deviation: Floats,
-    weights: Any,
-    weight: int,
-    between: Floats,
-    slopes: tuple[Floats, Floats],
-    noise: float,
-    *,
-    levelled: bool,
-) -> Floats:
-    """Variance of a single return from the scatter in the cells around [m²]."""
-    total, free = np.empty_like(deviation), np.empty_like(deviation)
-    kernels.scatter(deviation, weights, weight, between, *slopes, levelled, total, free)
-    sums = np.empty_like(total), np.empty_like(free)
-    row = np.empty(total.shape[1])
-    kernels.box(total, _POOL, row, sums[0])
-    kernels.box(free, _POOL, row, sums[1])
-    with np.errstate(invalid="ignore", divide="ignore"):
-        pooled = np.where(sums[1] > 0, sums[0] / sums[1], noise**2 if noise > 0 else np.nan)
-    return np.maximum(pooled, noise**2)

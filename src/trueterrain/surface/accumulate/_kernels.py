@@ -367,3 +367,62 @@ def quantiles(values, ends, share, out):
         high = min(low + 1, end - begin - 1)
         out[cell] = some[low] + (at - low) * (some[high] - some[low])
         begin = end
+
+
+@njit(cache=True, nogil=True)
+def search(
+    mean, count, alongs, acrosses, parts, ahead, left, weight, levelled, found, n, effective,
+    slope_ahead, slope_left,
+):  # fmt: skip
+    """Weighted means of the cells around each cell, on the plane that fits them if `levelled`."""
+    rows, columns = mean.shape
+    for i in range(rows):
+        for j in range(columns):
+            total = heights = squares = along = across = 0.0
+            number = 0
+            for k in range(ahead.size):
+                a, b = i + ahead[k], j + left[k]
+                if not (0 <= a < rows and 0 <= b < columns) or count[a, b] == 0:
+                    continue
+                c = float(count[a, b])
+                w = weight[k] * c
+                number += count[a, b]
+                total += w
+                squares += weight[k] * w
+                heights += w * mean[a, b]
+                along += w * ahead[k] + weight[k] * alongs[a, b] / parts
+                across += w * left[k] + weight[k] * acrosses[a, b] / parts
+            n[i, j] = number
+            slope_ahead[i, j] = slope_left[i, j] = 0.0
+            if number == 0:
+                found[i, j] = math.nan
+                effective[i, j] = 0.0
+                continue
+            middle, along, across = heights / total, along / total, across / total
+            xx = xy = yy = xz = yz = 0.0
+            for k in range(ahead.size):
+                a, b = i + ahead[k], j + left[k]
+                if not (0 <= a < rows and 0 <= b < columns) or count[a, b] == 0:
+                    continue
+                c = float(count[a, b])
+                w = weight[k] * c
+                x = ahead[k] + alongs[a, b] / (parts * c) - along
+                y = left[k] + acrosses[a, b] / (parts * c) - across
+                xx += w * x * x
+                xy += w * x * y
+                yy += w * y * y
+                xz += w * x * (mean[a, b] - middle)
+                yz += w * y * (mean[a, b] - middle)
+            variance = squares / (total * total)
+            determinant = xx * yy - xy * xy
+            # a plane through cells that lie all but in a line would be none
+            if determinant > 0.05 * xx * yy:
+                p = (yy * xz - xy * yz) / determinant
+                q = (xx * yz - xy * xz) / determinant
+                slope_ahead[i, j], slope_left[i, j] = p, q
+                if levelled:
+                    middle -= p * along + q * across
+                    reach = yy * along * along - 2.0 * xy * along * across + xx * across * across
+                    variance *= 1.0 + total * reach / determinant
+            found[i, j] = middle
+            effective[i, j] = 1.0 / variance
