@@ -100,6 +100,48 @@ def test_points_become_a_map_and_a_road_with_the_same_heights(run, tmp_path):
     assert "of the content is left" in finished.err
 
 
+def test_points_have_percentiles_and_discs(run, tmp_path):
+    rng = np.random.default_rng(1)
+    x, y = rng.uniform(0, 2, 20_000), rng.uniform(0, 2, 20_000)
+    formats.write(make_points(x, y, rng.uniform(0, 1, 20_000)), tmp_path / "cloud.csv")
+    for options, expected in (
+        (("--statistic", "percentile", "--percent", 85), 0.85), (("--statistic", "median"), 0.5),
+        (("--radius", 0.5, "--power", 1), 0.5),
+    ):  # fmt: skip
+        finished = run(
+            "grid", tmp_path / "cloud.csv", "--spacing", 0.2, "-o", tmp_path / "a.crg", "--force",
+            *options,
+        )  # fmt: skip
+        assert finished.code == 0, finished.err
+        height = formats.open(tmp_path / "a.crg").height.values
+        npt.assert_allclose(height.mean(), expected, rtol=0, atol=0.02)
+
+
+def test_two_runs_make_one_road(run, recorded, tmp_path):
+    """The same run twice: twice the returns, and the pose counts as known twice."""
+    path, _ = recorded
+    reports = []
+    for number, inputs in enumerate(((path,), (path, path))):
+        finished = run(
+            "grid", *inputs, "--spacing", 0.05, "-o", tmp_path / f"{number}.crg", "--json"
+        )
+        assert finished.code == 0, finished.err
+        reports.append(json.loads(finished.out))
+    assert reports[1]["returns"]["used"] == 2 * reports[0]["returns"]["used"]
+    ratio = reports[1]["sd"]["median"] / reports[0]["sd"]["median"]
+    npt.assert_allclose(ratio, np.sqrt(0.5), rtol=0, atol=0.05)
+
+
+def test_a_line_without_points_is_one_line(run, tmp_path):
+    (tmp_path / "c.csv").write_text("easting,northing,up\n0,0,1\n1,1,2\n")
+    finished = run(
+        "grid", tmp_path / "c.csv", "--line", 50, 50, 60, 50, "-o", tmp_path / "a.crg"
+    )  # fmt: skip
+    assert finished.code == 2
+    assert "0 lie on the grid, 2 beside it" in finished.err
+    assert len(finished.err.splitlines()) == 1
+
+
 def test_waypoints_lead_the_line(run, tmp_path):
     angle = np.linspace(0, 1, 60)
     x, y = 20 * np.sin(angle), 20 - 20 * np.cos(angle)
@@ -130,6 +172,9 @@ def test_waypoints_lead_the_line(run, tmp_path):
         (("--threads", "0"), "threads must be at least 1"),
         (("--minimum-count", "0"), "minimum_count must be at least 1"),
         (("--fill", "-1"), "largest must be at least 0"),
+        (("--statistic", "percentile"), "--percent belong together"),
+        (("--percent", "85"), "--percent belong together"),
+        (("--radius", "0.1", "--statistic", "minimum"), "radius goes with the mean"),
         (("--crs", "EPSG:0"), "crs must be an EPSG code"),
         (("--floor", "5", "--saturation", "4"), "less than saturation"),
     ],
