@@ -7,16 +7,18 @@ from dataclasses import replace
 import numpy as np
 import numpy.testing as npt
 import pytest
+import xarray as xr
 from scipy.stats import binned_statistic_2d
 
 from trueterrain.errors import CoverageError, FormatError, SchemaError
-from trueterrain.georeference import Screening, georeference
+from trueterrain.georeference import ScanGeometry, Screening, georeference
 from trueterrain.simulate.scanner import Scanner
 from trueterrain.simulate.scene import Road
 from trueterrain.surface import node_coordinates, xy_to_uv
 from trueterrain.surface.accumulate import STEP, CellSums
 from trueterrain.surface.cells import grid_along, grid_over
 from trueterrain.surface.grid import GridOptions, surface_of
+from trueterrain.surface.holes import Filling, fill_holes
 from trueterrain.surface.line import line_from_trajectory
 from trueterrain.surface.runs import Pass, grid_runs
 
@@ -161,6 +163,39 @@ def test_stored_numbers_and_metres_give_the_same(noise_free):
     a, b = surface_of(metres), surface_of(stored)
     npt.assert_array_equal(a["count"], b["count"])
     npt.assert_allclose(a.height, b.height, rtol=0, atol=ROUNDED)
+
+
+@pytest.mark.parametrize(("beams", "span"), [(1, 0.0), (300, 9e-3)])
+def test_scanners_of_one_beam_and_slow_ones(noise_free, beams, span):
+    """A profiler, and a scanner whose scans are cut into pieces, against points one by one."""
+    angle = np.linspace(-0.6, 0.6, beams) if beams > 1 else np.zeros(1)
+    delay = np.linspace(0, span, beams)[::-1]
+    geometry = ScanGeometry(noise_free.trajectory, noise_free.mounting, angle, delay)
+    assert geometry.pieces == (1 if beams == 1 else 5)
+    time = noise_free.time[:: 1 if beams == 1 else 10]
+    ranges = np.full((time.size, beams), 1.9)
+    grid, options = grid_of(noise_free), GridOptions(level=False)
+    fused, one_by_one = CellSums(grid, options.wanted()), CellSums(grid, options.wanted())
+    fused.add_scans(geometry, time, ranges)
+    scans = xr.Dataset({
+        "time": ("scan", time), "range": (("scan", "beam"), ranges), "angle": ("beam", angle),
+        "delay": ("beam", delay),
+    })  # fmt: skip
+    for points in georeference([scans], noise_free.trajectory, noise_free.mounting):
+        one_by_one.add_points(points.easting, points.northing, points.up)
+    a, b = surface_of(fused, options), surface_of(one_by_one, options)
+    npt.assert_array_equal(a["count"], b["count"])
+    npt.assert_allclose(a.height, b.height, rtol=0, atol=ROUNDED)
+    assert fused.tally.used > 0.5 * time.size
+
+
+def test_spacing_finer_than_the_data_leaves_holes_that_are_counted(noise_free):
+    surface = surface_of(sums_of(noise_free, grid_of(noise_free, spacing=0.002, width=0.2)))
+    seen = np.isfinite(surface.height.values)
+    assert 0.1 < seen.mean() < 0.6
+    filled, report = fill_holes(surface, Filling(largest=0.01))
+    assert report["filled_nodes"] == (np.isfinite(filled.height.values) & ~seen).sum()
+    assert report["open_nodes"] + report["unseen_nodes"] == np.isnan(filled.height.values).sum()
 
 
 def test_a_map_and_a_road_show_the_same_ground(drive):
