@@ -6,7 +6,7 @@ import pytest
 
 from trueterrain.errors import SchemaError
 from trueterrain.kinds import make_surface
-from trueterrain.surface.down_sample import down_sample
+from trueterrain.surface.coarse import down_sample
 from trueterrain.surface.holes import Filling, fill_holes
 
 EXACT = 1e-12  # [m] round-off of heights of a metre

@@ -165,7 +165,7 @@ def grid(
     surface, holes = fill_holes(trimmed(surface), Filling(largest=fill))
     loss = None
     if down_sample is not None:
-        from trueterrain.surface.down_sample import down_sample as coarser
+        from trueterrain.surface.coarse import down_sample as coarser
 
         surface, loss = coarser(surface, down_sample)
     files = [one for one in inputs if one.is_file()] + ([path] if path else [])
