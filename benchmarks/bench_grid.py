@@ -99,17 +99,15 @@ def growth() -> dict[str, Any]:
     geometry = ScanGeometry(drive(SCANS / RATE), Mounting(), angle, delay)
     grid = road(SCANS)
     sums = CellSums(grid, threads=THREADS)
-    seconds = []
-    for times in (1, 9):
-        begin = time.process_time()
-        for _ in range(times):
-            sums.add_scans(geometry, stamps, ranges, scale=STEP, missing=65535)
-        seconds.append(time.process_time() - begin)
     third = slice(0, SCANS // 3)
-    begin = time.process_time()
-    sums.add_scans(geometry, stamps[third], ranges[third], scale=STEP, missing=65535)
-    least = time.process_time() - begin
-    exponent = float(np.log(sum(seconds) / least) / np.log(10 * SCANS / (SCANS // 3)))
+
+    def some(rows: slice) -> None:
+        sums.add_scans(geometry, stamps[rows], ranges[rows], scale=STEP, missing=65535)
+
+    some(slice(None))  # compile, and take the memory
+    least = float(np.median([elapsed(lambda: some(third)) for _ in range(5)]))
+    most = sum(elapsed(lambda: some(slice(None))) for _ in range(10))
+    exponent = float(np.log(most / least) / np.log(10 * SCANS / (SCANS // 3)))
     return {
         "name": "exponent of the cost of gridding from 10 M to 300 M returns",
         "ours": exponent,
