@@ -1,0 +1,285 @@
+"""Heights and slopes of the ground as passes see them, and what the mounting does to them.
+
+The ground is told in patches, one around each cell of a map grid: the plane fitted to the returns
+of one pass under a kernel some cells wide. All passes are smoothed alike, so that their planes
+differ by errors alone, even over a step. With a Gaussian kernel the slope of the plane is exactly
+the derivative of its height, so that it tells what a shift of the returns does.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+from scipy.spatial.transform import Rotation
+
+from trueterrain.formats.run import Mounting
+from trueterrain.georeference.scans import ScanGeometry
+from trueterrain.georeference.screening import Screening
+from trueterrain.motion.trajectory import Trajectory
+
+Floats = npt.NDArray[np.float64]
+
+#: Parameters of a mounting, in the order of all derivatives.
+NAMES = ("roll", "pitch", "yaw", "lever_x", "lever_y", "lever_z", "clock")
+
+#: Scans in a block.
+BLOCK = 500
+
+#: Binomial kernel: variance 1 cell².
+KERNEL = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
+
+#: Cells whose errors a patch has in common with others: the sum of exp(-distance²/4).
+SHARED = 4.0 * math.pi
+
+_PLANE = ("n", "x", "y", "xx", "xy", "yy", "z", "xz", "yz")
+_OFF = 0.4  # cells by which the returns of a patch may lie off its centre
+_SPREAD = (0.6, 1.6)  # cells² of their variance, which is 1.08 if they lie evenly
+_SLANT = 0.3  # cells² of their covariance
+_FEWEST = 0.3  # returns per cell under the kernel
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapGrid:
+    """Cells of a map grid."""
+
+    west: float
+    "Western edge [m]."
+
+    south: float
+    "Southern edge [m]."
+
+    spacing: float
+    "Size of a cell [m]."
+
+    shape: tuple[int, int]
+    "Rows (north) and columns (east)."
+
+    @classmethod
+    def over(cls, area: tuple[float, float, float, float], spacing: float) -> "MapGrid":
+        """Grid over west, south, east, north [m]."""
+        west, south, east, north = area
+        rows = max(1, math.ceil((north - south) / spacing))
+        columns = max(1, math.ceil((east - west) / spacing))
+        return cls(west=west, south=south, spacing=spacing, shape=(rows, columns))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Patches:
+    """What one pass sees; all of shape (rows, columns) or with that in the end."""
+
+    height: Floats
+    "Height of the plane at the centre of the cell [m]; NaN where there are too few returns."
+
+    slope: Floats
+    "Its slopes to the east and to the north, (2, rows, columns) [1]."
+
+    shift: Floats
+    "Derivative of east, north, up of the returns by the parameters, (7, 3, rows, columns)."
+
+
+def patches(
+    blocks: Iterable[xr.Dataset],
+    trajectory: Trajectory,
+    mounting: Mounting,
+    grid: MapGrid,
+    screening: Screening,
+    fan: float,
+) -> Patches:
+    """Planes of one pass.
+
+    Parameters
+    ----------
+    blocks : iterable of xarray.Dataset
+        Scans.
+    trajectory : Trajectory
+        Motion of the body.
+    mounting : Mounting
+        Where the scanner is taken to sit.
+    grid : MapGrid
+        Where the patches shall be.
+    screening : Screening
+        Which returns are good.
+    fan : float
+        Largest angle of a beam from straight down that is used [rad].
+
+    Returns
+    -------
+    Patches
+        One per cell.
+    """
+    cells = grid.shape[0] * grid.shape[1]
+    sums = np.zeros((len(_PLANE) + 3 * len(NAMES), cells))
+    level = 0.0
+    geometry: ScanGeometry | None = None
+    for block in blocks:
+        if geometry is None:
+            geometry = ScanGeometry(trajectory, mounting, block["angle"], block["delay"])
+            level = float(trajectory.position[:, 2].mean())
+        found = _returns(geometry, block, screening, fan)
+        if found is not None:
+            _add(sums, *found, grid, level)
+    whole: Floats = sums.reshape(-1, *grid.shape)
+    count = _blurred(whole[0])
+    # a fan is denser below the laser than beside it, which would shift what lies under the kernel
+    even = _smoothed(whole / np.where(count > 0, count, 1.0), grid.spacing)
+    return _planes(even, count, grid.spacing, level)
+
+
+def extent(
+    blocks: Iterable[xr.Dataset],
+    trajectory: Trajectory,
+    mounting: Mounting,
+    screening: Screening,
+    fan: float,
+) -> tuple[float, float, float, float] | None:
+    """West, south, east, north of all returns [m]; None if there is none."""
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    geometry: ScanGeometry | None = None
+    for block in blocks:
+        if geometry is None:
+            geometry = ScanGeometry(trajectory, mounting, block["angle"], block["delay"])
+        found = _returns(geometry, block, screening, fan, derivatives=False)
+        if found is not None:
+            low = np.minimum(low, found[0][:2].min(axis=1))
+            high = np.maximum(high, found[0][:2].max(axis=1))
+    if not np.isfinite(low).all():
+        return None
+    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
+def _returns(
+    geometry: ScanGeometry,
+    scans: xr.Dataset,
+    screening: Screening,
+    fan: float,
+    *,
+    derivatives: bool = True,
+) -> tuple[Floats, Floats, Floats] | None:
+    """Good returns (3, m), their derivatives (7, 3, m) and weights (m,); None without any."""
+    time = np.asarray(scans["time"], dtype=np.float64)
+    covered = np.flatnonzero(geometry.covers(time))
+    ranges = np.asarray(scans["range"], dtype=np.float64)[covered]
+    intensity = np.asarray(scans["intensity"])[covered] if "intensity" in scans else None
+    weights = screening.weights(ranges, intensity)
+    good = (weights > 0) & (np.abs(geometry.angle) <= fan)
+    if not good.any():
+        return None
+    motion = geometry.expand(time[covered])
+    scanner, speed, left, left_rate, upward, upward_rate = _axes(geometry, motion.coefficient, good)
+    r = ranges[good]
+    sine, cosine = (np.broadcast_to(f(geometry.angle), good.shape)[good] for f in (np.sin, np.cos))
+    beam = r * (sine * left - cosine * upward)
+    points = scanner + beam
+    if not derivatives:
+        return points, np.empty((7, 3, 0)), weights[good]
+    forward = np.cross(left, upward, axis=0)
+    turned = Rotation.from_euler("ZYX", geometry.mounting.scanner_rotation[::-1]).as_matrix()
+    body = [row[0] * forward + row[1] * left + row[2] * upward for row in turned]
+    yaw = geometry.mounting.scanner_rotation[2]
+    pitch_axis = -math.sin(yaw) * body[0] + math.cos(yaw) * body[1]
+    turns = [np.cross(axis, beam, axis=0) for axis in (forward, pitch_axis, body[2])]
+    clock = speed + r * (sine * left_rate - cosine * upward_rate)
+    return points, np.stack([*turns, *body, clock]), weights[good]
+
+
+def _axes(
+    geometry: ScanGeometry, coefficient: Floats, good: npt.NDArray[np.bool_]
+) -> tuple[Floats, ...]:
+    """Scanner's place, left and upward axis at all good beams, each with its rate, (3, m)."""
+    scans, beams = good.shape
+    pieces = coefficient.reshape(scans, geometry.pieces, 3, 9)
+    x = geometry.beam[1]
+    rates = np.stack([np.zeros(beams), np.ones(beams), 2.0 * x])
+    found = []
+    for first in (0, 3, 6):
+        for powers in (geometry.beam[:3], rates):
+            values = np.empty((3, scans, beams))
+            for p, (a, b) in enumerate(zip(geometry.first[:-1], geometry.first[1:], strict=True)):
+                part = pieces[:, p, :, first : first + 3]
+                values[:, :, a:b] = np.einsum("nck,kb->cnb", part, powers[:, a:b])
+            found.append(values[:, good])
+    return tuple(found)
+
+
+def _add(
+    sums: Floats, points: Floats, by: Floats, weight: Floats, grid: MapGrid, level: float
+) -> None:
+    """Add returns to the sums of their cells, about the centres of these."""
+    across = (points[0] - grid.west) / grid.spacing
+    along = (points[1] - grid.south) / grid.spacing
+    column, row = np.floor(across), np.floor(along)
+    inside = (column >= 0) & (column < grid.shape[1]) & (row >= 0) & (row < grid.shape[0])
+    cell = (row[inside] * grid.shape[1] + column[inside]).astype(np.intp)
+    w = weight[inside]
+    x = (across - column - 0.5)[inside] * grid.spacing
+    y = (along - row - 0.5)[inside] * grid.spacing
+    z = points[2, inside] - level
+    plain = [w, w * x, w * y, w * x * x, w * x * y, w * y * y, w * z, w * x * z, w * y * z]
+    for channel, values in enumerate(plain):
+        sums[channel] += np.bincount(cell, values, minlength=sums.shape[1])
+    for channel, values in enumerate(by.reshape(-1, by.shape[2]), start=len(plain)):
+        sums[channel] += np.bincount(cell, w * values[inside], minlength=sums.shape[1])
+
+
+def _smoothed(sums: Floats, spacing: float) -> Floats:
+    """Sums under the kernel, about the centre of each cell."""
+    n, x, y, xx, xy, yy, z, xz, yz = range(len(_PLANE))
+    for axis, (one, two, cross, rising) in ((2, (x, xx, y, xz)), (1, (y, yy, x, yz))):
+        whole = np.zeros_like(sums)
+        for step, weight in zip(range(-2, 3), KERNEL, strict=True):
+            part = _moved(sums, step, axis)
+            far = step * spacing
+            about = part.copy()
+            about[two] += 2.0 * far * part[one] + far**2 * part[n]
+            about[one] += far * part[n]
+            about[xy] += far * part[cross]
+            about[rising] += far * part[z]
+            whole += weight * about
+        sums = whole
+    return sums
+
+
+def _blurred(values: Floats) -> Floats:
+    """Values under the kernel."""
+    for axis in (0, 1):
+        values = np.sum(
+            [w * _moved(values, step, axis) for step, w in zip(range(-2, 3), KERNEL, strict=True)],
+            axis=0,
+        )
+    return values
+
+
+def _moved(values: Floats, step: int, axis: int) -> Floats:
+    """Values of the cells `step` further along an axis; 0 outside."""
+    moved = np.zeros_like(values)
+    count = values.shape[axis]
+    there = slice(max(step, 0), count + min(step, 0))
+    here = slice(max(-step, 0), count + min(-step, 0))
+    index = [slice(None)] * values.ndim
+    target = list(index)
+    index[axis], target[axis] = there, here
+    moved[tuple(target)] = values[tuple(index)]
+    return moved
+
+
+def _planes(sums: Floats, count: Floats, spacing: float, level: float) -> Patches:
+    shape = sums.shape[1:]
+    height, slope = np.full(shape, np.nan), np.full((2, *shape), np.nan)
+    shift = np.full((len(NAMES), 3, *shape), np.nan)
+    n = np.where(sums[0] > 0, sums[0], np.nan)
+    x, y = sums[1] / n, sums[2] / n
+    good = count >= _FEWEST
+    for middle, square in ((x, sums[3]), (y, sums[5])):
+        spread = (square / n - middle**2) / spacing**2
+        good &= (np.abs(middle) <= _OFF * spacing) & (spread > _SPREAD[0]) & (spread < _SPREAD[1])
+    good &= np.abs(sums[4] / n - x * y) <= _SLANT * spacing**2
+    s = sums[: len(_PLANE), good]
+    normal = np.stack([s[0], s[1], s[2], s[1], s[3], s[4], s[2], s[4], s[5]], axis=1)
+    plane = np.linalg.solve(normal.reshape(-1, 3, 3), s[6:9].T[:, :, None])[:, :, 0]
+    height[good] = plane[:, 0] + level
+    slope[:, good] = plane[:, 1:].T
+    shift.reshape(-1, *shape)[:, good] = sums[len(_PLANE) :, good] / s[0]
+    return Patches(height=height, slope=slope, shift=shift)

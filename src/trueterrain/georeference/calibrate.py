@@ -1,0 +1,348 @@
+"""Calibration: where the scanner sits and looks, and its clock, from passes over the same ground.
+
+Two passes over the same ground must see the same ground. What they see differently tells the
+mounting: a roll tilts the ground this way and that way in opposite passes, and everything else
+moves steps and slopes. Not everything can be told:
+
+===========  =======================================================================================
+`lever_z`    moves all passes alike: never from passes on wheels
+`yaw`        turns opposite passes in one lane alike: needs lanes beside each other over relief
+`clock`      moves the ground by the speed, `pitch` by the height, `lever_x` by itself: needs passes
+             of different speeds; pitch and lever_x need heights that differ, and hardly ever can be
+             told apart on a road
+===========  =======================================================================================
+
+Sources: Filin (2003) "Recovery of systematic biases in laser altimetry data using natural
+surfaces"; Skaloud and Lichti (2006) "Rigorous approach to bore-sight self-calibration in airborne
+laser scanning"; Cameron, Gelbach and Miller (2011) for the covariance by clusters.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from trueterrain.errors import CoverageError
+from trueterrain.formats.run import Mounting
+from trueterrain.georeference._differences import Differences, Fit, differences, fit
+from trueterrain.georeference._observable import refusal, uncertain, unobservable
+from trueterrain.georeference._patches import BLOCK, NAMES, MapGrid, extent, patches
+from trueterrain.georeference._settings import CalibrationSettings
+from trueterrain.motion.trajectory import Trajectory
+
+__all__ = ["Calibration", "CalibrationSettings", "calibrate"]
+
+Floats = npt.NDArray[np.float64]
+
+_COARSE = (3.0, 1.0)  # cells of the rounds over the cells asked for
+_SETTLED = 0.1  # of its standard deviation by which a parameter may still move
+_LARGEST = 3_000_000  # cells
+_BLIND = 10.0  # standard deviations asked for beyond which a direction is not followed
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Calibration:
+    """A mounting, and how surely it is known."""
+
+    mounting: Mounting
+    "What was found; what was not estimated is as it was."
+
+    parameters: tuple[str, ...]
+    "What was estimated."
+
+    value: Floats
+    "Values [rad, m, s]."
+
+    sd: Floats
+    """Standard deviations [rad, m, s], from the scatter of the ground between the passes, if the
+    parameters that are held are right. An error of the motion that lasts for a whole pass is not
+    among it, but for the height."""
+
+    correlation: Floats
+    "Correlations, shape (parameter, parameter)."
+
+    condition: float
+    "Condition number of the normal matrix, each parameter in units of its own sd if alone."
+
+    held: tuple[str, ...]
+    "Parameters that were not estimated."
+
+    sensitivity: Floats
+    """By how much an estimate is wrong if a held parameter is wrong by one, shape (parameter,
+    held): pitch stands in for lever_x, for instance."""
+
+    not_observable: tuple[str, ...]
+    "What was asked for, and held, since the passes do not tell it."
+
+    offset: Floats
+    "Height of each pass over the first [m]."
+
+    offset_sd: Floats
+    "Standard deviations of these [m]."
+
+    residual_before: float
+    "Root mean square difference of heights between the passes, less offsets [m]."
+
+    residual_after: float
+    "The same with what was found [m]."
+
+    correspondences: int
+    "Independent pairs of heights that were compared."
+
+    rounds: int
+    "Rounds that it took."
+
+    def summary(self) -> dict[str, Any]:
+        """What was found, as JSON takes it."""
+        return {
+            "mounting": self.mounting.to_attrs(),
+            "value": dict(zip(self.parameters, self.value.tolist(), strict=True)),
+            "sd": dict(zip(self.parameters, self.sd.tolist(), strict=True)),
+            "correlation": self.correlation.tolist(),
+            "condition": self.condition,
+            "held": list(self.held),
+            "sensitivity": self.sensitivity.tolist(),
+            "not_observable": list(self.not_observable),
+            "offset": self.offset.tolist(),
+            "offset_sd": self.offset_sd.tolist(),
+            "residual": {"before": self.residual_before, "after": self.residual_after},
+            "correspondences": self.correspondences,
+            "rounds": self.rounds,
+        }
+
+
+def calibrate(
+    runs: Sequence[xr.DataTree | str | Path],
+    trajectories: Sequence[Trajectory],
+    *,
+    mounting: Mounting | None = None,
+    settings: CalibrationSettings = CalibrationSettings(),
+) -> Calibration:
+    """Mounting of the scanner from passes over the same ground.
+
+    Parameters
+    ----------
+    runs : sequence of xarray.DataTree or path
+        Two or more passes, in opposite directions; all in one local frame.
+    trajectories : sequence of Trajectory
+        Motion of each.
+    mounting : Mounting, optional
+        Where to start; by default what the runs say. It may be wrong by some centimetres of what
+        it does to the ground.
+    settings : CalibrationSettings
+        What is estimated, and how.
+
+    Returns
+    -------
+    Calibration
+        The mounting with standard deviations, correlations, and what could not be told.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two runs, not as many trajectories, or runs of different mountings
+        and none is given.
+    CoverageError
+        If the passes share no ground, a parameter cannot be told from it (named, with the cure), or
+        no solution is found.
+
+    Notes
+    -----
+    Gauss-Newton least squares of the heights that the passes see in each cell, its own height being
+    an unknown, and an offset in height of each pass. Cells weigh by the scatter that level and
+    steep ground show; outliers weigh less (Huber). Observable is what is known better than
+    `CalibrationSettings` asks for, were the errors of cells what their scatter is.
+
+    Examples
+    --------
+    ``calibrate([there, back], [motion.trajectory for motion in (first, second)],
+    settings=CalibrationSettings(parameters=("roll", "pitch")))`` finds two angles:
+
+    >>> CalibrationSettings(parameters=("roll", "pitch")).parameters
+    ('roll', 'pitch')
+    """
+    if len(runs) < 2 or len(runs) != len(trajectories):
+        message = (
+            "runs must be at least 2, with a trajectory each, got "
+            f"{len(runs)} and {len(trajectories)}."
+        )
+        raise ValueError(message)
+    start = mounting or _common(runs)
+    passes = _Passes(runs, trajectories, settings)
+    chosen = [NAMES.index(name) for name in settings.parameters]
+    area = settings.area or passes.area(start)
+    before = passes.seen(start, area, settings.spacing)
+    found, last, result, rounds = _settle(passes, area, start, chosen, settings)
+    held = unobservable(result, chosen, settings.limits)
+    if held:
+        kept = [index for index in chosen if index not in held]
+        if settings.unobservable == "refuse" or not kept:
+            raise refusal(result, chosen, held, settings.limits)
+        chosen = kept
+        found, last, result, more = _settle(passes, area, start, chosen, settings)
+        rounds += more
+    doubtful = uncertain(result, chosen, settings.limits)
+    if doubtful:
+        raise refusal(result, chosen, doubtful, settings.limits)
+    count = len(chosen)
+    before_fit = fit(before, chosen, height_noise=settings.height_noise, reach=settings.limits)
+    return _calibration(
+        found, last, result, chosen, before=before_fit.residual, rounds=rounds,
+        held=tuple(NAMES[index] for index in held), offset=-result.step[count:],
+    )  # fmt: skip
+
+
+class _Passes:
+    """Runs with their motion."""
+
+    def __init__(
+        self,
+        runs: Sequence[xr.DataTree | str | Path],
+        trajectories: Sequence[Trajectory],
+        settings: CalibrationSettings,
+    ) -> None:
+        self._passes = list(zip(runs, trajectories, strict=True))
+        self._settings = settings
+
+    def area(self, mounting: Mounting) -> tuple[float, float, float, float]:
+        """Ground that at least two passes may share."""
+        used = (self._settings.screening, self._settings.largest_angle)
+        parts = [extent(_blocks(run), way, mounting, *used) for run, way in self._passes]
+        seen = np.array([part for part in parts if part is not None])
+        if len(seen) < 2:
+            raise CoverageError(
+                f"{len(seen)} of {len(parts)} passes have returns, two are needed", place="scans"
+            )
+        # what lies west of all eastern ends but one, and so on, is seen at least twice
+        low, high = np.sort(seen[:, :2], axis=0)[1], np.sort(seen[:, 2:], axis=0)[-2]
+        if not (low < high).all():
+            raise _no_ground()
+        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+    def seen(
+        self, mounting: Mounting, area: tuple[float, float, float, float], spacing: float
+    ) -> Differences:
+        """Differences between the passes for a mounting."""
+        grid = MapGrid.over(area, spacing)
+        if grid.shape[0] * grid.shape[1] > _LARGEST:
+            raise CoverageError(
+                f"the ground needs {grid.shape[0]} x {grid.shape[1]} cells, at most {_LARGEST}",
+                cure="Name an area around some steps, or take larger cells.",
+            )
+        used = (self._settings.screening, self._settings.largest_angle)
+        parts = [patches(_blocks(run), way, mounting, grid, *used) for run, way in self._passes]
+        found = differences(parts, grid, self._settings.cluster)
+        if found is None:
+            raise _no_ground()
+        return found
+
+
+def _no_ground() -> CoverageError:
+    return CoverageError(
+        "the passes share no ground in which returns lie closely enough",
+        cure="Take passes over the same ground, or larger cells: spacing.",
+    )
+
+
+def _blocks(run: xr.DataTree | str | Path) -> Iterator[xr.Dataset]:
+    from trueterrain.formats.run import scan_blocks
+
+    return scan_blocks(run, size=BLOCK)
+
+
+def _common(runs: Sequence[xr.DataTree | str | Path]) -> Mounting:
+    """Mounting that all runs state."""
+    from trueterrain.formats.run import open_run
+    from trueterrain.georeference.points import mounting_of
+
+    stated = []
+    for run in runs:
+        if isinstance(run, xr.DataTree):
+            stated.append(mounting_of(run))
+        else:
+            stated.append(mounting_of(open_run(run), path=Path(run)))
+    ours = replace(stated[0], accelerometer_clock=0.0)
+    for number, other in enumerate(stated):
+        if replace(other, accelerometer_clock=0.0) != ours:
+            message = f"runs must state one mounting, or mounting be given: run {number} differs."
+            raise ValueError(message)
+    return stated[0]
+
+
+def _settle(
+    passes: _Passes,
+    area: tuple[float, float, float, float],
+    mounting: Mounting,
+    chosen: list[int],
+    settings: CalibrationSettings,
+) -> tuple[Mounting, Differences, Fit, int]:
+    """Gauss-Newton from coarse to fine cells."""
+    rounds = 0
+    for coarse in _COARSE:
+        while True:
+            seen = passes.seen(mounting, area, coarse * settings.spacing)
+            reach = _BLIND * settings.limits
+            result = fit(seen, chosen, height_noise=settings.height_noise, reach=reach)
+            step = result.step[: len(chosen)]
+            sd = result.sd[: len(chosen)]
+            if (np.abs(step) <= np.maximum(_SETTLED * sd, 1e-3 * settings.limits[chosen])).all():
+                break
+            rounds += 1
+            if rounds > settings.largest_rounds:
+                if unobservable(result, chosen, settings.limits):
+                    break
+                raise CoverageError(
+                    f"no mounting explains the passes within {settings.largest_rounds} rounds; the "
+                    f"last moved {NAMES[chosen[int(np.argmax(np.abs(step) / sd))]]} still",
+                    cure="Start from a better mounting, or take larger cells: spacing.",
+                )
+            mounting = _moved(mounting, chosen, step)
+    return mounting, seen, result, rounds
+
+
+def _moved(mounting: Mounting, chosen: list[int], step: Floats) -> Mounting:
+    values = _values(mounting)
+    values[chosen] += step
+    rotation, position, clock = values[:3].tolist(), values[3:6].tolist(), float(values[6])
+    return replace(
+        mounting, scanner_rotation=tuple(rotation), scanner_position=tuple(position),
+        scanner_clock=clock,
+    )  # fmt: skip
+
+
+def _values(mounting: Mounting) -> Floats:
+    return np.array([
+        *mounting.scanner_rotation, *mounting.scanner_position, mounting.scanner_clock,
+    ])  # fmt: skip
+
+
+def _calibration(
+    mounting: Mounting,
+    seen: Differences,
+    result: Fit,
+    chosen: list[int],
+    *,
+    before: float,
+    rounds: int,
+    held: tuple[str, ...],
+    offset: Floats,
+) -> Calibration:
+    count = len(chosen)
+    sd = np.sqrt(np.diag(result.covariance))
+    correlation = result.covariance / np.outer(sd, sd)
+    inverse = np.linalg.inv(result.normal)[:count, :count]
+    alone = np.sqrt(np.diag(inverse))
+    return Calibration(
+        mounting=mounting, parameters=tuple(NAMES[index] for index in chosen),
+        value=_values(mounting)[chosen], sd=sd[:count], correlation=correlation[:count, :count],
+        condition=float(np.linalg.cond(inverse / np.outer(alone, alone))),
+        held=tuple(name for index, name in enumerate(NAMES) if index not in chosen),
+        sensitivity=result.sensitivity[:count], not_observable=held,
+        offset=np.concatenate([[0.0], offset]), offset_sd=np.concatenate([[0.0], sd[count:]]),
+        residual_before=before, residual_after=result.residual,
+        correspondences=seen.correspondences, rounds=rounds,
+    )  # fmt: skip

@@ -1,0 +1,217 @@
+"""Calibration on passes over the steps of the scene `boresight`, whose true mounting is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+import xarray as xr
+
+from trueterrain.errors import CoverageError
+from trueterrain.formats.run import Mounting, open_run
+from trueterrain.georeference.calibrate import CalibrationSettings, calibrate
+from trueterrain.simulate.scanner import Scanner
+from trueterrain.simulate.scene import Truth, read_scene
+from trueterrain.simulate.scene._parts import Drive
+
+COARSE = Scanner(
+    beams=200, rate=1000.0, range_noise=0.0, intensity_noise=0.0, floor=0.0, saturation_bias=0.0,
+    dropouts=0.0, spot_rays=1,
+)  # fmt: skip
+FIVE = ("roll", "pitch", "yaw", "lever_y", "clock")
+NAMES = ("roll", "pitch", "yaw", "lever_x", "lever_y", "lever_z", "clock")
+
+# Without noise what is left is where between two scans, 5 to 9 mm apart, a step lies, averaged over
+# the 100 columns of beams along it: some tenths of a millimetre, 2 m below the laser and at most
+# 1 m beside it. The heave tells the clock on all of the ground, which tells the roll as well.
+CLOSE = {
+    "roll": 5e-6, "pitch": 2e-4, "yaw": 3e-4, "lever_x": np.nan, "lever_y": 3e-4,
+    "lever_z": np.nan, "clock": 1e-5,
+}  # fmt: skip
+EXPLAINED = 0.1  # of an error that a wrong parameter causes: the problem is not quite linear
+HONEST = 0.4  # [1] of the root mean square of errors over their standard deviations
+NOISE = 0.5e-3  # [m] of a range, as the scanner of the thesis has it
+
+
+def values(mounting):
+    """Values in the order of NAMES."""
+    return np.array(
+        [*mounting.scanner_rotation, *mounting.scanner_position, mounting.scanner_clock]
+    )
+
+
+def drive(name, *, reverse=False, lane=0.0, speed=5.0):
+    """A pass whose laser, 2.25 m behind the body, sees stations 8.75 to 16.75 m."""
+    return Drive(
+        name=name, reverse=reverse, lane=lane, start=14.5 if reverse else 11.0, length=8.0,
+        speed={"kind": "constant", "speed": speed},
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def passes(record):
+    """Four passes: both ways in one lane, and faster in the lanes beside; the true mounting."""
+    scene, _ = read_scene("boresight")
+    drives = (
+        drive("there"), drive("back", reverse=True), drive("left", lane=1.0, speed=9.0),
+        drive("right", reverse=True, lane=-1.0, speed=7.0),
+    )  # fmt: skip
+    scene = replace(
+        scene, scanner=COARSE, truth=Truth(returns=False, spacing=0.1), raster=0.01
+    )  # fmt: skip
+    found = [record(replace(scene, passes=(one,))) for one in drives]
+    return [open_run(run).load() for run, _ in found], [way for _, way in found], scene.mounting
+
+
+def by_tape(true):
+    """What is known before: the arm ahead and up from a tape, the rest nominal."""
+    x, _, z = true.scanner_position
+    return Mounting(scanner_position=(x, 0.0, z))
+
+
+def thinned(run, first, rng, noise=NOISE):
+    """Every second scan, with noise."""
+    tree = run.copy()
+    scans = tree["scans"].to_dataset().isel(scan=slice(first, None, 2))
+    ranges = scans["range"] + noise * rng.normal(size=scans["range"].shape)
+    tree["scans"] = xr.DataTree(scans.assign(range=ranges))
+    return tree
+
+
+def test_finds_the_true_mounting_from_passes_without_noise(passes):
+    runs, ways, true = passes
+    found = calibrate(runs, ways, mounting=by_tape(true),
+                      settings=CalibrationSettings(parameters=FIVE))  # fmt: skip
+    error = dict(zip(found.parameters, found.value - values(true)[[0, 1, 2, 4, 6]], strict=True))
+    for name in FIVE:
+        npt.assert_allclose(error[name], 0.0, rtol=0, atol=CLOSE[name], err_msg=name)
+    assert found.mounting.scanner_position[::2] == true.scanner_position[::2]
+    assert found.residual_after < 0.1 * found.residual_before
+    assert found.correspondences > 10_000
+    assert found.held == ("lever_x", "lever_z")
+    assert found.not_observable == ()
+    assert 1 < found.condition < 100
+    npt.assert_allclose(np.diag(found.correlation), 1.0, rtol=0, atol=1e-12)
+    summary = found.summary()
+    assert set(summary["value"]) == set(FIVE)
+    assert Mounting.from_attrs(summary["mounting"]) == found.mounting
+
+
+def test_refuses_what_opposite_passes_do_not_tell(passes):
+    runs, ways, _ = passes
+    words = r"do not tell .*lever_x .*goes with pitch.*lever_z .*Measure lever_x with a tape"
+    with pytest.raises(CoverageError, match=words):
+        calibrate(runs[:2], ways[:2])
+
+
+def test_holds_what_the_passes_do_not_tell_and_says_what_that_does(passes):
+    """A held parameter that is wrong makes others wrong, by as much as `sensitivity` says."""
+    runs, ways, true = passes
+    start = Mounting.from_attrs(runs[0].attrs["mounting"])
+    found = calibrate(runs, ways, settings=CalibrationSettings(unobservable="hold"))
+    assert found.not_observable == ("lever_x", "lever_z")
+    assert found.parameters == FIVE
+    held = [NAMES.index(name) for name in found.held]
+    caused = found.sensitivity @ (values(start) - values(true))[held]
+    pitch = found.parameters.index("pitch")
+    assert abs(caused[pitch]) > 4e-3  # [rad]: 10 mm over 2 m
+    error = found.value - values(true)[[NAMES.index(name) for name in found.parameters]]
+    left = np.abs(error - caused) - EXPLAINED * np.abs(caused)
+    assert (left < [CLOSE[name] for name in found.parameters]).all()
+
+
+def test_heights_that_one_pass_has_wrong_become_its_offset(passes):
+    runs, ways, true = passes
+    raised = replace(ways[1], position=ways[1].position + np.array([0.0, 0.0, 0.02]))
+    found = calibrate(runs, [ways[0], raised, *ways[2:]], mounting=by_tape(true),
+                      settings=CalibrationSettings(parameters=FIVE))  # fmt: skip
+    npt.assert_allclose(found.offset, [0.0, 0.02, 0.0, 0.0], rtol=0, atol=2e-5)  # [m]
+    error = found.value - values(true)[[0, 1, 2, 4, 6]]
+    assert (np.abs(error) < [CLOSE[name] for name in FIVE]).all()
+
+
+def test_standard_deviations_are_those_of_errors(passes):
+    """Over noise and over where scans fall.
+
+    Where the beams fall across the road is the same in all of them. So the 20 ratios are worth 20
+    if noise prevails and 5 if that does: 1/sqrt(2 n) is 0.16 to 0.32 of their root mean square.
+    """
+    runs, ways, true = passes
+    rng = np.random.default_rng(7)
+    ratios = []
+    for _ in range(4):
+        noisy = [thinned(run, int(rng.integers(2)), rng) for run in runs]
+        found = calibrate(noisy, ways, mounting=by_tape(true),
+                          settings=CalibrationSettings(parameters=FIVE))  # fmt: skip
+        ratios.append((found.value - values(true)[[0, 1, 2, 4, 6]]) / found.sd)
+    npt.assert_allclose(np.sqrt(np.mean(np.square(ratios))), 1.0, rtol=0, atol=HONEST)
+
+
+def test_flat_ground_tells_the_roll_and_nothing_that_moves_it(record):
+    scene, _ = read_scene("boresight")
+    flat = replace(
+        scene, ground=({"kind": "plane"},), scanner=COARSE, raster=0.05,
+        truth=Truth(returns=False, spacing=0.1),
+    )  # fmt: skip
+    found = [record(replace(flat, passes=(one,))) for one in
+             (drive("there"), drive("back", reverse=True))]  # fmt: skip
+    runs, ways = [open_run(run).load() for run, _ in found], [way for _, way in found]
+    for name in ("pitch", "yaw", "lever_x", "lever_y", "lever_z", "clock"):
+        with pytest.raises(CoverageError, match=f"do not tell {name}"):
+            calibrate(
+                runs,
+                ways,
+                settings=CalibrationSettings(parameters=("roll", name), largest_rounds=3),
+            )
+    only = calibrate(runs, ways, settings=CalibrationSettings(parameters=("roll",)))
+    npt.assert_allclose(only.value, 0.004, rtol=0, atol=CLOSE["roll"])
+
+
+def test_passes_over_other_ground_are_refused(passes):
+    runs, ways, _ = passes
+    away = replace(ways[1], position=ways[1].position + np.array([100.0, 0.0, 0.0]))
+    with pytest.raises(CoverageError, match="share no ground"):
+        calibrate(runs[:2], [ways[0], away])
+
+
+def test_ground_that_needs_too_many_cells_is_refused(passes):
+    runs, ways, _ = passes
+    settings = CalibrationSettings(area=(0.0, 0.0, 10_000.0, 10.0))
+    with pytest.raises(CoverageError, match="Name an area"):
+        calibrate(runs[:2], ways[:2], settings=settings)
+
+
+def test_passes_without_returns_are_refused(passes):
+    runs, ways, _ = passes
+    blind = runs[1].copy()
+    scans = blind["scans"].to_dataset()
+    blind["scans"] = xr.DataTree(scans.assign(range=scans["range"] * np.nan))
+    with pytest.raises(CoverageError, match="1 of 2 passes have returns"):
+        calibrate([runs[0], blind], ways[:2])
+
+
+def test_arguments_without_sense_are_refused(passes):
+    runs, ways, _ = passes
+    with pytest.raises(ValueError, match="at least 2, with a trajectory each, got 1 and 1"):
+        calibrate(runs[:1], ways[:1])
+    other = runs[1].copy()
+    other.attrs = {**other.attrs, "mounting": Mounting(scanner_clock=0.1).to_attrs()}
+    with pytest.raises(ValueError, match="one mounting"):
+        calibrate([runs[0], other], ways[:2])
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"parameters": ("rol",)}, "parameters must be some of"),
+        ({"parameters": ()}, "parameters must be some of"),
+        ({"parameters": ("roll", "roll")}, "parameters must be some of"),
+        ({"unobservable": "guess"}, "refuse or hold"),
+        ({"spacing": 0.0}, "spacing must be greater than 0"),
+        ({"largest_rounds": 0}, "largest_rounds"),
+        ({"area": (1.0, 0.0, 0.0, 1.0)}, "area must be"),
+    ],
+)
+def test_settings_without_sense_are_refused(settings, words):
+    with pytest.raises(ValueError, match=words):
+        CalibrationSettings(**settings)
