@@ -6,6 +6,7 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 import xarray as xr
+from scipy.spatial.transform import Rotation
 
 from trueterrain.errors import CoverageError
 from trueterrain.formats.run import Mounting, open_run
@@ -215,3 +216,30 @@ def test_arguments_without_sense_are_refused(passes):
 def test_settings_without_sense_are_refused(settings, words):
     with pytest.raises(ValueError, match=words):
         CalibrationSettings(**settings)
+
+
+def test_errors_of_the_motion_count_as_the_motion_claims_them(passes):
+    """Passes rolled and moved aside as a whole, by errors drawn from what they claim."""
+    runs, ways, true = passes
+    sd = {"east": 0.010, "roll": 3e-4}  # [m], [rad]
+    covariance = np.diag([sd["east"] ** 2, 0, 0, sd["roll"] ** 2, sd["roll"] ** 2, 0])
+    rng = np.random.default_rng(11)
+    settings = CalibrationSettings(
+        parameters=("roll", "pitch"), largest_angle_sd=0.02, largest_rounds=60
+    )
+    start = replace(true, scanner_rotation=(0.0, 0.0, true.scanner_rotation[2]))
+    ratios = []
+    for _ in range(4):
+        moved = []
+        for way in ways:
+            turn = Rotation.from_rotvec([sd["roll"] * rng.normal(), 0.0, 0.0])
+            quaternion = (Rotation.from_quat(way.quaternion) * turn).as_quat()
+            aside = np.array([sd["east"] * rng.normal(), 0.0, 0.0])
+            whole = np.broadcast_to(covariance, (way.time.size, 6, 6))
+            moved.append(replace(way, position=way.position + aside, quaternion=quaternion,
+                                 covariance=whole))  # fmt: skip
+        found = calibrate(runs, moved, mounting=start, settings=settings)
+        ratios.append((found.value - values(true)[:2]) / found.sd)
+        # four passes are not better than the mean of their errors
+        assert found.sd[0] > 0.99 * sd["roll"] / 2
+    npt.assert_allclose(np.sqrt(np.mean(np.square(ratios))), 1.0, rtol=0, atol=HONEST)

@@ -12,6 +12,7 @@ Floats = npt.NDArray[np.float64]
 #: What is taken to be known of each parameter before: angles [rad], arms [m], clock [s].
 BROAD = np.array([0.1] * 3 + [1.0] * 3 + [0.1])
 
+_ROUNDS = 2  # in which weights follow what is left
 _HUBER = 2.0  # standard deviations beyond which a residual weighs less
 _TO_SD = 1.0 / 0.6745  # standard deviation over median of magnitudes
 _STEEP = 0.03  # share of the cells that are the steepest
@@ -26,7 +27,11 @@ class Differences:
     "Height of each pass less the mean of the passes, shape (pass, cell) [m]; 0 where unseen."
 
     design: Floats
-    "Derivative by parameters, then by the offset of each pass but the first, (pass, cell, k)."
+    """Derivative by parameters, then by the offset of each pass but the first, then by errors of
+    motion, shape (pass, cell, k)."""
+
+    sd: Floats
+    "What is known before of all these, standard deviations, shape (k,)."
 
     slope: Floats
     "Magnitude of the slope, shape (cell,) [1]."
@@ -43,7 +48,9 @@ class Differences:
         return int(self.freedom.sum())
 
 
-def differences(seen: list[Patches], grid: MapGrid, cluster: float) -> Differences | None:
+def differences(
+    seen: list[Patches], grid: MapGrid, cluster: float, motion_sd: Floats
+) -> Differences | None:
     """Differences between passes; None if no ground is seen twice.
 
     Parameters
@@ -54,6 +61,8 @@ def differences(seen: list[Patches], grid: MapGrid, cluster: float) -> Differenc
         Its cells.
     cluster : float
         Size of the squares in which errors may be correlated [m].
+    motion_sd : numpy.ndarray, shape (pass, 5)
+        Standard deviations of roll, pitch, yaw [rad], east and north [m] of each pass as a whole.
 
     Returns
     -------
@@ -70,18 +79,25 @@ def differences(seen: list[Patches], grid: MapGrid, cluster: float) -> Differenc
     height = np.where(there, height[:, row, column], 0.0)
     slope = sum(np.where(there[p], part.slope[:, row, column], 0.0) for p, part in enumerate(seen))
     slope = np.asarray(slope) / count
-    design = np.zeros((len(seen), row.size, len(NAMES) + len(seen) - 1))
+    moving = np.argwhere(motion_sd > 0)
+    first = len(NAMES) + len(seen) - 1
+    design = np.zeros((len(seen), row.size, first + len(moving)))
     for p, part in enumerate(seen):
         by = part.shift[:, :, row, column]
         change = by[:, 2] - slope[0] * by[:, 0] - slope[1] * by[:, 1]
         design[p, :, : len(NAMES)] = np.where(there[p], change, 0.0).T
         if p:
             design[p, :, len(NAMES) + p - 1] = there[p]
+        # an angle of the body that is wrong does what that of the scanner does
+        effects = [*change[:3], *-slope]
+        for place in np.flatnonzero(moving[:, 0] == p):
+            design[p, :, first + place] = np.where(there[p], effects[moving[place, 1]], 0.0)
     size = max(1, round(cluster / grid.spacing))
     squares = -(-grid.shape[1] // size)
     return Differences(
         misfit=_less_mean(height[:, :, None], there, count)[:, :, 0],
         design=_less_mean(design, there, count),
+        sd=np.concatenate([BROAD, np.full(len(seen) - 1, 1.0), motion_sd[tuple(moving.T)]]),
         slope=np.hypot(*slope),
         freedom=count - 1.0,
         block=np.unique(row // size * squares + column // size, return_inverse=True)[1],
@@ -110,7 +126,10 @@ class Fit:
     "Change of the same by those parameters of all that are not chosen, shape (k, others)."
 
     residual: float
-    "Root mean square of the height differences less offsets [m]."
+    "Root mean square of the differences that are left [m]."
+
+    raw: float
+    "The same before, less offsets in height [m]."
 
     @property
     def sd(self) -> Floats:
@@ -138,21 +157,17 @@ def fit(found: Differences, chosen: list[int], *, height_noise: float, reach: Fl
     Fit
         Of the chosen parameters and all offsets.
     """
-    offsets = list(range(len(NAMES), found.design.shape[2]))
-    columns = [*chosen, *offsets]
-    design = found.design[:, :, columns]
-    levelled = _levelled(found)
-    weight = _weights(found, levelled, height_noise)
-    normal = np.einsum("pci,c,pcj->ij", design, weight, design, optimize=True)
-    broad = np.concatenate([BROAD[chosen], np.full(len(offsets), 1.0)])
-    normal[np.diag_indices_from(normal)] += broad**-2.0
-    right = -np.einsum("pci,c,pc->i", design, weight, found.misfit, optimize=True)
-    scale = np.concatenate([reach[chosen], np.full(len(offsets), 1.0)])
-    values, vectors = np.linalg.eigh(scale[:, None] * normal * scale / SHARED)
-    sure = values > 1.0
-    step = scale * (vectors[:, sure] @ ((vectors[:, sure].T @ (scale * right)) / values[sure]))
-    step /= SHARED
-    left = found.misfit + design @ step
+    columns = [*chosen, *range(len(NAMES), found.design.shape[2])]
+    design, prior = found.design[:, :, columns], found.sd[columns] ** -2.0
+    scale = np.concatenate([reach[chosen], np.ones(len(columns) - len(chosen))])
+    left = levelled = _levelled(found)
+    for _ in range(_ROUNDS):
+        weight = _weights(found, left, height_noise)
+        normal = np.einsum("pci,c,pcj->ij", design, weight, design, optimize=True)
+        normal += np.diag(SHARED * prior)
+        right = -np.einsum("pci,c,pc->i", design, weight, found.misfit, optimize=True)
+        step = _followed(normal / SHARED, right / SHARED, scale)
+        left = found.misfit + design @ step
     others = [index for index in range(len(NAMES)) if index not in chosen]
     mixed = np.einsum(
         "pci,c,pcj->ij", design, weight, found.design[:, :, others], optimize=True
@@ -163,18 +178,27 @@ def fit(found: Differences, chosen: list[int], *, height_noise: float, reach: Fl
         [np.bincount(found.block, score, minlength=blocks) for score in scores.T], axis=1
     )
     inverse = np.linalg.inv(normal)
-    spare = max(blocks - len(columns), 1)
-    covariance = inverse @ (summed.T @ summed) @ inverse * (blocks / spare)
+    scatter = summed.T @ summed * (blocks / max(blocks - len(columns), 1))
+    covariance = inverse @ (scatter + np.diag(SHARED**2 * prior)) @ inverse
     return Fit(
         step=step, normal=normal, covariance=0.5 * (covariance + covariance.T),
-        sensitivity=-inverse @ mixed, residual=_rms(levelled, found),
+        sensitivity=-inverse @ mixed, residual=_rms(left, found), raw=_rms(levelled, found),
     )  # fmt: skip
+
+
+def _followed(normal: Floats, right: Floats, scale: Floats) -> Floats:
+    """Solution along the directions that are known better than the scale."""
+    values, vectors = np.linalg.eigh(scale[:, None] * normal * scale)
+    sure = values > 1.0
+    return np.asarray(
+        scale * (vectors[:, sure] @ ((vectors[:, sure].T @ (scale * right)) / values[sure]))
+    )
 
 
 def _levelled(found: Differences) -> Floats:
     """Differences less the offset of each pass, found from the level half of the cells."""
     misfit = found.misfit
-    offsets = found.design[:, :, len(NAMES) :]
+    offsets = found.design[:, :, len(NAMES) : len(NAMES) + len(misfit) - 1]
     level = found.slope <= np.median(found.slope)
     for _ in range(2):
         normal = np.einsum("pci,pcj->ij", offsets[:, level], offsets[:, level], optimize=True)

@@ -58,9 +58,9 @@ class Calibration:
     "Values [rad, m, s]."
 
     sd: Floats
-    """Standard deviations [rad, m, s], from the scatter of the ground between the passes, if the
-    parameters that are held are right. An error of the motion that lasts for a whole pass is not
-    among it, but for the height."""
+    """Standard deviations [rad, m, s], from the scatter of the ground between the passes and from
+    what the trajectories claim of themselves, as errors that last for a whole pass; errors that
+    change within a pass are not among it. They hold if what is held is right."""
 
     correlation: Floats
     "Correlations, shape (parameter, parameter)."
@@ -153,9 +153,10 @@ def calibrate(
     Notes
     -----
     Gauss-Newton least squares of the heights that the passes see in each cell, its own height being
-    an unknown, and an offset in height of each pass. Cells weigh by the scatter that level and
+    an unknown, an offset in height of each pass, and errors of roll, pitch, yaw, east and north of
+    each as large as its trajectory claims. Cells weigh by the scatter that level and
     steep ground show; outliers weigh less (Huber). Observable is what is known better than
-    `CalibrationSettings` asks for, were the errors of cells what their scatter is.
+    `CalibrationSettings` asks for, if the errors of cells are what their scatter is.
 
     Examples
     --------
@@ -191,8 +192,9 @@ def calibrate(
     count = len(chosen)
     before_fit = fit(before, chosen, height_noise=settings.height_noise, reach=settings.limits)
     return _calibration(
-        found, last, result, chosen, before=before_fit.residual, rounds=rounds,
-        held=tuple(NAMES[index] for index in held), offset=-result.step[count:],
+        found, last, result, chosen, before=before_fit.raw, rounds=rounds,
+        held=tuple(NAMES[index] for index in held),
+        offset=-result.step[count : count + len(runs) - 1],
     )  # fmt: skip
 
 
@@ -207,6 +209,7 @@ class _Passes:
     ) -> None:
         self._passes = list(zip(runs, trajectories, strict=True))
         self._settings = settings
+        self._motion_sd = np.stack([_motion_sd(way) for way in trajectories])
 
     def area(self, mounting: Mounting) -> tuple[float, float, float, float]:
         """Ground that at least two passes may share."""
@@ -235,10 +238,17 @@ class _Passes:
             )
         used = (self._settings.screening, self._settings.largest_angle)
         parts = [patches(_blocks(run), way, mounting, grid, *used) for run, way in self._passes]
-        found = differences(parts, grid, self._settings.cluster)
+        found = differences(parts, grid, self._settings.cluster, self._motion_sd)
         if found is None:
             raise _no_ground()
         return found
+
+
+def _motion_sd(way: Trajectory) -> Floats:
+    """Standard deviations of roll, pitch, yaw, east and north over a pass."""
+    variance = np.einsum("nii->ni", way.covariance).mean(axis=0)
+    tilt = 0.5 * (variance[3] + variance[4])
+    return np.sqrt([tilt, tilt, variance[5], variance[0], variance[1]])
 
 
 def _no_ground() -> CoverageError:
@@ -342,7 +352,8 @@ def _calibration(
         condition=float(np.linalg.cond(inverse / np.outer(alone, alone))),
         held=tuple(name for index, name in enumerate(NAMES) if index not in chosen),
         sensitivity=result.sensitivity[:count], not_observable=held,
-        offset=np.concatenate([[0.0], offset]), offset_sd=np.concatenate([[0.0], sd[count:]]),
+        offset=np.concatenate([[0.0], offset]),
+        offset_sd=np.concatenate([[0.0], sd[count : count + offset.size]]),
         residual_before=before, residual_after=result.residual,
         correspondences=seen.correspondences, rounds=rounds,
     )  # fmt: skip
