@@ -57,7 +57,9 @@ def test_bad_arguments_are_one_line_and_leave_nothing(run, tmp_path, options, pa
 @pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_nothing_is_left_when_it_is_stopped(tmp_path, sent, code):
     arguments = [sys.executable, "-m", "trueterrain", "demo", "-o", str(tmp_path / "demo")]
-    with subprocess.Popen(arguments, stderr=subprocess.PIPE, text=True) as program:
+    # whoever runs the tests in the background ignores SIGINT, and children inherit that
+    heed = lambda: signal.signal(sent, signal.SIG_DFL)  # noqa: E731 - called in the child alone
+    with subprocess.Popen(arguments, stderr=subprocess.PIPE, text=True, preexec_fn=heed) as program:
         assert program.stderr.readline() == "making the road ...\n"
         program.send_signal(sent)
         program.stderr.read()
