@@ -12,33 +12,13 @@ from trueterrain.errors import CoverageError, concerning
 if TYPE_CHECKING:
     import xarray as xr
 
-    from trueterrain.profile import SearchArea, Statistic, WheelPath
+    from trueterrain.profile import SearchArea, WheelPath
     from trueterrain.profile.extract import Ground
 
 StatisticName = Literal[
-    "median",
-    "mean",
-    "percentile",
-    "trimmed",
-    "bridge",
-    "idw-mean",
-    "idw-median",
-    "steepest",
+    "median", "mean", "percentile", "trimmed", "bridge", "idw-mean", "idw-median", "steepest",
     "point",
-]
-
-# which options belong to which statistic
-_OPTIONS: dict[str, tuple[str, ...]] = {
-    "median": ("resolution",),
-    "mean": (),
-    "percentile": ("percent", "resolution"),
-    "trimmed": ("skip",),
-    "bridge": ("skip", "average"),
-    "idw-mean": ("power",),
-    "idw-median": ("power",),
-    "steepest": ("bandwidth",),
-    "point": (),
-}
+]  # fmt: skip
 
 
 def profile(
@@ -127,17 +107,14 @@ def profile(
     """
     from trueterrain import formats, provenance
     from trueterrain.engine import require_writable
-    from trueterrain.profile import point_profile, tyre_profile
+    from trueterrain.profile import ProfileOptions, point_profile, tyre_profile
 
-    options = {
-        "percent": percent, "skip": skip, "average": average, "power": power,
-        "resolution": resolution, "bandwidth": bandwidth,
-    }  # fmt: skip
-    taken = _statistic(statistic, {name: v for name, v in options.items() if v is not None})
-    if taken is None and (radius or patch or ellipse or level or thin == "nan"):
-        message = "--statistic point has no search area, so none of its options can be given."
-        raise ValueError(message)
-    area = _area(radius, patch, ellipse)
+    options = ProfileOptions(
+        statistic=statistic, radius=radius, patch=patch, ellipse=ellipse, percent=percent,
+        skip=skip, average=average, power=power, resolution=resolution, bandwidth=bandwidth,
+        level=level, minimum_count=minimum_count, thin=thin,
+    )  # fmt: skip
+    area, taken = options.search_area(), options.taken()
     inputs = [surface, *([path] if path else [])]
     require_writable(output, force=force, inputs=inputs)
     written = _writing(output, units)
@@ -165,62 +142,6 @@ def _writing(output: Path, units: str | None) -> dict[str, str]:
         message = f"--units is for ERD output (.erd), got {output.suffix}; other formats are in m."
         raise ValueError(message)
     return {}
-
-
-def _statistic(name: str, options: dict[str, float]) -> "Statistic | None":
-    """Build the statistic; None stands for the bare line."""
-    from trueterrain.profile import (
-        InverseDistance,
-        Mean,
-        Median,
-        Percentile,
-        SteepestCpf,
-        Window,
-    )
-
-    belongs = _OPTIONS[name]
-    for option in options:
-        if option not in belongs:
-            owners = " or ".join(owner for owner, names in _OPTIONS.items() if option in names)
-            message = f"--{option} belongs to --statistic {owners}, not to {name}."
-            raise ValueError(message)
-    match name:
-        case "median":
-            return Median(**options)
-        case "mean":
-            return Mean()
-        case "percentile":
-            if "percent" not in options:
-                message = "--statistic percentile needs --percent, e.g. --percent 85."
-                raise ValueError(message)
-            return Percentile(**options)
-        case "trimmed":
-            skip = options.get("skip", 10.0)
-            return Window(skip=skip, size=100 - 2 * skip)
-        case "bridge":
-            return Window(skip=options.get("skip", 15.0), size=options.get("average", 70.0))
-        case "idw-mean":
-            return InverseDistance(of="mean", **options)
-        case "idw-median":
-            return InverseDistance(of="median", **options)
-        case "steepest":
-            return SteepestCpf(**options)
-    return None
-
-
-def _area(
-    radius: float | None, patch: tuple[float, float] | None, ellipse: tuple[float, float] | None
-) -> "SearchArea":
-    from trueterrain.profile import Disc, Ellipse, Rectangle
-
-    if sum(shape is not None for shape in (radius, patch, ellipse)) > 1:
-        message = "only one of --radius, --patch and --ellipse may be given."
-        raise ValueError(message)
-    if patch is not None:
-        return Rectangle(length=patch[0], width=patch[1])
-    if ellipse is not None:
-        return Ellipse(length=ellipse[0], width=ellipse[1])
-    return Disc() if radius is None else Disc(radius=radius)
 
 
 def _ground_and_path(

@@ -3,6 +3,7 @@
 from trueterrain.profile.area import Disc, Ellipse, Rectangle, SearchArea
 from trueterrain.profile.distribution import HeightDistribution, HeightDistributions
 from trueterrain.profile.extract import height_distributions, point_profile, tyre_profile
+from trueterrain.profile.options import ProfileOptions
 from trueterrain.profile.path import (
     WheelPath,
     arc_path,
@@ -32,6 +33,7 @@ __all__ = [
     "Mean",
     "Median",
     "Percentile",
+    "ProfileOptions",
     "Rectangle",
     "SearchArea",
     "Statistic",
