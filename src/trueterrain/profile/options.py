@@ -1,0 +1,158 @@
+"""What of the ground a tyre feels, named in words: for settings files and the command line."""
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from trueterrain.profile.area import Disc, Ellipse, Rectangle, SearchArea
+from trueterrain.profile.statistic import (
+    InverseDistance,
+    Mean,
+    Median,
+    Percentile,
+    Statistic,
+    SteepestCpf,
+    Window,
+)
+
+StatisticName = Literal[
+    "median", "mean", "percentile", "trimmed", "bridge", "idw-mean", "idw-median", "steepest",
+    "point",
+]  # fmt: skip
+
+# which parameters belong to which statistic
+_PARAMETERS: dict[str, tuple[str, ...]] = {
+    "median": ("resolution",),
+    "mean": (),
+    "percentile": ("percent", "resolution"),
+    "trimmed": ("skip",),
+    "bridge": ("skip", "average"),
+    "idw-mean": ("power",),
+    "idw-median": ("power",),
+    "steepest": ("bandwidth",),
+    "point": (),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProfileOptions:
+    """Search area, and what is taken of the heights in it.
+
+    Examples
+    --------
+    >>> options = ProfileOptions(statistic="percentile", percent=85.0, radius=0.05)
+    >>> options.search_area(), options.taken()
+    (Disc(radius=0.05), Percentile(percent=85.0, resolution=None))
+    """
+
+    statistic: StatisticName = "median"
+    """What is taken of the heights. "trimmed" leaves out skip at either end; "bridge" leaves out
+    the highest skip and averages the next average; "steepest" is the most frequent height; "point"
+    is the bare line, without a search area."""
+
+    radius: float | None = None
+    "Radius of the disc that is searched around each path point [m]; by default 0.025."
+
+    patch: tuple[float, float] | None = None
+    "Search a rectangle aligned with the path instead: length and width [m]."
+
+    ellipse: tuple[float, float] | None = None
+    "Search an ellipse aligned with the path instead: length and width [m]."
+
+    percent: float | None = None
+    "Percentile that is taken [%]."
+
+    skip: float | None = None
+    "Share of the heights that trimmed and bridge leave out [%]; by default 10 and 15."
+
+    average: float | None = None
+    "Share of the heights that bridge averages [%]; by default 70."
+
+    power: float | None = None
+    "Power of the inverse distance of idw-mean and idw-median; by default 2."
+
+    resolution: float | None = None
+    """Step of quantised heights [m], with median and percentile: continues the distribution between
+    the steps."""
+
+    bandwidth: float | None = None
+    "Half width of the kernel of steepest [m]; by default from the scatter of the heights."
+
+    level: bool = False
+    "Take the slope of the ground inside each search area out first."
+
+    minimum_count: int = 3
+    "Search areas with fewer heights are thin."
+
+    thin: Literal["error", "nan"] = "error"
+    "Whether thin search areas are an error or become NaN."
+
+    def __post_init__(self) -> None:
+        """Check that parameters belong to the statistic."""
+        if self.statistic not in _PARAMETERS:
+            known = ", ".join(get_args(StatisticName))
+            message = f"statistic must be one of {known}, got {self.statistic!r}."
+            raise ValueError(message)
+        belongs = _PARAMETERS[self.statistic]
+        for name in ("percent", "skip", "average", "power", "resolution", "bandwidth"):
+            if getattr(self, name) is not None and name not in belongs:
+                owners = " or ".join(owner for owner, its in _PARAMETERS.items() if name in its)
+                message = f"{name} belongs to the statistic {owners}, not to {self.statistic}."
+                raise ValueError(message)
+        if self.statistic == "percentile" and self.percent is None:
+            message = "the statistic percentile needs percent, e.g. 85."
+            raise ValueError(message)
+        if sum(shape is not None for shape in (self.radius, self.patch, self.ellipse)) > 1:
+            message = "only one of radius, patch and ellipse may be given."
+            raise ValueError(message)
+        searched = self.radius or self.patch or self.ellipse or self.level or self.thin == "nan"
+        if self.statistic == "point" and searched:
+            message = "the statistic point has no search area, so none of its options can be given."
+            raise ValueError(message)
+        self.search_area()
+        self.taken()
+
+    def search_area(self) -> SearchArea:
+        """Area in which heights are searched.
+
+        Returns
+        -------
+        SearchArea
+            Around each path point.
+        """
+        if self.patch is not None:
+            return Rectangle(length=self.patch[0], width=self.patch[1])
+        if self.ellipse is not None:
+            return Ellipse(length=self.ellipse[0], width=self.ellipse[1])
+        return Disc() if self.radius is None else Disc(radius=self.radius)
+
+    def taken(self) -> Statistic | None:
+        """What is taken of the heights.
+
+        Returns
+        -------
+        Statistic or None
+            None stands for the bare line.
+        """
+        given = {
+            name: value for name in _PARAMETERS[self.statistic]
+            if (value := getattr(self, name)) is not None
+        }  # fmt: skip
+        match self.statistic:
+            case "median":
+                return Median(**given)
+            case "mean":
+                return Mean()
+            case "percentile":
+                return Percentile(**given)
+            case "trimmed":
+                skip = given.get("skip", 10.0)
+                return Window(skip=skip, size=100 - 2 * skip)
+            case "bridge":
+                return Window(skip=given.get("skip", 15.0), size=given.get("average", 70.0))
+            case "idw-mean":
+                return InverseDistance(of="mean", **given)
+            case "idw-median":
+                return InverseDistance(of="median", **given)
+            case "steepest":
+                return SteepestCpf(**given)
+        return None
