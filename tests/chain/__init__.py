@@ -1,0 +1,1 @@
+"""Tests of whole chains: from a recorded run to motion, surface and profile."""
