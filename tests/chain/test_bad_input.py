@@ -125,7 +125,7 @@ def test_a_clock_of_the_scanner_that_jumps_ahead_is_told(call, copy):
     """It looks as if the scanner had paused; what comes too late has no motion, and is counted."""
     time = copy.values("scans/time")
     copy.replace("scans/time", np.where(time > 0.6, time + 0.25, time))
-    told = f"{copy.path}: scans: there is a gap of 0.251 s at 0.600000 s"
+    told = f"{copy.path}: scans: a gap of 0.251 s at 0.600000 s"
     finished, report = call("georeference", copy.path)
     assert finished.code == 0
     assert told in finished.err
@@ -165,7 +165,12 @@ def test_scans_that_navigation_does_not_reach_are_counted(call, copy, command):
 def test_scans_of_another_time_are_refused(call, copy, command):
     copy.replace("scans/time", copy.values("scans/time") + 1000.0)
     finished, _ = call(command, copy.path)
-    refused(finished, str(copy.path), "from 1000.000 s to 1001.199 s", "Compare the clocks")
+    refused(
+        finished,
+        str(copy.path),
+        "covers none of the 1200 scans, 1000.000 s to 1001.199 s",
+        "Compare the clocks",
+    )
 
 
 @pytest.mark.parametrize("command", COMMANDS)
