@@ -1,0 +1,405 @@
+"""Where lanes lie over each other: cells in which they have returns, and what they share.
+
+Points stream by, block after block; what stays is a count and a sum of heights for each cell of a
+coarse grid that a lane touches. Sums are whole numbers, so cells do not depend on the blocks.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from trueterrain.errors import CoverageError, SchemaError, TrueTerrainError
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
+#: Points of a lane: at once, or as blocks that can be gone through several times.
+LanePoints = xr.Dataset | Iterable[xr.Dataset] | Callable[[], Iterable[xr.Dataset]]
+
+#: Step in which heights are added up [m].
+STEP = 1e-5
+
+_CHUNK = 1 << 20  # [points] looked at a time: sums of their heights stay exact in float64
+_HIGHEST = 10_000.0  # [m] for the same reason
+_SHIFT = 1 << 30  # makes numbers of cells positive
+_DENSE = 4  # cells of a box per entry, up to which it is summed as an array
+
+
+class SparseSums:
+    """Sums over entries that have the same two numbers."""
+
+    def __init__(self, columns: int) -> None:
+        self._columns = columns
+        self._parts: list[tuple[Integers, Integers]] = []
+        self._pending = 0
+
+    def add(self, first: Integers, second: Integers, *values: Integers) -> None:
+        """Add entries.
+
+        Parameters
+        ----------
+        first, second : numpy.ndarray of int64, shape (n,)
+            Numbers of each entry.
+        *values : numpy.ndarray of int64, shape (n,)
+            What is added up for each pair of numbers, besides the count.
+        """
+        if first.size == 0:
+            return
+        self._parts.append(_grouped(first, second, values))
+        self._pending += self._parts[-1][0].size
+        if self._pending > self._parts[0][0].size * 2:
+            self._merge()
+
+    def sums(self) -> tuple[Integers, Integers, Integers]:
+        """Both numbers, ascending, and counts and sums, shape (1 + values, n)."""
+        self._merge()
+        if not self._parts:
+            none = np.empty(0, np.int64)
+            return none, none, np.empty((self._columns, 0), np.int64)
+        key, sums = self._parts[0]
+        return *unpack(key), sums
+
+    def _merge(self) -> None:
+        if len(self._parts) > 1:
+            keys = np.concatenate([key for key, _ in self._parts])
+            sums = np.concatenate([part for _, part in self._parts], axis=1)
+            order = np.argsort(keys, kind="stable")
+            begin = np.flatnonzero(np.diff(keys[order], prepend=-1))
+            self._parts = [(keys[order][begin], np.add.reduceat(sums[:, order], begin, axis=1))]
+        self._pending = 0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LaneCells:
+    """Cells of a map grid in which a lane has returns."""
+
+    cell: float
+    "Size of the cells [m]."
+
+    key: Integers
+    "Packed numbers of the cells, ascending, shape (n,)."
+
+    count: Integers
+    "Returns in each, shape (n,)."
+
+    total: Integers
+    "Sum of their heights in steps of `STEP`, shape (n,)."
+
+    crs: str = ""
+    "Coordinate reference system; empty if it is not known."
+
+    left_out: int = 0
+    "Points that are not finite or higher or lower than 10 km."
+
+    @property
+    def height(self) -> Floats:
+        """Mean height of each cell, shape (n,) [m]."""
+        return np.asarray(self.total / self.count * STEP)
+
+    @cached_property
+    def covered(self) -> Integers:
+        """Cells that the lane covers: those with returns, and holes one cell wide."""
+        grown = self.key
+        for step in _AROUND:
+            grown = np.union1d(grown, self.key + step)
+        held = np.ones(grown.size, np.bool_)
+        for step in _AROUND:
+            held &= contains(grown, grown + step)
+        return grown[held]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Overlap:
+    """Cells that two lanes share."""
+
+    lanes: tuple[str, str]
+    "Names of the lanes."
+
+    cells: tuple[LaneCells, LaneCells]
+    "All cells of both."
+
+    key: Integers
+    "Cells that both cover, ascending, shape (n,)."
+
+    @property
+    def cell(self) -> float:
+        """Size of the cells [m]."""
+        return self.cells[0].cell
+
+    @property
+    def area(self) -> float:
+        """Area that both lanes cover [m²]; a cell that holds a return counts whole."""
+        return self.key.size * self.cell**2
+
+    @property
+    def centres(self) -> tuple[Floats, Floats]:
+        """Eastings and northings of the centres of the cells, shape (n,) each [m]."""
+        return centres(self.key, self.cell)
+
+    @cached_property
+    def shared(self) -> tuple[Integers, Integers, Floats]:
+        """Cells with returns of both: keys (m,), counts (2, m) and mean heights (2, m) [m]."""
+        key, a, b = np.intersect1d(
+            self.cells[0].key, self.cells[1].key, assume_unique=True, return_indices=True
+        )
+        picked = tuple(zip(self.cells, (a, b), strict=True))
+        count = np.stack([cells.count[at] for cells, at in picked])
+        return key, count, np.stack([cells.height[at] for cells, at in picked])
+
+    def holds(self, easting: npt.ArrayLike, northing: npt.ArrayLike) -> Flags:
+        """Whether places lie in the overlap.
+
+        Parameters
+        ----------
+        easting, northing : array_like
+            Places [m].
+
+        Returns
+        -------
+        numpy.ndarray of bool
+            In the shape of the places.
+        """
+        return contains(self.key, cell_keys(easting, northing, self.cell))
+
+
+def lane_blocks(points: LanePoints) -> Iterator[xr.Dataset]:
+    """Blocks of the points of a lane.
+
+    Parameters
+    ----------
+    points : xarray.Dataset, iterable of them, or function that returns one
+        The lane.
+
+    Yields
+    ------
+    xarray.Dataset
+        Points.
+
+    Raises
+    ------
+    ValueError
+        If the lane is an iterator, which can be gone through only once.
+    """
+    if isinstance(points, xr.Dataset):
+        yield points
+        return
+    blocks = points() if callable(points) else points
+    if not callable(points) and iter(blocks) is blocks:
+        message = (
+            "a lane must be a dataset, a sequence of them or a function that returns blocks, got "
+            "an iterator, which can be gone through only once."
+        )
+        raise ValueError(message)
+    yield from blocks
+
+
+def heights_of(block: xr.Dataset) -> Iterator[tuple[Floats, Floats, Integers, int]]:
+    """Chunks of a block of points: those that are finite, with heights in whole steps.
+
+    Parameters
+    ----------
+    block : xarray.Dataset
+        Points.
+
+    Yields
+    ------
+    easting, northing : numpy.ndarray, shape (point,)
+        Coordinates [m].
+    height : numpy.ndarray of int64, shape (point,)
+        Heights in steps of `STEP`.
+    left_out : int
+        Points of the chunk that are not among them.
+    """
+    x, y, z = (
+        np.ravel(np.asarray(block[name], dtype=np.float64))
+        for name in ("easting", "northing", "up")
+    )
+    for begin in range(0, x.size, _CHUNK):
+        part = slice(begin, begin + _CHUNK)
+        good = np.isfinite(x[part]) & np.isfinite(y[part]) & (np.abs(z[part]) < _HIGHEST)
+        height = np.rint(z[part][good] / STEP).astype(np.int64)
+        yield x[part][good], y[part][good], height, int(good.size - good.sum())
+
+
+def lane_cells(points: LanePoints, cell: float = 0.1, *, name: str = "") -> LaneCells:
+    """Sort the points of a lane into cells.
+
+    Parameters
+    ----------
+    points : xarray.Dataset, iterable of them, or function that returns one
+        Points of the lane, at once or in blocks.
+    cell : float
+        Size of the cells [m].
+    name : str
+        Name of the lane, for messages.
+
+    Returns
+    -------
+    LaneCells
+        The same for any blocks and any order of the points.
+
+    Raises
+    ------
+    ValueError
+        If the size is not greater than 0.
+    CoverageError
+        If there is no point.
+    SchemaError
+        If blocks have different coordinate reference systems.
+
+    Examples
+    --------
+    >>> from trueterrain.kinds import make_points
+    >>> cells = lane_cells(make_points([0.01, 0.02, 5.0], [0.0, 0.0, 0.0], [1.0, 1.002, 1.1]))
+    >>> cells.count, cells.height
+    (array([2, 1]), array([1.001, 1.1 ]))
+    """
+    if not 0 < cell < np.inf:
+        message = f"cell must be greater than 0 m, got {cell}."
+        raise ValueError(message)
+    sums, left_out = SparseSums(2), 0
+    place = f"lane {name}" if name else "lane"
+    known: str | None = None
+    for block in lane_blocks(points):
+        crs = str(block.attrs.get("crs", ""))
+        if known is not None and crs != known:
+            raise _different_crs(place, crs, "the blocks before it", known)
+        known = crs
+        for x, y, height, bad in heights_of(block):
+            left_out += bad
+            sums.add(*(np.floor(at / cell).astype(np.int64) for at in (x, y)), height)
+    column, row, (count, total) = sums.sums()
+    if not count.size:
+        raise CoverageError(
+            f"holds no point with finite coordinates ({left_out} others)",
+            place=place,
+            cure="Leave it out.",
+        )
+    return LaneCells(
+        cell=cell, key=pack(column, row), count=count, total=total, crs=known or "",
+        left_out=left_out,
+    )  # fmt: skip
+
+
+def overlap_of(
+    first: LaneCells, second: LaneCells, *, lanes: tuple[str, str] = ("first", "second")
+) -> Overlap | None:
+    """Cells that two lanes share.
+
+    Parameters
+    ----------
+    first, second : LaneCells
+        Cells of both lanes.
+    lanes : tuple of str
+        Their names.
+
+    Returns
+    -------
+    Overlap or None
+        None if there is no ground that both cover.
+
+    Raises
+    ------
+    ValueError
+        If the cells are of different sizes.
+    SchemaError
+        If the lanes have different coordinate reference systems.
+    TrueTerrainError
+        If both hold the same points.
+
+    Examples
+    --------
+    >>> from trueterrain.kinds import make_points
+    >>> one = lane_cells(make_points([0.5, 1.5, 2.5], [0.5] * 3, [0.0] * 3), 1.0)
+    >>> two = lane_cells(make_points([2.4, 3.4, 4.4], [0.5] * 3, [0.1] * 3), 1.0)
+    >>> overlap_of(one, two).area
+    1.0
+    """
+    if first.cell != second.cell:
+        message = f"cells must have one size, got {first.cell} and {second.cell} m."
+        raise ValueError(message)
+    if first.crs != second.crs:
+        raise _different_crs(f"lane {lanes[1]}", second.crs, f"lane {lanes[0]}", first.crs)
+    if all(
+        np.array_equal(getattr(first, name), getattr(second, name))
+        for name in ("key", "count", "total")
+    ):
+        raise TrueTerrainError(
+            f"holds the same points as lane {lanes[0]}",
+            place=f"lane {lanes[1]}",
+            cure="Give each pass once.",
+        )
+    key = np.intersect1d(first.covered, second.covered, assume_unique=True)
+    return Overlap(lanes=lanes, cells=(first, second), key=key) if key.size else None
+
+
+def _different_crs(place: str, crs: str, other: str, known: str) -> SchemaError:
+    def said(name: str) -> str:
+        return repr(name if len(name) < 40 else name[:36] + " ...") if name else "unknown"
+
+    return SchemaError(
+        f"has the coordinate reference system {said(crs)}, but that of {other} is {said(known)}",
+        place=place,
+        cure="Bring all lanes into one, or state it with --crs.",
+    )
+
+
+def pack(column: Integers, row: Integers) -> Integers:
+    """One number for both numbers of a cell; neighbours differ by `_ROW` and by 1."""
+    return np.asarray((column + _SHIFT) * _ROW + (row + _SHIFT))
+
+
+def unpack(key: Integers) -> tuple[Integers, Integers]:
+    """Both numbers of a cell."""
+    return key // _ROW - _SHIFT, key % _ROW - _SHIFT
+
+
+_ROW = 1 << 32
+_AROUND = tuple(c * _ROW + r for c in (-1, 0, 1) for r in (-1, 0, 1) if c or r)
+
+
+def centres(key: Integers, cell: float) -> tuple[Floats, Floats]:
+    """Eastings and northings of the centres of cells [m]."""
+    column, row = unpack(key)
+    return (column + 0.5) * cell, (row + 0.5) * cell
+
+
+def cell_keys(easting: npt.ArrayLike, northing: npt.ArrayLike, cell: float) -> Integers:
+    """Packed numbers of the cells in which places lie."""
+    x, y = (np.floor(np.asarray(at, float) / cell).astype(np.int64) for at in (easting, northing))
+    return pack(x, y)
+
+
+def contains(ascending: Integers, wanted: Integers) -> Flags:
+    """Whether numbers are among ascending ones."""
+    if not ascending.size:
+        return np.zeros(wanted.shape, np.bool_)
+    at = np.minimum(np.searchsorted(ascending, wanted), ascending.size - 1)
+    return np.asarray(ascending[at] == wanted)
+
+
+def _grouped(
+    first: Integers, second: Integers, values: tuple[Integers, ...]
+) -> tuple[Integers, Integers]:
+    """Packed numbers, ascending, and counts and sums of the entries that share them."""
+    low = int(first.min()), int(second.min())
+    shape = int(first.max()) - low[0] + 1, int(second.max()) - low[1] + 1
+    if shape[0] * shape[1] <= _DENSE * first.size + _CHUNK:
+        flat = (first - low[0]) * shape[1] + (second - low[1])
+        count = np.bincount(flat, minlength=shape[0] * shape[1])
+        there = np.flatnonzero(count)
+        sums = [np.bincount(flat, value, minlength=count.size)[there] for value in values]
+        key = pack(there // shape[1] + low[0], there % shape[1] + low[1])
+        counted = count[there]
+    else:
+        key, inverse, counted = np.unique(
+            pack(first, second), return_inverse=True, return_counts=True
+        )
+        sums = [np.bincount(inverse, value, minlength=key.size) for value in values]
+    # whole numbers below 2^53 are exact in float64
+    return key, np.stack([counted, *(np.rint(part) for part in sums)]).astype(np.int64)
