@@ -1,0 +1,497 @@
+"""Reference paths through an overlap, with equally spaced reference points (thesis 4.3.1, 4.4).
+
+A station is the arc length along the path, or on a circle the polar angle times the radius. On a
+closed course stations are periodic: the last reference point is followed by the first.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from trueterrain.errors import CoverageError
+from trueterrain.kinds import make_surface
+from trueterrain.lanes.overlap import Flags, Floats, Overlap
+from trueterrain.surface.reference_line import GridFrame, grid_frame, xy_to_uv
+
+_WIDE = 12.0  # [m] to either side of a path, where points are found fast
+_BEND = 0.8  # of the least radius, which that width stays below
+_FINE = 8  # samples of a curve per spacing
+_SAME = 1e-9  # [m] between waypoints that count once
+
+
+class Places(NamedTuple):
+    """Places along a path."""
+
+    station: Floats
+    "Stations from 0 to the length of the path [m]; of places beyond its ends that of the end."
+
+    offset: Floats
+    "Distance from the path, left positive [m]."
+
+    beyond: Flags
+    "Whether the place lies before the begin or behind the end of the path."
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ReferencePath:
+    """Equally spaced reference points along a path."""
+
+    easting: Floats
+    "Eastings of the reference points, shape (s,) [m]."
+
+    northing: Floats
+    "Northings, shape (s,) [m]."
+
+    spacing: float
+    "Arc length from one to the next [m]."
+
+    closed: bool = False
+    "Whether the last one is followed by the first."
+
+    centre: tuple[float, float] | None = None
+    "Easting and northing of the centre, if stations are polar [m]."
+
+    def __post_init__(self) -> None:
+        """Check shapes and values."""
+        if self.easting.ndim != 1 or self.easting.shape != self.northing.shape:
+            message = (
+                "easting and northing must be arrays of one length, got the shapes "
+                f"{self.easting.shape} and {self.northing.shape}."
+            )
+            raise ValueError(message)
+        if self.easting.size < (3 if self.closed else 2):
+            message = (
+                "a reference path needs at least 2 reference points, or 3 if it is closed, got "
+                f"{self.easting.size}."
+            )
+            raise ValueError(message)
+        if not (np.isfinite(self.easting).all() and np.isfinite(self.northing).all()):
+            message = "reference points must be finite."
+            raise ValueError(message)
+        if not 0 < self.spacing < np.inf:
+            message = f"spacing must be greater than 0 m, got {self.spacing}."
+            raise ValueError(message)
+
+    @property
+    def station(self) -> Floats:
+        """Stations of the reference points, shape (s,) [m]."""
+        return np.arange(self.easting.size) * self.spacing
+
+    @property
+    def length(self) -> float:
+        """Length of the path, once around if it is closed [m]."""
+        return float((self.easting.size - (not self.closed)) * self.spacing)
+
+    @cached_property
+    def heading(self) -> Floats:
+        """Direction of the path at its reference points, counter-clockwise from east [rad]."""
+        x, y = self._extended(self.spacing)
+        return np.arctan2(y[2:] - y[:-2], x[2:] - x[:-2])
+
+    def locate(self, easting: npt.ArrayLike, northing: npt.ArrayLike) -> Places:
+        """Stations and offsets of places.
+
+        Parameters
+        ----------
+        easting, northing : array_like, shape (n,)
+            Places [m].
+
+        Returns
+        -------
+        Places
+            NaN where a place is not finite.
+
+        Examples
+        --------
+        >>> path = straight_reference((0, 0), (0, 10), spacing=1.0)
+        >>> path.locate([-2.0, 0.0], [2.5, 12.0])
+        Places(station=array([ 2.5, 10. ]), offset=array([2., 0.]), beyond=array([False, True]))
+        """
+        x, y = (np.ravel(np.asarray(at, dtype=float)) for at in (easting, northing))
+        if self.centre is not None:
+            return self._polar(x, y)
+        station, offset = xy_to_uv(self._wide, x, y)
+        beyond = np.zeros(x.size, np.bool_)
+        lost = np.flatnonzero(np.isnan(station) & np.isfinite(x) & np.isfinite(y))
+        if lost.size:
+            station[lost], offset[lost] = self._nearest(x[lost], y[lost])
+        if self.closed:
+            return Places(station % self.length, offset, beyond)
+        beyond = (station < 0) | (station > self.length)
+        return Places(np.clip(station, 0.0, self.length), offset, beyond)
+
+    def frame(self, half_width: float, beyond: float = 0.0) -> GridFrame:
+        """Geometry of the strip along the path.
+
+        Parameters
+        ----------
+        half_width : float
+            How far it reaches to either side [m].
+        beyond : float
+            How far it goes on straight behind both ends [m]; a closed path goes on around.
+
+        Returns
+        -------
+        GridFrame
+            Whose u is the station, from below 0 to above the length of a closed path.
+        """
+        x, y = self._extended(max(beyond, self.spacing) if beyond or self.closed else 0.0)
+        added = (x.size - self.easting.size) // 2
+        u = np.arange(-added, x.size - added) * self.spacing
+        flat = make_surface(
+            np.zeros((u.size, 2)), u=u, v=[-half_width, half_width], easting=x, northing=y
+        )
+        return grid_frame(flat)
+
+    def at(self, station: npt.ArrayLike, offset: npt.ArrayLike = 0.0) -> tuple[Floats, Floats]:
+        """Eastings and northings [m] of stations and offsets, the inverse of `locate`."""
+        s, v = np.asarray(station, dtype=float), np.asarray(offset, dtype=float)
+        x, y = self._extended(self.spacing)
+        u = np.arange(-1, x.size - 1) * self.spacing
+        place = np.clip((s % self.length if self.closed else s) / self.spacing, 0, x.size - 3)
+        near = np.floor(place).astype(np.int64)
+        nodes = np.append(self.heading, self.heading[0] if self.closed else self.heading[-1])
+        turn = np.unwrap(nodes)
+        heading = turn[near] + (place - near) * (turn[near + 1] - turn[near])
+        return (
+            np.interp(place * self.spacing, u, x) - v * np.sin(heading),
+            np.interp(place * self.spacing, u, y) + v * np.cos(heading),
+        )
+
+    def _extended(self, beyond: float) -> tuple[Floats, Floats]:
+        """Reference points and more behind both ends."""
+        more = int(np.ceil(beyond / self.spacing - 1e-9))
+        nodes = self.easting, self.northing
+        if self.closed:
+            x, y = (np.take(at, np.arange(-more, at.size + more), mode="wrap") for at in nodes)
+            return x, y
+        steps = np.arange(1, more + 1)
+        x, y = (
+            np.concatenate(
+                [at[0] - (at[1] - at[0]) * steps[::-1], at, at[-1] + (at[-1] - at[-2]) * steps]
+            )
+            for at in nodes
+        )
+        return x, y
+
+    @cached_property
+    def _wide(self) -> GridFrame:
+        """Strip in which nearly all points of a road lie, narrower where the path bends."""
+        turn = np.abs(np.diff(np.unwrap(self.heading))).max(initial=0.0)
+        widest = _BEND * self.spacing / turn if turn > 0 else np.inf
+        return self.frame(min(_WIDE, widest))
+
+    @cached_property
+    def _tree(self) -> Any:
+        from scipy.spatial import KDTree
+
+        return KDTree(np.stack([self.easting, self.northing], axis=1))
+
+    def _nearest(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+        """Station and offset on the chord nearest to each place; the outermost ones go on."""
+        _, near = self._tree.query(np.stack([x, y], axis=1))
+        n = self.easting.size
+        best = np.full(x.size, np.inf)
+        station, offset = np.empty(x.size), np.empty(x.size)
+        for begin in (near - 1, near):
+            if not self.closed:
+                begin = np.clip(begin, 0, n - 2)
+            a, b = begin % n, (begin + 1) % n
+            cx, cy = self.easting[b] - self.easting[a], self.northing[b] - self.northing[a]
+            dx, dy = x - self.easting[a], y - self.northing[a]
+            part = (dx * cx + dy * cy) / (cx * cx + cy * cy)
+            low = np.where((begin == 0) & (not self.closed), -np.inf, 0.0)
+            high = np.where((begin == n - 2) & (not self.closed), np.inf, 1.0)
+            part = np.clip(part, low, high)
+            away = np.hypot(dx - part * cx, dy - part * cy)
+            closer = away < best
+            best = np.where(closer, away, best)
+            station = np.where(closer, (begin + part) * self.spacing, station)
+            offset = np.where(closer, np.copysign(away, cx * dy - cy * dx), offset)
+        return station, offset
+
+    def _polar(self, x: Floats, y: Floats) -> Places:
+        assert self.centre is not None
+        cx, cy = self.centre
+        radius = float(np.hypot(self.easting[0] - cx, self.northing[0] - cy))
+        begin = np.arctan2(self.northing[0] - cy, self.easting[0] - cx)
+        way = 1.0 if np.sin(self.heading[0] - begin) > 0 else -1.0  # counter-clockwise or not
+        angle = way * (np.arctan2(y - cy, x - cx) - begin) % (2 * np.pi)
+        return Places(
+            radius * angle % self.length,
+            way * (radius - np.hypot(x - cx, y - cy)),
+            np.zeros(x.size, np.bool_),
+        )
+
+
+def straight_reference(
+    start: tuple[float, float], end: tuple[float, float], *, spacing: float = 0.25
+) -> ReferencePath:
+    """Reference path along a straight line.
+
+    Parameters
+    ----------
+    start, end : tuple of float
+        Easting and northing of the ends [m].
+    spacing : float
+        Distance of the reference points [m].
+
+    Returns
+    -------
+    ReferencePath
+        From `start`; its last point is less than a spacing from `end`.
+
+    Raises
+    ------
+    ValueError
+        If the ends are nearer than a spacing.
+
+    Examples
+    --------
+    >>> straight_reference((0, 0), (1, 0), spacing=0.5).easting
+    array([0. , 0.5, 1. ])
+    """
+    return waypoint_reference([start[0], end[0]], [start[1], end[1]], spacing=spacing)
+
+
+def waypoint_reference(
+    easting: npt.ArrayLike,
+    northing: npt.ArrayLike,
+    *,
+    spacing: float = 0.25,
+    closed: bool = False,
+) -> ReferencePath:
+    """Reference path along a smooth curve through waypoints.
+
+    Parameters
+    ----------
+    easting, northing : array_like, shape (n,)
+        Waypoints in order [m]; a cubic spline over their distances runs through them.
+    spacing : float
+        Arc length between reference points [m]; of a closed path the nearest of which it is a
+        whole multiple.
+    closed : bool
+        Whether the path returns to its first waypoint; that need not be repeated.
+
+    Returns
+    -------
+    ReferencePath
+        Stations are arc lengths.
+
+    Raises
+    ------
+    ValueError
+        If waypoints are not finite, too few, or the path is too short.
+
+    Examples
+    --------
+    >>> angle = np.linspace(0, 2 * np.pi, 40, endpoint=False)
+    >>> ring = waypoint_reference(10 * np.cos(angle), 10 * np.sin(angle), closed=True)
+    >>> ring.length
+    62.83
+    """
+    from scipy.interpolate import CubicSpline
+
+    if not 0 < spacing < np.inf:
+        message = f"spacing must be greater than 0 m, got {spacing}."
+        raise ValueError(message)
+    nodes = _waypoints(easting, northing, closed)
+    s = np.append(0.0, np.cumsum(np.hypot(*np.diff(nodes, axis=0).T)))
+    ends: Any = "periodic" if closed else "not-a-knot"
+    if nodes.shape[0] == 2:
+        slope = (nodes[1] - nodes[0]) / s[1]
+        ends = ((1, slope), (1, slope))
+    spline = CubicSpline(s, nodes, bc_type=ends)
+    fine = np.unique(
+        np.concatenate([s, np.linspace(0, s[-1], int(_FINE * s[-1] / spacing) + 2 * _FINE)])
+    )
+    # Simpson's rule for the length of the pieces between
+    speed = np.hypot(*spline(fine, 1).T)
+    middle = np.hypot(*spline(0.5 * (fine[1:] + fine[:-1]), 1).T)
+    pieces = np.diff(fine) * (speed[:-1] + 4 * middle + speed[1:]) / 6
+    arc = np.append(0.0, np.cumsum(pieces))
+    parts = arc[-1] / spacing
+    count = max(round(parts), 3) if closed else int(parts + 1e-6) + 1
+    if parts < 1:
+        message = f"the path is {arc[-1]:g} m long, shorter than the spacing of {spacing:g} m."
+        raise ValueError(message)
+    spacing = arc[-1] / count if closed else spacing
+    at = spline(CubicSpline(arc, fine)(np.minimum(np.arange(count) * spacing, arc[-1])))
+    return ReferencePath(
+        easting=at[:, 0].copy(), northing=at[:, 1].copy(), spacing=float(spacing), closed=closed
+    )
+
+
+def polar_reference(
+    centre: tuple[float, float],
+    radius: float,
+    *,
+    spacing: float = 0.25,
+    start_angle: float = 0.0,
+    clockwise: bool = False,
+) -> ReferencePath:
+    """Reference path once around a circle, with polar stations (thesis 4.4).
+
+    Parameters
+    ----------
+    centre : tuple of float
+        Easting and northing of the centre [m].
+    radius : float
+        Radius [m].
+    spacing : float
+        Distance of the reference points along the circle, taken to the nearest whole part [m].
+    start_angle : float
+        Where station 0 is, counter-clockwise from east [rad].
+    clockwise : bool
+        Whether stations run clockwise.
+
+    Returns
+    -------
+    ReferencePath
+        The station of any place is its polar angle times the radius.
+
+    Raises
+    ------
+    ValueError
+        If a number is not finite or not greater than 0.
+
+    Examples
+    --------
+    >>> polar_reference((0, 0), 10.0).locate([0.0], [9.0]).station / 10 / np.pi
+    array([0.5])
+    """
+    if not (np.isfinite([*centre, start_angle]).all() and 0 < radius < np.inf):
+        message = (
+            "centre and start_angle must be finite and radius greater than 0 m, got "
+            f"{centre}, {start_angle} and {radius}."
+        )
+        raise ValueError(message)
+    if not 0 < spacing < np.inf:
+        message = f"spacing must be greater than 0 m, got {spacing}."
+        raise ValueError(message)
+    count = max(round(2 * np.pi * radius / spacing), 8)
+    angle = start_angle + (-1 if clockwise else 1) * np.arange(count) * (2 * np.pi / count)
+    return ReferencePath(
+        easting=centre[0] + radius * np.cos(angle),
+        northing=centre[1] + radius * np.sin(angle),
+        spacing=2 * np.pi * radius / count,
+        closed=True,
+        centre=(float(centre[0]), float(centre[1])),
+    )
+
+
+def centre_reference(
+    overlap: Overlap, *, spacing: float = 0.25, smoothing: float = 5.0
+) -> ReferencePath:
+    """Reference path along the centre of an overlap, straight, curved or closed.
+
+    Parameters
+    ----------
+    overlap : Overlap
+        The overlap.
+    spacing : float
+        Distance of the reference points [m].
+    smoothing : float
+        Wavelength below which the path does not follow the edges of the overlap [m].
+
+    Returns
+    -------
+    ReferencePath
+        From west to east, or from south to north if that is longer; closed courses
+        counter-clockwise.
+
+    Raises
+    ------
+    ValueError
+        If a number is not greater than 0.
+    CoverageError
+        If the overlap is shorter than two spacings.
+
+    Notes
+    -----
+    The way along the overlap is found from cell to cell: cells equally far from its one end lie
+    across it. Then the path is moved to the middle of the cells beside it until it rests.
+
+    Examples
+    --------
+    >>> from trueterrain.kinds import make_points
+    >>> from trueterrain.lanes.overlap import lane_cells, overlap_of
+    >>> x, y = (at.ravel() for at in np.meshgrid(np.arange(0, 20, 0.1), np.arange(0, 4, 0.1)))
+    >>> left, right = (lane_cells(make_points(x, y + by, 0 * x), 0.2) for by in (0.05, 3.05))
+    >>> path = centre_reference(overlap_of(left, right))
+    >>> np.round([path.northing.min(), path.northing.max()], 2)
+    array([3.5, 3.5])
+    """
+    from trueterrain.lanes._discontinuity_centre import centre_waypoints
+
+    for name, value in (("spacing", spacing), ("smoothing", smoothing)):
+        if not 0 < value < np.inf:
+            message = f"{name} must be greater than 0 m, got {value}."
+            raise ValueError(message)
+    try:
+        easting, northing, closed = centre_waypoints(overlap, spacing, smoothing)
+        return waypoint_reference(easting, northing, spacing=spacing, closed=closed)
+    except ValueError as error:
+        raise CoverageError(
+            f"has no length to lay a reference path along: {error}",
+            place=f"overlap of {overlap.lanes[0]} and {overlap.lanes[1]}",
+            cure="Give a line or waypoints, a finer spacing, or finer cells.",
+        ) from None
+
+
+class Edges(NamedTuple):
+    """Sides of an overlap along a path; NaN where it has none."""
+
+    station: Floats
+    "Stations, shape (s,) [m]."
+
+    centre: Floats
+    "Offset of the middle of the overlap, left positive, shape (s,) [m]."
+
+    width: Floats
+    "Width, from the area of the cells; one that holds a return counts whole, shape (s,) [m]."
+
+
+def overlap_edges(overlap: Overlap, path: ReferencePath) -> Edges:
+    """Width of an overlap along a path.
+
+    Parameters
+    ----------
+    overlap : Overlap
+        The overlap; of it those parts count that the path runs through.
+    path : ReferencePath
+        The path.
+
+    Returns
+    -------
+    Edges
+        At the reference points, each over the stretch that is nearest to it, and not less than
+        three cells.
+    """
+    from trueterrain.lanes._discontinuity_centre import across, part_of_path
+
+    key = part_of_path(overlap, path)
+    found = across(key, overlap.cell, path, max(path.spacing, 3 * overlap.cell))
+    return Edges(path.station, *found)
+
+
+def _waypoints(easting: npt.ArrayLike, northing: npt.ArrayLike, closed: bool) -> Floats:
+    x, y = (np.ravel(np.asarray(at, dtype=float)) for at in (easting, northing))
+    if x.shape != y.shape or not (np.isfinite(x).all() and np.isfinite(y).all()):
+        message = "easting and northing must hold the same number of finite waypoints."
+        raise ValueError(message)
+    nodes = np.stack([x, y], axis=1)
+    if closed:
+        nodes = np.concatenate([nodes, nodes[:1]])
+    new = np.append(True, np.hypot(*np.diff(nodes, axis=0).T) > _SAME)
+    nodes = nodes[new]
+    if closed and nodes.shape[0] and np.hypot(*(nodes[-1] - nodes[0])) <= _SAME:
+        nodes[-1] = nodes[0]
+    least = 4 if closed else 2
+    if nodes.shape[0] < least:
+        message = f"a path needs at least {least - closed} different waypoints, got {len(nodes)}."
+        raise ValueError(message)
+    return nodes
