@@ -82,7 +82,7 @@ def test_unknown_files_are_described(tmp_path, content, words):
             function(path)
         message = str(caught.value)
         assert words in message
-        assert "known are OpenCRG, GeoTIFF, LAS, LAZ, COPC, ERD, CSV, Parquet" in message
+        assert "known are OpenCRG, GeoTIFF, LAS, LAZ, COPC, ERD, CSV, Parquet, Zarr" in message
         assert "\n" not in message
 
 
@@ -122,7 +122,7 @@ def test_info_adds_name_size_and_a_wrong_ending(tmp_path, profile):
 
 
 def test_points_block_by_block(tmp_path, points, profile):
-    for name in ("p.laz", "p.csv", "p.parquet"):
+    for name in ("p.laz", "p.csv", "p.parquet", "p.zarr"):
         formats.write(iter([points, points]), tmp_path / name)
         blocks = list(formats.point_blocks(tmp_path / name, size=1, crs="EPSG:25832"))
         assert [block.sizes["point"] for block in blocks] == [1, 1, 1, 1]
@@ -136,11 +136,11 @@ def test_points_block_by_block(tmp_path, points, profile):
 
 def test_what_cannot_be_written_names_what_can(tmp_path, profile, points, road):
     for data, ending, known in [
-        (profile, ".laz", ".erd, .csv, .parquet"),
-        (points, ".crg", ".laz, .las, .csv, .parquet"),
-        (iter([points]), ".erd", ".laz, .las, .csv, .parquet"),
-        (road, ".csv", ".crg, .tif, .tiff"),
-        (profile, "", ".erd, .csv, .parquet"),
+        (profile, ".laz", ".erd, .csv, .parquet, .zarr"),
+        (points, ".crg", ".laz, .las, .csv, .parquet, .zarr"),
+        (iter([points]), ".erd", ".laz, .las, .csv, .parquet, .zarr"),
+        (road, ".csv", ".crg, .tif, .tiff, .zarr"),
+        (profile, "", ".erd, .csv, .parquet, .zarr"),
     ]:
         with pytest.raises(ValueError, match=f"can be written to {known}, got ending '{ending}'"):
             formats.write(data, tmp_path / f"x{ending}")

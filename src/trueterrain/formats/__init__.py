@@ -1,11 +1,11 @@
 """File formats: what a file is, reading and writing it.
 
-A file is recognised by its content, never by its ending alone. Each format is a module with
-``read``, ``write`` and ``describe``, imported when it is first needed.
+A file, or a folder that is a Zarr store, is recognised by its content, never by its ending alone.
+Each format is a module with ``read``, ``write`` and ``describe``, imported when it is first needed.
 """
 
 import importlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -23,6 +23,7 @@ __all__ = [
     "open",
     "point_blocks",
     "recognise",
+    "require_writable",
     "write",
     "writer_of",
 ]
@@ -32,10 +33,12 @@ BLOCK = 1_000_000
 
 # endings by which a kind of data can be written, and the module that does it
 _WRITERS = {
-    "surface": {".crg": "opencrg", ".tif": "geotiff", ".tiff": "geotiff"},
-    "profile": {".erd": "erd", ".csv": "table", ".parquet": "table"},
-    "points": {".laz": "las", ".las": "las", ".csv": "table", ".parquet": "table"},
-}
+    "surface": {".crg": "opencrg", ".tif": "geotiff", ".tiff": "geotiff", ".zarr": "store"},
+    "profile": {".erd": "erd", ".csv": "table", ".parquet": "table", ".zarr": "store"},
+    "points": {
+        ".laz": "las", ".las": "las", ".csv": "table", ".parquet": "table", ".zarr": "store",
+    },
+}  # fmt: skip
 
 
 def open(path: str | Path) -> "xr.Dataset":  # noqa: A001 - called as trueterrain.formats.open
@@ -44,7 +47,7 @@ def open(path: str | Path) -> "xr.Dataset":  # noqa: A001 - called as trueterrai
     Parameters
     ----------
     path : str or Path
-        CRG, GeoTIFF, LAS, LAZ, COPC, ERD, CSV or Parquet file.
+        CRG, GeoTIFF, LAS, LAZ, COPC, ERD, CSV or Parquet file, or a Zarr store.
 
     Returns
     -------
@@ -66,7 +69,7 @@ def info(path: str | Path) -> dict[str, Any]:
     Parameters
     ----------
     path : str or Path
-        File of any known format.
+        File or store of any known format.
 
     Returns
     -------
@@ -101,12 +104,12 @@ def write(
     Parameters
     ----------
     data : xarray.Dataset or iterator of xarray.Dataset
-        Surface (.crg, .tif), profile (.erd, .csv, .parquet), or points (.laz, .las, .csv,
-        .parquet); points also block by block.
+        Surface (.crg, .tif, .zarr), profile (.erd, .csv, .parquet, .zarr), or points (.laz, .las,
+        .csv, .parquet, .zarr); points also block by block.
     path : str or Path
-        Where the file shall be.
+        Where the file shall be, or the store.
     force : bool
-        Replace a file that is there already.
+        Replace a file that is there already, or a store of points, a surface or a profile.
     **options
         Passed to the format's own ``write``.
 
@@ -128,6 +131,40 @@ def write(
     module = _module(writer_of(kind, path))
     with concerning(path):
         return module.write(data, path, force=force, **options)
+
+
+def require_writable(
+    path: str | Path, *, force: bool = False, inputs: Iterable[str | Path] = ()
+) -> None:
+    """Raise if an output, file or store, may not be written, before the work for it begins.
+
+    Parameters
+    ----------
+    path : str or Path
+        Where the output shall be; a name that ends with .zarr is that of a store.
+    force : bool
+        Whether what is there already may be replaced: a file by a file, and points, a surface or a
+        profile in a store by a store.
+    inputs : iterable of str or Path
+        Files and stores that the work reads; none of them is replaced, not even with `force`.
+
+    Raises
+    ------
+    OutputError
+        If something exists and may not be replaced, or the folder does not exist.
+
+    Examples
+    --------
+    >>> require_writable("nowhere/points.zarr")
+    Traceback (most recent call last):
+    trueterrain.errors.OutputError: nowhere/points.zarr: the folder nowhere does not exist. ...
+    """
+    if Path(path).suffix.lower() == ".zarr":
+        _module("store").require_replaceable(path, force=force, inputs=inputs)
+        return
+    from trueterrain import engine
+
+    engine.require_writable(path, force=force, inputs=inputs)
 
 
 def writer_of(kind: str, path: str | Path) -> str:
@@ -177,7 +214,7 @@ def point_blocks(
     Parameters
     ----------
     path : str or Path
-        LAS, LAZ, COPC, CSV or Parquet file of points.
+        LAS, LAZ, COPC, CSV or Parquet file, or Zarr store, of points.
     bounds : tuple of float, optional
         Smallest easting and northing, largest easting and northing [m]; points on the edges are
         inside.
@@ -213,7 +250,7 @@ def kind_of_file(path: str | Path) -> str:
     Parameters
     ----------
     path : str or Path
-        File of any known format.
+        File or store of any known format.
 
     Returns
     -------

@@ -17,7 +17,7 @@ class Format:
     """A file format that this package reads."""
 
     name: str
-    "Name for people: OpenCRG, GeoTIFF, LAS, LAZ, COPC, ERD, CSV or Parquet."
+    "Name for people: OpenCRG, GeoTIFF, LAS, LAZ, COPC, ERD, CSV, Parquet, Zarr, Run, ..."
 
     module: str
     "Module of `trueterrain.formats` that reads it."
@@ -37,15 +37,19 @@ COPC = Format(name="COPC", module="las", endings=(".copc.laz", ".laz"), compress
 ERD = Format(name="ERD", module="erd", endings=(".erd",))
 CSV = Format(name="CSV", module="table", endings=(".csv", ".txt", ".tsv", ".dat", ".xyz", ".asc"))
 PARQUET = Format(name="Parquet", module="table", endings=(".parquet", ".pq"), compressed=True)
-
+STORE = Format(name="Zarr", module="store", endings=(".zarr",), compressed=True)
 RUN = Format(name="Run", module="run", endings=(".zarr",), compressed=True)
 SBET = Format(name="SBET", module="navigation.sbet", endings=(".out", ".sbet"))
 SMRMSG = Format(name="SMRMSG", module="navigation.smrmsg", endings=(".out", ".smrmsg"))
 
-FORMATS = (CRG, GEOTIFF, LAS, LAZ, COPC, ERD, CSV, PARQUET, RUN, SBET, SMRMSG)
+FORMATS = (CRG, GEOTIFF, LAS, LAZ, COPC, ERD, CSV, PARQUET, STORE, RUN, SBET, SMRMSG)
 
 # names that head the columns of our own tables, with any unit or track behind them
 _COLUMN = re.compile(r"(s|height|easting|northing|up|x|y|z)(\W.*|_.*)?$")
+
+# what the attribute "kind" of our Zarr groups begins with, and what may follow
+_OURS = "trueterrain/"
+_STORED = ("points", "surface", "profile", "run")
 
 # formats that turn up beside ours and deserve to be called by their name
 _FOREIGN = {
@@ -99,9 +103,7 @@ def recognise(path: str | Path) -> Format:
     """
     path = Path(path)
     if path.is_dir():
-        if _is_run(path):
-            return RUN
-        raise FormatError("is a folder, not a file", path=path, cure="Name the files in it.")
+        return RUN if kind_of_store(path) == "run" else STORE
     with path.open("rb") as stream:
         start = stream.read(_SAMPLE)
     found = _binary(start) or _records(start, path.stat().st_size) or _text(start)
@@ -114,6 +116,54 @@ def recognise(path: str | Path) -> Format:
             cure=_cure(start),
         )
     return found
+
+
+def kind_of_store(path: str | Path) -> str:
+    """Kind of data in a Zarr store of this package, by the attributes of its group.
+
+    Parameters
+    ----------
+    path : str or Path
+        Folder ``NAME.zarr``.
+
+    Returns
+    -------
+    str
+        ``"points"``, ``"surface"``, ``"profile"`` or ``"run"``; nothing says that it is whole.
+
+    Raises
+    ------
+    FormatError
+        If it is another folder, another store, or its group is damaged.
+    FileNotFoundError
+        If there is nothing.
+    """
+    path = Path(path)
+    if not path.exists():
+        message = f"there is no store {path}"
+        raise FileNotFoundError(message)
+    if not (path / "zarr.json").is_file():
+        raise _no_store(path)
+    try:
+        about = json.loads((path / "zarr.json").read_text(encoding="utf-8"))
+    except ValueError as error:  # no JSON, or no UTF-8
+        raise FormatError(
+            f"is damaged ({error})", path=path, place="zarr.json",
+            cure="Copy the whole folder again.",
+        ) from None  # fmt: skip
+    attrs = about.get("attributes") if isinstance(about, dict) else None
+    found = str(attrs.get("kind", "none")) if isinstance(attrs, dict) else "none"
+    kind = found.removeprefix(_OURS)
+    if kind in _STORED and found.startswith(_OURS):
+        return kind
+    raise FormatError(
+        f"is a Zarr store, but of no kind that is known: {_kinds()}; its attribute kind is "
+        f"{found[:40]!r}",
+        path=path,
+        place="zarr.json",
+        cure="If trueterrain wrote it, update trueterrain; else open it with xarray, make points, "
+        "a surface or a profile of it, and write that.",
+    )
 
 
 def ending_matches(path: str | Path, found: Format) -> bool:
@@ -134,12 +184,23 @@ def _binary(start: bytes) -> Format | None:
     return None
 
 
-def _is_run(folder: Path) -> bool:
-    try:
-        about = json.loads((folder / "zarr.json").read_text(encoding="utf-8"))
-        return bool(about["attributes"]["kind"] == "trueterrain/run")
-    except (OSError, ValueError, KeyError, TypeError):
-        return False
+def _kinds() -> str:
+    return ", ".join(repr(_OURS + kind) for kind in _STORED)
+
+
+def _no_store(path: Path) -> FormatError:
+    """What to say of a folder without the metadata of a Zarr 3 group."""
+    if any((path / name).is_file() for name in (".zgroup", ".zarray", ".zattrs")):
+        return FormatError(
+            "is a Zarr 2 store, and only Zarr 3 is read", path=path,
+            cure="Open it with xarray, make points, a surface or a profile of it, and write that.",
+        )  # fmt: skip
+    if path.suffix == ".zarr":
+        return FormatError(
+            "is no whole Zarr 3 store: it holds no zarr.json", path=path,
+            cure="Copy the whole folder again.",
+        )  # fmt: skip
+    return FormatError("is a folder, not a file", path=path, cure="Name the files in it.")
 
 
 def _records(start: bytes, size: int) -> Format | None:

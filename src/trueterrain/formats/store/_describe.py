@@ -1,0 +1,81 @@
+"""What a store holds, by its summary."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trueterrain.formats.store._layout import Stored, Values, opened
+from trueterrain.formats.store._read import read
+
+_EVEN = 1e-6  # [m] within which steps are equal
+
+
+def describe(path: str | Path) -> dict[str, Any]:
+    """Summary of a store for ``trueterrain info``; of points and surfaces no values are read.
+
+    Parameters
+    ----------
+    path : str or Path
+        Folder ``NAME.zarr``.
+
+    Returns
+    -------
+    dict
+        ``format``, ``kind``, ``bytes``, ``variables``, ``extent`` [m], ``crs`` and ``problems``; of
+        points also ``count``, ``time`` [s] and ``lanes``, of a surface ``size``, ``spacing`` and
+        ``range`` [m] and ``missing`` (share of nodes without height), of a profile ``count``,
+        ``spacing`` [m] and ``tracks``. Everything can be written as JSON.
+
+    Raises
+    ------
+    FormatError
+        If it is no such store, or arrays or chunks are missing.
+    """
+    stored = opened(path)
+    summary: dict[str, Any] = {"format": "Zarr", "kind": stored.kind}
+    files = (file for file in stored.path.rglob("*") if file.is_file())
+    summary["bytes"] = sum(file.stat().st_size for file in files)
+    summary["variables"] = [entry.name for entry in stored.entries if not entry.coordinate]
+    about = {"points": _points, "surface": _surface, "profile": _profile}[stored.kind]
+    summary |= about(stored)
+    summary["crs"] = str(stored.attrs.get("crs", ""))
+    summary["problems"] += [
+        f"{name}: is no part of the store and is ignored" for name in stored.strange
+    ]
+    return summary
+
+
+def _points(stored: Stored) -> dict[str, Any]:
+    found = dict(stored.statistics)
+    lost, time = found.pop("not_finite"), found.pop("time")
+    if time is not None:
+        kind = stored.attrs.get("gps_time_kind", "unknown")
+        found["time"] = {"kind": kind, "start": time[0], "end": time[1]}
+    problems = [f"{lost:,} of {found['count']:,} points are at no finite place"] if lost else []
+    return found | {"problems": problems}
+
+
+def _surface(stored: Stored) -> dict[str, Any]:
+    dims = next(entry.dims for entry in stored.entries if entry.name == "height")
+    axes = {dim: stored.values(dim) for dim in dims}
+    found = {
+        "size": [stored.sizes[dim] for dim in dims],
+        "spacing": {dim: _spacing(axis) for dim, axis in axes.items()},
+    }
+    if "u" in axes:
+        found["range"] = {dim: [float(axis[0]), float(axis[-1])] for dim, axis in axes.items()}
+    missing = stored.statistics["missing"]
+    problems = ["no node has a height"] if missing == 1 else []
+    return found | stored.statistics | {"problems": problems}
+
+
+def _profile(stored: Stored) -> dict[str, Any]:
+    from trueterrain.formats.table._describe import describe_profile
+
+    return describe_profile(read(stored.path))
+
+
+def _spacing(axis: Values) -> float | None:
+    steps = np.diff(axis)
+    return round(float(steps.mean()), 9) if np.ptp(steps) < _EVEN else None

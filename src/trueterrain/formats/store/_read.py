@@ -1,0 +1,181 @@
+"""Points, surfaces and profiles from stores."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from trueterrain.errors import CoverageError, FormatError, SchemaError
+from trueterrain.formats.store._layout import CHUNK, Stored, Values, damaged, opened, rows_of
+from trueterrain.kinds import check_points, check_profile, check_surface
+
+BLOCK = 1_000_000  # points
+
+Bounds = tuple[float, float, float, float]
+
+_CHECKS = {"points": check_points, "surface": check_surface, "profile": check_profile}
+
+
+def read(path: str | Path, *, between: tuple[float, float] | None = None) -> xr.Dataset:
+    """Points, surface or profile from a store, as it was written.
+
+    Parameters
+    ----------
+    path : str or Path
+        Folder ``NAME.zarr``.
+    between : tuple of float, optional
+        Only the part of a surface or a profile between two stations (u or s), or northings of a
+        map [m], both inside; no more than that is read.
+
+    Returns
+    -------
+    xarray.Dataset
+        In memory.
+
+    Raises
+    ------
+    FormatError
+        If it is no such store, or damaged.
+    CoverageError
+        If there is nothing between the stations.
+    ValueError
+        If `between` is given for points, or means nothing.
+    """
+    stored = opened(path)
+    dim = rows_of(stored.kind, stored.sizes)
+    rows = slice(None) if between is None else _rows(stored, dim, between)
+    return _dataset(stored, dim, rows)
+
+
+def blocks(
+    path: str | Path,
+    *,
+    bounds: Bounds | None = None,
+    size: int = BLOCK,
+    crs: str | None = None,
+) -> Iterator[xr.Dataset]:
+    """Points of a store block by block, in their order, never all at once.
+
+    With bounds, only chunks that touch them are read.
+
+    Parameters
+    ----------
+    path : str or Path
+        Folder ``NAME.zarr``.
+    bounds : tuple of float, optional
+        Smallest easting and northing, largest easting and northing [m]; edges are inside.
+    size : int
+        Largest number of points in a block; multiples of 250 000 are read fastest.
+    crs : str, optional
+        EPSG code or WKT to take instead of what the store says.
+
+    Yields
+    ------
+    xarray.Dataset
+        Points; blocks without points are left out.
+
+    Raises
+    ------
+    FormatError
+        If it is no store of points, or damaged; damage within a chunk is found when it is reached.
+    ValueError
+        If `bounds` or `size` mean nothing.
+    """
+    if size < 1:
+        message = f"size must be at least 1 point, got {size}."
+        raise ValueError(message)
+    _check_bounds(bounds)
+    stored = opened(path)
+    if stored.kind != "points":
+        raise FormatError(
+            f"holds no points but a {stored.kind}", path=path,
+            cure="Convert a surface to points first: `trueterrain convert`.",
+        )  # fmt: skip
+    touched = None if bounds is None else _touched(stored.chunk_bounds(), bounds)
+    for start in range(0, stored.sizes["point"], size):
+        rows = slice(start, min(start + size, stored.sizes["point"]))
+        if touched is not None:
+            rows = _narrowed(rows, touched)
+        if rows.start == rows.stop:
+            continue
+        points = _dataset(stored, "point", rows)
+        if bounds is not None:
+            points = _cut(points, bounds)
+        if points.sizes["point"]:
+            yield points if crs is None else points.assign_attrs(crs=crs)
+
+
+def _dataset(stored: Stored, dim: str, rows: slice) -> xr.Dataset:
+    variables: dict[str, xr.Variable] = {}
+    coordinates: dict[str, xr.Variable] = {}
+    for entry in stored.entries:
+        if dim not in entry.dims or entry.dims[0] == dim:
+            variable = stored.variable(entry, rows if dim in entry.dims else slice(None))
+        else:  # a profile of several tracks, which is short enough to be cut in memory
+            variable = stored.variable(entry).isel({dim: rows})
+        (coordinates if entry.coordinate else variables)[entry.name] = variable
+    try:
+        data = xr.Dataset(variables, coordinates, stored.attrs)
+        return _CHECKS[stored.kind](data, path=stored.path)
+    except SchemaError as error:
+        # it was checked when it was written
+        raise damaged(stored.path, error.place or "arrays", error.problem) from None
+    except ValueError as error:
+        raise damaged(stored.path, "arrays", str(error)) from None
+
+
+def _rows(stored: Stored, dim: str, between: tuple[float, float]) -> slice:
+    start, end = between
+    if stored.kind == "points" or not start <= end:
+        message = f"between must be two rising stations of a surface or a profile, got {between}."
+        raise ValueError(message)
+    axis = stored.values(dim)
+    first, last = np.searchsorted(axis, start), np.searchsorted(axis, end, side="right")
+    least = 2 if stored.kind == "surface" else 1
+    if last - first < least:
+        raise CoverageError(
+            f"there are fewer than {least} rows between {start:g} and {end:g} m: {dim} runs from "
+            f"{axis[0]:g} to {axis[-1]:g} m",
+            path=stored.path,
+        )
+    return slice(int(first), int(last))
+
+
+def _check_bounds(bounds: Bounds | None) -> None:
+    if bounds is None:
+        return
+    west, south, east, north = bounds
+    if not (west <= east and south <= north):
+        message = (
+            "bounds must be smallest easting, smallest northing, largest easting, largest "
+            f"northing [m], got {bounds}."
+        )
+        raise ValueError(message)
+
+
+def _touched(chunks: Values, bounds: Bounds) -> Values:
+    """Numbers of the chunks that touch a place."""
+    west, south, east, north = bounds
+    apart = (
+        (chunks[:, 0] > east) | (chunks[:, 2] < west)
+        | (chunks[:, 1] > north) | (chunks[:, 3] < south)
+    )  # fmt: skip
+    return np.flatnonzero(~apart)
+
+
+def _narrowed(rows: slice, touched: Values) -> slice:
+    """Rows from the first chunk that is touched to the last one."""
+    among = touched[(touched >= rows.start // CHUNK) & (touched <= (rows.stop - 1) // CHUNK)]
+    if not among.size:
+        return slice(rows.start, rows.start)
+    first, last = int(among[0]) * CHUNK, (int(among[-1]) + 1) * CHUNK
+    return slice(max(rows.start, first), min(rows.stop, last))
+
+
+def _cut(points: xr.Dataset, bounds: Bounds) -> xr.Dataset:
+    west, south, east, north = bounds
+    x, y = points.easting.values, points.northing.values
+    inside: Any = (x >= west) & (x <= east) & (y >= south) & (y <= north)
+    return points if inside.all() else points.isel(point=np.flatnonzero(inside))

@@ -1,0 +1,104 @@
+"""What is counted while a store is written, so that nobody has to read it for that."""
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from trueterrain.formats.store._layout import CHUNK, Values
+
+_PLACE = ("easting", "northing")
+_SPANS = (*_PLACE, "up", "time")
+_MOST_LANES = 1000  # that are counted one by one
+
+
+class PointTally:
+    """Counts points; memory grows by four numbers for each chunk."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._bounds: list[Values] = []
+        self._spans = {name: [np.inf, -np.inf] for name in _SPANS}
+        self._not_finite = 0
+        self._lanes: dict[str, int] = {}
+
+    def add(self, columns: dict[str, Values]) -> None:
+        """Count points that begin with a chunk."""
+        self.count += columns["up"].size
+        place = [columns[name] for name in _PLACE]
+        for start in range(0, columns["up"].size, CHUNK):
+            west, east, south, north = (
+                end for axis in place for end in _span(axis[start : start + CHUNK])
+            )
+            self._bounds.append(np.array([west, south, east, north]))
+        for name, span in self._spans.items():
+            if name in columns:
+                low, high = _span(columns[name])
+                self._spans[name] = [min(span[0], low), max(span[1], high)]
+        finite = np.isfinite(place[0]) & np.isfinite(place[1]) & np.isfinite(columns["up"])
+        self._not_finite += int(np.count_nonzero(~finite))
+        if "lane" in columns and len(self._lanes) <= _MOST_LANES:
+            for lane, number in zip(*np.unique(columns["lane"], return_counts=True), strict=True):
+                name = f"{lane.item():.15g}"
+                self._lanes[name] = self._lanes.get(name, 0) + int(number)
+
+    def bounds(self) -> Values:
+        """West, south, east, north of each chunk, shape (chunk, 4) [m]."""
+        return np.stack(self._bounds)
+
+    def statistics(self) -> dict[str, Any]:
+        """Count, spans, lanes."""
+        spans = {name: span for name, span in self._spans.items() if span[0] <= span[1]}
+        time = spans.pop("time", None)
+        found: dict[str, Any] = {"count": self.count, "extent": spans, "time": time}
+        found["not_finite"] = self._not_finite
+        if 0 < len(self._lanes) <= _MOST_LANES:
+            found["lanes"] = self._lanes
+        return found
+
+
+class SurfaceTally:
+    """Counts the nodes of a surface, rows by rows."""
+
+    def __init__(self, surface: xr.Dataset) -> None:
+        self._ground = _ground(surface)
+        self._span = (np.inf, -np.inf)
+        self._nodes = surface["height"].size
+        self._known = 0
+
+    def add(self, height: Values) -> None:
+        """Count some rows."""
+        low, high = _span(height)
+        self._span = (min(self._span[0], low), max(self._span[1], high))
+        self._known += int(np.count_nonzero(np.isfinite(height)))
+
+    def statistics(self) -> dict[str, Any]:
+        """Extent, and share of the nodes without height."""
+        height = list(self._span) if self._known else None
+        return {
+            "extent": self._ground | {"height": height},
+            "missing": (self._nodes - self._known) / self._nodes,
+        }
+
+
+def _ground(surface: xr.Dataset) -> dict[str, Any]:
+    """Eastings and northings that a surface covers [m]."""
+    if "u" not in surface.dims:
+        return {name: _span(surface[name].values) for name in _PLACE}
+    from trueterrain.surface.reference_line import grid_frame
+
+    frame = grid_frame(surface)
+    edges = frame.v[[0, -1]]
+    easting = frame.origin_easting[:, None] + edges * frame.normal_easting[:, None]
+    northing = frame.origin_northing[:, None] + edges * frame.normal_northing[:, None]
+    return {"easting": _span(easting), "northing": _span(northing)}
+
+
+def _span(values: Values) -> tuple[float, float]:
+    """Least and greatest of the finite values."""
+    floats = np.asarray(values, dtype=np.float64)
+    finite = np.isfinite(floats)
+    return (
+        float(np.min(floats, where=finite, initial=np.inf)),
+        float(np.max(floats, where=finite, initial=-np.inf)),
+    )
