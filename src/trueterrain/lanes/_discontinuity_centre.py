@@ -5,17 +5,10 @@ from typing import Any
 import numpy as np
 
 from trueterrain.lanes._discontinuity_filter import low_pass
-from trueterrain.lanes.overlap import (
-    Floats,
-    Integers,
-    Overlap,
-    cell_keys,
-    centres,
-    contains,
-    pack,
-    unpack,
-)
-from trueterrain.lanes.reference_path import ReferencePath, waypoint_reference
+from trueterrain.lanes._discontinuity_path import ReferencePath
+from trueterrain.lanes._discontinuity_sparse import Floats, Integers, contains, pack, unpack
+from trueterrain.lanes.overlap import Overlap, cell_keys, centres
+from trueterrain.lanes.reference_path import waypoint_reference
 
 _MOST_OF_IT = 0.95  # of the cells in one piece are enough
 _COARSEST = 64  # cells that are taken together at most, to bridge what separates pieces
@@ -206,8 +199,10 @@ def _levels(key: Integers, cell: float) -> tuple[Floats, float, bool]:
     level = np.minimum((away / (length + 1e-9) * count).astype(np.int64), count - 1)
     quantity = np.bincount(level, minlength=count)
     there = quantity > 0
-    middle = np.stack([np.bincount(level, one, minlength=count)[there] for one in at.T], axis=1)
-    middle /= quantity[there, None]
+    middle: Floats = np.stack(
+        [np.bincount(level, one, minlength=count)[there] for one in at.T], axis=1
+    )
+    middle = middle / quantity[there, None]
     if not closed and middle.shape[0] > 4:
         middle = middle[1:-1]  # those at the ends lie in corners
     return middle, length * cell / count, closed

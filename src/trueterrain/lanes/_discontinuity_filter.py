@@ -94,4 +94,4 @@ def _bridged(values: Floats, known: Flags, closed: bool) -> Floats:
     """Straight lines over what is not known; constant beyond the ends."""
     place = np.arange(values.size, dtype=float)
     period = float(values.size) if closed else None
-    return np.interp(place, place[known], values[known], period=period)
+    return np.asarray(np.interp(place, place[known], values[known], period=period))

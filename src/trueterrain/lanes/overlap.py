@@ -13,10 +13,16 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.errors import CoverageError, SchemaError, TrueTerrainError
-
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
-Flags = npt.NDArray[np.bool_]
+from trueterrain.lanes._discontinuity_sparse import (
+    AROUND,
+    Flags,
+    Floats,
+    Integers,
+    SparseSums,
+    contains,
+    pack,
+    unpack,
+)
 
 #: Points of a lane: at once, or as blocks that can be gone through several times.
 LanePoints = xr.Dataset | Iterable[xr.Dataset] | Callable[[], Iterable[xr.Dataset]]
@@ -26,52 +32,6 @@ STEP = 1e-5
 
 _CHUNK = 1 << 20  # [points] looked at a time: sums of their heights stay exact in float64
 _HIGHEST = 10_000.0  # [m] for the same reason
-_SHIFT = 1 << 30  # makes numbers of cells positive
-_DENSE = 4  # cells of a box per entry, up to which it is summed as an array
-
-
-class SparseSums:
-    """Sums over entries that have the same two numbers."""
-
-    def __init__(self, columns: int) -> None:
-        self._columns = columns
-        self._parts: list[tuple[Integers, Integers]] = []
-        self._pending = 0
-
-    def add(self, first: Integers, second: Integers, *values: Integers) -> None:
-        """Add entries.
-
-        Parameters
-        ----------
-        first, second : numpy.ndarray of int64, shape (n,)
-            Numbers of each entry.
-        *values : numpy.ndarray of int64, shape (n,)
-            What is added up for each pair of numbers, besides the count.
-        """
-        if first.size == 0:
-            return
-        self._parts.append(_grouped(first, second, values))
-        self._pending += self._parts[-1][0].size
-        if self._pending > self._parts[0][0].size * 2:
-            self._merge()
-
-    def sums(self) -> tuple[Integers, Integers, Integers]:
-        """Both numbers, ascending, and counts and sums, shape (1 + values, n)."""
-        self._merge()
-        if not self._parts:
-            none = np.empty(0, np.int64)
-            return none, none, np.empty((self._columns, 0), np.int64)
-        key, sums = self._parts[0]
-        return *unpack(key), sums
-
-    def _merge(self) -> None:
-        if len(self._parts) > 1:
-            keys = np.concatenate([key for key, _ in self._parts])
-            sums = np.concatenate([part for _, part in self._parts], axis=1)
-            order = np.argsort(keys, kind="stable")
-            begin = np.flatnonzero(np.diff(keys[order], prepend=-1))
-            self._parts = [(keys[order][begin], np.add.reduceat(sums[:, order], begin, axis=1))]
-        self._pending = 0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -105,10 +65,10 @@ class LaneCells:
     def covered(self) -> Integers:
         """Cells that the lane covers: those with returns, and holes one cell wide."""
         grown = self.key
-        for step in _AROUND:
+        for step in AROUND:
             grown = np.union1d(grown, self.key + step)
         held = np.ones(grown.size, np.bool_)
-        for step in _AROUND:
+        for step in AROUND:
             held &= contains(grown, grown + step)
         return grown[held]
 
@@ -349,57 +309,13 @@ def _different_crs(place: str, crs: str, other: str, known: str) -> SchemaError:
     )
 
 
-def pack(column: Integers, row: Integers) -> Integers:
-    """One number for both numbers of a cell; neighbours differ by `_ROW` and by 1."""
-    return np.asarray((column + _SHIFT) * _ROW + (row + _SHIFT))
-
-
-def unpack(key: Integers) -> tuple[Integers, Integers]:
-    """Both numbers of a cell."""
-    return key // _ROW - _SHIFT, key % _ROW - _SHIFT
-
-
-_ROW = 1 << 32
-_AROUND = tuple(c * _ROW + r for c in (-1, 0, 1) for r in (-1, 0, 1) if c or r)
-
-
 def centres(key: Integers, cell: float) -> tuple[Floats, Floats]:
     """Eastings and northings of the centres of cells [m]."""
     column, row = unpack(key)
-    return (column + 0.5) * cell, (row + 0.5) * cell
+    return np.asarray((column + 0.5) * cell), np.asarray((row + 0.5) * cell)
 
 
 def cell_keys(easting: npt.ArrayLike, northing: npt.ArrayLike, cell: float) -> Integers:
     """Packed numbers of the cells in which places lie."""
     x, y = (np.floor(np.asarray(at, float) / cell).astype(np.int64) for at in (easting, northing))
     return pack(x, y)
-
-
-def contains(ascending: Integers, wanted: Integers) -> Flags:
-    """Whether numbers are among ascending ones."""
-    if not ascending.size:
-        return np.zeros(wanted.shape, np.bool_)
-    at = np.minimum(np.searchsorted(ascending, wanted), ascending.size - 1)
-    return np.asarray(ascending[at] == wanted)
-
-
-def _grouped(
-    first: Integers, second: Integers, values: tuple[Integers, ...]
-) -> tuple[Integers, Integers]:
-    """Packed numbers, ascending, and counts and sums of the entries that share them."""
-    low = int(first.min()), int(second.min())
-    shape = int(first.max()) - low[0] + 1, int(second.max()) - low[1] + 1
-    if shape[0] * shape[1] <= _DENSE * first.size + _CHUNK:
-        flat = (first - low[0]) * shape[1] + (second - low[1])
-        count = np.bincount(flat, minlength=shape[0] * shape[1])
-        there = np.flatnonzero(count)
-        sums = [np.bincount(flat, value, minlength=count.size)[there] for value in values]
-        key = pack(there // shape[1] + low[0], there % shape[1] + low[1])
-        counted = count[there]
-    else:
-        key, inverse, counted = np.unique(
-            pack(first, second), return_inverse=True, return_counts=True
-        )
-        sums = [np.bincount(inverse, value, minlength=key.size) for value in values]
-    # whole numbers below 2^53 are exact in float64
-    return key, np.stack([counted, *(np.rint(part) for part in sums)]).astype(np.int64)

@@ -1,0 +1,171 @@
+"""How well two lanes agree: their differences, and the step where one of them ends."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from trueterrain.lanes._discontinuity_path import ReferencePath
+from trueterrain.lanes._discontinuity_sparse import (
+    Flags,
+    Floats,
+    Integers,
+    contains,
+    pack,
+    unpack,
+)
+from trueterrain.lanes.overlap import Overlap, centres
+
+_TO_SD = 1.4826  # of a normal distribution, by its median absolute deviation
+_SURE = 3  # returns of each lane in a cell, from which their difference counts
+
+
+@dataclass(frozen=True, kw_only=True)
+class Agreement:
+    """Differences of two lanes, the first less the second."""
+
+    n: int
+    "How many differences there are."
+
+    median: float
+    "Their median [m]."
+
+    nmad: float
+    "Their scatter: 1.4826 times the median of absolute deviations from the median [m]."
+
+    rmse: float
+    "Their root mean square [m]."
+
+    p95: float
+    "What 95 % of them do not exceed in size [m]."
+
+    @classmethod
+    def of(cls, differences: npt.ArrayLike) -> "Agreement":
+        """Statistics of differences.
+
+        Parameters
+        ----------
+        differences : array_like
+            Differences [m]; such as are not finite do not count.
+
+        Returns
+        -------
+        Agreement
+            All NaN if there are none.
+
+        Examples
+        --------
+        >>> Agreement.of([0.001, 0.003, 0.002, np.nan])
+        Agreement(n=3, median=0.002, nmad=0.0014826, rmse=0.0021602, p95=0.0029)
+        """
+        d = np.ravel(np.asarray(differences, dtype=float))
+        d = d[np.isfinite(d)]
+        if not d.size:
+            return cls(n=0, median=np.nan, nmad=np.nan, rmse=np.nan, p95=np.nan)
+        median = float(np.median(d))
+        return cls(
+            n=d.size,
+            median=median,
+            nmad=_TO_SD * float(np.median(np.abs(d - median))),
+            rmse=float(np.sqrt(np.mean(d**2))),
+            p95=float(np.quantile(np.abs(d), 0.95)),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Seam:
+    """Steps that the merged ground makes where a lane ends inside the other one.
+
+    Just inside of the edge of a lane the merged ground is the mean of all returns of both; just
+    outside it is the other lane alone, which goes on through the edge. So the merged ground steps
+    by its height less that of the other lane in the cells along the edge: the shape of the ground
+    itself, and its steps, are no part of that.
+    """
+
+    station: Floats
+    "Middle of each stretch of the path, shape (n,) [m]."
+
+    step: Floats
+    """Mean step along each stretch at the edge of the first lane and at that of the second, NaN
+    where there is no such edge, shape (2, n) [m]."""
+
+    @property
+    def median(self) -> float:
+        """Median of the sizes of all steps at both edges [m]; NaN if there are none."""
+        known = self.step[np.isfinite(self.step)]
+        return float(np.median(np.abs(known))) if known.size else float("nan")
+
+
+class SharedCells:
+    """Cells with enough returns of two lanes, and where they lie.
+
+    Parameters
+    ----------
+    overlap : Overlap
+        Of the two lanes.
+    """
+
+    def __init__(self, overlap: Overlap) -> None:
+        key, count, height = overlap.shared
+        sure = (count >= _SURE).all(axis=0)
+        self._overlap = overlap
+        self._key, self._count, self._height = key[sure], count[:, sure], height[:, sure]
+        self.centres = centres(self._key, overlap.cell)
+        "Eastings and northings, shape (n,) each [m]."
+
+    def agreement(self, corrections: Floats) -> Agreement:
+        """Differences of the mean heights in the cells, with corrections (2, n) taken off [m]."""
+        first, second = self._height - corrections
+        return Agreement.of(first - second)
+
+    def seam(self, corrections: Floats, path: ReferencePath, length: float, band: float) -> Seam:
+        """Steps at both edges.
+
+        Parameters
+        ----------
+        corrections : numpy.ndarray, shape (2, n)
+            What is taken off the heights of both lanes [m].
+        path : ReferencePath
+            Path along the overlap.
+        length : float
+            Length of the stretches over which steps are averaged [m].
+        band : float
+            Distance from the edge within which cells count [m].
+
+        Returns
+        -------
+        Seam
+            Along the whole path.
+        """
+        height = self._height - corrections
+        merged = (self._count * height).sum(axis=0) / self._count.sum(axis=0)
+        found = path.locate(*self.centres)
+        stretches = max(int(np.ceil(path.length / length - 1e-9)), 1)
+        long = path.length / stretches
+        stretch = np.minimum((found.station / long).astype(np.int64), stretches - 1)
+        steps: Any = np.full((2, stretches), np.nan)
+        for lane in (0, 1):
+            along = self._edge(lane, band) & ~found.beyond
+            here, step = stretch[along], (merged - height[1 - lane])[along]
+            quantity = np.bincount(here, minlength=stretches)
+            some = quantity > 0
+            steps[lane, some] = np.bincount(here, step, minlength=stretches)[some] / quantity[some]
+        return Seam(station=np.asarray((np.arange(stretches) + 0.5) * long), step=steps)
+
+    def _edge(self, lane: int, band: float) -> Flags:
+        """Cells near such as only the other lane covers."""
+        alone = np.setdiff1d(
+            self._overlap.cells[1 - lane].covered, self._overlap.key, assume_unique=True
+        )
+        reach = max(int(np.ceil(band / self._overlap.cell - 1e-9)), 1)
+        steps = np.arange(-reach, reach + 1)
+        near = np.zeros(self._key.size, np.bool_)
+        for key in _neighbours(self._key, steps):
+            near |= contains(alone, key)
+        return near
+
+
+def _neighbours(key: Integers, steps: Integers) -> Any:
+    column, row = unpack(key)
+    return (pack(column + c, row + r) for c in steps for r in steps if c or r)
