@@ -9,15 +9,19 @@ import xarray as xr
 
 from trueterrain.errors import OutputError
 from trueterrain.formats.opencrg import _rules
-from trueterrain.formats.opencrg._holes import fill_interior
+from trueterrain.formats.opencrg._blocks import height_blocks
+from trueterrain.formats.opencrg._holes import holes_in, patched
 from trueterrain.formats.opencrg._payload import HIGHEST
 from trueterrain.kinds import check_surface, make_surface
 
 Floats = npt.NDArray[np.float64]
+Index = npt.NDArray[np.int64]
 
 
 def fit_to_rules(surface: xr.Dataset, path: Path) -> xr.Dataset:
     """Surface along a reference line that OpenCRG can hold: snapped to 1 mm and without holes.
+
+    Its heights are not copied: what fills the holes is put in where they are looked at.
 
     Raises
     ------
@@ -32,8 +36,7 @@ def fit_to_rules(surface: xr.Dataset, path: Path) -> xr.Dataset:
     _require_chords(road, path)
     _require_curvature(road, path)
     _require_gentle(road, path)
-    _require_heights(road, path)
-    return fill_interior(road)
+    return patched(road, _require_heights(road, path))
 
 
 def _along_easting(surface: xr.Dataset) -> xr.Dataset:
@@ -45,7 +48,7 @@ def _along_easting(surface: xr.Dataset) -> xr.Dataset:
         name: np.asarray(surface[name]).T for name in ("count", "sd", "filled") if name in surface
     }
     road = make_surface(
-        np.asarray(surface["height"], float).T,
+        np.asarray(surface["height"]).T,
         u=easting - easting[0],
         v=northing - middle,
         easting=easting,
@@ -146,23 +149,33 @@ def _require_gentle(road: xr.Dataset, path: Path) -> None:
             )
 
 
-def _require_heights(road: xr.Dataset, path: Path) -> None:
-    height = np.asarray(road["height"], float)
-    wild = np.argwhere(np.abs(height) > HIGHEST)
-    if wild.size:
-        i, j = wild[0]
+def _require_heights(road: xr.Dataset, path: Path) -> Index:
+    """Places of the holes within cross-sections, if the heights are such as can be written."""
+    empty: list[int] = []
+    holes: list[Index] = []
+    for rows, block in height_blocks(road):
+        if not max(block.max(), -block.min()) <= HIGHEST:
+            _require_possible(block, rows.start, path)
+            empty += [rows.start + int(k) for k in np.flatnonzero(np.isnan(block).all(axis=1))]
+        holes.append(rows.start * block.shape[1] + holes_in(block))
+    if empty:
         raise OutputError(
-            f"must be at most {HIGHEST:g} m in size, got {height[i, j]:g} m",
-            path=path,
-            place=f"height, node ({i}, {j})",
-            cure="Remove what is no ground.",
-        )
-    empty = np.flatnonzero(np.isnan(height).all(axis=1))
-    if empty.size:
-        raise OutputError(
-            f"each cross-section must have a height, but {empty.size} have none, the first at "
+            f"each cross-section must have a height, but {len(empty)} have none, the first at "
             f"u = {float(road['u'][empty[0]]):.3f} m",
             path=path,
             place=f"height, cross-section {empty[0]}",
             cure="Cut the surface there, or fill the gap along the road.",
+        )
+    return np.concatenate(holes)
+
+
+def _require_possible(block: Floats, first: int, path: Path) -> None:
+    wild = np.argwhere(np.abs(block) > HIGHEST)
+    if wild.size:
+        i, j = wild[0]
+        raise OutputError(
+            f"must be at most {HIGHEST:g} m in size, got {block[i, j]:g} m",
+            path=path,
+            place=f"height, node ({first + i}, {j})",
+            cure="Remove what is no ground.",
         )

@@ -1,13 +1,18 @@
 """Holes within the cross-sections of a surface, which OpenCRG does not allow."""
 
+from typing import Any, NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
+from xarray.backends import BackendArray
+from xarray.core import indexing
 
+from trueterrain.formats.opencrg._blocks import height_blocks, heights, row_blocks
 from trueterrain.formats.opencrg._rules import interior_holes
 
 Floats = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
+Index = npt.NDArray[np.int64]
 
 
 def fill_interior(surface: xr.Dataset) -> xr.Dataset:
@@ -45,78 +50,155 @@ def fill_interior(surface: xr.Dataset) -> xr.Dataset:
     if "u" not in surface.dims:
         message = "surface must have the dimensions (u, v), got a map"
         raise ValueError(message)
-    height = np.array(surface["height"], dtype=np.float64)
-    holes = interior_holes(height)
-    if holes.any():
-        height[holes] = _membrane(
-            height, holes, np.asarray(surface["u"], float), np.asarray(surface["v"], float)
-        )
-    before = np.asarray(surface["filled"], bool) if "filled" in surface else np.zeros_like(holes)
-    result = surface.assign(
-        height=surface["height"].copy(data=height),
-        filled=(("u", "v"), before | holes, {"units": "1"}),
-    )
-    if "sd" in surface:
-        sd = np.where(holes, np.nan, np.asarray(surface["sd"], float))
-        result["sd"] = surface["sd"].copy(data=sd)
-    return result.assign_attrs(filled=int(holes.sum()))
+    columns = surface.sizes["v"]
+    holes = [rows.start * columns + holes_in(block) for rows, block in height_blocks(surface)]
+    return patched(surface, np.concatenate(holes)).load()
 
 
-def _membrane(height: Floats, holes: Mask, u: Floats, v: Floats) -> Floats:
-    """Heights of the holes [m], in the order of ``height[holes]``."""
+def holes_in(height: Floats) -> Index:
+    """Places of the holes in some cross-sections, counted along the flattened array."""
+    valid = np.isfinite(height)
+    if valid.all():
+        return np.empty(0, dtype=np.int64)
+    width = height.shape[1] - valid.argmax(axis=1) - valid[:, ::-1].argmax(axis=1)
+    broken = np.flatnonzero(width > valid.sum(axis=1))
+    row, column = np.nonzero(interior_holes(height[broken]))
+    return np.asarray(broken[row] * height.shape[1] + column)
+
+
+def patched(surface: xr.Dataset, holes: Index) -> xr.Dataset:
+    """The surface as `fill_interior` returns it, but patched only where it is looked at.
+
+    So neither a big surface in memory nor one on disk is copied for the sake of a few nodes.
+    """
+    shape = surface["height"].shape
+    if "filled" in surface:
+        filled = surface["filled"].variable
+    else:
+        filled = xr.Variable(("u", "v"), np.zeros(shape, dtype=bool), {"units": "1"})
+    changed = {"filled": filled}
+    if holes.size:
+        changed["filled"] = _patched(filled, holes, np.ones(holes.size, dtype=bool))
+        changed["height"] = _patched(surface["height"].variable, holes, _membrane(surface, holes))
+        if "sd" in surface:
+            sd = surface["sd"].variable
+            missing = np.full(holes.size, np.nan, dtype=np.result_type(sd.dtype, np.float32))
+            changed["sd"] = _patched(sd, holes, missing)
+    return surface.assign(changed).assign_attrs(filled=holes.size)
+
+
+def _patched(variable: xr.Variable, index: Index, values: npt.NDArray[Any]) -> xr.Variable:
+    # protected and kept once it is whole, like what xarray opens from disk
+    lazy = indexing.LazilyIndexedArray(_Patched(variable, index, values))
+    data = indexing.MemoryCachedArray(indexing.CopyOnWriteArray(lazy))
+    return xr.Variable(variable.dims, data, variable.attrs)
+
+
+class _Patched(BackendArray):
+    """An array that has other values in some places, which are put in when it is read."""
+
+    def __init__(self, source: xr.Variable, index: Index, values: npt.NDArray[Any]) -> None:
+        self.shape = source.shape
+        self.dtype = values.dtype
+        self._source = source
+        self._index = index  # ascending, along the flattened array
+        self._values = values
+
+    def __getitem__(self, key: indexing.ExplicitIndexer) -> Any:
+        support = indexing.IndexingSupport.BASIC
+        return indexing.explicit_indexing_adapter(key, self.shape, support, self._read)
+
+    def _read(self, key: tuple[int | slice, ...]) -> npt.NDArray[Any]:
+        rows = np.arange(self.shape[0])[key[0]]
+        each = np.atleast_1d(rows)
+        block = self._source[key[0]].values.astype(self.dtype).reshape(each.size, self.shape[1])
+        row, column = np.divmod(self._index, self.shape[1])
+        first, last = np.searchsorted(row, [each[0], each[-1] + 1]) if each.size else (0, 0)
+        at = np.searchsorted(each, row[first:last])
+        there = each[at] == row[first:last]
+        block[at[there], column[first:last][there]] = self._values[first:last][there]
+        return np.asarray(block.reshape(*np.shape(rows), self.shape[1])[..., key[1]])
+
+
+def _membrane(surface: xr.Dataset, holes: Index) -> Floats:
+    """Heights of the holes [m]."""
     from scipy.sparse import coo_array
     from scipy.sparse.linalg import spsolve
 
-    count = int(holes.sum())
-    number = np.full(height.shape, -1)
-    number[holes] = np.arange(count)
-    known = np.isfinite(height) | holes
-    rows: list[npt.NDArray[np.int64]] = []
-    columns: list[npt.NDArray[np.int64]] = []
+    shape = surface["height"].shape
+    rim = _heights_around(surface, holes)
+    rows: list[Index] = []
+    columns: list[Index] = []
     weights: list[Floats] = []
-    constant = np.zeros(count)
-    for axis, positions in enumerate((u, v)):
-        node, before, after, to_before, to_after = _second_differences(
-            holes, known, axis, positions
+    constant = np.zeros(holes.size)
+    for axis, name in enumerate(("u", "v")):
+        positions = np.asarray(surface[name], float)
+        equation, before, after, to_before, to_after = _second_differences(
+            holes, rim, shape, axis, positions
         )
-        equation = number[node]
         rows.append(equation)
         columns.append(equation)
         weights.append(-(to_before + to_after))
         for neighbour, weight in ((before, to_before), (after, to_after)):
-            hole = holes[neighbour]
+            number = _places(holes, neighbour)
+            hole = number >= 0
             rows.append(equation[hole])
-            columns.append(number[neighbour][hole])
+            columns.append(number[hole])
             weights.append(weight[hole])
-            np.add.at(constant, equation[~hole], -weight[~hole] * height[neighbour][~hole])
+            known = rim.heights[_places(rim.nodes, neighbour[~hole])]
+            np.add.at(constant, equation[~hole], -weight[~hole] * known)
     entries = (np.concatenate(weights), (np.concatenate(rows), np.concatenate(columns)))
-    matrix = coo_array(entries, shape=(count, count)).tocsc()
+    matrix = coo_array(entries, shape=(holes.size, holes.size)).tocsc()
     return np.asarray(spsolve(matrix, constant))
 
 
-Nodes = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]
+class _Rim(NamedTuple):
+    """The nodes around holes that have a height."""
+
+    nodes: Index  # ascending, along the flattened array
+    heights: Floats
+
+
+def _heights_around(surface: xr.Dataset, holes: Index) -> _Rim:
+    rows, columns = surface["height"].shape
+    beside = np.concatenate([holes - columns, holes - 1, holes + 1, holes + columns])
+    beside = np.unique(beside[(beside >= 0) & (beside < rows * columns)])
+    beside = beside[_places(holes, beside) < 0]
+    found = np.empty(beside.size)
+    for block in row_blocks((rows, columns)):
+        first, last = np.searchsorted(beside, [block.start * columns, block.stop * columns])
+        if first < last:
+            flat = heights(surface, block).reshape(-1)
+            found[first:last] = flat[beside[first:last] - block.start * columns]
+    known = np.isfinite(found)
+    return _Rim(beside[known], found[known])
+
+
+def _places(ascending: Index, wanted: Index) -> Index:
+    """Where values stand in an array, -1 for those that do not."""
+    at = np.searchsorted(ascending, wanted)
+    inside = at < ascending.size
+    inside[inside] = ascending[at[inside]] == wanted[inside]
+    return np.where(inside, at, -1)
 
 
 def _second_differences(
-    holes: Mask, known: Mask, axis: int, positions: Floats
-) -> tuple[Nodes, Nodes, Nodes, Floats, Floats]:
+    holes: Index, rim: _Rim, shape: tuple[int, ...], axis: int, positions: Floats
+) -> tuple[Index, Index, Index, Floats, Floats]:
     """Holes with a known or unknown height on both sides along an axis, and their weights [1/m²].
 
-    A side alone would not do: then a plane would no longer satisfy the equation. Across the road,
-    each hole has both sides, so no equation is empty.
+    They are given by their number, the nodes on both sides by their place. A side alone would not
+    do: then a plane would no longer satisfy the equation. Across the road, each hole has both
+    sides, so no equation is empty.
     """
-    index = np.nonzero(holes)
-    along = index[axis]
-    inner = (along > 0) & (along < positions.size - 1)
-    index = (index[0][inner], index[1][inner])
-    before, after = _shift(index, axis, -1), _shift(index, axis, 1)
-    both = known[before] & known[after]
-    node, before, after = ((nodes[0][both], nodes[1][both]) for nodes in (index, before, after))
-    at = node[axis]
+    along = np.divmod(holes, shape[1])[axis]
+    step = shape[1] if axis == 0 else 1
+    number = np.flatnonzero((along > 0) & (along < positions.size - 1))
+    for beside in (-step, step):
+        node = holes[number] + beside
+        number = number[(_places(holes, node) >= 0) | (_places(rim.nodes, node) >= 0)]
+    at = along[number]
     left = positions[at] - positions[at - 1]
     right = positions[at + 1] - positions[at]
-    return node, before, after, 2 / (left * (left + right)), 2 / (right * (left + right))
-
-
-def _shift(nodes: Nodes, axis: int, by: int) -> Nodes:
-    return (nodes[0] + by, nodes[1]) if axis == 0 else (nodes[0], nodes[1] + by)
+    to_before, to_after = 2 / (left * (left + right)), 2 / (right * (left + right))
+    return number, holes[number] - step, holes[number] + step, to_before, to_after

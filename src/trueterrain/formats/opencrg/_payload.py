@@ -5,13 +5,16 @@ inside binary numbers, or a lost end, then give heights of 1e15 m without a word
 errors.
 """
 
+import os
 import re
 
 import numpy as np
 import numpy.typing as npt
 
 from trueterrain.errors import FormatError
+from trueterrain.formats.opencrg._blocks import row_blocks
 from trueterrain.formats.opencrg._header import NUMBER_FORMATS, Header, stations
+from trueterrain.formats.opencrg._offsets import section_offsets
 
 Floats = npt.NDArray[np.float64]
 
@@ -26,36 +29,90 @@ _CONVERTED = (
 _CUT = "The file is cut off or damaged: copy or export it again."
 
 
-def read_columns(header: Header) -> Floats:
-    """Numbers of an OpenCRG file, shape (cross-section, channel)."""
-    with header.path.open("rb") as stream:
-        stream.seek(header.data_offset)
-        payload = stream.read()
-    values = (_from_bytes if header.is_binary else _from_text)(header, payload)
-    _require_possible(header, values)
-    return values
+class Numbers:
+    """The numbers of an OpenCRG file: cross-sections of them are read when they are asked for.
+
+    Raises
+    ------
+    FormatError
+        If there are too few or too many, if damage has made one, or if text is no number.
+    """
+
+    def __init__(self, header: Header) -> None:
+        self._header = header
+        self._table: Floats | None = None
+        self._dtype = np.dtype(">f8" if header.number_format == "KDBI" else ">f4")
+        if header.is_binary:
+            self.rows = _require_length(header, self._dtype.itemsize)
+        else:
+            with header.path.open("rb") as stream:
+                stream.seek(header.data_offset)
+                self._table = _from_text(header, stream.read())
+            self.rows = len(self._table)
+        sections = [k for k, kind in enumerate(header.channels) if kind == "section"]
+        order = np.argsort(section_offsets(header))
+        self._columns = np.array(sections)[order]
+        limits = [_LARGEST_CHANNEL.get(kind, HIGHEST) for kind in header.channels]
+        others = np.array([kind == "other" for kind in header.channels])
+        self._limits = np.where(others, np.inf, limits)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Count of cross-sections and of long sections."""
+        return self.rows, self._columns.size
+
+    def heights(self, rows: slice) -> Floats:
+        """Heights above the reference line [m] in some cross-sections, from right to left."""
+        values = self._values(rows)
+        first, count = int(self._columns[0]), self._columns.size
+        if (self._columns == first + np.arange(count)).all():
+            return values[:, first : first + count]
+        return values[:, self._columns]
+
+    def require_possible(self) -> None:
+        """Raise if damage has made any of the numbers."""
+        for rows in row_blocks((self.rows, len(self._header.channels))):
+            self._values(rows)
+
+    def _values(self, rows: slice) -> Floats:
+        if self._table is not None:
+            values = self._table[rows]
+        else:
+            columns = len(self._header.channels)
+            values = np.fromfile(
+                self._header.path,
+                dtype=self._dtype,
+                count=(rows.stop - rows.start) * columns,
+                offset=self._header.data_offset + rows.start * columns * self._dtype.itemsize,
+            )
+            values = values.astype(np.float64).reshape(-1, columns)
+        _require_possible(self._header, values, self._limits, rows.start)
+        return values
 
 
-def _from_bytes(header: Header, payload: bytes) -> Floats:
+def _require_length(header: Header, size: int) -> int:
+    """Count of cross-sections, if the numbers are as many as the header announces."""
     rows, columns = stations(header), len(header.channels)
     assert rows is not None  # binary files must announce it
-    size = NUMBER_FORMATS[header.number_format or "KRBI"][0]
     needed = rows * columns * size
     padded = -(-needed // _RECORD) * _RECORD
-    if len(payload) not in (needed, padded):
-        _raise_wrong_length(header, payload, rows, needed, padded)
-    numbers = np.frombuffer(payload, dtype=f">f{size}")
-    tail = numbers[rows * columns :]
-    if tail.size and not np.isnan(tail).all():
+    with header.path.open("rb") as stream:
+        length = stream.seek(0, os.SEEK_END) - header.data_offset
+        if length not in (needed, padded):
+            stream.seek(header.data_offset)
+            _raise_wrong_length(header, stream.read(), rows, needed, padded)
+        stream.seek(header.data_offset + needed)
+        tail = np.frombuffer(stream.read(), dtype=f">f{size}")
+    if not np.isnan(tail).all():
         raise FormatError(
             "the last record must be filled with NaN, but holds numbers",
             path=header.path,
             place="data, last record",
             cure=_CUT,
         )
-    if len(payload) < padded:
+    if length < padded:
         header.problems.append(f"the last record is not filled up to {_RECORD} bytes")
-    return numbers[: rows * columns].astype(np.float64).reshape(rows, columns)
+    return rows
 
 
 def _raise_wrong_length(
@@ -155,25 +212,26 @@ def _numbers(header: Header, fields: npt.NDArray[np.bytes_]) -> Floats:
     return values
 
 
-def _require_possible(header: Header, values: Floats) -> None:
-    for column, kind in enumerate(header.channels):
-        if kind == "other":
-            continue
-        limit = _LARGEST_CHANNEL.get(kind, HIGHEST)
+def _require_possible(header: Header, values: Floats, limits: Floats, first: int) -> None:
+    """Raise if a number of the cross-sections from `first` on is larger than it can be, or lost."""
+    line = [k for k, kind in enumerate(header.channels) if kind in _LARGEST_CHANNEL]
+    largest = np.fmax(np.fmax.reduce(values), -np.fmin.reduce(values))
+    if not (largest > limits).any() and not np.isnan(values[:, line]).any():
+        return
+    wrong = np.abs(values) > limits
+    for column in line:
         # NaN is allowed in heights only; the first phi and slope belong to no chord
-        if kind in ("phi", "slope"):
-            wrong = ~(np.abs(values[:, column]) <= limit)
-            wrong[0] = False
-        elif kind == "banking":
-            wrong = ~(np.abs(values[:, column]) <= limit)
-        else:
-            wrong = np.abs(values[:, column]) > limit
-        if wrong.any():
-            row = int(np.flatnonzero(wrong)[0])
-            name = "height" if kind == "section" else kind
-            raise FormatError(
-                f"{name} must be at most {limit:g} in size, got {values[row, column]:g}",
-                path=header.path,
-                place=f"data, cross-section {row + 1}, column {column + 1}",
-                cure=f"The numbers are damaged. {_CONVERTED}",
-            )
+        wrong[:, column] |= np.isnan(values[:, column])
+        if header.channels[column] != "banking" and first == 0:
+            wrong[0, column] = False
+    if wrong.any():
+        column = int(np.flatnonzero(wrong.any(axis=0))[0])
+        row = int(np.flatnonzero(wrong[:, column])[0])
+        kind = header.channels[column]
+        raise FormatError(
+            f"{'height' if kind == 'section' else kind} must be at most {limits[column]:g} in "
+            f"size, got {values[row, column]:g}",
+            path=header.path,
+            place=f"data, cross-section {first + row + 1}, column {column + 1}",
+            cure=f"The numbers are damaged. {_CONVERTED}",
+        )

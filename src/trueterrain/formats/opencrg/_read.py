@@ -13,9 +13,10 @@ import xarray as xr
 from trueterrain import provenance
 from trueterrain.errors import FormatError
 from trueterrain.formats.opencrg import _rules
+from trueterrain.formats.opencrg._blocks import row_blocks
 from trueterrain.formats.opencrg._header import Header, read_header
 from trueterrain.formats.opencrg._offsets import section_offsets
-from trueterrain.formats.opencrg._payload import read_columns
+from trueterrain.formats.opencrg._payload import Numbers
 from trueterrain.kinds import check_surface, make_surface
 
 Floats = npt.NDArray[np.float64]
@@ -135,17 +136,11 @@ def describe(path: str | Path) -> dict[str, Any]:
 
 
 class _Stored(NamedTuple):
-    """What stands in a file: its header, its numbers, and the reference line that follows."""
+    """What stands in a file: its header, and the grid and reference line that follow."""
 
     header: Header
     offsets: Floats
-    grid: Floats
     line: pycrg.CrgGrid
-
-
-def load_surface(path: Path) -> xr.Dataset:
-    """Surface from a file, without a step of provenance: for checking what was written."""
-    return _assemble(_load(path))
 
 
 def _load(path: Path) -> _Stored:
@@ -153,13 +148,11 @@ def _load(path: Path) -> _Stored:
         raise FormatError("does not exist or is no file", path=path, cure="Check the name.")
     header = read_header(path)
     offsets = section_offsets(header)
-    values = read_columns(header)
-    sections = [k for k, kind in enumerate(header.channels) if kind == "section"]
-    order = np.argsort(offsets)
-    grid = values[:, sections][:, order]
+    numbers = Numbers(header)
+    numbers.require_possible()
     line = _reference_line(header)
-    _require_agreement(header, grid, line)
-    return _Stored(header, offsets[order], grid, line)
+    _require_agreement(header, numbers, line)
+    return _Stored(header, np.sort(offsets), line)
 
 
 def _reference_line(header: Header) -> pycrg.CrgGrid:
@@ -175,19 +168,22 @@ def _reference_line(header: Header) -> pycrg.CrgGrid:
         ) from error
 
 
-def _require_agreement(header: Header, grid: Floats, line: pycrg.CrgGrid) -> None:
-    """Two readers of one file must find the same: our own and the ASAM C-API."""
-    same = grid.shape == line.z.shape
-    if same:
-        with np.errstate(invalid="ignore"):
-            near = np.abs(grid - line.z) <= _SINGLE * np.abs(grid) + 1e-30
-        same = bool((near | (np.isnan(grid) & np.isnan(line.z))).all())
-    same &= abs(line.u[0] - header.start) < _SAME_PLACE
+def _require_agreement(header: Header, numbers: Numbers, line: pycrg.CrgGrid) -> None:
+    """Two readers of one file must find the same: our own and the ASAM C-API.
+
+    The heights of the C-API, held as float32, give way to those that stand in the file.
+    """
+    same = numbers.shape == line.z.shape and abs(line.u[0] - header.start) < _SAME_PLACE
+    for rows in row_blocks(numbers.shape) if same else ():
+        grid = numbers.heights(rows)
+        near = np.abs(grid - line.z[rows]) <= _SINGLE * np.abs(grid) + 1e-30
+        same &= bool((near | (np.isnan(grid) & np.isnan(line.z[rows]))).all())
+        line.z[rows] = grid
     if not same:
         raise FormatError(
             f"the OpenCRG library reads other numbers from it: {line.z.shape[0]} x "
-            f"{line.z.shape[1]} heights, where header and data hold {grid.shape[0]} x "
-            f"{grid.shape[1]}",
+            f"{line.z.shape[1]} heights, where header and data hold {numbers.shape[0]} x "
+            f"{numbers.shape[1]}",
             path=header.path,
             cure="Export the file again.",
         )
@@ -205,9 +201,11 @@ def _require_agreement(header: Header, grid: Floats, line: pycrg.CrgGrid) -> Non
 def _assemble(stored: _Stored) -> xr.Dataset:
     header, v, line = stored.header, stored.offsets, stored.line
     banked = bool(line.bank.any())
-    height = stored.grid + line.ref_z[:, None]
-    if banked:
-        height += line.bank[:, None] * v
+    height = line.z  # no copy: a second one would not be small
+    for rows in row_blocks(height.shape):
+        height[rows] += line.ref_z[rows, None]
+        if banked:
+            height[rows] += line.bank[rows, None] * v
     surface = make_surface(
         height,
         u=header.start + header.increment * np.arange(line.u.size),

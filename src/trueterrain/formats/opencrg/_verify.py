@@ -1,5 +1,15 @@
-"""Whether a file that was written holds what it should, for two independent readers."""
+"""Whether a file that was written holds what it should, for two independent readers.
 
+Every number is read back by this package and compared with the surface. The ASAM C-API loads the
+file as well and evaluates it: all nodes of the reference line, and the middle of every cell or, if
+there are more, of 200,000 cells all over. As the C-API would hold a big file twice, of one beyond
+64 MB it gets a copy with all cross-sections but only some of the long sections.
+"""
+
+import math
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -9,20 +19,27 @@ import xarray as xr
 
 from trueterrain.errors import OutputError
 from trueterrain.formats.opencrg import _rules
-from trueterrain.formats.opencrg._read import load_surface
+from trueterrain.formats.opencrg._blocks import heights, row_blocks
+from trueterrain.formats.opencrg._header import Header, read_header, stations
+from trueterrain.formats.opencrg._offsets import section_offsets
+from trueterrain.formats.opencrg._payload import Numbers
+from trueterrain.formats.opencrg._stream import FlatRoad, number_type, padding, with_sections
 
 Floats = npt.NDArray[np.float64]
+Index = npt.NDArray[np.int64]
 
 _SAME = 1e-9  # [m] positions along and across
+_SAME_PLACE = 1e-7  # [m] of coordinates of up to 1e7 m, after some steps in double precision
 _ROUND_OFF = 1e-9  # [m] of heights of up to some km in double precision
 # rounding of a number in each format, relative to its size
 _ROUNDING = {"KRBI": 1.2e-7, "KDBI": 1e-15, "LRFI": 1e-6, "LDFI": 1e-15}
 _C_API_ROUNDING = 1.2e-7  # the C-API holds heights as float32
 _MOST_CELLS = 200_000  # so that checking takes less time than writing
+_MOST_BYTES = 64_000_000  # of numbers that the C-API gets; it needs twice as much memory
 
 
-def read_back(road: xr.Dataset, path: Path, fmt: str, base: Floats) -> xr.Dataset:
-    """Surface as it stands in the file, if that is what it should be.
+def require_same(road: xr.Dataset, path: Path, fmt: str, flat: FlatRoad) -> None:
+    """Raise if a file does not hold a surface.
 
     Parameters
     ----------
@@ -32,34 +49,46 @@ def read_back(road: xr.Dataset, path: Path, fmt: str, base: Floats) -> xr.Datase
         The file.
     fmt : str
         Format of the numbers.
-    base : ndarray
-        Part of the heights that the reference line holds [m]; only the rest is rounded.
+    flat : FlatRoad
+        The reference line that the file should hold.
 
     Raises
     ------
+    FormatError
+        If the file cannot be read.
     OutputError
         If positions, heights or the values between the nodes differ.
     """
-    written = load_surface(path)
-    largest = float(np.nanmax(np.abs(np.asarray(road["height"]) - base)))
-    _compare_positions(road, written, path)
-    _compare_heights(road, written, path, _ROUND_OFF + _ROUNDING[fmt] * largest)
-    _compare_evaluation(written, path, _ROUND_OFF + 2 * _C_API_ROUNDING * largest)
-    return written
+    header = read_header(path)
+    v = np.sort(section_offsets(header))
+    _compare_positions(road, header, v, flat, path)
+    numbers = Numbers(header)
+    kept = np.arange(v.size)
+    if header.is_binary and path.stat().st_size - header.data_offset > _MOST_BYTES:
+        size = number_type(fmt).itemsize
+        most = max(2, _MOST_BYTES // (size * numbers.rows))
+        kept = np.unique(np.linspace(0, v.size - 1, most).astype(int))
+    with _evaluated(path, header, kept, v, fmt) as crg:
+        _compare_line(crg, road, flat, path)
+        _compare_heights(road, numbers, flat, kept, crg, path, _ROUNDING[fmt])
 
 
-def _compare_positions(road: xr.Dataset, written: xr.Dataset, path: Path) -> None:
-    for axis in ("u", "v"):
-        if road.sizes[axis] != written.sizes[axis]:
-            raise _difference(f"{written.sizes[axis]} of {road.sizes[axis]} nodes", axis, path)
-        off = float(np.abs(road[axis].values - written[axis].values).max())
+def _compare_positions(
+    road: xr.Dataset, header: Header, v: Floats, flat: FlatRoad, path: Path
+) -> None:
+    rows = stations(header) or road.sizes["u"]
+    u = header.start + header.increment * np.arange(rows)
+    for axis, found in (("u", u), ("v", v)):
+        if road.sizes[axis] != found.size:
+            raise _difference(f"{found.size} of {road.sizes[axis]} nodes", axis, path)
+        off = float(np.abs(road[axis].values - found).max())
         if off > _SAME:
             raise _difference(f"differences of {off:.3g} m", axis, path)
     moved = np.hypot(
-        road["easting"].values - written["easting"].values,
-        road["northing"].values - written["northing"].values,
+        road["easting"].values - flat.grid.x,
+        road["northing"].values - flat.grid.y,
     )
-    if moved.max() > _rules.TOLERANCE:
+    if not moved.max() <= _rules.TOLERANCE:
         raise OutputError(
             f"nodes would move by up to {moved.max() * 1e3:.3g} mm, since the file holds rounded "
             "headings and chords of exactly equal length",
@@ -69,38 +98,110 @@ def _compare_positions(road: xr.Dataset, written: xr.Dataset, path: Path) -> Non
         )
 
 
-def _compare_heights(road: xr.Dataset, written: xr.Dataset, path: Path, tolerance: float) -> None:
-    should, found = road["height"].values, written["height"].values
-    if (np.isnan(should) != np.isnan(found)).any():
-        raise _difference("heights where there should be none, or none where they should be",
-                          "height", path)  # fmt: skip
-    off = float(np.nanmax(np.abs(should - found)))
-    if off > tolerance:
-        raise _difference(f"differences of {off:.3g} m", "height", path)
-
-
-def _compare_evaluation(written: xr.Dataset, path: Path, tolerance: float) -> None:
-    """Heights in the middle of cells on both sides of the reference line, by the C-API."""
-    u, v, height = (np.asarray(written[name]) for name in ("u", "v", "height"))
-    cells = (u.size - 1) * (v.size - 1)
-    chosen = np.unique(np.linspace(0, cells - 1, min(cells, _MOST_CELLS)).astype(int))
-    i, j = np.divmod(chosen, v.size - 1)
-    should = (height[i, j] + height[i + 1, j] + height[i, j + 1] + height[i + 1, j + 1]) / 4
-    with pycrg.RoadSurface.open(path, apply_modifiers=False) as road:
-        found = road.uv_to_z_many((u[i] + u[i + 1]) / 2, (v[j] + v[j + 1]) / 2)
-        ranges = np.array([road.u_range(), road.v_range()])
-        modifiers = road.header.modifiers
+def _compare_line(crg: pycrg.RoadSurface, road: xr.Dataset, flat: FlatRoad, path: Path) -> None:
+    u, v = road["u"].values, road["v"].values
+    ranges = np.array([crg.u_range(), crg.v_range()])
     if np.abs(ranges - [u[[0, -1]], v[[0, -1]]]).max() > _SAME:
         raise _difference(f"the ranges {ranges.tolist()}", "u and v", path)
-    if modifiers != {}:
-        raise _difference(f"the modifiers {modifiers}", "modifiers", path)
-    differ = np.isnan(should) != np.isnan(found)
-    differ |= np.abs(should - found) > tolerance
+    if crg.header.modifiers != {}:
+        raise _difference(f"the modifiers {crg.header.modifiers}", "modifiers", path)
+    x, y = crg.uv_to_xy_many(u, np.zeros(u.size))
+    off = float(np.hypot(x - flat.grid.x, y - flat.grid.y).max())
+    if not off <= _SAME_PLACE:
+        raise _difference(f"nodes {off:.3g} m elsewhere", "reference line", path)
+
+
+def _compare_heights(
+    road: xr.Dataset,
+    numbers: Numbers,
+    flat: FlatRoad,
+    kept: Index,
+    crg: pycrg.RoadSurface,
+    path: Path,
+    rounding: float,
+) -> None:
+    """All heights, and those in the middle of cells between some long sections by the C-API."""
+    if numbers.shape != road["height"].shape:
+        raise _difference(f"{numbers.shape} heights", "height", path)
+    u, v = road["u"].values, road["v"].values
+    columns = kept.size - 1
+    step = _step((u.size - 1) * columns, columns)
+    furthest = largest = 0.0
+    cells: list[tuple[Index, Index, Floats]] = []
+    for rows in row_blocks(numbers.shape):
+        # with the first cross-section of the next block, for the cells in between
+        rows = slice(rows.start, min(rows.stop + 1, u.size))
+        grid, should = numbers.heights(rows), heights(road, rows)
+        missing = np.isnan(grid)
+        if (missing != np.isnan(should)).any():
+            raise _difference(
+                "heights where there should be none, or none where they should be", "height", path
+            )
+        largest = max(largest, float(np.nanmax(np.abs(grid))))
+        found = grid + flat.heights(v, rows)
+        furthest = max(furthest, float(np.nanmax(np.abs(found - should))))
+        first = -(-rows.start * columns // step) * step
+        chosen = np.arange(first, (rows.stop - 1) * columns, step)
+        i, j = np.divmod(chosen, columns)
+        k = i - rows.start
+        corners = found[k, kept[j]] + found[k + 1, kept[j]]
+        corners += found[k, kept[j + 1]] + found[k + 1, kept[j + 1]]
+        cells.append((i, j, corners / 4))
+    if furthest > _ROUND_OFF + rounding * largest:
+        raise _difference(f"differences of {furthest:.3g} m", "height", path)
+    i, j, middle = (np.concatenate(parts) for parts in zip(*cells, strict=True))
+    at = v[kept]
+    evaluated = crg.uv_to_z_many((u[i] + u[i + 1]) / 2, (at[j] + at[j + 1]) / 2)
+    differ = np.isnan(middle) != np.isnan(evaluated)
+    differ |= np.abs(middle - evaluated) > _ROUND_OFF + 2 * _C_API_ROUNDING * largest
     if differ.any():
-        at = int(np.flatnonzero(differ)[0])
+        at_fault = int(np.flatnonzero(differ)[0])
         raise _difference(
-            f"{found[at]!r} m, not {should[at]!r} m", f"cell ({i[at]}, {j[at]})", path
+            f"{evaluated[at_fault]!r} m, not {middle[at_fault]!r} m",
+            f"cell ({i[at_fault]}, {kept[j[at_fault]]})",
+            path,
         )
+
+
+def _step(cells: int, columns: int) -> int:
+    """Step from one cell to the next that is looked at, so that they lie in all columns."""
+    step = -(-cells // _MOST_CELLS)
+    while math.gcd(step, columns) > 1:
+        step += 1
+    return step
+
+
+@contextmanager
+def _evaluated(
+    path: Path, header: Header, kept: Index, v: Floats, fmt: str
+) -> Iterator[pycrg.RoadSurface]:
+    """The file in the C-API, with some of its long sections."""
+    if kept.size == v.size:
+        with pycrg.RoadSurface.open(path, apply_modifiers=False) as crg:
+            yield crg
+        return
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".") as folder:
+        part = Path(folder) / "part.crg"
+        _write_part(path, header, part, kept, v, fmt)
+        with pycrg.RoadSurface.open(part, apply_modifiers=False) as crg:
+            yield crg
+
+
+def _write_part(path: Path, header: Header, part: Path, kept: Index, v: Floats, fmt: str) -> None:
+    """Copy a file with some of its long sections, byte by byte."""
+    rows, columns = stations(header) or 0, len(header.channels)
+    before = columns - v.size
+    chosen = np.concatenate([np.arange(before), before + kept])
+    with path.open("rb") as source:
+        text = with_sections(source.read(header.data_offset), v[kept], fmt, part)
+        with part.open("wb") as stream:
+            stream.write(text)
+            for block in row_blocks((rows, columns)):
+                count = (block.stop - block.start) * columns
+                content = source.read(count * number_type(fmt).itemsize)
+                table = np.frombuffer(content, dtype=number_type(fmt)).reshape(-1, columns)
+                stream.write(table[:, chosen].tobytes())
+            stream.write(padding(stream.tell() - len(text), fmt))
 
 
 def _difference(found: str, place: str, path: Path) -> OutputError:

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import pycrg
 import xarray as xr
 
 from trueterrain import provenance
@@ -17,12 +16,17 @@ from trueterrain._version import __version__
 from trueterrain.engine import require_writable, whole_output
 from trueterrain.errors import FormatError, OutputError
 from trueterrain.formats.opencrg import _fit, _verify
+from trueterrain.formats.opencrg._blocks import heights, row_blocks
 from trueterrain.formats.opencrg._header import NUMBER_FORMATS
+from trueterrain.formats.opencrg._median import median
 from trueterrain.formats.opencrg._read import CRS_MARK, HISTORY_MARK
+from trueterrain.formats.opencrg._stream import FlatRoad, flat_road, write_blocks, write_whole
+from trueterrain.kinds import check_surface
 
 Floats = npt.NDArray[np.float64]
 
 _SHIFTED_ABOVE = 1.0  # [m] heights that lie further above the line would lose digits as float32
+_SAMPLE = 1 << 16  # [nodes] that say about where the median of the heights lies
 _STRAIGHT = 1e-6  # [m] a line that bends less is written with one exact heading
 _LINE = 72  # [characters]
 # options that say how the ground goes on beyond the grid; others concern programs, not the ground
@@ -37,12 +41,18 @@ def write(
     fmt: str = "KRBI",
     comment: str | Iterable[str] = (),
 ) -> xr.Dataset:
-    """Write a surface as OpenCRG, in absolute coordinates, and return it as it was written.
+    """Write a surface as OpenCRG, in absolute coordinates, and return what was written.
 
     The file holds an empty section of modifiers, so programs leave the road where it is. Positions
     are snapped to multiples of 1 mm where they are within 0.1 mm of one. Holes between the heights
     of a cross-section are filled (see `fill_interior`), since OpenCRG allows none but at the edges.
-    Before the file appears it is read back by this package and evaluated by the ASAM C-API.
+    Before the file appears, every number of it is read back by this package and compared with the
+    surface, and the ASAM C-API evaluates it: every node of the reference line, and the middle of
+    every cell or, if there are more, of 200,000 cells all over. Beyond 64 MB the C-API gets all
+    cross-sections but only some of the long sections.
+
+    A surface is written in blocks of cross-sections, and one that lies in a store is not loaded as
+    a whole; only the text formats and maps are.
 
     Parameters
     ----------
@@ -62,9 +72,11 @@ def write(
     Returns
     -------
     xarray.Dataset
-        Surface with dims (u, v) as it stands in the file, with ``filled`` [1] marking what was
-        filled and ``attrs["filled"]`` counting it; ``count`` and ``sd`` are kept although the file
-        cannot hold them.
+        Surface with dims (u, v): positions and reference line as they stand in the file, and the
+        heights before they were rounded to its format. ``filled`` [1] marks what was filled and
+        ``attrs["filled"]`` counts it; ``count`` and ``sd`` are kept although the file cannot hold
+        them. Arrays are those of `surface` where nothing was filled; else they are put together
+        when they are needed, as xarray does with what it opens from disk.
 
     Raises
     ------
@@ -95,8 +107,12 @@ def write(
     contents = _contents(road, fmt, comment)
     with whole_output(path, force=force) as temporary:
         try:
-            base = _write_heights(road, contents, temporary)
-            written = _verify.read_back(road, temporary, fmt, base)
+            flat = flat_road(temporary, contents.u, contents.v, contents.keywords)
+            if fmt in ("KRBI", "KDBI"):
+                write_blocks(road, flat, temporary, fmt)
+            else:
+                write_whole(road, flat, temporary, contents.keywords)
+            _verify.require_same(road, temporary, fmt, flat)
         except FormatError as error:
             raise OutputError(
                 f"cannot be written as OpenCRG: {error.problem}", path=path, place=error.place
@@ -106,7 +122,7 @@ def write(
         except OutputError as error:
             error.path = path
             raise
-    return _with_record(written, road, surface, fmt)
+    return _with_record(road, flat, surface, fmt)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,7 +131,6 @@ class _Contents:
 
     u: Floats
     v: Floats
-    elevation: float
     keywords: Mapping[str, Any]
 
 
@@ -123,10 +138,7 @@ def _contents(road: xr.Dataset, fmt: str, comment: str | Iterable[str]) -> _Cont
     u, v, easting, northing, elevation = (
         np.asarray(road[name], float) for name in ("u", "v", "easting", "northing", "elevation")
     )
-    base = np.asarray(road["height"]) - elevation[:, None]
-    if "banking" in road:
-        base = base - np.asarray(road["banking"])[:, None] * v
-    above = float(np.nanmedian(base))
+    above = _above(road, elevation)
     start = float(elevation[0]) + (round(above, 3) if abs(above) > _SHIFTED_ABOVE else 0.0)
     keywords: dict[str, Any] = {
         "du": round(float(u[1] - u[0]), 3),
@@ -143,7 +155,20 @@ def _contents(road: xr.Dataset, fmt: str, comment: str | Iterable[str]) -> _Cont
         "opts": _options(road) or None,
         "mods": {},
     }
-    return _Contents(u=u, v=v, elevation=start, keywords=keywords)
+    return _Contents(u=u, v=v, keywords=keywords)
+
+
+def _above(road: xr.Dataset, elevation: Floats) -> float:
+    """Median of the heights above the reference line [m]."""
+    v = np.asarray(road["v"], float)
+
+    def above(rows: slice) -> Floats:
+        rest = heights(road, rows) - elevation[rows, None]
+        return rest - np.asarray(road["banking"])[rows, None] * v if "banking" in road else rest
+
+    shape = road["height"].shape
+    some = slice(0, shape[0], max(1, shape[0] * shape[1] // _SAMPLE))
+    return median(lambda: map(above, row_blocks(shape)), above(some))
 
 
 def _heading(easting: Floats, northing: Floats) -> float | Floats:
@@ -188,29 +213,20 @@ def _options(road: xr.Dataset) -> dict[str, float]:
     }
 
 
-def _write_heights(road: xr.Dataset, contents: _Contents, path: Path) -> Floats:
-    """Write the file and return the heights in it that belong to the reference line alone.
-
-    Slopes and bankings are rounded in the file. So it is first written without heights, to learn
-    where the rounded reference line runs; what remains of the heights is then stored exactly.
-    """
-    ends = contents.v[[0, -1]]
-    flat = np.zeros((contents.u.size, 2))
-    pycrg.write(path, flat, v=ends, **contents.keywords)
-    with pycrg.DataSet.open(path, apply_modifiers=False) as data:
-        line = data.grid()
-    base = line.ref_z[:, None] + line.bank[:, None] * contents.v
-    pycrg.write(path, np.asarray(road["height"]) - base, v=contents.v, **contents.keywords)
-    return np.asarray(base)
-
-
-def _with_record(
-    written: xr.Dataset, road: xr.Dataset, surface: xr.Dataset, fmt: str
-) -> xr.Dataset:
-    """What was written, with all that the file cannot hold."""
-    kept = {name: road[name].variable for name in ("count", "sd", "filled") if name in road}
-    result = written.assign(kept).assign_attrs(
-        filled=road.attrs["filled"], crs=road.attrs.get("crs", "")
-    )
+def _with_record(road: xr.Dataset, flat: FlatRoad, surface: xr.Dataset, fmt: str) -> xr.Dataset:
+    """What was written, on the reference line that the file holds."""
+    line = {"easting": flat.grid.x, "northing": flat.grid.y, "elevation": flat.grid.ref_z}
+    along = np.unwrap(np.arctan2(np.diff(flat.grid.y), np.diff(flat.grid.x)))
+    line["heading"] = np.concatenate([along[:1], along])
+    if "banking" in road:
+        line["banking"] = flat.grid.bank
+    result = road.assign({name: road[name].copy(data=values) for name, values in line.items()})
+    if not flat.grid.bank.any():
+        result = result.drop_vars("banking", errors="ignore")
+    attrs = {name: road.attrs[name] for name in ("kind", "schema", "filled")}
+    result.attrs = {**attrs, "crs": road.attrs.get("crs", "")}
+    if options := _options(road):
+        result.attrs["opencrg_options"] = json.dumps(options)
+    check_surface(result)
     parameters = {"format": "OpenCRG", "fmt": fmt, "filled": road.attrs["filled"]}
     return provenance.add_step(result, "write", parameters=parameters, after=surface)

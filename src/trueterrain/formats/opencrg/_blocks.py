@@ -1,0 +1,30 @@
+"""Big surfaces in blocks of cross-sections, so that no second copy of one need be held."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+Floats = npt.NDArray[np.float64]
+
+_NODES = 1 << 20  # in a block: 8 MB as float64
+
+
+def row_blocks(shape: tuple[int, ...]) -> Iterator[slice]:
+    """Cross-sections of a grid, block by block."""
+    rows, columns = shape
+    size = max(1, _NODES // columns)
+    for start in range(0, rows, size):
+        yield slice(start, min(start + size, rows))
+
+
+def heights(surface: xr.Dataset, rows: slice) -> Floats:
+    """Heights of some cross-sections [m]; of a surface on disk, no more than these are loaded."""
+    return np.asarray(surface["height"].variable[rows].values, dtype=np.float64)
+
+
+def height_blocks(surface: xr.Dataset) -> Iterator[tuple[slice, Floats]]:
+    """Heights of all cross-sections [m], block by block."""
+    for rows in row_blocks(surface["height"].shape):
+        yield rows, heights(surface, rows)

@@ -1,0 +1,75 @@
+"""The exact median of what is too large to be sorted at once."""
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+
+
+def median(blocks: Callable[[], Iterable[Floats]], sample: Floats) -> float:
+    """Median of the finite values of all blocks.
+
+    A sample says between which two values the median must lie; all values are counted, but only
+    those in between are held. The result does not depend on the sample, nor on the blocks.
+
+    Parameters
+    ----------
+    blocks : callable
+        Gives all values, block by block, as often as it is called.
+    sample : ndarray
+        Some of the values, from all over; at least one of them is finite.
+
+    Returns
+    -------
+    float
+        The median.
+
+    Examples
+    --------
+    >>> values = np.array([7.0, 1.0, np.nan, 3.0, 2.0])
+    >>> median(lambda: [values[:3], values[3:]], values[:2])
+    2.5
+    """
+    sample = np.sort(sample[np.isfinite(sample)])
+    share = 0.02  # of the values on either side of the median
+    while True:
+        bracket = (-np.inf, np.inf)
+        if sample.size and share < 0.5:
+            places = ((0.5 - share) * (sample.size - 1), (0.5 + share) * (sample.size - 1))
+            bracket = (float(sample[int(places[0])]), float(sample[int(np.ceil(places[1]))]))
+        found = _within(blocks(), *bracket)
+        if found is not None:
+            return found
+        share *= 2
+
+
+def _within(blocks: Iterable[Floats], low: float, high: float) -> float | None:
+    """The median, if it lies between two values."""
+    below = lows = highs = above = 0
+    between = []
+    for values in blocks:
+        below += int(np.count_nonzero(values < low))
+        lows += int(np.count_nonzero(values == low))
+        above += int(np.count_nonzero(values > high))
+        if high > low:
+            highs += int(np.count_nonzero(values == high))
+            between.append(values[(values > low) & (values < high)])
+    middle = np.concatenate(between) if between else np.empty(0)
+    count = below + lows + middle.size + highs + above
+    if count == 0:
+        message = "at least one value must be finite"
+        raise ValueError(message)
+
+    def ranked(rank: int) -> float | None:
+        rank -= below
+        if not 0 <= rank < count - below - above:
+            return None
+        if rank < lows:
+            return low
+        rank -= lows
+        return float(np.partition(middle, rank)[rank]) if rank < middle.size else high
+
+    lower, upper = ranked((count - 1) // 2), ranked(count // 2)
+    return None if lower is None or upper is None else (lower + upper) / 2

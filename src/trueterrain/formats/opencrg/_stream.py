@@ -1,0 +1,124 @@
+"""Heights into an OpenCRG file, block by block.
+
+What stands before the heights, the header and the rounded reference line, comes from pycrg: it
+writes a file with the two outermost long sections alone, all zero. The header gets the lines of all
+long sections, which pycrg writes into a second small file.
+"""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pycrg
+import xarray as xr
+
+from trueterrain.formats.opencrg._blocks import height_blocks, heights
+
+Floats = npt.NDArray[np.float64]
+
+_END = b"$" * 72 + b"\n"  # of the header
+_INCREMENT = re.compile(rb"^long_section_v_increment .*\n", re.MULTILINE)
+_SECTIONS = re.compile(rb"(?:^D:long section .*\n)+", re.MULTILINE)
+_RECORD = 80  # [bytes]
+_CHANNELS = ("phi", "slope", "banking")  # each a column, unless it is constant
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlatRoad:
+    """The reference line as a file holds it: rounded, but known exactly."""
+
+    header: bytes
+    "Header of a file with the two outermost long sections."
+    channels: npt.NDArray[Any]
+    "Numbers that stand before the heights of each cross-section, as they are stored."
+    grid: pycrg.CrgGrid
+    "The reference line that follows from them."
+
+    def heights(self, v: Floats, rows: slice) -> Floats:
+        """Heights of the reference line and its banking alone [m], to be broadcast to the grid."""
+        base = self.grid.ref_z[rows, None]
+        if self.grid.bank.any():
+            base = base + self.grid.bank[rows, None] * v
+        return np.asarray(base)
+
+
+def flat_road(path: Path, u: Floats, v: Floats, keywords: Mapping[str, Any]) -> FlatRoad:
+    """Reference line that the C-API makes of what pycrg writes to a path."""
+    pycrg.write(path, np.zeros((u.size, 2)), v=v[[0, -1]], **keywords)
+    with pycrg.DataSet.open(path, apply_modifiers=False) as data:
+        grid = data.grid()
+    header, content = _parted(path)
+    channels = np.empty((u.size, 0))
+    if keywords["fmt"] in ("KRBI", "KDBI"):
+        numbers = np.frombuffer(content, dtype=number_type(keywords["fmt"]))
+        columns = 2 + sum(np.ndim(keywords[name]) > 0 for name in _CHANNELS)
+        channels = numbers[: u.size * columns].reshape(u.size, columns)[:, :-2]
+    return FlatRoad(header=header, channels=channels, grid=grid)
+
+
+def number_type(fmt: str) -> np.dtype[Any]:
+    """Type of the numbers of a binary format."""
+    return np.dtype(">f4" if fmt == "KRBI" else ">f8")
+
+
+def with_sections(header: bytes, v: Floats, fmt: str, path: Path) -> bytes:
+    """Header with other long sections between the same edges; a path is needed for a moment."""
+    pycrg.write(path, np.zeros((2, v.size)), 1.0, v, fmt=fmt)
+    example, _ = _parted(path)
+    # free text may look like anything, so it stays apart
+    end_of_text = header.index(b"\n$\n")
+    text, rest = header[:end_of_text], header[end_of_text:]
+    for lines in (_INCREMENT, _SECTIONS):
+        rest = lines.sub(b"".join(lines.findall(example)), rest)
+    return text + rest
+
+
+def write_whole(road: xr.Dataset, flat: FlatRoad, path: Path, keywords: Mapping[str, Any]) -> None:
+    """Write the heights as text, all at once."""
+    v = np.asarray(road["v"])
+    every = slice(0, road.sizes["u"])
+    pycrg.write(path, heights(road, every) - flat.heights(v, every), v=v, **keywords)
+
+
+def write_blocks(road: xr.Dataset, flat: FlatRoad, path: Path, fmt: str) -> None:
+    """Write the heights as bytes, block by block.
+
+    Raises
+    ------
+    ValueError
+        If the file would begin with a byte that the C-API takes for a line break.
+    """
+    v = np.asarray(road["v"])
+    header = with_sections(flat.header, v, fmt, path)
+    before = flat.channels.shape[1]
+    with path.open("wb") as stream:
+        stream.write(header)
+        for rows, block in height_blocks(road):
+            table = np.empty((len(block), before + v.size), dtype=number_type(fmt))
+            table[:, :before] = flat.channels[rows]
+            rest = block - flat.heights(v, rows)
+            # all that is missing is written as the same NaN, whatever made it
+            np.copyto(rest, np.nan, where=np.isnan(rest))
+            table[:, before:] = rest
+            content = table.tobytes()
+            if rows.start == 0 and content[:1] in (b"\n", b"\r"):
+                message = "the first height is so small that OpenCRG would misread it; make it 0"
+                raise ValueError(message)
+            stream.write(content)
+        stream.write(padding(stream.tell() - len(header), fmt))
+
+
+def padding(length: int, fmt: str) -> bytes:
+    """What fills the last record of numbers that are so many bytes long."""
+    number = number_type(fmt)
+    return np.full(-length % _RECORD // number.itemsize, np.nan, dtype=number).tobytes()
+
+
+def _parted(path: Path) -> tuple[bytes, bytes]:
+    content = path.read_bytes()
+    at = content.index(_END) + len(_END)
+    return content[:at], content[at:]
