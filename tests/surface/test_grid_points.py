@@ -72,7 +72,7 @@ def test_minimum_and_maximum_are_those_of_numpy():
 @pytest.mark.parametrize("percent", [50.0, 85.0])
 def test_medians_and_percentiles_are_those_of_numpy(monkeypatch, percent, held):
     """All heights at once, and so few that the points are gone through several times."""
-    monkeypatch.setattr("trueterrain.surface.accumulate._sums._COLLECTED", held)
+    monkeypatch.setattr("trueterrain.surface.accumulate._quantiles.COLLECTED", held)
     points, grid = cloud(), grid_over(0, 0, 10, 4, spacing=0.5)
     options = GridOptions(statistic="median" if percent == 50 else "percentile", percent=percent)
     parts = [points.isel(point=slice(k, k + 7000)) for k in range(0, 20_000, 7000)]
@@ -174,16 +174,17 @@ def test_sums_of_squares_may_pass_the_end_of_64_bits(heights, spread):
     sums = CellSums(grid_over(0, 0, 1, 1, spacing=1.0), Wanted(places=False))
     many = np.tile(z * STEP, 200)
     sums.add_points(np.zeros(many.size), np.zeros(many.size), many)
-    mean, deviation = np.empty(4), np.empty(4)
-    from trueterrain.surface.accumulate import _kernels
+    mean, deviation = np.empty((2, 2)), np.empty((2, 2))
+    from trueterrain.surface._finish import _kernels
 
     part = sums.total()
-    _kernels.moments(part.count, part.totals, part.squares, mean, deviation)
+    cells = (each.reshape(2, 2) for each in (part.count, part.totals, part.squares))
+    _kernels.moments(*cells, 1.0, mean, deviation)
     exact = [int(value) for value in np.tile(z, 200)]
     n, total = len(exact), sum(exact)
     numerator = n * sum(value * value for value in exact) - total * total
-    npt.assert_allclose(mean[0], total / n, rtol=1e-14)
-    npt.assert_allclose(deviation[0], numerator / n, rtol=1e-9, atol=1e-6)
+    npt.assert_allclose(mean[0, 0], total / n, rtol=1e-14)
+    npt.assert_allclose(deviation[0, 0], numerator / n, rtol=1e-9, atol=1e-6)
 
 
 def test_points_along_a_road_are_those_over_the_map():

@@ -17,8 +17,8 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.errors import CoverageError, SchemaError
-from trueterrain.surface._finish import ROWS, finish
-from trueterrain.surface.accumulate import CellSums, Wanted
+from trueterrain.surface._finish import ROWS, Nodes, finish
+from trueterrain.surface.accumulate import CellSums, Tally, Wanted
 from trueterrain.surface.cells import Grid
 
 Floats = npt.NDArray[np.float64]
@@ -163,28 +163,59 @@ def surface_of(
     if missing:
         message = f"the sums lack {', '.join(missing)}, which {options.statistic} needs."
         raise ValueError(message)
-    rows, columns = sums.grid.shape
-    height, sd = np.empty((rows, columns)), np.empty((rows, columns), np.float32)
-    count = np.empty((rows, columns), np.int32)
+    nodes = Nodes.empty(sums.grid.shape)
+    finish_rows(sums, options, sums.rows, nodes, again)
+    require_heights(nodes, options, sums.tally)
+    return sums.grid.surface(nodes.height, crs=crs, count=nodes.count, sd=nodes.sd)
+
+
+def finish_rows(
+    sums: CellSums,
+    options: GridOptions,
+    rows: range,
+    nodes: Nodes,
+    again: Callable[[CellSums], None] | None,
+) -> None:
+    """Numbers of some rows from the sums of their cells and of those around them.
+
+    Parameters
+    ----------
+    sums : CellSums
+        Sums that hold these rows, and `halo` more to either side if there are any.
+    options : GridOptions
+        What is taken of them.
+    rows : range
+        The rows.
+    nodes : Nodes
+        Where the numbers are put.
+    again : callable, optional
+        Adds all the data to the sums again; needed for medians and percentiles.
+    """
     sums.total()
     with ThreadPoolExecutor(sums.threads) as pool:
         jobs = [
-            pool.submit(finish, sums, options, start, min(start + ROWS, rows), height, sd, count)
-            for start in range(0, rows, ROWS)
+            pool.submit(finish, sums, options, start, min(start + ROWS, rows.stop), nodes)
+            for start in range(rows.start, rows.stop, ROWS)
         ]
         for job in jobs:
             job.result()
     if options.share is not None and again is not None:
         taken = sums.quantile(options.share, again)
-        height = np.where(np.isfinite(height), taken, np.nan)
-    if not np.isfinite(height).any():
-        tally = sums.tally
-        raise CoverageError(
-            f"no cell has {options.minimum_count} returns: {tally.used} lie on the grid, "
-            f"{tally.outside} beside it",
-            cure="Choose a coarser spacing, or a grid where the returns are.",
-        )
-    return sums.grid.surface(height, crs=crs, count=count, sd=sd)
+        height = nodes.height[rows.start : rows.stop]
+        seen = np.isfinite(height)
+        inner = slice(rows.start - sums.rows.start, rows.stop - sums.rows.start)
+        height[seen] = taken[inner][seen]
+
+
+def require_heights(nodes: Nodes, options: GridOptions, tally: Tally) -> None:
+    """Raise CoverageError if no node has a height."""
+    if any(np.isfinite(row).any() for row in nodes.height):
+        return
+    raise CoverageError(
+        f"no cell has {options.minimum_count} returns: {tally.used} lie on the grid, "
+        f"{tally.outside} beside it",
+        cure="Choose a coarser spacing, or a grid where the returns are.",
+    )
 
 
 def grid_points(

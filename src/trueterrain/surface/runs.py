@@ -5,22 +5,26 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
 from trueterrain import provenance
 from trueterrain.engine.progress import Progress, no_progress
-from trueterrain.errors import CoverageError, FormatError, SchemaError
+from trueterrain.errors import SchemaError
 from trueterrain.formats.run import Mounting, open_run
-from trueterrain.georeference import ScanGeometry, Screening, mounting_of
+from trueterrain.georeference import Screening
 from trueterrain.motion.trajectory import Trajectory
+from trueterrain.surface._finish import Nodes, halo_of
+from trueterrain.surface._recordings import Recording, read_ahead
+from trueterrain.surface._windows import Plan, plan_windows
 from trueterrain.surface.accumulate import CellSums
 from trueterrain.surface.cells import Grid
-from trueterrain.surface.grid import GridOptions, surface_of
+from trueterrain.surface.grid import GridOptions, finish_rows, require_heights
 
 #: Scans in a block, unless told otherwise: whole chunks of a store.
 BLOCK = 4000
+
+#: Memory for sums, unless told otherwise [bytes].
+MEMORY = 512 << 20
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,6 +49,7 @@ def grid_runs(
     screening: Screening = Screening(),
     threads: int = 1,
     block: int = BLOCK,
+    memory: int = MEMORY,
     progress: Progress = no_progress,
 ) -> tuple[xr.Dataset, dict[str, Any]]:
     """Surface from recorded runs.
@@ -63,6 +68,9 @@ def grid_runs(
         Threads that work at once; the surface does not depend on it.
     block : int
         Scans that are read at once; the surface does not depend on it.
+    memory : int
+        For sums over the returns in cells [bytes]; a long grid is worked window by window, so that
+        they take no more, unless its scans reach far along it. The surface does not depend on it.
     progress : callable, optional
         Called with the name of the run, and the scans done and to do.
 
@@ -77,7 +85,7 @@ def grid_runs(
     Raises
     ------
     ValueError
-        If there is no pass, or `block` is less than 1.
+        If there is no pass, or `block` or `memory` is less than 1.
     CoverageError
         If the motion covers no scan of a run, or no return lies on the grid.
     SchemaError
@@ -85,24 +93,38 @@ def grid_runs(
     FormatError
         If a run is damaged.
     """
-    if not passes or block < 1:
-        message = "there must be at least one pass, and block must be at least 1 scan."
+    if not passes or block < 1 or memory < 1:
+        message = (
+            "there must be at least one pass, block must be at least 1 scan, and memory at least "
+            "1 byte."
+        )
         raise ValueError(message)
     require_one_frame([one.path for one in passes])
-    sums = CellSums(grid, options.wanted(), threads=threads)
-    for number, one in enumerate(passes):
-        if number:
-            sums.next_pass()
-        _add_run(sums, one, screening, block, progress)
-    tally = sums.tally
+    recordings = [Recording(one, with_intensity=screening.needs_intensity) for one in passes]
+    wanted = options.wanted()
+    plan = plan_windows(
+        grid, recordings, wanted, margin=halo_of(options, grid), memory=memory, threads=threads,
+        furthest=screening.furthest,
+    )  # fmt: skip
+    nodes, tally = Nodes.empty(grid.shape), plan.tally
 
-    def again(these: CellSums) -> None:
-        for one in passes:
-            _add_run(these, one, screening, block, progress)
+    def work(window: range) -> None:
+        sums = CellSums(grid, wanted, threads=threads, rows=plan.around(window), poses=plan.poses)
 
-    surface = surface_of(sums, options, again=again)
+        def add(those: CellSums) -> None:
+            _add(those, recordings, plan, window, screening, block, progress)
+
+        add(sums)
+        tally.add(sums.tally)
+        finish_rows(sums, options, window, nodes, again=add)
+
+    for window in plan.windows:
+        work(window)
+    for window in plan.missed:
+        work(window)
+    require_heights(nodes, options, tally)
     surface = provenance.add_step(
-        surface, "grid",
+        grid.surface(nodes.height, count=nodes.count, sd=nodes.sd), "grid",
         parameters={
             "runs": [one.path.name for one in passes], "options": options, "screening": screening,
             "spacing": grid.spacing,
@@ -141,53 +163,34 @@ def require_one_frame(paths: Sequence[Path]) -> tuple[float, ...]:
     return origins[0]
 
 
-def _add_run(
-    sums: CellSums, one: Pass, screening: Screening, block: int, progress: Progress
+def _add(
+    sums: CellSums,
+    recordings: Sequence[Recording],
+    plan: Plan,
+    window: range,
+    screening: Screening,
+    block: int,
+    progress: Progress,
 ) -> None:
-    tree = open_run(one.path)
-    mounting = one.mounting or mounting_of(tree, path=one.path)
-    scans = tree["scans"]
-    time = _read(one.path, "time", slice(None))
-    geometry = ScanGeometry(one.trajectory, mounting, scans["angle"], scans["delay"])
-    covered = np.flatnonzero(geometry.covers(time))
-    if not covered.size:
-        knots = one.trajectory.time
-        raise CoverageError(
-            f"the motion, {knots[0]:.3f} s to {knots[-1]:.3f} s, covers none of the {time.size} "
-            "scans",
-            path=one.path,
-            place="scans",
-            cure="Compare the clocks of scanner and navigation: `trueterrain info`.",
-        )
-    attrs = _attrs(one.path, "range")
-    with_intensity = screening.needs_intensity and "intensity" in scans
-    for start in range(0, time.size, block):
-        rows = slice(start, start + block)
+    """Add the scans that reach a window, pass by pass."""
+    wanted = (
+        (number, index)
+        for number, one in enumerate(recordings)
+        for index in one.blocks(plan.reaching(number, window), block)
+    )
+    for number, index, ranges, intensity in read_ahead(recordings, wanted):
+        one = recordings[number]
+        while sums.passes <= number:
+            sums.next_pass()
+        reach = plan.reach_of(number, index)
         sums.add_scans(
-            geometry, time[rows], _read(one.path, "range", rows),
-            _read(one.path, "intensity", rows) if with_intensity else None,
-            scale=float(attrs.get("scale_factor", 1.0)), missing=attrs.get("_FillValue"),
-            screening=screening,
+            one.geometry, one.time[index], ranges, intensity, scale=one.scale, missing=one.missing,
+            screening=screening, reach=reach,
         )  # fmt: skip
-        progress(one.path.stem, min(start + block, time.size), time.size)
-
-
-def _read(path: Path, name: str, rows: slice) -> npt.NDArray[Any]:
-    """Scans as they are stored: decoding them all to metres would take longer than gridding."""
-    try:
-        return np.asarray(_array(path, name)[rows])
-    except (RuntimeError, ValueError, OSError, KeyError) as error:
-        raise FormatError(
-            f"is damaged ({error})", path=path, place=f"scans/{name} from {rows.start or 0}",
-            cure="Copy the whole folder again.",
-        ) from None  # fmt: skip
-
-
-def _attrs(path: Path, name: str) -> dict[str, Any]:
-    return dict(_array(path, name).attrs)
-
-
-def _array(path: Path, name: str) -> Any:
-    import zarr
-
-    return zarr.open_array(path / "scans" / name, mode="r")
+        done = int(index[-1]) + 1
+        if reach is not None:
+            plan.note(number, index, reach, window)
+            done = plan.done(number)
+        progress(one.path.stem, done, one.time.size)
+    while sums.passes < len(recordings):
+        sums.next_pass()

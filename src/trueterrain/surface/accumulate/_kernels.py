@@ -35,22 +35,24 @@ def _place(expansion, beam, ranges, scale, begin, end, where):
 
 @njit(cache=True, nogil=True)
 def scans(
-    begin, end, expansion, body, variance, first, beam, ranges, scale, missing, nearest, furthest,
+    begin, end, expansion, first, beam, ranges, scale, missing, nearest, furthest,
     intensity, floor, saturation, good, doubtful,
     px, py, nx, ny, dx, dy, lean, widen, length, hint,
-    v_right, per_across, columns, per_step, parts, furthest_height, variance_unit,
-    touched, count, totals, squares, lows, highs, alongs, acrosses, pose, tally,
-    first_cell, cursor, values,
+    v_right, per_across, columns, per_step, parts, furthest_height,
+    first_row, touched, count, totals, squares, lows, highs, alongs, acrosses, tally,
+    reach_low, reach_high, reach_found, first_cell, cursor, values,
 ):  # fmt: skip
     """Ranges of the scans begin to end into cells, without points in between.
 
-    If there are `values`, heights of cells from `first_cell` on are put there, each cell's where
-    its cursor is, and nothing is added up.
+    There are cells for the rows from `first_row` on. If there are `values`, heights of cells from
+    `first_cell` of those on are put there, each cell's where its cursor is, and nothing is added.
 
     The line has one node more at either end than the grid has rows. `hint` is a strip of it near
     each scan; what is found does not depend on it unless the line overlaps itself. `lean` is how
     far the cross-section at the begin of a strip runs ahead per metre of offset, `widen` how much
-    longer the strip grows. `tally` counts returns that are good, doubtful, outside, too high.
+    longer the strip grows. `tally` counts returns that are good, doubtful, outside, too high, in
+    rows without cells too; but not those of scans whose reach was found before. The rows that a
+    scan reaches are noted.
     """
     pieces = first.size - 1
     beams = ranges.shape[1]
@@ -60,16 +62,16 @@ def scans(
     used, doubted, outside, high = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
     screened, extremes, places = intensity.size > 0, lows.size > 0, alongs.size > 0
     collect = values.size > 0
-    rows = last  # nodes 1 to last are those of the grid
+    noted = reach_found.size > 0
+    rows = touched.size
     for n in range(begin, end):
         for p in range(pieces):
             _place(expansion[n * pieces + p], beam, ranges[n], scale, first[p], first[p + 1], where)
-        i = hint[n]
-        if not collect:
-            _add_pose(
-                body[n * pieces + pieces // 2], variance[n * pieces + pieces // 2],
-                px[i], py[i], nx[i], ny[i], variance_unit, pose[min(max(i - 1, 0), rows - 1)],
-            )  # fmt: skip
+        i = np.int64(hint[n])
+        fresh = np.int64(1)
+        if noted and reach_found[n]:
+            fresh = np.int64(0)
+        lowest, highest = last, np.int64(-1)
         cell = np.int64(-1)
         w_sum, z_sum, z_square = np.int64(0), np.int64(0), np.int64(0)
         z_low, z_high = np.int64(0), np.int64(0)
@@ -89,7 +91,7 @@ def scans(
             if screened:
                 weight = good
                 if not (floor <= intensity[n, b] <= saturation):
-                    doubted += 1
+                    doubted += fresh
                     weight = doubtful
                     if weight == 0:
                         continue
@@ -114,15 +116,20 @@ def scans(
             at = (left - v_right) * per_across + 0.5
             # the ends of the longer line carry no cells
             if not (node >= 1 and node <= last and at >= 0.0 and at < columns and t >= -0.5):
-                outside += 1
+                outside += fresh
                 continue
             if not (abs(zb) < furthest_height):
-                high += 1
+                high += fresh
                 continue
             column = np.int64(at)
-            used += 1
+            used += fresh
+            node -= 1  # nodes 1 to last are rows of the grid
+            lowest, highest = min(lowest, node), max(highest, node)
+            node -= first_row
+            if not (node >= 0 and node < rows):
+                continue
             h = np.int64(math.floor(zb * per_step + 0.5))
-            here = (node - 1) * columns + column
+            here = node * columns + column
             if collect:
                 place = here - first_cell
                 if 0 <= place < cursor.size:
@@ -142,7 +149,7 @@ def scans(
                         acrosses[cell] += v_sum
                 if row != node:
                     row = node
-                    touched[row - 1] = True
+                    touched[row] = True
                 cell = here
                 w_sum = z_sum = z_square = u_sum = v_sum = np.int64(0)
                 z_low = z_high = h
@@ -163,10 +170,25 @@ def scans(
             if places:
                 alongs[cell] += u_sum
                 acrosses[cell] += v_sum
+        if noted:
+            reach_low[n], reach_high[n], reach_found[n] = lowest, highest, True
     tally[0] += used
     tally[1] += doubted
     tally[2] += outside
     tally[3] += high
+
+
+@njit(cache=True, nogil=True)
+def poses(body, variance, pieces, px, py, nx, ny, hint, unit, sums):
+    """Variances of scans from the pose in the middle of each, into the sums of rows."""
+    last = sums.shape[0] - 1
+    for n in range(hint.size):
+        i = hint[n]
+        middle = n * pieces + pieces // 2
+        _add_pose(
+            body[middle], variance[middle], px[i], py[i], nx[i], ny[i], unit,
+            sums[min(max(i - 1, 0), last)],
+        )  # fmt: skip
 
 
 @njit(cache=True, nogil=True)
@@ -187,12 +209,61 @@ def _add_pose(at, c, px, py, nx, ny, unit, row):
 
 
 @njit(cache=True, nogil=True)
+def _strip(px, py, nx, ny, i, x, y):
+    """Strip that holds a place, looked for from strip i on."""
+    last = px.size - 2
+    while i > 0 and (x - px[i]) * ny[i] - (y - py[i]) * nx[i] < 0.0:
+        i -= 1
+    while i < last and (x - px[i + 1]) * ny[i + 1] - (y - py[i + 1]) * nx[i + 1] >= 0.0:
+        i += 1
+    return i
+
+
+@njit(cache=True, nogil=True)
+def reach(
+    expansion, pieces, piece, beam, furthest, px, py, nx, ny, dx, dy, hint, right, left, spare,
+    low, high,
+):  # fmt: skip
+    """Rows that some beams of each scan pass over, up to a range and within the offsets."""
+    rows = px.size - 2
+    where, ray = np.empty(2), np.empty(2)
+    for n in range(hint.size):
+        i = np.int64(hint[n])
+        first, last = np.int64(rows), np.int64(0)
+        for b in range(piece.size):
+            motion = expansion[n * pieces + piece[b]]
+            for axis in range(2):
+                c = motion[axis]
+                where[axis] = c[0] + c[1] * beam[1, b] + c[2] * beam[2, b]
+                ray[axis] = 0.0
+                for k in range(3, 9):
+                    ray[axis] += c[k] * beam[k, b]
+            offset = (where[1] - py[i]) * dx[i] - (where[0] - px[i]) * dy[i]
+            aside = ray[1] * dx[i] - ray[0] * dy[i]
+            r = furthest
+            if aside > 0.0:
+                r = min(r, max((left - offset) / aside, 0.0))
+            elif aside < 0.0:
+                r = min(r, max((right - offset) / aside, 0.0))
+            begin = _strip(px, py, nx, ny, i, where[0], where[1])
+            end = _strip(px, py, nx, ny, begin, where[0] + r * ray[0], where[1] + r * ray[1])
+            first = min(first, begin, end)
+            last = max(last, begin, end)
+        # a strip reaches half-way into the rows of both its nodes
+        low[n] = min(max(first - 1 - spare, 0), rows - 1)
+        high[n] = max(min(last + spare, rows - 1), 0)
+
+
+@njit(cache=True, nogil=True)
 def points(
     begin, end, u, v, z, sd, first_u, per_along, rows, v_right, per_across, columns, per_step,
-    parts, furthest_height, variance_unit, touched, count, totals, squares, lows, highs, alongs,
-    acrosses, variances, tally, first_cell, cursor, values,
+    parts, furthest_height, variance_unit, first_row, touched, count, totals, squares, lows, highs,
+    alongs, acrosses, variances, tally, first_cell, cursor, values,
 ):  # fmt: skip
-    """Points begin to end into cells, or their heights to `values`; NaN in u is outside."""
+    """Points begin to end into cells of rows from `first_row` on; NaN in u is outside.
+
+    Or their heights to `values`, as by `scans`.
+    """
     collect = values.size > 0
     extremes, places, own = lows.size > 0, alongs.size > 0, variances.size > 0
     used, outside, high = 0, 0, 0
@@ -205,9 +276,13 @@ def points(
         if not (abs(z[k]) < furthest_height):
             high += 1
             continue
+        used += 1
         row, column = np.int64(ahead), np.int64(left)
+        here = row - first_row
+        if not (here >= 0 and here < touched.size):
+            continue
         h = np.int64(math.floor(z[k] * per_step + 0.5))
-        cell = row * columns + column
+        cell = here * columns + column
         if collect:
             place = cell - first_cell
             if 0 <= place < cursor.size:
@@ -225,8 +300,7 @@ def points(
             acrosses[cell] += np.int64(math.floor((left - column - 0.5) * parts + 0.5))
         if own:
             variances[cell] += np.int64(math.floor(sd[k] * sd[k] / variance_unit + 0.5))
-        touched[row] = True
-        used += 1
+        touched[here] = True
     tally[0] += used
     tally[2] += outside
     tally[3] += high
@@ -257,101 +331,6 @@ def merge(count, totals, squares, lows, highs, alongs, acrosses, variances, touc
 
 
 @njit(cache=True, nogil=True)
-def moments(count, totals, squares, mean, deviation):
-    """Mean of each cell in steps, and the sum of squared deviations from it; NaN where none is."""
-    for cell in range(count.size):
-        n = count[cell]
-        if n == 0:
-            mean[cell] = np.nan
-            deviation[cell] = np.nan
-            continue
-        base = totals[cell] // n
-        rest = totals[cell] - n * base
-        # right modulo 2^64, and small
-        around = squares[cell] - 2 * base * totals[cell] + n * base * base
-        mean[cell] = base + rest / n
-        deviation[cell] = max(around - rest * (rest / n), 0.0)
-
-
-@njit(cache=True, nogil=True)
-def _slope(before, here, after, steeper):
-    """Mean of the steps to both sides, no steeper than so many times the gentler one."""
-    a, b = here - before, after - here
-    if math.isnan(a):
-        a = b
-    if math.isnan(b):
-        b = a
-    if not a * b > 0.0:  # NaN too
-        return 0.0
-    middle = 0.5 * (a + b)
-    limit = steeper * min(abs(a), abs(b))
-    return min(max(middle, -limit), limit)
-
-
-@njit(cache=True, nogil=True)
-def slopes(height, steeper, ahead, left):
-    """Slopes per cell along both axes."""
-    rows, columns = height.shape
-    for i in range(rows):
-        for j in range(columns):
-            here = height[i, j]
-            ahead[i, j] = _slope(
-                height[i - 1, j] if i > 0 else math.nan, here,
-                height[i + 1, j] if i < rows - 1 else math.nan, steeper,
-            )  # fmt: skip
-            left[i, j] = _slope(
-                height[i, j - 1] if j > 0 else math.nan, here,
-                height[i, j + 1] if j < columns - 1 else math.nan, steeper,
-            )  # fmt: skip
-
-
-@njit(cache=True, nogil=True)
-def level(mean, count, alongs, acrosses, parts, ahead, left, height):
-    """Means brought from the mean place of the returns to the nodes."""
-    for i in range(mean.shape[0]):
-        for j in range(mean.shape[1]):
-            if count[i, j] == 0:
-                height[i, j] = math.nan
-                continue
-            per = 1.0 / (parts * float(count[i, j]))
-            height[i, j] = mean[i, j] - per * (
-                ahead[i, j] * alongs[i, j] + left[i, j] * acrosses[i, j]
-            )
-
-
-@njit(cache=True, nogil=True)
-def scatter(deviation, count, weight, between, ahead, left, levelled, total, free):
-    """What is left of squared deviations without slope and passes, and its degrees of freedom."""
-    for i in range(deviation.shape[0]):
-        for j in range(deviation.shape[1]):
-            n = count[i, j] / weight
-            total[i, j] = 0.0
-            free[i, j] = max(n - 1.0, 0.0)
-            if n > 1.0:
-                rest = deviation[i, j] / weight - between[i, j]
-                if levelled:
-                    rest -= (n - 1.0) * (ahead[i, j] ** 2 + left[i, j] ** 2) / 12.0
-                total[i, j] = max(rest, 0.0)
-
-
-@njit(cache=True, nogil=True)
-def box(values, reach, row, out):
-    """Sums over the cells around, added in an order of their own; `row` is room for one row."""
-    rows, columns = values.shape
-    for i in range(rows):
-        for j in range(columns):
-            row[j] = 0.0
-        for k in range(max(i - reach, 0), min(i + reach + 1, rows)):
-            for j in range(columns):
-                row[j] += values[k, j]
-        for j in range(columns):
-            total = 0.0
-            for k in range(max(j - reach, 0), min(j + reach + 1, columns)):
-                total += row[k]
-            out[i, j] = total
-
-
-@njit(cache=True, nogil=True)
 def quantiles(values, ends, share, out):
     """Quantile of the heights of each cell, between two of them by their shares; sorts them."""
     begin = 0
@@ -367,62 +346,3 @@ def quantiles(values, ends, share, out):
         high = min(low + 1, end - begin - 1)
         out[cell] = some[low] + (at - low) * (some[high] - some[low])
         begin = end
-
-
-@njit(cache=True, nogil=True)
-def search(
-    mean, count, alongs, acrosses, parts, ahead, left, weight, levelled, found, n, effective,
-    slope_ahead, slope_left,
-):  # fmt: skip
-    """Weighted means of the cells around each cell, on the plane that fits them if `levelled`."""
-    rows, columns = mean.shape
-    for i in range(rows):
-        for j in range(columns):
-            total = heights = squares = along = across = 0.0
-            number = 0
-            for k in range(ahead.size):
-                a, b = i + ahead[k], j + left[k]
-                if not (0 <= a < rows and 0 <= b < columns) or count[a, b] == 0:
-                    continue
-                c = float(count[a, b])
-                w = weight[k] * c
-                number += count[a, b]
-                total += w
-                squares += weight[k] * w
-                heights += w * mean[a, b]
-                along += w * ahead[k] + weight[k] * alongs[a, b] / parts
-                across += w * left[k] + weight[k] * acrosses[a, b] / parts
-            n[i, j] = number
-            slope_ahead[i, j] = slope_left[i, j] = 0.0
-            if number == 0:
-                found[i, j] = math.nan
-                effective[i, j] = 0.0
-                continue
-            middle, along, across = heights / total, along / total, across / total
-            xx = xy = yy = xz = yz = 0.0
-            for k in range(ahead.size):
-                a, b = i + ahead[k], j + left[k]
-                if not (0 <= a < rows and 0 <= b < columns) or count[a, b] == 0:
-                    continue
-                c = float(count[a, b])
-                w = weight[k] * c
-                x = ahead[k] + alongs[a, b] / (parts * c) - along
-                y = left[k] + acrosses[a, b] / (parts * c) - across
-                xx += w * x * x
-                xy += w * x * y
-                yy += w * y * y
-                xz += w * x * (mean[a, b] - middle)
-                yz += w * y * (mean[a, b] - middle)
-            variance = squares / (total * total)
-            determinant = xx * yy - xy * xy
-            # a plane through cells that lie all but in a line would be none
-            if determinant > 0.05 * xx * yy:
-                p = (yy * xz - xy * yz) / determinant
-                q = (xx * yz - xy * xz) / determinant
-                slope_ahead[i, j], slope_left[i, j] = p, q
-                if levelled:
-                    middle -= p * along + q * across
-                    reach = yy * along * along - 2.0 * xy * along * across + xx * across * across
-                    variance *= 1.0 + total * reach / determinant
-            found[i, j] = middle
-            effective[i, j] = 1.0 / variance

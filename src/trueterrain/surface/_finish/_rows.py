@@ -1,0 +1,149 @@
+"""Heights, standard deviations and counts of some rows."""
+
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from trueterrain.surface._finish import _kernels
+from trueterrain.surface._finish._disc import Disc, disc_of, halo_of
+from trueterrain.surface.accumulate import STEP, CellSums
+from trueterrain.surface.accumulate._kernels import MIDDLE
+from trueterrain.surface.accumulate._pose import VARIANCE_STEP
+from trueterrain.surface.accumulate._sums import PARTS
+
+if TYPE_CHECKING:
+    from trueterrain.surface.grid import GridOptions
+
+Floats = npt.NDArray[np.float64]
+
+#: Rows that are finished at once.
+ROWS = 256
+
+_POOL = 2  # cells to either side whose scatter is pooled
+_ROUNDS = 2  # in which slopes and levelled heights settle
+_STEEPER = 2.0  # times the gentler of both sides, a slope is believed
+
+
+@dataclass(frozen=True, eq=False)
+class Nodes:
+    """Numbers of all nodes of a grid: 16 bytes for each."""
+
+    height: Floats
+    "Heights, shape (u, v) [m]."
+
+    sd: npt.NDArray[np.float32]
+    "Standard deviations, shape (u, v) [m]."
+
+    count: npt.NDArray[np.int32]
+    "Returns, shape (u, v)."
+
+    @classmethod
+    def empty(cls, shape: tuple[int, int]) -> "Nodes":
+        """Room for so many nodes."""
+        return cls(np.empty(shape), np.empty(shape, np.float32), np.empty(shape, np.int32))
+
+
+def finish(sums: CellSums, options: "GridOptions", begin: int, end: int, nodes: Nodes) -> None:
+    """Numbers of the rows from `begin` to before `end`; the sums hold those around them too."""
+    disc = disc_of(options, sums.grid)
+    halo = halo_of(options, sums.grid)
+    around = slice(max(begin - halo, sums.rows.start), min(end + halo, sums.rows.stop))
+    part = sums.total()
+
+    def of(values: Any) -> Any:
+        if not values.size:
+            return values.reshape(0, 0)
+        kept = values.reshape(len(sums.rows), -1)
+        return kept[around.start - sums.rows.start : around.stop - sums.rows.start]
+
+    weights, places = of(part.count), (of(part.alongs), of(part.acrosses))
+    mean, deviation = np.empty(weights.shape), np.empty(weights.shape)
+    _kernels.moments(weights, of(part.totals), of(part.squares), STEP, mean, deviation)
+    levelled = options.level and options.statistic == "mean"
+    slopes = np.empty_like(mean), np.empty_like(mean)
+    _kernels.slopes(mean, _STEEPER, *slopes)
+    value = mean
+    if levelled:
+        value = np.empty_like(mean)
+        for round_ in range(_ROUNDS):
+            if round_:
+                _kernels.slopes(value, _STEEPER, *slopes)
+            _kernels.level(mean, weights, *places, PARTS, *slopes, value)
+    pose, between = sums.pose_variance(around)
+    single = _single(
+        deviation, weights, sums.weight, between, slopes, options.range_noise, levelled=levelled
+    )
+    if part.variances.size:
+        with np.errstate(invalid="ignore", divide="ignore"):
+            own = of(part.variances) * VARIANCE_STEP / weights
+        pose = pose + np.maximum(own - options.range_noise**2, 0.0)
+    n = effective = weights / sums.weight
+    if disc is not None:
+        value, n, effective = _searched(mean, weights, sums.weight, places, disc, slopes)
+    if options.statistic in ("minimum", "maximum"):
+        low = options.statistic == "minimum"
+        stored = of(part.lows if low else part.highs) - float(MIDDLE)
+        value, effective = (-stored if low else stored) * STEP, np.ones_like(n)
+    _kernels.conclude(
+        value, single, n, effective, pose, *slopes, sums.sideways_variance(), *sums.grid.spacing,
+        _spread(options.share), options.minimum_count, begin - around.start,
+        nodes.height[begin:end], nodes.sd[begin:end], nodes.count[begin:end],
+    )  # fmt: skip
+
+
+def _searched(
+    mean: Floats,
+    weights: Any,
+    weight: int,
+    places: tuple[Any, Any],
+    disc: Disc,
+    slopes: tuple[Floats, Floats],
+) -> tuple[Floats, Floats, Floats]:
+    """Heights from discs; counts, and how many returns of equal weight they are worth.
+
+    Slopes become those of the planes through the discs.
+    """
+    found, n, effective = np.empty_like(mean), np.empty_like(mean), np.empty_like(mean)
+    levelled = places[0].size > 0
+    if not levelled:
+        places = np.zeros_like(weights), np.zeros_like(weights)
+    _kernels.search(
+        mean, weights, *places, PARTS, disc.ahead, disc.left, disc.weight, levelled, found, n,
+        effective, *slopes,
+    )  # fmt: skip
+    return found, n / weight, effective / weight
+
+
+def _spread(share: float | None) -> float:
+    """Variance of a quantile of many normal values over that of their mean."""
+    if share is None:
+        return 1.0
+    normal = NormalDist()
+    return share * (1 - share) / normal.pdf(normal.inv_cdf(share)) ** 2
+
+
+def _single(
+    deviation: Floats,
+    weights: Any,
+    weight: int,
+    between: Floats | None,
+    slopes: tuple[Floats, Floats],
+    noise: float,
+    *,
+    levelled: bool,
+) -> Floats:
+    """Variance of a single return from the scatter in the cells around [m²]."""
+    total, free = np.empty_like(deviation), np.empty_like(deviation)
+    _kernels.scatter(
+        deviation, weights, weight, np.empty((0, 0)) if between is None else between, *slopes,
+        levelled, total, free,
+    )  # fmt: skip
+    sums = np.empty_like(total), np.empty_like(free)
+    row = np.empty(total.shape[1] + 2 * _POOL)
+    _kernels.box(total, _POOL, row, sums[0])
+    _kernels.box(free, _POOL, row, sums[1])
+    _kernels.pool(*sums, noise**2, sums[0])
+    return sums[0]

@@ -1,0 +1,124 @@
+"""Scans of recorded runs as they are stored, read while those before them are gridded."""
+
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from trueterrain.errors import CoverageError, FormatError
+from trueterrain.formats.run import open_run
+from trueterrain.georeference import ScanGeometry, mounting_of
+
+if TYPE_CHECKING:
+    from trueterrain.surface.runs import Pass
+
+Index = npt.NDArray[np.intp]
+
+_REACH = 10.0  # [m] range that is not often passed where greater ones can be stored
+_AHEAD = 2  # blocks that are read before they are needed
+
+
+class Recording:
+    """Scans of a pass; nothing but their stamps is held.
+
+    Parameters
+    ----------
+    one : Pass
+        The run and its motion.
+    with_intensity : bool
+        Whether intensities are wanted, if they were recorded.
+    """
+
+    def __init__(self, one: "Pass", *, with_intensity: bool) -> None:
+        tree = open_run(one.path)
+        mounting = one.mounting or mounting_of(tree, path=one.path)
+        scans = tree["scans"]
+        self.path = one.path
+        self._arrays: dict[str, Any] = {}
+        self.time = self._read("time", slice(None))
+        self.geometry = ScanGeometry(one.trajectory, mounting, scans["angle"], scans["delay"])
+        if not self.geometry.covers(self.time).any():
+            knots = one.trajectory.time
+            raise CoverageError(
+                f"the motion, {knots[0]:.3f} s to {knots[-1]:.3f} s, covers none of the "
+                f"{self.time.size} scans",
+                path=one.path,
+                place="scans",
+                cure="Compare the clocks of scanner and navigation: `trueterrain info`.",
+            )
+        self._names = ["range"]
+        if with_intensity and "intensity" in scans:
+            self._names.append("intensity")
+        ranges = self._array("range")
+        self.scale = float(ranges.attrs.get("scale_factor", 1.0))
+        self.missing = ranges.attrs.get("_FillValue")
+        whole = ranges.dtype.kind in "iu"
+        self.furthest = float(np.iinfo(ranges.dtype).max) * self.scale if whole else _REACH
+
+    def read(self, index: Index) -> tuple[Any, Any]:
+        """Ranges and intensities of scans that lie close together, as they are stored."""
+        first = int(index[0])
+        rows = slice(first, int(index[-1]) + 1)
+        found = [self._read(name, rows) for name in self._names]
+        if index.size < rows.stop - first:
+            found = [values[index - first] for values in found]
+        ranges, intensity = (*found, None)[:2]
+        return ranges, intensity
+
+    def blocks(self, index: Index | None, size: int) -> Iterator[Index]:
+        """Scans, or all, in blocks of so many of the store."""
+        index = np.arange(self.time.size) if index is None else index
+        ends = np.searchsorted(index, np.arange(size, self.time.size, size))
+        yield from (some for some in np.split(index, ends) if some.size)
+
+    def _read(self, name: str, rows: slice) -> npt.NDArray[Any]:
+        """Numbers as they are stored: to decode them to metres would take longer than gridding."""
+        try:
+            return np.asarray(self._array(name)[rows])
+        except (RuntimeError, ValueError, OSError, KeyError) as error:
+            raise FormatError(
+                f"is damaged ({error})", path=self.path,
+                place=f"scans/{name} from {rows.start or 0}", cure="Copy the whole folder again.",
+            ) from None  # fmt: skip
+
+    def _array(self, name: str) -> Any:
+        import zarr
+
+        if name not in self._arrays:
+            self._arrays[name] = zarr.open_array(self.path / "scans" / name, mode="r")
+        return self._arrays[name]
+
+
+def read_ahead(
+    recordings: Sequence[Recording], wanted: Iterable[tuple[int, Index]]
+) -> Iterator[tuple[int, Index, Any, Any]]:
+    """Blocks of scans in order, while the next ones are read.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        The scans.
+    wanted : iterable of tuple
+        Number of a recording, and of some of its scans.
+
+    Yields
+    ------
+    tuple
+        The same, ranges and intensities.
+    """
+    waiting: deque[tuple[int, Index, Future[tuple[Any, Any]]]] = deque()
+
+    def first() -> tuple[int, Index, Any, Any]:
+        number, index, read = waiting.popleft()
+        return number, index, *read.result()
+
+    with ThreadPoolExecutor(1) as pool:
+        for number, index in wanted:
+            waiting.append((number, index, pool.submit(recordings[number].read, index)))
+            if len(waiting) > _AHEAD:
+                yield first()
+        while waiting:
+            yield first()

@@ -1,0 +1,69 @@
+"""Room for the sums of one thread."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from trueterrain.surface.accumulate import _kernels
+from trueterrain.surface.accumulate._pose import Pose
+from trueterrain.surface.accumulate._tally import Tally, Wanted
+from trueterrain.surface.cells import Grid
+
+
+@dataclass
+class Part:
+    """Sums of one thread, flat; what is not wanted has no room.
+
+    Memory that is never touched costs nothing, so each thread can have all cells.
+    """
+
+    count: Any
+    totals: Any
+    squares: Any
+    lows: Any
+    highs: Any
+    alongs: Any
+    acrosses: Any
+    variances: Any
+    touched: Any
+    pose: Pose
+    tally: Tally = field(default_factory=Tally)
+
+    @classmethod
+    def empty(cls, grid: Grid, rows: int, wanted: Wanted) -> "Part":
+        """All sums zero, for some rows of a grid."""
+        cells = rows * grid.shape[1]
+
+        def some(keep: bool, dtype: Any) -> Any:
+            return np.zeros(cells if keep else 0, dtype)
+
+        return cls(
+            count=some(True, np.int32),
+            totals=some(True, np.int64),
+            squares=some(True, np.int64),
+            lows=some(wanted.extremes, np.int32),
+            highs=some(wanted.extremes, np.int32),
+            alongs=some(wanted.places, np.int32),
+            acrosses=some(wanted.places, np.int32),
+            variances=some(wanted.point_sd, np.int64),
+            touched=np.zeros(rows, np.bool_),
+            pose=Pose.empty(grid),
+        )
+
+    @property
+    def cells(self) -> tuple[Any, ...]:
+        """Sums of returns, as the loops take them."""
+        return (
+            self.count, self.totals, self.squares, self.lows, self.highs, self.alongs,
+            self.acrosses,
+        )  # fmt: skip
+
+    def add(self, other: "Part") -> None:
+        """Add the sums of another thread."""
+        _kernels.merge(
+            *self.cells, self.variances, self.touched,
+            (*other.cells, other.variances, other.touched),
+        )  # fmt: skip
+        self.pose.sums[...] += other.pose.sums
+        self.tally.add(other.tally)

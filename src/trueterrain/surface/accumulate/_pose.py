@@ -1,0 +1,64 @@
+"""What errors of the pose add to the variance of heights.
+
+They are the same for all returns of a pass in a cell, and independent from pass to pass.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from trueterrain.georeference import Expansion
+from trueterrain.surface.accumulate import _kernels
+from trueterrain.surface.cells import Grid
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+#: Step in which variances are added up [m²].
+VARIANCE_STEP = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """Variance of a height that comes from the pose of a pass, as a + b v + c v² in each row."""
+
+    sums: Integers
+    "Of a, b, c, of the mean variance of east and north, and of scans, shape (row, 5)."
+
+    @classmethod
+    def empty(cls, grid: Grid) -> "Pose":
+        """All sums zero."""
+        return cls(np.zeros((grid.shape[0], 5), np.int64))
+
+    def add(self, motion: Expansion, pieces: int, hint: npt.NDArray[Any], grid: Grid) -> None:
+        """Add scans to the rows in whose strips of the line their hints are."""
+        x, y, nx, ny, *_ = grid.strips
+        _kernels.poses(
+            motion.body, motion.variance, pieces, x, y, nx, ny, hint, VARIANCE_STEP, self.sums
+        )
+
+    @cached_property
+    def coefficient(self) -> Floats:
+        """a, b and c of all rows, between those with scans where there is none, shape (3, row)."""
+        a, b, c, _, n = self.sums.T
+        seen = np.flatnonzero(n)
+        if not seen.size:
+            return np.zeros((3, n.size))
+        at = np.arange(n.size)
+        return np.stack(
+            [np.interp(at, seen, some[seen] * VARIANCE_STEP / n[seen]) for some in (a, b, c)]
+        )
+
+    @cached_property
+    def sideways(self) -> Floats:
+        """Sum of horizontal variances [m²], and of scans."""
+        _, _, _, place, n = self.sums.T
+        return np.array([place.sum() * VARIANCE_STEP, n.sum()], dtype=np.float64)
+
+    def variance(self, rows: slice, v: Floats) -> Floats:
+        """Variance of a height in the cells of some rows, at the offsets v [m²]."""
+        a, b, c = self.coefficient[:, rows, None]
+        return np.asarray(np.maximum(a + v * (b + v * c), 0.0))

@@ -1,0 +1,60 @@
+"""Returns of some scans, as the loops take them."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from trueterrain.georeference import ScanGeometry, Screening
+
+_NONE: Any = np.empty((0, 0))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Returns:
+    """Ranges of some scans as they are stored, and what is needed to sort them into cells."""
+
+    geometry: ScanGeometry
+    "Motion and beams."
+
+    time: npt.NDArray[np.float64]
+    "Stamps of the scans, shape (scan,) [s]."
+
+    ranges: npt.NDArray[Any]
+    "Ranges in steps of `scale`, shape (scan, beam)."
+
+    intensity: npt.NDArray[Any] | None
+    "Intensities, if they matter, shape (scan, beam) [counts]."
+
+    scale: float
+    "Step of the ranges [m]."
+
+    missing: Any
+    "Number that stands for no return."
+
+    screening: Screening
+    "Which returns are doubtful."
+
+    weights: tuple[int, int]
+    "Of good and of doubtful returns."
+
+    def of(self, some: slice | npt.NDArray[np.bool_]) -> "Returns":
+        """Those of some scans."""
+        intensity = None if self.intensity is None else self.intensity[some]
+        return replace(self, time=self.time[some], ranges=self.ranges[some], intensity=intensity)
+
+    def covered(self) -> "Returns":
+        """Those of scans that the motion covers."""
+        covered = self.geometry.covers(self.time)
+        return self if covered.all() else self.of(covered)
+
+    @property
+    def loops(self) -> tuple[Any, ...]:
+        """What the loops need."""
+        screening = self.screening
+        return (
+            self.ranges, self.scale, self.missing, screening.nearest, screening.furthest,
+            _NONE if self.intensity is None else self.intensity, screening.floor,
+            screening.saturation, *self.weights,
+        )  # fmt: skip
