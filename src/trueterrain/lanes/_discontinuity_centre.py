@@ -199,10 +199,8 @@ def _levels(key: Integers, cell: float) -> tuple[Floats, float, bool]:
     level = np.minimum((away / (length + 1e-9) * count).astype(np.int64), count - 1)
     quantity = np.bincount(level, minlength=count)
     there = quantity > 0
-    middle: Floats = np.stack(
-        [np.bincount(level, one, minlength=count)[there] for one in at.T], axis=1
-    )
-    middle = middle / quantity[there, None]
+    sums = np.stack([np.bincount(level, one, minlength=count) for one in at.T], axis=1)
+    middle: Floats = sums[there] / quantity[there, None]
     if not closed and middle.shape[0] > 4:
         middle = middle[1:-1]  # those at the ends lie in corners
     return middle, length * cell / count, closed

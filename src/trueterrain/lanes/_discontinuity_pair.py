@@ -30,7 +30,7 @@ class DiscontinuityOptions:
     radius: float = 0.2
     "Radius of the disc around each in which heights are compared [m]."
 
-    cut_off: float = 5.0
+    cut_off: float = 2.5
     """Wavelength of which half stays in the correction [m]: longer ones are drift, shorter ones
     are left alone."""
 
@@ -44,8 +44,9 @@ class DiscontinuityOptions:
     cell: float = 0.1
     "Size of the cells in which the overlap is looked for [m]."
 
-    smoothing: float = 5.0
-    "Wavelength below which a path along the centre does not follow the edges of the overlap [m]."
+    smoothing: float = 10.0
+    """Wavelength below which a path along the centre does not follow the edges of the overlap [m];
+    the search areas do."""
 
     least: int = 20
     "Points that each lane must have in a disc; with fewer there is a gap."

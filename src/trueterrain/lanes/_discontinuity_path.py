@@ -30,10 +30,10 @@ class Places(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReferencePath:
-    """Equally spaced reference points along a path."""
+    """A path with equally spaced reference points."""
 
     easting: Floats
-    "Eastings of the reference points, shape (s,) [m]."
+    "Eastings of the path at the reference points, shape (s,) [m]."
 
     northing: Floats
     "Northings, shape (s,) [m]."
@@ -46,6 +46,10 @@ class ReferencePath:
 
     centre: tuple[float, float] | None = None
     "Easting and northing of the centre, if stations are polar [m]."
+
+    aside: Floats | None = None
+    """Offset from the path at which heights are compared, left positive, shape (s,) [m]: where the
+    overlap sways, so that the path need not. By default 0."""
 
     def __post_init__(self) -> None:
         """Check shapes and values."""
@@ -64,6 +68,11 @@ class ReferencePath:
         if not (np.isfinite(self.easting).all() and np.isfinite(self.northing).all()):
             message = "reference points must be finite."
             raise ValueError(message)
+        if self.aside is not None and not (
+            self.aside.shape == self.easting.shape and np.isfinite(self.aside).all()
+        ):
+            message = "aside must hold a finite offset for each reference point."
+            raise ValueError(message)
         if not 0 < self.spacing < np.inf:
             message = f"spacing must be greater than 0 m, got {self.spacing}."
             raise ValueError(message)
@@ -77,6 +86,14 @@ class ReferencePath:
     def length(self) -> float:
         """Length of the path, once around if it is closed [m]."""
         return float((self.easting.size - (not self.closed)) * self.spacing)
+
+    @cached_property
+    def places(self) -> tuple[Floats, Floats]:
+        """Eastings and northings where heights are compared, shape (s,) each [m]."""
+        if self.aside is None:
+            return self.easting, self.northing
+        cos, sin = np.cos(self.heading), np.sin(self.heading)
+        return self.easting - self.aside * sin, self.northing + self.aside * cos
 
     @cached_property
     def heading(self) -> Floats:

@@ -142,8 +142,9 @@ class AreaSums:
         self._path, self._area = path, area
         self._bin = round(bin_width / STEP)
         far = float(np.hypot(*area.half_axes))
-        self._frame = path.frame(far + path.spacing, far + path.spacing)
-        self._width = far
+        self._x, self._y = path.places
+        self._width = far + float(np.abs(0.0 if path.aside is None else path.aside).max())
+        self._frame = path.frame(self._width + path.spacing, far + path.spacing)
         n = path.easting.size
         reach = int(np.ceil(_STRETCH * far / path.spacing)) + 1
         steps = np.arange(-reach, reach + 1)
@@ -174,7 +175,7 @@ class AreaSums:
             k = k % n if self._path.closed else k
             some = np.flatnonzero((k >= 0) & (k < n))
             k = k[some]
-            dx, dy = x[some] - self._path.easting[k], y[some] - self._path.northing[k]
+            dx, dy = x[some] - self._x[k], y[some] - self._y[k]
             cos, sin = self._cos[k], self._sin[k]
             inside = _inside(self._area, cos * dx + sin * dy, cos * dy - sin * dx)
             k, h = k[inside], height[some][inside]
@@ -229,10 +230,11 @@ def inside_overlap(overlap: Overlap, path: ReferencePath, area: SearchArea) -> F
     far = float(np.hypot(*area.half_axes))
     reach = int(np.ceil(far / overlap.cell)) + 1
     steps = np.arange(-reach, reach + 1)
-    held = overlap.holds(path.easting, path.northing)
+    easting, northing = path.places
+    held = overlap.holds(easting, northing)
     for begin in range(0, path.easting.size, _FEW):
         part = slice(begin, begin + _FEW)
-        x, y, heading = path.easting[part], path.northing[part], path.heading[part]
+        x, y, heading = easting[part], northing[part], path.heading[part]
         cos, sin = np.cos(heading), np.sin(heading)
         for column in steps:
             for row in steps:

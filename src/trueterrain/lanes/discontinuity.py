@@ -55,6 +55,7 @@ from trueterrain.lanes.reference_path import (
     Edges,
     ReferencePath,
     centre_reference,
+    keep_to_middle,
     overlap_edges,
 )
 
@@ -98,7 +99,8 @@ def align_lanes(
     options : DiscontinuityOptions
         Search areas, filter, and what counts.
     paths : ReferencePath, or mapping of pairs of names to ReferencePath, optional
-        Reference path of each pair, or one for all; by default along the centre of the overlap.
+        Reference path of each pair, or one for all, which are kept to. By default a smooth path
+        along the centre of the overlap, with the search areas in the middle of it.
     fix : str, optional
         Lane that stays as it is, and to which all others are brought. By default the first two
         lanes share their difference.
@@ -274,6 +276,7 @@ def _path(
         path = given.get(pair) or given.get((pair[1], pair[0]))
     if path is None:
         path = centre_reference(overlap, spacing=options.spacing, smoothing=options.smoothing)
+        path = keep_to_middle(overlap, path, radius=options.radius)
     inside = inside_overlap(overlap, path, options.area)
     return _Way(overlap, path, overlap_edges(overlap, path), inside)
 
@@ -315,11 +318,10 @@ def _aligned(
     pairs: list[PairAlignment] = []
     for pair, way in ways.items():
         stays = bool(pairs) or pair[0] == fix
-        at = way.path.easting, way.path.northing
         found = discontinuity(
             (heights[pair, pair[0]], heights[pair, pair[1]]), way.path, way.edges, way.inside,
             options, lanes=pair,
-            aligned=_taken_off(corrections, pair[0], *at) if stays else None,
+            aligned=_taken_off(corrections, pair[0], *way.path.places) if stays else None,
         )  # fmt: skip
         corrected = pair[1:] if stays else pair
         begin, end = found.ends

@@ -4,6 +4,7 @@ A station is the arc length along the path, or on a circle the polar angle times
 closed course stations are periodic: the last reference point is followed by the first.
 """
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ __all__ = [
     "Places",
     "ReferencePath",
     "centre_reference",
+    "keep_to_middle",
     "overlap_edges",
     "polar_reference",
     "straight_reference",
@@ -186,7 +188,7 @@ def polar_reference(
 
 
 def centre_reference(
-    overlap: Overlap, *, spacing: float = 0.25, smoothing: float = 5.0
+    overlap: Overlap, *, spacing: float = 0.25, smoothing: float = 10.0
 ) -> ReferencePath:
     """Reference path along the centre of an overlap, straight, curved or closed.
 
@@ -242,6 +244,38 @@ def centre_reference(
             place=f"overlap of {overlap.lanes[0]} and {overlap.lanes[1]}",
             cure="Give a line or waypoints, a finer spacing, or finer cells.",
         ) from None
+
+
+def keep_to_middle(overlap: Overlap, path: ReferencePath, *, radius: float = 0.2) -> ReferencePath:
+    """The same path with heights compared in the middle of the overlap beside it.
+
+    Swaths sway with the vehicle, and their overlap with them. A path that swayed as much would not
+    tell stations a few metres beside it, so the path stays and only the search areas follow.
+
+    Parameters
+    ----------
+    overlap : Overlap
+        The overlap.
+    path : ReferencePath
+        The path.
+    radius : float
+        Radius of the search areas, and half of the stretch over which the middle is taken [m].
+
+    Returns
+    -------
+    ReferencePath
+        With new ``aside``; straight on where there is no overlap.
+    """
+    from trueterrain.lanes._discontinuity_centre import across, part_of_path
+
+    key = part_of_path(overlap, path)
+    middle, _ = across(key, overlap.cell, path, max(2 * radius, overlap.cell))
+    known = np.isfinite(middle)
+    period = path.length if path.closed else None
+    aside = np.zeros(known.size)
+    if known.any():
+        aside = np.interp(path.station, path.station[known], middle[known], period=period)
+    return replace(path, aside=aside)
 
 
 class Edges(NamedTuple):
