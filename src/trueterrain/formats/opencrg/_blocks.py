@@ -8,13 +8,13 @@ import xarray as xr
 
 Floats = npt.NDArray[np.float64]
 
-_NODES = 1 << 20  # in a block: 8 MB as float64
+_NODES = 1 << 18  # in a block: 2 MB as float64, which stays near the processor
 
 
-def row_blocks(shape: tuple[int, ...]) -> Iterator[slice]:
-    """Cross-sections of a grid, block by block."""
+def row_blocks(shape: tuple[int, ...], multiple: int = 1) -> Iterator[slice]:
+    """Cross-sections of a grid, block by block, each a multiple of some long."""
     rows, columns = shape
-    size = max(1, _NODES // columns)
+    size = -(-max(1, _NODES // columns) // multiple) * multiple
     for start in range(0, rows, size):
         yield slice(start, min(start + size, rows))
 
@@ -25,6 +25,7 @@ def heights(surface: xr.Dataset, rows: slice) -> Floats:
 
 
 def height_blocks(surface: xr.Dataset) -> Iterator[tuple[slice, Floats]]:
-    """Heights of all cross-sections [m], block by block."""
-    for rows in row_blocks(surface["height"].shape):
+    """Heights of all cross-sections [m], block by block; of a surface on disk, in whole chunks."""
+    chunks = surface["height"].encoding.get("preferred_chunks", {})
+    for rows in row_blocks(surface["height"].shape, chunks.get("u", 1)):
         yield rows, heights(surface, rows)

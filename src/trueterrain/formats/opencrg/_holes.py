@@ -90,8 +90,9 @@ def patched(surface: xr.Dataset, holes: Index) -> xr.Dataset:
 def _patched(variable: xr.Variable, index: Index, values: npt.NDArray[Any]) -> xr.Variable:
     # protected and kept once it is whole, like what xarray opens from disk
     lazy = indexing.LazilyIndexedArray(_Patched(variable, index, values))
-    data = indexing.MemoryCachedArray(indexing.CopyOnWriteArray(lazy))
-    return xr.Variable(variable.dims, data, variable.attrs)
+    # xarray leaves what protects arrays without types
+    data = indexing.MemoryCachedArray(indexing.CopyOnWriteArray(lazy))  # type: ignore[arg-type,no-untyped-call]
+    return xr.Variable(variable.dims, data, variable.attrs, variable.encoding)
 
 
 class _Patched(BackendArray):

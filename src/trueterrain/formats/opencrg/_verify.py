@@ -19,7 +19,7 @@ import xarray as xr
 
 from trueterrain.errors import OutputError
 from trueterrain.formats.opencrg import _rules
-from trueterrain.formats.opencrg._blocks import heights, row_blocks
+from trueterrain.formats.opencrg._blocks import height_blocks, row_blocks
 from trueterrain.formats.opencrg._header import Header, read_header, stations
 from trueterrain.formats.opencrg._offsets import section_offsets
 from trueterrain.formats.opencrg._payload import Numbers
@@ -128,25 +128,21 @@ def _compare_heights(
     step = _step((u.size - 1) * columns, columns)
     furthest = largest = 0.0
     cells: list[tuple[Index, Index, Floats]] = []
-    for rows in row_blocks(numbers.shape):
-        # with the first cross-section of the next block, for the cells in between
-        rows = slice(rows.start, min(rows.stop + 1, u.size))
-        grid, should = numbers.heights(rows), heights(road, rows)
-        missing = np.isnan(grid)
-        if (missing != np.isnan(should)).any():
-            raise _difference(
-                "heights where there should be none, or none where they should be", "height", path
-            )
-        largest = max(largest, float(np.nanmax(np.abs(grid))))
-        found = grid + flat.heights(v, rows)
-        furthest = max(furthest, float(np.nanmax(np.abs(found - should))))
-        first = -(-rows.start * columns // step) * step
-        chosen = np.arange(first, (rows.stop - 1) * columns, step)
-        i, j = np.divmod(chosen, columns)
-        k = i - rows.start
+    above = np.full((1, v.size), np.nan)  # the cross-section before the block
+    for rows, should in height_blocks(road):
+        grid = numbers.heights(rows)
+        found = np.empty((len(grid) + 1, v.size))
+        found[0] = above[-1]
+        np.add(grid, flat.heights(v, rows), out=found[1:])
+        furthest = max(furthest, _furthest(found[1:], should, path))
+        largest = max(largest, np.fmax.reduce(grid, axis=None), -np.fmin.reduce(grid, axis=None))
+        first = -(-max(rows.start - 1, 0) * columns // step) * step
+        i, j = np.divmod(np.arange(first, (rows.stop - 1) * columns, step), columns)
+        k = i - (rows.start - 1)
         corners = found[k, kept[j]] + found[k + 1, kept[j]]
         corners += found[k, kept[j + 1]] + found[k + 1, kept[j + 1]]
         cells.append((i, j, corners / 4))
+        above = found
     if furthest > _ROUND_OFF + rounding * largest:
         raise _difference(f"differences of {furthest:.3g} m", "height", path)
     i, j, middle = (np.concatenate(parts) for parts in zip(*cells, strict=True))
@@ -161,6 +157,19 @@ def _compare_heights(
             f"cell ({i[at_fault]}, {kept[j[at_fault]]})",
             path,
         )
+
+
+def _furthest(found: Floats, should: Floats, path: Path) -> float:
+    """Largest difference of heights [m], which must be missing in the same places."""
+    off = np.abs(found - should)
+    furthest = float(off.max())
+    if math.isnan(furthest):
+        if (np.isnan(found) != np.isnan(should)).any():
+            raise _difference(
+                "heights where there should be none, or none where they should be", "height", path
+            )
+        furthest = float(np.nanmax(off))
+    return furthest
 
 
 def _step(cells: int, columns: int) -> int:

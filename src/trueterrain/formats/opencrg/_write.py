@@ -16,7 +16,7 @@ from trueterrain._version import __version__
 from trueterrain.engine import require_writable, whole_output
 from trueterrain.errors import FormatError, OutputError
 from trueterrain.formats.opencrg import _fit, _verify
-from trueterrain.formats.opencrg._blocks import heights, row_blocks
+from trueterrain.formats.opencrg._blocks import height_blocks, heights
 from trueterrain.formats.opencrg._header import NUMBER_FORMATS
 from trueterrain.formats.opencrg._median import median
 from trueterrain.formats.opencrg._read import CRS_MARK, HISTORY_MARK
@@ -162,13 +162,15 @@ def _above(road: xr.Dataset, elevation: Floats) -> float:
     """Median of the heights above the reference line [m]."""
     v = np.asarray(road["v"], float)
 
-    def above(rows: slice) -> Floats:
-        rest = heights(road, rows) - elevation[rows, None]
+    def above(height: Floats, rows: slice) -> Floats:
+        rest = height - elevation[rows, None]
         return rest - np.asarray(road["banking"])[rows, None] * v if "banking" in road else rest
 
-    shape = road["height"].shape
-    some = slice(0, shape[0], max(1, shape[0] * shape[1] // _SAMPLE))
-    return median(lambda: map(above, row_blocks(shape)), above(some))
+    some = slice(0, road.sizes["u"], max(1, road["height"].size // _SAMPLE))
+    return median(
+        lambda: (above(block, rows) for rows, block in height_blocks(road)),
+        above(heights(road, some), some),
+    )
 
 
 def _heading(easting: Floats, northing: Floats) -> float | Floats:
