@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 import trueterrain
+import trueterrain.report
 
 PUBLIC = {
     "BelgianBlock",
@@ -64,6 +65,23 @@ PUBLIC = {
     "write",
 }
 
+REPORT = {
+    "Block",
+    "Column",
+    "File",
+    "Files",
+    "Number",
+    "Picture",
+    "Report",
+    "Section",
+    "SurfaceView",
+    "Table",
+    "Text",
+    "Verdict",
+    "Warnings",
+    "write_report",
+}
+
 HEAVY = ("numba", "numpy", "scipy", "xarray", "pandas", "matplotlib", "laspy", "pyproj", "pycrg")
 
 
@@ -78,6 +96,11 @@ def imported_by(code: str) -> set[str]:
 
 def test_public_names_are_the_promised_ones():
     assert set(trueterrain.__all__) == PUBLIC
+
+
+def test_the_names_of_reports_are_the_promised_ones():
+    assert set(trueterrain.report.__all__) == REPORT
+    assert trueterrain.report.__all__ == sorted(trueterrain.report.__all__)
 
 
 def test_public_names_are_sorted_and_listed_by_dir():

@@ -1,7 +1,9 @@
 """A surface to turn and zoom, and the same surface seen from above for paper."""
 
+import json
 import math
 from dataclasses import dataclass
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -12,6 +14,7 @@ from trueterrain.kinds import check_profile, check_surface
 from trueterrain.report import _picture
 from trueterrain.report._surface import Blocks, reduce_surface, round_below
 from trueterrain.report.parts import SurfaceView
+from trueterrain.surface import grid_frame, xy_to_uv
 
 Floats = npt.NDArray[np.float64]
 
@@ -19,9 +22,9 @@ _NAMES = {"height": "Height", "sd": "Standard deviation", "count": "Count per no
 _CHOICES = (1.0, 5.0, 20.0)  # vertical exaggerations that every page offers
 _STEPS = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 _RELIEF = 0.15  # share of the size on the ground that heights are drawn as high as, at most
-_ACROSS = 2.2  # size of the longer side of the scene; a camera at a distance of 2 sees all of it
+_ACROSS = 1.9  # size of the longer side of the scene; a camera at a distance of 2 sees all of it
 _TICKS = 6  # more ticks along a side of this size
-_FLATTEST = 1e-3  # least height of the scene, so that a plane has a place to be drawn in
+_FLATTEST = 1e-3  # [m] least range of the axis of heights
 _LINE_POINTS = 2000  # of a line on the surface
 _LINE_COLOURS = ("#D55E00", "#CC79A7", "#56B4E9", "#E69F00", "#000000")  # apart on viridis
 _COLOUR_SCALE = "Viridis"
@@ -41,8 +44,11 @@ class _Unit:
     name: str = "m"
     "The unit."
 
+    digits: int = 3
+    "Decimals that are worth reading."
+
     def label(self, quantity: str) -> str:
-        above = f" − {self.base:g} m" if self.base else ""
+        above = f" − {self.base:.12g} m" if self.base else ""
         return f"{quantity}{above} [{self.name}]" if self.name else quantity
 
     def of(self, values: Any) -> npt.NDArray[np.float32]:
@@ -57,7 +63,7 @@ def prepare(view: SurfaceView) -> dict[str, Any]:
         message = "the surface of a view has no height anywhere; leave the view out."
         raise ValueError(message)
     exaggeration = view.vertical_exaggeration or suggested_exaggeration(blocks)
-    source, width = _picture_from_above(blocks, view.colour)
+    source, width = _picture_from_above(view, blocks)
     return {
         "caption": view.caption,
         "figure": _figure_json(view, blocks, exaggeration),
@@ -73,68 +79,103 @@ def prepare(view: SurfaceView) -> dict[str, Any]:
 
 def suggested_exaggeration(blocks: Blocks) -> float:
     """Round factor at which heights can be seen without towering over the ground."""
-    ground = math.sqrt(np.ptp(blocks.easting) * np.ptp(blocks.northing))
-    most = _RELIEF * ground / max(_range(blocks.height), 1e-9)
+    ground = math.sqrt(np.ptp(blocks.first) * np.ptp(blocks.second))
+    most = _RELIEF * ground / max(_range(blocks.height), _FLATTEST)
     return max((step for step in _STEPS if step <= most), default=_STEPS[0])
 
 
 def _figure_json(view: SurfaceView, blocks: Blocks, exaggeration: float) -> str:
+    """The figure of plotly, and where the nodes of its surface lie."""
     import plotly.graph_objects as go
 
     east = _Unit(base=round_below(blocks.easting))
     north = _Unit(base=round_below(blocks.northing))
-    up, colour = _height_unit(blocks.height), _colour_unit(blocks, view.colour)
+    up = _height_unit(blocks.height)
+    colour = _colour_unit(blocks, view.colour)
+    hover = (
+        "Easting %{x:.2f} m<br>Northing %{y:.2f} m<br>"
+        f"Height %{{z:.{up.digits}f}} {up.name}<extra></extra>"
+    )
     surface = go.Surface(
-        x=east.of(blocks.easting), y=north.of(blocks.northing), z=up.of(blocks.height),
-        surfacecolor=colour.of(blocks.colour), colorscale=_COLOUR_SCALE, connectgaps=False,
+        z=up.of(blocks.height), surfacecolor=colour.of(blocks.colour), connectgaps=False,
+        colorscale=_COLOUR_SCALE, showlegend=False, hovertemplate=hover,
         colorbar={
             "title": {"text": colour.label(_NAMES[view.colour]), "side": "right"},
             "thickness": 14, "len": 0.75, "outlinewidth": 0,
         },
         lighting={"ambient": 0.7, "diffuse": 0.6, "specular": 0.05, "roughness": 0.9},
-        showlegend=False,
-        hovertemplate=(
-            f"Easting %{{x:.2f}} m<br>Northing %{{y:.2f}} m<br>Height %{{z:.4~f}} {up.name}"
-            f"<br>{_NAMES[view.colour]} %{{surfacecolor:.4~f}} {colour.name}<extra></extra>"
-        ),
     )  # fmt: skip
-    extent = [np.ptp(blocks.easting), np.ptp(blocks.northing), _range(blocks.height)]
-    across = _ACROSS / max(extent[:2])
-    sides = [max(float(size) * across, _FLATTEST) for size in extent]
-    drawn = sides[0], sides[1], sides[2] * exaggeration
-    axes = zip(
-        ("xaxis", "yaxis", "zaxis"), ("Easting", "Northing", "Height"), (east, north, up),
-        strict=True,
-    )  # fmt: skip
-    scene = {
-        name: {
-            "title": {"text": unit.label(label)}, "showbackground": False,
-            "nticks": 3 + round(_TICKS * min(side / _ACROSS, 1.0)),
-        }
-        for (name, label, unit), side in zip(axes, drawn, strict=True)
-    }  # fmt: skip
+    scene = _scene(view, blocks, exaggeration, (east, north, up))
+    if view.colour == "height":  # its colour scale names the heights already
+        scene["zaxis"]["title"] = {"text": ""}
     layout = {
-        "template": "none",
-        "scene": scene | {
-            "aspectmode": "manual",
-            "aspectratio": dict(zip("xyz", drawn, strict=True)),
-            "camera": {"eye": _eye(blocks), "center": {"x": 0, "y": 0, "z": 0}},
-        },
+        "template": {},
+        "scene": scene | {"camera": {"eye": _eye(blocks)}},
         "margin": {"l": 0, "r": 0, "t": 0, "b": 0},
         "paper_bgcolor": "rgba(0,0,0,0)",
         "showlegend": bool(view.lines),
         "legend": {"x": 0, "y": 1, "bgcolor": "rgba(0,0,0,0)"},
+    }
+    figure = go.Figure([surface, *_lines(view, east, north, up)], layout).to_json()
+    return f'{{"figure": {figure}, "places": {json.dumps(_places(blocks, east, north))}}}'
+
+
+def _scene(
+    view: SurfaceView, blocks: Blocks, exaggeration: float, units: tuple[_Unit, _Unit, _Unit]
+) -> dict[str, Any]:
+    """Axes as long as what they hold; those of heights by the exaggeration longer."""
+    lines = [profile for _, profile in _tracks(view)]
+    held = [
+        (float(np.nanmin(values)), float(np.nanmax(values)))
+        for values in (
+            np.concatenate([shown.ravel(), *(line[name].values for line in lines)])
+            for name, shown in (
+                ("easting", blocks.easting), ("northing", blocks.northing),
+                ("height", blocks.height),
+            )
+        )
+    ]  # fmt: skip
+    low, high = held[2]
+    if high - low < _FLATTEST:  # a plane needs room to be drawn in
+        held[2] = (low + high - _FLATTEST) / 2, (low + high + _FLATTEST) / 2
+    # the axes begin and end exactly here, else the exaggeration would not be what is stated
+    sizes = [high - low for low, high in held]
+    scale = _ACROSS / max(sizes[:2])
+    sides = [size * scale * by for size, by in zip(sizes, (1.0, 1.0, exaggeration), strict=True)]
+    axes = {
+        f"{axis}axis": {
+            "title": {"text": unit.label(name)}, "showbackground": False,
+            "range": [float(unit.of(end)) for end in ends],
+            "nticks": 3 + round(_TICKS * min(side / _ACROSS, 1.0)),
+        }
+        for axis, name, unit, ends, side in zip(
+            "xyz", ("Easting", "Northing", "Height"), units, held, sides, strict=True
+        )
     }  # fmt: skip
-    return str(go.Figure([surface, *_lines(view, east, north, up)], layout).to_json())
+    ratio = dict(zip("xyz", sides, strict=True))
+    return {**axes, "aspectmode": "manual", "aspectratio": ratio}
+
+
+def _places(blocks: Blocks, east: _Unit, north: _Unit) -> dict[str, list[float]]:
+    """Where the nodes lie, at a hundredth of the size: rows are straight, so their ends tell."""
+    ends = {
+        f"{name}_{side}": unit.of(values[:, column])
+        for name, unit, values in (("x", east, blocks.easting), ("y", north, blocks.northing))
+        for side, column in (("first", 0), ("last", -1))
+    }
+    share = (blocks.second - blocks.second[0]) / np.ptp(blocks.second)
+    return {
+        name: [round(float(value), 4) for value in values]
+        for name, values in {**ends, "share": share}.items()
+    }
 
 
 def _lines(view: SurfaceView, east: _Unit, north: _Unit, up: _Unit) -> list[Any]:
     import plotly.graph_objects as go
 
-    drawn: list[Any] = []
-    for name, profile in _tracks(view):
+    drawn = []
+    for colour, (name, profile) in zip(cycle(_LINE_COLOURS), _tracks(view)):
         every = slice(None, None, -(-profile.sizes["s"] // _LINE_POINTS))
-        colour = _LINE_COLOURS[len(drawn) % len(_LINE_COLOURS)]
         drawn.append(
             go.Scatter3d(
                 x=east.of(profile.easting.values[every]),
@@ -170,12 +211,12 @@ def _eye(blocks: Blocks) -> dict[str, float]:
     return {"x": 1.7 * math.cos(angle), "y": 1.7 * math.sin(angle), "z": 1.1}
 
 
-def _picture_from_above(blocks: Blocks, colour: str) -> tuple[str, int]:
+def _picture_from_above(view: SurfaceView, blocks: Blocks) -> tuple[str, int]:
     """The same means as an image: over u and v along a line, else over the map."""
     from matplotlib import colormaps
     from matplotlib.figure import Figure
 
-    unit = _colour_unit(blocks, colour)
+    unit = _colour_unit(blocks, view.colour)
     if blocks.along_line:
         x, y, shown = blocks.first, blocks.second, blocks.colour.T
         names = "Station u", "Offset v, left +"
@@ -193,10 +234,17 @@ def _picture_from_above(blocks: Blocks, colour: str) -> tuple[str, int]:
         bases[0].of(x), bases[1].of(y), np.ma.masked_invalid(unit.of(shown)),
         shading="nearest", cmap=colormaps["viridis"], rasterized=True,
     )  # fmt: skip
+    for colour, (name, profile) in zip(cycle(_LINE_COLOURS), _tracks(view)):
+        east, north = profile.easting.values, profile.northing.values
+        if blocks.along_line:
+            east, north = xy_to_uv(grid_frame(view.surface), east, north)
+        ax.plot(bases[0].of(east), bases[1].of(north), color=colour, linewidth=1.5, label=name)
+    if view.lines:
+        figure.legend(loc="outside upper left", frameon=False, ncols=4, fontsize="small")
     ax.set_aspect(stretch)
     ax.set_xlabel(bases[0].label(names[0]))
     ax.set_ylabel(bases[1].label(names[1]))
-    figure.colorbar(image, ax=ax, label=unit.label(_NAMES[colour]), pad=0.02)
+    figure.colorbar(image, ax=ax, label=unit.label(_NAMES[view.colour]), pad=0.02)
     return _picture.embed(figure)
 
 
@@ -220,9 +268,15 @@ def _how_drawn(blocks: Blocks) -> str:
 
 
 def _height_unit(height: Floats) -> _Unit:
-    low = float(np.nanmin(height))
-    base = 0.0 if abs(low) < 1.0 else float(math.floor(low))
-    return _Unit(base=base, factor=1000.0, name="mm") if _range(height) < 1.0 else _Unit(base=base)
+    """Metres, or millimetres above a round height if the heights range over less than a metre."""
+    if _range(height) >= 1.0:
+        return _Unit()
+    low, high = float(np.nanmin(height)), float(np.nanmax(height))
+    if low > -1.0 and high < 1.0:  # heights about zero need no base
+        return _Unit(factor=1000.0, name="mm", digits=1)
+    step = 10.0 ** math.ceil(math.log10(max(high - low, _FLATTEST)))
+    base = round(math.floor(low / step) * step, 3)
+    return _Unit(base=base, factor=1000.0, name="mm", digits=1)
 
 
 def _colour_unit(blocks: Blocks, colour: str) -> _Unit:

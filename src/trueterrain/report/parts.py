@@ -210,12 +210,11 @@ class Section:
 
     def __post_init__(self) -> None:
         """Check that it holds blocks."""
-        block: object
-        for block in self.blocks:
-            if not isinstance(block, Block):
-                known = ", ".join(kind.__name__ for kind in get_args(Block))
-                message = f"a block must be one of {known}, got {type(block).__name__}."
-                raise TypeError(message)
+        known = [kind.__name__ for kind in get_args(Block)]
+        for kind in (type(block).__name__ for block in self.blocks):
+            if kind not in known:
+                message = f"a block must be one of {', '.join(known)}, got {kind}."
+                raise ValueError(message)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,9 +24,17 @@
     return changes;
   };
 
+  // each row of nodes is straight: its ends tell where the others are
+  const nodes = ({ share, ...ends }) => {
+    const rows = (first, last) =>
+      first.map((begin, row) => share.map((part) => begin + part * (last[row] - begin)));
+    return { x: rows(ends.x_first, ends.x_last), y: rows(ends.y_first, ends.y_last) };
+  };
+
   const show = (view) => {
     const scene = view.querySelector(".scene");
-    const figure = JSON.parse(view.querySelector(".figure").textContent);
+    const { figure, places } = JSON.parse(view.querySelector(".figure").textContent);
+    Object.assign(figure.data[0], nodes(places));
     const first = Number(view.dataset.exaggeration);
     const height = figure.layout.scene.aspectratio.z / first; // of heights as they are
     const eye = figure.layout.scene.camera.eye;
