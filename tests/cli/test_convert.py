@@ -1,9 +1,12 @@
 """The command convert: between formats of a kind, surfaces to points, and what is impossible."""
 
+import json
+
 import laspy
 import numpy as np
 import numpy.testing as npt
 import pytest
+import xarray as xr
 
 from trueterrain import formats
 from trueterrain.kinds import make_points, make_profile, make_surface
@@ -173,3 +176,58 @@ def test_damage_leaves_no_output(run, data, tmp_path):
         run("convert", tmp_path / "half.laz", "-o", tmp_path / "p.csv"), "half.laz", "ends at byte"
     )
     assert [path.name for path in tmp_path.iterdir()] == ["half.laz"]
+
+
+# --- Zarr stores ----------------------------------------------------------------------------------
+
+
+def test_every_kind_goes_through_a_store_unchanged(run, profile, road, data, tmp_path):
+    """What comes out of a store is what would have come out without it."""
+    cloud = data / "scanning" / "strips" / "faceraster_2strips_20m.laz"
+    for source, ending in ((profile, "csv"), (road, "crg"), (road, "laz"), (cloud, "laz")):
+        store = tmp_path / "a.zarr"
+        finished = run("convert", source, "-o", store, "--force")
+        assert finished.code == 0, finished.err
+        assert "not kept" not in finished.err
+        for start, name in ((source, "straight"), (store, "through")):
+            finished = run("convert", start, "-o", tmp_path / f"{name}.{ending}", "--force")
+            assert finished.code == 0, finished.err
+        straight, through = (
+            formats.open(tmp_path / f"{name}.{ending}") for name in ("straight", "through")
+        )
+        attrs = {"provenance": ""}  # which tells of the store, or does not
+        xr.testing.assert_identical(through.assign_attrs(attrs), straight.assign_attrs(attrs))
+
+
+def test_stores_of_every_kind_are_shown(run, profile, road, tmp_path):
+    formats.write(make_points([0, 1], [0, 2], [0, 1], lane=[1, 2]), tmp_path / "points.csv")
+    for source, parts in (
+        (profile, ("Zarr, profile", "200", "0.05 m")),
+        (road, ("Zarr, surface", "41 x 11", "0.665 % of the nodes", "100 to 104 m (4 m)")),
+        (tmp_path / "points.csv", ("Zarr, points", "1: 1; 2: 1", "0 to 2 m (2 m)")),
+    ):
+        store = tmp_path / "a.zarr"
+        assert run("convert", source, "-o", store, "--crs", "EPSG:25832", "--force").code == 0
+        text = run("info", store).out
+        for part in (*parts, "EPSG:25832", "no problems found"):
+            assert part in text, part
+        assert json.loads(run("info", store, "--json").out)["files"][0]["format"] == "Zarr"
+        assert run("plot", store, "-o", tmp_path / "a.png", "--force").code == 0
+
+
+def test_stores_that_are_foreign_or_damaged_are_one_line(run, profile, tmp_path):
+    xr.Dataset({"height": ("s", [1.0])}).to_zarr(
+        tmp_path / "foreign.zarr", zarr_format=3, consolidated=False
+    )
+    assert run("convert", profile, "-o", tmp_path / "a.zarr").code == 0
+    (tmp_path / "a.zarr" / "height" / "c.0").unlink()
+    for name, words in (
+        ("foreign", "of no kind that is known"), ("a", "array height: 1 of 1 chunks are missing"),
+    ):  # fmt: skip
+        for command in (("convert",), ("info",)):
+            output = ("-o", tmp_path / "new.csv") if command == ("convert",) else ()
+            refused(run(*command, tmp_path / f"{name}.zarr", *output), f"{name}.zarr", words)
+    refused(
+        run("convert", profile, "-o", tmp_path / "foreign.zarr", "--force"), "is never replaced"
+    )
+    refused(run("convert", profile, "-o", tmp_path / "a.zarr" / "b.zarr"), "within another store")

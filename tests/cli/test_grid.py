@@ -1,6 +1,8 @@
 """The commands georeference and grid: from a recorded run, and from points, to a surface."""
 
 import json
+import re
+import shutil
 from dataclasses import replace
 
 import laspy
@@ -8,7 +10,7 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from trueterrain import formats
+from trueterrain import formats, provenance
 from trueterrain.kinds import make_points
 from trueterrain.simulate.raster import Raster
 from trueterrain.simulate.scene import read_scene, record_scene, set_stage
@@ -208,3 +210,197 @@ def test_inputs_that_do_not_fit_are_one_line(run, recorded, tmp_path):
         assert finished.code == 2
         assert words in finished.err.splitlines()[-1]
     assert not list(tmp_path.glob("a.*"))
+
+
+# --- Zarr stores ----------------------------------------------------------------------------------
+
+
+def test_a_run_becomes_points_in_a_store_and_these_a_surface(run, recorded, tmp_path):
+    """The same points as in LAZ, but for its steps; and the same surface from either."""
+    path, _ = recorded
+    for name in ("p.zarr", "p.laz"):
+        finished = run("georeference", path, "-o", tmp_path / name, "--json", "--method", "wiener")
+        assert finished.code == 0, finished.err
+    count = json.loads(finished.out)["points"]
+    store, laz = (formats.open(tmp_path / name) for name in ("p.zarr", "p.laz"))
+    assert store.sizes["point"] == laz.sizes["point"] == count
+    assert {"time", "intensity", "sd"} <= set(store.data_vars)
+    assert store.attrs["returns"] == count  # what was counted up to the last block
+    assert [step["step"] for step in provenance.steps(store)] == ["georeference"]
+    npt.assert_allclose(store.up, laz.up, rtol=0, atol=0.5e-4 + 1e-9)  # [m] half a step
+    text = run("info", tmp_path / "p.zarr").out
+    assert "Zarr, points" in text
+    assert f"{count:,}" in text
+    assert "no problems found" in text
+    x, y = store.easting.values, store.northing.values
+    west, south = np.floor([x.min(), y.min()]) + 1
+    # cells between the edges that steps of 0.1 mm would carry points over
+    bounds = (west + 0.02503, south + 0.02503, west + 3, south + 1)
+    heights = []
+    for name in ("p.zarr", "p.laz"):
+        output = tmp_path / f"{name}.surface.zarr"
+        finished = run(
+            "grid", tmp_path / name, "--bounds", *bounds, "--spacing", 0.05, "-o", output, "--fill",
+            0,
+        )  # fmt: skip
+        assert finished.code == 0, finished.err
+        heights.append(formats.open(output))
+    npt.assert_allclose(heights[0].height, heights[1].height, rtol=0, atol=1e-3)
+    parameters = provenance.steps(heights[0])[-1]["parameters"]
+    assert parameters["stores"] == ["p.zarr"]
+    finished = run("grid", tmp_path / "p.zarr", "--spacing", 0.5, "-o", tmp_path / "all.zarr")
+    assert finished.code == 0, finished.err
+    surface = formats.open(tmp_path / "all.zarr")
+    assert int(surface["count"].sum()) == count  # the extent is that of all points
+
+
+def test_a_run_becomes_a_road_in_a_store(run, recorded, tmp_path):
+    """Along its way as in CRG, with count and standard deviation, which CRG cannot hold."""
+    path, _ = recorded
+    for name in ("road.zarr", "road.crg"):
+        finished = run("grid", path, "--spacing", 0.05, "-o", tmp_path / name)
+        assert finished.code == 0, finished.err
+    store, crg = (formats.open(tmp_path / name) for name in ("road.zarr", "road.crg"))
+    assert {"count", "sd", "filled"} <= set(store.data_vars)
+    assert store.height.shape == crg.height.shape
+    both = np.isfinite(store.height.values) & np.isfinite(crg.height.values)
+    assert both.mean() > 0.5
+    npt.assert_allclose(store.height.values[both], crg.height.values[both], rtol=0, atol=1e-5)
+    text = run("info", tmp_path / "road.zarr").out
+    assert "Zarr, surface" in text
+    assert run("plot", tmp_path / "road.zarr", "-o", tmp_path / "road.png").code == 0
+    assert run("convert", tmp_path / "road.zarr", "-o", tmp_path / "nodes.laz").code == 0
+
+
+def test_nothing_but_products_is_replaced_by_a_store(run, recorded, tmp_path):
+    path, _ = recorded
+    copy = shutil.copytree(path, tmp_path / "other.zarr")
+    formats.write(make_points([0, 1], [0, 1], [0, 1]), tmp_path / "p.zarr")
+    for output, options, words in (
+        ("p.zarr", (), "exists already and is not overwritten"),
+        ("other.zarr", ("--force",), "is a recorded run, which is never replaced"),
+    ):
+        for command in ("grid", "georeference"):
+            finished = run(command, path, "-o", tmp_path / output, *options)
+            assert finished.code == 2
+            assert words in finished.err
+    finished = run("grid", copy, "-o", copy, "--force")
+    assert "is an input as well" in finished.err
+    finished = run("grid", path, "--spacing", 0.1, "-o", tmp_path / "p.zarr", "--force")
+    assert finished.code == 0, finished.err
+    assert formats.kind_of_file(tmp_path / "p.zarr") == "surface"
+
+
+def test_runs_are_told_to_be_gridded_first(run, recorded, tmp_path):
+    path, _ = recorded
+    finished = run("convert", path, "-o", tmp_path / "a.crg")
+    assert finished.code == 2
+    assert f"trueterrain grid {path} -o surface.crg" in finished.err
+
+
+# --- ways that come back over themselves ----------------------------------------------------------
+
+LAP = """
+name = "round"
+raster = 0.05
+course = { kind = "arc", radius = 6.0, angle = 7.5 }
+ground = [{ kind = "sine", amplitude = 0.01, wavelength = 2.0 }]
+vehicle = { model = "rigid" }
+scanner = { beams = 60, spot_rays = 1 }
+truth = { spacing = 0.1 }
+passes = [{ name = "a", speed = { kind = "constant", speed = 15.0 } }]
+"""
+
+
+@pytest.fixture(scope="module")
+def lap(tmp_path_factory):
+    """A run round a circle, a fifth of it twice."""
+    folder = tmp_path_factory.mktemp("lap")
+    (folder / "lap.toml").write_text(LAP)
+    scene, path = read_scene(folder / "lap.toml")
+    return record_scene(scene, folder, path=path)[0]
+
+
+def test_a_way_over_itself_says_how_to_take_one_lap(run, lap, tmp_path):
+    options = ("--method", "navigation", "--spacing", 0.2, "-o", tmp_path / "a.crg")
+    finished = run("grid", lap, *options)
+    assert finished.code == 2
+    assert len(finished.err.splitlines()) == 1
+    for part in (
+        str(lap),
+        "comes back over itself",
+        "at u = 0.00 m",
+        "--line or --path",
+        "--bounds",
+    ):
+        assert part in finished.err
+    end = float(re.search(r"--end ([\d.]+)", finished.err).group(1))
+    finished = run("grid", lap, *options, "--end", end, "--json")
+    assert finished.code == 0, finished.err
+    report = json.loads(finished.out)
+    # a circle of 37.7 m, less a step of looking for overlaps and one of time, and the noise
+    length = (report["size"]["u"] - 1) * 0.2
+    assert 33 < length < 40
+    assert report["returns"]["scans_uncovered"] > 0
+    # the second lap alone, over the first one, is another surface of the same ground
+    finished = run("grid", lap, *options, "--begin", 1.0, "--force")
+    assert finished.code == 0, finished.err
+    finished = run("grid", lap, *options, "--bounds", -3, -3, 3, 3, "--force")
+    assert finished.code == 0, finished.err
+
+
+def waypoints(path, angles, radius=6.0):
+    x, y = radius * np.cos(angles), radius * np.sin(angles)
+    path.write_text("easting,northing\n" + "\n".join(map("{},{}".format, x, y)))
+    return path
+
+
+@pytest.mark.parametrize(("turn", "over"), [(2 * np.pi, False), (7.0, True), (19.0, True)])
+def test_waypoints_over_themselves(run, tmp_path, turn, over):
+    """A whole circle, whose end meets its begin, is no overlap; a spiral on one place is."""
+    rng = np.random.default_rng(1)
+    x, y = rng.uniform(-9, 9, (2, 50_000))
+    formats.write(make_points(x, y, 0.1 * x), tmp_path / "cloud.zarr")
+    way = waypoints(tmp_path / "way.csv", np.arange(0, turn + 1e-9, 2 * np.pi / 80))
+    finished = run(
+        "grid", tmp_path / "cloud.zarr", "--path", way, "--smoothing", 0, "--spacing", 0.2,
+        "-o", tmp_path / "a.zarr",
+    )  # fmt: skip
+    assert finished.code == (2 if over else 0), finished.err
+    if over:
+        assert "comes back over itself" in finished.err
+        assert f"{way}: " in finished.err
+        assert float(re.search(r"at u = ([\d.]+) m over", finished.err).group(1)) < 38.3
+
+
+@pytest.mark.parametrize(("apart", "over"), [(3.8, True), (4.1, False)])
+def test_a_way_back_beside_the_way_there(run, tmp_path, apart, over):
+    """The grid is 4 m wide, half of it to either side, and the way turns round an island."""
+    angle = np.linspace(-2.2, 2.2, 60)
+    turn = np.stack([30 + 8 * np.cos(angle), 8 * np.sin(angle)])
+    ends = [np.array([[0.0, 5.0], [side * apart / 2] * 2]) for side in (-1, 1)]
+    x, y = np.concatenate([ends[0], turn, ends[1][:, ::-1]], axis=1)
+    (tmp_path / "way.csv").write_text("easting,northing\n" + "\n".join(map("{},{}".format, x, y)))
+    rng = np.random.default_rng(1)
+    cloud = make_points(rng.uniform(-5, 42, 90_000), rng.uniform(-12, 12, 90_000), np.zeros(90_000))
+    formats.write(cloud, tmp_path / "cloud.zarr")
+    finished = run(
+        "grid", tmp_path / "cloud.zarr", "--path", tmp_path / "way.csv", "--spacing", 0.2,
+        "--smoothing", 0, "-o", tmp_path / "a.zarr",
+    )  # fmt: skip
+    assert ("comes back over itself" in finished.err) == over, finished.err
+    assert finished.code == (2 if over else 0), finished.err
+
+
+def test_times_without_sense_are_one_line(run, recorded, tmp_path):
+    path, _ = recorded
+    (tmp_path / "c.csv").write_text("easting,northing,up\n0,0,1\n1,1,2\n")
+    for arguments, words in (
+        ((path, path, "--begin", 0), "times of one run"),
+        ((tmp_path / "c.csv", "--end", 0), "times of one run"),
+        ((path, "--begin", 2, "--end", 1), "--begin must be less than --end"),
+        ((path, "--begin", 99), "there is no motion from 99 s"),
+    ):
+        finished = run("grid", *arguments, "-o", tmp_path / "a.crg")
+        assert finished.code == 2
+        assert words in finished.err.splitlines()[-1]

@@ -214,7 +214,7 @@ def test_bad_recordings_are_told_by_info(run, copy, damage, problem):
 @pytest.mark.parametrize(
     ("damage", "message"),
     [
-        (lambda copy: (copy / "zarr.json").write_text("{"), "is a folder, not a file"),
+        (lambda copy: (copy / "zarr.json").write_text("{"), "zarr.json: is damaged"),
         (lambda copy: (copy / "scans" / "time" / "zarr.json").write_text("{"), "is damaged"),
     ],
 )

@@ -36,10 +36,13 @@ def refuse_recording(path: Path, kind: str, wanted: str) -> None:
         If it is a run, navigation, or the accuracy of navigation.
     """
     if kind in RECORDED:
+        cure = f"See what it holds: trueterrain info {path}"
+        if kind == "run":
+            cure = f"Grid it first: trueterrain grid {path} -o surface.crg. {cure}"
         raise SchemaError(
             f"is {RECORDED[kind]}, not {wanted}; this needs georeferenced points",
             path=path,
-            cure=f"See what it holds: trueterrain info {path}",
+            cure=cure,
         )
 
 

@@ -18,7 +18,8 @@ _SURFACES = (".crg", ".tif", ".tiff")
 _PROFILES = (".erd",)
 _CLOUDS = (".laz", ".las")
 _TABLES = (".csv", ".parquet")
-_KNOWN = (*_SURFACES, *_PROFILES, *_CLOUDS, *_TABLES)
+_STORES = (".zarr",)
+_KNOWN = (*_SURFACES, *_PROFILES, *_CLOUDS, *_TABLES, *_STORES)
 
 
 def convert(
@@ -33,18 +34,19 @@ def convert(
 ) -> None:
     """Convert surfaces, points and profiles between file formats.
 
-    Surfaces become surfaces (.crg, .tif) or points (.laz, .las, .csv, .parquet: the nodes), points
-    become points, profiles become profiles (.erd, .csv, .parquet). Points of any number are
-    converted block by block.
+    Surfaces become surfaces (.crg, .tif, .zarr) or points (.laz, .las, .csv, .parquet: the nodes),
+    points become points (also .zarr), profiles become profiles (.erd, .csv, .parquet, .zarr).
+    Points of any number are converted block by block. A Zarr store (.zarr) keeps everything.
 
     Example: trueterrain convert belgian_block.crg -o belgian_block.laz
 
     Parameters
     ----------
     source
-        OpenCRG, GeoTIFF, LAS, LAZ, COPC, ERD, CSV or Parquet file; recognised by its content.
+        OpenCRG, GeoTIFF, LAS, LAZ, COPC, ERD, CSV or Parquet file, or NAME.zarr; recognised by
+        its content.
     output
-        File to write; the format is that of its ending.
+        File or store to write; the format is that of its ending.
     units
         Unit of the heights in an ERD file; by default m.
     crs
@@ -53,10 +55,9 @@ def convert(
     scale
         Step that coordinates are rounded to in LAS and LAZ files [m]; by default 0.0001.
     force
-        Replace the output if it exists.
+        Replace the output if it exists: a file, or a store of points, a surface or a profile.
     """
     from trueterrain import formats
-    from trueterrain.engine import require_writable
     from trueterrain.formats.crs import parse_crs
 
     ending = output.suffix.lower()
@@ -66,7 +67,7 @@ def convert(
     options = _options(ending, units, scale)
     if crs is not None:
         parse_crs(crs)
-    require_writable(output, force=force, inputs=[source])
+    formats.require_writable(output, force=force, inputs=[source])
 
     def write(data: Any) -> Any:
         return formats.write(data, output, force=force, **options)
@@ -78,7 +79,7 @@ def convert(
     data = data if crs is None else data.assign_attrs(crs=crs)
     if kind == "profile":
         _convert_profile(data, output, write)
-    elif ending in _SURFACES:
+    elif ending in (*_SURFACES, *_STORES):
         _convert_surface(data, output, write)
     else:
         from trueterrain.surface.evaluate import surface_to_points
@@ -146,9 +147,9 @@ def _check_possible(source: Path, kind: str, output: Path, ending: str) -> None:
         message = f"{output}: the name must end with {', '.join(_KNOWN)}, got {ending!r}."
         raise ValueError(message)
     possible = {
-        "surface": (*_SURFACES, *_CLOUDS, *_TABLES),
-        "points": (*_CLOUDS, *_TABLES),
-        "profile": (*_PROFILES, *_TABLES),
+        "surface": (*_SURFACES, *_CLOUDS, *_TABLES, *_STORES),
+        "points": (*_CLOUDS, *_TABLES, *_STORES),
+        "profile": (*_PROFILES, *_TABLES, *_STORES),
         "path": (),
     }
     if ending in possible[kind]:

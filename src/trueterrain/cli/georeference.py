@@ -45,7 +45,8 @@ def georeference(
     run
         Recorded run, NAME.zarr.
     output
-        Points to write: .laz, .las, .csv or .parquet.
+        Points to write: .laz, .las, .csv, .parquet, or .zarr, which keeps every bit and is read
+        and written fastest.
     method
         How the motion is found from navigation and accelerometers: "rts" (the best), "wiener",
         "zero-phase", "thesis", or "navigation" alone.
@@ -70,10 +71,9 @@ def georeference(
         Print one JSON document {"output", "points", "scans", "scans_uncovered", "missing",
         "doubtful", "bridged"}.
     force
-        Replace the output if it exists.
+        Replace the output if it exists: a file, or a store of points, a surface or a profile.
     """
     from trueterrain import formats
-    from trueterrain.engine import require_writable
     from trueterrain.formats.run import open_run
     from trueterrain.georeference import Screening
     from trueterrain.georeference import georeference as points_of
@@ -87,7 +87,7 @@ def georeference(
     if crs is not None:
         check_crs(crs)
     require_run(run)
-    require_writable(output, force=force, inputs=[run])
+    formats.require_writable(output, force=force, inputs=[run])
     tree = open_run(run)
     trajectory = motion_of(run, method)
     blocks = points_of(

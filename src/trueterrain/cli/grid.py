@@ -9,12 +9,13 @@ from cyclopts import Parameter
 from trueterrain.cli._console import note, out_json, progress_bar
 from trueterrain.cli._motion import Method, motion_of
 from trueterrain.cli._where import Four, Where
-from trueterrain.errors import SchemaError, concerning
+from trueterrain.errors import CoverageError, SchemaError, concerning
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from trueterrain.engine import Progress
+    from trueterrain.motion import Trajectory
     from trueterrain.surface.grid import GridOptions
 
 _MAPS = (".tif", ".tiff")
@@ -32,6 +33,8 @@ def grid(
     line: Four | None = None,
     path: Path | None = None,
     bounds: Four | None = None,
+    begin: float | None = None,
+    end: float | None = None,
     smoothing: float = 1.0,
     statistic: Literal["mean", "median", "percentile", "minimum", "maximum"] = "mean",
     percent: float | None = None,
@@ -56,18 +59,19 @@ def grid(
     """Grid recorded runs, or points, to a surface with a standard deviation for each height.
 
     Runs are gridded along the way of the first one, points over a map, unless --line, --path or
-    --bounds say otherwise. Surfaces along a line are OpenCRG (.crg), maps also GeoTIFF (.tif).
+    --bounds say otherwise. Surfaces along a line are OpenCRG (.crg), maps also GeoTIFF (.tif); a
+    Zarr store (.zarr) holds both, with count and standard deviation of every node.
 
     Example: `trueterrain grid run.zarr --spacing 0.01 -o road.crg`
 
     Parameters
     ----------
     file
-        Recorded run (NAME.zarr), or points (LAS, LAZ, COPC, CSV, Parquet).
+        Recorded run (NAME.zarr), or points (LAS, LAZ, COPC, CSV, Parquet, NAME.zarr).
     more
         More of the same kind. Errors of the motion of runs are taken as independent.
     output
-        Surface to write: .crg or .tif.
+        Surface to write: .crg, .zarr or .tif.
     spacing
         Distance between nodes [m], along a line a multiple of 0.001.
     across
@@ -82,6 +86,10 @@ def grid(
         CSV file of waypoints to grid along, with the columns easting and northing [m].
     bounds
         Map to grid over: smallest easting and northing, largest easting and northing [m].
+    begin
+        Time of the navigation from which on a run is taken, e.g. the begin of a lap [s].
+    end
+        Time up to which it is taken [s]; a way that comes back over itself makes no surface.
     smoothing
         Standard deviation of the Gaussian by which a way or a path is smoothed [m].
     statistic
@@ -126,10 +134,9 @@ def grid(
         Print one JSON document {"output", "size", "spacing", "nodes", "count", "sd", "returns",
         "holes", "down_sample"}.
     force
-        Replace the output if it exists.
+        Replace the output if it exists: a file, or a store of points, a surface or a profile.
     """
     from trueterrain import formats, provenance
-    from trueterrain.engine import require_writable
     from trueterrain.georeference import Screening
     from trueterrain.surface.grid import GridOptions, trimmed
     from trueterrain.surface.holes import Filling, fill_holes
@@ -149,13 +156,17 @@ def grid(
         bounds=bounds, smoothing=smoothing, as_map=output.suffix.lower() in _MAPS,
     )  # fmt: skip
     kind = _kind(inputs)
-    require_writable(output, force=force, inputs=[*inputs, *([path] if path else [])])
+    _check_times(begin, end, kind, inputs)
+    formats.require_writable(output, force=force, inputs=[*inputs, *([path] if path else [])])
     workers = _processors() if threads is None else threads
     with progress_bar() as progress:
         if kind == "run":
             from trueterrain.surface.runs import Pass, grid_runs
 
-            passes = [Pass(path=run, trajectory=motion_of(run, method)) for run in inputs]
+            passes = [
+                Pass(path=run, trajectory=_cut(motion_of(run, method), begin, end, run))
+                for run in inputs
+            ]
             surface, counts = grid_runs(
                 passes, where.of_runs(passes), options, screening=screening, threads=workers,
                 progress=progress,
@@ -169,7 +180,10 @@ def grid(
 
         surface, loss = coarser(surface, down_sample)
     files = [one for one in inputs if one.is_file()] + ([path] if path else [])
-    parameters = {"options": options, "holes": holes, "down_sample": loss}
+    stores = [one.name for one in inputs if one.is_dir()]
+    parameters = {"stores": stores, "options": options, "holes": holes, "down_sample": loss}
+    if kind == "run":
+        parameters |= {"begin": begin, "end": end}
     surface = provenance.add_step(surface, "grid", parameters=parameters, inputs=files)
     formats.write(surface, output, force=force)
     report = _report(output, surface, counts, holes, loss)
@@ -197,6 +211,39 @@ def _grid_points(
     surface = grid_points(blocks, where.of_points(files, crs), options, threads=threads)
     outside = int(surface.attrs.pop("outside"))
     return surface, {"used": blocks.points - outside, "outside": outside}
+
+
+def _check_times(begin: float | None, end: float | None, kind: str, inputs: list[Path]) -> None:
+    if begin is None and end is None:
+        return
+    if kind != "run" or len(inputs) > 1:
+        message = "--begin and --end are times of one run; grid it alone."
+        raise ValueError(message)
+    if begin is not None and end is not None and not begin < end:
+        message = f"--begin must be less than --end, got {begin:g} s and {end:g} s."
+        raise ValueError(message)
+
+
+def _cut(motion: "Trajectory", begin: float | None, end: float | None, run: Path) -> "Trajectory":
+    """Motion between two times: scans at others are left out."""
+    if begin is None and end is None:
+        return motion
+    import dataclasses
+
+    first, last = float(motion.time[0]), float(motion.time[-1])
+    low = first if begin is None else begin
+    high = last if end is None else end
+    kept = (motion.time >= low) & (motion.time <= high)
+    if kept.sum() < 2:
+        raise CoverageError(
+            f"there is no motion from {low:g} s to {high:g} s: it runs from {first:.3f} s to "
+            f"{last:.3f} s",
+            path=run,
+            place="navigation",
+            cure="Choose --begin and --end within these times.",
+        )
+    fields = (field.name for field in dataclasses.fields(motion))
+    return dataclasses.replace(motion, **{name: getattr(motion, name)[kept] for name in fields})
 
 
 class _Blocks:
@@ -295,7 +342,7 @@ def _in_words(report: dict[str, Any]) -> "Iterator[str]":
     words = {
         "outside": "returns beside the grid", "too_high": "returns without a height",
         "doubtful": "returns doubtful for their intensity",
-        "scans_uncovered": "scans without motion left out",
+        "scans_uncovered": "scans without motion, or at other times, left out",
         "bridged": "scans at times that navigation did not see",
     }  # fmt: skip
     for name, what in words.items():

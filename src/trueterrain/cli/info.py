@@ -40,8 +40,8 @@ def info(file: Path, /, *more: Path, json: bool = False) -> None:
     Parameters
     ----------
     file
-        OpenCRG, GeoTIFF, LAS, LAZ, COPC, ERD, CSV or Parquet file; recorded run (NAME.zarr), SBET
-        or SMRMSG.
+        OpenCRG, GeoTIFF, LAS, LAZ, COPC, ERD, CSV or Parquet file; NAME.zarr of points, a surface,
+        a profile or a recorded run; SBET or SMRMSG.
     more
         More files.
     json
