@@ -15,6 +15,7 @@ Flags = npt.NDArray[np.bool_]
 
 _ALPHA = math.sqrt(math.log(2) / math.pi)  # so that half of a wave passes at the cut-off
 _REACH = 1.0  # cut-offs to either side; the Gaussian is below 1e-6 there
+_MOST = 20  # times the values, that the Gaussian reaches to either side at most
 _FLAT = 1e-9  # of the greatest determinant, below which there is no straight line to fit
 
 
@@ -56,8 +57,8 @@ def low_pass(values: Floats, spacing: float, cut_off: float, *, closed: bool = F
     there = np.isfinite(values)
     if not there.any():
         return np.full(values.shape, np.nan)
-    # of a closed course twice around is enough: what passes through all of it is its mean
-    reach = min(max(int(_REACH * cut_off / spacing), 1), 2 * values.size)
+    # if a course is many times shorter than that, only its mean passes anyway
+    reach = min(max(int(_REACH * cut_off / spacing), 1), _MOST * values.size)
     x = np.arange(-reach, reach + 1) * spacing
     kernel = np.exp(-np.pi * (x / (_ALPHA * cut_off)) ** 2)
     padded = _padded(np.stack([there.astype(float), np.where(there, values, 0.0)]), reach, closed)

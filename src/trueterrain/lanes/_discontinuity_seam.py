@@ -10,7 +10,6 @@ from trueterrain.lanes._discontinuity_path import ReferencePath
 from trueterrain.lanes._discontinuity_sparse import (
     Flags,
     Floats,
-    Integers,
     contains,
     pack,
     unpack,
@@ -80,7 +79,7 @@ class Seam:
     Just inside of the edge of a lane the merged ground is the mean of all returns of both; just
     outside it is the other lane alone, which goes on through the edge. So the merged ground steps
     by its height less that of the other lane in the cells along the edge: the shape of the ground
-    itself, and its steps, are no part of that.
+    itself, and its steps, are no part of that. Cells that the edge cuts are left out.
     """
 
     station: Floats
@@ -131,7 +130,7 @@ class SharedCells:
         length : float
             Length of the stretches over which steps are averaged [m].
         band : float
-            Distance from the edge within which cells count [m].
+            Distance from the cells at the edge within which others count [m].
 
         Returns
         -------
@@ -154,18 +153,17 @@ class SharedCells:
         return Seam(station=np.asarray((np.arange(stretches) + 0.5) * long), step=steps)
 
     def _edge(self, lane: int, band: float) -> Flags:
-        """Cells near such as only the other lane covers."""
+        """Cells near such as only the other lane covers, but for the outermost: it is cut."""
         alone = np.setdiff1d(
             self._overlap.cells[1 - lane].covered, self._overlap.key, assume_unique=True
         )
-        reach = max(int(np.ceil(band / self._overlap.cell - 1e-9)), 1)
-        steps = np.arange(-reach, reach + 1)
-        near = np.zeros(self._key.size, np.bool_)
-        for key in _neighbours(self._key, steps):
-            near |= contains(alone, key)
-        return near
-
-
-def _neighbours(key: Integers, steps: Integers) -> Any:
-    column, row = unpack(key)
-    return (pack(column + c, row + r) for c in steps for r in steps if c or r)
+        reach = max(int(np.ceil(band / self._overlap.cell - 1e-9)), 1) + 1
+        column, row = unpack(self._key)
+        near, cut = np.zeros((2, self._key.size), np.bool_)
+        for c in range(-reach, reach + 1):
+            for r in range(-reach, reach + 1):
+                there = contains(alone, pack(column + c, row + r))
+                near |= there
+                if max(abs(c), abs(r)) == 1:
+                    cut |= there
+        return np.asarray(near & ~cut)
