@@ -13,7 +13,7 @@ from trueterrain.cli._console import compiling_noted
 
 COMMANDS = (
     "convert", "demo", "doctor", "georeference", "grid", "info", "init", "iri", "plot", "profile",
-    "simulate",
+    "run", "simulate",
 )  # fmt: skip
 
 

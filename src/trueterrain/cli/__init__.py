@@ -25,10 +25,11 @@ _COMMANDS = {
     "georeference": "Turn a recorded run into points: every return at its own time.",
     "grid": "Grid recorded runs, or points, to a surface with its standard deviation.",
     "info": "Say what a file is: kind, counts, extent, CRS, and what is wrong with it.",
-    "init": "Print complete settings to begin with, e.g. of a scene.",
+    "init": "Print complete settings to begin with, of a survey or a scene.",
     "iri": "International Roughness Index of profiles.",
     "plot": "Draw a surface, a point cloud, a profile, a recorded run or a navigation.",
     "profile": "Extract the profile that a tyre feels along a path.",
+    "run": "Take a whole survey from recorded runs to ground, profiles and a report.",
     "simulate": "Drive a virtual profiler over known ground and record its runs.",
 }
 

@@ -62,6 +62,15 @@ def progress_bar() -> Iterator[Progress]:
         yield show
 
 
+def processors() -> int:
+    """Processors that this process may use."""
+    import os
+
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
 @contextmanager
 def compiling_noted() -> Iterator[None]:
     """Say on a terminal that kernels are compiled: the first call on a machine looks stuck else."""

@@ -56,15 +56,15 @@ def whole_output(path: str | Path, *, force: bool = False) -> Iterator[Path]:
 
 @contextmanager
 def whole_folder(path: str | Path, *, force: bool = False) -> Iterator[Path]:
-    """Write several files into a temporary folder and move them when the block ends without error.
+    """Write files and folders into a temporary one and move them when the block ends without error.
 
     Parameters
     ----------
     path : str or Path
         Folder in which the finished files shall be; it is made if it does not exist.
     force : bool
-        Write into a folder that holds files already: those of the same name are replaced, all
-        others stay.
+        Write into a folder that holds files already: files and folders of the same name are
+        replaced, all others stay.
 
     Yields
     ------
@@ -104,6 +104,8 @@ def whole_folder(path: str | Path, *, force: bool = False) -> Iterator[Path]:
         yield temporary
         path.mkdir(exist_ok=True)
         for file in sorted(temporary.iterdir()):
+            if (path / file.name).is_dir():
+                shutil.rmtree(path / file.name)
             file.replace(path / file.name)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)

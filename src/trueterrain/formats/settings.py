@@ -243,8 +243,9 @@ def _table(settings: Any, path: tuple[str, ...], *, commented: bool) -> list[str
         if dataclasses.is_dataclass(value):
             tables += _section(value, here, help_lines, commented=commented)
         elif isinstance(value, list | tuple) and any(map(dataclasses.is_dataclass, value)):
-            for item in value:
-                tables += _section(item, here, help_lines, commented=commented, array=True)
+            tables += _section(value[0], here, help_lines, commented=commented, array=True)
+            for item in value[1:]:
+                tables += _terse(_section(item, here, [], commented=commented, array=True))
         elif inner and value in (None, dataclasses.MISSING, (), []):
             array = typing.get_origin(hints[field.name]) in (tuple, list)
             # a table that must be there stands open, what is needed in it is to be filled in
@@ -270,6 +271,20 @@ def _section(
     about = help_lines or _comment(_summary(kind))
     body = _table(value, path, commented=commented)
     return ["", *about, f"# {header}" if commented else header, *body]
+
+
+def _terse(lines: list[str]) -> list[str]:
+    """Lines of a further table of an array, whose comments stand at the first."""
+    kept = [line for line in lines if line and not line.startswith("#")]
+    empty = {
+        line for line, after in itertools.pairwise([*kept, "["])
+        if line.startswith("[") and not line.startswith("[[") and after.startswith("[")
+    }  # fmt: skip
+    found: list[str] = []
+    for line in kept:
+        if line not in empty:
+            found += ["", line] if line.startswith("[") else [line]
+    return found
 
 
 def _assignment(field: Any, value: Any, hint: Any, commented: bool) -> str:

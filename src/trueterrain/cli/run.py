@@ -1,0 +1,98 @@
+"""The command ``trueterrain run``: the whole chain from one file of settings."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from trueterrain.cli._console import compiling_noted, note, out, out_json, processors, progress_bar
+
+
+def run(
+    survey: Annotated[Path, Parameter(name="SURVEY")],
+    /,
+    *,
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    threads: int | None = None,
+    json: Annotated[bool, Parameter(negative="")] = False,
+    force: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Turn the recorded runs of a survey into surfaces, profiles, roughness and a report.
+
+    Each run becomes a lane: its motion is found, it is gridded with a standard deviation for each
+    height, profiles are taken and rated. Where lanes overlap, their heights are compared. All files
+    appear together at the end, or none does; a stopped run can be started again.
+
+    Example: `trueterrain init survey left.zarr right.zarr > survey.toml`, then
+    `trueterrain run survey.toml -o out`
+
+    Parameters
+    ----------
+    survey
+        Settings, a .toml file; `trueterrain init survey` prints one to begin with.
+    output
+        Folder for report.html, result.json, surfaces, profiles and pictures.
+    threads
+        Threads that work at once; by default one for each processor. Results do not depend on it.
+    json
+        Print result.json instead of a summary, with "folder" and "files" added.
+    force
+        Write into a folder that holds files already; those of the same name are replaced.
+    """
+    from trueterrain.survey import read_survey, run_survey
+    from trueterrain.verify.truth import truth_of
+
+    settings = read_survey(survey)
+    with compiling_noted(), progress_bar() as progress:
+        found = run_survey(
+            settings, output, force=force, threads=threads or processors(),
+            truth=truth_of, progress=progress,
+        )  # fmt: skip
+    if json:
+        out_json({**found.numbers, "folder": str(output), "files": list(found.files)})
+        return
+    for line in in_words(found.numbers):
+        out(line)
+    note(f"{output / 'report.html'}: the report")
+
+
+def in_words(numbers: dict[str, Any]) -> Iterator[str]:
+    """Main numbers of a survey, line by line.
+
+    Parameters
+    ----------
+    numbers : dict
+        What stands in result.json.
+
+    Yields
+    ------
+    str
+        Lines.
+    """
+    for lane in numbers["lanes"]:
+        surface, sd = lane["surface"], lane["surface"]["sd"]["median"]
+        text = f"{lane['name']}: {lane['run']['driven']:,.1f} m, {surface['nodes']:,} nodes"
+        yield text + ("" if sd is None else f", standard deviation {1000 * sd:.2f} mm (median)")
+        if lane["truth"]:
+            truth = lane["truth"]["surface"]
+            yield (
+                f"  against the true ground: {1000 * truth['median']:+.2f} mm (median), "
+                f"{1000 * truth['nmad']:.2f} mm about it (NMAD)"
+            )
+        for profile in lane["profiles"]:
+            if profile["iri"] is None:
+                continue
+            text = f"  {profile['name']}: IRI {profile['iri']:.2f} m/km"
+            text += f" over {profile['length']:.1f} m"
+            if lane["truth"]:
+                text += f", of the true ground {lane['truth']['iri'][profile['name']]:.2f} m/km"
+            yield text
+        for problem in lane["problems"]:
+            yield f"  doubtful: {problem}"
+    for compared in numbers["agreement"]:
+        one, other = compared["lanes"]
+        yield (
+            f"{other} lies {1000 * compared['median']:+.2f} mm above {one} where they overlap "
+            f"(median; NMAD {1000 * compared['nmad']:.2f} mm)"
+        )

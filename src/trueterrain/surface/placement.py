@@ -1,0 +1,174 @@
+"""Where the nodes of a surface shall be: along the way of a run, a line, a path, over a map."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from trueterrain.surface.cells import Grid, grid_along, grid_over
+from trueterrain.surface.line import (
+    ReferenceLine,
+    line_from_trajectory,
+    line_through,
+    straight_line,
+)
+
+if TYPE_CHECKING:
+    from trueterrain.formats.run import Mounting
+    from trueterrain.surface.runs import Pass
+
+Four = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Placement:
+    """Where the nodes of a surface shall be."""
+
+    spacing: float = 0.01
+    "Distance between nodes [m], along a line a multiple of 0.001."
+
+    across: float | None = None
+    "Distance between nodes across the line, or along northing [m]; by default the same."
+
+    right: float = -2.0
+    "Offset of the outermost nodes to the right of a line, left positive [m]."
+
+    left: float = 2.0
+    "Offset of the outermost nodes to the left [m]."
+
+    line: Four | None = None
+    "Straight line to grid along: easting and northing of its two ends [m]."
+
+    path: str | None = None
+    "CSV file of waypoints to grid along, with the columns easting and northing [m]."
+
+    bounds: Four | None = None
+    "Map to grid over: smallest easting and northing, largest easting and northing [m]."
+
+    smoothing: float = 1.0
+    "Standard deviation of the Gaussian by which a way or a path is smoothed [m]."
+
+    as_map: bool = False
+    "Whether runs are gridded over a map instead of along the way of the first."
+
+    def __post_init__(self) -> None:
+        """Check that no two places are named."""
+        if sum(given is not None for given in (self.line, self.path, self.bounds)) > 1:
+            message = "only one of line, path and bounds may be given."
+            raise ValueError(message)
+        if self.as_map and (self.line or self.path):
+            message = "line and path make a surface along a line, not a map: write .crg."
+            raise ValueError(message)
+
+    def of_runs(self, passes: "Sequence[Pass]") -> Grid:
+        """Grid for runs: along the way of the first, unless something else is asked for.
+
+        Parameters
+        ----------
+        passes : sequence of Pass
+            Runs with their motion.
+
+        Returns
+        -------
+        Grid
+            In the local frame of the runs.
+
+        Raises
+        ------
+        ValueError
+            If numbers make no sense.
+        CoverageError
+            If the body does not move far enough, or turns too sharply.
+        """
+        given = self._given()
+        if given is not None:
+            return given
+        if self.as_map:
+            return self._over([_extent(_way(one)) for one in passes], max(-self.right, self.left))
+        first = passes[0]
+        begin, end = _times(first)
+        line = line_from_trajectory(
+            first.trajectory, spacing=self.spacing, half_width=max(-self.right, self.left),
+            smoothing=self.smoothing, lever=_mounting(first).scanner_position, begin=begin, end=end,
+        )  # fmt: skip
+        return self._along(line)
+
+    def of_points(self, extents: Sequence[Four]) -> Grid:
+        """Grid for points: over the map that they cover, unless something else is asked for.
+
+        Parameters
+        ----------
+        extents : sequence of tuple of float
+            West, south, east and north of the points in each file [m].
+
+        Returns
+        -------
+        Grid
+            In the frame of the points.
+
+        Raises
+        ------
+        ValueError
+            If numbers make no sense.
+        """
+        return self._given() or self._over(extents)
+
+    def _given(self) -> Grid | None:
+        if self.bounds is not None:
+            return self._over([self.bounds])
+        if self.line is not None:
+            return self._along(straight_line(self.line[:2], self.line[2:], spacing=self.spacing))
+        if self.path is not None:
+            from trueterrain.formats.table import read_waypoints
+
+            line = line_through(
+                *read_waypoints(Path(self.path)), spacing=self.spacing, smoothing=self.smoothing,
+                half_width=max(-self.right, self.left, 0.0),
+            )  # fmt: skip
+            return self._along(line)
+        return None
+
+    def _along(self, line: ReferenceLine) -> Grid:
+        return grid_along(line, right=self.right, left=self.left, spacing=self.across)
+
+    def _over(self, extents: Sequence[Four], reach: float = 0.0) -> Grid:
+        west, south = (min(extent[axis] for extent in extents) - reach for axis in (0, 1))
+        east, north = (max(extent[axis] for extent in extents) + reach for axis in (2, 3))
+        return grid_over(
+            west, south, east, north, spacing=(self.spacing, self.across or self.spacing)
+        )
+
+
+def _mounting(one: "Pass") -> "Mounting":
+    from trueterrain.formats.run import open_run
+    from trueterrain.georeference import mounting_of
+
+    return one.mounting or mounting_of(open_run(one.path), path=one.path)
+
+
+def _times(one: "Pass") -> tuple[float, float]:
+    """True times of the first and the last scan that the motion covers."""
+    from trueterrain.formats.run import open_run
+
+    stamps = np.asarray(open_run(one.path)["scans"]["time"], dtype=np.float64)
+    clock = _mounting(one).scanner_clock
+    begin, end = (float(at) + clock for at in (np.nanmin(stamps), np.nanmax(stamps)))
+    knots = one.trajectory.time
+    return max(begin, float(knots[0])), min(end, float(knots[-1]))
+
+
+def _way(one: "Pass") -> npt.NDArray[Any]:
+    """Where the scanner is while it scans, shape (n, 3) [m]."""
+    begin, end = _times(one)
+    inside = one.trajectory.time[(one.trajectory.time >= begin) & (one.trajectory.time <= end)]
+    poses = one.trajectory.at(inside)
+    lever = np.array(_mounting(one).scanner_position)
+    return np.asarray(poses.position + poses.rotation.apply(lever))
+
+
+def _extent(way: npt.NDArray[Any]) -> Four:
+    low, high = way.min(axis=0), way.max(axis=0)
+    return float(low[0]), float(low[1]), float(high[0]), float(high[1])

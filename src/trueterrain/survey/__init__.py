@@ -1,0 +1,28 @@
+"""The whole chain from one file of settings: runs become ground, profiles and a report."""
+
+from trueterrain.survey._chain import SurveyResult, run_survey
+from trueterrain.survey._settings import (
+    MountingOverride,
+    OutputSettings,
+    ProfileSettings,
+    RoughnessSettings,
+    RunSettings,
+    Survey,
+    read_survey,
+    survey_of,
+    survey_template,
+)
+
+__all__ = [
+    "MountingOverride",
+    "OutputSettings",
+    "ProfileSettings",
+    "RoughnessSettings",
+    "RunSettings",
+    "Survey",
+    "SurveyResult",
+    "read_survey",
+    "run_survey",
+    "survey_of",
+    "survey_template",
+]

@@ -1,0 +1,171 @@
+"""The whole chain: all runs of a survey, how they agree, and the files that are left."""
+
+import itertools
+import json
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trueterrain._version import __version__
+from trueterrain.engine import no_progress, whole_folder
+from trueterrain.engine.progress import Progress
+from trueterrain.surface.evaluate import heights_at, node_coordinates
+from trueterrain.surface.runs import require_one_frame
+from trueterrain.survey._lane import Lane, measure_lane
+from trueterrain.survey._pictures import Pictures
+from trueterrain.survey._settings import Survey
+from trueterrain.verify.truth import TrueHeight
+
+_NMAD = 1.4826  # times the median absolute deviation is the standard deviation of normal errors
+_FEW = 100  # nodes that two lanes must share for a comparison
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SurveyResult:
+    """What a survey found, beside the files that it wrote."""
+
+    folder: Path
+    "Where the files are."
+
+    files: tuple[str, ...]
+    "Their names; the report is report.html."
+
+    numbers: dict[str, Any]
+    "What stands in result.json."
+
+
+def run_survey(
+    survey: Survey,
+    folder: str | Path,
+    *,
+    force: bool = False,
+    threads: int = 1,
+    truth: Callable[[str], TrueHeight | None] = lambda _: None,
+    progress: Progress = no_progress,
+) -> SurveyResult:
+    """Turn recorded runs into surfaces, profiles, roughness and a report.
+
+    Each run is worked on alone: its motion is found, it is gridded, holes are filled, profiles are
+    taken and rated. Where lanes overlap, their heights are compared. All files appear together when
+    the last one is whole, or not at all.
+
+    Parameters
+    ----------
+    survey : Survey
+        Runs, and what shall become of them; see `read_survey`.
+    folder : str or Path
+        Where the files shall be.
+    force : bool
+        Write into a folder that holds files already.
+    threads : int
+        Threads that grid at once; results do not depend on it.
+    truth : callable, optional
+        Called with the store of a run, returns the true height as a function of easting and
+        northing, if it is known; results are then compared with it.
+    progress : callable, optional
+        Called with a task, the amount done and the total.
+
+    Returns
+    -------
+    SurveyResult
+        Files and numbers.
+
+    Raises
+    ------
+    FormatError
+        If a run is damaged.
+    SchemaError
+        If runs have different origins.
+    CoverageError
+        If a run has no motion or its returns lie beside the grid.
+    OutputError
+        If the folder is not empty and `force` is false.
+    """
+    from trueterrain.report import write_report
+    from trueterrain.survey._report import report_of
+
+    require_one_frame([Path(run.path) for run in survey.runs])
+    with whole_folder(folder, force=force) as temporary:
+        pictures = Pictures(temporary if survey.outputs.pictures else None)
+        lanes = [
+            measure_lane(
+                survey, run, temporary, threads=threads, truth=truth(run.path),
+                look=pictures.of_lane, progress=progress,
+            )
+            for run in survey.runs
+        ]  # fmt: skip
+        progress("report", 0, None)
+        for lane in lanes:
+            pictures.of_whole(lane)
+        numbers = finite({
+            "survey": survey.name,
+            "title": survey.title,
+            "version": __version__,
+            "lanes": [lane.numbers for lane in lanes],
+            "agreement": [
+                compared for one, other in itertools.combinations(lanes, 2)
+                if (compared := agreement(one, other)) is not None
+            ],
+        })  # fmt: skip
+        (temporary / "result.json").write_text(
+            json.dumps(numbers, indent=2, allow_nan=False) + "\n"
+        )
+        write_report(report_of(survey, lanes, numbers, pictures), temporary / "report.html")
+        pictures.close()
+        files = tuple(sorted(file.name for file in temporary.iterdir()))
+    return SurveyResult(folder=Path(folder), files=files, numbers=numbers)
+
+
+def agreement(one: Lane, other: Lane) -> dict[str, Any] | None:
+    """Differences of height where two lanes overlap.
+
+    Parameters
+    ----------
+    one, other : Lane
+        The lanes.
+
+    Returns
+    -------
+    dict or None
+        ``lanes``, ``nodes`` some 50 mm apart, and of the height of the second less that of the
+        first ``median``, ``nmad``, ``rmse`` and ``p95`` [m]; None if they share too few nodes.
+    """
+    difference = heights_at(other.coarse, *node_coordinates(one.coarse)) - one.coarse.height.values
+    apart = difference[np.isfinite(difference)]
+    if apart.size < _FEW:
+        return None
+    median = float(np.median(apart))
+    return {
+        "lanes": [one.name, other.name],
+        "nodes": int(apart.size),
+        "median": median,
+        "nmad": _NMAD * float(np.median(np.abs(apart - median))),
+        "rmse": float(np.sqrt(np.mean(apart**2))),
+        "p95": float(np.percentile(np.abs(apart), 95)),
+    }
+
+
+def finite(value: Any) -> Any:
+    """As JSON gives it back: tuples become lists, what is not finite null.
+
+    Parameters
+    ----------
+    value : object
+        Dictionaries, lists, tuples, words and numbers in each other.
+
+    Returns
+    -------
+    object
+        The same, to be written.
+    """
+    if isinstance(value, dict):
+        return {name: finite(item) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,370 @@
+"""One lane: from a recorded run to its surface and profiles, with everything that was found."""
+
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from trueterrain import formats, provenance
+from trueterrain.engine.progress import Progress
+from trueterrain.errors import CoverageError, concerning
+from trueterrain.formats.run import open_run
+from trueterrain.formats.table import read_waypoints
+from trueterrain.georeference import georeference, mounting_of
+from trueterrain.kinds import make_profile
+from trueterrain.motion import FusedMotion, fuse
+from trueterrain.motion._scans import scan_problems
+from trueterrain.profile import (
+    WheelPath,
+    offset_path,
+    point_profile,
+    straight_path,
+    tyre_profile,
+    waypoint_path,
+)
+from trueterrain.profile.area import reach
+from trueterrain.roughness import iri
+from trueterrain.surface.coarse import down_sample
+from trueterrain.surface.evaluate import heights_at, node_coordinates, surface_to_points
+from trueterrain.surface.grid import trimmed
+from trueterrain.surface.holes import fill_holes
+from trueterrain.surface.runs import Pass, grid_runs
+from trueterrain.surface.summary import summarise
+from trueterrain.survey._settings import ProfileSettings, RunSettings, Survey, lane_name
+from trueterrain.verify.truth import TrueHeight, ground_errors
+
+_PARALLEL = 1.01  # by which one wheel path may be longer than the other
+_VIEWED = 0.05  # [m] spacing of the coarse surface that is kept to look at and to compare
+
+#: Called with a name and the surface of a lane, to draw what needs all of it.
+Look = Callable[[str, xr.Dataset, "dict[str, xr.Dataset]"], None]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Lane:
+    """What a run became."""
+
+    name: str
+    "Name of the lane."
+
+    motion: FusedMotion
+    "Its motion."
+
+    coarse: xr.Dataset
+    "Its surface with nodes some 50 mm apart."
+
+    profiles: dict[str, xr.Dataset]
+    "Its profiles by name."
+
+    index: dict[str, xr.Dataset]
+    "Their roughness, where they could be rated."
+
+    files: tuple[tuple[str, str], ...]
+    "Names of the files that were written, and what they hold."
+
+    numbers: dict[str, Any]
+    "All that was found, as JSON takes it."
+
+    steps: list[dict[str, Any]] = field(default_factory=list)
+    "Steps that led to the surface."
+
+
+def measure_lane(
+    survey: Survey,
+    run: RunSettings,
+    folder: Path,
+    *,
+    threads: int,
+    truth: TrueHeight | None,
+    look: Look,
+    progress: Progress,
+) -> Lane:
+    """Turn a run into points, a surface and profiles, and write them.
+
+    Parameters
+    ----------
+    survey : Survey
+        What shall become of it.
+    run : RunSettings
+        The run.
+    folder : Path
+        Where files are written.
+    threads : int
+        Threads that grid at once.
+    truth : callable, optional
+        True ground, if it is known.
+    look : callable
+        Draws the surface and the profiles while the surface is there.
+    progress : callable
+        Called with a task, the amount done and the total.
+
+    Returns
+    -------
+    Lane
+        Everything but the surface itself, which is on disk.
+    """
+    name, path = lane_name(run), Path(run.path)
+    progress(f"{name}: motion", 0, None)
+    with concerning(path):
+        tree = open_run(path)
+        mounting = run.mounting.over(mounting_of(tree, path=path))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # what it warns of is among the problems as well
+            motion = fuse(tree, settings=survey.motion)
+        doubts = [*motion.problems, *scan_problems(tree, motion.trajectory)]
+    one = Pass(path=path, trajectory=motion.trajectory, mounting=mounting)
+    files = [*_points(survey, one, name, folder, progress)]
+
+    def gridding(_: str, done: float, total: float | None) -> None:
+        progress(f"{name}: scans", done, total)
+
+    surface, tally = grid_runs(
+        [one], survey.grid.of_runs([one]), survey.cells, screening=survey.screening,
+        threads=threads, progress=gridding,
+    )  # fmt: skip
+    surface, holes = fill_holes(trimmed(surface), survey.holes)
+    loss = None
+    if survey.down_sample is not None:
+        surface, loss = down_sample(surface, survey.down_sample)
+    surface = provenance.add_step(surface, "survey", parameters={
+        "survey": survey.name, "run": path.name, "motion": survey.motion, "mounting": mounting,
+        "holes": survey.holes, "down_sample": survey.down_sample,
+    })  # fmt: skip
+    progress(f"{name}: files", 0, None)
+    files += _surfaces(survey, surface, name, folder)
+    progress(f"{name}: profiles", 0, None)
+    profiles, left_out = _profiles(survey, surface, name)
+    files += _profile_files(survey, profiles, name, folder)
+    index, unrated = _rated(survey, profiles)
+    look(name, surface, profiles)
+    numbers = {
+        "name": name,
+        "run": _of_run(tree, path, motion),
+        "mounting": asdict(mounting),
+        "motion": motion.summary(),
+        "returns": tally,
+        "surface": {**summarise(surface), "holes": holes, "down_sample": loss},
+        "profiles": [
+            {**_of_profile(profile, index.get(one)), "name": one}
+            for one, profile in profiles.items()
+        ],
+        "wheel_paths": _wheel_paths(survey, profiles),
+        "truth": None if truth is None else _against(survey, surface, truth, index),
+        "problems": [*doubts, *_problems(tally, holes), *left_out, *unrated],
+        "files": [file for file, _ in files],
+    }  # fmt: skip
+    return Lane(
+        name=name, motion=motion, coarse=_coarse(surface), profiles=profiles, index=index,
+        files=tuple(files), numbers=numbers, steps=provenance.steps(surface),
+    )  # fmt: skip
+
+
+def _points(
+    survey: Survey, one: Pass, name: str, folder: Path, progress: Progress
+) -> Iterator[tuple[str, str]]:
+    if not survey.outputs.points:
+        return
+    scans = open_run(one.path)["scans"].sizes["scan"]
+
+    def blocks() -> Iterator[xr.Dataset]:
+        for block in georeference(
+            one.path, one.trajectory, one.mounting, screening=survey.screening,
+            range_noise=survey.cells.range_noise,
+        ):  # fmt: skip
+            yield block
+            progress(f"{name}: points", block.attrs["scans"], scans)
+
+    file = f"{name}-points.{survey.outputs.points}"
+    formats.write(blocks(), folder / file)
+    yield file, "every return at its own time"
+
+
+def _surfaces(
+    survey: Survey, surface: xr.Dataset, name: str, folder: Path
+) -> Iterator[tuple[str, str]]:
+    for ending in survey.outputs.surface:
+        file = f"{name}.{ending}"
+        formats.write(
+            surface_to_points(surface) if ending == "laz" else surface, folder / file
+        )  # fmt: skip
+        yield file, "surface, nodes as points" if ending == "laz" else "surface"
+
+
+def _profiles(
+    survey: Survey, surface: xr.Dataset, lane: str
+) -> tuple[dict[str, xr.Dataset], list[str]]:
+    """Profiles by name, and why others could not be taken."""
+    found, problems = {}, []
+    for wanted in survey.profiles:
+        try:
+            found[wanted.name] = taken_along(surface, wanted)
+        except CoverageError as error:
+            problems.append(f"profile {wanted.name} of {lane} is left out: {error}")
+    return found, problems
+
+
+def taken_along(surface: xr.Dataset, wanted: ProfileSettings) -> xr.Dataset:
+    """Profile that a tyre feels along a path.
+
+    Parameters
+    ----------
+    surface : xarray.Dataset
+        Surface.
+    wanted : ProfileSettings
+        Path, search area and statistic.
+
+    Returns
+    -------
+    xarray.Dataset
+        Profile.
+    """
+    path, options = _path(surface, wanted), wanted.tyre
+    taken = options.taken()
+    if taken is None:
+        return point_profile(surface, path)
+    return tyre_profile(
+        surface, path, area=options.search_area(), statistic=taken, level=options.level,
+        minimum_count=options.minimum_count, thin=options.thin,
+    )  # fmt: skip
+
+
+def _path(surface: xr.Dataset, wanted: ProfileSettings) -> WheelPath:
+    """Path as far as the surface lies under it, search areas included."""
+    if wanted.offset is not None:
+        path = offset_path(surface, wanted.offset, spacing=wanted.spacing)
+    elif wanted.line is not None:
+        path = straight_path(wanted.line[:2], wanted.line[2:], spacing=wanted.spacing)
+    else:
+        assert wanted.path is not None  # one of them is given
+        path = waypoint_path(*read_waypoints(Path(wanted.path)), spacing=wanted.spacing)
+    seen = np.flatnonzero(np.isfinite(heights_at(surface, path.easting, path.northing)))
+    margin = int(np.ceil(reach(wanted.tyre.search_area()) / wanted.spacing))
+    if seen.size < 2 * margin + 2:
+        raise CoverageError(
+            "the surface does not lie under the path", place=f"profile {wanted.name}",
+            cure="Compare the coordinates of path and runs.",
+        )  # fmt: skip
+    return path.part(int(seen[0]) + margin, int(seen[-1]) + 1 - margin)
+
+
+def _profile_files(
+    survey: Survey, profiles: dict[str, xr.Dataset], lane: str, folder: Path
+) -> Iterator[tuple[str, str]]:
+    for name, profile in profiles.items():
+        for ending in survey.outputs.profile:
+            file = f"{lane}-{name}.{ending}"
+            formats.write(profile, folder / file)
+            yield file, f"profile {name}"
+
+
+def _rated(
+    survey: Survey, profiles: dict[str, xr.Dataset]
+) -> tuple[dict[str, xr.Dataset], list[str]]:
+    """Roughness of profiles, and why others have none."""
+    found, problems = {}, []
+    for name, profile in profiles.items():
+        try:
+            found[name] = iri(
+                profile, options=survey.roughness.iri, segment=survey.roughness.segment
+            )
+        except (CoverageError, ValueError) as error:
+            problems.append(f"profile {name} is not rated: {error}")
+    return found, problems
+
+
+def _wheel_paths(survey: Survey, profiles: dict[str, xr.Dataset]) -> dict[str, float] | None:
+    """MRI and HRI of the profiles named left and right, where both are there [m/km]."""
+    if not {"left", "right"} <= set(profiles):
+        return None
+    left, right = profiles["left"], profiles["right"]
+    step = float(left.s[1] - left.s[0])
+    numbers = [np.rint(profile.s.values / step).astype(int) for profile in (left, right)]
+    both, at_left, at_right = np.intersect1d(*numbers, return_indices=True)
+    # paths of a bend are not equally long, so equal stations do not lie side by side there
+    lengths = [profile.sizes["s"] for profile in (left, right)]
+    if both.size < 2 or max(lengths) > _PARALLEL * min(lengths):
+        return None
+    heights = np.stack([left.height.values[at_left], right.height.values[at_right]])
+    tracks = make_profile(both * step, heights, tracks=["left", "right"])
+    try:
+        index = iri(tracks, options=survey.roughness.iri)
+    except (CoverageError, ValueError):
+        return None  # each of them is said to be unrated already
+    return {"mri": float(index.mri), "hri": float(index.hri)}
+
+
+def _against(
+    survey: Survey, surface: xr.Dataset, truth: TrueHeight, index: dict[str, xr.Dataset]
+) -> dict[str, Any]:
+    """Errors of the heights, and the IRI [m/km] of the true ground along the same paths."""
+    ground = surface.assign(height=surface["height"].copy(data=truth(*node_coordinates(surface))))
+    ground = ground.drop_vars([name for name in ("sd", "count", "filled") if name in ground])
+    rated = {
+        wanted.name: iri(taken_along(ground, wanted), options=survey.roughness.iri).iri[0]
+        for wanted in survey.profiles
+        if wanted.name in index
+    }
+    return {
+        "surface": ground_errors(surface, truth),
+        "iri": {name: float(value) for name, value in rated.items()},
+    }
+
+
+def _of_run(tree: xr.DataTree, path: Path, motion: FusedMotion) -> dict[str, Any]:
+    scans = tree["scans"]
+    time = np.asarray(scans["time"], dtype=np.float64)
+    way = motion.trajectory.position
+    return {
+        "path": path.name,
+        "name": str(tree.attrs.get("name", path.stem)),
+        "scans": int(scans.sizes["scan"]),
+        "beams": int(scans.sizes["beam"]),
+        "seconds": float(np.nanmax(time) - np.nanmin(time)),
+        "driven": float(np.hypot(*np.diff(way[:, :2], axis=0).T).sum()),
+        "origin": [float(part) for part in tree.attrs["origin"]],
+    }
+
+
+def _of_profile(profile: xr.Dataset, index: xr.Dataset | None) -> dict[str, Any]:
+    s = profile["s"].values
+    sd = profile["sd"].values if "sd" in profile else np.empty(0)
+    known = sd[np.isfinite(sd)]
+    numbers: dict[str, Any] = {
+        "points": int(s.size),
+        "length": float(s[-1] - s[0]),
+        "sd_median": float(np.median(known)) if known.size else None,
+        "iri": None if index is None else float(index.iri[0]),
+        "segments": [],
+    }
+    if index is not None:
+        numbers["segments"] = [
+            {"start": float(a), "end": float(b), "iri": float(value)}
+            for a, b, value in zip(index.start, index.end, index.segment_iri[0], strict=True)
+        ]
+    return numbers
+
+
+def _problems(tally: dict[str, Any], holes: dict[str, Any]) -> Iterator[str]:
+    words = {
+        "scans_uncovered": "scans without motion are left out",
+        "bridged": "scans lie at times that navigation did not see",
+        "too_high": "returns have no height",
+    }
+    for name, what in words.items():
+        if tally.get(name):
+            yield f"{tally[name]:,} {what}"
+    if holes["open_holes"]:
+        yield f"{holes['open_holes']:,} holes are left open, {holes['open_nodes']:,} nodes"
+
+
+def _coarse(surface: xr.Dataset) -> xr.Dataset:
+    dims = surface["height"].dims
+    factor = tuple(
+        max(1, min(round(_VIEWED / float(np.diff(surface[dim]).mean())), surface.sizes[dim] - 1))
+        for dim in dims
+    )
+    return down_sample(surface, (factor[0], factor[1]))[0]

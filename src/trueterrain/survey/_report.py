@@ -1,0 +1,388 @@
+"""The report of a survey: what went in, what was found, how true it is."""
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from trueterrain.report import (
+    Block,
+    Column,
+    File,
+    Files,
+    Number,
+    Picture,
+    Report,
+    Section,
+    SurfaceView,
+    Table,
+    Text,
+    Warnings,
+)
+from trueterrain.survey._lane import Lane
+from trueterrain.survey._pictures import Pictures
+from trueterrain.survey._settings import Survey
+
+_MM = 1000.0
+_COLUMN = re.compile(r"([^\[.]+?)(?: \[([^\]]+)\])?(?: \.(\d))?")
+
+
+def report_of(
+    survey: Survey, lanes: list[Lane], numbers: dict[str, Any], pictures: Pictures
+) -> Report:
+    """Report of a survey.
+
+    Parameters
+    ----------
+    survey : Survey
+        Its settings.
+    lanes : list of Lane
+        What its runs became.
+    numbers : dict
+        What stands in result.json.
+    pictures : Pictures
+        Figures that were drawn.
+
+    Returns
+    -------
+    Report
+        To be written.
+    """
+    problems = [f"{lane.name}: {problem}" for lane in lanes for problem in lane.numbers["problems"]]
+    sections = [
+        Section(title="What is doubtful", blocks=[Warnings(items=problems)]) if problems else None,
+        _ground(lanes, pictures),
+        _accuracy(lanes, numbers),
+        _against_truth(lanes),
+        _profiles(survey, lanes, pictures),
+        _motion(survey, lanes, pictures),
+        _inputs(lanes),
+        _files(lanes, pictures),
+    ]
+    return Report(
+        title=survey.title or survey.name,
+        subtitle=f"Survey {survey.name}: " + _count(len(lanes), "recorded run"),
+        headline=tuple(_headline(lanes, numbers)),
+        sections=tuple(section for section in sections if section is not None),
+        provenance={lane.name: lane.steps for lane in lanes},
+    )
+
+
+def _headline(lanes: list[Lane], numbers: dict[str, Any]) -> Iterator[Number]:
+    each = numbers["lanes"]
+    yield Number(
+        label="driven", value=sum(lane["run"]["driven"] for lane in each), unit="m", digits=0,
+        note=_count(len(lanes), "lane"),
+    )  # fmt: skip
+    yield Number(
+        label="returns gridded", value=sum(lane["returns"]["used"] for lane in each) / 1e6,
+        unit="million", digits=2,
+    )  # fmt: skip
+    sds = [lane["surface"]["sd"]["median"] for lane in each]
+    known = [sd for sd in sds if sd is not None]
+    yield Number(
+        label="standard deviation of a height", value=_MM * max(known) if known else None,
+        unit="mm", digits=2, note="median over the nodes" + _worst(len(lanes)),
+    )  # fmt: skip
+    for compared in numbers["agreement"][:1]:
+        yield Number(
+            label="lanes apart where they overlap", value=_MM * compared["median"], unit="mm",
+            digits=1, note=f"median of {' and '.join(compared['lanes'])}",
+        )  # fmt: skip
+    truths = [lane["truth"]["surface"] for lane in each if lane["truth"]]
+    if truths:
+        yield Number(
+            label="error of heights about their median",
+            value=_MM * max(truth["nmad"] for truth in truths), unit="mm", digits=2,
+            note="NMAD against the true ground" + _worst(len(lanes)),
+        )  # fmt: skip
+    rated = [profile for lane in each for profile in lane["profiles"] if profile["iri"]]
+    if rated:
+        values = [profile["iri"] for profile in rated]
+        yield Number(
+            label="IRI", value=sum(values) / len(values), unit="m/km", digits=2,
+            note=f"mean of {_count(len(values), 'profile')}",
+        )  # fmt: skip
+
+
+def _ground(lanes: list[Lane], pictures: Pictures) -> Section:
+    rows = [
+        (
+            lane.name, lane.numbers["surface"]["nodes"],
+            " x ".join(f"{step:g} m" for step in lane.numbers["surface"]["spacing"].values()),
+            lane.numbers["surface"]["count"]["median"],
+            _mm(lane.numbers["surface"]["sd"]["median"]), _mm(lane.numbers["surface"]["sd"]["p95"]),
+            lane.numbers["surface"]["holes"]["filled_nodes"],
+            lane.numbers["surface"]["holes"]["open_nodes"],
+        )
+        for lane in lanes
+    ]  # fmt: skip
+    table = Table(
+        columns=_columns(
+            "Lane; Nodes; Spacing; Returns per node .0; sd, median [mm] .3; sd, 95 % [mm] .3; "
+            "Filled nodes; Open nodes"
+        ),
+        rows=rows,
+        caption="Surfaces. The standard deviation of each height holds the noise of the ranges, "
+        "the scatter of the returns in a cell and the uncertainty of the motion.",
+    )  # fmt: skip
+    blocks: list[Block] = [table]
+    for lane in lanes:
+        blocks += [
+            Picture(
+                figure=pictures.figures[lane.name, "surface"],
+                alt=f"Heights of the surface of {lane.name}, seen from above",
+                caption=f"Surface of {lane.name}.",
+            ),
+            SurfaceView(
+                surface=pictures.parts[lane.name],
+                caption=f"A part from the middle of {lane.name}.",
+            ),
+        ]  # fmt: skip
+    return Section(title="The ground", blocks=blocks)
+
+
+def _accuracy(lanes: list[Lane], numbers: dict[str, Any]) -> Section:
+    rows = [
+        (
+            lane.name, lane.motion.method,
+            *(_mm(lane.numbers["motion"]["sd"][axis]) for axis in ("east", "north", "up")),
+            _mrad(lane.numbers["motion"]["sd"]["about_east"]),
+            _mrad(lane.numbers["motion"]["sd"]["about_north"]),
+            _mrad(lane.numbers["motion"]["sd"]["about_up"]),
+        )
+        for lane in lanes
+    ]  # fmt: skip
+    motion = Table(
+        columns=_columns(
+            "Lane; Method; East [mm] .1; North [mm] .1; Up [mm] .1; About east [mrad] .3; "
+            "About north [mrad] .3; About up [mrad] .3"
+        ),
+        rows=rows,
+        caption="Standard deviation of the pose of the body, median over time.",
+    )  # fmt: skip
+    blocks: list[Block] = [motion]
+    if numbers["agreement"]:
+        blocks.append(
+            Table(
+                columns=_columns(
+                    "Lanes; Nodes in common; Median [mm] .2; NMAD [mm] .2; RMSE [mm] .2; "
+                    "95 % [mm] .2"
+                ),
+                rows=[
+                    (
+                        " - ".join(reversed(one["lanes"])), one["nodes"], _mm(one["median"]),
+                        _mm(one["nmad"]), _mm(one["rmse"]), _mm(one["p95"]),
+                    )
+                    for one in numbers["agreement"]
+                ],
+                caption="Differences of height where lanes overlap, as measured: each lane stands "
+                "on its own, nothing was brought into agreement.",
+            )
+        )  # fmt: skip
+    elif len(lanes) > 1:
+        blocks.append(Text(paragraph="The lanes do not overlap, so they cannot be compared."))
+    else:
+        blocks.append(
+            Text(
+                paragraph="One pass does not show the drift of its navigation; its standard "
+                "deviation rests on what the navigation claims. A second pass would tell."
+            )
+        )
+    return Section(title="How far it can be trusted", blocks=blocks)
+
+
+def _against_truth(lanes: list[Lane]) -> Section | None:
+    if any(lane.numbers["truth"] is None for lane in lanes):
+        return None
+    heights = Table(
+        columns=_columns(
+            "Lane; Nodes; Median [mm] .2; NMAD [mm] .2; RMS about the median [mm] .2; "
+            "95 % [mm] .2"
+        ),
+        rows=[
+            (
+                lane.name, truth["nodes"], _mm(truth["median"]), _mm(truth["nmad"]),
+                _mm(truth["rms_about_median"]), _mm(truth["p95"]),
+            )
+            for lane in lanes
+            for truth in [lane.numbers["truth"]["surface"]]
+        ],
+        caption="Heights less the true ground at the node. The median is what the drift of the "
+        "navigation amounts to. The RMS holds the joints and edges, where the mean of a cell is "
+        "not the height at its middle; the NMAD does not.",
+    )  # fmt: skip
+    rated = [
+        (lane.name, profile["name"], profile["iri"], lane.numbers["truth"]["iri"][profile["name"]])
+        for lane in lanes
+        for profile in lane.numbers["profiles"]
+        if profile["iri"] is not None
+    ]
+    blocks: list[Block] = [heights]
+    if rated:
+        blocks.append(
+            Table(
+                columns=_columns(
+                    "Lane; Profile; IRI measured [m/km] .3; IRI of the true ground [m/km] .3; "
+                    "Difference [%] .2"
+                ),
+                rows=[(*row, 100 * (row[2] / row[3] - 1)) for row in rated],
+                caption="Roughness, beside that of the true ground along the same paths.",
+            )
+        )  # fmt: skip
+    return Section(title="Against the true ground", blocks=blocks)
+
+
+def _profiles(survey: Survey, lanes: list[Lane], pictures: Pictures) -> Section | None:
+    rows = [
+        (
+            lane.name, profile["name"], profile["length"], _mm(profile["sd_median"]), profile["iri"]
+        )
+        for lane in lanes
+        for profile in lane.numbers["profiles"]
+    ]  # fmt: skip
+    if not rows:
+        return None
+    blocks: list[Block] = [
+        Table(
+            columns=_columns("Lane; Profile; Length [m] .2; sd, median [mm] .3; IRI [m/km] .2"),
+            rows=rows,
+            caption="Profiles that a tyre feels, and their International Roughness Index.",
+        )
+    ]  # fmt: skip
+    both = [
+        (lane.name, lane.numbers["wheel_paths"]["mri"], lane.numbers["wheel_paths"]["hri"])
+        for lane in lanes
+        if lane.numbers["wheel_paths"]
+    ]
+    if both:
+        blocks.append(
+            Table(
+                columns=_columns("Lane; MRI [m/km] .2; HRI [m/km] .2"),
+                rows=both,
+                caption="Mean and half-car roughness index of the wheel paths left and right.",
+            )
+        )  # fmt: skip
+    segments = [
+        (lane.name, profile["name"], one["start"], one["end"], one["iri"])
+        for lane in lanes
+        for profile in lane.numbers["profiles"]
+        for one in profile["segments"]
+    ]
+    if len(segments) > len(rows):
+        blocks.append(
+            Table(
+                columns=_columns("Lane; Profile; From [m] .1; To [m] .1; IRI [m/km] .2"),
+                rows=segments,
+                caption=f"Segments of {survey.roughness.segment:g} m.",
+            )
+        )  # fmt: skip
+    blocks += [
+        Picture(
+            figure=pictures.figures[lane.name, "profiles"],
+            alt=f"Heights of the profiles of {lane.name} along their paths",
+            caption=f"Profiles of {lane.name}.",
+        )
+        for lane in lanes
+        if lane.profiles
+    ]
+    return Section(title="Profiles and roughness", blocks=blocks)
+
+
+def _motion(survey: Survey, lanes: list[Lane], pictures: Pictures) -> Section:
+    noise = [
+        (name, _noise(lane.numbers["motion"]["noise"]))
+        for lane in lanes
+        for name in [lane.name]
+        if lane.numbers["motion"]["noise"]
+    ]
+    blocks: list[Block] = [
+        Picture(
+            figure=pictures.figures[lane.name, "motion"],
+            alt=f"Heave, pitch and roll of the body over time in {lane.name}",
+            caption=f"Motion of the body in {lane.name}, which was taken out.",
+        )
+        for lane in lanes
+    ]
+    if noise:
+        columns = (Column(label="Lane"), *(Column(label=label) for label in noise[0][1]))
+        blocks.append(
+            Table(
+                columns=columns,
+                rows=[(name, *values.values()) for name, values in noise],
+                caption="Noise of the instruments as it was used: measured in the run unless the "
+                "settings give it.",
+            )
+        )
+    text = f"Found from navigation and accelerometers by the method {survey.motion.method}."
+    return Section(title="Motion", text=text, blocks=blocks)
+
+
+def _noise(noise: dict[str, Any]) -> dict[str, str]:
+    """Values in words, since their units differ."""
+    found = {}
+    for name, value in noise.items():
+        parts = value if isinstance(value, list | tuple) else [value]
+        words = [f"{part:.3g}" if isinstance(part, float) else str(part) for part in parts]
+        found[name.replace("_", " ")] = ", ".join(words)
+    return found
+
+
+def _inputs(lanes: list[Lane]) -> Section:
+    rows = [
+        (
+            lane.name, lane.numbers["run"]["path"], lane.numbers["run"]["scans"],
+            lane.numbers["run"]["beams"], lane.numbers["run"]["seconds"],
+            lane.numbers["run"]["driven"], lane.numbers["returns"]["used"],
+            lane.numbers["returns"]["outside"], lane.numbers["returns"]["doubtful"],
+        )
+        for lane in lanes
+    ]  # fmt: skip
+    table = Table(
+        columns=_columns(
+            "Lane; Run; Scans; Beams; Time [s] .1; Driven [m] .1; Returns gridded; "
+            "Beside the grid; Doubtful"
+        ),
+        rows=rows,
+        caption="Recorded runs.",
+    )  # fmt: skip
+    longitude, latitude, height = lanes[0].numbers["run"]["origin"]
+    text = (
+        f"Coordinates are east, north and up of {latitude:.7f} deg north, {longitude:.7f} deg "
+        f"east, {height:.3f} m above the ellipsoid."
+    )
+    return Section(title="What went in", text=text, blocks=[table])
+
+
+def _files(lanes: list[Lane], pictures: Pictures) -> Section:
+    files = [
+        File(path=name, note=f"{lane.name}: {note}") for lane in lanes for name, note in lane.files
+    ]
+    files += [File(path=name, note=note) for name, note in pictures.files]
+    files.append(File(path="result.json", note="all numbers of this report"))
+    return Section(title="Files", blocks=[Files(files=files)])
+
+
+def _columns(text: str) -> tuple[Column, ...]:
+    """Columns from text such as "Lane; Height [mm] .2": labels, units and decimals."""
+    found = [_COLUMN.fullmatch(part.strip()) for part in text.split(";")]
+    return tuple(
+        Column(label=one[1], unit=one[2] or "", digits=int(one[3]) if one[3] else None)
+        for one in found
+        if one is not None
+    )
+
+
+def _mm(metres: float | None) -> float | None:
+    return None if metres is None else _MM * metres
+
+
+def _mrad(radians: float | None) -> float | None:
+    return None if radians is None else 1000.0 * radians
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+
+
+def _worst(lanes: int) -> str:
+    return ", worst lane" if lanes > 1 else ""

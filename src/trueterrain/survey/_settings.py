@@ -1,0 +1,328 @@
+"""Settings of a survey: which runs, and what shall become of them."""
+
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from trueterrain.errors import FormatError
+from trueterrain.formats.run import Mounting
+from trueterrain.formats.settings import read_settings, settings_template
+from trueterrain.georeference import Screening
+from trueterrain.motion import FusionSettings
+from trueterrain.profile import ProfileOptions
+from trueterrain.roughness import IriOptions
+from trueterrain.surface.grid import GridOptions
+from trueterrain.surface.holes import Filling
+from trueterrain.surface.placement import Placement
+
+SurfaceFormat = Literal["crg", "tif", "zarr", "laz"]
+ProfileFormat = Literal["erd", "csv", "parquet"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MountingOverride:
+    """What is known better than the run does about where its instruments sit."""
+
+    scanner_position: tuple[float, float, float] | None = None
+    "Position of the scanner in the body frame: forward, left, up [m]."
+
+    scanner_rotation: tuple[float, float, float] | None = None
+    "Roll, pitch, yaw of the scanner in the body [rad]."
+
+    scanner_clock: float | None = None
+    "What is added to the scanner's stamps to make them true time [s]."
+
+    def over(self, mounting: Mounting) -> Mounting:
+        """Mounting of a run, with what is overridden.
+
+        Parameters
+        ----------
+        mounting : Mounting
+            What the run says.
+
+        Returns
+        -------
+        Mounting
+            What is taken.
+
+        Examples
+        --------
+        >>> MountingOverride(scanner_clock=0.002).over(Mounting()).scanner_clock
+        0.002
+        """
+        given = {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        return replace(mounting, **{name: v for name, v in given.items() if v is not None})
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunSettings:
+    """A recorded run of the survey."""
+
+    path: str
+    "Store of the run, NAME.zarr; from the folder of this file."
+
+    name: str | None = None
+    "Name of the lane in results; by default that of the store."
+
+    mounting: MountingOverride = field(default_factory=MountingOverride)
+    "What is known better than the run says, e.g. by calibration."
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProfileSettings:
+    """A path along which a profile is taken, and what a tyre feels there."""
+
+    name: str
+    "Name of the profile."
+
+    offset: float | None = None
+    "Path at this offset from the reference line of each lane, left positive [m]."
+
+    line: tuple[float, float, float, float] | None = None
+    "Straight path instead: easting and northing of its two ends [m]."
+
+    path: str | None = None
+    "CSV file of waypoints instead, with the columns easting and northing [m]."
+
+    spacing: float = 0.01
+    "Arc length between path points [m]."
+
+    tyre: ProfileOptions = field(default_factory=ProfileOptions)
+    "What is taken of the heights around each path point."
+
+    def __post_init__(self) -> None:
+        """Check that there is one path."""
+        _check_name(self.name)
+        if sum(way is not None for way in (self.offset, self.line, self.path)) != 1:
+            message = "name the path with exactly one of offset, line and path."
+            raise ValueError(message)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoughnessSettings:
+    """How profiles are rated."""
+
+    segment: float = 100.0
+    "Length of the fixed segments [m]; the last one may be shorter."
+
+    iri: IriOptions = field(default_factory=IriOptions)
+    "Conventions of the International Roughness Index."
+
+    def __post_init__(self) -> None:
+        """Check the length."""
+        if not 0 < self.segment < float("inf"):
+            message = f"segment must be greater than 0 m, got {self.segment}."
+            raise ValueError(message)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutputSettings:
+    """What is written besides report.html and result.json."""
+
+    surface: tuple[SurfaceFormat, ...] = ("crg",)
+    "Formats of the surfaces: crg, tif (maps), zarr, laz."
+
+    profile: tuple[ProfileFormat, ...] = ("erd", "csv")
+    "Formats of the profiles: erd, csv, parquet."
+
+    points: Literal["", "laz", "zarr"] = ""
+    "Format of the points, every return at its own time; none by default, since they are many."
+
+    pictures: bool = True
+    "Whether the pictures of the report are written as PNG files, too."
+
+    def __post_init__(self) -> None:
+        """Check the formats."""
+        for name, known in (("surface", SurfaceFormat), ("profile", ProfileFormat)):
+            unknown = [one for one in getattr(self, name) if one not in get_args(known)]
+            if unknown:
+                message = f"{name} must be of {', '.join(get_args(known))}, got {unknown[0]!r}."
+                raise ValueError(message)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Survey:
+    """Recorded runs, and what shall become of them."""
+
+    name: str = "survey"
+    "Name of the survey."
+
+    title: str = ""
+    "What was surveyed; heads the report."
+
+    runs: tuple[RunSettings, ...]
+    "The runs, each a lane of its own."
+
+    motion: FusionSettings = field(default_factory=FusionSettings)
+    "How the motion is found."
+
+    screening: Screening = field(default_factory=Screening)
+    "Which returns are doubtful."
+
+    grid: Placement = field(default_factory=Placement)
+    "Where the nodes of the surfaces are; by default along the way of each run."
+
+    cells: GridOptions = field(default_factory=lambda: GridOptions(range_noise=0.0005))
+    "What is taken of the returns in a cell."
+
+    holes: Filling = field(default_factory=Filling)
+    "Which holes are filled."
+
+    down_sample: tuple[int, int] | None = None
+    "Nodes that become one, along and across, for smooth terrain; the loss is reported."
+
+    profiles: tuple[ProfileSettings, ...] = ()
+    "The paths along which profiles are taken."
+
+    roughness: RoughnessSettings = field(default_factory=RoughnessSettings)
+    "How profiles are rated."
+
+    outputs: OutputSettings = field(default_factory=OutputSettings)
+    "What is written."
+
+    def __post_init__(self) -> None:
+        """Check names, and that outputs fit to the grid."""
+        _check_name(self.name)
+        if not self.runs:
+            message = "runs are missing: there must be at least one."
+            raise ValueError(message)
+        _require_different("runs", [lane_name(run) for run in self.runs])
+        _require_different("profiles", [profile.name for profile in self.profiles])
+        for profile in self.profiles:
+            if profile.offset is not None and self.is_map:
+                message = (
+                    f"profile {profile.name}: offset needs a reference line, but the grid is a "
+                    "map; name line or path."
+                )
+                raise ValueError(message)
+        if "tif" in self.outputs.surface and not self.is_map:
+            message = "surfaces along a line cannot be GeoTIFF; grid over a map, or write crg."
+            raise ValueError(message)
+
+    @property
+    def is_map(self) -> bool:
+        """Whether surfaces are maps."""
+        return self.grid.as_map or self.grid.bounds is not None
+
+
+def lane_name(run: RunSettings) -> str:
+    """Name of the lane that a run becomes.
+
+    Parameters
+    ----------
+    run : RunSettings
+        The run.
+
+    Returns
+    -------
+    str
+        Its own name, or that of its store without the ending.
+
+    Examples
+    --------
+    >>> lane_name(RunSettings(path="runs/kerb-off.zarr"))
+    'kerb-off'
+    """
+    return run.name or Path(run.path).name.removesuffix(".zarr")
+
+
+def read_survey(path: str | Path) -> Survey:
+    """Survey from a TOML file, with the paths in it made absolute.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, e.g. ``survey.toml``.
+
+    Returns
+    -------
+    Survey
+        Ready to be run.
+
+    Raises
+    ------
+    FormatError
+        If the file is no survey, or a run or a file of waypoints does not exist.
+    """
+    path = Path(path)
+    survey = read_settings(Survey, path)
+    folder = path.absolute().parent
+
+    def found(name: str, place: str) -> str:
+        if not (folder / name).exists():
+            raise FormatError(
+                f"{name} does not exist", path=path, place=place,
+                cure="Name it from the folder of this file, or with its whole path.",
+            )  # fmt: skip
+        return str(folder / name)
+
+    runs = tuple(
+        replace(run, path=found(run.path, f"runs {number}"), name=lane_name(run))
+        for number, run in enumerate(survey.runs, start=1)
+    )
+    profiles = tuple(
+        replace(one, path=one.path and found(one.path, f"profile {one.name}"))
+        for one in survey.profiles
+    )
+    grid = replace(survey.grid, path=survey.grid.path and found(survey.grid.path, "grid"))
+    return replace(survey, runs=runs, profiles=profiles, grid=grid)
+
+
+def survey_template(survey: Survey | None = None) -> str:
+    """Complete TOML text of a survey, with a comment for each setting.
+
+    Parameters
+    ----------
+    survey : Survey, optional
+        By default one run with the profiles of a left and a right wheel.
+
+    Returns
+    -------
+    str
+        TOML that `read_survey` reads.
+    """
+    if survey is None:
+        survey = survey_of(["run.zarr"])
+    return settings_template(survey, title="A survey: from recorded runs to the ground.")
+
+
+def survey_of(runs: "list[str] | list[Path]", **settings: Any) -> Survey:
+    """Survey of some runs, with the profiles of a left and a right wheel.
+
+    Parameters
+    ----------
+    runs : list of str or Path
+        Stores of the runs.
+    **settings
+        Other settings of `Survey`.
+
+    Returns
+    -------
+    Survey
+        With wheel paths 0.75 m to either side of each lane's middle.
+
+    Examples
+    --------
+    >>> [profile.name for profile in survey_of(["kerb-off.zarr"]).profiles]
+    ['left', 'right']
+    """
+    wheels = (
+        ProfileSettings(name="left", offset=0.75), ProfileSettings(name="right", offset=-0.75),
+    )  # fmt: skip
+    given = {"profiles": wheels, **settings}
+    return Survey(runs=tuple(RunSettings(path=str(run)) for run in runs), **given)
+
+
+def _check_name(name: str) -> None:
+    """Raise ValueError unless a name can be part of the name of a file."""
+    if not name.strip() or name.startswith(".") or not name.isprintable() or set(name) & set("/\\"):
+        message = f"name must be a word without slashes, got {name!r}."
+        raise ValueError(message)
+
+
+def _require_different(what: str, names: list[str]) -> None:
+    for name in names:
+        _check_name(name)
+        if names.count(name) > 1:
+            message = f"{what} must have names that differ, got {name!r} {names.count(name)} times."
+            raise ValueError(message)

@@ -1,0 +1,126 @@
+"""Surfaces beside the ground that is known: of simulated runs, or as a function."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from trueterrain.errors import CoverageError
+from trueterrain.surface.evaluate import heights_at
+from trueterrain.surface.reference_line import grid_frame
+
+Floats = npt.NDArray[np.float64]
+
+#: True height [m] at easting and northing [m], arrays of one shape.
+TrueHeight = Callable[[Floats, Floats], Floats]
+
+_ROWS = 512  # cross-sections that are compared at once
+_NMAD = 1.4826  # times the median absolute deviation is the standard deviation of normal errors
+
+
+def true_ground(run: xr.DataTree) -> TrueHeight:
+    """True ground of a simulated run, bilinear between the nodes that it holds.
+
+    Parameters
+    ----------
+    run : xarray.DataTree
+        Run with the group ``truth/ground``.
+
+    Returns
+    -------
+    callable
+        True height at easting and northing; NaN beside it.
+
+    Raises
+    ------
+    CoverageError
+        If the run has no truth: it was not simulated.
+    """
+    if "/truth/ground" not in run.groups:
+        raise CoverageError(
+            "holds no true ground, since it was not simulated", place="group truth",
+            cure="Compare with another surface.",
+        )  # fmt: skip
+    surface = run["truth/ground"].to_dataset().load()
+    return lambda easting, northing: heights_at(surface, easting, northing)
+
+
+def truth_of(path: str | Path) -> TrueHeight | None:
+    """True ground of a run, if it holds one.
+
+    Parameters
+    ----------
+    path : str or Path
+        Store of the run.
+
+    Returns
+    -------
+    callable or None
+        As by `true_ground`; None for real runs.
+    """
+    from trueterrain.formats.run import open_run
+
+    tree = open_run(path)
+    return true_ground(tree) if "/truth/ground" in tree.groups else None
+
+
+def ground_errors(surface: xr.Dataset, truth: TrueHeight) -> dict[str, Any]:
+    """Errors of the heights of a surface against the true ground.
+
+    Parameters
+    ----------
+    surface : xarray.Dataset
+        Surface along a reference line, or map.
+    truth : callable
+        True height at easting and northing.
+
+    Returns
+    -------
+    dict
+        ``nodes`` that were compared; of the errors [m] the ``median`` (what a shift of the datum or
+        drift amounts to), ``rms``, and about the median ``rms_about_median``, ``nmad`` (normalised
+        median absolute deviation, which steps and joints do not disturb) and ``p95``, which 95 % do
+        not exceed.
+
+    Raises
+    ------
+    CoverageError
+        If the truth covers no node.
+
+    Examples
+    --------
+    >>> from trueterrain.kinds import make_surface
+    >>> road = make_surface([[1.0, 1.2], [1.1, 1.1]], easting=[0, 1], northing=[0, 1])
+    >>> ground_errors(road, lambda easting, northing: 0 * easting + 1)["median"]
+    0.1
+    """
+    frame = grid_frame(surface)
+    height = surface["height"] if "u" in surface.dims else surface["height"].T
+    found = []
+    for start in range(0, height.shape[0], _ROWS):
+        rows = slice(start, start + _ROWS)
+        easting, northing = (
+            origin[rows, None] + frame.v * normal[rows, None]
+            for origin, normal in (
+                (frame.origin_easting, frame.normal_easting),
+                (frame.origin_northing, frame.normal_northing),
+            )
+        )
+        error = height[rows].values - truth(easting, northing)
+        found.append(error[np.isfinite(error)])
+    errors = np.concatenate(found)
+    if not errors.size:
+        raise CoverageError("the true ground covers no node of the surface")
+    median = float(np.median(errors))
+    apart = np.abs(errors - median)
+    return {
+        "nodes": int(errors.size),
+        "median": median,
+        "rms": float(np.sqrt(np.mean(errors**2))),
+        "rms_about_median": float(np.sqrt(np.mean((errors - median) ** 2))),
+        "nmad": _NMAD * float(np.median(apart)),
+        "p95": float(np.percentile(apart, 95)),
+    }

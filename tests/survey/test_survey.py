@@ -1,0 +1,311 @@
+"""The whole chain on a short survey of two lanes: every number against the files and the truth."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import laspy
+import numpy as np
+import numpy.testing as npt
+import pytest
+
+import trueterrain as tt
+from trueterrain.errors import CoverageError, FormatError, OutputError, SchemaError
+from trueterrain.formats.run import open_run
+from trueterrain.motion import fuse
+from trueterrain.profile import ProfileOptions, offset_path
+from trueterrain.simulate.scene import read_scene, record_scene
+from trueterrain.surface.placement import Placement
+from trueterrain.surface.runs import Pass, grid_runs
+from trueterrain.survey import (
+    MountingOverride,
+    OutputSettings,
+    ProfileSettings,
+    RunSettings,
+    Survey,
+    read_survey,
+    run_survey,
+    survey_of,
+    survey_template,
+)
+from trueterrain.verify import truth_of
+
+FILE = 1e-6  # [m] of a height near 0 as float32 in an OpenCRG file, half a step of the mantissa
+LIFTED = 0.010  # [m] by which a scanner is said to sit higher than it does
+TRUE_IRI = 0.03  # share by which 20 mm of ranges' noise per point change the IRI of a class B road
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """Two lanes of 13 m that overlap, with default errors; the second 20 mm too low by drift."""
+    scene, _ = read_scene("belgian-two-lanes")
+    scene = replace(
+        scene, course={"kind": "straight", "length": 13.0}, raster=0.01,
+        ground=({"kind": "road", "road_class": "B", "seed": 3, "waves": 200},),
+        scanner=replace(scene.scanner, beams=400),
+    )  # fmt: skip
+    return record_scene(scene, tmp_path_factory.mktemp("runs"))
+
+
+@pytest.fixture(scope="module")
+def survey(runs):
+    """Settings with a coarse grid and two profiles."""
+    return survey_of(
+        runs, title="two <lanes>", grid=Placement(spacing=0.02, left=1.9, right=-1.9),
+        profiles=(
+            ProfileSettings(name="left", offset=0.75, spacing=0.02),
+            ProfileSettings(
+                name="right", offset=-0.75, spacing=0.02, tyre=ProfileOptions(radius=0.06)
+            ),
+        ),
+        outputs=OutputSettings(surface=("crg", "laz"), points="laz"),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def found(survey, tmp_path_factory):
+    """What the survey found."""
+    return run_survey(survey, tmp_path_factory.mktemp("found") / "out", truth=truth_of)
+
+
+def test_everything_is_written(found):
+    one, other = (lane["name"] for lane in found.numbers["lanes"])
+    kinds = (
+        ".crg", ".laz", "-points.laz", "-left.erd", "-left.csv", "-right.erd", "-right.csv",
+        "-surface.png", "-part.png", "-profiles.png", "-motion.png",
+    )  # fmt: skip
+    expected = {f"{lane}{kind}" for lane in (one, other) for kind in kinds}
+    assert set(found.files) == expected | {"report.html", "result.json"}
+    assert {path.name for path in found.folder.iterdir()} == set(found.files)
+    assert json.loads((found.folder / "result.json").read_text()) == found.numbers
+
+
+def test_surfaces_are_those_of_gridding_step_by_step(found, survey, runs):
+    motion = fuse(open_run(runs[0]))
+    one = Pass(path=runs[0], trajectory=motion.trajectory)
+    surface, tally = grid_runs([one], survey.grid.of_runs([one]), survey.cells)
+    lane = found.numbers["lanes"][0]
+    assert lane["returns"] == tally
+    assert lane["surface"]["nodes"] - lane["surface"]["holes"]["filled_nodes"] == int(
+        np.isfinite(surface.height).sum()
+    )
+    written = tt.open(found.folder / f"{lane['name']}.crg")
+    there = surface.height.sel(u=written.u, method="nearest", tolerance=1e-6)
+    npt.assert_allclose(
+        written.height.values[np.isfinite(there)], there.values[np.isfinite(there)], rtol=0,
+        atol=FILE,
+    )  # fmt: skip
+
+
+def test_profiles_and_their_roughness_are_those_of_the_files(found):
+    for lane in found.numbers["lanes"]:
+        surface = tt.open(found.folder / f"{lane['name']}.crg")
+        for profile, area in zip(lane["profiles"], (tt.Disc(), tt.Disc(radius=0.06)), strict=True):
+            written = tt.open(found.folder / f"{lane['name']}-{profile['name']}.csv")
+            npt.assert_allclose(tt.iri(written).iri[0], profile["iri"], rtol=1e-12)
+            offset = 0.75 if profile["name"] == "left" else -0.75
+            path = offset_path(surface, offset, spacing=0.02)
+            at = int(np.argmin(abs(path.s - 5.0)))
+            again = tt.tyre_profile(surface, path.part(at, at + 9), area=area)
+            near = written.sel(s=again.s, method="nearest", tolerance=0.011)
+            npt.assert_allclose(near.height, again.height, rtol=0, atol=5e-4)
+        both = lane["wheel_paths"]
+        mean = np.mean([profile["iri"] for profile in lane["profiles"]])
+        npt.assert_allclose(both["mri"], mean, rtol=0.01)  # the car starts some cm apart
+        assert both["hri"] < both["mri"]
+
+
+def test_results_are_near_the_truth_and_say_how_near(found):
+    for lane in found.numbers["lanes"]:
+        truth = lane["truth"]
+        assert truth["surface"]["nmad"] < 0.01  # drift over 2.6 s of some mm per s
+        for profile in lane["profiles"]:
+            npt.assert_allclose(profile["iri"], truth["iri"][profile["name"]], rtol=TRUE_IRI)
+
+
+def test_lanes_are_compared_and_mountings_overridden(found, survey, tmp_path):
+    one, other = survey.runs
+    x, y, z = open_run(other.path).attrs["mounting"]["scanner_position"]
+    lifted = replace(other, mounting=MountingOverride(scanner_position=(x, y, z + LIFTED)))
+    plain = replace(survey, runs=(one, lifted), outputs=OutputSettings(surface=("zarr",)))
+    again = run_survey(plain, tmp_path / "out")
+    (before,), (after,) = found.numbers["agreement"], again.numbers["agreement"]
+    assert before["nodes"] > 1000
+    # the scanner said to sit higher sees the ground as much higher
+    npt.assert_allclose(after["median"] - before["median"], LIFTED, rtol=0, atol=2e-5)
+    truths = [lane["truth"]["surface"]["median"] for lane in found.numbers["lanes"]]
+    npt.assert_allclose(before["median"], truths[1] - truths[0], rtol=0, atol=0.005)
+    assert again.numbers["lanes"][1]["mounting"]["scanner_position"][2] == z + LIFTED
+    assert all(lane["truth"] is None for lane in again.numbers["lanes"])
+
+
+def test_points_hold_every_return(found):
+    for lane in found.numbers["lanes"]:
+        with laspy.open(found.folder / f"{lane['name']}-points.laz") as points:
+            assert points.header.point_count >= lane["returns"]["used"]
+            returns = lane["returns"]["used"] + lane["returns"]["outside"]
+            assert points.header.point_count == returns
+
+
+def test_results_do_not_depend_on_threads(found, survey, tmp_path):
+    again = run_survey(survey, tmp_path / "out", truth=truth_of, threads=2)
+    assert again.files == found.files
+    for name in found.files:
+        if not name.endswith(".laz"):  # which holds the day it was made
+            assert (again.folder / name).read_bytes() == (found.folder / name).read_bytes(), name
+
+
+def test_the_report_stands_alone_and_says_what_was_found(found):
+    page = (found.folder / "report.html").read_text()
+    assert "two &lt;lanes&gt;" in page
+    for lane in found.numbers["lanes"]:
+        assert f"{1000 * lane['surface']['sd']['median']:.3f}" in page
+    assert "Against the true ground" in page
+    assert 'src="http' not in page
+
+
+def test_one_run_alone_cannot_tell_its_drift(survey, tmp_path):
+    alone = replace(survey, runs=survey.runs[:1], outputs=OutputSettings(pictures=False))
+    found = run_survey(alone, tmp_path / "out")
+    assert found.numbers["agreement"] == []
+    assert not [name for name in found.files if name.endswith(".png")]
+    assert "One pass does not show the drift" in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_a_profile_beside_the_ground_is_left_out_and_said(survey, tmp_path):
+    beside = replace(
+        survey, runs=survey.runs[:1],
+        profiles=(
+            ProfileSettings(name="far", line=(0.0, 50.0, 10.0, 50.0)),
+            ProfileSettings(name="short", line=(4.0, 1.8, 4.2, 1.8), spacing=0.02),
+        ),
+    )  # fmt: skip
+    (lane,) = run_survey(beside, tmp_path / "out").numbers["lanes"]
+    assert [profile["name"] for profile in lane["profiles"]] == ["short"]
+    assert any("profile far" in problem for problem in lane["problems"])
+    assert any("profile short is not rated" in problem for problem in lane["problems"])
+
+
+def test_a_survey_of_a_map(survey, tmp_path):
+    over = replace(
+        survey, grid=Placement(spacing=0.05, as_map=True), runs=survey.runs[:1],
+        profiles=(
+            ProfileSettings(
+                name="line", line=(0.0, 1.8, 12.9, 1.8), spacing=0.05,
+                tyre=ProfileOptions(radius=0.1),
+            ),
+        ),
+        outputs=OutputSettings(surface=("tif",)),
+    )  # fmt: skip
+    found = run_survey(over, tmp_path / "out")
+    (lane,) = found.numbers["lanes"]
+    assert f"{lane['name']}.tif" in found.files
+    assert lane["profiles"][0]["iri"] is not None
+
+
+def test_an_output_that_is_there_is_kept_unless_forced(survey, tmp_path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "mine.txt").write_text("mine")
+    with pytest.raises(OutputError, match="is not empty"):
+        run_survey(survey, tmp_path / "out")
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["mine.txt"]
+
+
+def test_runs_of_different_frames_are_refused(runs, survey, tmp_path):
+    scene, _ = read_scene("belgian-two-lanes")
+    elsewhere = replace(
+        scene, origin=(11.0, 48.1, 500.0), passes=scene.passes[:1], raster=0.01,
+        ground=({"kind": "road", "road_class": "B", "seed": 3, "waves": 200},),
+        course={"kind": "straight", "length": 2.0}, name="elsewhere",
+        scanner=replace(scene.scanner, beams=50),
+    )  # fmt: skip
+    (other,) = record_scene(elsewhere, tmp_path)
+    with pytest.raises(SchemaError, match="origin"):
+        run_survey(
+            replace(survey, runs=(*survey.runs, RunSettings(path=str(other)))), tmp_path / "out"
+        )
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_template_is_the_default_and_names_the_runs(runs, tmp_path):
+    text = survey_template(survey_of(runs))
+    (tmp_path / "survey.toml").write_text(text)
+    read = read_survey(tmp_path / "survey.toml")
+    assert [run.path for run in read.runs] == [str(run) for run in runs]
+    assert replace(read, runs=survey_of(runs).runs) == survey_of(runs)
+    with_one = survey_template()
+    assert "[[runs]]" in with_one
+    assert "[m]" in with_one
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ('[[runs]]\npath = "missing.zarr"\n', "runs 1: missing.zarr does not exist"),
+        ("runs = []\n", "runs are missing"),
+        ('[[runs]]\npath = "a.zarr"\n[[runs]]\npath = "b/a.zarr"\n', "names that differ, got 'a'"),
+        ('[[runs]]\npth = "a.zarr"\n', "did you mean 'path'?"),
+        ('[[runs]]\npath = "a.zarr"\n[grid]\nas_map = true\nline = [0, 0, 1, 1]\n', "not a map"),
+        (
+            '[[runs]]\npath = "a.zarr"\n[grid]\nas_map = true\n[[profiles]]\nname = "l"\n'
+            "offset = 0.7\n",
+            "offset needs a reference line",
+        ),
+        ('[[runs]]\npath = "a.zarr"\n[outputs]\nsurface = ["tif"]\n', "cannot be GeoTIFF"),
+        ('[[runs]]\npath = "a.zarr"\n[[profiles]]\nname = "l"\n', "exactly one of offset"),
+        ('[[runs]]\npath = "a.zarr"\n[roughness]\nsegment = 0\n', "segment must be greater than 0"),
+        ('name = "a/b"\n[[runs]]\npath = "a.zarr"\n', "without slashes"),
+    ],
+)  # fmt: skip
+def test_settings_that_make_no_sense_are_named(tmp_path, text, part):
+    (tmp_path / "survey.toml").write_text(text)
+    with pytest.raises(FormatError) as error:
+        read_survey(tmp_path / "survey.toml")
+    assert part in str(error.value)
+    assert "survey.toml" in str(error.value)
+
+
+def test_a_survey_needs_a_run():
+    with pytest.raises(ValueError, match="runs are missing"):
+        Survey(runs=())
+
+
+def test_a_run_that_is_missing_is_named(survey, tmp_path):
+    missing = replace(survey, runs=(RunSettings(path=str(tmp_path / "none.zarr")),))
+    with pytest.raises(FileNotFoundError, match=r"none\.zarr"):
+        run_survey(missing, tmp_path / "out")
+
+
+def test_a_run_without_navigation_where_it_scans_is_refused(runs, survey, tmp_path):
+    late = replace(
+        survey.runs[0], mounting=MountingOverride(scanner_clock=1000.0)
+    )  # as if scanner and navigation had clocks of their own
+    with pytest.raises((CoverageError, ValueError)):
+        run_survey(replace(survey, runs=(late,)), tmp_path / "out")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGTERM])
+def test_a_killed_survey_leaves_nothing_half_written_and_starts_again(runs, tmp_path, sent):
+    (tmp_path / "survey.toml").write_text(survey_template(survey_of(
+        runs[:1], grid=Placement(spacing=0.05), profiles=(),
+    )))  # fmt: skip
+    arguments = [
+        sys.executable, "-m", "trueterrain", "run", str(tmp_path / "survey.toml"), "-o",
+        str(tmp_path / "out"),
+    ]  # fmt: skip
+    with subprocess.Popen(arguments, stderr=subprocess.PIPE, text=True) as program:
+        while not [path for path in tmp_path.iterdir() if ".part." in path.name]:
+            assert program.poll() is None
+        os.kill(program.pid, sent)
+        program.wait()
+    assert program.returncode in (-signal.SIGKILL, 143)
+    assert not (tmp_path / "out").exists()
+    if sent == signal.SIGTERM:
+        assert [path.name for path in tmp_path.iterdir()] == ["survey.toml"]
+    subprocess.run(arguments, check=True, capture_output=True)
+    assert (Path(arguments[-1]) / "report.html").exists()
