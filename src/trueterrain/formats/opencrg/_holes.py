@@ -113,11 +113,12 @@ class _Patched(BackendArray):
         rows = np.arange(self.shape[0])[key[0]]
         each = np.atleast_1d(rows)
         block = self._source[key[0]].values.astype(self.dtype).reshape(each.size, self.shape[1])
-        row, column = np.divmod(self._index, self.shape[1])
-        first, last = np.searchsorted(row, [each[0], each[-1] + 1]) if each.size else (0, 0)
-        at = np.searchsorted(each, row[first:last])
-        there = each[at] == row[first:last]
-        block[at[there], column[first:last][there]] = self._values[first:last][there]
+        ends = [each[0], each[-1] + 1] if each.size else [0, 0]
+        first, last = np.searchsorted(self._index, np.multiply(ends, self.shape[1]))
+        row, column = np.divmod(self._index[first:last], self.shape[1])
+        at = np.searchsorted(each, row)
+        there = each[at] == row
+        block[at[there], column[there]] = self._values[first:last][there]
         return np.asarray(block.reshape(*np.shape(rows), self.shape[1])[..., key[1]])
 
 

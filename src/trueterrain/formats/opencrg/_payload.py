@@ -52,6 +52,7 @@ class Numbers:
         sections = [k for k, kind in enumerate(header.channels) if kind == "section"]
         order = np.argsort(section_offsets(header))
         self._columns = np.array(sections)[order]
+        self._others = np.delete(np.arange(len(header.channels)), sections)
         limits = [_LARGEST_CHANNEL.get(kind, HIGHEST) for kind in header.channels]
         others = np.array([kind == "other" for kind in header.channels])
         self._limits = np.where(others, np.inf, limits)
@@ -61,13 +62,15 @@ class Numbers:
         """Count of cross-sections and of long sections."""
         return self.rows, self._columns.size
 
-    def heights(self, rows: slice) -> Floats:
-        """Heights above the reference line [m] in some cross-sections, from right to left."""
+    def __getitem__(self, rows: slice) -> tuple[Floats, Floats]:
+        """Channels of the reference line, and heights above it [m] from right to left."""
         values = self._values(rows)
         first, count = int(self._columns[0]), self._columns.size
-        if (self._columns == first + np.arange(count)).all():
-            return values[:, first : first + count]
-        return values[:, self._columns]
+        if (self._columns == np.arange(first, first + count)).all():
+            grid = values[:, first : first + count]  # no copy
+        else:
+            grid = values[:, self._columns]
+        return values[:, self._others], grid
 
     def require_possible(self) -> None:
         """Raise if damage has made any of the numbers."""
@@ -85,7 +88,8 @@ class Numbers:
                 count=(rows.stop - rows.start) * columns,
                 offset=self._header.data_offset + rows.start * columns * self._dtype.itemsize,
             )
-            values = values.astype(np.float64).reshape(-1, columns)
+            with np.errstate(invalid="ignore"):  # damage can make NaN of a kind that warns
+                values = values.astype(np.float64).reshape(-1, columns)
         _require_possible(self._header, values, self._limits, rows.start)
         return values
 

@@ -175,7 +175,7 @@ def _require_agreement(header: Header, numbers: Numbers, line: pycrg.CrgGrid) ->
     """
     same = numbers.shape == line.z.shape and abs(line.u[0] - header.start) < _SAME_PLACE
     for rows in row_blocks(numbers.shape) if same else ():
-        grid = numbers.heights(rows)
+        _, grid = numbers[rows]
         near = np.abs(grid - line.z[rows]) <= _SINGLE * np.abs(grid) + 1e-30
         same &= bool((near | (np.isnan(grid) & np.isnan(line.z[rows]))).all())
         line.z[rows] = grid

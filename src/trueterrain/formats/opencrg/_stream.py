@@ -17,6 +17,8 @@ import pycrg
 import xarray as xr
 
 from trueterrain.formats.opencrg._blocks import height_blocks, heights
+from trueterrain.formats.opencrg._header import read_header
+from trueterrain.formats.opencrg._payload import Numbers
 
 Floats = npt.NDArray[np.float64]
 
@@ -24,7 +26,6 @@ _END = b"$" * 72 + b"\n"  # of the header
 _INCREMENT = re.compile(rb"^long_section_v_increment .*\n", re.MULTILINE)
 _SECTIONS = re.compile(rb"(?:^D:long section .*\n)+", re.MULTILINE)
 _RECORD = 80  # [bytes]
-_CHANNELS = ("phi", "slope", "banking")  # each a column, unless it is constant
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,8 +34,8 @@ class FlatRoad:
 
     header: bytes
     "Header of a file with the two outermost long sections."
-    channels: npt.NDArray[Any]
-    "Numbers that stand before the heights of each cross-section, as they are stored."
+    channels: Floats
+    "Numbers that stand before the heights of each cross-section, rounded as in the file."
     grid: pycrg.CrgGrid
     "The reference line that follows from them."
 
@@ -46,18 +47,13 @@ class FlatRoad:
         return np.asarray(base)
 
 
-def flat_road(path: Path, u: Floats, v: Floats, keywords: Mapping[str, Any]) -> FlatRoad:
+def flat_road(path: Path, road: xr.Dataset, keywords: Mapping[str, Any]) -> FlatRoad:
     """Reference line that the C-API makes of what pycrg writes to a path."""
-    pycrg.write(path, np.zeros((u.size, 2)), v=v[[0, -1]], **keywords)
+    pycrg.write(path, np.zeros((road.sizes["u"], 2)), v=road["v"].values[[0, -1]], **keywords)
+    numbers = Numbers(read_header(path))
+    channels, _ = numbers[slice(0, numbers.rows)]
     with pycrg.DataSet.open(path, apply_modifiers=False) as data:
-        grid = data.grid()
-    header, content = _parted(path)
-    channels = np.empty((u.size, 0))
-    if keywords["fmt"] in ("KRBI", "KDBI"):
-        numbers = np.frombuffer(content, dtype=number_type(keywords["fmt"]))
-        columns = 2 + sum(np.ndim(keywords[name]) > 0 for name in _CHANNELS)
-        channels = numbers[: u.size * columns].reshape(u.size, columns)[:, :-2]
-    return FlatRoad(header=header, channels=channels, grid=grid)
+        return FlatRoad(header=_header(path), channels=channels, grid=data.grid())
 
 
 def number_type(fmt: str) -> np.dtype[Any]:
@@ -68,7 +64,7 @@ def number_type(fmt: str) -> np.dtype[Any]:
 def with_sections(header: bytes, v: Floats, fmt: str, path: Path) -> bytes:
     """Header with other long sections between the same edges; a path is needed for a moment."""
     pycrg.write(path, np.zeros((2, v.size)), 1.0, v, fmt=fmt)
-    example, _ = _parted(path)
+    example = _header(path)
     # free text may look like anything, so it stays apart
     end_of_text = header.index(b"\n$\n")
     text, rest = header[:end_of_text], header[end_of_text:]
@@ -118,7 +114,6 @@ def padding(length: int, fmt: str) -> bytes:
     return np.full(-length % _RECORD // number.itemsize, np.nan, dtype=number).tobytes()
 
 
-def _parted(path: Path) -> tuple[bytes, bytes]:
+def _header(path: Path) -> bytes:
     content = path.read_bytes()
-    at = content.index(_END) + len(_END)
-    return content[:at], content[at:]
+    return content[: content.index(_END) + len(_END)]

@@ -68,9 +68,11 @@ def require_same(road: xr.Dataset, path: Path, fmt: str, flat: FlatRoad) -> None
         size = number_type(fmt).itemsize
         most = max(2, _MOST_BYTES // (size * numbers.rows))
         kept = np.unique(np.linspace(0, v.size - 1, most).astype(int))
+    cells = _Cells(numbers.rows, kept)
+    largest = _compare_numbers(road, numbers, flat, cells, path, _ROUNDING[fmt])
     with _evaluated(path, header, kept, v, fmt) as crg:
         _compare_line(crg, road, flat, path)
-        _compare_heights(road, numbers, flat, kept, crg, path, _ROUNDING[fmt])
+        _compare_evaluation(crg, road, cells, path, _ROUND_OFF + 2 * _C_API_ROUNDING * largest)
 
 
 def _compare_positions(
@@ -111,51 +113,74 @@ def _compare_line(crg: pycrg.RoadSurface, road: xr.Dataset, flat: FlatRoad, path
         raise _difference(f"nodes {off:.3g} m elsewhere", "reference line", path)
 
 
-def _compare_heights(
-    road: xr.Dataset,
-    numbers: Numbers,
-    flat: FlatRoad,
-    kept: Index,
-    crg: pycrg.RoadSurface,
-    path: Path,
-    rounding: float,
-) -> None:
-    """All heights, and those in the middle of cells between some long sections by the C-API."""
+class _Cells:
+    """Cells all over the road, and the heights in the middle of them that the file should give."""
+
+    def __init__(self, rows: int, kept: Index) -> None:
+        self.kept = kept  # long sections that bound the cells
+        self._columns = kept.size - 1
+        self._step = _step((rows - 1) * self._columns, self._columns)
+        self._found: list[tuple[Index, Index, Floats]] = []
+
+    def add(self, rows: slice, height: Floats) -> None:
+        """Take up the cells before each cross-section of a block; `height` has one row more."""
+        first = -(-max(rows.start - 1, 0) * self._columns // self._step) * self._step
+        chosen = np.arange(first, (rows.stop - 1) * self._columns, self._step)
+        i, j = np.divmod(chosen, self._columns)
+        k, right, left = i - (rows.start - 1), self.kept[j], self.kept[j + 1]
+        corners = height[k, right] + height[k + 1, right] + height[k, left] + height[k + 1, left]
+        self._found.append((i, j, corners / 4))
+
+    def all(self) -> tuple[Index, Index, Floats]:
+        """Number of each cell along and across, and its height [m]."""
+        i, j, middle = zip(*self._found, strict=True)
+        return np.concatenate(i), np.concatenate(j), np.concatenate(middle)
+
+
+def _step(cells: int, columns: int) -> int:
+    """Step from one cell to the next that is looked at, so that they lie in all columns."""
+    step = -(-cells // _MOST_CELLS)
+    while math.gcd(step, columns) > 1:
+        step += 1
+    return step
+
+
+def _compare_numbers(
+    road: xr.Dataset, numbers: Numbers, flat: FlatRoad, cells: _Cells, path: Path, rounding: float
+) -> float:
+    """Compare every number of the file and return the size of the largest height in it [m]."""
     if numbers.shape != road["height"].shape:
         raise _difference(f"{numbers.shape} heights", "height", path)
-    u, v = road["u"].values, road["v"].values
-    columns = kept.size - 1
-    step = _step((u.size - 1) * columns, columns)
+    v = road["v"].values
     furthest = largest = 0.0
-    cells: list[tuple[Index, Index, Floats]] = []
-    above = np.full((1, v.size), np.nan)  # the cross-section before the block
+    height = np.full((1, v.size), np.nan)
     for rows, should in height_blocks(road):
-        grid = numbers.heights(rows)
-        found = np.empty((len(grid) + 1, v.size))
-        found[0] = above[-1]
-        np.add(grid, flat.heights(v, rows), out=found[1:])
-        furthest = max(furthest, _furthest(found[1:], should, path))
+        line, grid = numbers[rows]
+        if not np.array_equal(line, flat.channels[rows], equal_nan=True):
+            raise _difference("other headings, slopes or bankings", "reference line", path)
+        # the last cross-section before the block goes first, for the cells in between
+        height = np.concatenate([height[-1:], grid])
+        height[1:] += flat.heights(v, rows)
+        furthest = max(furthest, _furthest(height[1:], should, path))
         largest = max(largest, np.fmax.reduce(grid, axis=None), -np.fmin.reduce(grid, axis=None))
-        first = -(-max(rows.start - 1, 0) * columns // step) * step
-        i, j = np.divmod(np.arange(first, (rows.stop - 1) * columns, step), columns)
-        k = i - (rows.start - 1)
-        corners = found[k, kept[j]] + found[k + 1, kept[j]]
-        corners += found[k, kept[j + 1]] + found[k + 1, kept[j + 1]]
-        cells.append((i, j, corners / 4))
-        above = found
+        cells.add(rows, height)
     if furthest > _ROUND_OFF + rounding * largest:
         raise _difference(f"differences of {furthest:.3g} m", "height", path)
-    i, j, middle = (np.concatenate(parts) for parts in zip(*cells, strict=True))
-    at = v[kept]
-    evaluated = crg.uv_to_z_many((u[i] + u[i + 1]) / 2, (at[j] + at[j + 1]) / 2)
-    differ = np.isnan(middle) != np.isnan(evaluated)
-    differ |= np.abs(middle - evaluated) > _ROUND_OFF + 2 * _C_API_ROUNDING * largest
+    return largest
+
+
+def _compare_evaluation(
+    crg: pycrg.RoadSurface, road: xr.Dataset, cells: _Cells, path: Path, tolerance: float
+) -> None:
+    i, j, should = cells.all()
+    u, v = road["u"].values, road["v"].values[cells.kept]
+    found = crg.uv_to_z_many((u[i] + u[i + 1]) / 2, (v[j] + v[j + 1]) / 2)
+    differ = np.isnan(should) != np.isnan(found)
+    differ |= np.abs(should - found) > tolerance
     if differ.any():
-        at_fault = int(np.flatnonzero(differ)[0])
+        at = int(np.flatnonzero(differ)[0])
         raise _difference(
-            f"{evaluated[at_fault]!r} m, not {middle[at_fault]!r} m",
-            f"cell ({i[at_fault]}, {kept[j[at_fault]]})",
-            path,
+            f"{found[at]!r} m, not {should[at]!r} m", f"cell ({i[at]}, {cells.kept[j[at]]})", path
         )
 
 
@@ -170,14 +195,6 @@ def _furthest(found: Floats, should: Floats, path: Path) -> float:
             )
         furthest = float(np.nanmax(off))
     return furthest
-
-
-def _step(cells: int, columns: int) -> int:
-    """Step from one cell to the next that is looked at, so that they lie in all columns."""
-    step = -(-cells // _MOST_CELLS)
-    while math.gcd(step, columns) > 1:
-        step += 1
-    return step
 
 
 @contextmanager

@@ -2,8 +2,7 @@
 
 import json
 import textwrap
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,7 @@ from trueterrain.formats.opencrg._header import NUMBER_FORMATS
 from trueterrain.formats.opencrg._median import median
 from trueterrain.formats.opencrg._read import CRS_MARK, HISTORY_MARK
 from trueterrain.formats.opencrg._stream import FlatRoad, flat_road, write_blocks, write_whole
-from trueterrain.kinds import check_surface
+from trueterrain.kinds import SCHEMA, check_surface
 
 Floats = npt.NDArray[np.float64]
 
@@ -104,14 +103,14 @@ def write(
     path = Path(path)
     require_writable(path, force=force)
     road = _fit.fit_to_rules(surface, path)
-    contents = _contents(road, fmt, comment)
+    keywords = _keywords(road, fmt, comment)
     with whole_output(path, force=force) as temporary:
         try:
-            flat = flat_road(temporary, contents.u, contents.v, contents.keywords)
+            flat = flat_road(temporary, road, keywords)
             if fmt in ("KRBI", "KDBI"):
                 write_blocks(road, flat, temporary, fmt)
             else:
-                write_whole(road, flat, temporary, contents.keywords)
+                write_whole(road, flat, temporary, keywords)
             _verify.require_same(road, temporary, fmt, flat)
         except FormatError as error:
             raise OutputError(
@@ -125,22 +124,14 @@ def write(
     return _with_record(road, flat, surface, fmt)
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Contents:
-    """What stands in the file beside the heights."""
-
-    u: Floats
-    v: Floats
-    keywords: Mapping[str, Any]
-
-
-def _contents(road: xr.Dataset, fmt: str, comment: str | Iterable[str]) -> _Contents:
-    u, v, easting, northing, elevation = (
-        np.asarray(road[name], float) for name in ("u", "v", "easting", "northing", "elevation")
+def _keywords(road: xr.Dataset, fmt: str, comment: str | Iterable[str]) -> dict[str, Any]:
+    """What stands in the file beside the heights, in the words of pycrg."""
+    u, easting, northing, elevation = (
+        np.asarray(road[name], float) for name in ("u", "easting", "northing", "elevation")
     )
     above = _above(road, elevation)
     start = float(elevation[0]) + (round(above, 3) if abs(above) > _SHIFTED_ABOVE else 0.0)
-    keywords: dict[str, Any] = {
+    return {
         "du": round(float(u[1] - u[0]), 3),
         "u0": round(float(u[0]), 3),
         "x0": float(easting[0]),
@@ -155,7 +146,6 @@ def _contents(road: xr.Dataset, fmt: str, comment: str | Iterable[str]) -> _Cont
         "opts": _options(road) or None,
         "mods": {},
     }
-    return _Contents(u=u, v=v, keywords=keywords)
 
 
 def _above(road: xr.Dataset, elevation: Floats) -> float:
@@ -225,8 +215,12 @@ def _with_record(road: xr.Dataset, flat: FlatRoad, surface: xr.Dataset, fmt: str
     result = road.assign({name: road[name].copy(data=values) for name, values in line.items()})
     if not flat.grid.bank.any():
         result = result.drop_vars("banking", errors="ignore")
-    attrs = {name: road.attrs[name] for name in ("kind", "schema", "filled")}
-    result.attrs = {**attrs, "crs": road.attrs.get("crs", "")}
+    result.attrs = {
+        "kind": "trueterrain/surface",
+        "schema": SCHEMA,
+        "crs": road.attrs.get("crs", ""),
+        "filled": road.attrs["filled"],
+    }
     if options := _options(road):
         result.attrs["opencrg_options"] = json.dumps(options)
     check_surface(result)
