@@ -5,8 +5,11 @@ import math
 import numpy as np
 from numba import njit
 
+#: Cells to either side whose scatter is pooled.
+REACH = 2
 
-@njit(cache=True, nogil=True)
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def moments(count, totals, squares, step, mean, deviation):
     """Mean of each cell, and the sum of squared deviations from it; NaN where none is."""
     for i in range(count.shape[0]):
@@ -17,15 +20,22 @@ def moments(count, totals, squares, step, mean, deviation):
                 deviation[i, j] = math.nan
                 continue
             total = totals[i, j]
-            base = total // n
+            # the whole number below the mean; to divide whole numbers would take longer
+            base = np.int64(math.floor(total / n))
             rest = total - n * base
+            if rest < 0:
+                base -= 1
+                rest += n
+            elif rest >= n:
+                base += 1
+                rest -= n
             # right modulo 2^64, and small
             around = squares[i, j] - 2 * base * total + n * base * base
             mean[i, j] = (base + rest / n) * step
             deviation[i, j] = max(around - rest * (rest / n), 0.0) * (step * step)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _slope(before, here, after, steeper):
     """Mean of the steps to both sides, no steeper than so many times the gentler one."""
     a, b = here - before, after - here
@@ -40,7 +50,7 @@ def _slope(before, here, after, steeper):
     return min(max(middle, -limit), limit)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def slopes(height, steeper, ahead, left):
     """Slopes per cell along both axes."""
     rows, columns = height.shape
@@ -57,7 +67,7 @@ def slopes(height, steeper, ahead, left):
             )  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def level(mean, count, alongs, acrosses, parts, ahead, left, height):
     """Means brought from the mean place of the returns to the nodes."""
     for i in range(mean.shape[0]):
@@ -71,7 +81,7 @@ def level(mean, count, alongs, acrosses, parts, ahead, left, height):
             )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def scatter(deviation, count, weight, between, ahead, left, levelled, total, free):
     """What is left of squared deviations without slope and passes, and its degrees of freedom."""
     passes = between.size > 0
@@ -89,26 +99,27 @@ def scatter(deviation, count, weight, between, ahead, left, levelled, total, fre
                 total[i, j] = max(rest, 0.0)
 
 
-@njit(cache=True, nogil=True)
-def box(values, reach, row, out):
-    """Sums over the cells around, added in an order of their own.
+@njit(cache=True, nogil=True, error_model="numpy")
+def box(values, row, out):
+    """Sums over the cells around, `REACH` to either side, added in an order of their own.
 
     `row` is room for one row and the reach to both sides, where nothing is added.
     """
     rows, columns = values.shape
     row[:] = 0.0
     for i in range(rows):
-        row[reach : reach + columns] = 0.0
-        for k in range(max(i - reach, 0), min(i + reach + 1, rows)):
+        row[REACH : REACH + columns] = 0.0
+        for k in range(max(i - REACH, 0), min(i + REACH + 1, rows)):
             for j in range(columns):
-                row[reach + j] += values[k, j]
-        out[i] = 0.0
-        for k in range(2 * reach + 1):
-            for j in range(columns):
-                out[i, j] += row[k + j]
+                row[REACH + j] += values[k, j]
+        for j in range(columns):
+            total = 0.0
+            for k in range(2 * REACH + 1):
+                total += row[k + j]
+            out[i, j] = total
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def pool(total, free, least, single):
     """Variance of a single return, not less than `least`; NaN if neither tells it."""
     for i in range(total.shape[0]):
@@ -119,7 +130,7 @@ def pool(total, free, least, single):
             single[i, j] = found
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def conclude(
     value, single, n, effective, pose, ahead, left, sideways, along, across, spread, least, first,
     height, sd, count,
@@ -141,7 +152,7 @@ def conclude(
             sd[i, j] = math.sqrt(spread * single[k, j] / effective[k, j] + from_pose)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def search(
     mean, count, alongs, acrosses, parts, ahead, left, weight, levelled, found, n, effective,
     slope_ahead, slope_left,

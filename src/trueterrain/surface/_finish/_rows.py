@@ -22,7 +22,6 @@ Floats = npt.NDArray[np.float64]
 #: Rows that are finished at once.
 ROWS = 256
 
-_POOL = 2  # cells to either side whose scatter is pooled
 _ROUNDS = 2  # in which slopes and levelled heights settle
 _STEEPER = 2.0  # times the gentler of both sides, a slope is believed
 
@@ -142,8 +141,8 @@ def _single(
         levelled, total, free,
     )  # fmt: skip
     sums = np.empty_like(total), np.empty_like(free)
-    row = np.empty(total.shape[1] + 2 * _POOL)
-    _kernels.box(total, _POOL, row, sums[0])
-    _kernels.box(free, _POOL, row, sums[1])
+    row = np.empty(total.shape[1] + 2 * _kernels.REACH)
+    _kernels.box(total, row, sums[0])
+    _kernels.box(free, row, sums[1])
     _kernels.pool(*sums, noise**2, sums[0])
     return sums[0]

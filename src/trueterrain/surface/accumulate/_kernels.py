@@ -71,7 +71,7 @@ def scans(
         fresh = np.int64(1)
         if noted and reach_found[n]:
             fresh = np.int64(0)
-        lowest, highest = last, np.int64(-1)
+        lowest, highest = np.int64(last), np.int64(-last)  # from the first row on
         cell = np.int64(-1)
         w_sum, z_sum, z_square = np.int64(0), np.int64(0), np.int64(0)
         z_low, z_high = np.int64(0), np.int64(0)
@@ -124,9 +124,9 @@ def scans(
             column = np.int64(at)
             used += fresh
             node -= 1  # nodes 1 to last are rows of the grid
-            lowest, highest = min(lowest, node), max(highest, node)
             node -= first_row
             if not (node >= 0 and node < rows):
+                lowest, highest = min(lowest, node), max(highest, node)
                 continue
             h = np.int64(math.floor(zb * per_step + 0.5))
             here = node * columns + column
@@ -150,6 +150,7 @@ def scans(
                 if row != node:
                     row = node
                     touched[row] = True
+                    lowest, highest = min(lowest, node), max(highest, node)
                 cell = here
                 w_sum = z_sum = z_square = u_sum = v_sum = np.int64(0)
                 z_low = z_high = h
@@ -170,8 +171,9 @@ def scans(
             if places:
                 alongs[cell] += u_sum
                 acrosses[cell] += v_sum
-        if noted:
-            reach_low[n], reach_high[n], reach_found[n] = lowest, highest, True
+        if noted and not collect:
+            reach_low[n], reach_high[n] = first_row + lowest, first_row + highest
+            reach_found[n] = True
     tally[0] += used
     tally[1] += doubted
     tally[2] += outside
@@ -206,6 +208,15 @@ def _add_pose(at, c, px, py, nx, ny, unit, row):
     row[2] += np.int64(math.floor(d / unit + 0.5))
     row[3] += np.int64(math.floor(c[6] / unit + 0.5))
     row[4] += 1
+
+
+@njit(cache=True, nogil=True)
+def variances(coefficient, v, out):
+    """a + b v + c v², at least 0."""
+    for i in range(out.shape[0]):
+        a, b, c = coefficient[0, i], coefficient[1, i], coefficient[2, i]
+        for j in range(v.size):
+            out[i, j] = max(a + v[j] * (b + v[j] * c), 0.0)
 
 
 @njit(cache=True, nogil=True)

@@ -60,5 +60,7 @@ class Pose:
 
     def variance(self, rows: slice, v: Floats) -> Floats:
         """Variance of a height in the cells of some rows, at the offsets v [m²]."""
-        a, b, c = self.coefficient[:, rows, None]
-        return np.asarray(np.maximum(a + v * (b + v * c), 0.0))
+        coefficient = self.coefficient[:, rows]
+        found = np.empty((coefficient.shape[1], v.size))
+        _kernels.variances(coefficient, v, found)
+        return found
