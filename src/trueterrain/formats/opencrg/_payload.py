@@ -14,7 +14,6 @@ import numpy.typing as npt
 from trueterrain.errors import FormatError
 from trueterrain.formats.opencrg._blocks import row_blocks
 from trueterrain.formats.opencrg._header import NUMBER_FORMATS, Header, stations
-from trueterrain.formats.opencrg._offsets import section_offsets
 
 Floats = npt.NDArray[np.float64]
 
@@ -32,13 +31,20 @@ _CUT = "The file is cut off or damaged: copy or export it again."
 class Numbers:
     """The numbers of an OpenCRG file: cross-sections of them are read when they are asked for.
 
+    Parameters
+    ----------
+    header : Header
+        Header of the file.
+    offsets : ndarray
+        Offset of each long section [m], in the order of the file.
+
     Raises
     ------
     FormatError
         If there are too few or too many, if damage has made one, or if text is no number.
     """
 
-    def __init__(self, header: Header) -> None:
+    def __init__(self, header: Header, offsets: Floats) -> None:
         self._header = header
         self._table: Floats | None = None
         self._dtype = np.dtype(">f8" if header.number_format == "KDBI" else ">f4")
@@ -50,7 +56,7 @@ class Numbers:
                 self._table = _from_text(header, stream.read())
             self.rows = len(self._table)
         sections = [k for k, kind in enumerate(header.channels) if kind == "section"]
-        order = np.argsort(section_offsets(header))
+        order = np.argsort(offsets)
         self._columns = np.array(sections)[order]
         self._others = np.delete(np.arange(len(header.channels)), sections)
         limits = [_LARGEST_CHANNEL.get(kind, HIGHEST) for kind in header.channels]

@@ -148,7 +148,7 @@ def _load(path: Path) -> _Stored:
         raise FormatError("does not exist or is no file", path=path, cure="Check the name.")
     header = read_header(path)
     offsets = section_offsets(header)
-    numbers = Numbers(header)
+    numbers = Numbers(header, offsets)
     numbers.require_possible()
     line = _reference_line(header)
     _require_agreement(header, numbers, line)

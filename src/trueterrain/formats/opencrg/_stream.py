@@ -18,6 +18,7 @@ import xarray as xr
 
 from trueterrain.formats.opencrg._blocks import height_blocks, heights
 from trueterrain.formats.opencrg._header import read_header
+from trueterrain.formats.opencrg._offsets import section_offsets
 from trueterrain.formats.opencrg._payload import Numbers
 
 Floats = npt.NDArray[np.float64]
@@ -50,7 +51,8 @@ class FlatRoad:
 def flat_road(path: Path, road: xr.Dataset, keywords: Mapping[str, Any]) -> FlatRoad:
     """Reference line that the C-API makes of what pycrg writes to a path."""
     pycrg.write(path, np.zeros((road.sizes["u"], 2)), v=road["v"].values[[0, -1]], **keywords)
-    numbers = Numbers(read_header(path))
+    header = read_header(path)
+    numbers = Numbers(header, section_offsets(header))
     channels, _ = numbers[slice(0, numbers.rows)]
     with pycrg.DataSet.open(path, apply_modifiers=False) as data:
         return FlatRoad(header=_header(path), channels=channels, grid=data.grid())

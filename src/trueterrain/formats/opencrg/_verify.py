@@ -60,9 +60,10 @@ def require_same(road: xr.Dataset, path: Path, fmt: str, flat: FlatRoad) -> None
         If positions, heights or the values between the nodes differ.
     """
     header = read_header(path)
-    v = np.sort(section_offsets(header))
+    offsets = section_offsets(header)
+    v = np.sort(offsets)
     _compare_positions(road, header, v, flat, path)
-    numbers = Numbers(header)
+    numbers = Numbers(header, offsets)
     kept = np.arange(v.size)
     if header.is_binary and path.stat().st_size - header.data_offset > _MOST_BYTES:
         size = number_type(fmt).itemsize
