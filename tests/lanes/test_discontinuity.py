@@ -1,7 +1,6 @@
 """Lanes with a known drift over grounds with a formula: straight, in a curve, around a course."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import numpy.testing as npt
@@ -23,6 +22,7 @@ from trueterrain.lanes.reference_path import (
     straight_reference,
     waypoint_reference,
 )
+from trueterrain.profile import Rectangle
 from trueterrain.provenance import steps
 
 EXACT = 1e-9  # [m] round-off
@@ -127,7 +127,7 @@ def lanes_station(path: ReferencePath, way: Way) -> np.ndarray:
 def test_a_flat_ground_shows_what_the_filter_lets_pass_to_the_step_of_the_heights() -> None:
     """Without ground only the mean over a disc and the filter lessen the drift."""
     middle = straight_reference(straight(0.5, 0.0), straight(19.5, 0.0))
-    vector = align_lanes(pair(), paths=middle).pairs[0].discontinuity
+    vector = align_lanes(pair(), paths={("left", "right"): middle}).pairs[0].discontinuity
     s = 0.5 + vector.station
     inner = (s > 3) & (s < 17)
     disc = OPTIONS.radius * 2 * np.pi / WAVE
@@ -230,7 +230,7 @@ def test_the_denser_lane_moves_less_unless_they_shall_meet_midway() -> None:
 def test_histograms_hold_all_heights_of_both_lanes() -> None:
     lanes = pair(ground=waves)
     middle = straight_reference(straight(0.5, 0.0), straight(19.5, 0.0))
-    vector = align_lanes(lanes, paths=middle).pairs[0].discontinuity
+    vector = align_lanes(lanes, paths={("left", "right"): middle}).pairs[0].discontinuity
     k = 30
     for row, (name, points) in enumerate(lanes.items()):
         assert vector.lanes[row] == name
@@ -330,7 +330,7 @@ def test_gaps_are_bridged_and_flagged() -> None:
     s = 0.8 * (lanes["left"].easting - 650_000) + 0.6 * (lanes["left"].northing - 6_800_000)
     lanes["left"] = lanes["left"].isel(point=np.flatnonzero((s < 8) | (s > 13)))
     middle = straight_reference(straight(0.5, 0.0), straight(19.5, 0.0))
-    vector = align_lanes(lanes, paths=middle).pairs[0].discontinuity
+    vector = align_lanes(lanes, paths={("left", "right"): middle}).pairs[0].discontinuity
     s = 0.5 + vector.station
     missing = (s > 8) & (s < 13)
     assert vector.gap[missing].all()
@@ -383,8 +383,8 @@ def test_an_overlap_too_thin_for_the_search_area_is_refused_with_station_and_wid
     lanes = {"left": lane(-0.1, 1.2, seed=1), "right": lane(-1.2, 0.1, seed=2)}
     with pytest.raises(
         CoverageError,
-        match=r"overlap of left and right: is too thin for search areas of 0.2 m radius at \d+ of "
-        r"\d+ reference points, first at station \d.\d\d m, where it is 0.\d\d m wide",
+        match=r"overlap of left and right: is too thin for search areas 0.4 m long and 0.4 m wide "
+        r"at \d+ of \d+ reference points, first at station \d.\d\d m, where it is 0.\d\d m wide",
     ):
         align_lanes(lanes)
     assert align_lanes(lanes, DiscontinuityOptions(radius=0.05, least=5)).pairs[0].after.n > 30
@@ -398,7 +398,7 @@ def test_too_few_points_are_refused() -> None:
 def test_a_path_beside_the_overlap_is_refused() -> None:
     beside = straight_reference(straight(0, 1.0), straight(20, 1.0))
     with pytest.raises(CoverageError, match=r"too thin .* 0.00 m wide"):
-        align_lanes(pair(), paths=beside)
+        align_lanes(pair(), paths={("right", "left"): beside})
 
 
 def test_different_crs_are_refused() -> None:
@@ -520,5 +520,47 @@ class TestLowPass:
         npt.assert_allclose(low_pass(values, 1.0, 50.0, closed=True), 3.5, rtol=0, atol=0.01)
 
 
-def test_options_can_be_changed() -> None:
-    assert replace(OPTIONS, radius=0.3).area.radius == 0.3
+def test_a_rectangle_suits_a_thin_overlap() -> None:
+    lanes = {
+        "left": lane(-0.12, 1.2, ground=sloped, drift=wave, seed=1),
+        "right": lane(-1.2, 0.12, ground=sloped, seed=2),
+    }
+    with pytest.raises(CoverageError, match="too thin"):
+        align_lanes(lanes)
+    found = align_lanes(lanes, area=Rectangle(length=0.6, width=0.15)).pairs[0]
+    assert found.discontinuity.gap.mean() < 0.1
+    assert found.after.rmse < AMPLITUDE * (1 - PASSED) + 2 * DRIFT
+
+
+def test_stations_of_one_path_count_for_all_pairs() -> None:
+    """Three lanes of a course around a centre, with polar stations."""
+    around = 2 * np.pi * RADIUS
+    lanes = {
+        name: lane(right, right + 1.2, way=circle, drift=drift, end=around, spacing=0.04, seed=k)
+        for k, (name, right, drift) in enumerate(
+            [("inner", 0.2, wave_around), ("middle", -0.4, no_drift), ("outer", -1.0, wave_around)]
+        )
+    }
+    ring = polar_reference((0.0, 0.0), RADIUS)
+    found = align_lanes(lanes, paths=ring, fix="middle")
+    assert {one.lanes[1] for one in found.pairs} == {"inner", "outer"}
+    for one in found.pairs:
+        assert not one.discontinuity.gap.any()
+        wanted = wave_around(one.path.station)
+        npt.assert_allclose(one.discontinuity.filtered[1], wanted, rtol=0, atol=2 * DRIFT)
+
+
+def wave_around(s: np.ndarray) -> np.ndarray:
+    return 0.02 + AMPLITUDE * np.cos(6 * s / RADIUS)
+
+
+def test_the_standard_deviation_of_the_vector_holds() -> None:
+    rng = np.random.default_rng(8)
+    lanes = {
+        name: points.assign(up=points.up + 0.005 * rng.standard_normal(points.sizes["point"]))
+        for name, points in pair(drift=no_drift, spacing=0.04, end=120.0).items()
+    }
+    options = DiscontinuityOptions(spacing=0.45)  # discs apart, so that they are independent
+    vector = align_lanes(lanes, options).pairs[0].discontinuity
+    ratio = (vector.raw / vector.error)[:, ~vector.gap]
+    assert 0.9 < np.sqrt(np.mean(ratio**2)) < 1.1

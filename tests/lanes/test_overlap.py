@@ -70,6 +70,16 @@ def test_a_missing_cell_is_no_hole_but_a_missing_patch_is() -> None:
     assert overlap_of(whole, lane_cells(without(0.15))).key.size == 400 - 9
 
 
+@pytest.mark.parametrize(("edge", "columns"), [(0.98, 10), (0.92, 9), (0.0, 0)])
+def test_cells_that_an_edge_cuts_count_if_half_is_left(edge, columns) -> None:
+    side = np.arange(0.0025, 1.0, 0.005)  # 400 in a cell
+    x, y = (at.ravel() for at in np.meshgrid(np.append(side, side - 1.0), side))
+    whole = lane_cells(make_points(x, y, 0 * x + 0.1))
+    x, y = x[x < edge], y[x < edge]
+    found = overlap_of(whole, lane_cells(make_points(x, y, 0 * x)))
+    assert found.key.size == 10 * (10 + columns)
+
+
 def test_lanes_apart_share_nothing() -> None:
     assert overlap_of(lane_cells(square(0, 0)), lane_cells(square(2.05, 0))) is None
 

@@ -138,7 +138,8 @@ def test_the_centre_of_an_overlap_is_found(way, length) -> None:
     assert np.sqrt(np.mean(found.offset**2)) < MIDDLE
     assert np.ptp(found.station) > length - 1.0
     width = overlap_edges(overlap, path).width
-    assert 0.6 - EXACT < np.nanmedian(width) < 0.6 + 0.15  # [m] a diagonal: cut cells count whole
+    # cells of 6 points count whole where an edge cuts them: up to a diagonal of one is too much
+    assert 0.6 - EXACT < np.nanmedian(width) < 0.6 + 0.142
 
 
 def test_the_centre_of_a_ring_is_found_closed() -> None:

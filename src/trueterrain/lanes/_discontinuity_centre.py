@@ -108,7 +108,7 @@ def across(key: Integers, cell: float, path: ReferencePath, length: float) -> tu
 
 
 def part_of_path(overlap: Overlap, path: ReferencePath) -> Integers:
-    """Cells of those pieces of an overlap that a path runs through.
+    """Cells of those pieces of an overlap in which heights are compared along a path.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def part_of_path(overlap: Overlap, path: ReferencePath) -> Integers:
     from scipy.sparse.csgraph import connected_components
 
     _, piece = connected_components(_graph(overlap.key), directed=False)
-    nodes = cell_keys(path.easting, path.northing, overlap.cell)
+    nodes = cell_keys(*path.places, overlap.cell)
     nodes = nodes[contains(overlap.key, nodes)]
     return overlap.key[np.isin(piece, piece[np.searchsorted(overlap.key, nodes)])]
 

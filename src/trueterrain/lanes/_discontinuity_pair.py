@@ -10,7 +10,7 @@ from trueterrain.errors import CoverageError
 from trueterrain.lanes._discontinuity_filter import low_pass
 from trueterrain.lanes._discontinuity_path import ReferencePath
 from trueterrain.lanes._discontinuity_sparse import Flags, Floats, Integers
-from trueterrain.lanes._discontinuity_sums import AreaHeights, Histograms, SearchDisc
+from trueterrain.lanes._discontinuity_sums import AreaHeights, Histograms, SearchArea
 from trueterrain.lanes.reference_path import Edges
 
 Statistic = Literal["mean", "median"]
@@ -87,11 +87,6 @@ class DiscontinuityOptions:
         if not (whole > 0.5 and abs(whole - round(whole)) < 1e-6):
             message = f"bin_width must be a multiple of 0.00001 m, got {self.bin_width}."
             raise ValueError(message)
-
-    @property
-    def area(self) -> SearchDisc:
-        """The search area."""
-        return SearchDisc(radius=self.radius)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -185,6 +180,7 @@ def reference_height(
 def discontinuity(
     heights: tuple[AreaHeights, AreaHeights],
     path: ReferencePath,
+    area: SearchArea,
     edges: Edges,
     inside: Flags,
     options: DiscontinuityOptions,
@@ -200,6 +196,8 @@ def discontinuity(
         Heights of both lanes in the search areas.
     path : ReferencePath
         The path.
+    area : SearchArea
+        The search area.
     edges : Edges
         Width of the overlap along it.
     inside : numpy.ndarray of bool, shape (s,)
@@ -228,7 +226,7 @@ def discontinuity(
     count, sd = (np.stack([getattr(one, name) for one in heights]) for name in ("count", "sd"))
     few = np.asarray((count < options.least).any(axis=0))
     gap = few | ~inside
-    _require_enough(gap, ~inside, few, path, edges, options, lanes)
+    _require_enough(gap, ~inside, few, path, area, edges, options, lanes)
     share: Any = np.zeros(count.shape)  # of the difference that each lane is off by
     known = np.where(gap, np.nan, height)
     if aligned is None:
@@ -263,6 +261,7 @@ def _require_enough(
     thin: Flags,
     few: Flags,
     path: ReferencePath,
+    area: SearchArea,
     edges: Edges,
     options: DiscontinuityOptions,
     lanes: tuple[str, str],
@@ -271,22 +270,23 @@ def _require_enough(
     if gap.sum() <= options.most_gaps * gap.size and not gap.all():
         return
     place = f"overlap of {lanes[0]} and {lanes[1]}"
-    bad, why = (thin, "is too thin") if thin.sum() >= few.sum() else (few, "")
+    bad = thin if thin.sum() >= few.sum() else few
     first = int(np.argmax(bad))
+    long, wide = (2 * half for half in area.half_axes)
+    size = f"search areas {long:g} m long and {wide:g} m wide"
     width = float(np.nan_to_num(edges.width[first]))
     where = (
-        f"at {bad.sum()} of {gap.size} reference points, first at station "
+        f"{size} at {bad.sum()} of {gap.size} reference points, first at station "
         f"{path.station[first]:.2f} m, where it is {width:.2f} m wide"
     )
-    if why:
+    if bad is thin:
         raise CoverageError(
-            f"{why} for search areas of {options.radius:g} m radius {where}",
+            f"is too thin for {where}",
             place=place,
-            cure="Choose a smaller radius, or a path that keeps to the middle of the overlap.",
+            cure="Choose smaller ones, a path in the middle of the overlap, or leave a lane out.",
         )
     raise CoverageError(
-        f"holds fewer than {options.least} points of a lane in search areas of "
-        f"{options.radius:g} m radius {where}",
+        f"holds fewer than {options.least} points of a lane in {where}",
         place=place,
-        cure="Choose a larger radius, or allow fewer points.",
+        cure="Choose larger ones, or allow fewer points.",
     )

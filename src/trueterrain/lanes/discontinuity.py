@@ -41,6 +41,8 @@ from trueterrain.lanes._discontinuity_sums import (
     AreaHeights,
     AreaSums,
     Histograms,
+    SearchArea,
+    SearchDisc,
     inside_overlap,
 )
 from trueterrain.lanes.overlap import (
@@ -70,6 +72,8 @@ __all__ = [
     "LaneCorrection",
     "PairAlignment",
     "Seam",
+    "SearchArea",
+    "SearchDisc",
     "align_lanes",
     "correct",
     "low_pass",
@@ -85,6 +89,7 @@ def align_lanes(
     options: DiscontinuityOptions = DiscontinuityOptions(),
     *,
     paths: ReferencePath | Mapping[Names, ReferencePath] | None = None,
+    area: SearchArea | None = None,
     fix: str | None = None,
     order: Sequence[str] | None = None,
     progress: Progress = no_progress,
@@ -98,9 +103,13 @@ def align_lanes(
         are gone through twice.
     options : DiscontinuityOptions
         Search areas, filter, and what counts.
-    paths : ReferencePath, or mapping of pairs of names to ReferencePath, optional
-        Reference path of each pair, or one for all, which are kept to. By default a smooth path
-        along the centre of the overlap, with the search areas in the middle of it.
+    paths : mapping of pairs of names to ReferencePath, or ReferencePath, optional
+        Reference path of each pair, or one whose stations count for all pairs. On the path of a
+        pair lie its search areas; with one for all, or none, they lie in the middle of the
+        overlap. By default a smooth path along the centre of each overlap.
+    area : SearchArea, optional
+        Search area instead of the disc, such as a `trueterrain.profile.Rectangle`, which suits a
+        thin overlap.
     fix : str, optional
         Lane that stays as it is, and to which all others are brought. By default the first two
         lanes share their difference.
@@ -157,7 +166,8 @@ def align_lanes(
         if (found := overlap_of(cells[pair[0]], cells[pair[1]], lanes=pair))
     }
     joined = _chain(overlaps, tuple(cells), fix, order)
-    ways = {pair: _path(pair, overlaps, paths, options) for pair in joined}
+    area = area or SearchDisc(radius=options.radius)
+    ways = {pair: _path(pair, overlaps, paths, area, options) for pair in joined}
     heights = _heights(lanes, ways, options, progress)
     return _aligned(cells, overlaps, ways, heights, options, fix)
 
@@ -252,6 +262,7 @@ class _Way(NamedTuple):
 
     overlap: Overlap
     path: ReferencePath
+    area: SearchArea
     edges: Edges
     inside: Flags
 
@@ -260,25 +271,27 @@ def _path(
     pair: Names,
     overlaps: Mapping[Names, Overlap],
     paths: ReferencePath | Mapping[Names, ReferencePath] | None,
+    area: SearchArea,
     options: DiscontinuityOptions,
 ) -> _Way:
     overlap = overlaps[min(pair), max(pair)]
     if overlap.lanes != pair:
         overlap = replace(overlap, lanes=pair, cells=overlap.cells[::-1])
-    if isinstance(paths, ReferencePath):
-        path: ReferencePath | None = paths
-    else:
-        given = paths or {}
-        for names in given:
-            if not all(any(name in other for other in overlaps) for name in names):
+    if isinstance(paths, Mapping):
+        for names in paths:
+            if tuple(sorted(names)) not in overlaps:
                 message = f"paths must name pairs of lanes that overlap, got {names}."
                 raise ValueError(message)
-        path = given.get(pair) or given.get((pair[1], pair[0]))
+        path = paths.get(pair) or paths.get((pair[1], pair[0]))
+    else:
+        path = None
     if path is None:
-        path = centre_reference(overlap, spacing=options.spacing, smoothing=options.smoothing)
-        path = keep_to_middle(overlap, path, radius=options.radius)
-    inside = inside_overlap(overlap, path, options.area)
-    return _Way(overlap, path, overlap_edges(overlap, path), inside)
+        path = paths if isinstance(paths, ReferencePath) else centre_reference(
+            overlap, spacing=options.spacing, smoothing=options.smoothing
+        )  # fmt: skip
+        path = keep_to_middle(overlap, path, length=2 * area.half_axes[0])
+    inside = inside_overlap(overlap, path, area)
+    return _Way(overlap, path, area, overlap_edges(overlap, path), inside)
 
 
 def _heights(
@@ -292,7 +305,7 @@ def _heights(
     for number, name in enumerate(sorted(lanes)):
         progress("heights", number, len(lanes))
         sums = {
-            pair: AreaSums(way.path, options.area, options.bin_width)
+            pair: AreaSums(way.path, way.area, options.bin_width)
             for pair, way in ways.items()
             if name in pair
         }
@@ -319,8 +332,8 @@ def _aligned(
     for pair, way in ways.items():
         stays = bool(pairs) or pair[0] == fix
         found = discontinuity(
-            (heights[pair, pair[0]], heights[pair, pair[1]]), way.path, way.edges, way.inside,
-            options, lanes=pair,
+            (heights[pair, pair[0]], heights[pair, pair[1]]), way.path, way.area,
+            way.edges, way.inside, options, lanes=pair,
             aligned=_taken_off(corrections, pair[0], *way.path.places) if stays else None,
         )  # fmt: skip
         corrected = pair[1:] if stays else pair

@@ -31,6 +31,8 @@ LanePoints = xr.Dataset | Iterable[xr.Dataset] | Callable[[], Iterable[xr.Datase
 STEP = 1e-5
 
 _CHUNK = 1 << 20  # [points] looked at a time: sums of their heights stay exact in float64
+_CHANCE = 2.0  # standard deviations of a count
+_HALF = 2 / 3  # of the mean of a cell and its neighbours, if an edge leaves half of each third
 _HIGHEST = 10_000.0  # [m] for the same reason
 
 
@@ -63,14 +65,31 @@ class LaneCells:
 
     @cached_property
     def covered(self) -> Integers:
-        """Cells that the lane covers: those with returns, and holes one cell wide."""
-        grown = self.key
+        """Cells that the lane covers.
+
+        Those with returns, but for such as its edge cuts, which hold clearly less than their
+        neighbours; and holes one cell wide.
+        """
+        whole = self.key[~self._cut()]
+        grown = whole
         for step in AROUND:
-            grown = np.union1d(grown, self.key + step)
+            grown = np.union1d(grown, whole + step)
         held = np.ones(grown.size, np.bool_)
         for step in AROUND:
             held &= contains(grown, grown + step)
         return grown[held]
+
+    def _cut(self) -> Flags:
+        """Whether an edge of the lane cuts a cell so that less than half of it is left."""
+        total, cells = self.count.astype(float), np.ones(self.key.size)
+        for step in AROUND:
+            at = np.minimum(np.searchsorted(self.key, self.key + step), self.key.size - 1)
+            there = self.key[at] == self.key + step
+            total += np.where(there, self.count[at], 0)
+            cells += there
+        # less than it could be by chance, so that cells of few points all count
+        likely = self.count + _CHANCE * np.sqrt(self.count)
+        return np.asarray(likely < _HALF * total / cells)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,7 +103,7 @@ class Overlap:
     "All cells of both."
 
     key: Integers
-    "Cells that both cover, ascending, shape (n,)."
+    "Cells that both cover, to half a cell, ascending, shape (n,)."
 
     @property
     def cell(self) -> float:
@@ -93,7 +112,7 @@ class Overlap:
 
     @property
     def area(self) -> float:
-        """Area that both lanes cover [m²]; a cell that holds a return counts whole."""
+        """Area that both lanes cover [m²]; cells of which their edges leave half count whole."""
         return self.key.size * self.cell**2
 
     @property

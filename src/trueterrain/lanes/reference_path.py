@@ -246,7 +246,7 @@ def centre_reference(
         ) from None
 
 
-def keep_to_middle(overlap: Overlap, path: ReferencePath, *, radius: float = 0.2) -> ReferencePath:
+def keep_to_middle(overlap: Overlap, path: ReferencePath, *, length: float = 0.4) -> ReferencePath:
     """The same path with heights compared in the middle of the overlap beside it.
 
     Swaths sway with the vehicle, and their overlap with them. A path that swayed as much would not
@@ -257,9 +257,9 @@ def keep_to_middle(overlap: Overlap, path: ReferencePath, *, radius: float = 0.2
     overlap : Overlap
         The overlap.
     path : ReferencePath
-        The path.
-    radius : float
-        Radius of the search areas, and half of the stretch over which the middle is taken [m].
+        The path, in the overlap or beside it.
+    length : float
+        Stretch of the path over which the middle is taken [m].
 
     Returns
     -------
@@ -269,7 +269,8 @@ def keep_to_middle(overlap: Overlap, path: ReferencePath, *, radius: float = 0.2
     from trueterrain.lanes._discontinuity_centre import across, part_of_path
 
     key = part_of_path(overlap, path)
-    middle, _ = across(key, overlap.cell, path, max(2 * radius, overlap.cell))
+    key = key if key.size else overlap.key
+    middle, _ = across(key, overlap.cell, path, max(length, overlap.cell))
     known = np.isfinite(middle)
     period = path.length if path.closed else None
     aside = np.zeros(known.size)
@@ -288,7 +289,7 @@ class Edges(NamedTuple):
     "Offset of the middle of the overlap, left positive, shape (s,) [m]."
 
     width: Floats
-    "Width, from the area of the cells; one that holds a return counts whole, shape (s,) [m]."
+    "Width, from the area of the cells, shape (s,) [m]."
 
 
 def overlap_edges(overlap: Overlap, path: ReferencePath) -> Edges:
