@@ -7,7 +7,7 @@ INSTALLED := $(VENV)/.installed
 .PHONY: help demo test lint types bench docs clean
 
 help:
-	@echo "make demo   a Belgian block road, the profile a tyre feels on it, and its roughness: demo/"
+	@echo "make demo   two lanes of Belgian block, from the recordings to a report: demo/"
 	@echo "make test   all tests, and the examples in the docstrings and the documentation"
 	@echo "make lint   style, formatting and import contracts"
 	@echo "make types  static types"
