@@ -12,7 +12,7 @@ from trueterrain.surface import grid_frame, uv_to_xy
 Floats = npt.NDArray[np.float64]
 
 _MOST_NODES = 160_000  # on a page: 400 by 400
-_LONGEST = 1600  # nodes along an axis
+_LONGEST = 4000  # nodes along an axis, which every graphics card can hold
 _LARGE = 10_000.0  # [m] coordinates beyond are shown from a round number on
 _ROUND = 100.0  # [m] the round number
 

@@ -21,8 +21,8 @@ Floats = npt.NDArray[np.float64]
 _NAMES = {"height": "Height", "sd": "Standard deviation", "count": "Count per node"}
 _CHOICES = (1.0, 5.0, 20.0)  # vertical exaggerations that every page offers
 _STEPS = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
-_RELIEF = 0.15  # share of the size on the ground that heights are drawn as high as, at most
-_ACROSS = 1.9  # size of the longer side of the scene; a camera at a distance of 2 sees all of it
+_RELIEF = 0.08  # share of the longer side that heights are drawn as high as, at most
+_ACROSS = 1.9  # diagonal of the ground in the scene; the camera then sees all of it
 _TICKS = 6  # more ticks along a side of this size
 _FLATTEST = 1e-3  # [m] least range of the axis of heights
 _LINE_POINTS = 2000  # of a line on the surface
@@ -79,8 +79,8 @@ def prepare(view: SurfaceView) -> dict[str, Any]:
 
 def suggested_exaggeration(blocks: Blocks) -> float:
     """Round factor at which heights can be seen without towering over the ground."""
-    ground = math.sqrt(np.ptp(blocks.first) * np.ptp(blocks.second))
-    most = _RELIEF * ground / max(_range(blocks.height), _FLATTEST)
+    longer = max(float(np.ptp(blocks.first)), float(np.ptp(blocks.second)))
+    most = _RELIEF * longer / max(_range(blocks.height), _FLATTEST)
     return max((step for step in _STEPS if step <= most), default=_STEPS[0])
 
 
@@ -96,8 +96,10 @@ def _figure_json(view: SurfaceView, blocks: Blocks, exaggeration: float) -> str:
         "Easting %{x:.2f} m<br>Northing %{y:.2f} m<br>"
         f"Height %{{z:.{up.digits}f}} {up.name}<extra></extra>"
     )
+    # plotly takes heights for colours unless it is given others
+    shown = None if view.colour == "height" else colour.of(blocks.colour)
     surface = go.Surface(
-        z=up.of(blocks.height), surfacecolor=colour.of(blocks.colour), connectgaps=False,
+        z=up.of(blocks.height), surfacecolor=shown, connectgaps=False,
         colorscale=_COLOUR_SCALE, showlegend=False, hovertemplate=hover,
         colorbar={
             "title": {"text": colour.label(_NAMES[view.colour]), "side": "right"},
@@ -110,7 +112,7 @@ def _figure_json(view: SurfaceView, blocks: Blocks, exaggeration: float) -> str:
         scene["zaxis"]["title"] = {"text": ""}
     layout = {
         "template": {},
-        "scene": scene | {"camera": {"eye": _eye(blocks)}},
+        "scene": scene | {"camera": _camera(blocks)},
         "margin": {"l": 0, "r": 0, "t": 0, "b": 0},
         "paper_bgcolor": "rgba(0,0,0,0)",
         "showlegend": bool(view.lines),
@@ -140,7 +142,7 @@ def _scene(
         held[2] = (low + high - _FLATTEST) / 2, (low + high + _FLATTEST) / 2
     # the axes begin and end exactly here, else the exaggeration would not be what is stated
     sizes = [high - low for low, high in held]
-    scale = _ACROSS / max(sizes[:2])
+    scale = _ACROSS / math.hypot(*sizes[:2])
     sides = [size * scale * by for size, by in zip(sizes, (1.0, 1.0, exaggeration), strict=True)]
     axes = {
         f"{axis}axis": {
@@ -202,13 +204,17 @@ def _tracks(view: SurfaceView) -> list[tuple[str, xr.Dataset]]:
     return [(name.replace("<", "‹").replace(">", "›"), profile) for name, profile in tracks]
 
 
-def _eye(blocks: Blocks) -> dict[str, float]:
-    """Camera from the right of the way ahead, a little behind and above."""
+def _camera(blocks: Blocks) -> dict[str, Any]:
+    """From the right of the way ahead, a little behind and above."""
     rows, columns = blocks.easting.shape
     ahead = (slice(None), columns // 2) if blocks.along_line else (rows // 2, slice(None))
     x, y = blocks.easting[ahead], blocks.northing[ahead]
     angle = math.atan2(y[-1] - y[0], x[-1] - x[0]) - math.radians(115)
-    return {"x": 1.7 * math.cos(angle), "y": 1.7 * math.sin(angle), "z": 1.1}
+    return {
+        "eye": {"x": 1.85 * math.cos(angle), "y": 1.85 * math.sin(angle), "z": 1.2},
+        "center": {"x": 0, "y": 0, "z": 0},
+        "up": {"x": 0, "y": 0, "z": 1},
+    }
 
 
 def _picture_from_above(view: SurfaceView, blocks: Blocks) -> tuple[str, int]:
@@ -226,7 +232,8 @@ def _picture_from_above(view: SurfaceView, blocks: Blocks) -> tuple[str, int]:
     bases = _Unit(base=round_below(x)), _Unit(base=round_below(y))
     stretch = _stretch(blocks)
     shape = stretch * np.ptp(y) / np.ptp(x)
-    figure = Figure(figsize=(8.0, min(max(6.4 * shape, 1.2), 6.0) + 0.9))
+    size = (8.0, max(6.4 * shape, 0.8) + 1.2) if shape < 1.0 else (6.0 / shape + 2.0, 6.8)
+    figure = Figure(figsize=size)
     figure.set_layout_engine("constrained")
     ax = figure.add_subplot()
     ax.set_facecolor("0.85")
@@ -244,7 +251,8 @@ def _picture_from_above(view: SurfaceView, blocks: Blocks) -> tuple[str, int]:
     ax.set_aspect(stretch)
     ax.set_xlabel(bases[0].label(names[0]))
     ax.set_ylabel(bases[1].label(names[1]))
-    figure.colorbar(image, ax=ax, label=unit.label(_NAMES[view.colour]), pad=0.02)
+    beside = ax.inset_axes((1.02, 0.0, 0.025, 1.0))
+    figure.colorbar(image, cax=beside, label=unit.label(_NAMES[view.colour]))
     return _picture.embed(figure)
 
 

@@ -37,7 +37,7 @@
     Object.assign(figure.data[0], nodes(places));
     const first = Number(view.dataset.exaggeration);
     const height = figure.layout.scene.aspectratio.z / first; // of heights as they are
-    const eye = figure.layout.scene.camera.eye;
+    const camera = structuredClone(figure.layout.scene.camera);
     const label = (factor) => `Vertical exaggeration ${factor} ×`;
     // inside the drawing as well, so that an image saved from it says so too
     figure.layout.annotations = [{
@@ -59,8 +59,8 @@
       }
     };
     const look = (change) => {
-      const camera = scene.layout.scene.camera;
-      Plotly.relayout(scene, { "scene.camera": { ...camera, ...change(camera) } });
+      const now = scene.layout.scene.camera;
+      Plotly.relayout(scene, { "scene.camera": { ...now, ...change(now) } });
     };
     const turned = (by) => ({ eye: e, center: c }) => {
       const angle = (by * Math.PI) / 180;
@@ -74,23 +74,21 @@
     const zoomed = (by) => ({ eye: e, center: c }) => ({ eye: {
       x: c.x + by * (e.x - c.x), y: c.y + by * (e.y - c.y), z: c.z + by * (e.z - c.z),
     } });
-    const centre = { x: 0, y: 0, z: 0 };
-    const distance = Math.hypot(eye.x, eye.y, eye.z);
+    const above = () => {
+      const { x, y, z } = camera.eye;
+      const height = Math.hypot(x, y, z);
+      // not quite from above, where turning would lose its way
+      return { ...camera, eye: { x: 0.01 * x, y: 0.01 * y, z: height } };
+    };
 
     view.querySelector(".tools").addEventListener("click", ({ target }) => {
-      const { factor, turn, zoom, above, reset } = target.dataset;
-      if (factor !== undefined) exaggerate(Number(factor));
-      if (turn !== undefined) look(turned(Number(turn)));
-      if (zoom !== undefined) look(zoomed(Number(zoom)));
-      if (above !== undefined) {
-        // not quite from above, where turning would lose its way
-        look(() => ({
-          eye: { x: (eye.x / distance) * 0.01, y: (eye.y / distance) * 0.01, z: distance },
-          center: centre, up: { x: 0, y: 0, z: 1 },
-        }));
-      }
-      if (reset !== undefined) {
-        look(() => ({ eye, center: centre, up: { x: 0, y: 0, z: 1 } }));
+      const asked = target.dataset;
+      if ("factor" in asked) exaggerate(Number(asked.factor));
+      if ("turn" in asked) look(turned(Number(asked.turn)));
+      if ("zoom" in asked) look(zoomed(Number(asked.zoom)));
+      if ("above" in asked) look(above);
+      if ("reset" in asked) {
+        look(() => camera);
         exaggerate(first);
       }
     });
