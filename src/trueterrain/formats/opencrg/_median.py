@@ -51,12 +51,13 @@ def _within(blocks: Iterable[Floats], low: float, high: float) -> float | None:
     between = []
     for values in blocks:
         below += int(np.count_nonzero(values < low))
-        lows += int(np.count_nonzero(values == low))
         above += int(np.count_nonzero(values > high))
-        if high > low:
-            highs += int(np.count_nonzero(values == high))
-            between.append(values[(values > low) & (values < high)])
-    middle = np.concatenate(between) if between else np.empty(0)
+        near = values[(values >= low) & (values <= high)]
+        # ties are counted: of a flat road, all heights may be the same
+        lows += int(np.count_nonzero(near == low))
+        highs += int(np.count_nonzero((near == high) & (high > low)))
+        between.append(near[(near > low) & (near < high)])
+    middle = np.concatenate(between)
     count = below + lows + middle.size + highs + above
     if count == 0:
         message = "at least one value must be finite"
