@@ -1,0 +1,282 @@
+"""How stiff corrections should be and what they should hold: what predicts cells held back best.
+
+Whole squares of ground are held back in turn, and predicted by corrections from the others. Of
+choices that predict equally well, up to chance, the one is taken that makes the data most likely:
+marginal likelihood prefers what is stiff unless there is reason to bend.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from trueterrain.engine.progress import Progress
+from trueterrain.lanes._problem import Shared, hashed
+from trueterrain.lanes._settings import NetworkSettings, Trial
+from trueterrain.lanes._system import Equations, Prior, System, build
+from trueterrain.lanes._weights import Fitted, residuals, settle
+from trueterrain.lanes.spline import Wander
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+_STEPS = (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)  # [m] wandering that is tried
+_FINER = (10.0**0.25, 10.0**0.125)  # factors that are tried at last
+_BROAD = 3e-2  # [m] wandering with which the weights are found
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Folds:
+    """Cells in turn held back."""
+
+    number: Integers
+    "Fold of each cell, shape (cell,)."
+
+    square: Integers
+    "Square of each cell, from 0, shape (cell,)."
+
+    count: int
+    "Number of folds."
+
+
+def folds_of(shared: Shared, settings: NetworkSettings) -> Folds:
+    """Squares of ground in folds, by a hash of their place.
+
+    Parameters
+    ----------
+    shared : Shared
+        The observations.
+    settings : NetworkSettings
+        Size of the squares, number of folds.
+
+    Returns
+    -------
+    Folds
+        The same whatever else is measured.
+    """
+    squares, index = np.unique(shared.squares(settings.block), return_inverse=True)
+    number = hashed(squares) % settings.folds
+    return Folds(
+        number=number[index].astype(np.int64), square=index.astype(np.int64), count=settings.folds
+    )
+
+
+class Search:
+    """Trials, and what they predict.
+
+    Parameters
+    ----------
+    shared : Shared
+        The observations.
+    settings : NetworkSettings
+        What may be tried.
+    lanes_sd : sequence of numpy.ndarray
+        What the navigation says of each pass.
+    progress : callable
+        Called with what is tried.
+    """
+
+    def __init__(
+        self,
+        shared: Shared,
+        settings: NetworkSettings,
+        lanes_sd: Sequence[Floats],
+        progress: Progress,
+    ) -> None:
+        self.shared = shared
+        self.settings = settings
+        self.folds = folds_of(shared, settings)
+        self.trials: list[Trial] = []
+        self._losses: list[Floats] = []
+        self._systems: dict[tuple[tuple[str, ...], float], System] = {}
+        self._parts: dict[tuple[tuple[str, ...], float], tuple[Equations, list[Equations]]] = {}
+        self._lanes_sd = lanes_sd
+        self._progress = progress
+        self.weight = self.robustness = np.zeros(0)
+
+    def system(self, components: tuple[str, ...], spacing: float) -> System:
+        """Unknowns for some components and spacing of knots."""
+        key = components, spacing
+        if key not in self._systems:
+            for old in list(self._systems)[:-1]:  # large, and not asked for again
+                del self._systems[old]
+                self._parts.pop(old, None)
+            self._systems[key] = build(self.shared, components, spacing, self._lanes_sd)
+        return self._systems[key]
+
+    def prior(self, trial: Trial) -> dict[str, Prior]:
+        """Priors of the components of a trial."""
+        return priors(trial, self.settings)
+
+    def run(self) -> Trial:
+        """Try, from few and coarse to many and fine.
+
+        Returns
+        -------
+        Trial
+            The best one.
+        """
+        settings = self.settings
+        spacings = self._spacings()
+        start = self._broad(spacings[-1])
+        self.weight, self.robustness = start.weight, start.robustness
+        best: Trial | None = None
+        strengths = dict.fromkeys(settings.orders, self._steps)
+        for spacing in spacings:
+            each = [
+                self._best_of([
+                    Trial(
+                        components=("height",), knot_spacing=spacing, strength=strength, order=order
+                    )
+                    for strength in strengths[order]
+                ])
+                for order in settings.orders
+            ]  # fmt: skip
+            strengths = {one.order: _around(one.strength, self._steps) for one in each}
+            found = self._likeliest(each)
+            if best is not None and not self._better(found, best, 1.0):
+                break
+            best = found
+            if best.strength == 0:
+                break
+        assert best is not None
+        for group in settings.extra_components:
+            best = self._with(best, group)
+        return self._refined(best)
+
+    @property
+    def _steps(self) -> Sequence[float]:
+        given = self.settings.strength
+        return _STEPS if given is None else (given,)
+
+    def _spacings(self) -> list[float]:
+        given = self.settings.knot_spacing
+        spacings = list(given) if isinstance(given, tuple) else [given]
+        # an interval needs some cells, or there is nothing to tell it by
+        length = np.diff(self.shared.span, axis=1).sum()
+        seen = self.shared.lane.size
+        dense = [one for one in spacings if seen * one >= self.settings.least_cells * length]
+        return dense or spacings[:1]
+
+    def _broad(self, spacing: float) -> Fitted:
+        settings = self.settings
+        broad = Trial(
+            components=("height",), knot_spacing=spacing, strength=_BROAD, order="first"
+        )  # fmt: skip
+        return settle(
+            self.system(("height",), spacing), self.prior(broad), bound=settings.huber,
+            tolerance=settings.tolerance, most=settings.most_rounds,
+        )  # fmt: skip
+
+    def _with(self, best: Trial, group: tuple[str, ...]) -> Trial:
+        """Trial with more components, if they tell more than chance."""
+        components = (*best.components, *group)
+        found = self._best_of([
+            replace(best, components=components, strength=strength, extra_strength=step)
+            for strength in _around(best.strength, self._steps)
+            for step in (0.0, *self.settings.extra_strengths)
+        ])  # fmt: skip
+        return found if self._better(found, best, 2.0) else best
+
+    def _best_of(self, trials: list[Trial]) -> Trial:
+        """The most likely of those that are no worse than the best by more than chance."""
+        first = len(self.trials)
+        self._try(trials)
+        return self._likeliest(self.trials[first:])
+
+    def _likeliest(self, trials: list[Trial]) -> Trial:
+        least = min(trials, key=lambda one: self._loss(one).sum())
+        found = [one for one in trials if one is least or not self._better(least, one, 1.0)]
+        return max(found, key=lambda one: one.log_likelihood)
+
+    def _refined(self, best: Trial) -> Trial:
+        """Trial with a strength between those of the list."""
+        if self.settings.strength is not None or best.strength == 0:
+            return best
+        for step in _FINER:
+            for strength in (best.strength * step, best.strength / step):
+                found = self._best_of([replace(best, strength=strength)])
+                likelier = found.log_likelihood > best.log_likelihood
+                if likelier and not self._better(best, found, 1.0):
+                    best = found
+        return best
+
+    def _better(self, one: Trial, other: Trial, times: float) -> bool:
+        gain = self._loss(other) - self._loss(one)
+        return bool(gain.sum() > times * _chance(gain))
+
+    def _loss(self, trial: Trial) -> Floats:
+        return self._losses[next(k for k, each in enumerate(self.trials) if each is trial)]
+
+    def _try(self, trials: list[Trial]) -> None:
+        for trial in trials:
+            loss, rmse, likelihood = self._held_back(trial)
+            self._losses.append(loss)
+            self._progress("choose how stiff corrections are", len(self.trials) + 1, None)
+            self.trials.append(replace(trial, held_back=rmse, log_likelihood=likelihood))
+
+    def _held_back(self, trial: Trial) -> tuple[Floats, float, float]:
+        """Loss of each square, root mean square of differences [m], and marginal likelihood."""
+        system = self.system(trial.components, trial.knot_spacing)
+        key = trial.components, trial.knot_spacing
+        shared, prior = self.shared, self.prior(trial)
+        if key not in self._parts:
+            self._parts[key] = parts_of(system, self.folds, self.weight)
+        whole, parts = self._parts[key]
+        height = shared.entries.height + predicted(system, prior, self.folds, whole, parts)
+        left, free = residuals(shared, height, self.weight)
+        square = np.zeros(int(self.folds.square.max()) + 1)
+        np.add.at(square, shared.per_entry(self.folds.square), self.weight * left**2)
+        kept = self.robustness
+        rmse = float(np.sqrt(2.0 * (kept * left**2).sum() / (kept * free).sum()))
+        return square, rmse, system.solve(whole, prior).log_likelihood
+
+
+def parts_of(system: System, folds: Folds, weight: Floats) -> tuple[Equations, list[Equations]]:
+    """Normal equations of all cells, and those of each fold."""
+    parts = [system.equations(weight, folds.number == fold) for fold in range(folds.count)]
+    whole = parts[0]
+    for part in parts[1:]:
+        whole = whole.plus(part)
+    return whole, parts
+
+
+def predicted(
+    system: System,
+    prior: Mapping[str, Prior],
+    folds: Folds,
+    whole: Equations,
+    parts: Sequence[Equations],
+) -> Floats:
+    """Correction of each entry by the cells of other folds, shape (n,) [m]."""
+    fold = system.shared.per_entry(folds.number)
+    out = np.zeros(fold.size)
+    for number, part in enumerate(parts):
+        if part.freedom:
+            found = system.solve(whole.less(part), prior)
+            there = fold == number
+            out[there] = system.corrections(found.coefficients)[there]
+    return out
+
+
+def priors(trial: Trial, settings: NetworkSettings) -> dict[str, Prior]:
+    """Priors of all components of a trial."""
+    found = {}
+    for name in trial.components:
+        sd = trial.strength if name == "height" else trial.extra_strength * settings.scale(name)
+        wander = Wander(sd=sd, correlation_time=settings.correlation_time, order=trial.order)
+        offset_sd = np.inf if name == "height" else settings.scale(name)
+        found[name] = Prior(wander=wander, offset_sd=offset_sd)
+    return found
+
+
+def _around(step: float, steps: Sequence[float]) -> Sequence[float]:
+    at = steps.index(step)
+    return steps[max(at - 1, 0) : at + 2]
+
+
+def _chance(gain: Floats) -> float:
+    """Standard deviation of a sum over squares of ground."""
+    n = gain.size
+    return float(np.sqrt(n / max(n - 1, 1) * ((gain - gain.mean()) ** 2).sum()))

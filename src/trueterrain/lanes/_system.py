@@ -1,0 +1,399 @@
+"""Unknowns of the adjustment, their normal equations, and what is known of them before.
+
+Each component of the correction of a pass is a constant part, the *offset*, and a spline that
+wanders about it. The constant parts of the heights are free; that of all passes of a group
+together is held at 0, which is the datum, unless a pass of the group is fixed.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from trueterrain.lanes import _kernels
+from trueterrain.lanes._problem import Shared
+from trueterrain.lanes._sparse import Factor, Pattern, pattern_of
+from trueterrain.lanes.spline import Knots, Wander, knots_over
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
+DATUM_SD = 1e-4  # [m] with which the datum is held; taken out of the covariance again
+LEAST_SD = 1e-7  # [m] or [rad] of what shall not wander
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prior:
+    """What is known of one component before."""
+
+    wander: Wander
+    "How it wanders."
+
+    offset_sd: float
+    "Standard deviation of its constant part [m] or [rad]; infinite for the height."
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Equations:
+    """Normal equations of some cells."""
+
+    blocks: Floats
+    "Of pairs of intervals, shape (pair, 4 k, 4 k)."
+
+    right: Floats
+    "Right sides, shape (interval, 4 k)."
+
+    square: float
+    "Weighted sum of squares of heights less the mean of their cell."
+
+    freedom: int
+    "Entries less cells."
+
+    def plus(self, other: "Equations") -> "Equations":
+        """Equations with other cells as well."""
+        return Equations(
+            blocks=self.blocks + other.blocks, right=self.right + other.right,
+            square=self.square + other.square, freedom=self.freedom + other.freedom,
+        )  # fmt: skip
+
+    def less(self, other: "Equations") -> "Equations":
+        """Equations without some of the cells."""
+        return Equations(
+            blocks=self.blocks - other.blocks, right=self.right - other.right,
+            square=self.square - other.square, freedom=self.freedom - other.freedom,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Solution:
+    """Solved normal equations."""
+
+    factor: Factor
+    "Cholesky factor of their matrix, the prior included."
+
+    x: Floats
+    "Unknowns."
+
+    coefficients: Floats
+    "Coefficients of each interval, offsets included, shape (interval, 4 k)."
+
+    log_likelihood: float
+    "Logarithm of the marginal likelihood of the data, up to a constant of the data."
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class System:
+    """Unknowns of all passes that are corrected, and which of them meet in which cell."""
+
+    shared: Shared
+    "The observations."
+
+    components: tuple[str, ...]
+    "Components of the corrections."
+
+    knots: tuple[Knots | None, ...]
+    "Knots of each pass; None if it is fixed."
+
+    first: Integers
+    "First interval of each pass, and their number, shape (lane + 1,)."
+
+    interval: Integers
+    "Interval of each entry, -1 where the pass is fixed, shape (n,)."
+
+    weights: Floats
+    "Weights of its four coefficients, shape (n, 4)."
+
+    factor: Floats
+    "What one unit of each component adds to the height of an entry, shape (n, k)."
+
+    unknown: Integers
+    "Unknowns of each interval: 4 of each component, then the offsets, shape (interval, 5 k)."
+
+    lists: tuple[Integers, Integers, Integers, Integers] = field(repr=False)
+    "Pairs of intervals: head, next, first, second."
+
+    pattern: Pattern = field(repr=False)
+    "Where the matrix has elements: those of the pairs, then those of the prior."
+
+    relative: tuple[Floats, ...] = field(repr=False)
+    "How sure the navigation is at each coefficient, in units of the median of all, per pass."
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self.pattern.size
+
+    def equations(self, weight: Floats, use: Flags) -> Equations:
+        """Normal equations of some cells.
+
+        Parameters
+        ----------
+        weight : numpy.ndarray, shape (n,)
+            Weight of each entry [1/m²].
+        use : numpy.ndarray of bool, shape (cell,)
+            Cells that count.
+
+        Returns
+        -------
+        Equations
+            Without the prior.
+        """
+        head, after, _, second = self.lists
+        k = 4 * len(self.components)
+        blocks, right = np.zeros((second.size, k, k)), np.zeros((self.first[-1], k))
+        square, freedom = _kernels.assemble(
+            self.shared.start, use, self.interval, self.weights, self.factor, weight,
+            self.shared.entries.height, head, after, second, blocks, right,
+        )  # fmt: skip
+        return Equations(blocks=blocks, right=right, square=square, freedom=freedom)
+
+    def solve(self, equations: Equations, prior: Mapping[str, Prior]) -> Solution:
+        """Most likely corrections.
+
+        Parameters
+        ----------
+        equations : Equations
+            Normal equations of the cells.
+        prior : mapping of str to Prior
+            What is known of each component before.
+
+        Returns
+        -------
+        Solution
+            Of all unknowns.
+
+        Raises
+        ------
+        TrueTerrainError
+            If the equations do not determine them.
+        """
+        of_prior, log_determinant = self._prior_values(prior)
+        elements = self.pattern.sum(of_prior)
+        _kernels.scatter(
+            equations.blocks, self.lists[2], self.lists[3], self.unknown, self.pattern.slot,
+            elements,
+        )  # fmt: skip
+        right = np.zeros(self.size)
+        np.add.at(right, self.unknown.ravel(), _right_with_offsets(equations.right).ravel())
+        factor = self.pattern.factor(elements)
+        x = factor.solve(right)
+        likelihood = log_determinant - factor.log_determinant - equations.square + float(right @ x)
+        return Solution(
+            factor=factor, x=x, coefficients=self._coefficients(x),
+            log_likelihood=0.5 * likelihood,
+        )  # fmt: skip
+
+    def corrections(self, coefficients: Floats) -> Floats:
+        """Correction of the height of each entry, shape (n,) [m]."""
+        out = np.empty(self.interval.size)
+        _kernels.corrections(self.interval, self.weights, self.factor, coefficients, out)
+        return out
+
+    def covariance(self, solution: Solution, factor: float) -> Floats:
+        """Covariance of the coefficients of pairs of intervals, offsets included.
+
+        Parameters
+        ----------
+        solution : Solution
+            Solved equations.
+        factor : float
+            By which variances are greater than the weights say.
+
+        Returns
+        -------
+        numpy.ndarray, shape (pair, 4 k, 4 k)
+            In the order of the pairs; relative to the datum.
+        """
+        one, two = self.unknown[self.lists[2]], self.unknown[self.lists[3]]
+        row, column = np.broadcast_arrays(one[:, :, None], two[:, None, :])
+        size = 4 * len(self.components)
+        found = solution.factor.inverse_at(row.ravel(), column.ravel()).reshape(row.shape)
+        lane = np.searchsorted(self.first, self.lists[2], side="right") - 1
+        # the datum itself has no error; a pair is of one group
+        with_datum = np.zeros(len(self.knots), bool)
+        with_datum[np.concatenate([*_datum_groups(self.shared), np.zeros(0, np.int64)])] = True
+        found[:, size, size] -= np.where(with_datum[lane], DATUM_SD**2, 0.0)
+        found[:, :, :size] += np.repeat(found[:, :, size:], 4, axis=2)
+        found[:, :size] += np.repeat(found[:, size:], 4, axis=1)
+        return factor * found[:, :size, :size]
+
+    def lane_unknowns(self, lane: int) -> tuple[Integers, Integers]:
+        """Unknowns of a pass: coefficients (component, n), and offsets (component,)."""
+        rows = self.unknown[self.first[lane] : self.first[lane + 1]]
+        k = len(self.components)
+        begin = rows[0, : 4 * k : 4]
+        return begin[:, None] + np.arange(rows.shape[0] + 3), rows[0, 4 * k :]
+
+    def _coefficients(self, x: Floats) -> Floats:
+        k = len(self.components)
+        each = x[self.unknown]
+        return each[:, : 4 * k] + np.repeat(each[:, 4 * k :], 4, axis=1)
+
+    def _prior_values(self, prior: Mapping[str, Prior]) -> tuple[Floats, float]:
+        """Elements of the prior in the order of `_prior_places`, and the log of its determinant."""
+        values, log_determinant = [], 0.0
+        for lane, knots in enumerate(self.knots):
+            if knots is None:
+                continue
+            for name in self.components:
+                wander = prior[name].wander
+                sd = np.maximum(wander.sd * self.relative[lane], LEAST_SD)
+                rows = wander.whitening(sd, knots.spacing)
+                log_determinant += 2.0 * float(np.log(rows[0]).sum())
+                values += _squared(rows)
+                offset_sd = prior[name].offset_sd
+                values.append(np.array([offset_sd**-2.0]))
+                if np.isfinite(offset_sd):
+                    log_determinant -= 2.0 * float(np.log(offset_sd))
+        for members in _datum_groups(self.shared):
+            weight = (DATUM_SD * members.size) ** -2.0
+            values.append(np.full(members.size * (members.size + 1) // 2, weight))
+        return np.concatenate(values), log_determinant
+
+
+def build(
+    shared: Shared, components: Sequence[str], spacing: float, lanes_sd: Sequence[Floats]
+) -> System:
+    """Unknowns of an adjustment.
+
+    Parameters
+    ----------
+    shared : Shared
+        The observations.
+    components : sequence of str
+        Components of the corrections.
+    spacing : float
+        Spacing of the knots [s] or [m].
+    lanes_sd : sequence of numpy.ndarray
+        Of each pass: times and standard deviations by the navigation, shape (2, m); empty if it
+        says nothing.
+
+    Returns
+    -------
+    System
+        Ready to be solved.
+    """
+    lanes = len(shared.names)
+    knots = tuple(
+        None
+        if shared.fixed[p]
+        else knots_over(float(shared.span[p, 0]), float(shared.span[p, 1]), spacing)
+        for p in range(lanes)
+    )
+    intervals = [0 if one is None else one.intervals for one in knots]
+    first = np.concatenate([[0], np.cumsum(intervals)]).astype(np.int64)
+    interval, weights = _located(shared, knots, first)
+    unknown, places_row, places_column, size = _numbered(knots, len(components), shared)
+    lists = _kernels.pairs_of(shared.start, interval, int(first[-1]))
+    row, column = pair_places(unknown, lists[2], lists[3])
+    pattern = pattern_of(
+        np.concatenate([row, places_row]), np.concatenate([column, places_column]), size
+    )
+    return System(
+        shared=shared, components=tuple(components), knots=knots, first=first, interval=interval,
+        weights=weights, factor=_factors(shared, components), unknown=unknown, lists=lists,
+        pattern=pattern, relative=_relative(knots, lanes_sd),
+    )  # fmt: skip
+
+
+def _located(
+    shared: Shared, knots: Sequence[Knots | None], first: Integers
+) -> tuple[Integers, Floats]:
+    interval = np.full(shared.lane.size, -1, np.int64)
+    weights = np.zeros((shared.lane.size, 4))
+    for lane, one in enumerate(knots):
+        if one is not None:
+            mine = np.flatnonzero(shared.lane == lane)
+            at, by = one.basis(shared.entries.time[mine])
+            interval[mine], weights[mine] = first[lane] + at, by
+    return interval, weights
+
+
+def _factors(shared: Shared, components: Sequence[str]) -> Floats:
+    entries = shared.entries
+    of = {
+        "height": np.ones(shared.lane.size), "roll": entries.offset, "pitch": entries.ahead,
+        "east": -entries.slope_east, "north": -entries.slope_north,
+    }  # fmt: skip
+    return np.stack([of[name] for name in components], axis=1)
+
+
+def _relative(knots: Sequence[Knots | None], lanes_sd: Sequence[Floats]) -> tuple[Floats, ...]:
+    known = [part[1] for part in lanes_sd if part.size]
+    usual = float(np.median(np.concatenate(known))) if known else 1.0
+    return tuple(
+        np.zeros(0) if one is None
+        else np.interp(one.places, *said) / usual if said.size
+        else np.ones(one.intervals + 3)
+        for one, said in zip(knots, lanes_sd, strict=True)
+    )  # fmt: skip
+
+
+def _numbered(
+    knots: Sequence[Knots | None], k: int, shared: Shared
+) -> tuple[Integers, Integers, Integers, int]:
+    """Unknowns of each interval, rows and columns of the elements of the prior, and how many."""
+    counts = [0 if one is None else one.intervals + 3 for one in knots]
+    offsets = k * sum(counts)
+    unknown, row, column, offset_of = [], [], [], np.full(len(knots), -1, np.int64)
+    begin, offset = 0, offsets
+    for lane, one in enumerate(knots):
+        if one is None:
+            continue
+        n = counts[lane]
+        starts = begin + n * np.arange(k)
+        at = np.arange(one.intervals)[:, None]
+        coefficients = [start + at + np.arange(4) for start in starts]
+        of_lane = np.broadcast_to(offset + np.arange(k), (one.intervals, k))
+        unknown.append(np.concatenate([*coefficients, of_lane], axis=1))
+        for part, start in enumerate(starts):
+            for back in range(3):
+                row.append(start + np.arange(back, n))
+                column.append(start + np.arange(n - min(back, n)))
+            row.append(np.array([offset + part]))
+            column.append(np.array([offset + part]))
+        offset_of[lane] = offset
+        begin, offset = begin + k * n, offset + k
+    for members in _datum_groups(shared):
+        low, high = np.tril_indices(members.size)
+        row.append(offset_of[members[low]])
+        column.append(offset_of[members[high]])
+    return (
+        np.concatenate(unknown).astype(np.int64), np.concatenate(row).astype(np.int64),
+        np.concatenate(column).astype(np.int64), offset,
+    )  # fmt: skip
+
+
+def _datum_groups(shared: Shared) -> list[Integers]:
+    """Passes of each group of which none is fixed."""
+    groups = [np.flatnonzero(shared.group == number) for number in np.unique(shared.group)]
+    return [members for members in groups if not shared.fixed[members].any()]
+
+
+def pair_places(unknown: Integers, one: Integers, two: Integers) -> tuple[Integers, Integers]:
+    """Rows and columns of the elements that the blocks of pairs add to, in the order they do."""
+    size = unknown.shape[1]
+    row = np.broadcast_to(unknown[one][:, :, None], (one.size, size, size))
+    column = np.broadcast_to(unknown[two][:, None, :], (one.size, size, size))
+    lower = np.tril(np.ones((size, size), bool))
+    wanted = np.where((one == two)[:, None, None], lower, True)
+    return row[wanted], column[wanted]
+
+
+def _squared(rows: Floats) -> list[Floats]:
+    """Diagonals of RᵀR, R having `rows` as its diagonals."""
+    n = rows.shape[1]
+    a, b, c = rows
+    main = a**2
+    main[:-1] += b[1:] ** 2
+    main[:-2] += c[2:] ** 2
+    beside = a[1:] * b[1:]
+    beside[:-1] += b[2:] * c[2:]
+    return [main, beside, (a * c)[2:] if n > 2 else np.zeros(0)]
+
+
+def _right_with_offsets(right: Floats) -> Floats:
+    intervals, size = right.shape
+    return np.concatenate([right, right.reshape(intervals, size // 4, 4).sum(axis=2)], axis=1)

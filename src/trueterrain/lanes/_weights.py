@@ -1,0 +1,254 @@
+"""Weights of the cells: what is usual is told by the data, and what is not is left out."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from trueterrain.errors import TrueTerrainError
+from trueterrain.lanes import _kernels
+from trueterrain.lanes._problem import Shared
+from trueterrain.lanes._system import Equations, Prior, Solution, System
+
+Floats = npt.NDArray[np.float64]
+
+_MEDIAN_OF_SQUARE = 0.45493642311957283  # of a standard normal variable, squared
+_SOME = 20_000  # cells that tell what is usual
+_SETTLED = 5e-4  # change of the floor below which it is kept
+_STEPS = 3  # in which what is far away is left out
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fitted:
+    """Corrections, and the weights that they were found with."""
+
+    solution: Solution
+    "The corrections."
+
+    equations: Equations
+    "Normal equations of the last round."
+
+    correction: Floats
+    "Correction of the height of each entry, shape (n,) [m]."
+
+    robustness: Floats
+    "Share of its weight that each entry keeps, 0 if it is rejected, shape (n,)."
+
+    floor: float
+    "Standard deviation that every cell has beside its own [m]."
+
+    weight: Floats
+    "Weight of each entry, shape (n,) [1/m²]."
+
+    rounds: int
+    "Rounds that were needed."
+
+
+def settle(
+    system: System,
+    prior: Mapping[str, Prior],
+    *,
+    bound: float,
+    tolerance: float,
+    most: int,
+    start: Floats | None = None,
+) -> Fitted:
+    """Adjust with Huber's weights, which follow what is left, until nothing changes any more.
+
+    Parameters
+    ----------
+    system : System
+        The unknowns.
+    prior : mapping of str to Prior
+        What is known of each component before.
+    bound : float
+        Standard deviations beyond which a cell weighs less.
+    tolerance : float
+        Change of the corrections below which they are taken as settled [m].
+    most : int
+        Most rounds.
+    start : numpy.ndarray, shape (n,), optional
+        Corrections of the entries to start from [m].
+
+    Returns
+    -------
+    Fitted
+        Where it settled.
+
+    Raises
+    ------
+    TrueTerrainError
+        If it does not settle.
+    """
+    shared = system.shared
+    correction = np.zeros(shared.lane.size) if start is None else start
+    floor, still, change = np.inf, False, np.inf
+    for done in range(1, most + 1):
+        height = shared.entries.height + correction
+        if not still:
+            found = noise_floor(shared, height)
+            still = abs(found - floor) <= 4.0 * _SETTLED * found
+            floor = found
+        variance = shared.entries.variance + floor**2
+        away = np.empty(height.size)
+        _kernels.outlyingness(shared.start, height, variance, away)
+        robustness = bound / np.maximum(np.abs(away), bound)
+        fitted = _solved(system, prior, robustness, variance, floor, done)
+        change = float(np.abs(fitted.correction - correction).max())
+        correction = fitted.correction
+        if still and change <= tolerance:
+            return fitted
+    raise TrueTerrainError(
+        f"the adjustment did not settle: after {most} rounds corrections still change by "
+        f"{change * 1e3:.3g} mm",
+        cure="Look for passes that are not of the same ground, or allow more rounds.",
+    )
+
+
+def reject(
+    system: System, prior: Mapping[str, Prior], before: Fitted, *, bound: float, factor: float
+) -> Fitted:
+    """Adjust with Tukey's weights, in a few steps from where Huber's led: outliers get none.
+
+    Parameters
+    ----------
+    system : System
+        The unknowns.
+    prior : mapping of str to Prior
+        What is known of each component before.
+    before : Fitted
+        Where to start.
+    bound : float
+        Standard deviations beyond which a cell is rejected.
+    factor : float
+        By which all variances are greater than single cells tell.
+
+    Returns
+    -------
+    Fitted
+        After these steps.
+    """
+    shared = system.shared
+    variance = shared.entries.variance + before.floor**2
+    _, share = residuals(shared, before.correction, 1.0 / variance)
+    fitted = before
+    for _ in range(_STEPS):
+        height = shared.entries.height + fitted.correction
+        # a weight of 0 could not come back
+        weight = np.maximum(fitted.robustness, 1e-9) / variance
+        out, _ = residuals(shared, height, weight)
+        beyond = np.minimum(out**2 / (share * variance * bound**2), 1.0)
+        fitted = _solved(
+            system, prior, (1.0 - beyond) ** 2, variance * factor, before.floor, before.rounds
+        )
+    return fitted
+
+
+def clustering(shared: Shared, fitted: Fitted, size: float) -> float:
+    """By how much sums over squares of ground scatter more than independent cells would.
+
+    Parameters
+    ----------
+    shared : Shared
+        The observations.
+    fitted : Fitted
+        What is left of them.
+    size : float
+        Side of the squares [m].
+
+    Returns
+    -------
+    float
+        Ratio of variances, at least 1.
+    """
+    height = shared.entries.height + fitted.correction
+    left, _ = residuals(shared, height, fitted.weight)
+    score = fitted.weight * left
+    squares, index = np.unique(shared.squares(size), return_inverse=True)
+    lanes = len(shared.names)
+    key = shared.per_entry(index.astype(np.int64)) * lanes + shared.lane
+    summed = np.bincount(key, score, minlength=squares.size * lanes)
+    total = float((score**2).sum())
+    return max(1.0, float((summed**2).sum()) / total) if total > 0 else 1.0
+
+
+def _solved(
+    system: System,
+    prior: Mapping[str, Prior],
+    robustness: Floats,
+    variance: Floats,
+    floor: float,
+    rounds: int,
+) -> Fitted:
+    weight = robustness / variance
+    equations = system.equations(weight, np.ones(system.shared.cells, bool))
+    solution = system.solve(equations, prior)
+    return Fitted(
+        solution=solution, equations=equations, robustness=robustness, floor=floor, weight=weight,
+        correction=system.corrections(solution.coefficients), rounds=rounds,
+    )  # fmt: skip
+
+
+def noise_floor(shared: Shared, height: Floats, guess: float = 1e-3) -> float:
+    """Standard deviation that cells have beside that of their own scatter.
+
+    Two passes sample the texture of the ground at different places; half of all residuals must be
+    within what is usual for half of normal errors.
+
+    Parameters
+    ----------
+    shared : Shared
+        The observations.
+    height : numpy.ndarray, shape (n,)
+        Corrected heights [m].
+    guess : float
+        Where to begin to look for it [m].
+
+    Returns
+    -------
+    float
+        At least 1 µm [m].
+    """
+    some = np.arange(0, shared.cells, max(1, shared.cells // _SOME))
+    each = np.diff(shared.start)[some]
+    start = np.concatenate([[0], np.cumsum(each)]).astype(np.int64)
+    pick = np.repeat(shared.start[some] - start[:-1], each) + np.arange(start[-1])
+    height, variance = height[pick], shared.entries.variance[pick]
+    out = np.empty(pick.size)
+
+    def excess(floor: float) -> float:
+        _kernels.outlyingness(start, height, variance + floor**2, out)
+        return float(np.median(out**2)) - _MEDIAN_OF_SQUARE
+
+    low, high = 1e-6, guess
+    if excess(low) <= 0:
+        return low
+    while excess(high) > 0:
+        low, high = high, 2.0 * high
+    while high - low > _SETTLED * high:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
+    return high
+
+
+def residuals(shared: Shared, height: Floats, weight: Floats) -> tuple[Floats, Floats]:
+    """Residuals of the entries.
+
+    Parameters
+    ----------
+    shared : Shared
+        The observations.
+    height, weight : numpy.ndarray, shape (n,)
+        Heights [m] and their weights [1/m²].
+
+    Returns
+    -------
+    residual : numpy.ndarray, shape (n,)
+        Heights less the weighted mean of their cell [m].
+    free : numpy.ndarray, shape (n,)
+        1 less the share of each in that mean.
+    """
+    out, share = np.empty(height.size), np.empty(height.size)
+    _kernels.residuals(shared.start, height, weight, out, share)
+    return out, share
