@@ -16,6 +16,7 @@ from trueterrain.figures.parallel import parallel_profiles
 from trueterrain.figures.points import points_map
 from trueterrain.figures.profiles import profiles
 from trueterrain.figures.ranges import range_image
+from trueterrain.figures.relief import surface_relief
 from trueterrain.figures.scan import scan_elevation, scan_plan
 from trueterrain.figures.search import search_area_map
 from trueterrain.figures.slope import measurable_slope
@@ -42,4 +43,5 @@ __all__ = [
     "search_area_map",
     "spectrum",
     "surface_map",
+    "surface_relief",
 ]
