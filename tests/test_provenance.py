@@ -37,3 +37,21 @@ def test_the_dataset_given_is_not_changed():
 def test_the_record_is_plain_json():
     data = provenance.add_step(xr.Dataset(), "x", parameters={"n": 3, "list": [1, None]})
     assert json.loads(data.attrs["provenance"])[0]["parameters"] == {"n": 3, "list": [1, None]}
+
+
+def test_a_store_is_known_by_the_names_and_contents_in_it(tmp_path):
+    hashes = []
+    for name, files in (
+        ("a", {"x": b"1", "sub/y": b"2"}), ("same", {"sub/y": b"2", "x": b"1"}),
+        ("content", {"x": b"1", "sub/y": b"3"}), ("name", {"z": b"1", "sub/y": b"2"}),
+        ("moved", {"x": b"12", "sub/y": b""}),
+    ):  # fmt: skip
+        for path, content in files.items():
+            file = tmp_path / name / path
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_bytes(content)
+        described = provenance.describe_input(tmp_path / name)
+        assert described["name"] == name
+        hashes.append(described["sha256"])
+    assert hashes[0] == hashes[1]
+    assert len(set(hashes)) == 4

@@ -18,23 +18,32 @@ _HASH_BLOCK = 1 << 20  # [bytes] read at a time, so that a survey is never held 
 
 
 def describe_input(path: str | Path) -> dict[str, str]:
-    """Name and SHA-256 of a file.
+    """Name and SHA-256 of a file, or of a Zarr store.
 
     Parameters
     ----------
     path : str or Path
-        The file.
+        The file; of a folder, the names and contents of all files in it are hashed in order.
 
     Returns
     -------
     dict
         ``{"name": ..., "sha256": ...}``; the folder is left out, since it means nothing elsewhere.
     """
+    path = Path(path)
     digest = hashlib.sha256()
-    with Path(path).open("rb") as stream:
-        while block := stream.read(_HASH_BLOCK):
-            digest.update(block)
-    return {"name": Path(path).name, "sha256": digest.hexdigest()}
+    if path.is_dir():
+        inside = {file.relative_to(path).as_posix(): file for file in path.rglob("*")}
+        files = [(name, file) for name, file in sorted(inside.items()) if file.is_file()]
+    else:
+        files = [("", path)]
+    for name, file in files:
+        if name:
+            digest.update(f"{name}\0{file.stat().st_size}\0".encode())
+        with file.open("rb") as stream:
+            while block := stream.read(_HASH_BLOCK):
+                digest.update(block)
+    return {"name": path.name, "sha256": digest.hexdigest()}
 
 
 def steps(data: xr.Dataset) -> list[dict[str, Any]]:

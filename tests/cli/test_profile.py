@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import trueterrain as tt
+from trueterrain import provenance
 from trueterrain.formats import opencrg
 
 STEP = 0.01  # [m] of the grid and of the path
@@ -286,3 +287,27 @@ def test_the_measured_belgian_block(run, data, tmp_path):
     difference = np.abs(points.height.values - grid.height.values[: points.sizes["s"]])
     assert np.median(difference) < 1e-4
     assert difference.max() < 1e-2
+
+
+def test_stores_give_the_same_profile_and_hold_it(run, tmp_path):
+    u, v = 0.1 * np.arange(60), np.linspace(-0.5, 0.5, 21)
+    road = tt.make_surface(0.1 * np.sin(u)[:, None] + 0.02 * v, u=u, v=v, easting=u, northing=0 * u)
+    tt.write(road, tmp_path / "road.zarr")
+    tt.write(tt.surface_to_points(road), tmp_path / "cloud.zarr")
+    line = ("--line", 1, 0, 4, 0, "--radius", 0.1)
+    found = []
+    for source in ("road.zarr", "cloud.zarr"):
+        for name in ("p.csv", "p.zarr"):
+            output = tmp_path / name
+            finished = run("profile", tmp_path / source, *line, "-o", output, "--force")
+            assert finished.code == 0, finished.err
+        profile = tt.open(tmp_path / "p.zarr")
+        (entry,) = provenance.steps(profile)[-1]["inputs"]
+        assert entry["name"] == source
+        np.testing.assert_array_equal(profile.height, tt.open(tmp_path / "p.csv").height)
+        found.append(profile.height.values)
+    np.testing.assert_allclose(*found, rtol=0, atol=1e-12)
+    refused = run("profile", tmp_path / "road.zarr", *line, "-o", tmp_path / "p.zarr")
+    assert "exists already and is not overwritten" in refused.err
+    refused = run("profile", tmp_path / "p.zarr", *line, "-o", tmp_path / "q.zarr")
+    assert "is a profile already" in refused.err

@@ -12,7 +12,9 @@ if TYPE_CHECKING:
 Method = Literal["navigation", "thesis", "zero-phase", "wiener", "rts"]
 
 
-def motion_of(run: Path, method: Method) -> "Trajectory":
+def motion_of(
+    run: Path, method: Method, begin: float | None = None, end: float | None = None
+) -> "Trajectory":
     """Motion of the body over a run; what is doubtful about it or the scans goes to stderr.
 
     Parameters
@@ -21,11 +23,13 @@ def motion_of(run: Path, method: Method) -> "Trajectory":
         Store of the run.
     method : str
         How it is found.
+    begin, end : float, optional
+        Times between which it is taken [s].
 
     Returns
     -------
     Trajectory
-        Over the time of the navigation.
+        Over the time of the navigation, or between the times.
 
     Raises
     ------
@@ -45,9 +49,10 @@ def motion_of(run: Path, method: Method) -> "Trajectory":
         warnings.simplefilter("ignore")  # what it warns of is among the problems as well
         motion = fuse(tree, settings=FusionSettings(method=method))
         problems = (*motion.problems, *scan_problems(tree, motion.trajectory))
+        trajectory = motion.trajectory.between(begin, end)
     for problem in problems:
         note(f"{run}: {problem}")
-    return motion.trajectory
+    return trajectory
 
 
 def require_run(path: Path) -> None:

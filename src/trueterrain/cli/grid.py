@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import note, out_json, progress_bar
+from trueterrain.cli._console import note, out_json, processors, progress_bar
+from trueterrain.cli._extent import Four, extent_of
 from trueterrain.cli._motion import Method, motion_of
-from trueterrain.cli._where import Four, Where
-from trueterrain.errors import CoverageError, SchemaError, concerning
+from trueterrain.errors import SchemaError, concerning
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from trueterrain.engine import Progress
-    from trueterrain.motion import Trajectory
     from trueterrain.surface.grid import GridOptions
+    from trueterrain.surface.placement import Placement
 
 _MAPS = (".tif", ".tiff")
 
@@ -140,6 +140,7 @@ def grid(
     from trueterrain.georeference import Screening
     from trueterrain.surface.grid import GridOptions, trimmed
     from trueterrain.surface.holes import Filling, fill_holes
+    from trueterrain.surface.placement import Placement
 
     inputs = [file, *more]
     formats.writer_of("surface", output)
@@ -151,21 +152,21 @@ def grid(
         floor=floor or 0.0, saturation=saturation or float("inf"), nearest=nearest,
         furthest=furthest or float("inf"), weight=weight,
     )  # fmt: skip
-    where = Where(
-        spacing=spacing, across=across, right=right, left=left, line=line, path=path,
-        bounds=bounds, smoothing=smoothing, as_map=output.suffix.lower() in _MAPS,
+    where = Placement(
+        spacing=spacing, across=across, right=right, left=left, line=line,
+        path=None if path is None else str(path), bounds=bounds, smoothing=smoothing,
+        as_map=output.suffix.lower() in _MAPS,
     )  # fmt: skip
     kind = _kind(inputs)
     _check_times(begin, end, kind, inputs)
     formats.require_writable(output, force=force, inputs=[*inputs, *([path] if path else [])])
-    workers = _processors() if threads is None else threads
+    workers = processors() if threads is None else threads
     with progress_bar() as progress:
         if kind == "run":
             from trueterrain.surface.runs import Pass, grid_runs
 
             passes = [
-                Pass(path=run, trajectory=_cut(motion_of(run, method), begin, end, run))
-                for run in inputs
+                Pass(path=run, trajectory=motion_of(run, method, begin, end)) for run in inputs
             ]
             surface, counts = grid_runs(
                 passes, where.of_runs(passes), options, screening=screening, threads=workers,
@@ -196,7 +197,7 @@ def grid(
 
 def _grid_points(
     files: list[Path],
-    where: Where,
+    where: "Placement",
     options: "GridOptions",
     crs: str | None,
     threads: int,
@@ -208,7 +209,9 @@ def _grid_points(
     if crs is not None:
         parse_crs(crs)
     blocks = _Blocks(files, crs, progress)
-    surface = grid_points(blocks, where.of_points(files, crs), options, threads=threads)
+    surface = grid_points(
+        blocks, where.of_points([extent_of(file, crs) for file in files]), options, threads=threads
+    )
     outside = int(surface.attrs.pop("outside"))
     return surface, {"used": blocks.points - outside, "outside": outside}
 
@@ -219,31 +222,6 @@ def _check_times(begin: float | None, end: float | None, kind: str, inputs: list
     if kind != "run" or len(inputs) > 1:
         message = "--begin and --end are times of one run; grid it alone."
         raise ValueError(message)
-    if begin is not None and end is not None and not begin < end:
-        message = f"--begin must be less than --end, got {begin:g} s and {end:g} s."
-        raise ValueError(message)
-
-
-def _cut(motion: "Trajectory", begin: float | None, end: float | None, run: Path) -> "Trajectory":
-    """Motion between two times: scans at others are left out."""
-    if begin is None and end is None:
-        return motion
-    import dataclasses
-
-    first, last = float(motion.time[0]), float(motion.time[-1])
-    low = first if begin is None else begin
-    high = last if end is None else end
-    kept = (motion.time >= low) & (motion.time <= high)
-    if kept.sum() < 2:
-        raise CoverageError(
-            f"there is no motion from {low:g} s to {high:g} s: it runs from {first:.3f} s to "
-            f"{last:.3f} s",
-            path=run,
-            place="navigation",
-            cure="Choose --begin and --end within these times.",
-        )
-    fields = (field.name for field in dataclasses.fields(motion))
-    return dataclasses.replace(motion, **{name: getattr(motion, name)[kept] for name in fields})
 
 
 class _Blocks:
@@ -295,14 +273,6 @@ def _kind(inputs: list[Path]) -> str:
     return kinds[0]
 
 
-def _processors() -> int:
-    import os
-
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 def _report(
     output: Path,
     surface: "xr.Dataset",
@@ -310,22 +280,11 @@ def _report(
     holes: dict[str, Any],
     loss: dict[str, float] | None,
 ) -> dict[str, Any]:
-    import numpy as np
+    from trueterrain.surface.summary import summarise
 
-    height, dims = surface["height"].values, surface["height"].dims
-    seen = np.isfinite(height)
-    sd, count = surface["sd"].values[seen], surface["count"].values[seen]
-    known = sd[np.isfinite(sd)]
     return {
         "output": str(output),
-        "size": dict(zip(map(str, dims), height.shape, strict=True)),
-        "spacing": {str(dim): float(np.diff(surface[dim].values).mean()) for dim in dims},
-        "nodes": int(seen.sum()),
-        "count": {"median": float(np.median(count)), "most": int(count.max())},
-        "sd": {
-            "median": float(np.median(known)) if known.size else None,
-            "largest": float(known.max()) if known.size else None,
-        },
+        **summarise(surface),
         "returns": counts,
         "holes": holes,
         "down_sample": loss,

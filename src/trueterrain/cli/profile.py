@@ -57,9 +57,9 @@ def profile(
     Parameters
     ----------
     surface
-        Surface (OpenCRG, GeoTIFF) or point cloud (LAS, LAZ, COPC, CSV, Parquet).
+        Surface (OpenCRG, GeoTIFF, Zarr) or point cloud (LAS, LAZ, COPC, CSV, Parquet, Zarr).
     output
-        Profile to write: .erd or .csv (.parquet).
+        Profile to write: .erd or .csv (.parquet, .zarr).
     offset
         Path at this offset from the reference line of the surface, left positive [m].
     line
@@ -106,7 +106,6 @@ def profile(
         Replace the output if it exists.
     """
     from trueterrain import formats, provenance
-    from trueterrain.engine import require_writable
     from trueterrain.profile import ProfileOptions, point_profile, tyre_profile
 
     options = ProfileOptions(
@@ -116,7 +115,7 @@ def profile(
     )  # fmt: skip
     area, taken = options.search_area(), options.taken()
     inputs = [surface, *([path] if path else [])]
-    require_writable(output, force=force, inputs=inputs)
+    formats.require_writable(output, force=force, inputs=inputs)
     written = _writing(output, units)
     with concerning(surface), compiling_noted(), progress_bar() as progress:
         ground, travelled = _ground_and_path(surface, offset, line, path, spacing, area, crs)

@@ -5,12 +5,14 @@ quaternion: between two knots it turns by the rotation vector that is a cubic th
 knot to knot and the angular velocities at both. What no instrument saw is flagged, never hidden.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
+
+from trueterrain.errors import CoverageError
 
 Float = npt.NDArray[np.float64]
 
@@ -138,6 +140,46 @@ class Trajectory:
             covariance=(1 - x[..., None]) * self.covariance[k]
             + x[..., None] * self.covariance[k + 1],
             flag=self.flag[k] | self.flag[k + 1],
+        )
+
+    def between(self, begin: float | None = None, end: float | None = None) -> "Trajectory":
+        """Part of the motion, such as one lap.
+
+        Parameters
+        ----------
+        begin, end : float, optional
+            True times of its first and last knot at the earliest and latest [s].
+
+        Returns
+        -------
+        Trajectory
+            The knots between them.
+
+        Raises
+        ------
+        ValueError
+            If `begin` is not less than `end`.
+        CoverageError
+            If fewer than 2 knots lie between them.
+        """
+        if begin is None and end is None:
+            return self
+        first, last = float(self.time[0]), float(self.time[-1])
+        low = first if begin is None else begin
+        high = last if end is None else end
+        if begin is not None and end is not None and not begin < end:
+            message = f"begin must be less than end, got {begin:g} s and {end:g} s."
+            raise ValueError(message)
+        kept = (self.time >= low) & (self.time <= high)
+        if kept.sum() < 2:
+            raise CoverageError(
+                f"there is no motion from {low:g} s to {high:g} s: it runs from {first:.3f} s to "
+                f"{last:.3f} s",
+                place="navigation",
+                cure="Choose begin and end within these times.",
+            )
+        return replace(
+            self, **{entry.name: getattr(self, entry.name)[kept] for entry in fields(self)}
         )
 
 

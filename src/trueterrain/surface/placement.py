@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from trueterrain.errors import CoverageError
+from trueterrain.surface._self_overlap import overlap
 from trueterrain.surface.cells import Grid, grid_along, grid_over
 from trueterrain.surface.line import (
     ReferenceLine,
@@ -60,7 +62,7 @@ class Placement:
             message = "only one of line, path and bounds may be given."
             raise ValueError(message)
         if self.as_map and (self.line or self.path):
-            message = "line and path make a surface along a line, not a map: write .crg."
+            message = "line and path make a surface along a line, not a map: write .crg or .zarr."
             raise ValueError(message)
 
     def of_runs(self, passes: "Sequence[Pass]") -> Grid:
@@ -94,7 +96,15 @@ class Placement:
             first.trajectory, spacing=self.spacing, half_width=max(-self.right, self.left),
             smoothing=self.smoothing, lever=_mounting(first).scanner_position, begin=begin, end=end,
         )  # fmt: skip
-        return self._along(line)
+        grid = self._along(line)
+        met = overlap(grid)
+        if met is not None:
+            raise CoverageError(
+                _met(grid, met), path=first.path, place="way of the run",
+                cure=f"Take one lap: end {_time_at(first, met[1] / line.u[-1]):.1f} s (and begin); "
+                "or name the stretch with line or path, or a map with bounds.",
+            )  # fmt: skip
+        return grid
 
     def of_points(self, extents: Sequence[Four]) -> Grid:
         """Grid for points: over the map that they cover, unless something else is asked for.
@@ -128,7 +138,15 @@ class Placement:
                 *read_waypoints(Path(self.path)), spacing=self.spacing, smoothing=self.smoothing,
                 half_width=max(-self.right, self.left, 0.0),
             )  # fmt: skip
-            return self._along(line)
+            grid = self._along(line)
+            met = overlap(grid)
+            if met is not None:
+                raise CoverageError(
+                    _met(grid, met), path=self.path,
+                    cure="Give waypoints up to there, a narrower grid (right, left), or a map "
+                    "with bounds.",
+                )  # fmt: skip
+            return grid
         return None
 
     def _along(self, line: ReferenceLine) -> Grid:
@@ -140,6 +158,22 @@ class Placement:
         return grid_over(
             west, south, east, north, spacing=(self.spacing, self.across or self.spacing)
         )
+
+
+def _met(grid: Grid, met: tuple[float, float]) -> str:
+    width = float(grid.v[-1] - grid.v[0])
+    return (
+        f"it comes back over itself: the grid, {width:g} m wide, lies at u = {met[1]:.2f} m over "
+        f"its part at u = {met[0]:.2f} m, and no ground can be in both"
+    )
+
+
+def _time_at(one: "Pass", share: float) -> float:
+    """Time before which a share of the way is gone, down to a tenth of a second."""
+    way = _way(one)
+    gone = np.append(0.0, np.cumsum(np.hypot(*np.diff(way[:, :2], axis=0).T)))
+    at = np.interp(share * gone[-1], gone, _knots(one))
+    return float(np.floor(10 * at) / 10)
 
 
 def _mounting(one: "Pass") -> "Mounting":
@@ -160,11 +194,16 @@ def _times(one: "Pass") -> tuple[float, float]:
     return max(begin, float(knots[0])), min(end, float(knots[-1]))
 
 
+def _knots(one: "Pass") -> npt.NDArray[Any]:
+    """Times of the motion while there are scans, shape (n,) [s]."""
+    begin, end = _times(one)
+    time = one.trajectory.time
+    return time[(time >= begin) & (time <= end)]
+
+
 def _way(one: "Pass") -> npt.NDArray[Any]:
     """Where the scanner is while it scans, shape (n, 3) [m]."""
-    begin, end = _times(one)
-    inside = one.trajectory.time[(one.trajectory.time >= begin) & (one.trajectory.time <= end)]
-    poses = one.trajectory.at(inside)
+    poses = one.trajectory.at(_knots(one))
     lever = np.array(_mounting(one).scanner_position)
     return np.asarray(poses.position + poses.rotation.apply(lever))
 

@@ -116,7 +116,8 @@ def measure_lane(
             warnings.simplefilter("ignore")  # what it warns of is among the problems as well
             motion = fuse(tree, settings=survey.motion)
         doubts = [*motion.problems, *scan_problems(tree, motion.trajectory)]
-    one = Pass(path=path, trajectory=motion.trajectory, mounting=mounting)
+        trajectory = motion.trajectory.between(run.begin, run.end)
+    one = Pass(path=path, trajectory=trajectory, mounting=mounting)
     files = [*_points(survey, one, name, folder, progress)]
 
     def gridding(_: str, done: float, total: float | None) -> None:
@@ -358,7 +359,8 @@ def _problems(tally: dict[str, Any], holes: dict[str, Any]) -> Iterator[str]:
         if tally.get(name):
             yield f"{tally[name]:,} {what}"
     if holes["open_holes"]:
-        yield f"{holes['open_holes']:,} holes are left open, {holes['open_nodes']:,} nodes"
+        many = "1 hole is" if holes["open_holes"] == 1 else f"{holes['open_holes']:,} holes are"
+        yield f"{many} left open, {holes['open_nodes']:,} nodes in all"
 
 
 def _coarse(surface: xr.Dataset) -> xr.Dataset:

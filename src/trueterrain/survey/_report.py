@@ -70,28 +70,28 @@ def report_of(
 def _headline(lanes: list[Lane], numbers: dict[str, Any]) -> Iterator[Number]:
     each = numbers["lanes"]
     yield Number(
-        label="driven", value=sum(lane["run"]["driven"] for lane in each), unit="m", digits=0,
+        label="Driven", value=sum(lane["run"]["driven"] for lane in each), unit="m", digits=0,
         note=_count(len(lanes), "lane"),
     )  # fmt: skip
     yield Number(
-        label="returns gridded", value=sum(lane["returns"]["used"] for lane in each) / 1e6,
+        label="Returns gridded", value=sum(lane["returns"]["used"] for lane in each) / 1e6,
         unit="million", digits=2,
     )  # fmt: skip
     sds = [lane["surface"]["sd"]["median"] for lane in each]
     known = [sd for sd in sds if sd is not None]
     yield Number(
-        label="standard deviation of a height", value=_MM * max(known) if known else None,
+        label="Standard deviation of a height", value=_MM * max(known) if known else None,
         unit="mm", digits=2, note="median over the nodes" + _worst(len(lanes)),
     )  # fmt: skip
     for compared in numbers["agreement"][:1]:
         yield Number(
-            label="lanes apart where they overlap", value=_MM * compared["median"], unit="mm",
+            label="Lanes apart where they overlap", value=_MM * compared["median"], unit="mm",
             digits=1, note=f"median of {' and '.join(compared['lanes'])}",
         )  # fmt: skip
     truths = [lane["truth"]["surface"] for lane in each if lane["truth"]]
     if truths:
         yield Number(
-            label="error of heights about their median",
+            label="Error of heights about their median",
             value=_MM * max(truth["nmad"] for truth in truths), unit="mm", digits=2,
             note="NMAD against the true ground" + _worst(len(lanes)),
         )  # fmt: skip
@@ -108,7 +108,7 @@ def _ground(lanes: list[Lane], pictures: Pictures) -> Section:
     rows = [
         (
             lane.name, lane.numbers["surface"]["nodes"],
-            " x ".join(f"{step:g} m" for step in lane.numbers["surface"]["spacing"].values()),
+            " × ".join(f"{step:g} m" for step in lane.numbers["surface"]["spacing"].values()),
             lane.numbers["surface"]["count"]["median"],
             _mm(lane.numbers["surface"]["sd"]["median"]), _mm(lane.numbers["surface"]["sd"]["p95"]),
             lane.numbers["surface"]["holes"]["filled_nodes"],

@@ -64,6 +64,12 @@ class RunSettings:
     name: str | None = None
     "Name of the lane in results; by default that of the store."
 
+    begin: float | None = None
+    "Time of the navigation from which on it is taken, e.g. the begin of a lap [s]."
+
+    end: float | None = None
+    "Time up to which it is taken [s]; a way that comes back over itself makes no surface."
+
     mounting: MountingOverride = field(default_factory=MountingOverride)
     "What is known better than the run says, e.g. by calibration."
 

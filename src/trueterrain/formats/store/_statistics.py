@@ -85,12 +85,13 @@ def _ground(surface: xr.Dataset) -> dict[str, Any]:
     """Eastings and northings that a surface covers [m]."""
     if "u" not in surface.dims:
         return {name: _span(surface[name].values) for name in _PLACE}
-    from trueterrain.surface.reference_line import grid_frame
-
-    frame = grid_frame(surface)
-    edges = frame.v[[0, -1]]
-    easting = frame.origin_easting[:, None] + edges * frame.normal_easting[:, None]
-    northing = frame.origin_northing[:, None] + edges * frame.normal_northing[:, None]
+    # a cross-section halves the angle between the chord that ends at its node and the next one
+    ends, begins = surface["heading"].values, np.roll(surface["heading"].values, -1)
+    begins[-1] = ends[-1]
+    bisector = ends + 0.5 * (begins - ends)
+    reach = surface["v"].values[[0, -1]] / np.cos(0.5 * (begins - ends))[:, None]
+    easting = surface["easting"].values[:, None] - reach * np.sin(bisector)[:, None]
+    northing = surface["northing"].values[:, None] + reach * np.cos(bisector)[:, None]
     return {"easting": _span(easting), "northing": _span(northing)}
 
 
