@@ -44,9 +44,14 @@ class Plan:
     missed: set[range] = field(default_factory=set)
     "Windows that were worked without a scan that reaches them."
 
-    def around(self, window: range) -> slice:
-        """Rows that need sums for a window."""
-        return slice(max(window.start - self.margin, 0), window.stop + self.margin)
+    @property
+    def rows(self) -> int:
+        """Rows that have sums at a time."""
+        return min(max(map(len, self.windows)) + 2 * self.margin, self.windows[-1].stop)
+
+    def first(self, window: range) -> int:
+        """The first of them for a window."""
+        return max(min(window.start - self.margin, self.windows[-1].stop - self.rows), 0)
 
     def reaching(self, number: int, window: range) -> npt.NDArray[np.intp] | None:
         """Scans of a pass that reach a window or its margin, as far as is known; None for all."""
@@ -72,8 +77,7 @@ class Plan:
                     self.missed.add(done)
 
     def _touches(self, reach: Reach, window: range) -> npt.NDArray[np.bool_]:
-        around = self.around(window)
-        return reach.touches(around.start, around.stop)
+        return reach.touches(window.start - self.margin, window.stop + self.margin)
 
 
 def plan_windows(

@@ -200,11 +200,9 @@ def finish_rows(
         for job in jobs:
             job.result()
     if options.share is not None and again is not None:
-        taken = sums.quantile(options.share, again)
         height = nodes.height[rows.start : rows.stop]
         seen = np.isfinite(height)
-        inner = slice(rows.start - sums.rows.start, rows.stop - sums.rows.start)
-        height[seen] = taken[inner][seen]
+        height[seen] = sums.quantile(options.share, rows, again)[seen]
 
 
 def require_heights(nodes: Nodes, options: GridOptions, tally: Tally) -> None:

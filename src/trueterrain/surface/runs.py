@@ -24,7 +24,7 @@ from trueterrain.surface.grid import GridOptions, finish_rows, require_heights
 BLOCK = 4000
 
 #: Memory for sums, unless told otherwise [bytes].
-MEMORY = 512 << 20
+MEMORY = 256 << 20
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -107,9 +107,10 @@ def grid_runs(
         furthest=screening.furthest,
     )  # fmt: skip
     nodes, tally = Nodes.empty(grid.shape), plan.tally
+    sums = CellSums(grid, wanted, threads=threads, rows=slice(plan.rows), poses=plan.poses)
 
     def work(window: range) -> None:
-        sums = CellSums(grid, wanted, threads=threads, rows=plan.around(window), poses=plan.poses)
+        sums.move(plan.first(window))
 
         def add(those: CellSums) -> None:
             _add(those, recordings, plan, window, screening, block, progress)

@@ -212,7 +212,7 @@ def _add_pose(at, c, px, py, nx, ny, unit, row):
 
 @njit(cache=True, nogil=True)
 def variances(coefficient, v, out):
-    """a + b v + c v², at least 0."""
+    """A + b v + c v², at least 0."""
     for i in range(out.shape[0]):
         a, b, c = coefficient[0, i], coefficient[1, i], coefficient[2, i]
         for j in range(v.size):
@@ -319,26 +319,56 @@ def points(
 
 @njit(cache=True, nogil=True)
 def merge(count, totals, squares, lows, highs, alongs, acrosses, variances, touched, other):
-    """Add the sums of another accumulator, row by row where it has any."""
+    """Add the sums of another accumulator, row by row where it has any, and leave zeros there."""
     columns = count.size // touched.size
     for row in range(touched.size):
         if not other[8][row]:
             continue
         touched[row] = True
-        for cell in range(row * columns, (row + 1) * columns):
-            if other[0][cell] == 0:
-                continue
+        begin, end = row * columns, (row + 1) * columns
+        for cell in range(begin, end):
             count[cell] += other[0][cell]
             totals[cell] += other[1][cell]
             squares[cell] += other[2][cell]
-            if lows.size:
+        if lows.size:
+            for cell in range(begin, end):
                 lows[cell] = max(lows[cell], other[3][cell])
                 highs[cell] = max(highs[cell], other[4][cell])
-            if alongs.size:
+        if alongs.size:
+            for cell in range(begin, end):
                 alongs[cell] += other[5][cell]
                 acrosses[cell] += other[6][cell]
-            if variances.size:
+        if variances.size:
+            for cell in range(begin, end):
                 variances[cell] += other[7][cell]
+        _clear(row, columns, other)
+
+
+@njit(cache=True, nogil=True)
+def clear(sums):
+    """Leave zeros in an accumulator, row by row where it has any sums."""
+    columns = sums[0].size // sums[8].size
+    for row in range(sums[8].size):
+        if sums[8][row]:
+            _clear(row, columns, sums)
+
+
+@njit(cache=True, nogil=True)
+def _clear(row, columns, sums):
+    count, totals, squares, lows, highs, alongs, acrosses, variances, touched = sums
+    begin, end = row * columns, (row + 1) * columns
+    count[begin:end] = 0
+    totals[begin:end] = 0
+    squares[begin:end] = 0
+    if lows.size:
+        lows[begin:end] = 0
+        highs[begin:end] = 0
+    if alongs.size:
+        alongs[begin:end] = 0
+        acrosses[begin:end] = 0
+    if variances.size:
+        variances[begin:end] = 0
+    touched[row] = False
 
 
 @njit(cache=True, nogil=True)

@@ -59,11 +59,21 @@ class Part:
             self.acrosses,
         )  # fmt: skip
 
-    def add(self, other: "Part") -> None:
-        """Add the sums of another thread."""
-        _kernels.merge(
-            *self.cells, self.variances, self.touched,
-            (*other.cells, other.variances, other.touched),
-        )  # fmt: skip
+    @property
+    def sums(self) -> tuple[Any, ...]:
+        """All sums of cells, and which rows have any, as the loops take them."""
+        return (*self.cells, self.variances, self.touched)
+
+    def take(self, other: "Part") -> None:
+        """Add the sums of another thread, and leave nothing there."""
+        _kernels.merge(*self.sums, other.sums)
         self.pose.sums[...] += other.pose.sums
+        other.pose.sums[...] = 0
         self.tally.add(other.tally)
+        other.tally = Tally()
+
+    def clear(self) -> None:
+        """Leave nothing; the room stays, which takes less time than to get new."""
+        _kernels.clear(self.sums)
+        self.pose.sums[...] = 0
+        self.tally = Tally()

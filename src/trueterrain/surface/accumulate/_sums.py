@@ -83,6 +83,7 @@ class CellSums:
         self._earlier: npt.NDArray[np.int32] | None = None  # counts before this pass
         self._independent: Floats | None = None  # n² and n times variance, of finished passes
         self._collection: Collection | None = None  # heights are collected instead of added
+        self._moves = False  # so the room of threads is needed again
 
     @property
     def weight(self) -> int:
@@ -218,17 +219,36 @@ class CellSums:
         """Sums of all threads."""
         first = self._parts[0]
         for part in self._parts[1:]:
-            first.add(part)
-        del self._parts[1:]
+            first.take(part)
+        if not self._moves:
+            del self._parts[1:]
         return first
 
-    def quantile(self, share: float, again: Callable[["CellSums"], None]) -> Floats:
+    def move(self, first: int) -> None:
+        """Begin anew with as many other rows; what is known of passes and poses stays.
+
+        Parameters
+        ----------
+        first : int
+            The first of them.
+        """
+        self.rows = range(first, first + len(self.rows))
+        self._moves = True
+        self.passes = 1
+        self._pose = self._earlier = self._independent = None
+        self._finished.clear()
+        for part in self._parts:
+            part.clear()
+
+    def quantile(self, share: float, rows: range, again: Callable[["CellSums"], None]) -> Floats:
         """Quantile of the heights in each cell, exact to the step of the heights.
 
         Parameters
         ----------
         share : float
             0.5 for the median; between two heights by their shares, as numpy does [1].
+        rows : range
+            Rows of the grid, of those that are kept.
         again : callable
             Adds all the data again.
 
@@ -246,14 +266,19 @@ class CellSums:
             message = "quantiles take no weights; reject doubtful returns (weight 0)."
             raise ValueError(message)
 
+        columns = self.grid.shape[1]
+        first = rows.start - self.rows.start
+
         def collect(room: Collection) -> None:
+            room.first_cell += first * columns
             self._collection = room
             try:
                 again(self)
             finally:
                 self._collection = None
 
-        return quantiles(self._cells(self.total().count), share, collect) * STEP
+        count = self._cells(self.total().count)[first : first + len(rows)]
+        return quantiles(count, share, collect) * STEP
 
     def pose_variance(self, rows: slice) -> tuple[Floats, Floats | None]:
         """Variance of the mean height of each cell that comes from the pose.
