@@ -139,7 +139,7 @@ def test_lanes_are_compared_and_mountings_overridden(found, survey, tmp_path):
     npt.assert_allclose(after["median"] - before["median"], LIFTED, rtol=0, atol=2e-5)
     truths = [lane["truth"]["surface"]["median"] for lane in found.numbers["lanes"]]
     npt.assert_allclose(before["median"], truths[1] - truths[0], rtol=0, atol=0.005)
-    assert again.numbers["lanes"][1]["mounting"]["scanner_position"][2] == z + LIFTED
+    assert again.numbers["runs"][1]["mounting"]["scanner_position"][2] == z + LIFTED
     assert all(lane["truth"] is None for lane in again.numbers["lanes"])
 
 

@@ -70,9 +70,11 @@ def in_words(numbers: dict[str, Any]) -> Iterator[str]:
     str
         Lines.
     """
+    runs = {run["name"]: run for run in numbers["runs"]}
     for lane in numbers["lanes"]:
         surface, sd = lane["surface"], lane["surface"]["sd"]["median"]
-        text = f"{lane['name']}: {lane['run']['driven']:,.1f} m, {surface['nodes']:,} nodes"
+        driven = sum(runs[name]["driven"] for name in lane["runs"])
+        text = f"{lane['name']}: {driven:,.1f} m, {surface['nodes']:,} nodes"
         yield text + ("" if sd is None else f", standard deviation {1000 * sd:.2f} mm (median)")
         if lane["truth"]:
             truth = lane["truth"]["surface"]
@@ -88,7 +90,8 @@ def in_words(numbers: dict[str, Any]) -> Iterator[str]:
             if lane["truth"]:
                 text += f", of the true ground {lane['truth']['iri'][profile['name']]:.2f} m/km"
             yield text
-        for problem in lane["problems"]:
+        doubts = [problem for name in lane["runs"] for problem in runs[name]["problems"]]
+        for problem in (*doubts, *lane["problems"]):
             yield f"  doubtful: {problem}"
     for compared in numbers["agreement"]:
         one, other = compared["lanes"]

@@ -15,7 +15,7 @@ from trueterrain.engine import no_progress, whole_folder
 from trueterrain.engine.progress import Progress
 from trueterrain.surface.evaluate import heights_at, node_coordinates
 from trueterrain.surface.runs import require_one_frame
-from trueterrain.survey._lane import Lane, measure_lane
+from trueterrain.survey._lane import Lane, find_run, measure_lane, write_points
 from trueterrain.survey._pictures import Pictures
 from trueterrain.survey._settings import Survey
 from trueterrain.verify.truth import TrueHeight
@@ -44,7 +44,7 @@ def run_survey(
     *,
     force: bool = False,
     threads: int = 1,
-    truth: Callable[[str], TrueHeight | None] = lambda _: None,
+    truth: Callable[[Path], TrueHeight | None] = lambda _: None,
     progress: Progress = no_progress,
 ) -> SurveyResult:
     """Turn recorded runs into surfaces, profiles, roughness and a report.
@@ -91,20 +91,25 @@ def run_survey(
     require_one_frame([Path(run.path) for run in survey.runs])
     with whole_folder(folder, force=force) as temporary:
         pictures = Pictures(temporary if survey.outputs.pictures else None)
+        runs = [find_run(survey, run, progress) for run in survey.runs]
+        points = [write_points(survey, run, temporary, progress) for run in runs]
         lanes = [
             measure_lane(
-                survey, run, temporary, threads=threads, truth=truth(run.path),
-                look=pictures.of_lane, progress=progress,
+                survey, run.name, [run], temporary, threads=threads,
+                truth=truth(run.taken.path), look=pictures.of_lane, progress=progress,
             )
-            for run in survey.runs
+            for run in runs
         ]  # fmt: skip
         progress("report", 0, None)
+        for run in runs:
+            pictures.of_motion(run)
         for lane in lanes:
             pictures.of_whole(lane)
         numbers = finite({
             "survey": survey.name,
             "title": survey.title,
             "version": __version__,
+            "runs": [run.numbers for run in runs],
             "lanes": [lane.numbers for lane in lanes],
             "agreement": [
                 compared for one, other in itertools.combinations(lanes, 2)
@@ -114,10 +119,12 @@ def run_survey(
         (temporary / "result.json").write_text(
             json.dumps(numbers, indent=2, allow_nan=False) + "\n"
         )
-        write_report(report_of(survey, lanes, numbers, pictures), temporary / "report.html")
+        files = [one for one in points if one] + [file for lane in lanes for file in lane.files]
+        report = report_of(survey, lanes, numbers, pictures, [*files, *pictures.files])
+        write_report(report, temporary / "report.html")
         pictures.close()
-        files = tuple(sorted(file.name for file in temporary.iterdir()))
-    return SurveyResult(folder=Path(folder), files=files, numbers=numbers)
+        written = tuple(sorted(file.name for file in temporary.iterdir()))
+    return SurveyResult(folder=Path(folder), files=written, numbers=numbers)
 
 
 def agreement(one: Lane, other: Lane) -> dict[str, Any] | None:

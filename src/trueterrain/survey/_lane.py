@@ -1,7 +1,7 @@
-"""One lane: from a recorded run to its surface and profiles, with everything that was found."""
+"""One lane: from recorded runs to their surface and profiles, with everything that was found."""
 
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from trueterrain.formats.run import open_run
 from trueterrain.formats.table import read_waypoints
 from trueterrain.georeference import georeference, mounting_of
 from trueterrain.kinds import make_profile
-from trueterrain.motion import FusedMotion, fuse
+from trueterrain.motion import FusedMotion, Trajectory, fuse
 from trueterrain.motion._scans import scan_problems
 from trueterrain.profile import (
     WheelPath,
@@ -45,23 +45,34 @@ Look = Callable[[str, xr.Dataset, "dict[str, xr.Dataset]"], None]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Run:
+    """A run of the survey, and its motion."""
+
+    name: str
+    "Name of its lane."
+
+    motion: FusedMotion
+    "How the motion was found."
+
+    taken: Pass
+    "Where it is, the part of its motion that counts, and its mounting."
+
+    numbers: dict[str, Any]
+    "What it is, as JSON takes it."
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Lane:
-    """What a run became."""
+    """What one run became, or several together."""
 
     name: str
     "Name of the lane."
-
-    motion: FusedMotion
-    "Its motion."
 
     coarse: xr.Dataset
     "Its surface with nodes some 50 mm apart."
 
     profiles: dict[str, xr.Dataset]
     "Its profiles by name."
-
-    index: dict[str, xr.Dataset]
-    "Their roughness, where they could be rated."
 
     files: tuple[tuple[str, str], ...]
     "Names of the files that were written, and what they hold."
@@ -73,9 +84,47 @@ class Lane:
     "Steps that led to the surface."
 
 
+def find_run(survey: Survey, run: RunSettings, progress: Progress) -> Run:
+    """Open a run and find its motion.
+
+    Parameters
+    ----------
+    survey : Survey
+        How the motion is found.
+    run : RunSettings
+        The run.
+    progress : callable
+        Called with a task, the amount done and the total.
+
+    Returns
+    -------
+    Run
+        With all that is doubtful about it.
+    """
+    name, path = lane_name(run), Path(run.path)
+    progress(f"{name}: motion", 0, None)
+    with concerning(path), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what it warns of is among the problems as well
+        tree = open_run(path)
+        mounting = run.mounting.over(mounting_of(tree, path=path))
+        motion = fuse(tree, settings=survey.motion)
+        doubts = [*motion.problems, *scan_problems(tree, motion.trajectory)]
+        trajectory = motion.trajectory.between(run.begin, run.end)
+    numbers = {
+        "name": name,
+        **_of_run(tree, path, trajectory),
+        "mounting": asdict(mounting),
+        "motion": motion.summary(),
+        "problems": doubts,
+    }
+    taken = Pass(path=path, trajectory=trajectory, mounting=mounting)
+    return Run(name=name, motion=motion, taken=taken, numbers=numbers)
+
+
 def measure_lane(
     survey: Survey,
-    run: RunSettings,
+    name: str,
+    runs: Sequence[Run],
     folder: Path,
     *,
     threads: int,
@@ -83,14 +132,16 @@ def measure_lane(
     look: Look,
     progress: Progress,
 ) -> Lane:
-    """Turn a run into points, a surface and profiles, and write them.
+    """Turn runs into one surface and profiles, and write them.
 
     Parameters
     ----------
     survey : Survey
-        What shall become of it.
-    run : RunSettings
-        The run.
+        What shall become of them.
+    name : str
+        Name of the lane.
+    runs : sequence of Run
+        The runs; the surface lies along the way of the first, unless the settings say otherwise.
     folder : Path
         Where files are written.
     threads : int
@@ -107,36 +158,22 @@ def measure_lane(
     Lane
         Everything but the surface itself, which is on disk.
     """
-    name, path = lane_name(run), Path(run.path)
-    progress(f"{name}: motion", 0, None)
-    with concerning(path):
-        tree = open_run(path)
-        mounting = run.mounting.over(mounting_of(tree, path=path))
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # what it warns of is among the problems as well
-            motion = fuse(tree, settings=survey.motion)
-        doubts = [*motion.problems, *scan_problems(tree, motion.trajectory)]
-        trajectory = motion.trajectory.between(run.begin, run.end)
-    one = Pass(path=path, trajectory=trajectory, mounting=mounting)
-    files = [*_points(survey, one, name, folder, progress)]
-
-    def gridding(_: str, done: float, total: float | None) -> None:
-        progress(f"{name}: scans", done, total)
-
+    passes = [run.taken for run in runs]
     surface, tally = grid_runs(
-        [one], survey.grid.of_runs([one]), survey.cells, screening=survey.screening,
-        threads=threads, progress=gridding,
+        passes, survey.grid.of_runs(passes), survey.cells, screening=survey.screening,
+        threads=threads, progress=lambda run, done, total: progress(f"{run}: scans", done, total),
     )  # fmt: skip
     surface, holes = fill_holes(trimmed(surface), survey.holes)
     loss = None
     if survey.down_sample is not None:
         surface, loss = down_sample(surface, survey.down_sample)
     surface = provenance.add_step(surface, "survey", parameters={
-        "survey": survey.name, "run": path.name, "motion": survey.motion, "mounting": mounting,
+        "survey": survey.name, "runs": [run.taken.path.name for run in runs],
+        "motion": survey.motion, "mounting": [run.taken.mounting for run in runs],
         "holes": survey.holes, "down_sample": survey.down_sample,
     })  # fmt: skip
     progress(f"{name}: files", 0, None)
-    files += _surfaces(survey, surface, name, folder)
+    files = [*_surfaces(survey, surface, name, folder)]
     progress(f"{name}: profiles", 0, None)
     profiles, left_out = _profiles(survey, surface, name)
     files += _profile_files(survey, profiles, name, folder)
@@ -144,9 +181,7 @@ def measure_lane(
     look(name, surface, profiles)
     numbers = {
         "name": name,
-        "run": _of_run(tree, path, motion),
-        "mounting": asdict(mounting),
-        "motion": motion.summary(),
+        "runs": [run.name for run in runs],
         "returns": tally,
         "surface": {**summarise(surface), "holes": holes, "down_sample": loss},
         "profiles": [
@@ -155,33 +190,51 @@ def measure_lane(
         ],
         "wheel_paths": _wheel_paths(survey, profiles),
         "truth": None if truth is None else _against(survey, surface, truth, index),
-        "problems": [*doubts, *_problems(tally, holes), *left_out, *unrated],
+        "problems": [*_problems(tally, holes), *left_out, *unrated],
         "files": [file for file, _ in files],
     }  # fmt: skip
     return Lane(
-        name=name, motion=motion, coarse=_coarse(surface), profiles=profiles, index=index,
-        files=tuple(files), numbers=numbers, steps=provenance.steps(surface),
+        name=name, coarse=_coarse(surface), profiles=profiles, files=tuple(files), numbers=numbers,
+        steps=provenance.steps(surface),
     )  # fmt: skip
 
 
-def _points(
-    survey: Survey, one: Pass, name: str, folder: Path, progress: Progress
-) -> Iterator[tuple[str, str]]:
+def write_points(
+    survey: Survey, run: Run, folder: Path, progress: Progress
+) -> tuple[str, str] | None:
+    """Write every return of a run as a point, if the survey asks for it.
+
+    Parameters
+    ----------
+    survey : Survey
+        In which format.
+    run : Run
+        The run.
+    folder : Path
+        Where the file is written.
+    progress : callable
+        Called with a task, the amount done and the total.
+
+    Returns
+    -------
+    tuple of str or None
+        Name of the file, and what it holds.
+    """
     if not survey.outputs.points:
-        return
-    scans = open_run(one.path)["scans"].sizes["scan"]
+        return None
+    scans = run.numbers["scans"]
 
     def blocks() -> Iterator[xr.Dataset]:
         for block in georeference(
-            one.path, one.trajectory, one.mounting, screening=survey.screening,
+            run.taken.path, run.taken.trajectory, run.taken.mounting, screening=survey.screening,
             range_noise=survey.cells.range_noise,
         ):  # fmt: skip
             yield block
-            progress(f"{name}: points", block.attrs["scans"], scans)
+            progress(f"{run.name}: points", block.attrs["scans"], scans)
 
-    file = f"{name}-points.{survey.outputs.points}"
+    file = f"{run.name}-points.{survey.outputs.points}"
     formats.write(blocks(), folder / file)
-    yield file, "every return at its own time"
+    return file, f"every return of {run.name} at its own time"
 
 
 def _surfaces(
@@ -192,7 +245,7 @@ def _surfaces(
         formats.write(
             surface_to_points(surface) if ending == "laz" else surface, folder / file
         )  # fmt: skip
-        yield file, "surface, nodes as points" if ending == "laz" else "surface"
+        yield file, f"{name}: surface" + (", nodes as points" if ending == "laz" else "")
 
 
 def _profiles(
@@ -259,7 +312,7 @@ def _profile_files(
         for ending in survey.outputs.profile:
             file = f"{lane}-{name}.{ending}"
             formats.write(profile, folder / file)
-            yield file, f"profile {name}"
+            yield file, f"{lane}: profile {name}"
 
 
 def _rated(
@@ -315,13 +368,12 @@ def _against(
     }
 
 
-def _of_run(tree: xr.DataTree, path: Path, motion: FusedMotion) -> dict[str, Any]:
+def _of_run(tree: xr.DataTree, path: Path, trajectory: Trajectory) -> dict[str, Any]:
     scans = tree["scans"]
     time = np.asarray(scans["time"], dtype=np.float64)
-    way = motion.trajectory.position
+    way = trajectory.position
     return {
         "path": path.name,
-        "name": str(tree.attrs.get("name", path.stem)),
         "scans": int(scans.sizes["scan"]),
         "beams": int(scans.sizes["beam"]),
         "seconds": float(np.nanmax(time) - np.nanmin(time)),

@@ -12,7 +12,7 @@ from trueterrain import figures
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from trueterrain.survey._lane import Lane
+    from trueterrain.survey._lane import Lane, Run
 
 _PART = 6.0  # [m] of a lane that is drawn node by node
 
@@ -51,7 +51,7 @@ class Pictures:
             self._keep(lane, "profiles", figures.profiles(profiles), "profiles")
 
     def of_whole(self, lane: "Lane") -> None:
-        """Draw the whole surface, and how the body moved.
+        """Draw the whole surface.
 
         Parameters
         ----------
@@ -59,11 +59,19 @@ class Pictures:
             The lane.
         """
         self._keep(lane.name, "surface", figures.surface_map(lane.coarse), "surface")
-        t = lane.motion.trajectory
-        poses = t.at(t.time)
-        _, pitch, roll = np.unwrap(poses.rotation.as_euler("ZYX"), axis=0).T
+
+    def of_motion(self, run: "Run") -> None:
+        """Draw how the body moved.
+
+        Parameters
+        ----------
+        run : Run
+            The run.
+        """
+        t = run.taken.trajectory
+        _, pitch, roll = np.unwrap(t.at(t.time).rotation.as_euler("ZYX"), axis=0).T
         motion = {"time": t.time, "up": t.position[:, 2], "pitch": pitch, "roll": roll}
-        self._keep(lane.name, "motion", figures.body_motion(motion), "motion of the body")
+        self._keep(run.name, "motion", figures.body_motion(motion), "motion of the body")
 
     def close(self) -> None:
         """Let go of all figures."""
@@ -77,7 +85,7 @@ class Pictures:
         if self.folder is not None:
             file = f"{lane}-{kind}.png"
             figures.save(axes.figure, self.folder / file)
-            self.files.append((file, what))
+            self.files.append((file, f"{lane}: {what}"))
 
 
 def _middle(surface: xr.Dataset) -> xr.Dataset:

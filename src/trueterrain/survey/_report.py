@@ -27,7 +27,11 @@ _COLUMN = re.compile(r"([^\[.]+?)(?: \[([^\]]+)\])?(?: \.(\d))?")
 
 
 def report_of(
-    survey: Survey, lanes: list[Lane], numbers: dict[str, Any], pictures: Pictures
+    survey: Survey,
+    lanes: list[Lane],
+    numbers: dict[str, Any],
+    pictures: Pictures,
+    files: list[tuple[str, str]],
 ) -> Report:
     """Report of a survey.
 
@@ -41,6 +45,8 @@ def report_of(
         What stands in result.json.
     pictures : Pictures
         Figures that were drawn.
+    files : list of tuple of str
+        Names of the files, and what they hold.
 
     Returns
     -------
@@ -51,12 +57,12 @@ def report_of(
     sections = [
         Section(title="What is doubtful", blocks=[Warnings(items=problems)]) if problems else None,
         _ground(lanes, pictures),
-        _accuracy(lanes, numbers),
+        _accuracy(numbers),
         _against_truth(lanes),
         _profiles(survey, lanes, pictures),
-        _motion(survey, lanes, pictures),
-        _inputs(lanes),
-        _files(lanes, pictures),
+        _motion(survey, numbers["runs"], pictures),
+        _inputs(numbers),
+        _files(files),
     ]
     return Report(
         title=survey.title or survey.name,
@@ -70,8 +76,8 @@ def report_of(
 def _headline(lanes: list[Lane], numbers: dict[str, Any]) -> Iterator[Number]:
     each = numbers["lanes"]
     yield Number(
-        label="Driven", value=sum(lane["run"]["driven"] for lane in each), unit="m", digits=0,
-        note=_count(len(lanes), "lane"),
+        label="Driven", value=sum(run["driven"] for run in numbers["runs"]), unit="m", digits=0,
+        note=_count(len(numbers["runs"]), "run"),
     )  # fmt: skip
     yield Number(
         label="Returns gridded", value=sum(lane["returns"]["used"] for lane in each) / 1e6,
@@ -141,20 +147,21 @@ def _ground(lanes: list[Lane], pictures: Pictures) -> Section:
     return Section(title="The ground", blocks=blocks)
 
 
-def _accuracy(lanes: list[Lane], numbers: dict[str, Any]) -> Section:
+def _accuracy(numbers: dict[str, Any]) -> Section:
     rows = [
         (
-            lane.name, lane.motion.method,
-            *(_mm(lane.numbers["motion"]["sd"][axis]) for axis in ("east", "north", "up")),
-            _mrad(lane.numbers["motion"]["sd"]["about_east"]),
-            _mrad(lane.numbers["motion"]["sd"]["about_north"]),
-            _mrad(lane.numbers["motion"]["sd"]["about_up"]),
+            run["name"], run["motion"]["method"],
+            *(_mm(run["motion"]["sd"][axis]) for axis in ("east", "north", "up")),
+            *(
+                _mrad(run["motion"]["sd"][axis])
+                for axis in ("about_east", "about_north", "about_up")
+            ),
         )
-        for lane in lanes
+        for run in numbers["runs"]
     ]  # fmt: skip
     motion = Table(
         columns=_columns(
-            "Lane; Method; East [mm] .1; North [mm] .1; Up [mm] .1; About east [mrad] .3; "
+            "Run; Method; East [mm] .1; North [mm] .1; Up [mm] .1; About east [mrad] .3; "
             "About north [mrad] .3; About up [mrad] .3"
         ),
         rows=rows,
@@ -179,7 +186,7 @@ def _accuracy(lanes: list[Lane], numbers: dict[str, Any]) -> Section:
                 "on its own, nothing was brought into agreement.",
             )
         )  # fmt: skip
-    elif len(lanes) > 1:
+    elif len(numbers["lanes"]) > 1:
         blocks.append(Text(paragraph="The lanes do not overlap, so they cannot be compared."))
     else:
         blocks.append(
@@ -288,23 +295,20 @@ def _profiles(survey: Survey, lanes: list[Lane], pictures: Pictures) -> Section 
     return Section(title="Profiles and roughness", blocks=blocks)
 
 
-def _motion(survey: Survey, lanes: list[Lane], pictures: Pictures) -> Section:
-    noise = [
-        (name, _noise(lane.numbers["motion"]["noise"]))
-        for lane in lanes
-        for name in [lane.name]
-        if lane.numbers["motion"]["noise"]
-    ]
+def _motion(survey: Survey, runs: list[dict[str, Any]], pictures: Pictures) -> Section:
     blocks: list[Block] = [
         Picture(
-            figure=pictures.figures[lane.name, "motion"],
-            alt=f"Heave, pitch and roll of the body over time in {lane.name}",
-            caption=f"Motion of the body in {lane.name}, which was taken out.",
+            figure=pictures.figures[run["name"], "motion"],
+            alt=f"Heave, pitch and roll of the body over time in {run['name']}",
+            caption=f"Motion of the body in {run['name']}, which was taken out.",
         )
-        for lane in lanes
+        for run in runs
+    ]
+    noise = [
+        (run["name"], _noise(run["motion"]["noise"])) for run in runs if run["motion"]["noise"]
     ]
     if noise:
-        columns = (Column(label="Lane"), *(Column(label=label) for label in noise[0][1]))
+        columns = (Column(label="Run"), *(Column(label=label) for label in noise[0][1]))
         blocks.append(
             Table(
                 columns=columns,
@@ -327,39 +331,41 @@ def _noise(noise: dict[str, Any]) -> dict[str, str]:
     return found
 
 
-def _inputs(lanes: list[Lane]) -> Section:
-    rows = [
-        (
-            lane.name, lane.numbers["run"]["path"], lane.numbers["run"]["scans"],
-            lane.numbers["run"]["beams"], lane.numbers["run"]["seconds"],
-            lane.numbers["run"]["driven"], lane.numbers["returns"]["used"],
-            lane.numbers["returns"]["outside"], lane.numbers["returns"]["doubtful"],
-        )
-        for lane in lanes
-    ]  # fmt: skip
-    table = Table(
-        columns=_columns(
-            "Lane; Run; Scans; Beams; Time [s] .1; Driven [m] .1; Returns gridded; "
-            "Beside the grid; Doubtful"
-        ),
-        rows=rows,
+def _inputs(numbers: dict[str, Any]) -> Section:
+    runs = Table(
+        columns=_columns("Run; Store; Scans; Beams; Time [s] .1; Driven [m] .1"),
+        rows=[
+            tuple(run[key] for key in ("name", "path", "scans", "beams", "seconds", "driven"))
+            for run in numbers["runs"]
+        ],
         caption="Recorded runs.",
-    )  # fmt: skip
-    longitude, latitude, height = lanes[0].numbers["run"]["origin"]
+    )
+    returns = Table(
+        columns=_columns("Lane; Returns gridded; Beside the grid; Doubtful; Scans left out"),
+        rows=[
+            (
+                lane["name"],
+                *(
+                    lane["returns"][key]
+                    for key in ("used", "outside", "doubtful", "scans_uncovered")
+                ),
+            )
+            for lane in numbers["lanes"]
+        ],
+        caption="What became of their returns.",
+    )
+    longitude, latitude, height = numbers["runs"][0]["origin"]
     text = (
         f"Coordinates are east, north and up of {latitude:.7f} deg north, {longitude:.7f} deg "
         f"east, {height:.3f} m above the ellipsoid."
     )
-    return Section(title="What went in", text=text, blocks=[table])
+    return Section(title="What went in", text=text, blocks=[runs, returns])
 
 
-def _files(lanes: list[Lane], pictures: Pictures) -> Section:
-    files = [
-        File(path=name, note=f"{lane.name}: {note}") for lane in lanes for name, note in lane.files
-    ]
-    files += [File(path=name, note=note) for name, note in pictures.files]
-    files.append(File(path="result.json", note="all numbers of this report"))
-    return Section(title="Files", blocks=[Files(files=files)])
+def _files(files: list[tuple[str, str]]) -> Section:
+    listed = [File(path=name, note=note) for name, note in files]
+    listed.append(File(path="result.json", note="all numbers of this report"))
+    return Section(title="Files", blocks=[Files(files=listed)])
 
 
 def _columns(text: str) -> tuple[Column, ...]:
