@@ -85,8 +85,13 @@ def equal_response(height, base, scale, S, p, state, out):
 
 
 @njit(cache=True, nogil=True)
-def equal_sums(height, base, scale, S, p, duration, car, state, edges, sums):
-    """Sum abs(output) over all steps, and between edges into `sums`; both in steps.
+def _amount(output, squared):
+    return output * output if squared else abs(output)
+
+
+@njit(cache=True, nogil=True)
+def equal_sums(height, base, scale, S, p, duration, car, state, squared, edges, sums):
+    """Sum abs(output), or its square, over all steps, and between edges into `sums`; in steps.
 
     `edges` ascend from 0 to the number of steps. An edge within a step divides it: the output at
     the edge stands for the part before it, the output at the end of the step for the part after.
@@ -106,9 +111,9 @@ def equal_sums(height, base, scale, S, p, duration, car, state, edges, sums):
             stop = min(float(first), end)
             slope = (height[first - 1 + base] - height[first - 1]) * scale
             x0, x1, x2, x3 = _exact_step(x0, x1, x2, x3, slope, (stop - begin) * duration, car)
-            part += abs(x2 - x0) * (stop - begin)
+            part += _amount(x2 - x0, squared) * (stop - begin)
             if stop == first:
-                total += abs(x2 - x0)
+                total += _amount(x2 - x0, squared)
         whole = 0.0
         for i in range(first, last):
             slope = (height[i + base] - height[i]) * scale
@@ -118,13 +123,13 @@ def equal_sums(height, base, scale, S, p, duration, car, state, edges, sums):
                 ((s20 * x0 + s21 * x1) + (s22 * x2 + s23 * x3)) + p2 * slope,
                 ((s30 * x0 + s31 * x1) + (s32 * x2 + s33 * x3)) + p3 * slope,
             )
-            whole += abs(x2 - x0)
+            whole += _amount(x2 - x0, squared)
         total += whole
         part += whole
         if last >= first and end > last:
             slope = (height[last + base] - height[last]) * scale
             x0, x1, x2, x3 = _exact_step(x0, x1, x2, x3, slope, (end - last) * duration, car)
-            part += abs(x2 - x0) * (end - last)
+            part += _amount(x2 - x0, squared) * (end - last)
         sums[k] = part
     return total
 

@@ -1,8 +1,9 @@
-"""One track under the golden car: conventions turned into slopes, start and sums."""
+"""One track under a quarter car: conventions turned into slopes, start and means."""
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -24,7 +25,58 @@ Start = Literal["11m", "0.5s", "level"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class IriOptions:
+class CarOptions(ABC):
+    """What every index has to settle whose car drives over a profile."""
+
+    window: Window = "sayers"
+    """Moving average before the car: "sayers" (slope over nint(length / spacing) samples, equal
+    spacing only; at spacings from 2/3 of the length on that is one step, and nothing is averaged),
+    "centred" (mean of the samples within half a length, both ends included; left out if no spacing
+    is at most half a length; at the ends of the profile it has samples on one side only, which
+    bends a grade there), "exact" (mean of the straight lines between the samples, where the whole
+    window is on the profile), or "none" (for smoothed profiles)."""
+
+    window_length: float = 0.25
+    "Length of the moving average [m]."
+
+    restart: bool = False
+    "Start the car again in every segment, instead of one run over the whole profile."
+
+    speed: float = IRI_SPEED
+    "Speed of the car [m/s]; the indices are defined at 80 km/h."
+
+    spacing_tolerance: float = 1e-3
+    "Largest distance of a station from equal spacing that still counts as equal [steps]."
+
+    car: QuarterCar
+    "Parameters of the car."
+
+    def __post_init__(self) -> None:
+        _require_known("window", self.window, Window)
+        for name, unit in (("window_length", " m"), ("speed", " m/s")):
+            require_positive(name, getattr(self, name), unit)
+        if not 0 <= self.spacing_tolerance < 0.5:
+            message = f"spacing_tolerance must be within 0 and 0.5, got {self.spacing_tolerance}"
+            raise ValueError(message)
+
+    @property
+    @abstractmethod
+    def lead(self) -> "Lead | None":
+        """Chord with whose slope the car starts, None for a level start."""
+
+
+class Lead(NamedTuple):
+    """First part of the profile, with whose slope the car starts."""
+
+    length: float
+    "How long it is [m]."
+
+    as_program: bool
+    "Whether its height is divided by one sample more than it spans, as Sayers's program does."
+
+
+@dataclass(frozen=True, kw_only=True)
+class IriOptions(CarOptions):
     """Conventions of the International Roughness Index; the defaults are those of Sayers's program.
 
     Conventions matter: on measured roads the kind of window changes the index by about 0.5 %, the
@@ -39,47 +91,38 @@ class IriOptions:
     ValueError: window must be one of sayers, centred, exact, none, got 'box'
     """
 
-    window: Window = "sayers"
-    """Moving average before the car: "sayers" (slope over nint(length / spacing) samples, equal
-    spacing only), "centred" (mean of the samples within half a length, both ends included; left out
-    if no spacing is at most half a length; at the ends of the profile it has samples on one side
-    only, which bends a grade there), "exact" (mean of the straight lines between the samples, where
-    the whole window is on the profile), or "none" (for smoothed profiles)."""
-
-    window_length: float = 0.25
-    "Length of the moving average [m]."
-
     start: Start = "11m"
     """Slope with which the car starts: "11m" (chord of the first 11 m, divided by one sample more
     than it spans, as in the program; on unequal spacing by its own length), "0.5s" (chord of the
     first 0.5 s, which are 11.11 m at 80 km/h), or "level" (0)."""
 
-    restart: bool = False
-    "Start the car again in every segment, instead of one run over the whole profile."
-
-    speed: float = IRI_SPEED
-    "Speed of the car [m/s]; the index is defined at 80 km/h."
-
     car: QuarterCar = field(default_factory=QuarterCar)
     "Parameters of the car."
 
-    spacing_tolerance: float = 1e-3
-    "Largest distance of a station from equal spacing that still counts as equal [steps]."
-
     def __post_init__(self) -> None:
-        for name, known in (("window", Window), ("start", Start)):
-            if getattr(self, name) not in get_args(known):
-                choice = ", ".join(get_args(known))
-                message = f"{name} must be one of {choice}, got {getattr(self, name)!r}"
-                raise ValueError(message)
-        for name, unit in (("window_length", " m"), ("speed", " m/s")):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
-                message = f"{name} must be finite and greater than 0{unit}, got {value}"
-                raise ValueError(message)
-        if not 0 <= self.spacing_tolerance < 0.5:
-            message = f"spacing_tolerance must be within 0 and 0.5, got {self.spacing_tolerance}"
-            raise ValueError(message)
+        super().__post_init__()
+        _require_known("start", self.start, Start)
+
+    @property
+    def lead(self) -> Lead | None:
+        """Chord with whose slope the car starts, None for a level start."""
+        if self.start == "level":
+            return None
+        program = self.start == "11m"
+        return Lead(_START_LENGTH if program else _START_TIME * self.speed, program)
+
+
+def require_positive(name: str, value: float, unit: str) -> None:
+    """Refuse a value that is not finite and greater than 0."""
+    if not (np.isfinite(value) and value > 0):
+        message = f"{name} must be finite and greater than 0{unit}, got {value}"
+        raise ValueError(message)
+
+
+def _require_known(name: str, value: str, known: Any) -> None:
+    if value not in get_args(known):
+        message = f"{name} must be one of {', '.join(get_args(known))}, got {value!r}"
+        raise ValueError(message)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,7 +144,7 @@ class Drive:
     slope: float
     "Slope with which the car starts [m/m]."
 
-    options: IriOptions
+    options: CarOptions
     "Conventions."
 
     @property
@@ -119,12 +162,12 @@ class Drive:
         return k1 / mu, k2 / mu, c / mu, k2, c, bound
 
 
-def drive(station: Array, height: Array, options: IriOptions) -> Drive:
+def drive(station: Array, height: Array, options: CarOptions) -> Drive:
     """Apply window and start to the heights of one track."""
     if station.size < 2:
         raise _too_short(station)
     step = equal_step(station, options.spacing_tolerance)
-    slope = _start_slope(station, height, step, options)
+    slope = _start_slope(station, height, step, options.lead)
     base = 1
     if options.window == "sayers":
         base = _sayers_base(station, step, options.window_length)
@@ -141,14 +184,17 @@ def drive(station: Array, height: Array, options: IriOptions) -> Drive:
     )  # fmt: skip
 
 
-def sums(way: Drive, edges: Array) -> tuple[float, Array]:
-    """Mean of abs(output) over the whole way, and between edges [m] within it [m/m]."""
+def means(way: Drive, edges: Array, *, squared: bool = False) -> tuple[float, Array]:
+    """Mean of abs(output), or of its square, over the whole way, and between edges [m] within it.
+
+    It is in m/m, or its square.
+    """
     inner = np.clip(edges, way.station[0], way.station[-1])
     widths = np.diff(inner)
     if way.step is None:
-        total, parts = _unequal_sums(way, inner)
+        total, parts = _unequal_sums(way, inner, squared)
     else:
-        total, parts = _equal_sums(way, inner)
+        total, parts = _equal_sums(way, inner, squared)
     with np.errstate(invalid="ignore"):
         return total, parts / widths
 
@@ -193,7 +239,7 @@ def _too_short(station: Array) -> CoverageError:
     )
 
 
-def _equal_sums(way: Drive, edges: Array) -> tuple[float, Array]:
+def _equal_sums(way: Drive, edges: Array, squared: bool) -> tuple[float, Array]:
     from trueterrain.roughness import _kernels
 
     assert way.step is not None
@@ -205,12 +251,12 @@ def _equal_sums(way: Drive, edges: Array) -> tuple[float, Array]:
     parts = np.empty(at.size - 1)
     total = _kernels.equal_sums(
         way.height, way.base, 1 / (way.base * way.step), S, p, way.step / way.options.speed,
-        way.constants, way.state, at, parts,
+        way.constants, way.state, squared, at, parts,
     )  # fmt: skip
     return total / steps, parts[1:-1] * way.step
 
 
-def _unequal_sums(way: Drive, edges: Array) -> tuple[float, Array]:
+def _unequal_sums(way: Drive, edges: Array, squared: bool) -> tuple[float, Array]:
     from trueterrain.roughness import _kernels
 
     after = np.searchsorted(way.station, edges)
@@ -223,21 +269,20 @@ def _unequal_sums(way: Drive, edges: Array) -> tuple[float, Array]:
     own = np.insert(np.ones(way.station.size, dtype=bool), at, values=False)
     out = np.empty(station.size - 1)
     _kernels.unequal_response(station, height, way.options.speed, way.constants, way.state, out)
-    travel = abs(out)
+    travel = out**2 if squared else abs(out)
     total = float(np.sum(travel[own[1:]] * np.diff(way.station)))
     behind = np.concatenate([[0.0], np.cumsum(travel * np.diff(station))])
     reached = np.interp(edges, station, behind)
     return total / float(way.station[-1] - way.station[0]), np.diff(reached)
 
 
-def _start_slope(station: Array, height: Array, step: float | None, options: IriOptions) -> float:
-    if options.start == "level":
+def _start_slope(station: Array, height: Array, step: float | None, lead: Lead | None) -> float:
+    if lead is None:
         return 0.0
-    if options.start == "11m" and step is not None:
-        lead = min(nearest_integer(_START_LENGTH / step) + 1, station.size)
-        return float(height[lead - 1] - height[0]) / (step * lead)
-    length = _START_LENGTH if options.start == "11m" else _START_TIME * options.speed
-    end = min(station[0] + length, station[-1])
+    if lead.as_program and step is not None:
+        last = min(nearest_integer(lead.length / step) + 1, station.size)
+        return float(height[last - 1] - height[0]) / (step * last)
+    end = min(station[0] + lead.length, station[-1])
     at = int(np.clip(np.searchsorted(station, end), 1, station.size - 1))
     share = (end - station[at - 1]) / (station[at] - station[at - 1])
     reached = height[at - 1] + share * (height[at] - height[at - 1])

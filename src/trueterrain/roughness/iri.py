@@ -9,30 +9,26 @@ program are options, and off unless asked for.
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.errors import CoverageError, SchemaError
-from trueterrain.kinds import check_profile
+from trueterrain.errors import CoverageError
 from trueterrain.provenance import add_step
-from trueterrain.roughness._track import Drive, IriOptions, drive, response, sums
+from trueterrain.roughness._rate import rate
+from trueterrain.roughness._track import Drive, IriOptions, drive, response
+from trueterrain.roughness._tracks import ROUNDING, cut, find_wheel_paths, tracks
 
-__all__ = ["IriOptions", "continuous_iri", "iri"]
+__all__ = ["IN_PER_MI", "IriOptions", "continuous_iri", "iri"]
+
+#: What 1 m/km is in inches per mile [in/mi].
+IN_PER_MI = 63.36
 
 Array = npt.NDArray[np.float64]
 
 _M_PER_KM = 1000.0
 _UNIT = {"units": "m/km"}
-
-# Share of the spacing by which the end of a segment may miss a sample and still be there [1]
-_ROUNDING = 1e-6
-
-# Names by which a profile of more than two tracks shows its wheel paths
-_LEFT = ("left", "l", "lelev", "lelev.")
-_RIGHT = ("right", "r", "relev", "relev.")
 
 
 def iri(
@@ -101,21 +97,21 @@ def iri(
     >>> print(f"MRI {index.mri.item():.3f} m/km, HRI {index.hri.item():.3f} m/km")
     MRI 2.018 m/km, HRI 0.000 m/km
     """
-    station, heights, names = _tracks(profile)
-    starts, ends, complete = _segments(station, segment)
-    rated = [_rate(station, height, options, starts, ends, complete) for height in heights]
-    paths = _wheel_paths(names, wheel_paths)
+    station, heights, names = tracks(profile)
+    segments = cut(station, segment)
+    rated = [rate(station, height, options, segments) for height in heights]
+    paths = find_wheel_paths(names, wheel_paths)
     kept = np.flatnonzero(np.isfinite(rated[0][1]))
-    whole = np.array([total for total, _ in rated])
-    parts = np.array([part[kept] for _, part in rated])
+    whole = _M_PER_KM * np.array([total for total, _ in rated])
+    parts = _M_PER_KM * np.array([part[kept] for _, part in rated])
     mri, hri = np.nan, np.nan
     segment_mri = segment_hri = np.full(kept.size, np.nan)
     if paths is not None:
         left, right = paths
         mri, segment_mri = whole[[left, right]].mean(), parts[[left, right]].mean(axis=0)
         middle = 0.5 * (heights[left] + heights[right])
-        hri, segment_hri = _rate(station, middle, options, starts, ends, complete)
-        segment_hri = segment_hri[kept]
+        total, part = rate(station, middle, options, segments)
+        hri, segment_hri = _M_PER_KM * total, _M_PER_KM * part[kept]
     data = xr.Dataset(
         {"iri": ("track", whole, _UNIT), "mri": ((), mri, _UNIT), "hri": ((), hri, _UNIT)},
         {"track": names},
@@ -125,11 +121,7 @@ def iri(
             segment_iri=(("track", "segment"), parts, _UNIT),
             segment_mri=("segment", segment_mri, _UNIT),
             segment_hri=("segment", segment_hri, _UNIT),
-        ).assign_coords(
-            start=("segment", starts[kept], {"units": "m"}),
-            end=("segment", ends[kept], {"units": "m"}),
-            complete=("segment", complete[kept]),
-        )
+        ).assign_coords(segments.coordinates(kept))
     return add_step(data, "iri", parameters={"options": options, "segment": segment}, after=profile)
 
 
@@ -191,7 +183,7 @@ def continuous_iri(
     if options.restart:
         message = "restart must be false for a sliding window, got True"
         raise ValueError(message)
-    station, heights, names = _tracks(profile)
+    station, heights, names = tracks(profile)
     rows = []
     for height in heights:
         way = drive(station, height, options)
@@ -210,109 +202,15 @@ def continuous_iri(
     return add_step(data, "continuous_iri", parameters=settings, after=profile)
 
 
-def _tracks(profile: xr.Dataset) -> tuple[Array, list[Array], list[str]]:
-    check_profile(profile)
-    station = np.ascontiguousarray(profile["s"], dtype=float)
-    if "track" in profile.dims:
-        count = profile.sizes["track"]
-        known = "track" in profile.coords
-        names = [str(name) for name in profile["track"].values] if known else []
-        names = names or [f"track {number}" for number in range(1, count + 1)]
-    else:
-        names = [str(profile.attrs.get("track", "profile"))]
-    block = np.asarray(profile["height"], dtype=float).reshape(len(names), station.size)
-    heights = [np.ascontiguousarray(height) for height in block]
-    if not heights:
-        raise SchemaError("must have at least one track", place="axis track")
-    for name, height in zip(names, heights, strict=True):
-        bad = ~np.isfinite(height)
-        if bad.any():
-            message = f"has no finite height ({int(bad.sum())} of {bad.size} samples have none)"
-            raise CoverageError(
-                message,
-                place=f"track {name}, s = {station[int(bad.argmax())]:g} m",
-                cure="Fill the gap, or rate the profile before and behind it separately.",
-            )
-    return station, heights, names
-
-
-def _segments(station: Array, segment: float | None) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
-    if segment is None:
-        return np.empty(0), np.empty(0), np.empty(0, dtype=bool)
-    length = float(station[-1] - station[0])
-    spacing = length / max(station.size - 1, 1)
-    if not (np.isfinite(segment) and segment >= spacing and segment > 0):
-        message = f"segment must be finite and at least the spacing {spacing:g} m, got {segment}"
-        raise ValueError(message)
-    whole = math.floor((length + _ROUNDING * spacing) / segment)
-    edges = station[0] + segment * np.arange(whole + 1)
-    complete = np.ones(whole, dtype=bool)
-    if station[-1] - edges[-1] > _ROUNDING * spacing:
-        edges = np.append(edges, station[-1])
-        complete = np.append(complete, False)
-    return edges[:-1], edges[1:], complete
-
-
-def _rate(
-    station: Array,
-    height: Array,
-    options: IriOptions,
-    starts: Array,
-    ends: Array,
-    complete: npt.NDArray[np.bool_],
-) -> tuple[float, Array]:
-    """IRI of a track and of its segments [m/km]; NaN for a segment without a step."""
-    way = drive(station, height, options)
-    if options.restart and starts.size:
-        total, _ = sums(way, np.empty(0))
-        pieces = zip(starts, ends, complete, strict=True)
-        parts = np.array([_restarted(station, height, options, *piece) for piece in pieces])
-    else:
-        total, parts = sums(way, np.append(starts, ends[-1:]))
-    return _M_PER_KM * total, _M_PER_KM * parts
-
-
-def _restarted(
-    station: Array, height: Array, options: IriOptions, start: float, end: float, complete: bool
-) -> float:
-    slack = _ROUNDING * float(station[-1] - station[0]) / (station.size - 1)
-    first = int(np.searchsorted(station, start - slack))
-    behind = int(np.searchsorted(station, end + slack, side="right"))
-    try:
-        way = drive(station[first:behind], height[first:behind], replace(options, restart=False))
-    except CoverageError:
-        if complete:
-            raise
-        return np.nan
-    return sums(way, np.empty(0))[0]
-
-
-def _wheel_paths(names: list[str], asked: Sequence[str] | None) -> tuple[int, int] | None:
-    if asked is not None:
-        if len(asked) != 2 or asked[0] == asked[1] or not set(asked) <= set(names):
-            message = (
-                f"wheel_paths must name two of the tracks {', '.join(names)}, "
-                f"got {', '.join(asked)}"
-            )
-            raise ValueError(message)
-        return names.index(asked[0]), names.index(asked[1])
-    if len(names) == 2:
-        return 0, 1
-    lower = [name.strip().lower() for name in names]
-    left = [at for at, name in enumerate(lower) if name in _LEFT]
-    right = [at for at, name in enumerate(lower) if name in _RIGHT]
-    return (left[0], right[0]) if len(left) == len(right) == 1 else None
-
-
 def _sliding(way: Drive, length: float, step: float | None) -> Array:
     """Where the windows begin [m]."""
     room = float(way.station[-1] - way.station[0])
     spacing = room / (way.station.size - 1)
-    if room + _ROUNDING * spacing < length:
+    if room + ROUNDING * spacing < length:
         message = f"is shorter than the window: {room:g} m, which must be at least {length:g} m"
         raise CoverageError(message, place="axis s", cure="Choose a shorter window.")
     distance = spacing if step is None else step
-    count = math.floor((room - length) / distance + _ROUNDING) + 1
+    count = math.floor((room - length) / distance + ROUNDING) + 1
     starts: Array = way.station[0] + distance * np.arange(count)
     return starts
 
