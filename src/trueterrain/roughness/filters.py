@@ -1,0 +1,314 @@
+"""Filters of profiles, given by wavelength: moving averages and Butterworth, without phase.
+
+Waves shorter than ``shortest`` or longer than ``longest`` are taken out: the first alone is a low
+pass, the second alone a high pass, both together a band pass. Nothing is shifted along the road.
+
+A profile has ends, a filter needs what lies beyond. There the profile is taken to go on as its own
+image, turned by half a turn about its last point: without a step, with the same grade. A grade
+passes a low pass unchanged and leaves nothing of a high pass, up to the very ends.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from trueterrain.errors import CoverageError, SchemaError
+from trueterrain.kinds import make_profile
+from trueterrain.provenance import add_step
+from trueterrain.roughness._track import equal_step, require_positive
+from trueterrain.roughness._tracks import tracks
+
+__all__ = ["FILTER_250_MM", "Butterworth", "Filter", "MovingAverage", "filter_profile"]
+
+Array = npt.NDArray[np.float64]
+
+_SPACING_TOLERANCE = 1e-3  # [steps] as for the car, see IriOptions
+_SETTLED = 1e-4  # [1] of its start, to which the answer of a filter falls within the mirrored ends
+
+
+@dataclass(frozen=True, kw_only=True)
+class Filter(ABC):
+    """What a filter takes out of a profile."""
+
+    shortest: float | None = None
+    "Waves shorter than this are taken out [m]."
+
+    longest: float | None = None
+    "Waves longer than this are taken out [m]."
+
+    def __post_init__(self) -> None:
+        if self.shortest is None and self.longest is None:
+            message = "one of shortest and longest must be given, got neither"
+            raise ValueError(message)
+        for name in ("shortest", "longest"):
+            value = getattr(self, name)
+            if value is not None:
+                require_positive(name, value, " m")
+        if self.shortest is not None and self.longest is not None and self.shortest >= self.longest:
+            message = (
+                f"shortest must be less than longest, got {self.shortest:g} and {self.longest:g} m"
+            )
+            raise ValueError(message)
+
+    @abstractmethod
+    def filtered(self, station: Array, height: Array) -> Array:
+        """Heights [m] of one track after the filter."""
+
+    @abstractmethod
+    def gain(self, wavelength: npt.ArrayLike, *, spacing: float = 0.0) -> Array:
+        """Amplitude of a sine after the filter over that before."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MovingAverage(Filter):
+    """Mean of the straight lines between the samples, over a length around each.
+
+    The low pass is the mean over `shortest`, the high pass the profile less the mean over
+    `longest`, as profile viewers define it. The mean passes a wave by sin(x) / x, x = pi length /
+    wavelength: nothing of a wave as long as the window, half of the power at 2.26 lengths, and a
+    fifth of a wave of 0.7 lengths, turned upside down. Spacing may be unequal.
+
+    Examples
+    --------
+    >>> MovingAverage(shortest=0.25).gain([0.25, 0.5, 10.0]).round(3)
+    array([0.   , 0.637, 0.999])
+    """
+
+    def filtered(self, station: Array, height: Array) -> Array:
+        """Heights [m] of one track after the filter."""
+        _require_room(station, max(self.shortest or 0.0, self.longest or 0.0))
+        low = height if self.shortest is None else _mean(station, height, self.shortest)
+        return low if self.longest is None else low - _mean(station, low, self.longest)
+
+    def gain(self, wavelength: npt.ArrayLike, *, spacing: float = 0.0) -> Array:
+        """Amplitude of a sine after the filter over that before; negative if turned upside down.
+
+        Parameters
+        ----------
+        wavelength : array_like
+            Wavelength of the sine [m].
+        spacing : float
+            Spacing of the samples [m]; the straight lines between them flatten the sine.
+
+        Returns
+        -------
+        numpy.ndarray, shape of wavelength
+            Gain [1].
+        """
+        n = 1 / np.asarray(wavelength, dtype=float)
+        low = np.ones_like(n) if self.shortest is None else _mean_gain(n, self.shortest, spacing)
+        return low if self.longest is None else low * (1 - _mean_gain(n, self.longest, spacing))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Butterworth(Filter):
+    """Butterworth filter run forth and back: no phase, and half of the power at both cut-offs.
+
+    Each run has the order `order` and a cut-off moved such that both runs together pass half of the
+    power, 0.71 of the amplitude, of a wave as long as `shortest` or `longest`; beyond, waves fall
+    by 12 `order` dB per octave. Spacing must be equal.
+
+    Examples
+    --------
+    >>> Butterworth(shortest=8.0, longest=90.0).gain([4.0, 8.0, 27.0, 90.0, 180.0]).round(3)
+    array([0.036, 0.707, 0.999, 0.707, 0.036])
+    """
+
+    order: int = 3
+    "Order of each of the two runs."
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if isinstance(self.order, bool) or self.order != int(self.order) or self.order < 1:
+            message = f"order must be a whole number of at least 1, got {self.order}"
+            raise ValueError(message)
+
+    def filtered(self, station: Array, height: Array) -> Array:
+        """Heights [m] of one track after the filter."""
+        from scipy.signal import sosfiltfilt
+
+        _require_room(station, max(self.shortest or 0.0, self.longest or 0.0))
+        step = require_equal(station, "for a Butterworth filter")
+        self._require_waves(step)
+        along = (station - station[0]) / (station[-1] - station[0])
+        grade = height[0] + along * (height[-1] - height[0])
+        out = height - grade  # ends at 0, whence its image goes on
+        for kind, length in (("lowpass", self.shortest), ("highpass", self.longest)):
+            if length is not None:
+                sections, ring = self._sections(kind, length, step)
+                out = sosfiltfilt(sections, out, padtype="odd", padlen=min(ring, out.size - 1))
+        return out + grade if self.longest is None else np.ascontiguousarray(out)
+
+    def gain(self, wavelength: npt.ArrayLike, *, spacing: float = 0.0) -> Array:
+        """Amplitude of a sine after the filter over that before.
+
+        Parameters
+        ----------
+        wavelength : array_like
+            Wavelength of the sine [m].
+        spacing : float
+            Spacing of the samples [m]; what they are too coarse for falls earlier.
+
+        Returns
+        -------
+        numpy.ndarray, shape of wavelength
+            Gain [1].
+        """
+        here = _warped(np.asarray(wavelength, dtype=float), spacing)
+        total = np.ones_like(here)
+        power = 2 * int(self.order)
+        share = np.sqrt(2.0) - 1.0  # by which the cut-off of each run lies beyond that of both
+        if self.shortest is not None:
+            total = total / (1 + share * (here / _warped(self.shortest, spacing)) ** power)
+        if self.longest is not None:
+            total = total / (1 + share * (_warped(self.longest, spacing) / here) ** power)
+        return total
+
+    def _sections(self, kind: str, length: float, step: float) -> tuple[Array, int]:
+        """Second-order sections of one run, and samples after which its answer has died away."""
+        from scipy.signal import butter, sos2zpk
+
+        edge = (np.sqrt(2.0) - 1.0) ** (1 / (2 * int(self.order)))  # amplitude 2^-1/4 in each run
+        warped = _warped(length, step) * (1 / edge if kind == "lowpass" else edge)
+        frequency = 2 / np.pi * np.arctan(float(warped) * np.pi * step)  # [1] of the highest
+        sections = butter(int(self.order), frequency, btype=kind, output="sos")
+        slowest = float(np.max(np.abs(sos2zpk(sections)[1])))
+        return sections, int(np.ceil(np.log(_SETTLED) / np.log(slowest)))
+
+    def _require_waves(self, step: float) -> None:
+        for name in ("shortest", "longest"):
+            length = getattr(self, name)
+            if length is not None and length <= 2 * step:
+                message = f"{name} must be more than two spacings of {step:g} m, got {length:g} m"
+                raise ValueError(message)
+
+
+#: The moving average that pavement engineers know as the 250 mm filter.
+FILTER_250_MM = MovingAverage(shortest=0.25)
+
+
+def filter_profile(profile: xr.Dataset, by: Filter) -> xr.Dataset:
+    """Profile after a filter, at the same stations.
+
+    Parameters
+    ----------
+    profile : xarray.Dataset
+        Profile with dimension s, optionally track [m].
+    by : Filter
+        `MovingAverage` or `Butterworth`.
+
+    Returns
+    -------
+    xarray.Dataset
+        Profile with filtered heights [m]; positions are kept, counts and standard deviations are
+        not, since they are not those of the filtered heights.
+
+    Raises
+    ------
+    ValueError
+        If a Butterworth filter shall cut waves that the samples cannot show.
+    SchemaError
+        If `profile` is not a Profile, or a Butterworth filter meets unequal spacing.
+    CoverageError
+        If a height is not finite, or the profile is shorter than the longest wave of the filter.
+
+    Examples
+    --------
+    >>> s = np.arange(0.0, 300.0, 0.1)
+    >>> hill, wave = 0.05 * s, 0.01 * np.sin(2 * np.pi * s / 20)
+    >>> road = make_profile(s, hill + wave)
+    >>> band = filter_profile(road, Butterworth(shortest=8.0, longest=90.0))
+    >>> print(f"{float(band.height[1500:].max()):.3f} m")
+    0.010 m
+    """
+    station, heights, names = tracks(profile)
+    rows = np.array([by.filtered(station, height) for height in heights])
+    several = "track" in profile.dims
+    kept = {
+        name: profile[name].values
+        for name in ("easting", "northing", "heading")
+        if name in profile.data_vars
+    }
+    out = make_profile(
+        station, rows if several else rows[0], tracks=names if several else None,
+        crs=profile.attrs.get("crs", ""), **kept,
+    )  # fmt: skip
+    attrs = profile.attrs | out.attrs
+    return add_step(out.assign_attrs(attrs), "filter_profile", parameters={"by": by}, after=profile)
+
+
+def require_equal(station: Array, purpose: str) -> float:
+    """Spacing of equally spaced stations [m]; says what it is needed for if it is not equal."""
+    step = equal_step(station, _SPACING_TOLERANCE) if station.size > 1 else None
+    if step is None:
+        spacing = np.diff(station)
+        found = f"spacings from {spacing.min():g} to {spacing.max():g} m" if spacing.size else "one"
+        raise SchemaError(
+            f"must be equally spaced {purpose}, got {found}",
+            place="axis s",
+            cure="Resample the profile to equal spacing first.",
+        )
+    return step
+
+
+def _require_room(station: Array, length: float) -> None:
+    room = float(station[-1] - station[0])
+    if room < length:
+        raise CoverageError(
+            f"is shorter than the filter: {room:g} m, which must be at least {length:g} m",
+            place="axis s",
+            cure="Give a longer profile or cut shorter waves.",
+        )
+
+
+def _mean(station: Array, height: Array, length: float) -> Array:
+    """Mean of the straight lines over a length around each sample, beyond the ends of the image."""
+    from trueterrain.roughness import _kernels
+
+    ahead = int(np.searchsorted(station, station[0] + 0.5 * length, side="right")) + 1
+    behind = int(np.searchsorted(station, station[-1] - 0.5 * length)) - 1
+    ahead, behind = min(ahead, station.size), max(behind, 0)
+    long = np.concatenate(
+        [
+            2 * station[0] - station[ahead - 1 : 0 : -1],
+            station,
+            2 * station[-1] - station[-2 : behind - 1 if behind else None : -1],
+        ]
+    )
+    high = np.concatenate(
+        [
+            2 * height[0] - height[ahead - 1 : 0 : -1],
+            height,
+            2 * height[-1] - height[-2 : behind - 1 if behind else None : -1],
+        ]
+    )
+    out = np.empty(station.size)
+    _kernels.mean_of_lines(long, high, length, ahead - 1, out)
+    return out
+
+
+def _mean_gain(n: Array, length: float, spacing: float) -> Array:
+    """Gain of the mean over a length for spatial frequencies n [1/m]."""
+    if spacing == 0.0:
+        return np.asarray(np.sinc(n * length))
+    # what each sample contributes: the integral over the window of its hat of straight lines
+    reach = int(0.5 * length / spacing) + 1
+    at = np.arange(-reach, reach + 1)
+    half = 0.5 * length / spacing
+    share = (_hat_integral(half - at) - _hat_integral(-half - at)) * spacing / length
+    return np.asarray(np.cos(2 * np.pi * n[..., None] * spacing * at) @ share)
+
+
+def _hat_integral(t: Array) -> Array:
+    """Integral up to t of the hat that is 1 at 0 and falls to 0 at -1 and 1."""
+    t = np.clip(t, -1.0, 1.0)
+    return np.where(t < 0, 0.5 * (1 + t) ** 2, 1 - 0.5 * (1 - t) ** 2)
+
+
+def _warped(length: npt.ArrayLike, spacing: float) -> Array:
+    """Spatial frequency of a wavelength, as the bilinear transform of samples sees it [1/m]."""
+    n = 1 / np.asarray(length, dtype=float)
+    return np.asarray(np.tan(np.pi * n * spacing) / (np.pi * spacing) if spacing else n)
