@@ -237,7 +237,7 @@ def drift_tests(system: System, equations: Equations, factor: float) -> list[Dri
     equations : Equations
         Normal equations, with heights as they were measured.
     factor : float
-        By which variances are greater than the weights say.
+        Variance of the right sides, by what the weights say it is.
 
     Returns
     -------

@@ -22,6 +22,7 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
 _STEPS = (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)  # [m] wandering that is tried
+_ALIKE = 2.0  # of the logarithm of likelihood, within which two trials are as likely
 _FINER = (10.0**0.25, 10.0**0.125)  # factors that are tried at last
 _BROAD = 3e-2  # [m] wandering with which the weights are found
 
@@ -119,7 +120,7 @@ class Search:
         """
         settings = self.settings
         spacings = self._spacings()
-        start = self._broad(spacings[-1])
+        start = broad(self.system(("height",), spacings[-1]), settings)
         self.weight, self.robustness = start.weight, start.robustness
         best: Trial | None = None
         strengths = dict.fromkeys(settings.orders, self._steps)
@@ -133,17 +134,26 @@ class Search:
                 ])
                 for order in settings.orders
             ]  # fmt: skip
-            strengths = {one.order: _around(one.strength, self._steps) for one in each}
-            found = self._likeliest(each)
-            if best is not None and not self._better(found, best, 1.0):
+            found = self._refined(self._likeliest(each))
+            strengths = {
+                one.order: self._near(found.strength if one.order == found.order else one.strength)
+                for one in each
+            }
+            gain = np.inf if best is None else found.log_likelihood - best.log_likelihood
+            if best is not None and (gain < -_ALIKE or self._better(best, found, 1.0)):
                 break
             best = found
-            if best.strength == 0:
-                break
+            if best.strength == 0 or gain < _ALIKE:
+                break  # finer knots would tell the same
         assert best is not None
         for group in settings.extra_components:
             best = self._with(best, group)
-        return self._refined(best)
+        return best
+
+    def _near(self, strength: float) -> Sequence[float]:
+        if self.settings.strength is not None or strength == 0:
+            return (strength,)
+        return (strength / _FINER[0], strength, strength * _FINER[0])
 
     @property
     def _steps(self) -> Sequence[float]:
@@ -151,30 +161,19 @@ class Search:
         return _STEPS if given is None else (given,)
 
     def _spacings(self) -> list[float]:
-        given = self.settings.knot_spacing
-        spacings = list(given) if isinstance(given, tuple) else [given]
+        spacings = list(self.settings.knot_spacings)
         # an interval needs some cells, or there is nothing to tell it by
         length = np.diff(self.shared.span, axis=1).sum()
         seen = self.shared.lane.size
         dense = [one for one in spacings if seen * one >= self.settings.least_cells * length]
         return dense or spacings[:1]
 
-    def _broad(self, spacing: float) -> Fitted:
-        settings = self.settings
-        broad = Trial(
-            components=("height",), knot_spacing=spacing, strength=_BROAD, order="first"
-        )  # fmt: skip
-        return settle(
-            self.system(("height",), spacing), self.prior(broad), bound=settings.huber,
-            tolerance=settings.tolerance, most=settings.most_rounds,
-        )  # fmt: skip
-
     def _with(self, best: Trial, group: tuple[str, ...]) -> Trial:
         """Trial with more components, if they tell more than chance."""
         components = (*best.components, *group)
         found = self._best_of([
             replace(best, components=components, strength=strength, extra_strength=step)
-            for strength in _around(best.strength, self._steps)
+            for strength in self._near(best.strength)
             for step in (0.0, *self.settings.extra_strengths)
         ])  # fmt: skip
         return found if self._better(found, best, 2.0) else best
@@ -233,6 +232,15 @@ class Search:
         return square, rmse, system.solve(whole, prior).log_likelihood
 
 
+def broad(system: System, settings: NetworkSettings) -> Fitted:
+    """Corrections of height that may be anything, with Huber's weights."""
+    anything = {"height": Prior(wander=Wander(sd=_BROAD), offset_sd=np.inf)}
+    return settle(
+        system, anything, bound=settings.huber, tolerance=settings.tolerance,
+        most=settings.most_rounds,
+    )  # fmt: skip
+
+
 def parts_of(system: System, folds: Folds, weight: Floats) -> tuple[Equations, list[Equations]]:
     """Normal equations of all cells, and those of each fold."""
     parts = [system.equations(weight, folds.number == fold) for fold in range(folds.count)]
@@ -269,11 +277,6 @@ def priors(trial: Trial, settings: NetworkSettings) -> dict[str, Prior]:
         offset_sd = np.inf if name == "height" else settings.scale(name)
         found[name] = Prior(wander=wander, offset_sd=offset_sd)
     return found
-
-
-def _around(step: float, steps: Sequence[float]) -> Sequence[float]:
-    at = steps.index(step)
-    return steps[max(at - 1, 0) : at + 2]
 
 
 def _chance(gain: Floats) -> float:

@@ -187,7 +187,10 @@ def corrections(interval, weights, factor, coefficients, out):
 
 @njit(cache=True, nogil=True)
 def residuals(start, height, weight, out, share):
-    """Heights less the weighted mean of their cell, and 1 less the share of each in that mean."""
+    """Heights less the weighted mean of their cell, and 1 less the share of each in that mean.
+
+    Both are 0 where nothing weighs anything.
+    """
     for c in range(start.size - 1):
         total, mean = 0.0, 0.0
         for i in range(start[c], start[c + 1]):
@@ -198,41 +201,43 @@ def residuals(start, height, weight, out, share):
                 out[i] = height[i] - mean / total
                 share[i] = 1.0 - weight[i] / total
             else:
-                out[i] = math.nan
+                out[i] = 0.0
                 share[i] = 0.0
 
 
 @njit(cache=True, nogil=True)
-def outlyingness(start, height, variance, out):
+def outlyingness(start, height, variance, usable, out):
     """Heights less the middle height of their cell, over their standard deviations.
 
     The middle one of many is not led astray by one that is wrong; two are equally far from their
-    mean, weighted by their variances.
+    mean, weighted by their variances. What is not usable is infinitely far away.
     """
-    values = np.empty(64)
+    values, members = np.empty(64), np.empty(64, np.int64)
     for c in range(start.size - 1):
-        begin, end = start[c], start[c + 1]
-        n = end - begin
+        if start[c + 1] - start[c] > values.size:
+            values = np.empty(start[c + 1] - start[c])
+            members = np.empty(start[c + 1] - start[c], np.int64)
+        n, mean_variance = 0, 0.0
+        for i in range(start[c], start[c + 1]):
+            out[i] = math.inf
+            if usable[i]:
+                k = n
+                while k > 0 and values[k - 1] > height[i]:  # sorted as they come, they are few
+                    values[k] = values[k - 1]
+                    k -= 1
+                values[k] = height[i]
+                members[n] = i
+                mean_variance += variance[i]
+                n += 1
         if n == 2:
-            away = (height[begin + 1] - height[begin]) / math.sqrt(
-                variance[begin] + variance[begin + 1]
-            )
-            out[begin], out[begin + 1] = -away, away
-            continue
-        if n > values.size:
-            values = np.empty(n)
-        for i in range(n):  # sorted as they come, they are few
-            k = i
-            while k > 0 and values[k - 1] > height[begin + i]:
-                values[k] = values[k - 1]
-                k -= 1
-            values[k] = height[begin + i]
-        middle = 0.5 * (values[(n - 1) // 2] + values[n // 2])
-        mean_variance = 0.0
-        for i in range(begin, end):
-            mean_variance += variance[i] / (n * n)
-        for i in range(begin, end):
-            out[i] = (height[i] - middle) / math.sqrt(variance[i] + mean_variance)
+            i, j = members[0], members[1]
+            away = (height[j] - height[i]) / math.sqrt(variance[i] + variance[j])
+            out[i], out[j] = -away, away
+        elif n:
+            middle = 0.5 * (values[(n - 1) // 2] + values[n // 2])
+            for k in range(n):
+                i = members[k]
+                out[i] = (height[i] - middle) / math.sqrt(variance[i] + mean_variance / (n * n))
 
 
 @njit(cache=True, nogil=True)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +12,7 @@ from trueterrain.lanes.cells import LaneCells
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
+Number = TypeVar("Number", np.int64, np.float64)
 
 _WINDOW = 500.0  # [m] side of the squares of which a part is taken
 _MIX = np.int64(0x5851F42D4C957F2D)
@@ -42,6 +44,9 @@ class Shared:
     start: Integers
     "First entry of each cell, and their number, shape (cell + 1,)."
 
+    usable: npt.NDArray[np.bool_]
+    "False for entries that are grossly wrong, shape (n,)."
+
     group: Integers
     "Passes that share ground, directly or by others, have the same number, shape (lane,)."
 
@@ -54,7 +59,7 @@ class Shared:
         """Mean of some values over the entries of each cell, shape (cell,)."""
         return np.add.reduceat(values, self.start[:-1]) / np.diff(self.start)
 
-    def per_entry(self, values: Integers) -> Integers:
+    def per_entry(self, values: npt.NDArray[Number]) -> npt.NDArray[Number]:
         """What holds for cells, entry by entry, shape (n,)."""
         return np.repeat(values, np.diff(self.start))
 
@@ -128,6 +133,7 @@ def share(lanes: Sequence[LaneCells], control: Sequence[LaneCells], fixed: Seque
     return Shared(
         names=tuple(one.name for one in ordered), fixed=still, span=span,
         entries=_on_their_plane(merged, start), lane=lane[order].astype(np.int64), start=start,
+        usable=np.ones(order.size, bool),
         group=_groups(lane[order], start, len(ordered)),
     )  # fmt: skip
 
@@ -171,7 +177,7 @@ def sample(shared: Shared, cells: int) -> tuple[Shared, Integers]:
     return Shared(
         names=tuple(shared.names[k] for k in of), fixed=shared.fixed[of],
         span=np.stack([low, high], axis=1), entries=entries, lane=lane.astype(np.int64),
-        start=start, group=_groups(lane, start, keys.size),
+        start=start, usable=shared.usable[pick], group=_groups(lane, start, keys.size),
     ), of  # fmt: skip
 
 

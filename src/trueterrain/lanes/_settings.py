@@ -38,7 +38,7 @@ class Trial:
 class NetworkSettings:
     """How passes are brought into agreement."""
 
-    knot_spacing: float | tuple[float, ...] = (2.0, 1.0, 0.5, 0.25, 0.1)
+    knot_spacing: float | tuple[float, ...] = (1.0, 0.5, 0.25, 0.1)
     """Spacing of the knots [s], or [m] where stations stand for time; of several, finer ones are
     taken while they predict cells held back better."""
 
@@ -89,7 +89,7 @@ class NetworkSettings:
     least_cells: float = 20.0
     "Cells that a knot interval must have in the mean, or its spacing is not tried."
 
-    tolerance: float = 1e-6
+    tolerance: float = 1e-5
     "Change of the corrections below which they are taken as settled [m]."
 
     most_rounds: int = 60
@@ -97,8 +97,7 @@ class NetworkSettings:
 
     def __post_init__(self) -> None:
         """Check the values."""
-        given = self.knot_spacing
-        spacings = given if isinstance(given, tuple) else (given,)
+        given, spacings = self.knot_spacing, self.knot_spacings
         if not spacings or not all(np.isfinite(one) and one > 0 for one in spacings):
             message = f"knot_spacing must be greater than 0, got {given}."
             raise ValueError(message)
@@ -128,6 +127,12 @@ class NetworkSettings:
         if self.folds < 2 or self.most_rounds < 1 or self.sample < 1:
             message = "folds must be at least 2, most_rounds and sample at least 1."
             raise ValueError(message)
+
+    @property
+    def knot_spacings(self) -> tuple[float, ...]:
+        """Spacings of the knots that are tried, from coarse to fine [s] or [m]."""
+        given = self.knot_spacing
+        return given if isinstance(given, tuple) else (given,)
 
     @property
     def extra_components(self) -> list[tuple[str, ...]]:

@@ -1,12 +1,13 @@
 """Unknowns of the adjustment, their normal equations, and what is known of them before.
 
 Each component of the correction of a pass is a constant part, the *offset*, and a spline that
-wanders about it. The constant parts of the heights are free; that of all passes of a group
-together is held at 0, which is the datum, unless a pass of the group is fixed.
+wanders about it. The constant parts of the heights are free. The datum of a group of passes, of
+which none is fixed, is that the mean of their corrections, each over its whole time, is 0.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +21,8 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
-DATUM_SD = 1e-4  # [m] with which the datum is held; taken out of the covariance again
+DATUM_SD = 1e-4  # [m] with which offsets are held; the datum replaces it
+_MEAN_BASIS = np.array([1.0, 11.0, 11.0, 1.0]) / 24.0  # of the four basis functions, an interval
 LEAST_SD = 1e-7  # [m] or [rad] of what shall not wander
 
 
@@ -180,6 +182,8 @@ class System:
         factor = self.pattern.factor(elements)
         x = factor.solve(right)
         likelihood = log_determinant - factor.log_determinant - equations.square + float(right @ x)
+        for mean, offsets in self._datums:
+            x[offsets] -= mean @ x
         return Solution(
             factor=factor, x=x, coefficients=self._coefficients(x),
             log_likelihood=0.5 * likelihood,
@@ -191,33 +195,55 @@ class System:
         _kernels.corrections(self.interval, self.weights, self.factor, coefficients, out)
         return out
 
-    def covariance(self, solution: Solution, factor: float) -> Floats:
+    def covariance(self, solution: Solution) -> Floats:
         """Covariance of the coefficients of pairs of intervals, offsets included.
 
         Parameters
         ----------
         solution : Solution
             Solved equations.
-        factor : float
-            By which variances are greater than the weights say.
 
         Returns
         -------
         numpy.ndarray, shape (pair, 4 k, 4 k)
             In the order of the pairs; relative to the datum.
         """
-        one, two = self.unknown[self.lists[2]], self.unknown[self.lists[3]]
-        row, column = np.broadcast_arrays(one[:, :, None], two[:, None, :])
+        _, _, one, two = self.lists
         size = 4 * len(self.components)
+        row, column = np.broadcast_arrays(
+            self.unknown[one][:, :, None], self.unknown[two][:, None, :]
+        )
         found = solution.factor.inverse_at(row.ravel(), column.ravel()).reshape(row.shape)
-        lane = np.searchsorted(self.first, self.lists[2], side="right") - 1
-        # the datum itself has no error; a pair is of one group
-        with_datum = np.zeros(len(self.knots), bool)
-        with_datum[np.concatenate([*_datum_groups(self.shared), np.zeros(0, np.int64)])] = True
-        found[:, size, size] -= np.where(with_datum[lane], DATUM_SD**2, 0.0)
         found[:, :, :size] += np.repeat(found[:, :, size:], 4, axis=2)
         found[:, :size] += np.repeat(found[:, size:], 4, axis=1)
-        return factor * found[:, :size, :size]
+        found = found[:, :size, :size]
+        # covariance with the mean that is taken away; both intervals are of one group
+        for mean, offsets in self._datums:
+            with_mean = solution.factor.solve(mean)
+            each = self._coefficients(with_mean)
+            mine = np.isin(self.unknown[:, size], offsets)
+            pairs = np.flatnonzero(mine[one])
+            found[pairs, :4] -= each[two[pairs], None, :]
+            found[pairs, :, :4] -= each[one[pairs], :, None]
+            found[pairs, :4, :4] += mean @ with_mean
+        return found
+
+    @cached_property
+    def _datums(self) -> list[tuple[Floats, Integers]]:
+        """Weights of the unknowns in the mean height of each group, and its offsets of heights."""
+        found = []
+        for members in _datum_groups(self.shared):
+            mean, offsets = np.zeros(self.size), []
+            for lane in members:
+                coefficients, offset = self.lane_unknowns(lane)
+                parts = np.zeros(coefficients.shape[1])
+                for k in range(4):
+                    parts[k : parts.size - 3 + k] += _MEAN_BASIS[k]
+                mean[coefficients[0]] = parts / parts.sum() / members.size
+                mean[offset[0]] = 1.0 / members.size
+                offsets.append(offset[0])
+            found.append((mean, np.array(offsets)))
+        return found
 
     def lane_unknowns(self, lane: int) -> tuple[Integers, Integers]:
         """Unknowns of a pass: coefficients (component, n), and offsets (component,)."""

@@ -12,10 +12,12 @@ from trueterrain.lanes._problem import Shared
 from trueterrain.lanes._system import Equations, Prior, Solution, System
 
 Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
 
 _MEDIAN_OF_SQUARE = 0.45493642311957283  # of a standard normal variable, squared
 _SOME = 20_000  # cells that tell what is usual
 _SETTLED = 5e-4  # change of the floor below which it is kept
+_PARTS = 8  # of a knot interval in which a pass is taken to err by the same
 _STEPS = 3  # in which what is far away is left out
 
 
@@ -92,7 +94,7 @@ def settle(
             floor = found
         variance = shared.entries.variance + floor**2
         away = np.empty(height.size)
-        _kernels.outlyingness(shared.start, height, variance, away)
+        _kernels.outlyingness(shared.start, height, variance, shared.usable, away)
         robustness = bound / np.maximum(np.abs(away), bound)
         fitted = _solved(system, prior, robustness, variance, floor, done)
         change = float(np.abs(fitted.correction - correction).max())
@@ -104,6 +106,31 @@ def settle(
         f"{change * 1e3:.3g} mm",
         cure="Look for passes that are not of the same ground, or allow more rounds.",
     )
+
+
+def gross_errors(shared: Shared, fitted: Fitted, bound: float) -> npt.NDArray[np.bool_]:
+    """What is so far away that it would pull fine corrections along.
+
+    Parameters
+    ----------
+    shared : Shared
+        The observations.
+    fitted : Fitted
+        Coarse corrections, which a few cells cannot pull.
+    bound : float
+        Standard deviations beyond which an entry is wrong.
+
+    Returns
+    -------
+    numpy.ndarray of bool, shape (n,)
+        True where it is.
+    """
+    height = shared.entries.height + fitted.correction
+    away = np.empty(height.size)
+    _kernels.outlyingness(
+        shared.start, height, shared.entries.variance + fitted.floor**2, shared.usable, away
+    )  # fmt: skip
+    return np.abs(away) > bound
 
 
 def reject(
@@ -131,22 +158,27 @@ def reject(
     """
     shared = system.shared
     variance = shared.entries.variance + before.floor**2
-    _, share = residuals(shared, before.correction, 1.0 / variance)
+    _, share = residuals(shared, before.correction, shared.usable / variance)
     fitted = before
     for _ in range(_STEPS):
         height = shared.entries.height + fitted.correction
         # a weight of 0 could not come back
-        weight = np.maximum(fitted.robustness, 1e-9) / variance
+        weight = shared.usable * np.maximum(fitted.robustness, 1e-9) / variance
         out, _ = residuals(shared, height, weight)
-        beyond = np.minimum(out**2 / (share * variance * bound**2), 1.0)
+        beyond = np.minimum(out**2 / (np.maximum(share, 1e-9) * variance * bound**2), 1.0)
         fitted = _solved(
-            system, prior, (1.0 - beyond) ** 2, variance * factor, before.floor, before.rounds
+            system,
+            prior,
+            shared.usable * (1.0 - beyond) ** 2,
+            variance * factor,
+            before.floor,
+            before.rounds,
         )
     return fitted
 
 
 def clustering(shared: Shared, fitted: Fitted, size: float) -> float:
-    """By how much sums over squares of ground scatter more than independent cells would.
+    """By how much sums over squares of ground scatter more than those of independent cells would.
 
     Parameters
     ----------
@@ -162,15 +194,74 @@ def clustering(shared: Shared, fitted: Fitted, size: float) -> float:
     float
         Ratio of variances, at least 1.
     """
-    height = shared.entries.height + fitted.correction
-    left, _ = residuals(shared, height, fitted.weight)
-    score = fitted.weight * left
-    squares, index = np.unique(shared.squares(size), return_inverse=True)
-    lanes = len(shared.names)
-    key = shared.per_entry(index.astype(np.int64)) * lanes + shared.lane
-    summed = np.bincount(key, score, minlength=squares.size * lanes)
-    total = float((score**2).sum())
-    return max(1.0, float((summed**2).sum()) / total) if total > 0 else 1.0
+    left, _ = residuals(shared, shared.entries.height + fitted.correction, fitted.weight)
+    _, index = np.unique(shared.squares(size), return_inverse=True)
+    key = shared.per_entry(index.astype(np.int64)) * len(shared.names) + shared.lane
+    alone, together = _sums(key, fitted.weight * left)
+    return max(1.0, together / alone) if alone > 0 else 1.0
+
+
+def spread(shared: Shared, fitted: Fitted) -> float:
+    """Variance of weighted residuals, by what it would be if weights were exact.
+
+    Weights that fall off with the residuals make sums of them scatter less.
+
+    Parameters
+    ----------
+    shared : Shared
+        The observations.
+    fitted : Fitted
+        What is left of them.
+
+    Returns
+    -------
+    float
+        Ratio of variances.
+    """
+    left, free = residuals(shared, shared.entries.height + fitted.correction, fitted.weight)
+    usual = float((fitted.weight * free).sum())
+    return float(((fitted.weight * left) ** 2).sum()) / usual if usual > 0 else 1.0
+
+
+def left_over(system: System, fitted: Fitted) -> float:
+    """What all cells that a pass sees at a time still have in common.
+
+    Parameters
+    ----------
+    system : System
+        The unknowns.
+    fitted : Fitted
+        Their solution.
+
+    Returns
+    -------
+    float
+        Standard deviation of what is too fine for the knots [m].
+    """
+    shared, entries = system.shared, system.shared.entries
+    left, free = residuals(shared, entries.height + fitted.correction, fitted.weight)
+    step = max(one.spacing for one in system.knots if one is not None) / _PARTS
+    at = np.floor((entries.time - shared.span[shared.lane, 0]) / step).astype(np.int64)
+    key = shared.lane * (at.max() + 1) + at
+    alone, together = _sums(key, fitted.weight * left)
+    # what becomes of errors of the passes that are corrected, when the mean is taken away
+    moving = ~shared.fixed[shared.lane]
+    part = np.where(moving, 1.0 - free, 0.0)
+    of_all = shared.per_entry(np.add.reduceat(part**2, shared.start[:-1]))
+    own, all_ = _sums(
+        key, fitted.weight * np.sqrt(of_all + np.where(moving, free**2 - part**2, 0.0))
+    )
+    if all_ <= own * (1.0 + 1e-9):
+        return 0.0
+    return float(np.sqrt(max(0.0, together - alone) / (all_ - own)))
+
+
+def _sums(key: Integers, values: Floats) -> tuple[float, float]:
+    """Sum of squares of some values, and of their sums over the same key."""
+    order = np.argsort(key, kind="stable")
+    first = np.flatnonzero(np.diff(key[order], prepend=-1))
+    summed = np.add.reduceat(values[order], first)
+    return float((values**2).sum()), float((summed**2).sum())
 
 
 def _solved(
@@ -214,12 +305,12 @@ def noise_floor(shared: Shared, height: Floats, guess: float = 1e-3) -> float:
     each = np.diff(shared.start)[some]
     start = np.concatenate([[0], np.cumsum(each)]).astype(np.int64)
     pick = np.repeat(shared.start[some] - start[:-1], each) + np.arange(start[-1])
-    height, variance = height[pick], shared.entries.variance[pick]
+    height, variance, usable = height[pick], shared.entries.variance[pick], shared.usable[pick]
     out = np.empty(pick.size)
 
     def excess(floor: float) -> float:
-        _kernels.outlyingness(start, height, variance + floor**2, out)
-        return float(np.median(out**2)) - _MEDIAN_OF_SQUARE
+        _kernels.outlyingness(start, height, variance + floor**2, usable, out)
+        return float(np.median(out[usable] ** 2)) - _MEDIAN_OF_SQUARE
 
     low, high = 1e-6, guess
     if excess(low) <= 0:

@@ -6,12 +6,13 @@ horizontal place. All are estimated together from the cells that two or more pas
 unknown height of each cell is eliminated, so what is left to solve is sparse, and its cost grows
 with the length of the road.
 
-Differences between passes do not tell what all have in common. The datum is the mean of the passes
-of a group, unless some are fixed or control is given.
+Differences between passes do not tell what all have in common. The datum is the mean of the passes:
+the mean of their corrections, each over its whole time, is 0, unless some are fixed or control is
+given. What is common to all of them otherwise is as uncertain as the prior says.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -28,16 +29,26 @@ from trueterrain.lanes._agreement import (
     drift_tests,
     pairs_of,
 )
-from trueterrain.lanes._choose import Search, folds_of, parts_of, predicted, priors
+from trueterrain.lanes._choose import Search, broad, folds_of, parts_of, predicted, priors
 from trueterrain.lanes._problem import Shared, sample, share
 from trueterrain.lanes._settings import NetworkSettings, Trial
 from trueterrain.lanes._system import System, build
-from trueterrain.lanes._weights import Fitted, clustering, reject, settle
+from trueterrain.lanes._weights import (
+    Fitted,
+    clustering,
+    gross_errors,
+    left_over,
+    reject,
+    settle,
+    spread,
+)
 from trueterrain.lanes.cells import LaneCells
 from trueterrain.lanes.spline import Correction
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
+
+_GROSS = 4.0  # times further away than what is rejected, with coarse corrections
 
 __all__ = [
     "Adjustment", "Differences", "DriftTest", "LoopClosure", "NetworkSettings", "PairAgreement",
@@ -132,6 +143,9 @@ class Adjustment:
     clustering: float
     "By how much variances are greater because errors of neighbouring cells are alike [1]."
 
+    left: float
+    "Standard deviation that corrections leave: what cells of a square still have in common [m]."
+
     rounds: int
     "Rounds until weights and corrections had settled."
 
@@ -169,6 +183,13 @@ class Adjustment:
     @cached_property
     def _by_name(self) -> dict[str, Correction]:
         return {one.name: one for one in self.corrections}
+
+    @property
+    def identical(self) -> tuple[tuple[str, str], ...]:
+        """Pairs of passes that do not differ anywhere: the same data given twice."""
+        return tuple(
+            (pair.first, pair.second) for pair in self.pairs if pair.before.rmse == 0
+        )  # fmt: skip
 
     @property
     def omitted(self) -> tuple[str, ...]:
@@ -242,6 +263,9 @@ def adjust(
     shared = share(lanes, control, fixed)
     by_name = {one.name: one for one in lanes}
     lanes_sd = [_said(by_name.get(name)) for name in shared.names]
+    coarse = build(shared, ("height",), settings.knot_spacings[0], lanes_sd)
+    gross = gross_errors(shared, broad(coarse, settings), _GROSS * settings.tukey)
+    shared = replace(shared, usable=~gross)
     part, of = sample(shared, settings.sample)
     search = Search(part, settings, [lanes_sd[k] for k in of], progress)
     chosen = search.run()
@@ -253,8 +277,9 @@ def adjust(
     )
     factor = clustering(shared, start, settings.cluster)
     fitted = reject(system, prior, start, bound=settings.tukey, factor=factor)
+    left = left_over(system, fitted)
     progress("say how sure it is", 0, None)
-    covariance = system.covariance(fitted.solution, 1.0)
+    covariance = system.covariance(fitted.solution)
     measured = shared.entries.height
     after = measured + fitted.correction
     folds = folds_of(shared, settings)
@@ -263,15 +288,16 @@ def adjust(
     pairs = pairs_of(shared, fitted.robustness, measured, after, held_back)
     ground = _ground(system, fitted, covariance)
     return Adjustment(
-        corrections=_corrections(system, fitted, covariance),
+        corrections=_corrections(system, fitted, covariance, left),
         groups=tuple(
             tuple(shared.names[p] for p in np.flatnonzero(shared.group == group))
             for group in np.unique(shared.group)
         ),
-        tests=tuple(drift_tests(system, whole, 1.0)), pairs=tuple(pairs),
-        closures=tuple(closures_of(pairs)), rejected=_rejected(shared, fitted, ground),
-        ground=ground, trials=tuple(search.trials), chosen=chosen, noise_floor=fitted.floor,
-        clustering=factor, rounds=fitted.rounds, settings=settings,
+        tests=tuple(drift_tests(system, whole, factor * spread(shared, fitted))),
+        pairs=tuple(pairs), closures=tuple(closures_of(pairs)),
+        rejected=_rejected(shared, fitted, ground), ground=ground,
+        trials=tuple(search.trials), chosen=chosen, noise_floor=fitted.floor,
+        clustering=factor, left=left, rounds=fitted.rounds, settings=settings,
     )  # fmt: skip
 
 
@@ -282,7 +308,9 @@ def _said(lane: LaneCells | None) -> Floats:
     return np.stack([lane.sd_time, lane.sd_height])
 
 
-def _corrections(system: System, fitted: Fitted, covariance: Floats) -> tuple[Correction, ...]:
+def _corrections(
+    system: System, fitted: Fitted, covariance: Floats, left: float
+) -> tuple[Correction, ...]:
     own = covariance[: system.first[-1]]  # the pairs of each interval with itself come first
     seen = np.bincount(
         system.interval[(system.interval >= 0) & (fitted.robustness > 0)],
@@ -300,6 +328,7 @@ def _corrections(system: System, fitted: Fitted, covariance: Floats) -> tuple[Co
                 name=system.shared.names[lane], knots=knots, components=system.components,
                 coefficients=fitted.solution.x[coefficients] + offset[:, None], offset=offset,
                 covariance=own[part], supported=seen[part] > 0,
+                left=left,
             )
         )  # fmt: skip
     return tuple(found)

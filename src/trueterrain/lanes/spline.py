@@ -212,6 +212,9 @@ class Correction:
     """Of the 4 coefficients of each component that count in an interval, the four of the first
     component first, shape (interval, 4 k, 4 k)."""
 
+    left: float
+    "Standard deviation that the correction leaves: what is too fine for its knots [m]."
+
     supported: npt.NDArray[np.bool_]
     "Intervals in which the pass shares ground with others, shape (interval,)."
 
@@ -267,7 +270,7 @@ class Correction:
     def sd(
         self, time: npt.ArrayLike, offset: npt.ArrayLike = 0.0, ahead: npt.ArrayLike = 0.0
     ) -> Floats:
-        """Standard deviation of `height_at`.
+        """Standard deviation of what `height_at` leaves.
 
         Parameters
         ----------
@@ -279,7 +282,7 @@ class Correction:
         Returns
         -------
         numpy.ndarray
-            Relative to the datum of the adjustment [m].
+            Relative to the datum of the adjustment, what is too fine for the knots included [m].
         """
         time, offset, ahead = np.broadcast_arrays(time, offset, ahead)
         factor = {"height": np.ones(time.size), "roll": offset.ravel(), "pitch": ahead.ravel()}
@@ -290,7 +293,8 @@ class Correction:
             axis=1,
         )
         variance = np.einsum("ni,nij,nj->n", row, self.covariance[interval], row, optimize=True)
-        return np.asarray(np.sqrt(np.maximum(variance, 0.0)).reshape(time.shape))
+        variance = np.maximum(variance, 0.0) + self.left**2
+        return np.asarray(np.sqrt(variance).reshape(time.shape))
 
     @cached_property
     def unsupported(self) -> list[tuple[float, float]]:
