@@ -532,6 +532,17 @@ def test_a_rectangle_suits_a_thin_overlap() -> None:
     assert found.after.rmse < AMPLITUDE * (1 - PASSED) + 2 * DRIFT
 
 
+def test_passes_over_the_same_lane_agree_though_neither_ends_inside_the_other() -> None:
+    lanes = {
+        "first": lane(-0.6, 0.6, ground=sloped, drift=wave, seed=1),
+        "again": lane(-0.6, 0.6, ground=sloped, seed=2),
+    }
+    found = align_lanes(lanes, fix="first").pairs[0]
+    assert found.corrected == ("again",)
+    assert found.after.rmse < AMPLITUDE * (1 - PASSED) + 2 * DRIFT
+    assert np.isnan(found.seam_before.median)
+
+
 def test_stations_of_one_path_count_for_all_pairs() -> None:
     """Three lanes of a course around a centre, with polar stations."""
     around = 2 * np.pi * RADIUS

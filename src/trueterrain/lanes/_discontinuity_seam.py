@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from trueterrain.lanes._discontinuity_path import ReferencePath
 from trueterrain.lanes._discontinuity_sparse import (
+    STRAIGHT,
     Flags,
     Floats,
     contains,
@@ -110,6 +111,7 @@ class SharedCells:
         sure = (count >= _SURE).all(axis=0)
         self._overlap = overlap
         self._key, self._count, self._height = key[sure], count[:, sure], height[:, sure]
+        self._edges: dict[tuple[int, float], Flags] = {}
         self.centres = centres(self._key, overlap.cell)
         "Eastings and northings, shape (n,) each [m]."
 
@@ -145,7 +147,9 @@ class SharedCells:
         stretch = np.minimum((found.station / long).astype(np.int64), stretches - 1)
         steps: Any = np.full((2, stretches), np.nan)
         for lane in (0, 1):
-            along = self._edge(lane, band) & ~found.beyond
+            if (lane, band) not in self._edges:
+                self._edges[lane, band] = self._edge(lane, band)
+            along = self._edges[lane, band] & ~found.beyond
             here, step = stretch[along], (merged - height[1 - lane])[along]
             quantity = np.bincount(here, minlength=stretches)
             some = quantity > 0
@@ -154,9 +158,10 @@ class SharedCells:
 
     def _edge(self, lane: int, band: float) -> Flags:
         """Cells near such as only the other lane covers, but for the outermost: it is cut."""
-        alone = np.setdiff1d(
-            self._overlap.cells[1 - lane].covered, self._overlap.key, assume_unique=True
-        )
+        other = self._overlap.cells[1 - lane].covered
+        alone = other[~contains(self._overlap.key, other)]
+        for step in STRAIGHT:  # where both end within a cell, neither goes on
+            alone = alone[contains(other, alone + step) & contains(other, alone - step)]
         reach = max(int(np.ceil(band / self._overlap.cell - 1e-9)), 1) + 1
         column, row = unpack(self._key)
         near, cut = np.zeros((2, self._key.size), np.bool_)

@@ -15,6 +15,9 @@ _SMALL = 1 << 20  # pairs in a box that are in any case
 #: What the packed numbers of a cell and of its eight neighbours differ by.
 AROUND = tuple(c * _ROW + r for c in (-1, 0, 1) for r in (-1, 0, 1) if c or r)
 
+#: And those of the next ones north and east.
+STRAIGHT = (1, _ROW)
+
 
 class SparseSums:
     """Sums over entries that have the same two numbers."""
