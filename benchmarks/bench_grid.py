@@ -341,7 +341,7 @@ def _to_surface(path: Path, times: int) -> None:
     work, results = _from_disk(path, times)
     surface = rate(work, times * SCANS * BEAMS)
     peak = _peak()
-    filled, _ = fill_holes(trimmed(results[0]))
+    filled, _ = fill_holes(trimmed(results[0]), in_place=True)
     print(surface, peak, _peak(), filled.height.size)
 
 

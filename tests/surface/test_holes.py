@@ -3,6 +3,7 @@
 import numpy as np
 import numpy.testing as npt
 import pytest
+from scipy.ndimage import find_objects, label
 
 from trueterrain.errors import SchemaError
 from trueterrain.kinds import make_surface
@@ -69,6 +70,48 @@ def test_what_was_filled_before_stays_marked():
     twice, report = fill_holes(with_holes(once, np.s_[8, 8]))
     assert report["filled_nodes"] == 1
     assert twice["filled"].values.sum() == 2
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("seed", range(6))
+def test_holes_are_those_that_scipy_labels(seed, turned):
+    """Interior ones are filled or open, the others unseen; for heights turned in memory too."""
+    rng = np.random.default_rng(seed)
+    whole = rng.normal(size=(40, 31))
+    whole[rng.random(whole.shape) < 0.1 * (seed + 1)] = np.nan
+    height = np.asfortranarray(whole) if turned else whole
+    surface = make_surface(height, easting=np.arange(31), northing=np.arange(40))
+    filled, report = fill_holes(surface, Filling(largest=3.0))
+    names, count = label(np.isnan(whole))
+    expected = dict.fromkeys(("filled", "open", "unseen"), 0)
+    for number, (rows, columns) in enumerate(find_objects(names), start=1):
+        edge = rows.start == 0 or rows.stop == 40 or columns.start == 0 or columns.stop == 31
+        small = max(rows.stop - rows.start, columns.stop - columns.start) <= 3
+        where = names == number
+        expected["unseen" if edge else "filled" if small else "open"] += where.sum()
+        assert np.isfinite(filled.height.values[where]).all() == (small and not edge)
+    assert {name: report[f"{name}_nodes"] for name in expected} == expected
+    assert count > 10
+
+
+def test_holes_are_filled_alike_a_few_at_a_time(monkeypatch):
+    rng = np.random.default_rng(5)
+    surface = plane()
+    rough = with_holes(surface, rng.random(surface.height.shape) < 0.2)
+    together, report = fill_holes(rough, Filling(largest=0.5))
+    monkeypatch.setattr("trueterrain.surface.holes._TOGETHER", 7)
+    apart, _ = fill_holes(rough, Filling(largest=0.5))
+    npt.assert_allclose(apart.height, together.height, rtol=0, atol=EXACT)
+    assert report["filled_holes"] > 20
+
+
+def test_holes_are_filled_in_place_if_that_is_wanted():
+    surface = with_holes(plane(), np.s_[5, 5])
+    fill_holes(surface)
+    assert np.isnan(surface.height.values[5, 5])
+    filled, _ = fill_holes(surface, in_place=True)
+    assert np.shares_memory(filled.height.values, surface.height.values)
+    assert np.isfinite(surface.height.values[5, 5])
 
 
 def test_surfaces_without_height_are_refused():

@@ -4,6 +4,7 @@ A hole is a set of nodes without height that touch each other by their sides. It
 does not reach the edge of the grid: what is missing there is no hole but ground that was not seen.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,11 +13,13 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.errors import SchemaError
+from trueterrain.surface import _kernels
 
 Floats = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
+Integers = npt.NDArray[np.int64]
 
 _REPORTED = 10  # largest holes that are named
+_TOGETHER = 50_000  # nodes whose heights are found at once, if a hole has no more
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +37,7 @@ class Filling:
 
 
 def fill_holes(
-    surface: xr.Dataset, filling: Filling = Filling()
+    surface: xr.Dataset, filling: Filling = Filling(), *, in_place: bool = False
 ) -> tuple[xr.Dataset, dict[str, Any]]:
     """Fill interior holes up to a size, and say which there are.
 
@@ -47,6 +50,8 @@ def fill_holes(
         Surface along a reference line, or map, with equally spaced axes.
     filling : Filling
         Which holes are filled.
+    in_place : bool
+        Fill the holes of `surface` itself, which saves the memory of another one.
 
     Returns
     -------
@@ -72,83 +77,139 @@ def fill_holes(
     >>> whole.height.values[1], report["filled_nodes"], report["unseen_nodes"]
     (array([0., 1., 2.]), 1, 1)
     """
-    from scipy.ndimage import find_objects, label
-
     dims = surface["height"].dims
     axes = [np.asarray(surface[dim], dtype=np.float64) for dim in dims]
-    height = np.array(surface["height"], dtype=np.float64)
-    missing = ~np.isfinite(height)
-    if missing.all():
+    height = np.asarray(surface["height"], dtype=np.float64)
+    holes = _holes(height)
+    if int(holes.nodes.sum()) == height.size:
         raise SchemaError("is missing everywhere", place="variable height")
-    names, _ = label(missing)
-    spacing = [float(np.diff(axis).mean()) for axis in axes]
-    objects = find_objects(names)
-    small = np.zeros(len(objects) + 1, np.bool_)
-    large: list[tuple[float, float, tuple[float, ...]]] = []
-    unseen = 0
-    sizes = np.bincount(names.ravel(), minlength=len(objects) + 1)
-    for number, box in enumerate(objects, start=1):
-        if any(cut.start == 0 or cut.stop == n for cut, n in zip(box, height.shape, strict=True)):
-            unseen += int(sizes[number])
-            continue
-        extent = [(cut.stop - cut.start) * step for cut, step in zip(box, spacing, strict=True)]
-        if max(extent) <= filling.largest + 1e-9:
-            small[number] = True
-        else:
-            middle = tuple(
-                float(0.5 * (axis[cut.start] + axis[cut.stop - 1]))
-                for axis, cut in zip(axes, box, strict=True)
-            )
-            large.append((extent[0], extent[1], middle))
-    holes = small[names]
-    if holes.any():
-        height[holes] = _membrane(height, holes, spacing)
+    spacing = np.array([float(np.diff(axis).mean()) for axis in axes])
+    interior = (holes.low > 0).all(axis=1) & (holes.high < height.shape).all(axis=1)
+    extent = (holes.high - holes.low) * spacing
+    small = interior & (extent.max(axis=1) <= filling.largest + 1e-9)
+    large = np.flatnonzero(interior & ~small)
+    middle = np.stack(
+        [0.5 * (axis[holes.low[large, k]] + axis[holes.high[large, k] - 1])
+         for k, axis in enumerate(axes)], axis=1,
+    )  # fmt: skip
+    order = np.lexsort([*middle.T[::-1], -extent[large].max(axis=1)])[:_REPORTED]
     report = {
-        "filled_nodes": int(holes.sum()),
+        "filled_nodes": int(holes.nodes[small].sum()),
         "filled_holes": int(small.sum()),
-        "open_nodes": int(missing.sum()) - int(holes.sum()) - unseen,
-        "open_holes": len(large),
-        "unseen_nodes": unseen,
+        "open_nodes": int(holes.nodes[large].sum()),
+        "open_holes": large.size,
+        "unseen_nodes": int(holes.nodes[~interior].sum()),
         "largest": [
-            {str(dims[0]): middle[0], str(dims[1]): middle[1], "extent": [a, b]}
-            for a, b, middle in sorted(large, key=lambda hole: (-max(hole[:2]), hole[2]))
-        ][:_REPORTED],
+            {str(dims[0]): a, str(dims[1]): b, "extent": extent[large[k]].tolist()}
+            for k, (a, b) in zip(order, middle[order].tolist(), strict=True)
+        ],
     }
-    return _marked(surface, height, holes), report
+    return _filled(surface, holes, small, spacing, in_place=in_place), report
 
 
-def _marked(surface: xr.Dataset, height: Floats, holes: Mask) -> xr.Dataset:
-    dims = surface["height"].dims
-    before = np.asarray(surface["filled"], bool) if "filled" in surface else np.zeros_like(holes)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Holes:
+    """Sets of nodes without height that touch each other."""
+
+    runs: npt.NDArray[np.int32]
+    "Row, and begin and end along it, of nodes side by side, in their order, shape (run, 3)."
+
+    hole: npt.NDArray[np.int32]
+    "Hole that a run belongs to, shape (run,)."
+
+    low: Integers
+    "First node along both axes, shape (hole, 2)."
+
+    high: Integers
+    "Node behind the last one along both axes, shape (hole, 2)."
+
+    nodes: Integers
+    "Nodes, shape (hole,)."
+
+    turned: bool
+    "Whether the runs go along the first axis, and the axes are exchanged in `runs`."
+
+    def nodes_of(self, wanted: npt.NDArray[np.bool_]) -> Iterator[tuple[Integers, Integers]]:
+        """Nodes of some holes along both axes, those of a hole never apart, not many at a time."""
+        runs = np.flatnonzero(wanted[self.hole])
+        runs = runs[np.argsort(self.hole[runs], kind="stable")]
+        ends = np.cumsum(self.nodes[wanted])
+        cuts = np.flatnonzero(np.diff(ends // _TOGETHER, prepend=0))
+        starts = np.searchsorted(self.hole[runs], np.flatnonzero(wanted)[cuts])
+        for some in np.split(runs, starts):
+            row, begin, end = self.runs[some].T.astype(np.int64)
+            length = end - begin
+            before = np.cumsum(length) - length
+            column = np.arange(length.sum()) + np.repeat(begin - before, length)
+            row = np.repeat(row, length)
+            if row.size:
+                yield (column, row) if self.turned else (row, column)
+
+
+def _holes(height: Floats) -> _Holes:
+    """All sets of nodes without height; runs along the axis that lies together in memory."""
+    turned = abs(height.strides[0]) < abs(height.strides[1])
+    cells = height.T if turned else height
+    runs = _kernels.missing_runs(cells)
+    hole, count = _kernels.connect_runs(runs)
+    low, high = np.full((count, 2), max(height.shape)), np.zeros((count, 2), np.int64)
+    nodes = np.zeros(count, np.int64)
+    _kernels.measure_holes(runs, hole, low, high, nodes)
+    if turned:
+        low, high = low[:, ::-1], high[:, ::-1]
+    return _Holes(runs=runs, hole=hole, low=low, high=high, nodes=nodes, turned=turned)
+
+
+def _filled(
+    surface: xr.Dataset,
+    holes: _Holes,
+    small: npt.NDArray[np.bool_],
+    spacing: Floats,
+    *,
+    in_place: bool,
+) -> xr.Dataset:
+    """Surface with heights in the small holes."""
+    stated = False  # whether a node without height had a standard deviation
+    filled = np.zeros(surface["height"].shape, np.bool_)
+    if "filled" in surface:
+        filled |= np.asarray(surface["filled"], np.bool_)
+    height = np.asarray(surface["height"], dtype=np.float64)
+    sd = np.asarray(surface["sd"]) if "sd" in surface else None
+    if small.any() and not in_place:
+        height = height.copy()
+    for node in holes.nodes_of(small):
+        height[node] = _membrane(height, node, spacing)
+        filled[node] = True
+        stated = stated or (sd is not None and not np.isnan(sd[node]).all())
+    if sd is not None and stated:
+        sd = np.where(filled, np.nan, sd).astype(sd.dtype)
     result = surface.assign(
-        height=surface["height"].copy(data=height), filled=(dims, before | holes, {"units": "1"})
+        height=surface["height"].copy(data=height),
+        filled=(surface["height"].dims, filled, {"units": "1"}),
     )
-    if "sd" in surface and holes.any():
-        sd = np.where(holes, np.nan, np.asarray(surface["sd"]))
-        result["sd"] = surface["sd"].copy(data=sd)
-    return result
+    return result if sd is None else result.assign(sd=surface["sd"].copy(data=sd))
 
 
-def _membrane(height: Floats, holes: Mask, spacing: list[float]) -> Floats:
-    """Heights of the holes [m], in the order of ``height[holes]``; none is at the edge."""
+def _membrane(height: Floats, node: tuple[Integers, Integers], spacing: Floats) -> Floats:
+    """Heights of whole holes [m], in the order of their nodes; none is at the edge."""
     from scipy.sparse import coo_array
     from scipy.sparse.linalg import spsolve
 
-    node = np.nonzero(holes)
     count = node[0].size
-    number = np.full(height.shape, -1)
-    number[holes] = np.arange(count)
+    place = np.ravel_multi_index(node, height.shape)
+    order = np.argsort(place)
     rows, columns, weights = [np.arange(count)], [np.arange(count)], []
     diagonal, constant = np.zeros(count), np.zeros(count)
     for axis, step in enumerate(spacing):
         for by in (-1, 1):
             beside = tuple(at + (by if k == axis else 0) for k, at in enumerate(node))
             weight = 1 / step**2
-            unknown = number[beside]
-            is_hole = unknown >= 0
+            there = np.ravel_multi_index(beside, height.shape)
+            found = order[np.searchsorted(place, there, sorter=order).clip(max=count - 1)]
+            is_hole = place[found] == there
             diagonal -= weight
             rows.append(np.flatnonzero(is_hole))
-            columns.append(unknown[is_hole])
+            columns.append(found[is_hole])
             weights.append(np.full(int(is_hole.sum()), weight))
             constant -= np.where(is_hole, 0.0, weight * height[beside])
     entries = (
