@@ -1,7 +1,9 @@
 """Points from LAS, LAZ and COPC, block by block."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -85,7 +87,8 @@ def blocks(
     """Points of a LAS, LAZ or COPC file block by block, never the whole file at once.
 
     With bounds, only the parts of a COPC file that touch them are read; other files are read
-    through. The order of the points is the file's, except for COPC with bounds.
+    through. The order of the points is the file's, except for COPC with bounds. While a block is
+    worked with, the next one is read.
 
     Parameters
     ----------
@@ -113,6 +116,12 @@ def blocks(
     if size < 1:
         message = f"size must be at least 1 point, got {size}."
         raise ValueError(message)
+    yield from _ahead(_with_history(path, bounds, size, crs))
+
+
+def _with_history(
+    path: str | Path, bounds: Bounds | None, size: int, crs: str | None
+) -> Generator[xr.Dataset, None, None]:
     history: str | None = None
     for block in _stream(path, bounds, size, crs):
         if history is None:
@@ -123,6 +132,15 @@ def blocks(
             step = provenance.add_step(block, "read", parameters=parameters, inputs=inputs)
             history = step.attrs["provenance"]
         yield block.assign_attrs(provenance=history)
+
+
+def _ahead(items: Generator[xr.Dataset, None, None]) -> Iterator[xr.Dataset]:
+    """Items in order, the next of which is made in a thread of its own."""
+    with closing(items), ThreadPoolExecutor(1) as pool:
+        waiting = pool.submit(next, items, None)
+        while (item := waiting.result()) is not None:
+            waiting = pool.submit(next, items, None)
+            yield item
 
 
 def _stream(
@@ -172,9 +190,10 @@ def times_of(record: Any, header: Any) -> Any:
 
 def _points(record: Any, header: Any) -> xr.Dataset:
     east, north, up = (
-        np.asarray(record[name]) * scale + offset
-        for name, scale, offset in zip("XYZ", header.scales, header.offsets, strict=True)
+        np.multiply(record[name], scale) for name, scale in zip("XYZ", header.scales, strict=True)
     )
+    for axis, offset in zip((east, north, up), header.offsets, strict=True):
+        axis += offset
     optional: dict[str, Any] = {
         "intensity": np.array(record["intensity"]),
         "lane": np.array(record["point_source_id"]),
