@@ -1,6 +1,60 @@
-"""What a profile amounts to: quarter car and International Roughness Index (IRI, MRI, HRI)."""
+"""What a profile amounts to: indices of roughness, spectra and classes, filters.
 
-from trueterrain.roughness.iri import IriOptions, continuous_iri, iri
+IRI, MRI and HRI, Ride Number, ISO 8608, root mean squares in bands of wavelength and the rolling
+straightedge; what is implausible about a profile is said by `doubts`.
+"""
+
+from trueterrain.roughness.filters import (
+    FILTER_250_MM,
+    Butterworth,
+    Filter,
+    MovingAverage,
+    filter_profile,
+)
+from trueterrain.roughness.iri import IN_PER_MI, IriOptions, continuous_iri, iri
+from trueterrain.roughness.iso8608 import CLASS_LIMITS, N0, road_class, smoothing_bands
+from trueterrain.roughness.plausible import doubts
+from trueterrain.roughness.psd import PsdOptions, psd
 from trueterrain.roughness.quarter_car import IRI_SPEED, QuarterCar
+from trueterrain.roughness.ride_number import RIDE_NUMBER_CAR, RideNumberOptions, ride_number
+from trueterrain.roughness.straightedge import rolling_straightedge
+from trueterrain.roughness.stretches import (
+    LONG_CONTINUOUS,
+    SHORT_CONTINUOUS,
+    iri_histogram,
+    localised_roughness,
+    stretches,
+)
+from trueterrain.roughness.wavebands import WAVEBANDS, waveband_rms
 
-__all__ = ["IRI_SPEED", "IriOptions", "QuarterCar", "continuous_iri", "iri"]
+__all__ = [
+    "CLASS_LIMITS",
+    "FILTER_250_MM",
+    "IN_PER_MI",
+    "IRI_SPEED",
+    "LONG_CONTINUOUS",
+    "N0",
+    "RIDE_NUMBER_CAR",
+    "SHORT_CONTINUOUS",
+    "WAVEBANDS",
+    "Butterworth",
+    "Filter",
+    "IriOptions",
+    "MovingAverage",
+    "PsdOptions",
+    "QuarterCar",
+    "RideNumberOptions",
+    "continuous_iri",
+    "doubts",
+    "filter_profile",
+    "iri",
+    "iri_histogram",
+    "localised_roughness",
+    "psd",
+    "ride_number",
+    "road_class",
+    "rolling_straightedge",
+    "smoothing_bands",
+    "stretches",
+    "waveband_rms",
+]

@@ -296,7 +296,7 @@ def _mean_gain(n: Array, length: float, spacing: float) -> Array:
         return np.asarray(np.sinc(n * length))
     # what each sample contributes: the integral over the window of its hat of straight lines
     reach = int(0.5 * length / spacing) + 1
-    at = np.arange(-reach, reach + 1)
+    at = np.arange(-reach, reach + 1.0)
     half = 0.5 * length / spacing
     share = (_hat_integral(half - at) - _hat_integral(-half - at)) * spacing / length
     return np.asarray(np.cos(2 * np.pi * n[..., None] * spacing * at) @ share)

@@ -160,4 +160,4 @@ def ride_number(
 
 def _from_square(mean_square: Array | float, options: RideNumberOptions) -> Array:
     """Ride Number of a mean square of the travel [m²/m²]."""
-    return options.best * np.exp(-options.steepness * np.sqrt(np.asarray(mean_square)))
+    return np.asarray(options.best * np.exp(-options.steepness * np.sqrt(mean_square)))

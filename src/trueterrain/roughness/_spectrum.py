@@ -1,0 +1,153 @@
+"""Spectrum of one track: averaged blocks, bands, and how sure they are."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+_LEAST_BLOCK = 16  # samples
+_WINDOW = 1024  # samples of the window whose likeness to itself is taken; it hardly depends on them
+_LAGS = 8  # lines that a Hann window makes alike; beyond, the likeness is below 1e-4
+_SPARE = 0.05  # of half a block, too little for another one at the end
+
+# What a Hann window makes of the spectrum: each line gathers shares of its neighbours
+_HANN_LINES = np.array([1.0, 4.0, 1.0]) / 6.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lines:
+    """Lines of a spectrum, from one spacing of theirs on."""
+
+    width: float
+    "Distance of the lines, the resolution [1/m]."
+
+    density: Array
+    "One-sided spectral density at width, 2 width, ... [m³]."
+
+    blocks: int
+    "Blocks that were averaged."
+
+    likeness: Array
+    "Covariance of lines that are 0, 1, ... apart over the square of the expected density [1]."
+
+    @property
+    def n(self) -> Array:
+        """Spatial frequency of the lines [1/m]."""
+        return self.width * np.arange(1.0, self.density.size + 1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bands:
+    """Bands over which lines are averaged."""
+
+    lower: Array
+    "Lower edges [1/m]."
+
+    centre: Array
+    "Geometric centres [1/m]."
+
+    upper: Array
+    "Upper edges [1/m]."
+
+    def __getitem__(self, which: npt.NDArray[np.bool_]) -> "Bands":
+        return Bands(lower=self.lower[which], centre=self.centre[which], upper=self.upper[which])
+
+
+def lines(height: Array, step: float, block: int) -> Lines:
+    """Welch's method: Hann windows of `block` samples spread evenly, each freed of its trend."""
+    from scipy.fft import prev_fast_len, rfft
+
+    size = prev_fast_len(min(block, height.size), real=True)
+    starts = _starts(height.size, size)
+    window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(size) / size)
+    position = np.arange(size) - 0.5 * (size - 1)
+    leverage = position / (position @ position)
+    total = np.zeros(size // 2 + 1)
+    level, trend = (
+        np.empty(size),
+        np.empty(size),
+    )  # kept, since new memory costs as much as the sums
+    for start in starts:
+        part = height[start : start + size]
+        np.subtract(part, part.mean(), out=level)
+        np.multiply(position, leverage @ level, out=trend)
+        level -= trend
+        level *= window
+        pairs = rfft(level).view(np.float64).reshape(-1, 2)
+        total += np.einsum("ij,ij->i", pairs, pairs)
+    density = 2 * step / (window @ window) / starts.size * total
+    if size % 2 == 0:
+        density[-1] *= 0.5  # the highest line has no twin among the negative ones
+    shift = (starts[1] - starts[0]) / size if starts.size > 1 else 1.0
+    return Lines(
+        width=1 / (size * step), density=density[1:], blocks=starts.size,
+        likeness=_likeness(starts.size, shift),
+    )  # fmt: skip
+
+
+def block_samples(length: float, step: float) -> int:
+    """Samples of a block of some length [m]."""
+    return max(round(length / step), _LEAST_BLOCK)
+
+
+def within(bands: Bands, spectrum: Lines) -> npt.NDArray[np.bool_]:
+    """Bands that lie on the lines, but for the first two, which lose by the trend taken away."""
+    highest = spectrum.width * (spectrum.density.size + 0.5)
+    return (bands.lower >= 2.5 * spectrum.width) & (bands.upper <= highest)
+
+
+def smooth(density: Array, width: float, bands: Bands) -> Array:
+    """Mean density in each band; a line stands for the frequencies nearest to it."""
+    edges = width * (np.arange(density.size + 1) + 0.5)
+    reached = np.concatenate([[0.0], np.cumsum(density) * width])
+    upper = np.interp(bands.upper, edges, reached)
+    return np.asarray(
+        (upper - np.interp(bands.lower, edges, reached)) / (bands.upper - bands.lower)
+    )
+
+
+def degrees_of_freedom(spectrum: Lines, bands: Bands) -> Array:
+    """Degrees of freedom of the mean density in each band, if the density is even there."""
+    degrees = np.empty(bands.lower.size)
+    for at, (lower, upper) in enumerate(zip(bands.lower, bands.upper, strict=True)):
+        first, last = round(lower / spectrum.width), round(upper / spectrum.width)
+        line = np.arange(first, last + 1)
+        share = np.minimum(line + 0.5, upper / spectrum.width)
+        share -= np.maximum(line - 0.5, lower / spectrum.width)
+        alike = spectrum.likeness[0] * (share @ share)
+        for apart in range(1, min(_LAGS, share.size)):
+            alike += 2 * spectrum.likeness[apart] * (share[:-apart] @ share[apart:])
+        degrees[at] = 2 * share.sum() ** 2 / alike
+    return degrees
+
+
+def expected(waviness: float, spectrum: Lines, bands: Bands) -> Array:
+    """Mean density in each band that a spectrum n ** -waviness shows through the window."""
+    steep = spectrum.n**-waviness
+    through = np.convolve(np.concatenate([[0.0], steep, steep[-1:]]), _HANN_LINES, mode="valid")
+    return smooth(through, spectrum.width, bands)
+
+
+def _starts(count: int, size: int) -> npt.NDArray[np.intp]:
+    """First samples of blocks that overlap by half or a little more, over the whole profile."""
+    more = int(np.ceil(max(count - size, 0) / (0.5 * size) - _SPARE))
+    if more <= 0:
+        return np.array([(count - size) // 2])
+    return np.rint(np.linspace(0, count - size, more + 1)).astype(np.intp)
+
+
+def _likeness(blocks: int, shift: float) -> Array:
+    """Covariance of lines 0, 1, ... apart of averaged blocks that are `shift` of a block apart."""
+    window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(_WINDOW) / _WINDOW)
+    total = np.zeros(_LAGS)
+    for apart in range(blocks):
+        moved = round(apart * shift * _WINDOW)
+        if moved >= _WINDOW:
+            break
+        shared = np.zeros(_WINDOW)
+        shared[: _WINDOW - moved] = window[: _WINDOW - moved] * window[moved:]
+        alike = np.abs(np.fft.rfft(shared)[:_LAGS]) ** 2 / np.sum(window**2) ** 2
+        total += (1 if apart == 0 else 2) * (1 - apart / blocks) * alike
+    return total / blocks

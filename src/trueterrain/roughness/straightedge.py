@@ -1,0 +1,75 @@
+"""Rolling straightedge: how far the ground is from the middle of a beam on two wheels."""
+
+import numpy as np
+import xarray as xr
+
+from trueterrain.errors import CoverageError
+from trueterrain.provenance import add_step
+from trueterrain.roughness._track import require_positive
+from trueterrain.roughness._tracks import ROUNDING, tracks
+
+__all__ = ["rolling_straightedge"]
+
+
+def rolling_straightedge(profile: xr.Dataset, length: float = 3.0) -> xr.Dataset:
+    """Deviation of each track from the middle of a beam that rolls over it.
+
+    Parameters
+    ----------
+    profile : xarray.Dataset
+        Profile with dimension s, optionally track [m]; spacing may be unequal.
+    length : float
+        Distance of the two wheels that carry the beam, one at either end [m]; 3 m by default, and
+        3.048 m (10 ft) or 4.877 m (16 ft) where feet are in use.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``deviation`` (track, s), ground above the beam at its middle [m]; s is where the middle is,
+        at all samples at which both wheels are on the profile.
+
+    Raises
+    ------
+    ValueError
+        If `length` is not greater than 0.
+    SchemaError
+        If `profile` is not a Profile.
+    CoverageError
+        If a height is not finite, or the profile is shorter than the beam.
+
+    Notes
+    -----
+    Wheels are points, the profile is straight between its samples. A sine of amplitude a and a
+    wavelength of w deviates by a (1 - cos(pi length / w)): a wave as long as the beam counts twice,
+    one of half its length not at all.
+
+    Examples
+    --------
+    >>> from trueterrain.kinds import make_profile
+    >>> s = np.arange(0.0, 30.0, 0.01)
+    >>> beam = rolling_straightedge(make_profile(s, 0.005 * np.sin(2 * np.pi * s / 3.0)))
+    >>> print(f"{1000 * float(beam.deviation.max()):.1f} mm at {float(beam.s[0]):.1f} m or later")
+    10.0 mm at 1.5 m or later
+    """
+    require_positive("length", length, " m")
+    station, heights, names = tracks(profile)
+    room = float(station[-1] - station[0])
+    slack = ROUNDING * room / max(station.size - 1, 1)
+    half = 0.5 * length
+    inside = (station >= station[0] + half - slack) & (station <= station[-1] - half + slack)
+    if room + slack < length or not inside.any():
+        raise CoverageError(
+            f"is shorter than the straightedge: {room:g} m, which must be at least {length:g} m",
+            place="axis s",
+            cure="Choose a shorter straightedge.",
+        )
+    middle = station[inside]
+    wheels = [middle - half, middle + half]
+    deviation = np.array(
+        [height[inside] - np.interp(wheels, station, height).mean(axis=0) for height in heights]
+    )
+    data = xr.Dataset(
+        {"deviation": (("track", "s"), deviation, {"units": "m"})},
+        {"track": names, "s": ("s", middle, {"units": "m"})},
+    )
+    return add_step(data, "rolling_straightedge", parameters={"length": length}, after=profile)
