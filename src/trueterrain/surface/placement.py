@@ -36,7 +36,8 @@ class Placement:
     "Distance between nodes across the line, or along northing [m]; by default the same."
 
     right: float = -2.0
-    "Offset of the outermost nodes to the right of a line, left positive [m]."
+    """Offset of the outermost nodes to the right of a line, left positive [m]; of several runs, to
+    the right of them all."""
 
     left: float = 2.0
     "Offset of the outermost nodes to the left [m]."
@@ -96,7 +97,10 @@ class Placement:
             first.trajectory, spacing=self.spacing, half_width=max(-self.right, self.left),
             smoothing=self.smoothing, lever=_mounting(first).scanner_position, begin=begin, end=end,
         )  # fmt: skip
-        grid = self._along(line)
+        beside = [_beside(line, _way(one)) for one in passes[1:]]
+        right = self.right + min((low for low, _ in beside), default=0.0)
+        left = self.left + max((high for _, high in beside), default=0.0)
+        grid = grid_along(line, right=right, left=left, spacing=self.across)
         met = overlap(grid)
         if met is not None:
             raise CoverageError(
@@ -206,6 +210,21 @@ def _way(one: "Pass") -> npt.NDArray[Any]:
     poses = one.trajectory.at(_knots(one))
     lever = np.array(_mounting(one).scanner_position)
     return np.asarray(poses.position + poses.rotation.apply(lever))
+
+
+def _beside(line: ReferenceLine, way: npt.NDArray[Any]) -> tuple[float, float]:
+    """How far a way runs to the right and to the left of a line, at least 0 m."""
+    from scipy.spatial import KDTree
+
+    nodes = np.stack([line.easting, line.northing], axis=1)
+    chord = np.diff(nodes, axis=0)
+    ahead = np.concatenate([chord, chord[-1:]]) / line.spacing
+    away, nearest = KDTree(nodes).query(way[:, :2])
+    apart = way[:, :2] - nodes[nearest]
+    # what lies before the line or behind it is not beside it
+    inside = (nearest > 0) & (nearest < len(nodes) - 1) & np.isfinite(away)
+    v = (ahead[nearest, 0] * apart[:, 1] - ahead[nearest, 1] * apart[:, 0])[inside]
+    return float(v.min(initial=0.0)), float(v.max(initial=0.0))
 
 
 def _extent(way: npt.NDArray[Any]) -> Four:

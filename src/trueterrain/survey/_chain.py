@@ -4,21 +4,26 @@ import itertools
 import json
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from trueterrain._version import __version__
 from trueterrain.engine import no_progress, whole_folder
 from trueterrain.engine.progress import Progress
+from trueterrain.lanes.merge import Merging
+from trueterrain.lanes.runs import merge_runs
 from trueterrain.surface.evaluate import heights_at, node_coordinates
 from trueterrain.surface.runs import require_one_frame
-from trueterrain.survey._lane import Lane, find_run, measure_lane, write_points
+from trueterrain.survey._lane import Lane, Run, find_run, measure_lane, write_points
 from trueterrain.survey._pictures import Pictures
 from trueterrain.survey._settings import Survey
 from trueterrain.verify.truth import TrueHeight
+
+Floats = npt.NDArray[np.float64]
 
 _NMAD = 1.4826  # times the median absolute deviation is the standard deviation of normal errors
 _FEW = 100  # nodes that two lanes must share for a comparison
@@ -49,9 +54,10 @@ def run_survey(
 ) -> SurveyResult:
     """Turn recorded runs into surfaces, profiles, roughness and a report.
 
-    Each run is worked on alone: its motion is found, it is gridded, holes are filled, profiles are
-    taken and rated. Where lanes overlap, their heights are compared. All files appear together when
-    the last one is whole, or not at all.
+    The motion of each run is found. Runs become a lane each, or are brought into agreement and
+    become one; lanes are gridded, holes are filled, profiles are taken and rated. Where lanes
+    overlap, their heights are compared. All files appear together when the last one is whole, or
+    not at all.
 
     Parameters
     ----------
@@ -92,13 +98,16 @@ def run_survey(
     with whole_folder(folder, force=force) as temporary:
         pictures = Pictures(temporary if survey.outputs.pictures else None)
         runs = [find_run(survey, run, progress) for run in survey.runs]
+        runs, merging = _merged(survey, runs, progress)
         points = [write_points(survey, run, temporary, progress) for run in runs]
+        together = [runs] if merging else [[run] for run in runs]
         lanes = [
             measure_lane(
-                survey, run.name, [run], temporary, threads=threads,
-                truth=truth(run.taken.path), look=pictures.of_lane, progress=progress,
+                survey, survey.name if merging else some[0].name, some, temporary,
+                threads=threads, truth=_truth_of(some, truth), look=pictures.of_lane,
+                progress=progress,
             )
-            for run in runs
+            for some in together
         ]  # fmt: skip
         progress("report", 0, None)
         for run in runs:
@@ -111,6 +120,7 @@ def run_survey(
             "version": __version__,
             "runs": [run.numbers for run in runs],
             "lanes": [lane.numbers for lane in lanes],
+            "merge": merging.summary() if merging else None,
             "agreement": [
                 compared for one, other in itertools.combinations(lanes, 2)
                 if (compared := agreement(one, other)) is not None
@@ -125,6 +135,34 @@ def run_survey(
         pictures.close()
         written = tuple(sorted(file.name for file in temporary.iterdir()))
     return SurveyResult(folder=Path(folder), files=written, numbers=numbers)
+
+
+def _merged(
+    survey: Survey, runs: list[Run], progress: Progress
+) -> tuple[list[Run], Merging | None]:
+    """Runs brought into agreement, if the survey asks for it."""
+    if survey.lanes is None:
+        return runs, None
+    merging, passes = merge_runs(
+        {run.name: run.taken for run in runs}, survey.lanes, screening=survey.screening,
+        progress=progress,
+    )  # fmt: skip
+    return [replace(run, taken=passes[run.name]) for run in runs], merging
+
+
+def _truth_of(runs: list[Run], truth: Callable[[Path], TrueHeight | None]) -> TrueHeight | None:
+    """True ground under several runs: where several know it, what the first says."""
+    known = [found for run in runs if (found := truth(run.taken.path)) is not None]
+    if len(known) < len(runs):
+        return None
+
+    def height(easting: Floats, northing: Floats) -> Floats:
+        found = known[0](easting, northing)
+        for other in known[1:]:
+            found = np.where(np.isfinite(found), found, other(easting, northing))
+        return found
+
+    return height
 
 
 def agreement(one: Lane, other: Lane) -> dict[str, Any] | None:

@@ -8,6 +8,7 @@ from trueterrain.errors import FormatError
 from trueterrain.formats.run import Mounting
 from trueterrain.formats.settings import read_settings, settings_template
 from trueterrain.georeference import Screening
+from trueterrain.lanes.merge import MergeSettings
 from trueterrain.motion import FusionSettings
 from trueterrain.profile import ProfileOptions
 from trueterrain.roughness import IriOptions
@@ -157,16 +158,20 @@ class Survey:
     "What was surveyed; heads the report."
 
     runs: tuple[RunSettings, ...]
-    "The runs, each a lane of its own."
+    "The runs."
 
     motion: FusionSettings = field(default_factory=FusionSettings)
     "How the motion is found."
+
+    lanes: MergeSettings | None = field(default=None, metadata={"table": MergeSettings()})
+    "How runs are brought into agreement and merged; by default each is a lane of its own."
 
     screening: Screening = field(default_factory=Screening)
     "Which returns are doubtful."
 
     grid: Placement = field(default_factory=Placement)
-    "Where the nodes of the surfaces are; by default along the way of each run."
+    """Where the nodes of the surfaces are; by default along the way of each run, or of the first
+    of those that are merged."""
 
     cells: GridOptions = field(default_factory=lambda: GridOptions(range_noise=0.0005))
     "What is taken of the returns in a cell."
@@ -194,6 +199,11 @@ class Survey:
             raise ValueError(message)
         _require_different("runs", [lane_name(run) for run in self.runs])
         _require_different("profiles", [profile.name for profile in self.profiles])
+        if self.lanes is not None and self.lanes.fixed:
+            unknown = set(self.lanes.fixed) - {lane_name(run) for run in self.runs}
+            if unknown:
+                message = f"lanes.fixed must name runs, got {sorted(unknown)[0]!r}."
+                raise ValueError(message)
         for profile in self.profiles:
             if profile.offset is not None and self.is_map:
                 message = (
@@ -271,7 +281,12 @@ def read_survey(path: str | Path) -> Survey:
         for one in survey.profiles
     )
     grid = replace(survey.grid, path=survey.grid.path and found(survey.grid.path, "grid"))
-    return replace(survey, runs=runs, profiles=profiles, grid=grid)
+    lanes = survey.lanes and replace(
+        survey.lanes,
+        path=survey.lanes.path and found(survey.lanes.path, "lanes"),
+        control=survey.lanes.control and found(survey.lanes.control, "lanes"),
+    )
+    return replace(survey, runs=runs, profiles=profiles, grid=grid, lanes=lanes)
 
 
 def survey_template(survey: Survey | None = None) -> str:

@@ -1,0 +1,152 @@
+"""Recorded runs brought into agreement: their cells are compared, their motion is corrected."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from trueterrain import formats
+from trueterrain.engine.progress import Progress, no_progress
+from trueterrain.errors import SchemaError
+from trueterrain.georeference import Screening, georeference
+from trueterrain.lanes._discontinuity_result import LaneAlignment
+from trueterrain.lanes.apply import corrected_trajectory, trajectory_along
+from trueterrain.lanes.cells import LaneCells, cells_of_run, lane_cells
+from trueterrain.lanes.discontinuity import align_lanes
+from trueterrain.lanes.merge import MergeSettings, Merging, merge_cells
+from trueterrain.lanes.reference_path import ReferencePath, waypoint_reference
+from trueterrain.surface.runs import Pass
+
+
+def merge_runs(
+    passes: Mapping[str, Pass],
+    settings: MergeSettings = MergeSettings(),
+    *,
+    screening: Screening = Screening(),
+    progress: Progress = no_progress,
+) -> tuple[Merging, dict[str, Pass]]:
+    """Bring recorded runs into agreement.
+
+    Parameters
+    ----------
+    passes : mapping of str to Pass
+        Runs with their motion, by name.
+    settings : MergeSettings
+        How.
+    screening : Screening
+        Which returns are doubtful, and what becomes of them.
+    progress : callable, optional
+        Called with a task, the amount done and the total.
+
+    Returns
+    -------
+    merging : Merging
+        Corrections, and agreement before and after.
+    passes : dict of Pass
+        The runs with their motion corrected.
+
+    Raises
+    ------
+    CoverageError
+        If no cell is seen by two passes, or an overlap is too thin for the method.
+    SchemaError
+        If control points have no standard deviations.
+    TrueTerrainError
+        If the adjustment does not settle.
+    """
+    cells = []
+    for number, (name, one) in enumerate(passes.items()):
+        progress("cells of passes", number, len(passes))
+        cells.append(
+            cells_of_run(
+                one.path, one.trajectory, settings.cells, name=name, mounting=one.mounting,
+                screening=screening,
+            )
+        )  # fmt: skip
+    control = [] if settings.control is None else [control_cells(settings.control, settings)]
+    merging = merge_cells(
+        cells, settings, control=control, progress=progress,
+        align=lambda: _aligned(passes, settings, screening, progress),
+    )  # fmt: skip
+    return merging, {name: _corrected(one, name, merging) for name, one in passes.items()}
+
+
+def control_cells(path: str | Path, settings: MergeSettings) -> LaneCells:
+    """Control points as cells that stay as they are.
+
+    Parameters
+    ----------
+    path : str or Path
+        Points with ``sd``, in the frame of the passes.
+    settings : MergeSettings
+        Size of the cells.
+
+    Returns
+    -------
+    LaneCells
+        One entry for each point.
+
+    Raises
+    ------
+    SchemaError
+        If the points have no standard deviations.
+    FormatError
+        If it is no file of points.
+    """
+    points = formats.open(path)
+    if "sd" not in points or "up" not in points:
+        raise SchemaError(
+            "control needs the columns easting, northing, up and sd", path=path,
+            cure="Add a column sd: how sure each height is [m].",
+        )  # fmt: skip
+    x, y = points["easting"].values, points["northing"].values
+    column, row = (np.floor(at / settings.cells.size).astype(np.int64) for at in (x, y))
+    return lane_cells(
+        f"control {Path(path).stem}", (column << 32) + row, 0.0, points["up"].values,
+        variance=points["sd"].values ** 2, easting=x, northing=y,
+    )  # fmt: skip
+
+
+def reference_path(settings: MergeSettings) -> ReferencePath | None:
+    """Reference path that the settings name.
+
+    Parameters
+    ----------
+    settings : MergeSettings
+        File of waypoints.
+
+    Returns
+    -------
+    ReferencePath or None
+        None if they name none.
+    """
+    if settings.path is None:
+        return None
+    from trueterrain.formats.table import read_waypoints
+
+    return waypoint_reference(
+        *read_waypoints(Path(settings.path)), spacing=settings.discontinuity.spacing
+    )  # fmt: skip
+
+
+def _aligned(
+    passes: Mapping[str, Pass], settings: MergeSettings, screening: Screening, progress: Progress
+) -> LaneAlignment:
+    def points(one: Pass) -> Callable[[], Iterator[xr.Dataset]]:
+        return lambda: georeference(one.path, one.trajectory, one.mounting, screening=screening)
+
+    return align_lanes(
+        {name: points(one) for name, one in passes.items()}, settings.discontinuity,
+        paths=reference_path(settings), fix=next(iter(settings.fixed), None), progress=progress,
+    )  # fmt: skip
+
+
+def _corrected(one: Pass, name: str, merging: Merging) -> Pass:
+    if merging.alignment is not None:
+        return replace(one, trajectory=trajectory_along(one.trajectory, merging.alignment, name))
+    if merging.adjustment is not None and name in merging.adjustment.names:
+        correction = merging.adjustment.correction(name)
+        return replace(one, trajectory=corrected_trajectory(one.trajectory, correction))
+    return one
