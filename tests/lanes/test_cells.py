@@ -82,9 +82,9 @@ def test_offsets_are_from_the_path_of_the_pass():
 
 def test_rough_and_sparse_cells_are_left_out():
     points = cloud(noise=0.1)
-    with pytest.raises(CoverageError, match="no cell of 1 m .* scatter by less than 50 mm"):
+    with pytest.raises(CoverageError, match=r"no cell of 1 m .* scatter by less than 50 mm"):
         cells_of_points(points, CellOptions(size=1.0))
-    with pytest.raises(CoverageError, match="no cell of 0.25 m with 500 returns"):
+    with pytest.raises(CoverageError, match=r"no cell of 0\.25 m with 500 returns"):
         cells_of_points(cloud(), CellOptions(minimum_count=500))
 
 

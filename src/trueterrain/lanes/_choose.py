@@ -229,7 +229,7 @@ class Search:
         np.add.at(square, shared.per_entry(self.folds.square), self.weight * left**2)
         kept = self.robustness
         rmse = float(np.sqrt(2.0 * (kept * left**2).sum() / (kept * free).sum()))
-        return square, rmse, system.solve(whole, prior).log_likelihood
+        return square, rmse, system.solve(whole, system.known(prior)).log_likelihood
 
 
 def broad(system: System, settings: NetworkSettings) -> Fitted:
@@ -258,11 +258,11 @@ def predicted(
     parts: Sequence[Equations],
 ) -> Floats:
     """Correction of each entry by the cells of other folds, shape (n,) [m]."""
-    fold = system.shared.per_entry(folds.number)
+    fold, known = system.shared.per_entry(folds.number), system.known(prior)
     out = np.zeros(fold.size)
     for number, part in enumerate(parts):
         if part.freedom:
-            found = system.solve(whole.less(part), prior)
+            found = system.solve(whole.less(part), known)
             there = fold == number
             out[there] = system.corrections(found.coefficients)[there]
     return out

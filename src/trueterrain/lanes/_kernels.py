@@ -252,6 +252,60 @@ def entry_pairs(start, one, two):
 
 
 @njit(cache=True, nogil=True)
+def compress(row, column, size):
+    """Pattern of the lower half of a matrix: pointers, rows, and the element of each place.
+
+    Places are in either half and may be there several times; the diagonal is there everywhere.
+    """
+    begin = np.zeros(size + 1, np.int64)
+    for k in range(row.size):
+        begin[min(row[k], column[k]) + 1] += 1
+    longest = 0
+    for j in range(size):
+        longest = max(longest, begin[j + 1])
+        begin[j + 1] += begin[j]
+    places = np.empty(row.size, np.int64)
+    cursor = begin[:-1].copy()
+    for k in range(row.size):
+        j = min(row[k], column[k])
+        places[cursor[j]] = k
+        cursor[j] += 1
+    pointers, slot = np.zeros(size + 1, np.int64), np.empty(row.size, np.int64)
+    rows = np.empty(row.size + size, np.int64)
+    mark, seen = np.full(size, -1, np.int64), np.empty(longest + 1, np.int64)
+    where = np.empty(size, np.int64)
+    used = 0
+    for j in range(size):
+        n = 1
+        seen[0], mark[j] = j, j
+        for at in range(begin[j], begin[j + 1]):
+            i = max(row[places[at]], column[places[at]])
+            if mark[i] != j:
+                mark[i] = j
+                seen[n] = i
+                n += 1
+        seen[:n].sort()
+        for k in range(n):
+            where[seen[k]] = used
+            rows[used] = seen[k]
+            used += 1
+        for at in range(begin[j], begin[j + 1]):
+            slot[places[at]] = where[max(row[places[at]], column[places[at]])]
+        pointers[j + 1] = used
+    return pointers, rows[:used].copy(), slot
+
+
+@njit(cache=True, nogil=True)
+def add_right(right, unknown, out):
+    """Right sides of intervals to those of the unknowns, offsets with them."""
+    size = right.shape[1]
+    for a in range(right.shape[0]):
+        for m in range(size):
+            out[unknown[a, m]] += right[a, m]
+            out[unknown[a, size + m // 4]] += right[a, m]
+
+
+@njit(cache=True, nogil=True)
 def symbolic(pointers, rows):
     """Pattern of the Cholesky factor of a symmetric matrix, of which the lower half is given."""
     n = pointers.size - 1

@@ -135,7 +135,7 @@ class Factor:
         return inverse[np.searchsorted(keys + pattern.fill, high * pattern.size + low)]
 
 
-def pattern_of(row: Integers, column: Integers, size: int) -> Pattern:
+def pattern_of(row: Integers, column: Integers, size: int, wide: Integers | None = None) -> Pattern:
     """Pattern of a symmetric matrix.
 
     Parameters
@@ -144,6 +144,8 @@ def pattern_of(row: Integers, column: Integers, size: int) -> Pattern:
         Places of elements, each in either half; the same place may come several times.
     size : int
         Number of unknowns.
+    wide : numpy.ndarray of int, shape (n,), optional
+        Unknowns that meet many others: each is eliminated as soon as all of these are.
 
     Returns
     -------
@@ -152,17 +154,13 @@ def pattern_of(row: Integers, column: Integers, size: int) -> Pattern:
     """
     from trueterrain.lanes import _kernels
 
-    order = _order(row, column, size)
-    low, high = _lower(order[row], order[column])
-    keys = high * size + low
-    diagonal = np.arange(size, dtype=np.int64) * (size + 1)
-    elements = np.unique(np.concatenate([keys, diagonal]))
-    rows = elements % size
-    pointers = np.searchsorted(elements // size, np.arange(size + 1)).astype(np.int64)
+    pointers, low, first = _kernels.compress(row, column, size)
+    high = np.repeat(np.arange(size), np.diff(pointers))
+    order = _order(low, high, size, np.zeros(0, np.int64) if wide is None else wide)
+    pointers, rows, second = _kernels.compress(order[low], order[high], size)
     begin, fill = _kernels.symbolic(pointers, rows)
-    slot = np.searchsorted(elements, keys).astype(np.int64)
     return Pattern(
-        order=order, pointers=pointers, rows=rows, begin=begin, fill=fill, slot=slot
+        order=order, pointers=pointers, rows=rows, begin=begin, fill=fill, slot=second[first]
     )  # fmt: skip
 
 
@@ -171,19 +169,22 @@ def _lower(one: Integers, two: Integers) -> tuple[Integers, Integers]:
     return np.maximum(one, two), np.minimum(one, two)
 
 
-def _order(row: Integers, column: Integers, size: int) -> Integers:
-    """Place of each unknown in an order of least degree, as SuperLU finds it."""
-    from scipy.sparse import coo_array, csc_array, identity
-    from scipy.sparse.linalg import splu
+def _order(row: Integers, column: Integers, size: int, wide: Integers) -> Integers:
+    """Place of each unknown in an order in which those that meet are close (Cuthill and McKee)."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-    half = coo_array((np.full(row.size, 1e-9), (row, column)), shape=(size, size))
-    whole = csc_array(half + half.T + identity(size, format="coo"))
-    whole.sum_duplicates()
-    whole.data[:] = 1e-9  # only the pattern counts: a matrix that is nearly the unit matrix
-    whole.setdiag(1.0)
-    found = splu(
-        whole.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
-    )  # fmt: skip
-    # SuperLU's permutation is that of the columns: column k goes to place perm_c[k]
-    return np.asarray(found.perm_c, dtype=np.int64)
+    broad = np.zeros(size, bool)
+    broad[wide] = True
+    plain = ~(broad[row] | broad[column])
+    half = csr_array((np.ones(int(plain.sum())), (row[plain], column[plain])), shape=(size, size))
+    place = np.empty(size)
+    place[reverse_cuthill_mckee(csr_array(half + half.T), symmetric_mode=True)] = np.arange(size)
+    reach = np.full(size, -1.0)
+    for one, other in ((row, column), (column, row)):
+        mixed = broad[one] & ~broad[other]
+        np.maximum.at(reach, one[mixed], place[other[mixed]])
+    place[wide] = reach[wide] + 0.5
+    order = np.empty(size, np.int64)
+    order[np.argsort(place, kind="stable")] = np.arange(size)
+    return order

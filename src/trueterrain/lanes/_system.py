@@ -21,7 +21,7 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
-DATUM_SD = 1e-4  # [m] with which offsets are held; the datum replaces it
+DATUM_SD = 1e-4  # [m] by which one offset of each group is held until the datum is applied
 _MEAN_BASIS = np.array([1.0, 11.0, 11.0, 1.0]) / 24.0  # of the four basis functions, an interval
 LEAST_SD = 1e-7  # [m] or [rad] of what shall not wander
 
@@ -69,6 +69,17 @@ class Equations:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Known:
+    """What is known of all unknowns before."""
+
+    elements: Floats
+    "Elements of its normal matrix."
+
+    log_determinant: float
+    "Logarithm of the determinant of what is not free."
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Solution:
     """Solved normal equations."""
 
@@ -83,6 +94,24 @@ class Solution:
 
     log_likelihood: float
     "Logarithm of the marginal likelihood of the data, up to a constant of the data."
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Datum:
+    """Mean height of the corrections of a group, which shall be 0."""
+
+    unknowns: Integers
+    "Unknowns that it depends on."
+
+    weights: Floats
+    "How much on each."
+
+    offsets: Integers
+    "Offsets of the heights of the group."
+
+    def mean_of(self, x: Floats) -> float:
+        """Mean height by some unknowns [m]."""
+        return float((self.weights * x[self.unknowns]).sum())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -151,15 +180,15 @@ class System:
         )  # fmt: skip
         return Equations(blocks=blocks, right=right, square=square, freedom=freedom)
 
-    def solve(self, equations: Equations, prior: Mapping[str, Prior]) -> Solution:
+    def solve(self, equations: Equations, known: Known) -> Solution:
         """Most likely corrections.
 
         Parameters
         ----------
         equations : Equations
             Normal equations of the cells.
-        prior : mapping of str to Prior
-            What is known of each component before.
+        known : Known
+            What is known before.
 
         Returns
         -------
@@ -171,19 +200,23 @@ class System:
         TrueTerrainError
             If the equations do not determine them.
         """
-        of_prior, log_determinant = self._prior_values(prior)
-        elements = self.pattern.sum(of_prior)
+        elements = known.elements.copy()
         _kernels.scatter(
             equations.blocks, self.lists[2], self.lists[3], self.unknown, self.pattern.slot,
             elements,
         )  # fmt: skip
         right = np.zeros(self.size)
-        np.add.at(right, self.unknown.ravel(), _right_with_offsets(equations.right).ravel())
+        _kernels.add_right(equations.right, self.unknown, right)
         factor = self.pattern.factor(elements)
         x = factor.solve(right)
-        likelihood = log_determinant - factor.log_determinant - equations.square + float(right @ x)
-        for mean, offsets in self._datums:
-            x[offsets] -= mean @ x
+        likelihood = (
+            known.log_determinant
+            - factor.log_determinant
+            - equations.square
+            + float((right * x).sum())
+        )
+        for datum in self._datums:
+            x[datum.offsets] -= datum.mean_of(x)
         return Solution(
             factor=factor, x=x, coefficients=self._coefficients(x),
             log_likelihood=0.5 * likelihood,
@@ -218,31 +251,38 @@ class System:
         found[:, :size] += np.repeat(found[:, size:], 4, axis=1)
         found = found[:, :size, :size]
         # covariance with the mean that is taken away; both intervals are of one group
-        for mean, offsets in self._datums:
-            with_mean = solution.factor.solve(mean)
+        for datum in self._datums:
+            right = np.zeros(self.size)
+            right[datum.unknowns] = datum.weights
+            with_mean = solution.factor.solve(right)
             each = self._coefficients(with_mean)
-            mine = np.isin(self.unknown[:, size], offsets)
+            mine = np.isin(self.unknown[:, size], datum.offsets)
             pairs = np.flatnonzero(mine[one])
             found[pairs, :4] -= each[two[pairs], None, :]
             found[pairs, :, :4] -= each[one[pairs], :, None]
-            found[pairs, :4, :4] += mean @ with_mean
+            found[pairs, :4, :4] += datum.mean_of(with_mean)
         return found
 
     @cached_property
-    def _datums(self) -> list[tuple[Floats, Integers]]:
-        """Weights of the unknowns in the mean height of each group, and its offsets of heights."""
+    def _datums(self) -> list[_Datum]:
+        """Datums of the groups of which no pass is fixed."""
         found = []
         for members in _datum_groups(self.shared):
-            mean, offsets = np.zeros(self.size), []
+            unknowns, weights, offsets = [], [], []
             for lane in members:
                 coefficients, offset = self.lane_unknowns(lane)
                 parts = np.zeros(coefficients.shape[1])
                 for k in range(4):
                     parts[k : parts.size - 3 + k] += _MEAN_BASIS[k]
-                mean[coefficients[0]] = parts / parts.sum() / members.size
-                mean[offset[0]] = 1.0 / members.size
+                unknowns += [coefficients[0], offset[:1]]
+                weights += [parts / parts.sum() / members.size, np.array([1.0 / members.size])]
                 offsets.append(offset[0])
-            found.append((mean, np.array(offsets)))
+            found.append(
+                _Datum(
+                    unknowns=np.concatenate(unknowns), weights=np.concatenate(weights),
+                    offsets=np.array(offsets),
+                )
+            )  # fmt: skip
         return found
 
     def lane_unknowns(self, lane: int) -> tuple[Integers, Integers]:
@@ -257,8 +297,19 @@ class System:
         each = x[self.unknown]
         return each[:, : 4 * k] + np.repeat(each[:, 4 * k :], 4, axis=1)
 
-    def _prior_values(self, prior: Mapping[str, Prior]) -> tuple[Floats, float]:
-        """Elements of the prior in the order of `_prior_places`, and the log of its determinant."""
+    def known(self, prior: Mapping[str, Prior]) -> Known:
+        """What is known before, as elements of the matrix.
+
+        Parameters
+        ----------
+        prior : mapping of str to Prior
+            What is known of each component.
+
+        Returns
+        -------
+        Known
+            To solve with.
+        """
         values, log_determinant = [], 0.0
         for lane, knots in enumerate(self.knots):
             if knots is None:
@@ -273,10 +324,9 @@ class System:
                 values.append(np.array([offset_sd**-2.0]))
                 if np.isfinite(offset_sd):
                     log_determinant -= 2.0 * float(np.log(offset_sd))
-        for members in _datum_groups(self.shared):
-            weight = (DATUM_SD * members.size) ** -2.0
-            values.append(np.full(members.size * (members.size + 1) // 2, weight))
-        return np.concatenate(values), log_determinant
+        values += [np.array([DATUM_SD**-2.0]) for _ in _datum_groups(self.shared)]
+        elements = self.pattern.sum(np.concatenate(values))
+        return Known(elements=elements, log_determinant=log_determinant)
 
 
 def build(
@@ -315,8 +365,9 @@ def build(
     lists = _kernels.pairs_of(shared.start, interval, int(first[-1]))
     row, column = pair_places(unknown, lists[2], lists[3])
     pattern = pattern_of(
-        np.concatenate([row, places_row]), np.concatenate([column, places_column]), size
-    )
+        np.concatenate([row, places_row]), np.concatenate([column, places_column]), size,
+        wide=np.unique(unknown[:, 4 * len(components) :]),
+    )  # fmt: skip
     return System(
         shared=shared, components=tuple(components), knots=knots, first=first, interval=interval,
         weights=weights, factor=_factors(shared, components), unknown=unknown, lists=lists,
@@ -383,9 +434,8 @@ def _numbered(
         offset_of[lane] = offset
         begin, offset = begin + k * n, offset + k
     for members in _datum_groups(shared):
-        low, high = np.tril_indices(members.size)
-        row.append(offset_of[members[low]])
-        column.append(offset_of[members[high]])
+        row.append(offset_of[members[:1]])
+        column.append(offset_of[members[:1]])
     return (
         np.concatenate(unknown).astype(np.int64), np.concatenate(row).astype(np.int64),
         np.concatenate(column).astype(np.int64), offset,
@@ -418,8 +468,3 @@ def _squared(rows: Floats) -> list[Floats]:
     beside = a[1:] * b[1:]
     beside[:-1] += b[2:] * c[2:]
     return [main, beside, (a * c)[2:] if n > 2 else np.zeros(0)]
-
-
-def _right_with_offsets(right: Floats) -> Floats:
-    intervals, size = right.shape
-    return np.concatenate([right, right.reshape(intervals, size // 4, 4).sum(axis=2)], axis=1)

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from trueterrain.errors import TrueTerrainError
 from trueterrain.lanes import _kernels
 from trueterrain.lanes._problem import Shared
-from trueterrain.lanes._system import Equations, Prior, Solution, System
+from trueterrain.lanes._system import Equations, Known, Prior, Solution, System
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -85,6 +85,7 @@ def settle(
     """
     shared = system.shared
     correction = np.zeros(shared.lane.size) if start is None else start
+    known = system.known(prior)
     floor, still, change = np.inf, False, np.inf
     for done in range(1, most + 1):
         height = shared.entries.height + correction
@@ -96,7 +97,7 @@ def settle(
         away = np.empty(height.size)
         _kernels.outlyingness(shared.start, height, variance, shared.usable, away)
         robustness = bound / np.maximum(np.abs(away), bound)
-        fitted = _solved(system, prior, robustness, variance, floor, done)
+        fitted = _solved(system, known, robustness, variance, floor, done)
         change = float(np.abs(fitted.correction - correction).max())
         correction = fitted.correction
         if still and change <= tolerance:
@@ -159,7 +160,7 @@ def reject(
     shared = system.shared
     variance = shared.entries.variance + before.floor**2
     _, share = residuals(shared, before.correction, shared.usable / variance)
-    fitted = before
+    fitted, known = before, system.known(prior)
     for _ in range(_STEPS):
         height = shared.entries.height + fitted.correction
         # a weight of 0 could not come back
@@ -168,7 +169,7 @@ def reject(
         beyond = np.minimum(out**2 / (np.maximum(share, 1e-9) * variance * bound**2), 1.0)
         fitted = _solved(
             system,
-            prior,
+            known,
             shared.usable * (1.0 - beyond) ** 2,
             variance * factor,
             before.floor,
@@ -266,7 +267,7 @@ def _sums(key: Integers, values: Floats) -> tuple[float, float]:
 
 def _solved(
     system: System,
-    prior: Mapping[str, Prior],
+    known: Known,
     robustness: Floats,
     variance: Floats,
     floor: float,
@@ -274,7 +275,7 @@ def _solved(
 ) -> Fitted:
     weight = robustness / variance
     equations = system.equations(weight, np.ones(system.shared.cells, bool))
-    solution = system.solve(equations, prior)
+    solution = system.solve(equations, known)
     return Fitted(
         solution=solution, equations=equations, robustness=robustness, floor=floor, weight=weight,
         correction=system.corrections(solution.coefficients), rounds=rounds,
