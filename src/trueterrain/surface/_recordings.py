@@ -13,12 +13,19 @@ from trueterrain.formats.run import open_run
 from trueterrain.georeference import ScanGeometry, mounting_of
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from trueterrain.surface.runs import Pass
 
 Index = npt.NDArray[np.intp]
 
 _REACH = 10.0  # [m] range that is not often passed where greater ones can be stored
 _AHEAD = 2  # blocks that are read before they are needed
+
+
+def origin_of(tree: "xr.DataTree") -> tuple[float, ...]:
+    """Longitude [deg], latitude [deg] and height [m] of the origin of a run's local frame."""
+    return tuple(float(part) for part in tree.attrs["origin"])
 
 
 class Recording:
@@ -37,6 +44,7 @@ class Recording:
         mounting = one.mounting or mounting_of(tree, path=one.path)
         scans = tree["scans"]
         self.path = one.path
+        self.origin = origin_of(tree)
         self._arrays: dict[str, Any] = {}
         self.time = self._read("time", slice(None))
         self.geometry = ScanGeometry(one.trajectory, mounting, scans["angle"], scans["delay"])

@@ -181,7 +181,7 @@ def finish_rows(
     Parameters
     ----------
     sums : CellSums
-        Sums that hold these rows, and `halo` more to either side if there are any.
+        Sums that hold these rows, and `halo_of` more to either side as far as there are any.
     options : GridOptions
         What is taken of them.
     rows : range

@@ -14,7 +14,7 @@ from trueterrain.formats.run import Mounting, open_run
 from trueterrain.georeference import Screening
 from trueterrain.motion.trajectory import Trajectory
 from trueterrain.surface._finish import Nodes, halo_of
-from trueterrain.surface._recordings import Recording, read_ahead
+from trueterrain.surface._recordings import Recording, origin_of, read_ahead
 from trueterrain.surface._windows import Plan, plan_windows
 from trueterrain.surface.accumulate import CellSums
 from trueterrain.surface.cells import Grid
@@ -99,8 +99,8 @@ def grid_runs(
             "1 byte."
         )
         raise ValueError(message)
-    require_one_frame([one.path for one in passes])
     recordings = [Recording(one, with_intensity=screening.needs_intensity) for one in passes]
+    _require_same([one.path for one in recordings], [one.origin for one in recordings])
     wanted = options.wanted()
     plan = plan_windows(
         grid, recordings, wanted, margin=halo_of(options, grid), memory=memory, threads=threads,
@@ -152,7 +152,12 @@ def require_one_frame(paths: Sequence[Path]) -> tuple[float, ...]:
     SchemaError
         If one differs.
     """
-    origins = [tuple(float(part) for part in open_run(path).attrs["origin"]) for path in paths]
+    origins = [origin_of(open_run(path)) for path in paths]
+    _require_same(paths, origins)
+    return origins[0]
+
+
+def _require_same(paths: Sequence[Path], origins: Sequence[tuple[float, ...]]) -> None:
     for path, origin in zip(paths, origins, strict=True):
         if origin != origins[0]:
             raise SchemaError(
@@ -161,7 +166,6 @@ def require_one_frame(paths: Sequence[Path]) -> tuple[float, ...]:
                 place="attribute origin",
                 cure="Grid runs of one local frame, or georeference them to points of one CRS.",
             )
-    return origins[0]
 
 
 def _add(
