@@ -1,0 +1,26 @@
+"""How well profiles agree: by cross-correlation behind a filter, and point by point.
+
+============  =================================================================================
+`options`     filter before, and how far shift and distance are sought
+`rating`      cross-correlation rating of every pair, repeatability, accuracy, distance error
+`heights`     errors of heights after registration, bias and precision of repeats
+`limits`      verdicts by limits of the user
+============  =================================================================================
+"""
+
+from trueterrain.roughness.agreement.heights import height_errors
+from trueterrain.roughness.agreement.limits import AgreementLimits, Check, judge
+from trueterrain.roughness.agreement.options import AIRFIELD_FILTER, IRI_FILTER, AgreementOptions
+from trueterrain.roughness.agreement.rating import agreement, filtered_profiles
+
+__all__ = [
+    "AIRFIELD_FILTER",
+    "IRI_FILTER",
+    "AgreementLimits",
+    "AgreementOptions",
+    "Check",
+    "agreement",
+    "filtered_profiles",
+    "height_errors",
+    "judge",
+]

@@ -1,0 +1,251 @@
+"""Shift and scale of the stations at which two signals agree best.
+
+A feature at station x of the first signal lies at x + shift + scale (x - start) of the second one,
+`start` being the first station of the first signal.
+"""
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from trueterrain.errors import CoverageError
+from trueterrain.roughness.agreement._signal import Signal
+from trueterrain.roughness.agreement.options import AgreementOptions
+
+Array = npt.NDArray[np.float64]
+
+_SAME = 1e-9  # [1] ratings that differ by less are equal: the smaller shift is taken
+_ROUNDING = 1e-13  # [1] of a correlation
+_STILL = 1e-7  # [m] a correction of the shift below it is none
+_AT_SAMPLE = 1e-6  # [samples] by which a station may miss a sample and still be there
+_SINGULAR = 1e-14  # [1] share of the largest singular value below which one is none
+_MOST = 20  # corrections
+_HALVINGS = 6
+_STRETCHES = 3  # stretches of a profile from which on a scale can be told from a shift
+_SHORTEST = 20.0  # [m] of a stretch
+
+
+class Likeness(NamedTuple):
+    """How alike two signals are where they overlap, and how to make them more so."""
+
+    rating: float
+    "Covariance over the larger one of both variances [1]."
+
+    correlation: float
+    "Covariance over the geometric mean of both variances [1]."
+
+    sd_ratio: float
+    "Standard deviation of the second over that of the first [1]."
+
+    overlap: float
+    "Length that is compared [m]."
+
+    products: Array
+    "Sums of all products of 1, b, b', x b' and a, see `_kernels.products`."
+
+
+def likeness(first: Signal, second: Signal, shift: float, scale: float) -> Likeness:
+    """How alike two signals are at a shift [m] and a scale [m/m]."""
+    from trueterrain.roughness.agreement import _kernels
+
+    step = first.step
+    behind = (first.start + shift - second.start) / step
+    begin = max(0, int(np.ceil(-behind / (1 + scale) - _AT_SAMPLE)))
+    sums = np.zeros((5, 5))
+    place = behind + begin * (1 + scale)
+    _kernels.products(first.values, begin, second.cubics, step, place, 1 + scale, sums)
+    sums += np.triu(sums, 1).T
+    count = max(sums[0, 0], 1.0)
+    aa = sums[4, 4] - sums[0, 4] ** 2 / count
+    bb = sums[1, 1] - sums[0, 1] ** 2 / count
+    ab = sums[1, 4] - sums[0, 1] * sums[0, 4] / count
+    if not (aa > 0 and bb > 0):
+        return Likeness(-np.inf, -np.inf, np.nan, (count - 1) * step, sums)
+    return Likeness(
+        rating=float(ab / max(aa, bb)), correlation=float(ab / np.sqrt(aa * bb)),
+        sd_ratio=float(np.sqrt(bb / aa)), overlap=float((count - 1) * step), products=sums,
+    )  # fmt: skip
+
+
+def best_shift(first: Signal, second: Signal, options: AgreementOptions) -> float:
+    """Shift at which the rating is largest [m]: among whole samples, then between them."""
+    from scipy.signal import correlate
+
+    step = first.step
+    a, b = first.values - first.values.mean(), second.values - second.values.mean()
+    offset = second.start - first.start
+    lags = np.arange(
+        np.ceil((-options.max_shift - offset) / step - _SAME),
+        np.floor((options.max_shift - offset) / step + _SAME) + 1,
+    ).astype(np.int64)
+    begin, end = np.maximum(0, -lags), np.minimum(a.size, b.size - lags)
+    count = end - begin
+    enough = count * step >= options.minimum_overlap
+    if not enough.any():
+        raise _apart(first, second, options)
+    lags, begin, end, count = lags[enough], begin[enough], end[enough], count[enough]
+    products = correlate(b, a, mode="full", method="fft")[lags + a.size - 1]
+    sum_a, square_a = _sums(a, begin, end)
+    sum_b, square_b = _sums(b, begin + lags, end + lags)
+    covariance = products - sum_a * sum_b / count
+    larger = np.maximum(square_a - sum_a**2 / count, square_b - sum_b**2 / count)
+    ratings = covariance / larger
+    shifts = offset + lags * step
+    ties = np.flatnonzero(ratings >= ratings.max() - _SAME)
+    coarse = float(shifts[ties[np.argmin(np.abs(shifts[ties]))]])
+    return refine(first, second, coarse, 0.0, options, with_scale=False)[0]
+
+
+def best_scale(
+    first: Signal, second: Signal, shift: float, options: AgreementOptions
+) -> tuple[float, float]:
+    """Shift [m] and scale [m/m] at which the signals agree best."""
+    starts = (shift, 0.0), _stacked(first, second, shift, options)
+    start = max(starts, key=lambda pair: likeness(first, second, *pair).correlation)
+    return refine(first, second, *start, options)
+
+
+def refine(
+    first: Signal,
+    second: Signal,
+    shift: float,
+    scale: float,
+    options: AgreementOptions,
+    *,
+    with_scale: bool = True,
+) -> tuple[float, float]:
+    """Correct a shift and a scale until the difference of the signals is least.
+
+    Gauss and Newton's method on first = mean + gain * second(x + shift + scale (x - start)): mean
+    and gain are free, so that the least squares are where the correlation is largest.
+    """
+    here = likeness(first, second, shift, scale)
+    for _ in range(_MOST):
+        change = _correction(first, here.products, with_scale=with_scale)
+        largest = _farthest(first, change)
+        change *= min(1.0, 4 * first.step / largest) if largest > 0 else 1.0
+        for _ in range(_HALVINGS):
+            trial = float(shift + change[0]), float(scale + change[1])
+            there = likeness(first, second, *trial)
+            enough = there.overlap >= 0.5 * options.minimum_overlap
+            if enough and there.correlation >= here.correlation - _ROUNDING:
+                break
+            change *= 0.5
+        else:
+            break
+        (shift, scale), here = trial, there
+        if _farthest(first, change) < _STILL:
+            break
+    return shift, scale
+
+
+def _correction(first: Signal, products: Array, *, with_scale: bool) -> Array:
+    """What to add to shift and scale: one linear least-squares problem."""
+    unknowns = 4 if with_scale else 3
+    solved = np.linalg.lstsq(
+        products[:unknowns, :unknowns], products[:unknowns, 4], rcond=_SINGULAR
+    )[0]
+    gain = solved[1] if solved[1] != 0 else 1.0
+    far = solved[3] / (first.values.size * first.step) if with_scale else 0.0
+    return np.array([solved[2], far]) / gain
+
+
+def _farthest(first: Signal, change: Array) -> float:
+    """Largest change of a station [m]."""
+    return float(abs(change[0]) + abs(change[1]) * first.length)
+
+
+def _stacked(
+    first: Signal, second: Signal, shift: float, options: AgreementOptions
+) -> tuple[float, float]:
+    """Shift and scale at which the correlations of many short stretches are largest together.
+
+    A scale shifts each stretch by another length; within a stretch it is felt too little to matter.
+    So the correlation of each stretch is found at all shifts, once, and looked up at the shift that
+    each pair of shift and scale gives it.
+    """
+    step = first.step
+    width = _width(first.values) * step
+    length = max(width / options.max_scale, _SHORTEST)
+    count = min(int(first.length / length), int(first.length / _SHORTEST))
+    if first.length < _STRETCHES * _SHORTEST:
+        return shift, 0.0
+    edges = np.linspace(0, first.values.size, max(count, _STRETCHES) + 1).astype(int)
+    every = max(step, 0.5 * width)
+    shifts = every * np.arange(
+        -np.ceil(options.max_shift / every), np.ceil(options.max_shift / every) + 1
+    )
+    reach = options.max_scale * first.length
+    scales = every / first.length * np.arange(-np.ceil(reach / every), np.ceil(reach / every) + 1)
+    total = np.zeros((scales.size, shifts.size))
+    for begin, end in pairwise(edges):
+        middle = 0.5 * (begin + end - 1) * step
+        lowest, table = _stretch(first, second, begin, end, middle, options)
+        at = (shifts + scales[:, None] * middle - lowest) / step
+        at = np.clip(np.rint(at).astype(np.int64), 0, table.size - 1)
+        total += table[at]
+    row, column = np.unravel_index(int(total.argmax()), total.shape)
+    return float(shifts[column]), float(scales[row])
+
+
+def _stretch(
+    first: Signal, second: Signal, begin: int, end: int, middle: float, options: AgreementOptions
+) -> tuple[float, Array]:
+    """Correlations of a stretch with the second signal: lowest shift [m], one value per sample."""
+    from scipy.signal import correlate
+
+    step = first.step
+    offset = second.start - first.start
+    reach = options.max_shift + options.max_scale * middle
+    lowest, highest = (int(np.rint((sign * reach - offset) / step)) for sign in (-1, 1))
+    table = np.zeros(highest - lowest + 1)
+    part = first.values[begin:end] - first.values[begin:end].mean()
+    # samples of the second signal that exist: lags from `low` to `high`
+    low, high = max(lowest, -begin), min(highest, second.values.size - end)
+    if high < low:
+        return lowest * step + offset, table
+    other = second.values[begin + low : end + high]
+    other = other - other.mean()
+    size = np.full(high - low + 1, end - begin)
+    where = np.arange(size.size)
+    sums, squares = _sums(other, where, where + size)
+    spread = np.maximum(squares - sums**2 / size, 0.0)
+    products = correlate(other, part, mode="valid", method="fft")
+    scale = np.sqrt(float(part @ part) * spread)
+    table[low - lowest : high - lowest + 1] = np.divide(
+        products, scale, out=np.zeros_like(products), where=scale > 0
+    )
+    return lowest * step + offset, table
+
+
+def _sums(values: Array, begin: npt.NDArray[np.int64], end: npt.NDArray[np.int64]) -> list[Array]:
+    """Sums of values and of their squares from `begin` to before `end`."""
+    return [
+        (sums := np.concatenate([[0.0], np.cumsum(power)]))[end] - sums[begin]
+        for power in (values, values**2)
+    ]
+
+
+def _width(values: Array) -> int:
+    """Lag [samples] at which the autocorrelation of a signal has fallen to a half."""
+    from scipy.signal import correlate
+
+    part = values[: 1 << 16] - values[: 1 << 16].mean()
+    auto = correlate(part, part, mode="full", method="fft")[part.size - 1 :]
+    below = np.flatnonzero(auto < 0.5 * auto[0])
+    return max(1, int(below[0])) if below.size else part.size
+
+
+def _apart(first: Signal, second: Signal, options: AgreementOptions) -> CoverageError:
+    ranges = [f"{one.start:g} to {one.start + one.length:g} m" for one in (first, second)]
+    message = (
+        f"overlap by less than {options.minimum_overlap:g} m behind the filter: "
+        f"{ranges[0]}, and {ranges[1]}, with shifts up to {options.max_shift:g} m"
+    )
+    return CoverageError(
+        message,
+        place=f"{first.name} and {second.name}",
+        cure="Count stations from the start of each profile, or allow larger shifts.",
+    )

@@ -1,0 +1,65 @@
+"""What makes a comparison doubtful: units, lengths, a search that ends at its limit."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from trueterrain.formats._doubts import profile_doubts
+from trueterrain.roughness.agreement._align import Likeness
+from trueterrain.roughness.agreement._signal import Track
+from trueterrain.roughness.agreement.options import AgreementOptions
+
+# ratios that a wrong unit leaves
+_UNITS = {
+    "feet": 1 / 0.3048, "inches": 1 / 0.0254, "millimetres": 1000.0, "centimetres": 100.0,
+}  # fmt: skip
+
+_NEAR = 0.03  # share by which a ratio may miss that of two units
+_ALIKE = 0.7  # correlation from which on a ratio of amplitudes is no chance
+_UNLIKE = 0.01  # share by which lengths may differ without a word
+_AT_LIMIT = 0.02  # share of a search range that counts as its end
+
+
+def track_doubts(track: Track) -> Iterator[str]:
+    """What is doubtful about a track by itself."""
+    for doubt in profile_doubts("", track.station, track.height):
+        yield f"{track.name}: {doubt.removeprefix('track : ')}"
+
+
+def pair_doubts(
+    first: Track,
+    second: Track,
+    like: Likeness,
+    shift: float,
+    scale: float,
+    options: AgreementOptions,
+) -> Iterator[str]:
+    """What is doubtful about two tracks beside each other."""
+    both = f"{first.name} and {second.name}"
+    unit = _unit(second.length / first.length)
+    longer, shorter = (second, first) if second.length > first.length else (first, second)
+    lengths = f"{longer.name} is {longer.length:g} m long, {shorter.name} {shorter.length:g} m"
+    if unit:
+        yield f"{lengths}: are the stations of {longer.name} in {unit}?"
+    elif longer.length - shorter.length > max(_UNLIKE * longer.length, options.max_shift):
+        yield f"{lengths}: only the {like.overlap:.4g} m that they share are compared"
+    if abs(like.correlation) > _ALIKE and (unit := _unit(like.sd_ratio)):
+        taller, lower = (second, first) if like.sd_ratio > 1 else (first, second)
+        ratio = max(like.sd_ratio, 1 / like.sd_ratio)
+        yield (
+            f"{taller.name} is {ratio:.4g} times as high as {lower.name}: "
+            f"are its heights in {unit}?"
+        )
+    if options.max_shift > 0 and abs(shift) >= (1 - _AT_LIMIT) * options.max_shift:
+        yield f"{both}: the best shift, {shift:.3f} m, is at the end of the search; allow more"
+    if options.max_scale > 0 and abs(scale) >= (1 - _AT_LIMIT) * options.max_scale:
+        yield f"{both}: the best scale, {scale:.3%}, is at the end of the search; allow more"
+
+
+def _unit(ratio: float) -> str:
+    """Unit that was taken for metres, if a ratio looks like it."""
+    ratio = max(ratio, 1 / ratio) if ratio > 0 else np.inf
+    for name, factor in _UNITS.items():
+        if abs(ratio / factor - 1) < _NEAR:
+            return name
+    return ""

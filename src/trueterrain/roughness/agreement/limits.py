@@ -1,0 +1,160 @@
+"""Verdicts: what was found against limits that the user sets."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+
+import numpy as np
+import xarray as xr
+
+
+@dataclass(frozen=True, kw_only=True)
+class AgreementLimits:
+    """Limits of the user; None for a check that shall not be judged.
+
+    The default ratings are those that are commonly named for AASHTO R 56; they could not be checked
+    against its text, and are no more than a place to begin. No other limit has a default.
+
+    Examples
+    --------
+    >>> AgreementLimits().repeatability
+    0.92
+    """
+
+    repeatability: float | None = 0.92
+    "Least mean rating of all pairs of repeats [1]; commonly named for AASHTO R 56, unchecked."
+
+    accuracy: float | None = 0.90
+    "Least mean rating of repeats against the reference [1]; commonly named, as above, unchecked."
+
+    distance_error: float | None = None
+    "Largest magnitude of the distance-measuring error of a profile [m/m]."
+
+    bias: float | None = None
+    "Largest mean magnitude of the mean error of repeats [m]."
+
+    precision: float | None = None
+    "Largest mean standard deviation of repeats [m]."
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if value is not None and not (np.isfinite(value) and value > 0):
+                message = f"{field.name} must be finite and greater than 0, or None, got {value}"
+                raise ValueError(message)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """One verdict."""
+
+    name: str
+    "What was checked."
+
+    track: str
+    "On which track."
+
+    value: float
+    "What was found, in units of `unit`; NaN if it could not be found."
+
+    limit: float | None
+    "The limit, in units of `unit`; None if there is none."
+
+    unit: str
+    "Unit of value and limit."
+
+    passed: bool | None
+    "Whether the limit is kept; None if that could not be judged."
+
+    reason: str
+    "Why it could not be judged; else empty."
+
+
+def judge(
+    found: xr.Dataset,
+    errors: xr.Dataset | None = None,
+    *,
+    limits: AgreementLimits = AgreementLimits(),
+) -> list[Check]:
+    """Hold what was found against limits; a check that cannot be made says why.
+
+    Parameters
+    ----------
+    found : xarray.Dataset
+        Of `agreement`.
+    errors : xarray.Dataset, optional
+        Of `height_errors`, for bias and precision.
+    limits : AgreementLimits
+        The limits.
+
+    Returns
+    -------
+    list of Check
+        Repeatability, accuracy, distance error, bias and precision of each track.
+
+    Examples
+    --------
+    >>> from trueterrain.kinds import make_profile
+    >>> from trueterrain.roughness.agreement import agreement
+    >>> s = np.arange(0.0, 100.0, 0.05)
+    >>> found = agreement({name: make_profile(s, 0.1 * np.sin(s)) for name in ("1", "2")})
+    >>> for check in judge(found)[:2]:
+    ...     print(check.name, check.passed, check.reason)
+    repeatability True
+    accuracy None no reference is given
+    """
+    return [
+        check
+        for track in found["track"].values
+        for check in _judged(
+            found.sel(track=track),
+            None if errors is None else errors.sel(track=track),
+            str(track),
+            limits,
+        )
+    ]
+
+
+def _judged(
+    found: xr.Dataset, errors: xr.Dataset | None, track: str, limits: AgreementLimits
+) -> Iterator[Check]:
+    reference = found.attrs.get("reference")
+    alone = "there are less than two repeats"
+    unknown = "no reference is given"
+    yield _least("repeatability", track, float(found["repeatability"]), limits.repeatability, alone)
+    yield _least("accuracy", track, float(found["accuracy"]), limits.accuracy, unknown)
+    worst, why = np.nan, unknown
+    if reference is not None:
+        against = found["distance_error"].sel(first=reference)
+        worst = float(np.abs(against.values).max())
+        why = "the scale of the distance was not sought"
+    yield _largest("distance error", track, worst, limits.distance_error, "m/m", why)
+    for name, limit in (("bias", limits.bias), ("precision", limits.precision)):
+        value = np.nan if errors is None else float(errors[name])
+        missing = unknown if errors is None else alone
+        yield _largest(name, track, value, limit, "m", missing)
+
+
+def _least(name: str, track: str, value: float, limit: float | None, missing: str) -> Check:
+    passed = bool(limit is not None and value >= limit)
+    return _check(name, track, value, limit, "1", missing, passed)
+
+
+def _largest(
+    name: str, track: str, value: float, limit: float | None, unit: str, missing: str
+) -> Check:
+    passed = bool(limit is not None and value <= limit)
+    return _check(name, track, value, limit, unit, missing, passed)
+
+
+def _check(
+    name: str, track: str, value: float, limit: float | None, unit: str, missing: str, passed: bool
+) -> Check:
+    reason = ""
+    if not np.isfinite(value):
+        reason = missing
+    elif limit is None:
+        reason = "no limit is given"
+    return Check(
+        name=name, track=track, value=value, limit=limit, unit=unit,
+        passed=None if reason else passed, reason=reason,
+    )  # fmt: skip

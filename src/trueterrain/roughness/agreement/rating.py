@@ -1,0 +1,362 @@
+"""Agreement of profiles by cross-correlation: every pair, repeats, and against a reference."""
+
+import itertools
+import warnings
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from trueterrain.errors import SchemaError
+from trueterrain.provenance import add_step
+from trueterrain.roughness._track import CarOptions
+from trueterrain.roughness.agreement._align import (
+    Likeness,
+    best_scale,
+    best_shift,
+    likeness,
+    refine,
+)
+from trueterrain.roughness.agreement._doubts import pair_doubts, track_doubts
+from trueterrain.roughness.agreement._signal import Track, signal_of, tracks_of
+from trueterrain.roughness.agreement.options import AgreementOptions
+
+Array = npt.NDArray[np.float64]
+
+_PAIRWISE = {
+    "rating": "1", "correlation": "1", "sd_ratio": "1", "best_shift": "m", "overlap": "m",
+    "corrected_rating": "1", "corrected_shift": "m", "distance_error": "m/m",
+}  # fmt: skip
+
+#: Names and tracks of profiles: tracks[name][track].
+Tracks = dict[str, dict[str, Track]]
+
+
+class Pair(NamedTuple):
+    """A pair of tracks, registered."""
+
+    plain: Likeness
+    "How alike they are at the best shift."
+
+    shift: float
+    "The best shift [m]."
+
+    corrected: Likeness
+    "How alike they are at the best shift and scale; as `plain` if no scale was sought."
+
+    corrected_shift: float
+    "Shift at the start of the first, with that scale [m]."
+
+    scale: float
+    "Scale of the stations of the second [m/m]; NaN if it was not sought."
+
+    starts: tuple[float, float]
+    "First stations of both that the filter leaves [m]; the scale counts from that of the first."
+
+    @property
+    def shift_back(self) -> float:
+        """Corrected shift of the first against the second, at the second's first station [m]."""
+        ahead = self.starts[1] - self.starts[0] - self.corrected_shift
+        return -(self.corrected_shift + self.scale * ahead / (1 + self.scale))
+
+
+def agreement(
+    profiles: Mapping[str, xr.Dataset],
+    *,
+    reference: str | None = None,
+    options: AgreementOptions = AgreementOptions(),
+) -> xr.Dataset:
+    """Rate how well profiles agree: each pair, all repeats, and each against a reference.
+
+    Parameters
+    ----------
+    profiles : mapping of str to xarray.Dataset
+        Two or more Profiles with their names, all with the same tracks [m].
+    reference : str, optional
+        Which of them is the reference; it does not count as a repeat.
+    options : AgreementOptions
+        Filter, and ranges of the search.
+
+    Returns
+    -------
+    xarray.Dataset
+        For each ``track`` and pair (``first``, ``second``):
+
+        - ``rating``: cross-correlation rating at the best shift, at most 1 [1];
+        - ``correlation`` and ``sd_ratio`` (second over first) that it is made of [1];
+        - ``best_shift``: how much further along the second has the same feature [m];
+        - ``overlap``: length that was compared [m];
+        - ``distance_error``: metres that the second counts too many per metre of the first [m/m],
+          NaN if ``max_scale`` is 0; ``corrected_rating`` and ``corrected_shift`` (at the first
+          station of the first that the filter leaves) with the stations scaled by it.
+
+        For each track: ``repeatability``, the mean rating of all pairs of repeats, ``accuracy``,
+        that of all repeats against the reference, and both with corrected distance,
+        ``corrected_repeatability`` and ``corrected_accuracy`` [1]; NaN where there is no such pair.
+        ``attrs["doubts"]`` is a list of what is doubtful.
+
+    Raises
+    ------
+    ValueError
+        If there are less than two profiles, or `reference` is none of them.
+    SchemaError
+        If one is no Profile, their tracks differ, or the spacing is unequal and the filter needs
+        it equal.
+    CoverageError
+        If a height is not finite, a profile is shorter than the filter needs or flat, or two
+        profiles do not overlap.
+
+    Warns
+    -----
+    UserWarning
+        For each doubt: units that look wrong, lengths that differ, a search that ends at its limit.
+
+    Notes
+    -----
+    With filtered profiles P and Q, less their means over what they share at shift d,
+
+        rating = max over d of sum P(x) Q(x + d) / max(sum P(x)^2, sum Q(x + d)^2):
+
+    their correlation, times the smaller standard deviation over the larger. It is 1 only if both
+    shape and amplitude agree: Q = k P is rated min(k, 1/k) for k > 0, and Q = P + noise that does
+    not depend on P, of variance r times that of P, 1 / (1 + r). The method is that of Karamihas and
+    Gillespie, "Development of Cross Correlation for Objective Comparison of Profiles", UMTRI
+    (2002), which ASTM E950 and AASHTO R 56 took over. Only its abstract and the scopes of both
+    standards could be read: the formula is the commonly used form and was not checked against them.
+
+    The shift is found from the cross-correlation at all whole samples, then between samples by
+    least squares. The distance-measuring error is found by maximising the agreement over shift and
+    scale together. A pair is computed once; its reverse is the inverse of shift and scale.
+
+    Examples
+    --------
+    >>> from trueterrain.kinds import make_profile
+    >>> s = np.arange(0.0, 200.0, 0.05)
+    >>> road = lambda x: 0.01 * np.sin(x / 2) + 0.004 * np.sin(2.7 * x)
+    >>> late = make_profile(s, 0.9 * road(s - 0.123))
+    >>> found = agreement({"R": make_profile(s, road(s)), "A": late}, reference="R")
+    >>> one = found.sel(first="R", second="A").squeeze("track")
+    >>> print(f"{one.rating:.2f} at {1000 * one.best_shift:.1f} mm")
+    0.90 at 123.0 mm
+    """
+    tracks = checked(profiles, reference, options)
+    names = list(profiles)
+    labels = list(tracks[names[0]])
+    values = {name: np.zeros((len(labels), len(names), len(names))) for name in _PAIRWISE}
+    doubts: list[str] = []
+    for row, label in enumerate(labels):
+        mine = {name: tracks[name][label] for name in names}
+        for track in mine.values():
+            doubts += track_doubts(track)
+        for (i, one), (j, other) in _pairs(names, reference):
+            pair = register(mine[one], mine[other], options)
+            _write(values, row, i, j, pair)
+            doubts += pair_doubts(
+                mine[one], mine[other], pair.plain, pair.shift, pair.scale, options
+            )
+        for i, name in enumerate(names):
+            _write_same(values, row, i, mine[name].length, options)
+    doubts = list(dict.fromkeys(doubts))
+    for doubt in doubts:
+        warnings.warn(doubt, stacklevel=2)
+    data = xr.Dataset(
+        {
+            name: (("track", "first", "second"), values[name], {"units": unit})
+            for name, unit in _PAIRWISE.items()
+        },
+        {"track": labels, "first": names, "second": names},
+        {"doubts": doubts} | ({} if reference is None else {"reference": reference}),
+    )
+    data = data.assign(_scores(data, reference))
+    return add_step(data, "agreement", parameters={"options": options, "reference": reference})
+
+
+def filtered_profiles(
+    profiles: Mapping[str, xr.Dataset],
+    *,
+    reference: str | None = None,
+    track: str | None = None,
+    correct_distance: bool = False,
+    options: AgreementOptions = AgreementOptions(),
+) -> xr.Dataset:
+    """Filtered profiles on the stations of one of them, each at its best shift.
+
+    Parameters
+    ----------
+    profiles : mapping of str to xarray.Dataset
+        Two or more Profiles with their names [m].
+    reference : str, optional
+        Onto which of them the others are shifted; default the first.
+    track : str, optional
+        Which track; required if there are several.
+    correct_distance : bool
+        Scale the stations as well by the distance-measuring error that is found.
+    options : AgreementOptions
+        Filter, and ranges of the search.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``filtered`` (profile, s): slope [m/m] behind a car, else height [m], less its
+        mean; NaN where a profile does not reach. Of each profile ``rating`` [1], ``best_shift`` [m]
+        and ``scale`` [m/m]. The reference comes first.
+
+    Raises
+    ------
+    ValueError
+        If there are less than two profiles, or `reference` or `track` is not among them.
+    SchemaError, CoverageError
+        As by `agreement`.
+
+    Examples
+    --------
+    >>> from trueterrain.kinds import make_profile
+    >>> s = np.arange(0.0, 100.0, 0.05)
+    >>> both = {"R": make_profile(s, np.sin(s) / 9), "A": make_profile(s, np.sin(s - 0.2) / 9)}
+    >>> print(filtered_profiles(both).best_shift.values.round(4))
+    [0.  0.2]
+    """
+    tracks = checked(profiles, reference, options)
+    base = next(iter(profiles)) if reference is None else reference
+    label = _one_track(list(tracks[base]), track)
+    names = [base, *(name for name in profiles if name != base)]
+    rows, ratings, shifts, scales = [], [1.0], [0.0], [0.0]
+    step = min(tracks[name][label].spacing for name in names) if not options.step else options.step
+    target = signal_of(tracks[base][label], options, step)
+    for name in names[1:]:
+        pair = register(tracks[base][label], tracks[name][label], options)
+        scaled = correct_distance and np.isfinite(pair.scale)
+        rating = pair.corrected.rating if scaled else pair.plain.rating
+        shift, scale = (pair.corrected_shift, pair.scale) if scaled else (pair.shift, 0.0)
+        other = signal_of(tracks[name][label], options, step)
+        at = target.station + shift + scale * (target.station - target.start)
+        inside = (at >= other.start) & (at <= other.start + other.length)
+        rows.append(np.where(inside, other.spline(at), np.nan))
+        ratings, shifts, scales = [*ratings, rating], [*shifts, shift], [*scales, scale]
+    unit = {"units": "m/m" if isinstance(options.filter, CarOptions) else "m"}
+    return xr.Dataset(
+        {
+            "filtered": (("profile", "s"), np.array([target.values, *rows]), unit),
+            "rating": ("profile", ratings, {"units": "1"}),
+            "best_shift": ("profile", shifts, {"units": "m"}),
+            "scale": ("profile", scales, {"units": "m/m"}),
+        },
+        {"profile": names, "s": ("s", target.station, {"units": "m"})},
+    )
+
+
+def register(first: Track, second: Track, options: AgreementOptions) -> Pair:
+    """Best shift of a pair, and best scale if it is sought."""
+    step = options.step or min(first.spacing, second.spacing)
+    one, other = signal_of(first, options, step), signal_of(second, options, step)
+    starts = one.start, other.start
+    shift = best_shift(one, other, options)
+    plain = likeness(one, other, shift, 0.0)
+    if options.max_scale == 0:
+        return Pair(plain, shift, plain, shift, np.nan, starts)
+    found, coarse = best_scale(one, other, shift, options)
+    # a filter works in metres: so the profile is scaled first, and filtered then
+    origin = float(second.station[0])
+    station = origin + (second.station - origin) / (1 + coarse)
+    other = signal_of(replace(second, station=station), options, step)
+    near = origin + (one.start + found - origin) / (1 + coarse) - one.start
+    rest, fine = refine(one, other, near, 0.0, options)
+    corrected = likeness(one, other, rest, fine)
+    there = origin + (1 + coarse) * (one.start + rest - origin)
+    scale = (1 + coarse) * (1 + fine) - 1
+    return Pair(plain, shift, corrected, there - one.start, scale, starts)
+
+
+def checked(
+    profiles: Mapping[str, xr.Dataset], reference: str | None, options: AgreementOptions
+) -> Tracks:
+    """Tracks of all profiles, which must be the same."""
+    if len(profiles) < 2:
+        message = f"profiles must be two or more, got {len(profiles)}"
+        raise ValueError(message)
+    if reference is not None and reference not in profiles:
+        message = f"reference must be one of {', '.join(profiles)}, got {reference!r}"
+        raise ValueError(message)
+    tracks: Tracks = {}
+    for name, profile in profiles.items():
+        tracks[name] = tracks_of(name, profile, from_zero=options.align_starts)
+    head, *others = tracks
+    for name in others:
+        if set(tracks[name]) != set(tracks[head]):
+            mine, theirs = ", ".join(tracks[name]), ", ".join(tracks[head])
+            raise SchemaError(
+                f"has the tracks {mine}, but {head} has {theirs}",
+                place=name,
+                cure="Choose one track of each.",
+            )
+    return tracks
+
+
+def _pairs(
+    names: list[str], reference: str | None
+) -> list[tuple[tuple[int, str], tuple[int, str]]]:
+    """All pairs; the reference is the first of its own."""
+    order = sorted(enumerate(names), key=lambda item: item[1] != reference)
+    return list(itertools.combinations(order, 2))
+
+
+def _write(values: dict[str, Array], row: int, i: int, j: int, pair: Pair) -> None:
+    """A pair and its reverse."""
+    plain, corrected, scale = pair.plain, pair.corrected, pair.scale
+    known = np.isfinite(scale)
+    there = {
+        "rating": plain.rating, "correlation": plain.correlation, "sd_ratio": plain.sd_ratio,
+        "best_shift": pair.shift, "overlap": plain.overlap,
+        "corrected_rating": corrected.rating if known else np.nan,
+        "corrected_shift": pair.corrected_shift if known else np.nan, "distance_error": scale,
+    }  # fmt: skip
+    back = there | {
+        "sd_ratio": 1 / plain.sd_ratio, "best_shift": -pair.shift,
+        "corrected_shift": pair.shift_back if known else np.nan,
+        "distance_error": -scale / (1 + scale),
+    }  # fmt: skip
+    for name, value in there.items():
+        values[name][row, i, j] = value
+        values[name][row, j, i] = back[name]
+
+
+def _write_same(
+    values: dict[str, Array], row: int, i: int, length: float, options: AgreementOptions
+) -> None:
+    for name in ("rating", "correlation", "sd_ratio"):
+        values[name][row, i, i] = 1.0
+    values["overlap"][row, i, i] = length
+    sought = options.max_scale > 0
+    values["corrected_rating"][row, i, i] = 1.0 if sought else np.nan
+    values["corrected_shift"][row, i, i] = 0.0 if sought else np.nan
+    values["distance_error"][row, i, i] = 0.0 if sought else np.nan
+
+
+def _scores(data: xr.Dataset, reference: str | None) -> dict[str, xr.DataArray]:
+    """Repeatability and accuracy of each track."""
+    repeats = [name for name in data["first"].values if name != reference]
+    scores = {}
+    for prefix in ("", "corrected_"):
+        ratings = data[f"{prefix}rating"]
+        among = ratings.sel(first=repeats, second=repeats).values
+        upper = np.triu_indices(len(repeats), 1)
+        pairs = among[:, upper[0], upper[1]]
+        mean = pairs.mean(axis=1) if pairs.size else np.full(len(among), np.nan)
+        scores[f"{prefix}repeatability"] = xr.DataArray(mean, dims="track", attrs={"units": "1"})
+        against = np.full(len(among), np.nan)
+        if reference is not None:
+            against = ratings.sel(first=reference, second=repeats).values.mean(axis=1)
+        scores[f"{prefix}accuracy"] = xr.DataArray(against, dims="track", attrs={"units": "1"})
+    return scores
+
+
+def _one_track(known: list[str], asked: str | None) -> str:
+    if asked is None and len(known) == 1:
+        return known[0]
+    if asked is None or asked not in known:
+        message = f"track must be one of {', '.join(known)}, got {asked!r}"
+        raise ValueError(message)
+    return asked

@@ -1,0 +1,383 @@
+"""How far a surface lies above another one: map, statistics, and where the difference changes."""
+
+import math
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from trueterrain.errors import CoverageError, SchemaError
+from trueterrain.kinds import check_surface, make_surface
+from trueterrain.provenance import add_step
+from trueterrain.surface.evaluate import heights_at
+from trueterrain.surface.reference_line import grid_frame
+
+Floats = npt.NDArray[np.float64]
+
+_ROWS = 512  # cross-sections that are compared at once
+_NMAD = 1.482602218505602  # times the median absolute deviation is the sd of normal errors
+_FEET = 1 / 0.3048
+_NEAR = 0.02  # share by which a ratio of heights may miss that of feet to metres
+_TALL = 10.0  # [m] median height from which on such a ratio is no chance
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeightDifferences:
+    """Statistics of differences of height.
+
+    Examples
+    --------
+    >>> found = HeightDifferences.of([0.001, 0.002, 0.003, np.nan])
+    >>> print(found.n, f"{1000 * found.rms:.3f} mm")
+    3 2.160 mm
+    """
+
+    n: int
+    "Nodes that have a difference."
+
+    mean: float
+    "Mean [m]."
+
+    median: float
+    "Median [m]."
+
+    rms: float
+    "Root mean square [m]."
+
+    nmad: float
+    "1.4826 times the median absolute deviation from the median [m]."
+
+    p95: float
+    "Magnitude that 95 % do not exceed [m]."
+
+    largest: float
+    "Largest magnitude [m]."
+
+    @classmethod
+    def of(cls, differences: npt.ArrayLike) -> "HeightDifferences":
+        """Statistics of differences.
+
+        Parameters
+        ----------
+        differences : array_like
+            Differences [m]; such as are not finite do not count.
+
+        Returns
+        -------
+        HeightDifferences
+            All NaN if there are none.
+        """
+        d = np.ravel(np.asarray(differences, dtype=float))
+        d = d[np.isfinite(d)]
+        if not d.size:
+            nan = math.nan
+            return cls(n=0, mean=nan, median=nan, rms=nan, nmad=nan, p95=nan, largest=nan)
+        median, size = float(np.median(d)), np.abs(d)
+        return cls(
+            n=d.size,
+            mean=float(d.mean()),
+            median=median,
+            rms=float(np.sqrt(np.mean(d**2))),
+            nmad=_NMAD * float(np.median(np.abs(d - median))),
+            p95=float(np.percentile(size, 95)),
+            largest=float(size.max()),
+        )
+
+
+def surface_difference(
+    surface: xr.Dataset,
+    reference: xr.Dataset,
+    *,
+    level: Literal["none", "median", "plane"] = "none",
+) -> xr.Dataset:
+    """Height of a surface above a reference, at the nodes of the reference.
+
+    Parameters
+    ----------
+    surface : xarray.Dataset
+        Surface along a reference line, or map; bilinear between its nodes.
+    reference : xarray.Dataset
+        Surface along a reference line, or map, in the same coordinate reference system.
+    level : {"none", "median", "plane"}
+        What is taken off the difference: nothing, its median, or the plane of least squares.
+
+    Returns
+    -------
+    xarray.Dataset
+        Surface over the nodes of the reference whose ``height`` is the difference [m], NaN where
+        one of the two has none; elevation and banking are 0.
+
+    Raises
+    ------
+    ValueError
+        If `level` is unknown.
+    SchemaError
+        If one is no Surface, or their coordinate reference systems differ.
+    CoverageError
+        If they share no node.
+
+    Warns
+    -----
+    UserWarning
+        If only one of them says in which coordinate reference system it is, or the heights of one
+        look like feet.
+
+    Examples
+    --------
+    >>> axes = {"easting": [0.0, 1.0, 2.0], "northing": [0.0, 1.0]}
+    >>> ground = make_surface(np.zeros((2, 3)), **axes)
+    >>> surface_difference(make_surface(np.full((2, 3), 0.002), **axes), ground).height.values
+    array([[0.002, 0.002, 0.002], [0.002, 0.002, 0.002]])
+    """
+    if level not in ("none", "median", "plane"):
+        message = f"level must be none, median or plane, got {level!r}"
+        raise ValueError(message)
+    check_surface(surface)
+    check_surface(reference)
+    _require_same_crs(surface, reference)
+    difference = _at_nodes(surface, reference)
+    known = np.isfinite(difference)
+    if not known.any():
+        raise CoverageError(
+            f"share no node with a height: {_extent(surface)}, and {_extent(reference)}",
+            place="surface and reference",
+            cure="Check their coordinates, or choose a reference of the same place.",
+        )
+    _question_feet(reference, difference)
+    if level == "median":
+        difference -= np.median(difference[known])
+    elif level == "plane":
+        difference -= _plane(difference, known)
+    data = _as_surface(difference, reference)
+    return add_step(data, "surface_difference", parameters={"level": level}, after=surface)
+
+
+def difference_statistics(
+    differences: xr.Dataset | Sequence[xr.Dataset],
+    *,
+    across: tuple[float, float] | None = None,
+) -> HeightDifferences:
+    """Statistics of one difference, or of several together, as a whole or of one lane.
+
+    Parameters
+    ----------
+    differences : xarray.Dataset or sequence of xarray.Dataset
+        Of `surface_difference`; several are pooled: those of one speed, say.
+    across : tuple of float, optional
+        Right and left edge of a lane [m]: only nodes with such an offset v from the reference line
+        count. A node on the left edge belongs to the next lane.
+
+    Returns
+    -------
+    HeightDifferences
+        Statistics [m].
+
+    Raises
+    ------
+    ValueError
+        If the edges do not ascend.
+    SchemaError
+        If a lane is asked for on a map, which has none.
+
+    Examples
+    --------
+    >>> road = make_surface([[0.001, 0.003]] * 2, u=[0, 1], v=[-1, 1], easting=[0, 1],
+    ...                     northing=[0, 0])
+    >>> difference_statistics(road, across=(-2.0, 0.0)).mean
+    0.001
+    """
+    several = [differences] if isinstance(differences, xr.Dataset) else list(differences)
+    if across is None:
+        return HeightDifferences.of(
+            np.concatenate([one["height"].values.ravel() for one in several])
+        )
+    right, left = across
+    if not right < left:
+        message = f"across must be a right edge and one left of it, got {right:g} and {left:g} m"
+        raise ValueError(message)
+    parts = []
+    for one in several:
+        if "v" not in one.dims:
+            raise SchemaError(
+                "is a map, which has no lanes",
+                place="reference",
+                cure="Compare with a surface along a reference line, or leave the lanes out.",
+            )
+        v = one["v"].values
+        parts.append(one["height"].values[:, (v >= right) & (v < left)].ravel())
+    return HeightDifferences.of(np.concatenate(parts))
+
+
+def structure_function(
+    difference: xr.Dataset,
+    *,
+    axis: Literal["along", "across"] = "along",
+    per_decade: int = 12,
+) -> xr.Dataset:
+    """How much a difference changes with distance: its structure function.
+
+    Parameters
+    ----------
+    difference : xarray.Dataset
+        Of `surface_difference`.
+    axis : {"along", "across"}
+        Direction of the distance: along or across the reference line; over a map, along easting or
+        northing.
+    per_decade : int
+        Distances per factor of ten, from the spacing to half the extent.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``structure`` (distance) [m²]: mean of (d(x + distance) - d(x))²; ``pairs``, how many there
+        are. Distances without a pair are left out.
+
+    Raises
+    ------
+    ValueError
+        If `axis` is unknown, or `per_decade` is less than 1.
+    SchemaError
+        If the nodes are not equally spaced along the axis.
+
+    Notes
+    -----
+    Errors that do not depend on each other, of standard deviation σ, give 2 σ² at every distance;
+    drift gives a structure function that grows with distance, d(x) = g x one of g² distance²; a
+    wave of amplitude a and length λ one of a² (1 - cos(2 π distance / λ)).
+
+    Examples
+    --------
+    >>> ramp = make_surface(np.outer(np.ones(3), 0.001 * np.arange(8)),
+    ...                     easting=np.arange(8), northing=np.arange(3))
+    >>> found = structure_function(ramp)
+    >>> print((1e6 * found.structure.values).round(3))  # [mm²]
+    [ 1.  4.  9. 16.]
+    """
+    if axis not in ("along", "across"):
+        message = f"axis must be along or across, got {axis!r}"
+        raise ValueError(message)
+    if per_decade < 1:
+        message = f"per_decade must be at least 1, got {per_decade}"
+        raise ValueError(message)
+    dims = ("u", "v") if "u" in difference.dims else ("easting", "northing")
+    dim = dims[0 if axis == "along" else 1]
+    height = difference["height"].transpose(..., dim).values
+    step = _step(difference[dim].values, dim)
+    most = max(1, height.shape[1] // 2)
+    decades = math.log10(most)
+    lags = np.unique(np.rint(np.logspace(0, decades, int(per_decade * decades) + 2)).astype(int))
+    total, pairs = np.zeros(lags.size), np.zeros(lags.size, dtype=np.int64)
+    for start in range(0, height.shape[0], _ROWS):
+        rows = height[start : start + _ROWS]
+        for at, lag in enumerate(lags):
+            change = rows[:, lag:] - rows[:, :-lag]
+            known = np.isfinite(change)
+            pairs[at] += np.count_nonzero(known)
+            total[at] += np.sum(change**2, where=known)
+    kept = pairs > 0
+    return xr.Dataset(
+        {
+            "structure": ("distance", total[kept] / pairs[kept], {"units": "m2"}),
+            "pairs": ("distance", pairs[kept]),
+        },
+        {"distance": ("distance", lags[kept] * step, {"units": "m"})},
+        {"axis": axis},
+    )
+
+
+def _require_same_crs(surface: xr.Dataset, reference: xr.Dataset) -> None:
+    names = [str(one.attrs.get("crs", "")) for one in (surface, reference)]
+    if names[0] == names[1]:
+        return
+    if not all(names):
+        known, unknown = ("the surface", "the reference")[:: 1 if names[0] else -1]
+        message = (
+            f"only {known} says in which coordinate reference system it is; {unknown} is taken to "
+            "be in the same one"
+        )
+        warnings.warn(message, stacklevel=3)
+        return
+    from trueterrain.formats.crs import parse_crs
+
+    mine, theirs = (parse_crs(name) for name in names)
+    if not mine.equals(theirs, ignore_axis_order=True):
+        raise SchemaError(
+            f"is in {mine.name}, but the reference in {theirs.name}",
+            place="coordinate reference system",
+            cure="Bring both into one system first.",
+        )
+
+
+def _at_nodes(surface: xr.Dataset, reference: xr.Dataset) -> Floats:
+    """Difference at the nodes of the reference, a few cross-sections at a time."""
+    frame = grid_frame(reference)
+    along = "u" in reference.dims
+    height = np.asarray(reference["height"], dtype=np.float64)
+    height = height if along else height.T
+    difference = np.empty_like(height)
+    for start in range(0, height.shape[0], _ROWS):
+        rows = slice(start, start + _ROWS)
+        easting, northing = (
+            origin[rows, None] + frame.v * normal[rows, None]
+            for origin, normal in (
+                (frame.origin_easting, frame.normal_easting),
+                (frame.origin_northing, frame.normal_northing),
+            )
+        )
+        difference[rows] = heights_at(surface, easting, northing) - height[rows]
+    return difference if along else difference.T
+
+
+def _plane(difference: Floats, known: npt.NDArray[np.bool_]) -> Floats:
+    """Plane of least squares over the axes of the grid."""
+    axes = [np.linspace(-1.0, 1.0, size) for size in difference.shape]
+    first, second = np.meshgrid(*axes, indexing="ij")
+    columns = np.stack([np.ones_like(first), first, second])
+    inside = columns[:, known]
+    solved = np.linalg.lstsq(inside @ inside.T, inside @ difference[known], rcond=None)[0]
+    return np.asarray(np.tensordot(solved, columns, 1))
+
+
+def _as_surface(difference: Floats, reference: xr.Dataset) -> xr.Dataset:
+    crs = str(reference.attrs.get("crs", ""))
+    place = {name: reference[name].values for name in ("easting", "northing")}
+    if "u" in reference.dims:
+        place |= {name: reference[name].values for name in ("u", "v", "heading")}
+    return make_surface(difference, crs=crs, **place)
+
+
+def _question_feet(reference: xr.Dataset, difference: Floats) -> None:
+    """Warn if one of two heights above a datum is that of the other in feet."""
+    known = np.isfinite(difference)
+    low = float(np.median(np.asarray(reference["height"])[known]))
+    high = low + float(np.median(difference[known]))
+    if min(abs(low), abs(high)) < _TALL or low * high <= 0:
+        return
+    ratio = high / low
+    if abs(max(ratio, 1 / ratio) / _FEET - 1) < _NEAR:
+        which = "surface" if ratio > 1 else "reference"
+        message = f"heights of {high:.1f} and {low:.1f} m: are those of the {which} in feet?"
+        warnings.warn(message, stacklevel=3)
+
+
+def _extent(surface: xr.Dataset) -> str:
+    ends = [
+        f"{axis} {float(surface[axis].min()):.1f} to {float(surface[axis].max()):.1f} m"
+        for axis in ("easting", "northing")
+    ]
+    return ", ".join(ends)
+
+
+def _step(nodes: Floats, dim: str) -> float:
+    steps = np.diff(nodes)
+    step = float(nodes[-1] - nodes[0]) / steps.size
+    if np.abs(steps - step).max() > 0.01 * step:
+        raise SchemaError(
+            f"must be equally spaced, got spacings from {steps.min():g} to {steps.max():g} m",
+            place=f"axis {dim}",
+        )
+    return step
