@@ -19,6 +19,7 @@ from trueterrain.errors import TrueTerrainError
 _PIPE_CLOSED, _TERMINATED = 141, 143
 
 _COMMANDS = {
+    "calibrate": "Find how the scanner sits, and its clock, from passes over the same ground.",
     "convert": "Convert surfaces, points and profiles between file formats.",
     "demo": "Make a Belgian block road, extract the profile a tyre feels, and rate it.",
     "doctor": "Say what a bug report needs: versions, backends, cores.",
@@ -27,6 +28,7 @@ _COMMANDS = {
     "info": "Say what a file is: kind, counts, extent, CRS, and what is wrong with it.",
     "init": "Print complete settings to begin with, of a survey or a scene.",
     "iri": "International Roughness Index of profiles.",
+    "merge": "Bring passes over the same ground into agreement: one ground of many lanes.",
     "plot": "Draw a surface, a point cloud, a profile, a recorded run or a navigation.",
     "profile": "Extract the profile that a tyre feels along a path.",
     "run": "Take a whole survey from recorded runs to ground, profiles and a report.",

@@ -190,7 +190,7 @@ def merge_cells(
     >>> f"{1e3 * pair.before.median:.1f} mm, {1e3 * abs(pair.after.median):.1f} mm"
     '-10.0 mm, 0.0 mm'
     """
-    _require_different(cells)
+    require_different(cells)
     adjustment = alignment = None
     added: Added = {one.name: np.zeros(len(one)) for one in cells}
     if settings.method == "network":
@@ -247,7 +247,14 @@ def compared(cells: Sequence[LaneCells], added: Added | None = None) -> list[Pai
     return pairs_of(shared, np.ones(after.size), shared.entries.height, after, none)
 
 
-def _require_different(cells: Sequence[LaneCells]) -> None:
+def require_different(cells: Sequence[LaneCells]) -> None:
+    """Raise CoverageError if there is nothing to compare, or a pass is there twice.
+
+    Parameters
+    ----------
+    cells : sequence of LaneCells
+        What each pass saw.
+    """
     if len(cells) < 2 and not any(np.unique(one.cell).size < len(one) for one in cells):
         raise CoverageError(
             "there is one pass, and it never comes back to the same ground",

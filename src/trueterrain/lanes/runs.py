@@ -17,7 +17,7 @@ from trueterrain.lanes.cells import LaneCells, cells_of_run, lane_cells
 from trueterrain.lanes.discontinuity import align_lanes
 from trueterrain.lanes.merge import MergeSettings, Merging, merge_cells
 from trueterrain.lanes.reference_path import ReferencePath, waypoint_reference
-from trueterrain.surface.runs import Pass
+from trueterrain.surface.runs import Pass, require_one_frame
 
 
 def merge_runs(
@@ -56,6 +56,48 @@ def merge_runs(
     TrueTerrainError
         If the adjustment does not settle.
     """
+    cells = cells_of_passes(passes, settings, screening=screening, progress=progress)
+    control = [] if settings.control is None else [control_cells(settings.control, settings)]
+    merging = merge_cells(
+        cells, settings, control=control, progress=progress,
+        align=lambda: _aligned(passes, settings, screening, progress),
+    )  # fmt: skip
+    return merging, {name: _corrected(one, name, merging) for name, one in passes.items()}
+
+
+def cells_of_passes(
+    passes: Mapping[str, Pass],
+    settings: MergeSettings = MergeSettings(),
+    *,
+    screening: Screening = Screening(),
+    progress: Progress = no_progress,
+) -> list[LaneCells]:
+    """Cells that each of several runs saw.
+
+    Parameters
+    ----------
+    passes : mapping of str to Pass
+        Runs with their motion, by name.
+    settings : MergeSettings
+        Size of the cells, and which of them are used.
+    screening : Screening
+        Which returns are doubtful, and what becomes of them.
+    progress : callable, optional
+        Called with a task, the amount done and the total.
+
+    Returns
+    -------
+    list of LaneCells
+        In the order of the passes.
+
+    Raises
+    ------
+    SchemaError
+        If the runs have different origins.
+    CoverageError
+        If the motion covers no scan of a run, or no cell has enough returns.
+    """
+    require_one_frame([one.path for one in passes.values()])
     cells = []
     for number, (name, one) in enumerate(passes.items()):
         progress("cells of passes", number, len(passes))
@@ -65,12 +107,7 @@ def merge_runs(
                 screening=screening,
             )
         )  # fmt: skip
-    control = [] if settings.control is None else [control_cells(settings.control, settings)]
-    merging = merge_cells(
-        cells, settings, control=control, progress=progress,
-        align=lambda: _aligned(passes, settings, screening, progress),
-    )  # fmt: skip
-    return merging, {name: _corrected(one, name, merging) for name, one in passes.items()}
+    return cells
 
 
 def control_cells(path: str | Path, settings: MergeSettings) -> LaneCells:

@@ -1,6 +1,7 @@
 """The whole chain from one file of settings: runs become ground, profiles and a report."""
 
 from trueterrain.survey._chain import SurveyResult, run_survey
+from trueterrain.survey._check import check_agreement, check_report
 from trueterrain.survey._settings import (
     MountingOverride,
     OutputSettings,
@@ -8,6 +9,7 @@ from trueterrain.survey._settings import (
     RoughnessSettings,
     RunSettings,
     Survey,
+    lane_name,
     read_survey,
     survey_of,
     survey_template,
@@ -21,6 +23,9 @@ __all__ = [
     "RunSettings",
     "Survey",
     "SurveyResult",
+    "check_agreement",
+    "check_report",
+    "lane_name",
     "read_survey",
     "run_survey",
     "survey_of",

@@ -130,7 +130,7 @@ def run_survey(
             json.dumps(numbers, indent=2, allow_nan=False) + "\n"
         )
         files = [one for one in points if one] + [file for lane in lanes for file in lane.files]
-        report = report_of(survey, lanes, numbers, pictures, [*files, *pictures.files])
+        report = report_of(survey, lanes, numbers, pictures, [*files, *pictures.files], merging)
         write_report(report, temporary / "report.html")
         pictures.close()
         written = tuple(sorted(file.name for file in temporary.iterdir()))

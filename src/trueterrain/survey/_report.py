@@ -1,9 +1,9 @@
 """The report of a survey: what went in, what was found, how true it is."""
 
-import re
 from collections.abc import Iterator
 from typing import Any
 
+from trueterrain.lanes.merge import Merging
 from trueterrain.report import (
     Block,
     Column,
@@ -20,10 +20,9 @@ from trueterrain.report import (
 )
 from trueterrain.survey._lane import Lane
 from trueterrain.survey._pictures import Pictures
+from trueterrain.survey._report_merge import merge_headline, merge_section
+from trueterrain.survey._report_parts import columns, millimetres
 from trueterrain.survey._settings import Survey
-
-_MM = 1000.0
-_COLUMN = re.compile(r"([^\[.]+?)(?: \[([^\]]+)\])?(?: \.(\d))?")
 
 
 def report_of(
@@ -32,6 +31,7 @@ def report_of(
     numbers: dict[str, Any],
     pictures: Pictures,
     files: list[tuple[str, str]],
+    merging: Merging | None = None,
 ) -> Report:
     """Report of a survey.
 
@@ -47,6 +47,8 @@ def report_of(
         Figures that were drawn.
     files : list of tuple of str
         Names of the files, and what they hold.
+    merging : Merging, optional
+        How runs were brought into agreement, if they were.
 
     Returns
     -------
@@ -57,6 +59,7 @@ def report_of(
     sections = [
         Section(title="What is doubtful", blocks=[Warnings(items=problems)]) if problems else None,
         _ground(lanes, pictures),
+        merge_section(merging, pictures) if merging else None,
         _accuracy(numbers),
         _against_truth(lanes),
         _profiles(survey, lanes, pictures),
@@ -67,13 +70,15 @@ def report_of(
     return Report(
         title=survey.title or survey.name,
         subtitle=f"Survey {survey.name}: " + _count(len(lanes), "recorded run"),
-        headline=tuple(_headline(lanes, numbers)),
+        headline=tuple(_headline(lanes, numbers, merging)),
         sections=tuple(section for section in sections if section is not None),
         provenance={lane.name: lane.steps for lane in lanes},
     )
 
 
-def _headline(lanes: list[Lane], numbers: dict[str, Any]) -> Iterator[Number]:
+def _headline(
+    lanes: list[Lane], numbers: dict[str, Any], merging: Merging | None
+) -> Iterator[Number]:
     each = numbers["lanes"]
     yield Number(
         label="Driven", value=sum(run["driven"] for run in numbers["runs"]), unit="m", digits=0,
@@ -86,19 +91,21 @@ def _headline(lanes: list[Lane], numbers: dict[str, Any]) -> Iterator[Number]:
     sds = [lane["surface"]["sd"]["median"] for lane in each]
     known = [sd for sd in sds if sd is not None]
     yield Number(
-        label="Standard deviation of a height", value=_MM * max(known) if known else None,
+        label="Standard deviation of a height", value=1000 * max(known) if known else None,
         unit="mm", digits=2, note="median over the nodes" + _worst(len(lanes)),
     )  # fmt: skip
+    if merging is not None:
+        yield from merge_headline(merging)
     for compared in numbers["agreement"][:1]:
         yield Number(
-            label="Lanes apart where they overlap", value=_MM * compared["median"], unit="mm",
+            label="Lanes apart where they overlap", value=1000 * compared["median"], unit="mm",
             digits=1, note=f"median of {' and '.join(compared['lanes'])}",
         )  # fmt: skip
     truths = [lane["truth"]["surface"] for lane in each if lane["truth"]]
     if truths:
         yield Number(
             label="Error of heights about their median",
-            value=_MM * max(truth["nmad"] for truth in truths), unit="mm", digits=2,
+            value=1000 * max(truth["nmad"] for truth in truths), unit="mm", digits=2,
             note="NMAD against the true ground" + _worst(len(lanes)),
         )  # fmt: skip
     rated = [profile for lane in each for profile in lane["profiles"] if profile["iri"]]
@@ -116,14 +123,14 @@ def _ground(lanes: list[Lane], pictures: Pictures) -> Section:
             lane.name, lane.numbers["surface"]["nodes"],
             " × ".join(f"{step:g} m" for step in lane.numbers["surface"]["spacing"].values()),
             lane.numbers["surface"]["count"]["median"],
-            _mm(lane.numbers["surface"]["sd"]["median"]), _mm(lane.numbers["surface"]["sd"]["p95"]),
+            *(millimetres(lane.numbers["surface"]["sd"][name]) for name in ("median", "p95")),
             lane.numbers["surface"]["holes"]["filled_nodes"],
             lane.numbers["surface"]["holes"]["open_nodes"],
         )
         for lane in lanes
     ]  # fmt: skip
     table = Table(
-        columns=_columns(
+        columns=columns(
             "Lane; Nodes; Spacing; Returns per node .0; sd, median [mm] .3; sd, 95 % [mm] .3; "
             "Filled nodes; Open nodes"
         ),
@@ -151,7 +158,7 @@ def _accuracy(numbers: dict[str, Any]) -> Section:
     rows = [
         (
             run["name"], run["motion"]["method"],
-            *(_mm(run["motion"]["sd"][axis]) for axis in ("east", "north", "up")),
+            *(millimetres(run["motion"]["sd"][axis]) for axis in ("east", "north", "up")),
             *(
                 _mrad(run["motion"]["sd"][axis])
                 for axis in ("about_east", "about_north", "about_up")
@@ -160,7 +167,7 @@ def _accuracy(numbers: dict[str, Any]) -> Section:
         for run in numbers["runs"]
     ]  # fmt: skip
     motion = Table(
-        columns=_columns(
+        columns=columns(
             "Run; Method; East [mm] .1; North [mm] .1; Up [mm] .1; About east [mrad] .3; "
             "About north [mrad] .3; About up [mrad] .3"
         ),
@@ -171,14 +178,14 @@ def _accuracy(numbers: dict[str, Any]) -> Section:
     if numbers["agreement"]:
         blocks.append(
             Table(
-                columns=_columns(
+                columns=columns(
                     "Lanes; Nodes in common; Median [mm] .2; NMAD [mm] .2; RMSE [mm] .2; "
                     "95 % [mm] .2"
                 ),
                 rows=[
                     (
-                        " - ".join(reversed(one["lanes"])), one["nodes"], _mm(one["median"]),
-                        _mm(one["nmad"]), _mm(one["rmse"]), _mm(one["p95"]),
+                        " - ".join(reversed(one["lanes"])), one["nodes"],
+                        *(millimetres(one[name]) for name in ("median", "nmad", "rmse", "p95")),
                     )
                     for one in numbers["agreement"]
                 ],
@@ -186,9 +193,9 @@ def _accuracy(numbers: dict[str, Any]) -> Section:
                 "on its own, nothing was brought into agreement.",
             )
         )  # fmt: skip
-    elif len(numbers["lanes"]) > 1:
+    elif len(numbers["lanes"]) > 1 and not numbers["merge"]:
         blocks.append(Text(paragraph="The lanes do not overlap, so they cannot be compared."))
-    else:
+    elif len(numbers["runs"]) == 1:
         blocks.append(
             Text(
                 paragraph="One pass does not show the drift of its navigation; its standard "
@@ -202,14 +209,14 @@ def _against_truth(lanes: list[Lane]) -> Section | None:
     if any(lane.numbers["truth"] is None for lane in lanes):
         return None
     heights = Table(
-        columns=_columns(
+        columns=columns(
             "Lane; Nodes; Median [mm] .2; NMAD [mm] .2; RMS about the median [mm] .2; "
             "95 % [mm] .2"
         ),
         rows=[
             (
-                lane.name, truth["nodes"], _mm(truth["median"]), _mm(truth["nmad"]),
-                _mm(truth["rms_about_median"]), _mm(truth["p95"]),
+                lane.name, truth["nodes"], millimetres(truth["median"]), millimetres(truth["nmad"]),
+                millimetres(truth["rms_about_median"]), millimetres(truth["p95"]),
             )
             for lane in lanes
             for truth in [lane.numbers["truth"]["surface"]]
@@ -228,7 +235,7 @@ def _against_truth(lanes: list[Lane]) -> Section | None:
     if rated:
         blocks.append(
             Table(
-                columns=_columns(
+                columns=columns(
                     "Lane; Profile; IRI measured [m/km] .3; IRI of the true ground [m/km] .3; "
                     "Difference [%] .2"
                 ),
@@ -242,7 +249,8 @@ def _against_truth(lanes: list[Lane]) -> Section | None:
 def _profiles(survey: Survey, lanes: list[Lane], pictures: Pictures) -> Section | None:
     rows = [
         (
-            lane.name, profile["name"], profile["length"], _mm(profile["sd_median"]), profile["iri"]
+            lane.name, profile["name"], profile["length"], millimetres(profile["sd_median"]),
+            profile["iri"],
         )
         for lane in lanes
         for profile in lane.numbers["profiles"]
@@ -251,7 +259,7 @@ def _profiles(survey: Survey, lanes: list[Lane], pictures: Pictures) -> Section 
         return None
     blocks: list[Block] = [
         Table(
-            columns=_columns("Lane; Profile; Length [m] .2; sd, median [mm] .3; IRI [m/km] .2"),
+            columns=columns("Lane; Profile; Length [m] .2; sd, median [mm] .3; IRI [m/km] .2"),
             rows=rows,
             caption="Profiles that a tyre feels, and their International Roughness Index.",
         )
@@ -264,7 +272,7 @@ def _profiles(survey: Survey, lanes: list[Lane], pictures: Pictures) -> Section 
     if both:
         blocks.append(
             Table(
-                columns=_columns("Lane; MRI [m/km] .2; HRI [m/km] .2"),
+                columns=columns("Lane; MRI [m/km] .2; HRI [m/km] .2"),
                 rows=both,
                 caption="Mean and half-car roughness index of the wheel paths left and right.",
             )
@@ -278,7 +286,7 @@ def _profiles(survey: Survey, lanes: list[Lane], pictures: Pictures) -> Section 
     if len(segments) > len(rows):
         blocks.append(
             Table(
-                columns=_columns("Lane; Profile; From [m] .1; To [m] .1; IRI [m/km] .2"),
+                columns=columns("Lane; Profile; From [m] .1; To [m] .1; IRI [m/km] .2"),
                 rows=segments,
                 caption=f"Segments of {survey.roughness.segment:g} m.",
             )
@@ -333,7 +341,7 @@ def _noise(noise: dict[str, Any]) -> dict[str, str]:
 
 def _inputs(numbers: dict[str, Any]) -> Section:
     runs = Table(
-        columns=_columns("Run; Store; Scans; Beams; Time [s] .1; Driven [m] .1"),
+        columns=columns("Run; Store; Scans; Beams; Time [s] .1; Driven [m] .1"),
         rows=[
             tuple(run[key] for key in ("name", "path", "scans", "beams", "seconds", "driven"))
             for run in numbers["runs"]
@@ -341,7 +349,7 @@ def _inputs(numbers: dict[str, Any]) -> Section:
         caption="Recorded runs.",
     )
     returns = Table(
-        columns=_columns("Lane; Returns gridded; Beside the grid; Doubtful; Scans left out"),
+        columns=columns("Lane; Returns gridded; Beside the grid; Doubtful; Scans left out"),
         rows=[
             (
                 lane["name"],
@@ -366,20 +374,6 @@ def _files(files: list[tuple[str, str]]) -> Section:
     listed = [File(path=name, note=note) for name, note in files]
     listed.append(File(path="result.json", note="all numbers of this report"))
     return Section(title="Files", blocks=[Files(files=listed)])
-
-
-def _columns(text: str) -> tuple[Column, ...]:
-    """Columns from text such as "Lane; Height [mm] .2": labels, units and decimals."""
-    found = [_COLUMN.fullmatch(part.strip()) for part in text.split(";")]
-    return tuple(
-        Column(label=one[1], unit=one[2] or "", digits=int(one[3]) if one[3] else None)
-        for one in found
-        if one is not None
-    )
-
-
-def _mm(metres: float | None) -> float | None:
-    return None if metres is None else _MM * metres
 
 
 def _mrad(radians: float | None) -> float | None:

@@ -1,0 +1,264 @@
+"""The command ``trueterrain merge``: passes over the same ground brought into agreement."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from trueterrain.cli._console import compiling_noted, note, out, out_json, processors, progress_bar
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from trueterrain.engine import Progress
+    from trueterrain.lanes.cells import LaneCells
+    from trueterrain.lanes.merge import MergeSettings
+    from trueterrain.survey import Survey
+
+Method = Literal["network", "discontinuity", "grid"]
+
+
+def merge(
+    lane: Annotated[Path, Parameter(name="LANE")],
+    /,
+    *more: Annotated[Path, Parameter(name="MORE")],
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    method: Method = "network",
+    fix: Annotated[list[str] | None, Parameter(negative="")] = None,
+    control: Path | None = None,
+    path: Path | None = None,
+    limit: float = 0.002,
+    cell: float | None = None,
+    spacing: float | None = None,
+    check: Annotated[bool, Parameter(negative="")] = False,
+    threads: int | None = None,
+    crs: str | None = None,
+    json: Annotated[bool, Parameter(negative="")] = False,
+    force: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Bring passes over the same ground into agreement, and say by how much they disagreed.
+
+    Passes drift apart by millimetres to centimetres, since their navigation does. Recorded runs are
+    corrected in their motion, clouds by the time of their points. All passes become one surface.
+
+    Example: `trueterrain merge left.zarr right.zarr -o merged`
+
+    Parameters
+    ----------
+    lane
+        Recorded run (NAME.zarr), or points (LAS, LAZ, COPC, CSV, Parquet, .zarr): each file is a
+        pass, or one file of points is split by its point source ids.
+    more
+        More of the same kind.
+    output
+        Folder for report.html, result.json, the merged surface, and corrected clouds.
+    method
+        network: one least-squares adjustment of all passes at once; discontinuity: discontinuity
+        vectors along reference paths, low-pass filtered (the thesis); grid: nothing but the mean,
+        with a warning where passes disagree.
+    fix
+        Pass that stays as it is; may be given several times. By default the mean of all stays.
+    control
+        CSV file of control points: easting, northing, up and sd [m].
+    path
+        CSV file of waypoints of the reference path, with the columns easting and northing [m], for
+        discontinuity. By default the middle of each overlap.
+    limit
+        Difference of height that passes may have, for grid and --check [m].
+    cell
+        Size of the cells in which passes are compared [m]; by default 0.1 for runs, and for clouds
+        what their density allows.
+    spacing
+        Distance between the nodes of the merged surface [m]; by default 0.01 for runs, and the
+        cells for clouds.
+    check
+        Say whether the passes agree, and correct nothing; --output then is optional.
+    threads
+        Threads that work at once; by default one for each processor. Results do not depend on it.
+    crs
+        Coordinate reference system of points whose files name none or a wrong one. Nothing is
+        transformed.
+    json
+        Print result.json instead of a summary.
+    force
+        Write into a folder that holds files already; those of the same name are replaced.
+    """
+    from trueterrain import formats
+
+    if output is None and not check:
+        message = "name the folder for the results: --output DIR (only --check goes without)."
+        raise ValueError(message)
+    inputs = [lane, *more]
+    runs = _kind(inputs, formats) == "run"
+    settings = _settings(method, fix, control, path, limit, cell, check=check)
+    if check:
+        _check(inputs, settings, runs, crs, cell, output, json=json, force=force)
+        return
+    assert output is not None
+    workers = processors() if threads is None else threads
+    with compiling_noted(), progress_bar() as progress:
+        if runs:
+            from trueterrain.survey import run_survey
+            from trueterrain.verify import truth_of
+
+            numbers = run_survey(
+                _survey(inputs, settings, spacing), output, force=force, threads=workers,
+                truth=truth_of, progress=progress,
+            ).numbers  # fmt: skip
+        else:
+            from trueterrain.survey import merge_point_clouds
+
+            numbers = merge_point_clouds(
+                inputs, output, settings, crs=crs, cell=cell, spacing=spacing, force=force,
+                threads=workers, progress=progress,
+            ).numbers  # fmt: skip
+    if json:
+        out_json(numbers)
+        return
+    for line in in_words(numbers["merge"]):
+        out(line)
+    note(f"{output / 'report.html'}: the report")
+
+
+def in_words(merged: dict[str, Any]) -> "Iterator[str]":
+    """Main numbers of a merging, line by line.
+
+    Parameters
+    ----------
+    merged : dict
+        What stands in result.json under merge.
+
+    Yields
+    ------
+    str
+        Lines.
+    """
+    for pair in merged["pairs"]:
+        before, after = pair["before"], pair["after"]
+        yield (
+            f"{pair['second']} and {pair['first']}: {1e3 * before['rmse']:.2f} mm apart (RMSE of "
+            f"{before['n']:,} cells) before, {1e3 * after['rmse']:.2f} mm after"
+        )
+    for seam in merged["seams"]:
+        if seam["before"] is not None:
+            yield (
+                f"seam of {' and '.join(seam['lanes'])}: {1e3 * seam['before']:.2f} mm before, "
+                f"{1e3 * seam['after']:.2f} mm after"
+            )
+    for problem in merged["problems"]:
+        yield f"doubtful: {problem}"
+
+
+def _kind(inputs: list[Path], formats: Any) -> str:
+    from trueterrain.errors import SchemaError
+
+    kinds = [formats.kind_of_file(path) for path in inputs]
+    for path, kind in zip(inputs, kinds, strict=True):
+        if kind not in ("run", "points"):
+            raise SchemaError(
+                f"must be a recorded run or points, but is {kind}", path=path,
+                cure="Surfaces are compared with `trueterrain compare`.",
+            )  # fmt: skip
+        if kind != kinds[0]:
+            raise SchemaError(
+                f"is {kind}, but {inputs[0]} is {kinds[0]}", path=path,
+                cure="Merge runs and points apart, or georeference the runs first.",
+            )  # fmt: skip
+    if kinds[0] == "run" and len(inputs) == 1:
+        raise SchemaError(
+            "is one run, and merging needs two passes at least", path=inputs[0],
+            cure="Name more runs.",
+        )  # fmt: skip
+    return str(kinds[0])
+
+
+def _settings(
+    method: Method,
+    fix: list[str] | None,
+    control: Path | None,
+    path: Path | None,
+    limit: float,
+    cell: float | None,
+    *,
+    check: bool,
+) -> "MergeSettings":
+    from dataclasses import replace
+
+    from trueterrain.lanes.merge import MergeSettings
+
+    settings = MergeSettings(
+        method="grid" if check else method, fixed=tuple(fix or ()), limit=limit,
+        control=None if control is None else str(control), path=None if path is None else str(path),
+    )  # fmt: skip
+    if cell is None:
+        return settings
+    return replace(settings, cells=replace(settings.cells, size=cell))
+
+
+def _survey(inputs: list[Path], settings: "MergeSettings", spacing: float | None) -> "Survey":
+    from trueterrain.surface.placement import Placement
+    from trueterrain.survey import survey_of
+
+    return survey_of(
+        inputs, name="merged", title="Merged passes", profiles=(), lanes=settings,
+        grid=Placement(spacing=spacing or 0.01),
+    )  # fmt: skip
+
+
+def _check(
+    inputs: list[Path],
+    settings: "MergeSettings",
+    runs: bool,
+    crs: str | None,
+    cell: float | None,
+    output: Path | None,
+    *,
+    json: bool,
+    force: bool,
+) -> None:
+    from trueterrain.report import write_report
+    from trueterrain.survey import check_agreement, check_report
+
+    with compiling_noted(), progress_bar() as progress:
+        cells, size = _cells(inputs, settings, runs, crs, cell, progress)
+        found = check_agreement(cells, limit=settings.limit, size=size)
+    if output is not None:
+        from trueterrain.engine import whole_folder
+
+        with whole_folder(output, force=force) as folder:
+            names = ", ".join(path.name for path in inputs)
+            write_report(check_report(found, title=names), folder / "report.html")
+    if json:
+        out_json(found)
+        return
+    for pair in found["pairs"]:
+        word = "agree" if pair["agree"] else "do NOT agree"
+        out(
+            f"{pair['first']} and {pair['second']} {word}: 95 % of {pair['n']:,} cells differ by "
+            f"up to {1e3 * pair['p95']:.2f} mm (median {1e3 * pair['median']:+.2f} mm), limit "
+            f"{1e3 * found['limit']:g} mm"
+        )
+    for name in found["alone"]:
+        out(f"{name} shares no ground with another pass: nothing can be said")
+
+
+def _cells(
+    inputs: list[Path],
+    settings: "MergeSettings",
+    runs: bool,
+    crs: str | None,
+    cell: float | None,
+    progress: "Progress",
+) -> "tuple[list[LaneCells], float]":
+    """Cells of all passes, and their size [m]."""
+    if not runs:
+        from trueterrain.lanes.clouds import cells_of_clouds
+
+        return cells_of_clouds(inputs, settings, crs=crs, cell=cell, progress=progress)
+    from trueterrain.lanes.runs import cells_of_passes
+    from trueterrain.survey import lane_name, survey_of
+    from trueterrain.survey._lane import find_run
+
+    survey = survey_of(inputs)
+    found = {lane_name(run): find_run(survey, run, progress).taken for run in survey.runs}
+    return cells_of_passes(found, settings, progress=progress), settings.cells.size

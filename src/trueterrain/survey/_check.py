@@ -1,0 +1,135 @@
+"""Whether passes agree, without correcting them: one page."""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from trueterrain._version import __version__
+from trueterrain.lanes._seams import seams_of
+from trueterrain.lanes.cells import LaneCells
+from trueterrain.lanes.merge import compared, require_different
+from trueterrain.report import Block, Number, Report, Section, Table, Text, Verdict
+from trueterrain.survey._report_parts import columns, millimetres
+
+
+def check_agreement(cells: Sequence[LaneCells], *, limit: float, size: float) -> dict[str, Any]:
+    """Differences of passes where they overlap, and whether they keep a limit.
+
+    Parameters
+    ----------
+    cells : sequence of LaneCells
+        What each pass saw.
+    limit : float
+        Difference of height that 95 % of the cells may have [m].
+    size : float
+        Size of the cells [m].
+
+    Returns
+    -------
+    dict
+        ``agree``, ``limit`` [m], ``pairs`` with ``n``, ``median``, ``nmad``, ``rmse``, ``p95`` [m]
+        and ``agree``; ``seams`` [m]; ``alone``: passes without ground in common with another.
+
+    Raises
+    ------
+    CoverageError
+        If no cell is seen by two passes, or two passes hold the same returns.
+    """
+    require_different(cells)
+    pairs = compared(cells)
+    none = {one.name: np.zeros(len(one)) for one in cells}
+    seams = seams_of(cells, none, size)
+    paired = {name for pair in pairs for name in (pair.first, pair.second)}
+    alone = sorted({one.name for one in cells} - paired)
+    found = [
+        {
+            "first": pair.first, "second": pair.second,
+            **{name: value for name, value in asdict(pair.before).items()
+               if name != "rmse_accepted"},
+            "agree": pair.before.p95 <= limit,
+        }
+        for pair in pairs
+    ]  # fmt: skip
+    return {
+        "version": __version__,
+        "limit": limit,
+        "agree": all(pair["agree"] for pair in found) and not alone,
+        "pairs": found,
+        "seams": [
+            {"lanes": list(seam.lanes), "median": seam.before.median} for seam in seams
+        ],
+        "alone": alone,
+    }  # fmt: skip
+
+
+def check_report(found: dict[str, Any], *, title: str) -> Report:
+    """One page that says whether passes agree.
+
+    Parameters
+    ----------
+    found : dict
+        As by `check_agreement`.
+    title : str
+        What was checked.
+
+    Returns
+    -------
+    Report
+        To be written.
+    """
+    limit = millimetres(found["limit"])
+    verdicts: list[Verdict | None] = [
+        "good" if pair["agree"] else "bad" for pair in found["pairs"]
+    ]  # fmt: skip
+    blocks: list[Block] = [
+        Table(
+            columns=columns(
+                "Passes; Cells; Median [mm] .2; NMAD [mm] .2; RMSE [mm] .2; 95 % [mm] .2"
+            ),
+            rows=[
+                (
+                    f"{pair['second']} - {pair['first']}", pair["n"],
+                    *(millimetres(pair[name]) for name in ("median", "nmad", "rmse", "p95")),
+                )
+                for pair in found["pairs"]
+            ],
+            verdicts=verdicts,
+            caption=f"Differences of height in the cells that both passes saw. They agree if 95 % "
+            f"of them keep within {limit:g} mm.",
+        )
+    ]  # fmt: skip
+    if found["seams"]:
+        blocks.append(
+            Table(
+                columns=columns("Passes; Seam [mm] .2"),
+                rows=[
+                    (" - ".join(seam["lanes"]), millimetres(seam["median"]))
+                    for seam in found["seams"]
+                ],
+                caption="Steps that the mean of the passes would make at the edges of the overlap.",
+            )
+        )
+    if found["alone"]:
+        blocks.append(
+            Text(
+                paragraph=f"Nothing can be said about {', '.join(found['alone'])}: no other pass "
+                "sees the same ground."
+            )
+        )
+    worst = max(found["pairs"], key=lambda pair: float(pair["p95"]))
+    headline = (
+        Number(
+            label="Passes agree", value="yes" if found["agree"] else "no",
+            verdict="good" if found["agree"] else "bad", note=f"within {limit:g} mm (95 %)",
+        ),
+        Number(
+            label="Largest difference", value=millimetres(worst["p95"]), unit="mm", digits=1,
+            note=f"95 %, {worst['first']} and {worst['second']}",
+        ),
+    )  # fmt: skip
+    return Report(
+        title=title, subtitle="Agreement of passes, nothing corrected", headline=headline,
+        sections=(Section(title="How the passes agree", blocks=blocks),),
+    )  # fmt: skip

@@ -1,0 +1,174 @@
+"""What a report says about passes that were brought into agreement."""
+
+from collections.abc import Iterator
+
+from trueterrain.lanes.merge import Merging
+from trueterrain.report import Block, Number, Picture, Section, Table, Text
+from trueterrain.survey._pictures import Pictures
+from trueterrain.survey._report_parts import columns, millimetres
+
+_METHODS = {
+    "network": "All passes were adjusted at once by least squares: each got a correction that "
+    "follows time, as stiff as the ground that was held back allows.",
+    "discontinuity": "Discontinuity vectors along reference paths through the overlaps were "
+    "low-pass filtered and taken off the lanes, pair by pair (thesis, section 4.3.1).",
+    "grid": "Nothing was corrected: the ground is the mean of all passes (thesis, section 4.3.2).",
+}
+
+#: Kinds of pictures, in the order of the report, with what they show.
+_PICTURES = {
+    "correction": "Corrections of the passes with their standard deviation, beside what the "
+    "navigation claims.",
+    "vectors": "Discontinuity vectors, raw and filtered.",
+    "histograms": "Heights of both lanes at a reference point.",
+    "seam": "Steps at the edges of the overlap, before and after.",
+    "before": "Differences between the passes as measured.",
+    "after": "Differences between the passes after the adjustment, in the same colours.",
+    "choice": "How stiff the corrections are: what is left in ground that was held back.",
+    "spectrum": "Spectrum of the corrections.",
+}
+
+
+def merge_headline(merging: Merging) -> Iterator[Number]:
+    """Numbers of a merging to see first.
+
+    Parameters
+    ----------
+    merging : Merging
+        What was found.
+
+    Yields
+    ------
+    Number
+        Seam and differences.
+    """
+    worst = max(merging.pairs, key=lambda pair: pair.before.rmse, default=None)
+    if worst is not None:
+        yield Number(
+            label="Passes apart, before", value=millimetres(worst.before.rmse), unit="mm", digits=1,
+            note=f"RMSE of {worst.first} and {worst.second}",
+        )  # fmt: skip
+        yield Number(
+            label="Passes apart, after", value=millimetres(worst.after.rmse), unit="mm", digits=2,
+            note=f"RMSE of {worst.first} and {worst.second}",
+        )  # fmt: skip
+    seams = [seam for seam in merging.seams if seam.after.median == seam.after.median]
+    if seams:
+        most = max(seams, key=lambda seam: seam.after.median)
+        yield Number(
+            label="Seam", value=millimetres(most.after.median), unit="mm", digits=2,
+            note=f"{1000 * most.before.median:.1f} mm before",
+        )  # fmt: skip
+
+
+def merge_section(merging: Merging, pictures: Pictures) -> Section:
+    """Section on the agreement of the passes before and after.
+
+    Parameters
+    ----------
+    merging : Merging
+        What was found.
+    pictures : Pictures
+        Figures that were drawn.
+
+    Returns
+    -------
+    Section
+        With tables and pictures.
+    """
+    blocks: list[Block] = [_pairs(merging)]
+    blocks += [*_seams(merging), *_network(merging)]
+    blocks += [
+        Picture(figure=pictures.figures["merge", kind], alt=text, caption=text)
+        for kind, text in _PICTURES.items()
+        if ("merge", kind) in pictures.figures
+    ]
+    return Section(title="How the passes agree", text=_METHODS[merging.method], blocks=blocks)
+
+
+def _pairs(merging: Merging) -> Table:
+    return Table(
+        columns=columns(
+            "Passes; Cells; Median before [mm] .2; after [mm] .2; NMAD before [mm] .2; "
+            "after [mm] .2; RMSE before [mm] .2; after [mm] .2; held back [mm] .2; "
+            "95 % before [mm] .2; after [mm] .2; Rejected"
+        ),
+        rows=[
+            (
+                f"{pair.second} - {pair.first}", pair.before.n,
+                *(
+                    millimetres(getattr(state, name))
+                    for name in ("median", "nmad")
+                    for state in (pair.before, pair.after)
+                ),
+                *(millimetres(state.rmse) for state in (pair.before, pair.after, pair.held_back)),
+                *(millimetres(state.p95) for state in (pair.before, pair.after)),
+                pair.rejected,
+            )
+            for pair in merging.pairs
+        ],
+        caption="Differences of height in the cells that both passes saw. Held back: in cells that "
+        "had no part in the corrections. Rejected cells are what moved between the passes.",
+    )  # fmt: skip
+
+
+def _seams(merging: Merging) -> Iterator[Block]:
+    if merging.seams:
+        yield Table(
+            columns=columns("Passes; Seam before [mm] .2; after [mm] .2"),
+            rows=[
+                (
+                    " - ".join(seam.lanes), millimetres(seam.before.median),
+                    millimetres(seam.after.median),
+                )
+                for seam in merging.seams
+            ],
+            caption="Steps of the merged ground where one pass ends inside another: median of "
+            "their size along both edges of the overlap.",
+        )  # fmt: skip
+
+
+def _network(merging: Merging) -> Iterator[Block]:
+    found = merging.adjustment
+    if found is None:
+        return
+    chosen = found.chosen
+    words = (
+        f"Corrections of {', '.join(chosen.components)} have knots every {chosen.knot_spacing:g} s "
+        f"and wander by {1000 * chosen.strength:.3g} mm (standard deviation) as a "
+        f"{chosen.order}-order process: of {len(found.trials)} settings that were tried, these "
+        f"predict ground that was held back to {1000 * chosen.held_back:.3g} mm without bending "
+        "more than it takes."
+    )
+    if found.omitted:
+        words += f" The data do not tell {', '.join(found.omitted)}, so these were left out."
+    yield Text(paragraph=words)
+    yield Table(
+        columns=columns("Pass; Chi-square .1; Degrees of freedom .1; Probability without drift .3"),
+        rows=[
+            (test.name or "all together", test.statistic, test.freedom, test.p_value)
+            for test in found.tests
+        ],
+        caption="Whether the corrections could be noise alone: a small probability says that the "
+        "passes truly drifted.",
+    )
+    if found.closures:
+        yield Table(
+            columns=columns("Loop; Before [mm] .2; After [mm] .2"),
+            rows=[
+                (
+                    " - ".join(one.passes), millimetres(one.before), millimetres(one.after)
+                )
+                for one in found.closures
+            ],
+            caption="Closure of loops: sum of the median differences around passes that each "
+            "overlap the next.",
+        )  # fmt: skip
+    alone = [(one.name, begin, end) for one in found.corrections for begin, end in one.unsupported]
+    if alone:
+        yield Table(
+            columns=columns("Pass; From [s] .1; To [s] .1"),
+            rows=alone,
+            caption="Where no other pass sees the same ground: there smoothness alone ties the "
+            "correction, and its standard deviation grows.",
+        )
