@@ -130,7 +130,7 @@ def _judged(
     yield _largest("distance error", track, worst, limits.distance_error, "m/m", why)
     for name, limit in (("bias", limits.bias), ("precision", limits.precision)):
         value = np.nan if errors is None else float(errors[name])
-        missing = unknown if errors is None else alone
+        missing = "no errors of heights are given" if errors is None else alone
         yield _largest(name, track, value, limit, "m", missing)
 
 

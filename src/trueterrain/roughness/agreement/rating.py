@@ -298,8 +298,8 @@ def checked(
 def _pairs(
     names: list[str], reference: str | None
 ) -> list[tuple[tuple[int, str], tuple[int, str]]]:
-    """All pairs; the reference is the first of its own."""
-    order = sorted(enumerate(names), key=lambda item: item[1] != reference)
+    """All pairs; the reference is the first of its own, else that whose name comes first."""
+    order = sorted(enumerate(names), key=lambda item: (item[1] != reference, item[1]))
     return list(itertools.combinations(order, 2))
 
 
