@@ -31,6 +31,8 @@ _COMMANDS = {
     "merge": "Bring passes over the same ground into agreement: one ground of many lanes.",
     "plot": "Draw a surface, a point cloud, a profile, a recorded run or a navigation.",
     "profile": "Extract the profile that a tyre feels along a path.",
+    "psd": "Power spectral density of profiles, with road class, Gd(n0) and waviness.",
+    "rn": "Ride Number of profiles.",
     "run": "Take a whole survey from recorded runs to ground, profiles and a report.",
     "simulate": "Drive a virtual profiler over known ground and record its runs.",
 }

@@ -1,17 +1,30 @@
 """``trueterrain iri``: International Roughness Index of profiles."""
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from trueterrain.cli._console import compiling_noted, out, out_json
-from trueterrain.cli._recordings import refuse_recording
-from trueterrain.errors import SchemaError, concerning
+from trueterrain.cli._profiles import (
+    Window,
+    draw,
+    explain_run,
+    read_profile,
+    warn_of_idle_window,
+    write_table,
+)
+from trueterrain.errors import concerning
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from trueterrain.roughness import IriOptions
+
+Unit = Literal["m/km", "in/mi"]
+
+_MOST_CLASSES = 1000  # of a histogram; more is a mistake in the width
 
 # [m] below, the start of the car is felt in the index (more than 10 % has been seen at 91 m)
 _SHORT = 100.0
@@ -24,19 +37,25 @@ def iri(
     segment: float = 100.0,
     continuous: float | None = None,
     step: float | None = None,
-    window: Literal["sayers", "centred", "exact", "none"] = "sayers",
+    threshold: float | None = None,
+    histogram: float | None = None,
+    unit: Unit = "m/km",
+    window: Window = "sayers",
     window_length: float = 0.25,
     start: Literal["11m", "0.5s", "level"] = "11m",
     restart: bool = False,
     wheel_paths: tuple[str, str] | None = None,
     json: bool = False,
+    plot: Path | None = None,
+    force: bool = False,
 ) -> None:
-    """International Roughness Index (IRI) of profiles [m/km], as by Sayers's program (ASTM E1926).
+    """International Roughness Index (IRI) of profiles, as by Sayers's program (ASTM E1926).
 
     Each track is rated as a whole and in fixed segments. Of two wheel paths, MRI is the mean of
-    their IRI, HRI the IRI of their mean profile.
+    their IRI, HRI the IRI of their mean profile. With --continuous and --threshold, localised
+    roughness is listed: the stretches in which the sliding window is too rough.
 
-    Example: trueterrain iri left_and_right.erd --segment 20 --json
+    Example: trueterrain iri left_and_right.erd --continuous 7.62 --threshold 2.5 --json
 
     Parameters
     ----------
@@ -47,9 +66,17 @@ def iri(
     segment
         Length of the fixed segments [m]; the last one may be shorter.
     continuous
-        Length of a window that slides along each track [m]; none by default.
+        Length of a window that slides along each track [m]; none by default. 7.62 m (25 ft) and
+        160.93 m (528 ft) are in use.
     step
         Distance from one sliding window to the next [m]; by default 1.
+    threshold
+        IRI that shall not be exceeded, in --unit: segments above it are marked, and with
+        --continuous the stretches above it are listed.
+    histogram
+        Width of classes of the IRI, in --unit, of which the share of the length is printed.
+    unit
+        Unit of the IRI; 1 m/km is 63.36 in/mi. Lengths are in metres either way.
     window
         Moving average before the car. sayers: slope over the whole number of samples nearest to the
         length, equal spacing only; centred: mean of the samples within half a length; exact: mean
@@ -66,80 +93,145 @@ def iri(
         are named left and right.
     json
         Print one JSON document instead of tables. One file gives {"file", "tracks": [{"name",
-        "iri", "segments": [{"start", "end", "iri"}]}], "mri", "hri"}, several files a list of
-        these; stations are in m, indices in m/km, mri and hri null without two wheel paths.
-        --continuous adds "continuous", a list like "segments", to each track.
+        "iri", "segments": [{"start", "end", "iri"}]}], "mri", "hri", "unit"}, several files a list
+        of these; stations are in m, indices in the unit, mri and hri null without two wheel paths.
+        --continuous adds "continuous", a list like "segments", to each track, --threshold
+        "too_rough", the length of the segments above it [m], and both together "stretches":
+        [{"start", "end", "peak", "peak_at"}]; --histogram adds "histogram": [{"above", "below",
+        "length", "share"}].
+    plot
+        Picture to write: .svg, .pdf or .png. Segments, the sliding window and the histogram of each
+        file, always in m/km.
+    force
+        Replace the picture if it exists.
     """
+    from trueterrain.engine import require_writable
     from trueterrain.roughness import IriOptions
 
     if step is not None and continuous is None:
         message = "--step belongs to --continuous, which is not given."
         raise ValueError(message)
+    for name, value in (("--threshold", threshold), ("--histogram", histogram)):
+        if value is not None and not (math.isfinite(value) and value > 0):
+            message = f"{name} must be finite and greater than 0 {unit}, got {value}."
+            raise ValueError(message)
+    files = (file, *more)
+    if plot is not None:
+        require_writable(plot, force=force, inputs=files)
     options = IriOptions(window=window, window_length=window_length, start=start, restart=restart)
+    wanted = _Wanted(unit, segment, continuous, 1.0 if step is None else step, threshold, histogram)
     with compiling_noted():
-        rated = [
-            _rate(path, options, segment, continuous, 1.0 if step is None else step, wheel_paths)
-            for path in (file, *more)
-        ]
+        rated = [_rate(path, options, wanted, wheel_paths) for path in files]
+    documents = [_document(one, wanted) for one in rated]
     if json:
-        documents = [document for document, _ in rated]
         out_json(documents if more else documents[0])
-        return
-    for document, index in rated:
-        _show(document, index)
-    _explain(options)
+    else:
+        for one, document in zip(rated, documents, strict=True):
+            _show(one, document, wanted)
+        names = {"11m": "first 11 m", "0.5s": "first 0.5 s", "level": "level"}
+        out(f"Golden car {explain_run(options, names[start])}")
+    if plot is not None:
+        panels = [_panels(one, wanted) for one in rated]
+        draw([path.name for path in files], panels, plot, force=force)
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """What is asked for, beyond the conventions of the index."""
+
+    unit: Unit
+    segment: float
+    continuous: float | None
+    step: float
+    threshold: float | None  # in the unit
+    histogram: float | None  # in the unit
+
+    @property
+    def factor(self) -> float:
+        """What 1 m/km is in the unit."""
+        from trueterrain.roughness import IN_PER_MI
+
+        return 1.0 if self.unit == "m/km" else IN_PER_MI
+
+    @property
+    def limit(self) -> float | None:
+        """Threshold [m/km]."""
+        return None if self.threshold is None else self.threshold / self.factor
+
+
+@dataclass(frozen=True)
+class _Rated:
+    """What was found out about one file."""
+
+    path: Path
+    index: "xr.Dataset"
+    sliding: "xr.Dataset | None"
+    too_rough: "xr.Dataset | None"
+    shares: "xr.Dataset | None"
 
 
 def _rate(
-    path: Path,
-    options: "IriOptions",
-    segment: float,
-    continuous: float | None,
-    step: float,
-    wheel_paths: tuple[str, str] | None,
-) -> "tuple[dict[str, Any], xr.Dataset]":
+    path: Path, options: "IriOptions", wanted: _Wanted, wheel_paths: tuple[str, str] | None
+) -> _Rated:
     from trueterrain import roughness
 
-    profile = _read(path)
+    profile = read_profile(path)
+    warn_of_idle_window(path, profile, options)
+    sliding = too_rough = shares = None
     with concerning(path):
-        index = roughness.iri(profile, options=options, segment=segment, wheel_paths=wheel_paths)
-        document = _document(path, index)
-        if continuous is not None:
-            sliding = roughness.continuous_iri(profile, continuous, step=step, options=options)
-            for track, values in zip(document["tracks"], sliding["iri"].values, strict=True):
-                track["continuous"] = _stretches(sliding, values)
-    return document, index
-
-
-def _read(path: Path) -> "xr.Dataset":
-    from trueterrain import formats
-    from trueterrain.kinds import kind_of
-
-    refuse_recording(path, formats.kind_of_file(path), "a profile")
-    data = formats.open(path)
-    kind = kind_of(data)
-    if kind != "profile":
-        found = "is a surface" if kind == "surface" else "holds points"
-        raise SchemaError(
-            f"{found}, not a profile",
-            path=path,
-            cure=f"Extract a profile first: trueterrain profile {path} ... -o FILE.erd",
+        index = roughness.iri(
+            profile, options=options, segment=wanted.segment, wheel_paths=wheel_paths
         )
-    return data
+        if wanted.continuous is not None:
+            sliding = roughness.continuous_iri(
+                profile, wanted.continuous, step=wanted.step, options=options
+            )
+            if wanted.limit is not None:
+                too_rough = roughness.stretches(sliding["iri"], wanted.limit)
+        if wanted.histogram is not None:
+            shares = _shares(index, wanted.histogram / wanted.factor)
+    return _Rated(path, index, sliding, too_rough, shares)
 
 
-def _document(path: Path, index: "xr.Dataset") -> dict[str, Any]:
-    tracks = [
-        {"name": str(name), "iri": float(whole), "segments": _stretches(index, parts)}
-        for name, whole, parts in zip(
-            index["track"].values, index["iri"].values, index["segment_iri"].values, strict=True
-        )
-    ]
-    mri, hri = index["mri"].item(), index["hri"].item()
-    return {"file": str(path), "tracks": tracks, "mri": mri, "hri": hri}
+def _shares(index: "xr.Dataset", width: float) -> "xr.Dataset":
+    from trueterrain import roughness
+
+    count = math.floor(float(index["segment_iri"].max()) / width) + 1
+    if count > _MOST_CLASSES:
+        message = f"--histogram must leave at most {_MOST_CLASSES} classes, got {count}."
+        raise ValueError(message)
+    edges = [width * number for number in range(1, count + 1)]
+    return roughness.iri_histogram(index, edges).isel({"class": slice(0, count)})
 
 
-def _stretches(index: "xr.Dataset", values: Any) -> list[dict[str, float]]:
+def _document(rated: _Rated, wanted: _Wanted) -> dict[str, Any]:
+    index, factor = rated.index, wanted.factor
+    tracks = []
+    for name in index["track"].values:
+        one = index.sel(track=name)
+        track = {
+            "name": str(name),
+            "iri": factor * one["iri"].item(),
+            "segments": _pieces(index, factor * one["segment_iri"].values),
+        }
+        if rated.sliding is not None:
+            values = factor * rated.sliding["iri"].sel(track=name).values
+            track["continuous"] = _pieces(rated.sliding, values)
+        if wanted.limit is not None:
+            above = one["segment_iri"].values > wanted.limit
+            track["too_rough"] = float((index["end"] - index["start"]).values[above].sum())
+        if rated.too_rough is not None:
+            track["stretches"] = _stretches(rated.too_rough, str(name), factor)
+        if rated.shares is not None:
+            track["histogram"] = _classes(rated.shares.sel(track=name), factor)
+        tracks.append(track)
+    return {
+        "file": str(rated.path), "tracks": tracks, "mri": factor * index["mri"].item(),
+        "hri": factor * index["hri"].item(), "unit": wanted.unit,
+    }  # fmt: skip
+
+
+def _pieces(index: "xr.Dataset", values: Any) -> list[dict[str, float]]:
     starts, ends = index["start"].values, index["end"].values
     return [
         {"start": float(start), "end": float(end), "iri": float(value)}
@@ -147,42 +239,95 @@ def _stretches(index: "xr.Dataset", values: Any) -> list[dict[str, float]]:
     ]
 
 
-def _show(document: dict[str, Any], index: "xr.Dataset") -> None:
-    tracks = document["tracks"]
-    rows = [["from [m]", "to [m]", *(f"{track['name']} [m/km]" for track in tracks)]]
+def _stretches(found: "xr.Dataset", track: str, factor: float) -> list[dict[str, float]]:
+    mine = found.isel(stretch=found["track"].values == track)
+    return [
+        {"start": start, "end": end, "peak": factor * peak, "peak_at": at}
+        for start, end, peak, at in zip(
+            *(mine[name].values.tolist() for name in ("start", "end", "peak", "peak_at")),
+            strict=True,
+        )
+    ]
+
+
+def _classes(shares: "xr.Dataset", factor: float) -> list[dict[str, float]]:
+    columns = (shares[name].values.tolist() for name in ("above", "below", "length", "share"))
+    return [
+        {"above": factor * above, "below": factor * below, "length": length, "share": share}
+        for above, below, length, share in zip(*columns, strict=True)
+    ]
+
+
+def _show(rated: _Rated, document: dict[str, Any], wanted: _Wanted) -> None:
+    tracks, unit, index = document["tracks"], wanted.unit, rated.index
+    digits = 3 if unit == "m/km" else 1
+    rows = [["from [m]", "to [m]", *(f"{track['name']} [{unit}]" for track in tracks)]]
     for row, complete in enumerate(index["complete"].values):
-        stretch = tracks[0]["segments"][row]
-        ends = [f"{stretch['start']:.2f}", f"{stretch['end']:.2f}"]
-        values = [f"{track['segments'][row]['iri']:.3f}" for track in tracks]
-        rows.append([*ends, *values, *([] if complete else ["shorter"])])
-    rows.append(["whole", "", *(f"{track['iri']:.3f}" for track in tracks)])
+        piece = tracks[0]["segments"][row]
+        values = [track["segments"][row]["iri"] for track in tracks]
+        remarks = [] if complete else ["shorter"]
+        if wanted.threshold is not None and max(values) > wanted.threshold:
+            remarks.append("too rough")
+        ends = [f"{piece['start']:.2f}", f"{piece['end']:.2f}"]
+        rows.append([*ends, *(f"{value:.{digits}f}" for value in values), *remarks])
+    rows.append(["whole", "", *(f"{track['iri']:.{digits}f}" for track in tracks)])
     out(f"International Roughness Index of {document['file']}")
-    _write_table(rows)
+    write_table(rows)
+    length = float(index["end"][-1] - index["start"][0])
     for track in tracks:
-        if windows := track.get("continuous"):
-            worst = max(windows, key=lambda window: float(window["iri"]))
-            place = f"{worst['start']:.2f} to {worst['end']:.2f} m"
-            out(f"Roughest window of {track['name']}: {worst['iri']:.3f} m/km, {place}")
+        _show_track(track, wanted, length, digits)
+    if wanted.histogram is not None:
+        _show_histogram(tracks, unit)
     for name, meaning in (("mri", "mean of the IRI"), ("hri", "IRI of the mean")):
         if not math.isnan(document[name]):
-            out(f"{name.upper()} {document[name]:.3f} m/km ({meaning} of both wheel paths)")
-    length = float(index["end"][-1] - index["start"][0])
+            value = f"{document[name]:.{digits}f} {unit}"
+            out(f"{name.upper()} {value} ({meaning} of both wheel paths)")
     if length < _SHORT:
         out(f"Only {length:g} m long: the index depends on how the car starts.")
     out()
 
 
-def _write_table(rows: list[list[str]]) -> None:
-    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
-    for row in rows:
-        cells = [cell.rjust(width) for cell, width in zip(row, widths, strict=False)]
-        out("  ".join([*cells, *row[len(widths) :]]))
+def _show_track(track: dict[str, Any], wanted: _Wanted, length: float, digits: int) -> None:
+    """What was found in one track beside its segments."""
+    name, unit = track["name"], wanted.unit
+    if windows := track.get("continuous"):
+        worst = max(windows, key=lambda window: float(window["iri"]))
+        place = f"{worst['start']:.2f} to {worst['end']:.2f} m"
+        out(f"Roughest window of {name}: {worst['iri']:.{digits}f} {unit}, {place}")
+    if wanted.threshold is not None:
+        limit = f"{wanted.threshold:g} {unit}"
+        out(f"Segments of {name} above {limit}: {track['too_rough']:.2f} of {length:.2f} m")
+        if (found := track.get("stretches")) is not None:
+            out(f"Stretches of {name} above {limit}: {len(found)}")
+        for one in found or ():
+            peak = f"{one['peak']:.{digits}f} {unit} at {one['peak_at']:.2f} m"
+            out(f"  {one['start']:.2f} to {one['end']:.2f} m, up to {peak}")
 
 
-def _explain(options: "IriOptions") -> None:
-    """Name the conventions, since they change the index."""
-    length = "" if options.window == "none" else f" ({options.window_length:g} m)"
-    start = {"11m": "first 11 m", "0.5s": "first 0.5 s", "level": "level"}[options.start]
-    run = "a new car in every segment" if options.restart else "one run over the whole profile"
-    speed = 3.6 * options.speed
-    out(f"Golden car at {speed:g} km/h; window {options.window}{length}; start {start}; {run}.")
+def _show_histogram(tracks: list[dict[str, Any]], unit: Unit) -> None:
+    """Share of the length of all tracks in the classes of the index."""
+    rows = [[f"IRI [{unit}]", *(f"{track['name']} [%]" for track in tracks)]]
+    for classes in zip(*(track["histogram"] for track in tracks), strict=True):
+        name = f"{classes[0]['above']:.4g} to {classes[0]['below']:.4g}"
+        rows.append([name, *(f"{100 * one['share']:.1f}" for one in classes)])
+    write_table(rows)
+
+
+def _panels(rated: _Rated, wanted: _Wanted) -> list[Callable[[Any], object]]:
+    """Pictures of a file, each a function that draws into axes."""
+    from trueterrain import figures
+
+    def segments(ax: Any) -> None:
+        figures.iri_segments(rated.index, ax=ax)
+        if wanted.limit is not None:
+            ax.axhline(wanted.limit, color="0.3", linewidth=1.0, linestyle="--")
+            ax.set_ylim(top=max(ax.get_ylim()[1], 1.08 * wanted.limit))
+
+    panels: list[Callable[[Any], object]] = [segments]
+    if (sliding := rated.sliding) is not None:
+        panels.append(
+            lambda ax: figures.continuous_roughness(sliding, threshold=wanted.limit, ax=ax)
+        )
+    if (shares := rated.shares) is not None:
+        panels.append(lambda ax: figures.roughness_histogram(shares, ax=ax))
+    return panels

@@ -5,6 +5,8 @@ exaggeration), uses colours that colour-blind people can tell apart, and keeps i
 data. Without ``ax`` a new figure is made; ``save`` writes it, whole or not at all.
 """
 
+from trueterrain.figures.agreement import agreement_matrix, agreement_overlay
+from trueterrain.figures.continuous import continuous_roughness
 from trueterrain.figures.cpf import cpf
 from trueterrain.figures.difference import profile_difference
 from trueterrain.figures.drift import navigation_errors
@@ -15,17 +17,25 @@ from trueterrain.figures.output import save
 from trueterrain.figures.parallel import parallel_profiles
 from trueterrain.figures.points import points_map
 from trueterrain.figures.profiles import profiles
+from trueterrain.figures.psd import road_spectrum
 from trueterrain.figures.ranges import range_image
 from trueterrain.figures.relief import surface_relief
+from trueterrain.figures.ride_number import ride_number_segments
+from trueterrain.figures.roughness_histogram import roughness_histogram
 from trueterrain.figures.scan import scan_elevation, scan_plan
 from trueterrain.figures.search import search_area_map
 from trueterrain.figures.slope import measurable_slope
 from trueterrain.figures.spectrum import spectrum
 from trueterrain.figures.surface import surface_map
+from trueterrain.figures.surface_difference import difference_map, structure_functions
 
 __all__ = [
+    "agreement_matrix",
+    "agreement_overlay",
     "body_motion",
+    "continuous_roughness",
     "cpf",
+    "difference_map",
     "iri_segments",
     "laser_displacement",
     "measurable_slope",
@@ -37,11 +47,15 @@ __all__ = [
     "profile_difference",
     "profiles",
     "range_image",
+    "ride_number_segments",
+    "road_spectrum",
+    "roughness_histogram",
     "save",
     "scan_elevation",
     "scan_plan",
     "search_area_map",
     "spectrum",
+    "structure_functions",
     "surface_map",
     "surface_relief",
 ]

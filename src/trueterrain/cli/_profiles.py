@@ -1,0 +1,102 @@
+"""What the commands that rate profiles share: reading, doubts, tables, pictures."""
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from trueterrain.cli._console import note, out
+from trueterrain.cli._recordings import refuse_recording
+from trueterrain.errors import SchemaError, concerning
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from trueterrain.roughness._track import CarOptions
+
+Window = Literal["sayers", "centred", "exact", "none"]
+
+_WIDTH, _HEIGHT = 8.0, 3.2  # [inches] of the picture of one file
+
+
+def read_profile(path: Path) -> "xr.Dataset":
+    """Profile from a file; warns of what is implausible about it."""
+    from trueterrain import formats
+    from trueterrain.kinds import kind_of
+    from trueterrain.roughness import doubts
+
+    refuse_recording(path, formats.kind_of_file(path), "a profile")
+    data = formats.open(path)
+    kind = kind_of(data)
+    if kind != "profile":
+        found = "is a surface" if kind == "surface" else "holds points"
+        raise SchemaError(
+            f"{found}, not a profile",
+            path=path,
+            cure=f"Extract a profile first: trueterrain profile {path} ... -o FILE.erd",
+        )
+    with concerning(path):
+        for doubt in doubts(data):
+            warn(f"{path}: {doubt}")
+    return data
+
+
+def warn_of_idle_window(path: Path, profile: "xr.Dataset", options: "CarOptions") -> None:
+    """Say if the moving average before the car changes nothing."""
+    from trueterrain.roughness.plausible import idle_window
+
+    sentence = idle_window(profile, options)
+    if sentence is not None:
+        warn(f"{path}: {sentence}.")
+
+
+def warn(text: str) -> None:
+    """Say on stderr what is to be doubted about a result."""
+    note(f"trueterrain: warning: {text}")
+
+
+def finite(value: float) -> float | None:
+    """A number for a JSON document, None if it is not known."""
+    return value if math.isfinite(value) else None
+
+
+def write_table(rows: list[list[str]]) -> None:
+    """Right-aligned columns; remarks may stand behind them."""
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    for row in rows:
+        cells = [cell.rjust(width) for cell, width in zip(row, widths, strict=False)]
+        out("  ".join([*cells, *row[len(widths) :]]))
+
+
+def draw(
+    titles: Sequence[str],
+    panels: Sequence[Sequence[Callable[[Any], object]]],
+    output: Path,
+    *,
+    force: bool,
+    height: float = _HEIGHT,
+) -> None:
+    """Draw a row of panels for each file into one picture."""
+    import matplotlib.pyplot as plt
+
+    from trueterrain import figures
+
+    columns = max(len(row) for row in panels)
+    figure = plt.figure(
+        figsize=(_WIDTH * columns, (height + 0.3) * len(panels)), layout="constrained"
+    )
+    parts = figure.subfigures(len(panels), 1, squeeze=False)[:, 0]
+    for title, part, row in zip(titles, parts, panels, strict=True):
+        part.suptitle(title, fontsize="medium")
+        for panel, ax in zip(row, part.subplots(1, len(row), squeeze=False)[0], strict=True):
+            panel(ax)
+    figures.save(figure, output, force=force)
+    note(f"{output}: written")
+
+
+def explain_run(options: "CarOptions", start: str) -> str:
+    """Conventions of a car in words, since they change the index."""
+    length = "" if options.window == "none" else f" ({options.window_length:g} m)"
+    run = "a new car in every segment" if options.restart else "one run over the whole profile"
+    speed = 3.6 * options.speed
+    return f"at {speed:g} km/h; window {options.window}{length}; start {start}; {run}."

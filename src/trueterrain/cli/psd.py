@@ -1,0 +1,156 @@
+"""``trueterrain psd``: power spectral density and road class of profiles."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from trueterrain.cli._console import out, out_json
+from trueterrain.cli._profiles import draw, read_profile, write_table
+from trueterrain.errors import concerning
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from trueterrain.roughness import PsdOptions
+
+_MICRO = 1e6
+_HEIGHT = 5.0  # [inches] of the picture of one file
+
+
+def psd(
+    file: Path,
+    /,
+    *more: Path,
+    segment: float | None = None,
+    block: float = 1000.0,
+    lowest: float = 0.011,
+    highest: float = 2.83,
+    waviness: float | None = None,
+    confidence: float = 0.95,
+    json: bool = False,
+    plot: Path | None = None,
+    force: bool = False,
+) -> None:
+    """Power spectral density (PSD) of profiles, smoothed and classed as in ISO 8608.
+
+    Gd(n0) is the displacement spectrum at 0.1 cycles/m, the waviness w the exponent with which it
+    falls. Both are given with their confidence interval.
+
+    Example: trueterrain psd road.erd --segment 500 --plot spectrum.svg
+
+    Parameters
+    ----------
+    file
+        Profile: ERD, CSV or Parquet; equally spaced.
+    more
+        More profiles.
+    segment
+        Length of fixed segments that are rated on their own as well [m]; none by default.
+    block
+        Length of the blocks whose spectra are averaged [m]; the resolution is its inverse.
+    lowest
+        Lowest spatial frequency of the fit [cycles/m].
+    highest
+        Highest spatial frequency of the fit [cycles/m].
+    waviness
+        Waviness to assume, which is 2 in the classes of the standard; fitted by default.
+    confidence
+        Share of repeats in which the intervals hold the truth.
+    json
+        Print one JSON document instead of tables. One file gives {"file", "tracks": [{"name",
+        "road_class", "gd_n0", "waviness", "segments": [{"start", "end", "road_class", "gd_n0",
+        "waviness"}], "bands": [{"lower", "centre", "upper", "density", "low", "high", "fitted"}]}],
+        "confidence"}, several files a list of these. gd_n0 and waviness are {"value", "low",
+        "high"}; densities and Gd(n0) are in m³, frequencies in cycles/m, stations in m.
+    plot
+        Picture to write: .svg, .pdf or .png.
+    force
+        Replace the picture if it exists.
+    """
+    from trueterrain import figures
+    from trueterrain.engine import require_writable
+    from trueterrain.roughness import PsdOptions
+
+    files = (file, *more)
+    if plot is not None:
+        require_writable(plot, force=force, inputs=files)
+    options = PsdOptions(
+        block=block, lowest=lowest, highest=highest, waviness=waviness, confidence=confidence
+    )
+    spectra = [_spectrum(path, options, segment) for path in files]
+    documents = [_document(path, one, options) for path, one in zip(files, spectra, strict=True)]
+    if json:
+        out_json(documents if more else documents[0])
+    else:
+        for document in documents:
+            _show(document)
+        out(
+            f"Fitted from {lowest:g} to {highest:g} cycles/m; blocks of {block:g} m; "
+            f"intervals hold with {100 * confidence:g} % confidence."
+        )
+    if plot is not None:
+        panels = [[lambda ax, one=one: figures.road_spectrum(one, ax=ax)] for one in spectra]
+        draw([path.name for path in files], panels, plot, force=force, height=_HEIGHT)
+
+
+def _spectrum(path: Path, options: "PsdOptions", segment: float | None) -> "xr.Dataset":
+    from trueterrain import roughness
+
+    profile = read_profile(path)
+    with concerning(path):
+        return roughness.psd(profile, options=options, segment=segment)
+
+
+def _document(path: Path, spectrum: "xr.Dataset", options: "PsdOptions") -> dict[str, Any]:
+    tracks = []
+    for name in spectrum["track"].values:
+        one = spectrum.sel(track=name)
+        segments = []
+        for at in range(one.sizes.get("segment", 0)):
+            piece = one.isel(segment=at)
+            ends = {"start": piece["start"].item(), "end": piece["end"].item()}
+            segments.append(ends | _fit(piece, "segment_"))
+        whole = {"name": str(name), **_fit(one, ""), "segments": segments, "bands": _bands(one)}
+        tracks.append(whole)
+    return {"file": str(path), "tracks": tracks, "confidence": options.confidence}
+
+
+def _fit(one: "xr.Dataset", prefix: str) -> dict[str, Any]:
+    fitted: dict[str, Any] = {"road_class": one[f"{prefix}road_class"].item()}
+    for name in ("gd_n0", "waviness"):
+        ends = {end: one[f"{prefix}{name}_{end}"].item() for end in ("low", "high")}
+        fitted[name] = {"value": one[f"{prefix}{name}"].item(), **ends}
+    return fitted
+
+
+def _bands(one: "xr.Dataset") -> list[dict[str, Any]]:
+    columns = {
+        "lower": "lower", "centre": "centre", "upper": "upper", "density": "smoothed",
+        "low": "smoothed_low", "high": "smoothed_high", "fitted": "fitted",
+    }  # fmt: skip
+    values = zip(*(one[name].values.tolist() for name in columns.values()), strict=True)
+    return [dict(zip(columns, row, strict=True)) for row in values]
+
+
+def _show(document: dict[str, Any]) -> None:
+    rows = [["track", "from [m]", "to [m]", "class", "Gd(n0) [1e-6 m³]", "w"]]
+    for track in document["tracks"]:
+        for piece in track["segments"]:
+            ends = [f"{piece['start']:.2f}", f"{piece['end']:.2f}"]
+            rows.append([track["name"], *ends, *_cells(piece)])
+        rows.append([track["name"], "whole", "", *_cells(track)])
+    out(f"Displacement spectrum of {document['file']}")
+    write_table(rows)
+    out()
+
+
+def _cells(fit: dict[str, Any]) -> list[str]:
+    """Class, Gd(n0) and waviness, or dashes where a segment was too short."""
+    gd, w = fit["gd_n0"], fit["waviness"]
+    if not fit["road_class"]:
+        return ["-", "too short", "-"]
+    low, value, high = (_MICRO * gd[name] for name in ("low", "value", "high"))
+    return [
+        fit["road_class"],
+        f"{value:.4g} ({low:.4g} to {high:.4g})",
+        f"{w['value']:.2f} ({w['low']:.2f} to {w['high']:.2f})",
+    ]

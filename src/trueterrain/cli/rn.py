@@ -1,0 +1,144 @@
+"""``trueterrain rn``: Ride Number of profiles."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from trueterrain.cli._console import compiling_noted, out, out_json
+from trueterrain.cli._profiles import (
+    Window,
+    draw,
+    explain_run,
+    read_profile,
+    warn_of_idle_window,
+    write_table,
+)
+from trueterrain.errors import concerning
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from trueterrain.roughness import RideNumberOptions
+
+
+def rn(
+    file: Path,
+    /,
+    *more: Path,
+    segment: float = 100.0,
+    window: Window = "sayers",
+    window_length: float = 0.25,
+    restart: bool = False,
+    wheel_paths: tuple[str, str] | None = None,
+    json: bool = False,
+    plot: Path | None = None,
+    force: bool = False,
+) -> None:
+    """Ride Number (RN) of profiles, from 0 (impassable) to 5 (perfectly smooth), after ASTM E1489.
+
+    Each track is rated as a whole and in fixed segments, and two wheel paths together. The
+    constants were not checked against the text of the standard.
+
+    Example: trueterrain rn left_and_right.erd --segment 50 --json
+
+    Parameters
+    ----------
+    file
+        Profile: ERD, CSV or Parquet.
+    more
+        More profiles.
+    segment
+        Length of the fixed segments [m]; the last one may be shorter.
+    window
+        Moving average before the car. sayers: slope over the whole number of samples nearest to the
+        length, equal spacing only; centred: mean of the samples within half a length; exact: mean
+        of the straight lines between the samples; none: for profiles that are smoothed already.
+    window_length
+        Length of the moving average [m].
+    restart
+        Start the car again in every segment, instead of one run over the whole profile.
+    wheel_paths
+        Names of the left and the right track; by default both of two tracks, or of more those that
+        are named left and right.
+    json
+        Print one JSON document instead of tables. One file gives {"file", "tracks": [{"name", "rn",
+        "pi", "segments": [{"start", "end", "rn", "pi"}]}], "rn", "segments": [{"start", "end",
+        "rn"}]}, several files a list of these; the last two are of both wheel paths, null and empty
+        without them. Stations are in m, the profile index pi in m/m.
+    plot
+        Picture to write: .svg, .pdf or .png.
+    force
+        Replace the picture if it exists.
+    """
+    from trueterrain import figures
+    from trueterrain.engine import require_writable
+    from trueterrain.roughness import RideNumberOptions
+
+    files = (file, *more)
+    if plot is not None:
+        require_writable(plot, force=force, inputs=files)
+    options = RideNumberOptions(window=window, window_length=window_length, restart=restart)
+    with compiling_noted():
+        rated = [_rate(path, options, segment, wheel_paths) for path in files]
+    documents = [_document(path, one) for path, one in zip(files, rated, strict=True)]
+    if json:
+        out_json(documents if more else documents[0])
+    else:
+        for one, document in zip(rated, documents, strict=True):
+            _show(one, document)
+        start = f"first {options.start_length:g} m"
+        out(f"Car of the Ride Number {explain_run(options, start)}")
+        out("The constants were not checked against the text of ASTM E1489.")
+    if plot is not None:
+        panels = [[lambda ax, one=one: figures.ride_number_segments(one, ax=ax)] for one in rated]
+        draw([path.name for path in files], panels, plot, force=force)
+
+
+def _rate(
+    path: Path,
+    options: "RideNumberOptions",
+    segment: float,
+    wheel_paths: tuple[str, str] | None,
+) -> "xr.Dataset":
+    from trueterrain import roughness
+
+    profile = read_profile(path)
+    warn_of_idle_window(path, profile, options)
+    with concerning(path):
+        return roughness.ride_number(
+            profile, options=options, segment=segment, wheel_paths=wheel_paths
+        )
+
+
+def _document(path: Path, rated: "xr.Dataset") -> dict[str, Any]:
+    starts, ends = rated["start"].values.tolist(), rated["end"].values.tolist()
+    tracks = []
+    for name in rated["track"].values:
+        one = rated.sel(track=name)
+        values = zip(
+            starts, ends, one["segment_rn"].values.tolist(), one["segment_pi"].values.tolist(),
+            strict=True,
+        )  # fmt: skip
+        pieces = [{"start": a, "end": b, "rn": rn, "pi": pi} for a, b, rn, pi in values]
+        whole = {"name": str(name), "rn": one["rn"].item(), "pi": one["pi"].item()}
+        tracks.append(whole | {"segments": pieces})
+    both = rated["rn_both"].item()
+    together = zip(starts, ends, rated["segment_rn_both"].values.tolist(), strict=True)
+    known = both == both  # not NaN
+    segments = [{"start": a, "end": b, "rn": rn} for a, b, rn in together] if known else []
+    return {"file": str(path), "tracks": tracks, "rn": both, "segments": segments}
+
+
+def _show(rated: "xr.Dataset", document: dict[str, Any]) -> None:
+    tracks, both = document["tracks"], document["segments"]
+    names = [track["name"] for track in tracks] + (["both"] if both else [])
+    rows = [["from [m]", "to [m]", *names]]
+    for row, complete in enumerate(rated["complete"].values):
+        pieces = [track["segments"][row] for track in tracks] + both[row : row + 1]
+        ends = [f"{pieces[0]['start']:.2f}", f"{pieces[0]['end']:.2f}"]
+        values = [f"{piece['rn']:.2f}" for piece in pieces]
+        rows.append([*ends, *values, *([] if complete else ["shorter"])])
+    whole = [track["rn"] for track in tracks] + ([document["rn"]] if both else [])
+    rows.append(["whole", "", *(f"{value:.2f}" for value in whole)])
+    out(f"Ride Number of {document['file']}")
+    write_table(rows)
+    out()
