@@ -11,6 +11,9 @@ from trueterrain.figures.cpf import cpf
 from trueterrain.figures.difference import profile_difference
 from trueterrain.figures.drift import navigation_errors
 from trueterrain.figures.iri import iri_segments
+from trueterrain.figures.lanes_correction import lane_correction
+from trueterrain.figures.lanes_discontinuity import discontinuity_vectors, lane_histograms
+from trueterrain.figures.lanes_seam import seam_steps
 from trueterrain.figures.motion import body_motion, laser_displacement
 from trueterrain.figures.navigation import navigation_heights, navigation_plan
 from trueterrain.figures.output import save
@@ -36,7 +39,10 @@ __all__ = [
     "continuous_roughness",
     "cpf",
     "difference_map",
+    "discontinuity_vectors",
     "iri_segments",
+    "lane_correction",
+    "lane_histograms",
     "laser_displacement",
     "measurable_slope",
     "navigation_errors",
@@ -53,6 +59,7 @@ __all__ = [
     "save",
     "scan_elevation",
     "scan_plan",
+    "seam_steps",
     "search_area_map",
     "spectrum",
     "structure_functions",
