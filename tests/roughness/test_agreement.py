@@ -31,7 +31,7 @@ PHASES = WAVES.uniform(0, 2 * np.pi, LENGTHS.size)
 
 def road(x):
     """Height of a road that is known at any station [m]: waves of 0.8 to 50 m, slopes alike."""
-    return 3e-4 * np.sum(
+    return 1e-4 * np.sum(
         LENGTHS[:, None] * np.sin(2 * np.pi * x / LENGTHS[:, None] + PHASES[:, None]), axis=0
     )
 
@@ -103,7 +103,7 @@ def test_a_scaled_profile_is_rated_as_its_scale(gain, by):
     assert_allclose(found.sd_ratio, gain, rtol=0, atol=1e-9)
 
 
-@pytest.mark.filterwarnings("ignore:.*median slope")  # white noise on 1 m samples is steep
+@pytest.mark.filterwarnings("ignore:.*rougher than roads")  # white noise on 1 m samples is steep
 @pytest.mark.parametrize("ratio", [0.05, 0.3, 1.0])
 def test_a_noisy_profile_is_rated_as_its_noise(ratio):
     """Q = P + N, N independent of P, with r times its variance.
@@ -274,11 +274,13 @@ def test_stations_in_feet_are_questioned():
         agreement(runs, options=AgreementOptions(max_scale=0))
 
 
+@pytest.mark.filterwarnings("ignore::UserWarning")
 def test_heights_in_millimetres_are_questioned():
     s = np.arange(0.0, 100.0, 0.1)
-    high = make_profile(s, 1000 * road(s))
-    with pytest.warns(UserWarning, match="is the unit right"):
-        agreement({"A": high, "B": high})
+    runs = {"A": make_profile(s, road(s)), "B": make_profile(s, 1000 * road(s))}
+    doubts = agreement(runs).attrs["doubts"]
+    assert any("B: climbs" in doubt for doubt in doubts)
+    assert doubts[-1] == "B is 1000 times as high as A: are its heights in millimetres?"
 
 
 def test_lengths_that_differ_are_told():

@@ -45,7 +45,7 @@ def agreement_overlay(
     >>> from trueterrain.kinds import make_profile
     >>> from trueterrain.roughness.agreement import filtered_profiles
     >>> s = np.arange(0.0, 100.0, 0.05)
-    >>> both = {"R": make_profile(s, np.sin(s) / 9), "A": make_profile(s, np.sin(s - 0.2) / 9)}
+    >>> both = {"R": make_profile(s, np.sin(s) / 90), "A": make_profile(s, np.sin(s - 0.2) / 90)}
     >>> ax = agreement_overlay(filtered_profiles(both))
     >>> ax.get_legend().get_texts()[1].get_text()
     'A: 100.0 %, shift 200 mm'
@@ -100,7 +100,7 @@ def agreement_matrix(
     >>> from trueterrain.kinds import make_profile
     >>> from trueterrain.roughness.agreement import agreement
     >>> s = np.arange(0.0, 100.0, 0.05)
-    >>> runs = {"1": make_profile(s, np.sin(s) / 9), "2": make_profile(s, np.sin(s) / 10)}
+    >>> runs = {"1": make_profile(s, np.sin(s) / 90), "2": make_profile(s, np.sin(s) / 100)}
     >>> ax = agreement_matrix(agreement(runs))
     >>> [text.get_text() for text in ax.texts][:2]
     ['', '90.0']

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from trueterrain.formats._doubts import profile_doubts
 from trueterrain.roughness.agreement._align import Likeness
 from trueterrain.roughness.agreement._signal import Track
 from trueterrain.roughness.agreement.options import AgreementOptions
@@ -18,12 +17,6 @@ _NEAR = 0.03  # share by which a ratio may miss that of two units
 _ALIKE = 0.7  # correlation from which on a ratio of amplitudes is no chance
 _UNLIKE = 0.01  # share by which lengths may differ without a word
 _AT_LIMIT = 0.02  # share of a search range that counts as its end
-
-
-def track_doubts(track: Track) -> Iterator[str]:
-    """What is doubtful about a track by itself."""
-    for doubt in profile_doubts("", track.station, track.height):
-        yield f"{track.name}: {doubt.removeprefix('track : ')}"
 
 
 def pair_doubts(

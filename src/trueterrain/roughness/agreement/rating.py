@@ -20,9 +20,10 @@ from trueterrain.roughness.agreement._align import (
     likeness,
     refine,
 )
-from trueterrain.roughness.agreement._doubts import pair_doubts, track_doubts
+from trueterrain.roughness.agreement._doubts import pair_doubts
 from trueterrain.roughness.agreement._signal import Track, signal_of, tracks_of
 from trueterrain.roughness.agreement.options import AgreementOptions
+from trueterrain.roughness.plausible import doubts as implausible
 
 Array = npt.NDArray[np.float64]
 
@@ -146,11 +147,13 @@ def agreement(
     names = list(profiles)
     labels = list(tracks[names[0]])
     values = {name: np.zeros((len(labels), len(names), len(names))) for name in _PAIRWISE}
-    doubts: list[str] = []
+    doubts = [
+        f"{name}: {doubt.removeprefix('track profile: ')}"
+        for name, profile in profiles.items()
+        for doubt in implausible(profile)
+    ]
     for row, label in enumerate(labels):
         mine = {name: tracks[name][label] for name in names}
-        for track in mine.values():
-            doubts += track_doubts(track)
         for (i, one), (j, other) in _pairs(names, reference):
             pair = register(mine[one], mine[other], options)
             _write(values, row, i, j, pair)
@@ -215,7 +218,7 @@ def filtered_profiles(
     --------
     >>> from trueterrain.kinds import make_profile
     >>> s = np.arange(0.0, 100.0, 0.05)
-    >>> both = {"R": make_profile(s, np.sin(s) / 9), "A": make_profile(s, np.sin(s - 0.2) / 9)}
+    >>> both = {"R": make_profile(s, np.sin(s) / 99), "A": make_profile(s, np.sin(s - 0.2) / 99)}
     >>> print(filtered_profiles(both).best_shift.values.round(4))
     [0.  0.2]
     """
