@@ -11,8 +11,10 @@ from trueterrain.figures.cpf import cpf
 from trueterrain.figures.difference import profile_difference
 from trueterrain.figures.drift import navigation_errors
 from trueterrain.figures.iri import iri_segments
+from trueterrain.figures.lanes_choice import correction_spectrum, strength_choice
 from trueterrain.figures.lanes_correction import lane_correction
 from trueterrain.figures.lanes_discontinuity import discontinuity_vectors, lane_histograms
+from trueterrain.figures.lanes_map import discrepancy_map, lane_overlap
 from trueterrain.figures.lanes_seam import seam_steps
 from trueterrain.figures.motion import body_motion, laser_displacement
 from trueterrain.figures.navigation import navigation_heights, navigation_plan
@@ -37,12 +39,15 @@ __all__ = [
     "agreement_overlay",
     "body_motion",
     "continuous_roughness",
+    "correction_spectrum",
     "cpf",
     "difference_map",
     "discontinuity_vectors",
+    "discrepancy_map",
     "iri_segments",
     "lane_correction",
     "lane_histograms",
+    "lane_overlap",
     "laser_displacement",
     "measurable_slope",
     "navigation_errors",
@@ -62,6 +67,7 @@ __all__ = [
     "seam_steps",
     "search_area_map",
     "spectrum",
+    "strength_choice",
     "structure_functions",
     "surface_map",
     "surface_relief",
