@@ -12,8 +12,8 @@ from trueterrain.cli import command_line
 from trueterrain.cli._console import compiling_noted
 
 COMMANDS = (
-    "convert", "demo", "doctor", "georeference", "grid", "info", "init", "iri", "plot", "profile",
-    "run", "simulate",
+    "calibrate", "compare", "convert", "demo", "doctor", "georeference", "grid", "info", "init",
+    "iri", "plot", "profile", "psd", "rn", "run", "simulate",
 )  # fmt: skip
 
 

@@ -20,6 +20,7 @@ _PIPE_CLOSED, _TERMINATED = 141, 143
 
 _COMMANDS = {
     "calibrate": "Find how the scanner sits, and its clock, from passes over the same ground.",
+    "compare": "Say how well profiles, or surfaces, agree with each other and a reference.",
     "convert": "Convert surfaces, points and profiles between file formats.",
     "demo": "Make a Belgian block road, extract the profile a tyre feels, and rate it.",
     "doctor": "Say what a bug report needs: versions, backends, cores.",

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 _BELOW_TO_ABOVE = "RdBu_r"  # white at no difference, readable by colour-blind people
 _SHOWN = 99.0  # [%] of differences that the colours span
 _LEAST = 1e-6  # [m] that they span at least
+_DECADE = 10.0  # [1] range that heights of the axis have at least, so that it has ticks
 _MANY = 1e4  # [1] range of an axis from which on only powers of ten are written
 
 
@@ -121,6 +122,9 @@ def structure_functions(
         raise ValueError(message)
     ax.set_xscale("log")
     ax.set_yscale("log")
+    low, high = ax.get_ylim()
+    widen = max(1.0, _DECADE / (high / low)) ** 0.5
+    ax.set_ylim(low / widen, high * widen)
     _plain_ticks(ax)
     ax.set_xlabel("Distance [m]")
     ax.set_ylabel("Mean square change [mm²]")

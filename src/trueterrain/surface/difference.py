@@ -14,7 +14,7 @@ from trueterrain.errors import CoverageError, SchemaError
 from trueterrain.kinds import check_surface, make_surface
 from trueterrain.provenance import add_step
 from trueterrain.surface.evaluate import heights_at
-from trueterrain.surface.reference_line import grid_frame
+from trueterrain.surface.reference_line import EDGE, grid_frame
 
 Floats = npt.NDArray[np.float64]
 
@@ -169,7 +169,7 @@ def difference_statistics(
         Of `surface_difference`; several are pooled: those of one speed, say.
     across : tuple of float, optional
         Right and left edge of a lane [m]: only nodes with such an offset v from the reference line
-        count. A node on the left edge belongs to the next lane.
+        count. A node on the left edge belongs to the next lane, if there are nodes beyond.
 
     Returns
     -------
@@ -208,7 +208,8 @@ def difference_statistics(
                 cure="Compare with a surface along a reference line, or leave the lanes out.",
             )
         v = one["v"].values
-        parts.append(one["height"].values[:, (v >= right) & (v < left)].ravel())
+        inside = (v >= right - EDGE) & ((v < left - EDGE) | (v[-1] <= left + EDGE))
+        parts.append(one["height"].values[:, inside].ravel())
     return HeightDifferences.of(np.concatenate(parts))
 
 

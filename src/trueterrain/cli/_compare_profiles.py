@@ -1,0 +1,241 @@
+"""What ``trueterrain compare`` says of profiles."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+from trueterrain.cli._console import out
+from trueterrain.cli._profiles import write_table
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from trueterrain.roughness.agreement import AgreementLimits, AgreementOptions, Check
+    from trueterrain.roughness.agreement.heights import Registration
+
+_PAIR = (
+    "rating", "correlation", "sd_ratio", "best_shift", "overlap", "corrected_rating",
+    "corrected_shift", "distance_error",
+)  # fmt: skip
+_SCORES = ("repeatability", "accuracy", "corrected_repeatability", "corrected_accuracy")
+_ERRORS = ("best_shift", "scale", "mean", "rms", "nmad", "p95", "largest")
+_MM = 1000.0
+_MOST_LINES = 3  # of profiles in one panel
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ProfileComparison:
+    """Ratings, errors of heights and verdicts."""
+
+    data: "Mapping[str, xr.Dataset]"
+    "Profiles by name."
+
+    found: "xr.Dataset"
+    "Of `agreement`."
+
+    errors: "xr.Dataset | None"
+    "Of `height_errors`; None without a reference."
+
+    checks: "list[Check]"
+    "Verdicts."
+
+    options: "AgreementOptions"
+    "Filter and search."
+
+    @classmethod
+    def of(
+        cls,
+        data: "Mapping[str, xr.Dataset]",
+        reference: str | None,
+        options: "AgreementOptions",
+        limits: "AgreementLimits",
+        registration: "Registration",
+        trend: int | None,
+    ) -> "ProfileComparison":
+        """Compare profiles."""
+        from trueterrain.roughness.agreement import agreement, height_errors, judge
+
+        found = agreement(data, reference=reference, options=options)
+        errors = None
+        if reference is not None:
+            errors = height_errors(
+                data, reference, registration=registration, trend=trend, options=options
+            )
+        return cls(
+            data=data, found=found, errors=errors, checks=judge(found, errors, limits=limits),
+            options=options,
+        )  # fmt: skip
+
+    def document(self) -> dict[str, Any]:
+        """What is printed as JSON."""
+        found = self.found
+        return {
+            "kind": "profiles",
+            "filter": _words(self.options),
+            "reference": found.attrs.get("reference"),
+            "tracks": [self._track(str(track)) for track in found["track"].values],
+            "checks": [asdict(check) for check in self.checks],
+        }
+
+    def show(self) -> None:
+        """Print tables."""
+        from trueterrain.roughness.agreement import AgreementLimits
+
+        found = self.found
+        reference = found.attrs.get("reference")
+        against = "" if reference is None else f", reference {reference}"
+        out(f"Agreement of {found.sizes['first']} profiles{against}; {_words(self.options)}.")
+        for track in found["track"].values:
+            out()
+            if found.sizes["track"] > 1:
+                out(f"Track {track}")
+            one = found.sel(track=track)
+            if found.sizes["first"] > 2:
+                out("Ratings [%]")
+                write_table(list(_matrix(one)))
+                out()
+            write_table(list(_pairs(one, reference)))
+            if self.errors is not None:
+                out()
+                out("Heights less those of the reference, registered [mm]")
+                write_table(list(_errors(self.errors.sel(track=track))))
+        out()
+        for check in self.checks:
+            out(_verdict(check, several=found.sizes["track"] > 1))
+        usual = AgreementLimits()
+        if any(check.limit in (usual.repeatability, usual.accuracy) for check in self.checks):
+            out(
+                "The limits of 92 % and 90 % are those commonly named for AASHTO R 56; "
+                "neither they nor the formula were checked against its text."
+            )
+
+    def panels(self) -> tuple[list[str], list[list[Callable[[Any], object]]]]:
+        """Titles and panels of the picture: filtered profiles, and ratings of all pairs."""
+        from trueterrain import figures
+        from trueterrain.roughness.agreement import filtered_profiles
+
+        reference = self.found.attrs.get("reference")
+        names = [str(name) for name in self.found["first"].values if name != reference]
+        base = [names.pop(0)] if reference is None else [reference]
+        titles, panels = [], []
+        for track in self.found["track"].values:
+            column: list[Callable[[Any], object]] = []
+            for at in range(0, len(names), _MOST_LINES):
+                shown = filtered_profiles(
+                    {name: self.data[name] for name in [*base, *names[at : at + _MOST_LINES]]},
+                    reference=base[0], track=str(track), options=self.options,
+                )  # fmt: skip
+                column.append(onto(figures.agreement_overlay, shown))
+            if self.found.sizes["first"] > 2:
+                column.append(onto(figures.agreement_matrix, self.found, track=str(track)))
+            titles.append(f"Track {track}" if self.found.sizes["track"] > 1 else "Agreement")
+            panels.append(column)
+        return titles, panels
+
+    def _track(self, track: str) -> dict[str, Any]:
+        one = self.found.sel(track=track)
+        document: dict[str, Any] = {"name": track}
+        document |= {name: float(one[name]) for name in _SCORES}
+        document["pairs"] = [
+            {"first": str(first), "second": str(second)}
+            | {name: float(one[name].sel(first=first, second=second)) for name in _PAIR}
+            for first, second in _in_order(one, self.found.attrs.get("reference"))
+        ]
+        if self.errors is None:
+            return document
+        errors = self.errors.sel(track=track)
+        document["heights"] = [
+            {"profile": str(name)}
+            | {value: float(errors[value].sel(profile=name)) for value in _ERRORS}
+            for name in errors["profile"].values
+        ]
+        document |= {name: float(errors[name]) for name in ("bias", "precision")}
+        return document
+
+
+def onto(draw: Callable[..., object], data: Any, **options: Any) -> Callable[[Any], object]:
+    """A panel: what draws data onto the axes that it is given."""
+    return lambda ax: draw(data, ax=ax, **options)
+
+
+def millimetres(value: float) -> str:
+    """A length in millimetres; zero has no sign."""
+    return f"{round(_MM * value, 3) + 0.0:.3f}"
+
+
+def _words(options: "AgreementOptions") -> str:
+    """The filter in words."""
+    from trueterrain.roughness import Butterworth
+    from trueterrain.roughness.agreement import IRI_FILTER
+
+    by = options.filter
+    if by is None:
+        return "heights as they are"
+    if by == IRI_FILTER:
+        return f"IRI filter (exact window 0.25 m), settled after {options.settled:g} m"
+    if isinstance(by, Butterworth):
+        return (
+            f"Butterworth filter from {by.shortest:g} to {by.longest:g} m, order {by.order} forth "
+            f"and back, settled after {options.settled:g} m"
+        )
+    return f"filter {by}"
+
+
+def _in_order(one: "xr.Dataset", reference: str | None) -> Iterator[tuple[str, str]]:
+    """All pairs, those with the reference first."""
+    import itertools
+
+    names = [str(name) for name in one["first"].values]
+    names.sort(key=lambda name: name != reference)
+    yield from itertools.combinations(names, 2)
+
+
+def _matrix(one: "xr.Dataset") -> Iterator[list[str]]:
+    names = [str(name) for name in one["first"].values]
+    yield ["", *names]
+    for name, ratings in zip(names, one["rating"].values, strict=True):
+        yield [name, *(f"{100 * rating:.1f}" for rating in ratings)]
+
+
+def _pairs(one: "xr.Dataset", reference: str | None) -> Iterator[list[str]]:
+    """The reference with each, or each pair if there is none."""
+    sought = bool(one["distance_error"].notnull().any())
+    corrected = ["distance [%]", "corrected [%]"] if sought else []
+    yield ["first", "second", "rating [%]", "shift [m]", "correlation", "sd ratio", *corrected]
+    for first, second in _in_order(one, reference):
+        if reference is not None and first != reference:
+            continue
+        pair = one.sel(first=first, second=second)
+        row = [first, second, f"{100 * float(pair['rating']):.2f}"]
+        row += [f"{float(pair['best_shift']):+.4f}", f"{float(pair['correlation']):.4f}"]
+        row.append(f"{float(pair['sd_ratio']):.4f}")
+        if sought:
+            row.append(f"{100 * float(pair['distance_error']):+.4f}")
+            row.append(f"{100 * float(pair['corrected_rating']):.2f}")
+        yield row
+
+
+def _errors(errors: "xr.Dataset") -> Iterator[list[str]]:
+    names = ("mean", "rms", "nmad", "p95", "largest")
+    yield ["profile", "mean", "RMS", "NMAD", "95 %", "largest"]
+    for profile in errors["profile"].values:
+        one = errors.sel(profile=profile)
+        yield [str(profile), *(millimetres(float(one[name])) for name in names)]
+
+
+def _verdict(check: "Check", *, several: bool) -> str:
+    where = f" of {check.track}" if several else ""
+    value = _quantity(check.value, check.unit)
+    if check.value != check.value:  # not known
+        return f"{check.name}{where}: not judged, {check.reason}"
+    if check.passed is None or check.limit is None:
+        return f"{check.name}{where}: {value}, not judged: {check.reason}"
+    side = "at least" if check.unit == "1" else "at most"
+    kept = "kept" if check.passed else "MISSED"
+    return f"{check.name}{where}: {value}, {side} {_quantity(check.limit, check.unit)}: {kept}"
+
+
+def _quantity(value: float, unit: str) -> str:
+    if unit == "m":
+        return f"{millimetres(value)} mm"
+    return f"{100 * value:.2f} %" if unit == "1" else f"{100 * value:.4f} %"

@@ -1,0 +1,237 @@
+"""What ``trueterrain compare`` says of surfaces."""
+
+import itertools
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+from trueterrain.cli._compare_profiles import millimetres, onto
+from trueterrain.cli._console import out
+from trueterrain.cli._profiles import write_table
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from trueterrain.surface.difference import HeightDifferences
+
+_NUMBERS = ("mean", "median", "rms", "nmad", "p95", "largest")
+_AXES: tuple[Literal["along", "across"], ...] = ("along", "across")
+_SPOKEN = (0.1, 1.0, 10.0, 100.0)  # [m] distances for which the structure function is printed
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """Statistics of one surface, or of several together, in one lane or as a whole."""
+
+    surface: str | None
+    "Its name; None for several together."
+
+    reference: str | None
+    "What it was compared with."
+
+    lane: tuple[float, float] | None
+    "Right and left edge of the lane [m]; None for the whole surface."
+
+    speed: float | None
+    "Speed at which it was measured [km/h]; None if it is not known, or does not matter."
+
+    found: "HeightDifferences"
+    "Statistics."
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SurfaceComparison:
+    """Differences of surfaces, with their statistics and structure functions."""
+
+    differences: "dict[tuple[str, str], xr.Dataset]"
+    "By names of the surface and of its reference."
+
+    rows: list[Row]
+    "Each surface, as a whole and by lane."
+
+    by_speed: list[Row]
+    "All surfaces of one speed together."
+
+    structure: "dict[tuple[str, str, str], xr.Dataset]"
+    "Structure functions by surface, reference and axis."
+
+    left_out: list[str]
+    "What was not compared, and why."
+
+    @classmethod
+    def of(
+        cls,
+        data: "Mapping[str, xr.Dataset]",
+        reference: str | None,
+        *,
+        level: Literal["none", "median", "plane"],
+        lanes: list[float] | None,
+        speed: list[float] | None,
+    ) -> "SurfaceComparison":
+        """Compare surfaces."""
+        from trueterrain.surface.difference import structure_function, surface_difference
+
+        speeds = _speeds([name for name in data if name != reference], speed, reference)
+        bands = _bands(lanes)
+        differences = {
+            (name, base): surface_difference(data[name], data[base], level=level)
+            for name, base in _pairs(list(data), reference)
+        }
+        return cls(
+            differences=differences,
+            rows=list(_rows(differences, bands, speeds)),
+            by_speed=list(_pooled(differences, bands, speeds)),
+            structure={
+                (*pair, axis): structure_function(difference, axis=axis)
+                for pair, difference in differences.items()
+                for axis in _AXES
+            },
+            left_out=[
+                *([] if lanes else ["by lane: no edges of lanes are given (--lanes)"]),
+                *([] if speeds else ["by speed: no speeds are given (--speed)"]),
+            ],
+        )
+
+    def document(self) -> dict[str, Any]:
+        """What is printed as JSON."""
+        return {
+            "kind": "surfaces",
+            "differences": [_as_dict(row) for row in self.rows],
+            "by_speed": [_as_dict(row) for row in self.by_speed],
+            "structure": [
+                {"surface": surface, "reference": reference, "axis": axis}
+                | {"distance": one["distance"].values.tolist()}
+                | {"structure": one["structure"].values.tolist()}
+                | {"pairs": one["pairs"].values.tolist()}
+                for (surface, reference, axis), one in self.structure.items()
+            ],
+            "left_out": self.left_out,
+        }
+
+    def show(self) -> None:
+        """Print tables."""
+        out("Height of each surface less that of its reference [mm]")
+        write_table(list(_table(self.rows)))
+        if self.by_speed:
+            out()
+            out("All surfaces of one speed together [mm]")
+            write_table(list(_table(self.by_speed)))
+        out()
+        out("Root mean square change of the difference over a distance [mm]")
+        write_table(list(_changes(self.structure)))
+        for text in self.left_out:
+            out(f"Not compared {text}.")
+
+    def panels(self) -> tuple[list[str], list[list[Callable[[Any], object]]]]:
+        """Titles and panels of the picture: a map of each difference, and structure functions."""
+        from trueterrain import figures
+
+        titles, panels = [], []
+        for (name, base), difference in self.differences.items():
+            functions = {axis: self.structure[name, base, axis] for axis in _AXES}
+            column: list[Callable[[Any], object]] = [onto(figures.difference_map, difference)]
+            if any(float(one["structure"].max()) > 0 for one in functions.values()):
+                column.append(onto(figures.structure_functions, functions))
+            titles.append(f"{name} less {base}")
+            panels.append(column)
+        return titles, panels
+
+
+def _pairs(names: list[str], reference: str | None) -> list[tuple[str, str]]:
+    """Each surface with its reference."""
+    if reference is not None:
+        return [(name, reference) for name in names if name != reference]
+    return [(second, first) for first, second in itertools.combinations(names, 2)]
+
+
+def _speeds(names: list[str], speed: list[float] | None, reference: str | None) -> dict[str, float]:
+    if not speed:
+        return {}
+    if reference is None:
+        message = "--speed needs --reference: else a difference has two speeds."
+        raise ValueError(message)
+    if len(speed) != len(names):
+        message = f"--speed must name one speed for each of {len(names)} surfaces, got {len(speed)}"
+        raise ValueError(message)
+    return dict(zip(names, speed, strict=True))
+
+
+def _bands(lanes: list[float] | None) -> list[tuple[float, float]]:
+    if not lanes:
+        return []
+    if len(lanes) < 2 or sorted(set(lanes)) != lanes:
+        listed = " ".join(f"{edge:g}" for edge in lanes)
+        message = f"--lanes must be two or more edges from right to left, ascending, got {listed}"
+        raise ValueError(message)
+    return list(itertools.pairwise(lanes))
+
+
+def _rows(
+    differences: "Mapping[tuple[str, str], xr.Dataset]",
+    bands: list[tuple[float, float]],
+    speeds: Mapping[str, float],
+) -> Iterator[Row]:
+    from trueterrain.surface.difference import difference_statistics
+
+    for (name, base), difference in differences.items():
+        for lane in (None, *bands):
+            found = difference_statistics(difference, across=lane)
+            speed = speeds.get(name)
+            yield Row(surface=name, reference=base, lane=lane, speed=speed, found=found)
+
+
+def _pooled(
+    differences: "Mapping[tuple[str, str], xr.Dataset]",
+    bands: list[tuple[float, float]],
+    speeds: Mapping[str, float],
+) -> Iterator[Row]:
+    from trueterrain.surface.difference import difference_statistics
+
+    for speed in sorted(set(speeds.values())):
+        several = [one for (name, _), one in differences.items() if speeds[name] == speed]
+        base = next(base for _, base in differences)
+        for lane in (None, *bands):
+            found = difference_statistics(several, across=lane)
+            yield Row(surface=None, reference=base, lane=lane, speed=speed, found=found)
+
+
+def _as_dict(row: Row) -> dict[str, Any]:
+    lane = None if row.lane is None else list(row.lane)
+    named = {"surface": row.surface, "reference": row.reference, "lane": lane, "speed": row.speed}
+    return named | asdict(row.found)
+
+
+def _table(rows: list[Row]) -> Iterator[list[str]]:
+    lanes = any(row.lane is not None for row in rows)
+    speeds = any(row.speed is not None for row in rows)
+    single = any(row.surface is not None for row in rows)
+    yield [
+        *(["surface", "reference"] if single else []),
+        *(["speed [km/h]"] if speeds else []),
+        *(["lane [m]"] if lanes else []),
+        "nodes", "mean", "median", "RMS", "NMAD", "95 %", "largest",
+    ]  # fmt: skip
+    for row in rows:
+        lane = "all" if row.lane is None else f"{row.lane[0]:g} to {row.lane[1]:g}"
+        yield [
+            *([str(row.surface), str(row.reference)] if single else []),
+            *([f"{row.speed:g}"] if speeds else []),
+            *([lane] if lanes else []),
+            f"{row.found.n:,}",
+            *(millimetres(getattr(row.found, name)) for name in _NUMBERS),
+        ]
+
+
+def _changes(structure: "Mapping[tuple[str, str, str], xr.Dataset]") -> Iterator[list[str]]:
+    """Structure functions at a few round distances, as far as they reach."""
+    import numpy as np
+
+    yield ["surface", "reference", "axis", *(f"{distance:g} m" for distance in _SPOKEN)]
+    for (surface, reference, axis), one in structure.items():
+        reach = one["distance"].values
+        texts = []
+        for distance in _SPOKEN:
+            known = reach.size > 0 and reach[0] <= 1.01 * distance and distance <= 1.01 * reach[-1]
+            value = np.interp(distance, reach, one["structure"].values) if known else 0.0
+            texts.append(millimetres(value**0.5) if known else "-")
+        yield [surface, reference, axis, *texts]
