@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 Window = Literal["sayers", "centred", "exact", "none"]
 
-_WIDTH, _HEIGHT = 8.0, 3.2  # [inches] of the picture of one file
+_WIDTH, _HEIGHT, _TITLE = 8.0, 3.2, 0.3  # [inches] of a picture, a panel and a title
 
 
 def read_profile(path: Path) -> "xr.Dataset":
@@ -76,19 +76,17 @@ def draw(
     force: bool,
     height: float = _HEIGHT,
 ) -> None:
-    """Draw a row of panels for each file into one picture."""
+    """Draw the panels of all files below each other into one picture."""
     import matplotlib.pyplot as plt
 
     from trueterrain import figures
 
-    columns = max(len(row) for row in panels)
-    figure = plt.figure(
-        figsize=(_WIDTH * columns, (height + 0.3) * len(panels)), layout="constrained"
-    )
-    parts = figure.subfigures(len(panels), 1, squeeze=False)[:, 0]
-    for title, part, row in zip(titles, parts, panels, strict=True):
+    heights = [height * len(column) + _TITLE for column in panels]
+    figure = plt.figure(figsize=(_WIDTH, sum(heights)), layout="constrained")
+    parts = figure.subfigures(len(panels), 1, squeeze=False, height_ratios=heights)[:, 0]
+    for title, part, column in zip(titles, parts, panels, strict=True):
         part.suptitle(title, fontsize="medium")
-        for panel, ax in zip(row, part.subplots(1, len(row), squeeze=False)[0], strict=True):
+        for panel, ax in zip(column, part.subplots(len(column), squeeze=False)[:, 0], strict=True):
             panel(ax)
     figures.save(figure, output, force=force)
     note(f"{output}: written")

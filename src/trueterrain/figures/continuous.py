@@ -49,7 +49,7 @@ def continuous_roughness(
         ax.plot(sliding["s"], values, color=colour, linewidth=1.2, label=label)
     if threshold is not None:
         ax.axhline(threshold, color="0.3", linewidth=1.0, linestyle="--")
-        label = f"above {threshold:g} m/km"
+        label: str | None = f"above {threshold:.4g} m/km"
         for begin, end in _merged(sliding, threshold):
             ax.axvspan(begin, end, color="#D55E00", alpha=0.2, linewidth=0, label=label)
             label = None

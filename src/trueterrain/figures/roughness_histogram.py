@@ -62,5 +62,5 @@ def roughness_histogram(shares: xr.Dataset, *, ax: "Axes | None" = None) -> "Axe
 
 def _class_name(above: float, below: float) -> str:
     if above == 0:
-        return f"< {below:g}"
-    return f"> {above:g}" if np.isinf(below) else f"{above:g}–{below:g}"
+        return f"< {below:.3g}"
+    return f"> {above:.3g}" if np.isinf(below) else f"{above:.3g}–{below:.3g}"

@@ -9,6 +9,7 @@ Array = npt.NDArray[np.float64]
 
 _LEAST_BLOCK = 16  # samples
 _WINDOW = 1024  # samples of the window whose likeness to itself is taken; it hardly depends on them
+_LEAST_LINES = 3.0  # of a band: narrower ones would be alike, and judged to know too much
 _LAGS = 8  # lines that a Hann window makes alike; beyond, the likeness is below 1e-4
 _SPARE = 0.05  # of half a block, too little for another one at the end
 
@@ -93,34 +94,33 @@ def block_samples(length: float, step: float) -> int:
 
 
 def within(bands: Bands, spectrum: Lines) -> npt.NDArray[np.bool_]:
-    """Bands that lie on the lines, but for the first two, which lose by the trend taken away."""
+    """Bands that the lines resolve: at least three wide, above the two that lose by the trend."""
     highest = spectrum.width * (spectrum.density.size + 0.5)
-    return (bands.lower >= 2.5 * spectrum.width) & (bands.upper <= highest)
+    wide = bands.upper - bands.lower >= _LEAST_LINES * spectrum.width
+    return wide & (bands.lower >= 2.5 * spectrum.width) & (bands.upper <= highest)
 
 
 def smooth(density: Array, width: float, bands: Bands) -> Array:
     """Mean density in each band; a line stands for the frequencies nearest to it."""
-    edges = width * (np.arange(density.size + 1) + 0.5)
-    reached = np.concatenate([[0.0], np.cumsum(density) * width])
-    upper = np.interp(bands.upper, edges, reached)
-    return np.asarray(
-        (upper - np.interp(bands.lower, edges, reached)) / (bands.upper - bands.lower)
+    parts = (_shares(lower, upper) for lower, upper in _edges(bands, width))
+    return np.array(
+        [
+            share @ density[first - 1 : first - 1 + share.size] / share.sum()
+            for first, share in parts
+        ]
     )
 
 
 def degrees_of_freedom(spectrum: Lines, bands: Bands) -> Array:
     """Degrees of freedom of the mean density in each band, if the density is even there."""
-    degrees = np.empty(bands.lower.size)
-    for at, (lower, upper) in enumerate(zip(bands.lower, bands.upper, strict=True)):
-        first, last = round(lower / spectrum.width), round(upper / spectrum.width)
-        line = np.arange(first, last + 1)
-        share = np.minimum(line + 0.5, upper / spectrum.width)
-        share -= np.maximum(line - 0.5, lower / spectrum.width)
+    degrees = []
+    for lower, upper in _edges(bands, spectrum.width):
+        _, share = _shares(lower, upper)
         alike = spectrum.likeness[0] * (share @ share)
         for apart in range(1, min(_LAGS, share.size)):
             alike += 2 * spectrum.likeness[apart] * (share[:-apart] @ share[apart:])
-        degrees[at] = 2 * share.sum() ** 2 / alike
-    return degrees
+        degrees.append(2 * share.sum() ** 2 / alike)
+    return np.array(degrees)
 
 
 def expected(waviness: float, spectrum: Lines, bands: Bands) -> Array:
@@ -128,6 +128,19 @@ def expected(waviness: float, spectrum: Lines, bands: Bands) -> Array:
     steep = spectrum.n**-waviness
     through = np.convolve(np.concatenate([[0.0], steep, steep[-1:]]), _HANN_LINES, mode="valid")
     return smooth(through, spectrum.width, bands)
+
+
+def _edges(bands: Bands, width: float) -> list[tuple[float, float]]:
+    """Edges of bands in lines."""
+    return list(zip((bands.lower / width).tolist(), (bands.upper / width).tolist(), strict=True))
+
+
+def _shares(lower: float, upper: float) -> tuple[int, Array]:
+    """First line of a band, and how much of each of its lines lies in it."""
+    first, last = int(lower + 0.5), int(upper + 0.5)
+    line = np.arange(first, last + 1.0)
+    share = np.minimum(line + 0.5, upper) - np.maximum(line - 0.5, lower)
+    return (first, share) if share[-1] > 0 else (first, share[:-1])
 
 
 def _starts(count: int, size: int) -> npt.NDArray[np.intp]:

@@ -29,6 +29,7 @@ __all__ = ["PsdOptions", "psd"]
 Array = npt.NDArray[np.float64]
 
 _LEAST_BANDS = 3  # of which a line of two parameters is fitted with something left to judge it by
+_BY_CHANCE = 0.95  # [1] of power laws scatter less than this; more, and the intervals are widened
 _STEPS = 20  # of the fit, which takes about 4
 
 _DENSITY = {"units": "m3"}
@@ -121,9 +122,13 @@ def psd(
     v counts how alike neighbouring lines and overlapping blocks are under the window. Gd(n0) and w
     follow from the logarithms of the bands, freed of their known bias, weighted with their known
     variance, and compared with what the power law shows in such bands through such a window. Where
-    the road is no power law, the scatter of the bands about it widens the intervals.
+    the bands scatter more about it than 95 % of power laws would, their scatter widens the
+    intervals.
 
-    All of this holds for random roads of one kind from end to end; a pothole, or a repair, is none.
+    Bands less than three lines wide, as those of long waves on a short profile, are left out. All
+    of this holds for random roads of one kind from end to end; a pothole, or a repair, is none. And
+    waves shorter than two spacings must have been kept out by the profiler: sampled, they pass for
+    longer ones, as on any sampled signal.
 
     Examples
     --------
@@ -204,7 +209,7 @@ def _fit(
 ) -> tuple[float, ...]:
     """Gd(n0) and waviness, each with its interval, in the order of _RATED."""
     from scipy.special import polygamma, psi
-    from scipy.stats import norm
+    from scipy.stats import chi2, norm
 
     half = 0.5 * degrees  # of ln(chi2 / v) the mean is psi(v/2) - ln(v/2), the variance psi'(v/2)
     known = np.log(smoothed) - psi(half) + np.log(half)
@@ -223,8 +228,10 @@ def _fit(
         waviness += 0.0 if fixed else float(change[1])
         if abs(change).max() < 1e-10:
             break
-    scatter = float(weight @ rest**2) / (known.size - columns.shape[1])
-    spread = np.sqrt(np.diag(np.linalg.inv(normal)) * max(scatter, 1.0))
+    free = known.size - columns.shape[1]
+    scatter = float(weight @ rest**2)
+    excess = scatter / free if scatter > chi2.ppf(_BY_CHANCE, free) else 1.0
+    spread = np.sqrt(np.diag(np.linalg.inv(normal)) * excess)
     reach = float(norm.ppf(0.5 + 0.5 * options.confidence)) * np.append(spread, 0.0)
     gd = np.exp(level + np.array([0.0, -reach[0], reach[0]]))
     return (*gd.tolist(), waviness, waviness - float(reach[1]), waviness + float(reach[1]))
