@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from trueterrain.simulate.scene import Scene
     from trueterrain.survey import Survey
 
-_SCENE = "belgian-two-lanes"
+_SCENE, _NAME = "belgian-two-lanes", "belgian-block"
 _SHORTEST, _LONGEST = 12.0, 500.0  # [m] of the road: what can be rated, and what takes minutes
 _WHEEL = 0.75  # [m] of a wheel from the middle of a lane
 
@@ -27,8 +27,9 @@ def demo(
     """Survey a Belgian block road in two lanes, and take it all the way to a report.
 
     A virtual profiler drives twice over Belgian block and records what real instruments would, with
-    noise and drift. Both recordings become surfaces with standard deviations and profiles that a
-    tyre feels, rated, and compared with the ground that is known. Needs no input.
+    noise and drift. Both recordings are brought into agreement and become one surface, each height
+    with its standard deviation, and profiles that a tyre feels, rated, and compared with the ground
+    that is known. Needs no input.
 
     Example: `trueterrain demo -o demo`, then `trueterrain run demo/survey.toml -o again`
 
@@ -61,7 +62,7 @@ def demo(
         (folder / "runs").mkdir()
         runs = record_scene(scene, folder / "runs", progress=progress)
         (folder / "survey.toml").write_text(survey_template(_survey(scene, runs)))
-        note("turning both recordings into ground ...")
+        note("turning both recordings into one ground ...")
         found = run_survey(
             read_survey(folder / "survey.toml"), folder / "results", threads=processors(),
             truth=truth_of, progress=progress,
@@ -92,22 +93,32 @@ def _scene(length: float, seed: int) -> "Scene":
 
 
 def _survey(scene: "Scene", runs: list[Path]) -> "Survey":
-    """Survey with a tyre on either side of each lane, and a bare line beside the left one."""
+    """Survey of both lanes as one, with tyres in either lane, on the seam, and a bare line."""
+    from trueterrain.lanes.merge import MergeSettings
     from trueterrain.profile import ProfileOptions
     from trueterrain.survey import ProfileSettings, RunSettings, Survey
 
+    left, right = (drive.lane - scene.passes[0].lane for drive in scene.passes)
+    offsets = {
+        "left-lane-left": left + _WHEEL,
+        "left-lane-right": left - _WHEEL,
+        "seam": 0.5 * (left + right),
+        "right-lane-left": right + _WHEEL,
+        "right-lane-right": right - _WHEEL,
+    }
     return Survey(
-        name="demo",
+        name=_NAME,
         title=scene.title,
         runs=tuple(
             RunSettings(path=f"runs/{run.name}", name=drive.name)
             for run, drive in zip(runs, scene.passes, strict=True)
         ),
+        lanes=MergeSettings(),
         profiles=(
-            ProfileSettings(name="left", offset=_WHEEL),
-            ProfileSettings(name="right", offset=-_WHEEL),
+            *(ProfileSettings(name=name, offset=at) for name, at in offsets.items()),
             ProfileSettings(
-                name="left-point", offset=_WHEEL, tyre=ProfileOptions(statistic="point")
+                name="left-lane-left-point", offset=offsets["left-lane-left"],
+                tyre=ProfileOptions(statistic="point"),
             ),
         ),
-    )
+    )  # fmt: skip

@@ -47,7 +47,8 @@ def merge(
     ----------
     lane
         Recorded run (NAME.zarr), or points (LAS, LAZ, COPC, CSV, Parquet, .zarr): each file is a
-        pass, or one file of points is split by its point source ids.
+        pass, or one file of points is split by its point source ids. One run will do if it comes
+        back to the same ground, as around a closed course.
     more
         More of the same kind.
     output
@@ -164,11 +165,6 @@ def _kind(inputs: list[Path], formats: Any) -> str:
                 f"is {kind}, but {inputs[0]} is {kinds[0]}", path=path,
                 cure="Merge runs and points apart, or georeference the runs first.",
             )  # fmt: skip
-    if kinds[0] == "run" and len(inputs) == 1:
-        raise SchemaError(
-            "is one run, and merging needs two passes at least", path=inputs[0],
-            cure="Name more runs.",
-        )  # fmt: skip
     return str(kinds[0])
 
 
@@ -201,7 +197,7 @@ def _survey(inputs: list[Path], settings: "MergeSettings", spacing: float | None
 
     return survey_of(
         inputs, name="merged", title="Merged passes", profiles=(), lanes=settings,
-        grid=Placement(spacing=spacing or 0.01),
+        grid=Placement(spacing=spacing or 0.01, lap=True),
     )  # fmt: skip
 
 

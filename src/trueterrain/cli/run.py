@@ -70,6 +70,10 @@ def in_words(numbers: dict[str, Any]) -> Iterator[str]:
     str
         Lines.
     """
+    if numbers["merge"]:
+        from trueterrain.cli.merge import in_words as merged_in_words
+
+        yield from merged_in_words(numbers["merge"])
     runs = {run["name"]: run for run in numbers["runs"]}
     for lane in numbers["lanes"]:
         surface, sd = lane["surface"], lane["surface"]["sd"]["median"]

@@ -54,6 +54,10 @@ class Placement:
     smoothing: float = 1.0
     "Standard deviation of the Gaussian by which a way or a path is smoothed [m]."
 
+    lap: bool = False
+    """Whether a way that comes back over itself is cut before it does, so that the ground of all
+    laps is that of the first; sensible if passes are brought into agreement."""
+
     as_map: bool = False
     "Whether runs are gridded over a map instead of along the way of the first."
 
@@ -102,6 +106,13 @@ class Placement:
         left = self.left + max((high for _, high in beside), default=0.0)
         grid = grid_along(line, right=right, left=left, spacing=self.across)
         met = overlap(grid)
+        if met is not None and self.lap:
+            whole = int(np.searchsorted(line.u, met[1])) - 1
+            lap = ReferenceLine(
+                u=line.u[:whole], easting=line.easting[:whole], northing=line.northing[:whole],
+                elevation=line.elevation[:whole],
+            )  # fmt: skip
+            return grid_along(lap, right=right, left=left, spacing=self.across)
         if met is not None:
             raise CoverageError(
                 _met(grid, met), path=first.path, place="way of the run",

@@ -355,7 +355,9 @@ def _against(
     survey: Survey, surface: xr.Dataset, truth: TrueHeight, index: dict[str, xr.Dataset]
 ) -> dict[str, Any]:
     """Errors of the heights, and the IRI [m/km] of the true ground along the same paths."""
-    ground = surface.assign(height=surface["height"].copy(data=truth(*node_coordinates(surface))))
+    # only where there are heights, so that both profiles begin and end at the same stations
+    true = np.where(np.isfinite(surface["height"]), truth(*node_coordinates(surface)), np.nan)
+    ground = surface.assign(height=surface["height"].copy(data=true))
     ground = ground.drop_vars([name for name in ("sd", "count", "filled") if name in ground])
     rated = {
         wanted.name: iri(taken_along(ground, wanted), options=survey.roughness.iri).iri[0]
