@@ -25,7 +25,7 @@ class Returns:
     "Ranges in steps of `scale`, shape (scan, beam)."
 
     intensity: npt.NDArray[Any] | None
-    "Intensities, if they matter, shape (scan, beam) [counts]."
+    "Intensities, if they were recorded, shape (scan, beam) [counts]."
 
     scale: float
     "Step of the ranges [m]."
@@ -38,6 +38,16 @@ class Returns:
 
     weights: tuple[int, int]
     "Of good and of doubtful returns."
+
+    def __post_init__(self) -> None:
+        """Check the shapes, and that there are intensities if they matter."""
+        shape = (self.time.size, self.geometry.angle.size)
+        if any(each is not None and each.shape != shape for each in (self.ranges, self.intensity)):
+            message = f"ranges and intensity must have the shape {shape}, got {self.ranges.shape}."
+            raise ValueError(message)
+        if self.screening.needs_intensity and self.intensity is None:
+            message = "floor and saturation need intensities, which were not recorded."
+            raise ValueError(message)
 
     def of(self, some: slice | npt.NDArray[np.bool_]) -> "Returns":
         """Those of some scans."""
@@ -55,6 +65,6 @@ class Returns:
         screening = self.screening
         return (
             self.ranges, self.scale, self.missing, screening.nearest, screening.furthest,
-            _NONE if self.intensity is None else self.intensity, screening.floor,
+            self.intensity if screening.needs_intensity else _NONE, screening.floor,
             screening.saturation, *self.weights,
         )  # fmt: skip

@@ -129,8 +129,8 @@ class CellSums:
         screening : Screening
             Which returns are doubtful, and what becomes of them.
         reach : Reach, optional
-            Of these scans, which the motion covers and which were counted before; the rows that
-            they reach are put there. Returns of scans whose reach was found are not counted again.
+            Rows that these scans may reach; those that they were found to reach are put there. The
+            motion must cover the scans; returns of those found before are not counted again.
 
         Raises
         ------
@@ -139,20 +139,10 @@ class CellSums:
             not that of the scans before.
         """
         time = np.asarray(time, dtype=np.float64)
-        shape = (time.size, geometry.angle.size)
-        if ranges.shape != shape or (intensity is not None and intensity.shape != shape):
-            message = f"ranges and intensity must have the shape {shape}, got {ranges.shape}."
-            raise ValueError(message)
-        weights = self._weights(screening)
-        if not screening.needs_intensity:
-            intensity = None
-        elif intensity is None:
-            message = "floor and saturation need intensities, which were not recorded."
-            raise ValueError(message)
         returns = Returns(
             geometry=geometry, time=time, ranges=ranges, intensity=intensity, scale=scale,
             missing=ranges.dtype.type(missing) if missing is not None else np.float64(np.nan),
-            screening=screening, weights=weights,
+            screening=screening, weights=self._weights(screening),
         )  # fmt: skip
 
         def work(part: Part, begin: int, end: int) -> None:
