@@ -83,7 +83,7 @@ def strength_choice(
         chosen.strength or zero, chosen.held_back, "*", markersize=15, color="black", zorder=4,
         markeredgecolor="white", linestyle="none", label=f"chosen: {what}",
     )  # fmt: skip
-    _strength_axis(ax, zero, constant=any(one.strength == 0 for one in trials))
+    _strength_axis(ax, zero, [one.strength for one in trials])
     _canvas.scale_axis(ax.yaxis, _canvas.Scale(factor=1000.0, unit="mm"), "RMSE in cells held back")
     ax.grid(color="0.9", linewidth=0.6)
     ax.set_axisbelow(True)
@@ -202,8 +202,10 @@ def _named(components: tuple[str, ...]) -> str:
     return text.replace("east + north", "shift")
 
 
-def _strength_axis(ax: "Axes", zero: float, *, constant: bool) -> None:
+def _strength_axis(ax: "Axes", zero: float, strengths: Sequence[float]) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    constant = 0.0 in strengths
 
     def text(value: float, _: Any) -> str:
         if constant and np.isclose(value, zero, rtol=1e-3):
@@ -213,9 +215,8 @@ def _strength_axis(ax: "Axes", zero: float, *, constant: bool) -> None:
     ax.set_xscale("log")
     ax.margins(x=0.06)
     low, high = ax.get_xlim()
-    ticks = [
-        one for one in LogLocator().tick_values(low, high) if max(low, 2 * zero) <= one <= high
-    ]
+    least = max(low, 2 * zero) if any(strengths) else np.inf
+    ticks = [one for one in LogLocator().tick_values(low, high) if least <= one <= high]
     ax.set_xticks([zero, *ticks] if constant else ticks)
     ax.xaxis.set_major_formatter(FuncFormatter(text))
     ax.xaxis.set_minor_formatter(NullFormatter())
