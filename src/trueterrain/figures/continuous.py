@@ -44,9 +44,9 @@ def continuous_roughness(
     several = sliding.sizes["track"] > 1
     for number, track in enumerate(sliding["track"].values):
         colour = _canvas.COLOURS[number % len(_canvas.COLOURS)]
-        label = f"{track}" if several else None
+        name = f"{track}" if several else None
         values = sliding["iri"].sel(track=track)
-        ax.plot(sliding["s"], values, color=colour, linewidth=1.2, label=label)
+        ax.plot(sliding["s"], values, color=colour, linewidth=1.2, label=name)
     if threshold is not None:
         ax.axhline(threshold, color="0.3", linewidth=1.0, linestyle="--")
         label: str | None = f"above {threshold:.4g} m/km"

@@ -84,6 +84,12 @@ class Segments:
         """Where one begins and the one before ends [m]."""
         return np.append(self.start, self.end[-1:])
 
+    def owned(self, station: Array) -> npt.NDArray[np.intp]:
+        """First sample of each, and the number of samples: one at a joint begins the next one."""
+        slack = ROUNDING * float(station[-1] - station[0]) / (station.size - 1)
+        first = np.searchsorted(station, self.edges - slack)
+        return np.append(first[:-1], station.size)
+
     def coordinates(self, kept: npt.NDArray[np.intp]) -> dict[str, tuple[object, ...]]:
         """Coordinates of a dataset with the dimension segment, of those that are kept."""
         return {

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from trueterrain.provenance import add_step
-from trueterrain.roughness._tracks import cut, samples, tracks
+from trueterrain.roughness._tracks import cut, tracks
 from trueterrain.roughness.filters import Butterworth, Filter
 
 __all__ = ["WAVEBANDS", "waveband_rms"]
@@ -59,9 +59,10 @@ def waveband_rms(
 
     Notes
     -----
-    The whole profile is filtered once, then the squares are averaged; near its ends, within about
-    the longest wave of a band, the values depend on how the filter goes on there. The square is
-    the variance of the unevenness in the band, which the standard names LPV.
+    The whole profile is filtered once, then the squares of its samples are averaged; near its ends,
+    within about the longest wave of a band, the values depend on how the filter goes on there. The
+    square is the variance of the unevenness in the band, which the standard names LPV. A segment
+    without a sample has none.
 
     Examples
     --------
@@ -84,11 +85,10 @@ def waveband_rms(
     )
     if segment is not None:
         segments = cut(station, segment)
-        parts = [
-            squares[..., samples(station, start, end)].mean(axis=-1)
-            for start, end in zip(segments.start, segments.end, strict=True)
-        ]
-        rms = np.sqrt(np.stack(parts, axis=-1))
+        inside = segments.owned(station)
+        count = np.diff(inside)
+        parts = np.add.reduceat(squares, inside[:-1], axis=-1) / np.maximum(count, 1)
+        rms = np.sqrt(np.where(count > 0, parts, np.nan))
         data["segment_rms"] = (("track", "band", "segment"), rms, {"units": "m"})
         data = data.assign_coords(segments.coordinates(np.arange(segments.start.size)))
     settings = {"bands": bands, "segment": segment}
