@@ -128,9 +128,11 @@ def agreement(
     (2002), which ASTM E950 and AASHTO R 56 took over. Only its abstract and the scopes of both
     standards could be read: the formula is the commonly used form and was not checked against them.
 
-    The shift is found from the cross-correlation at all whole samples, then between samples by
-    least squares. The distance-measuring error is found by maximising the agreement over shift and
-    scale together. A pair is computed once; its reverse is the inverse of shift and scale.
+    The shift is found from the ratings at all whole samples, then between samples by least squares,
+    where the correlation is largest. For the distance-measuring error, the correlation is maximised
+    over shift and scale together: of short stretches first, which a scale shifts each by another
+    length, then of the whole; the second profile is scaled before it is filtered. A pair is
+    computed once, from the reference or the name that comes first; its reverse is the inverse.
 
     Examples
     --------
