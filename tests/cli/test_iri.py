@@ -59,7 +59,7 @@ def refused(capsys, *arguments):
 
 def test_json_of_one_file(capsys, erd_file, two):
     document = json.loads(run(capsys, erd_file, "--json"))
-    assert list(document) == ["file", "tracks", "mri", "hri"]
+    assert list(document) == ["file", "tracks", "mri", "hri", "unit"]
     assert document["file"] == str(erd_file)
     truth = roughness.iri(two, segment=100.0)
     assert_allclose(document["mri"], truth.mri, rtol=0, atol=WRITTEN)
@@ -234,3 +234,126 @@ def test_a_step_needs_sliding_windows(capsys, erd_file):
 
 def test_restart_and_sliding_windows_exclude_each_other(capsys, erd_file):
     assert "restart" in refused(capsys, erd_file, "--restart", "--continuous", "20")
+
+
+def test_inches_per_mile_are_63_36_times_as_many(capsys, erd_file):
+    metric = json.loads(run(capsys, erd_file, "--continuous", "25", "--json"))
+    inches = json.loads(run(capsys, erd_file, "--continuous", "25", "--unit", "in/mi", "--json"))
+    assert (metric["unit"], inches["unit"]) == ("m/km", "in/mi")
+    for name in ("mri", "hri"):
+        assert_allclose(inches[name], 63.36 * metric[name], rtol=1e-12, atol=0)
+    for one, other in zip(metric["tracks"], inches["tracks"], strict=True):
+        assert_allclose(other["iri"], 63.36 * one["iri"], rtol=1e-12, atol=0)
+        for name in ("segments", "continuous"):
+            assert_allclose(
+                [piece["iri"] for piece in other[name]],
+                [63.36 * piece["iri"] for piece in one[name]],
+                rtol=1e-12, atol=0,
+            )  # fmt: skip
+            assert other[name][-1]["end"] == one[name][-1]["end"]  # lengths stay metres
+
+
+def test_localised_roughness(capsys, csv_file, two):
+    arguments = ("--continuous", "7.62", "--step", "0.1", "--threshold", "4.5")
+    track = json.loads(run(capsys, csv_file, *arguments, "--segment", "50", "--json"))["tracks"][0]
+    profile = two.isel(track=0, drop=True)
+    truth = roughness.localised_roughness(profile, 4.5)
+    assert truth.sizes["stretch"] > 0
+    for name in ("start", "end", "peak_at"):
+        values = [stretch[name] for stretch in track["stretches"]]
+        assert_allclose(values, truth[name], rtol=0, atol=1e-3)  # [m] rounded heights
+    assert_allclose([one["peak"] for one in track["stretches"]], truth.peak, rtol=0, atol=WRITTEN)
+    parts = roughness.iri(profile, segment=50.0).segment_iri.values[0]
+    assert_allclose(track["too_rough"], 50.0 * (parts > 4.5).sum(), rtol=0, atol=1e-6)
+    text = run(capsys, csv_file, *arguments, "--segment", "50")
+    assert f"Stretches of {track['name']} above 4.5 m/km: {truth.sizes['stretch']}" in text
+    assert f"m, up to {truth.peak.values[0]:.3f} m/km at" in text
+
+
+def test_thresholds_are_in_the_unit(capsys, erd_file):
+    def marked(*arguments):
+        text = run(capsys, erd_file, "--segment", "50", *arguments)
+        return [line.endswith("too rough") for line in text.splitlines()]
+
+    metric = marked("--threshold", "4")
+    assert any(metric)
+    assert metric == marked("--threshold", str(4 * 63.36), "--unit", "in/mi")
+
+
+def test_histogram(capsys, erd_file, two):
+    arguments = (erd_file, "--segment", "25", "--histogram", "1")
+    document = json.loads(run(capsys, *arguments, "--json"))
+    values = roughness.iri(two, segment=25.0).segment_iri
+    for track in document["tracks"]:
+        classes = track["histogram"]
+        assert [one["above"] for one in classes] == list(range(len(classes)))
+        assert sum(one["length"] for one in classes) == pytest.approx(250.0)
+        parts = values.sel(track=track["name"]).values
+        for one in classes:
+            inside = (parts >= one["above"]) & (parts < one["below"])
+            assert one["share"] == pytest.approx(inside.mean())
+    lines = [line.split() for line in run(capsys, *arguments).splitlines()]
+    assert ["IRI", "[m/km]", "left", "[%]", "right", "[%]"] in lines
+
+
+@pytest.mark.parametrize(
+    "extra", [(), ("--continuous", "20", "--threshold", "4", "--histogram", "1")]
+)
+def test_pictures_are_drawn_of_all_files(capsys, erd_file, csv_file, tmp_path, extra):
+    picture = tmp_path / "iri.svg"
+    with pytest.raises(SystemExit):
+        main(["iri", str(erd_file), str(csv_file), "--plot", str(picture), *extra])
+    captured = capsys.readouterr()
+    assert captured.err == f"{picture}: written\n"
+    assert "International Roughness Index" in captured.out
+    text = picture.read_text()
+    assert "two.erd" in text or "<svg" in text
+    message = refused(capsys, erd_file, "--plot", picture)
+    assert "exists" in message
+    assert str(picture) in message
+
+
+def warned(capsys, *arguments):
+    """What a command says on standard error that succeeds."""
+    with pytest.raises(SystemExit) as stop:
+        main(["iri", *(str(argument) for argument in arguments)])
+    assert stop.value.code in (0, None)
+    return capsys.readouterr().err
+
+
+def test_a_window_that_averages_nothing_is_told(capsys, tmp_path):
+    erd.write(make_profile(0.25 * np.arange(500), rough(500, 3)), tmp_path / "coarse.erd")
+    message = warned(capsys, tmp_path / "coarse.erd", "--json")
+    assert message == (
+        f"trueterrain: warning: {tmp_path / 'coarse.erd'}: "
+        "the window sayers of 0.25 m averages nothing at a spacing of 0.25 m.\n"
+    )
+    assert warned(capsys, tmp_path / "coarse.erd", "--window", "exact") == ""
+
+
+def test_feet_declared_as_metres_are_questioned(capsys, tmp_path):
+    s = 0.1 * np.arange(2000)
+    table.write(make_profile(s, 0.08 * s / 0.3048), tmp_path / "feet.csv")
+    message = warned(capsys, tmp_path / "feet.csv")
+    assert message == (
+        f"trueterrain: warning: {tmp_path / 'feet.csv'}: track profile: "
+        "climbs 0.26 m/m over 100 m; are its heights in metres, not in feet or millimetres?\n"
+    )
+
+
+def test_wheel_paths_of_different_lengths_are_refused(capsys, tmp_path):
+    (tmp_path / "ragged.csv").write_text("s,height_left,height_right\n0,0,0\n0.1,0\n0.2,0,0\n")
+    assert "ragged.csv: line 3" in refused(capsys, tmp_path / "ragged.csv")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--threshold", "0"), "--threshold must be finite and greater than 0 m/km, got 0.0"),
+        (("--histogram=-1",), "--histogram must be finite and greater than 0 m/km"),
+        (("--histogram", "1e-9"), "--histogram must leave at most 1000 classes"),
+        (("--unit", "ft"), "in/mi"),
+    ],
+)
+def test_bad_thresholds_and_classes(capsys, erd_file, arguments, message):
+    assert message in refused(capsys, erd_file, *arguments)

@@ -32,6 +32,7 @@ def continuous_roughness(
 
     Examples
     --------
+    >>> import numpy as np
     >>> from trueterrain.kinds import make_profile
     >>> from trueterrain.roughness import continuous_iri
     >>> s = np.arange(0.0, 100.0, 0.1)
@@ -51,7 +52,7 @@ def continuous_roughness(
         ax.axhline(threshold, color="0.3", linewidth=1.0, linestyle="--")
         label: str | None = f"above {threshold:.4g} m/km"
         for begin, end in _merged(sliding, threshold):
-            ax.axvspan(begin, end, color="#D55E00", alpha=0.2, linewidth=0, label=label)
+            ax.axvspan(begin, end, color=_canvas.COLOURS[1], alpha=0.2, linewidth=0, label=label)
             label = None
     middle = sliding["s"].values
     ax.set_xlim(middle[0], middle[-1] if middle.size > 1 else middle[0] + 1.0)
