@@ -83,7 +83,13 @@ def _covariance(trajectory: Trajectory, correction: Correction) -> Floats:
     return np.asarray(np.einsum("nij,njk,nlk->nil", turn, along, turn, optimize=True))
 
 
-def trajectory_along(trajectory: Trajectory, alignment: LaneAlignment, lane: str) -> Trajectory:
+def trajectory_along(
+    trajectory: Trajectory,
+    alignment: LaneAlignment,
+    lane: str,
+    *,
+    lever: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Trajectory:
     """Motion of a pass with the correction along a reference path (thesis 4.3.1).
 
     Parameters
@@ -94,6 +100,9 @@ def trajectory_along(trajectory: Trajectory, alignment: LaneAlignment, lane: str
         Corrections by station.
     lane : str
         Name of the lane.
+    lever : tuple of float
+        Where the scanner sits in the body: forward, left, up [m]; the station of what it sees is
+        its own, not that of the body.
 
     Returns
     -------
@@ -101,7 +110,9 @@ def trajectory_along(trajectory: Trajectory, alignment: LaneAlignment, lane: str
         Raised station by station. Its covariance stays, since the method tells none.
     """
     position = trajectory.position.copy()
-    found = alignment.correction(lane, position[:, _EAST], position[:, _NORTH])
+    turned = Rotation.from_quat(trajectory.quaternion)
+    scanner = position + turned.apply(np.array(lever))
+    found = alignment.correction(lane, scanner[:, _EAST], scanner[:, _NORTH])
     position[:, _UP] -= found.height
     velocity = trajectory.velocity.copy()
     velocity[:, _UP] -= np.gradient(found.height, trajectory.time)

@@ -10,7 +10,8 @@ import xarray as xr
 from trueterrain import formats
 from trueterrain.engine.progress import Progress, no_progress
 from trueterrain.errors import SchemaError
-from trueterrain.georeference import Screening, georeference
+from trueterrain.formats.run import open_run
+from trueterrain.georeference import Screening, georeference, mounting_of
 from trueterrain.lanes._discontinuity_result import LaneAlignment
 from trueterrain.lanes.apply import corrected_trajectory, trajectory_along
 from trueterrain.lanes.cells import LaneCells, cells_of_run, lane_cells
@@ -182,7 +183,11 @@ def _aligned(
 
 def _corrected(one: Pass, name: str, merging: Merging) -> Pass:
     if merging.alignment is not None:
-        return replace(one, trajectory=trajectory_along(one.trajectory, merging.alignment, name))
+        mounting = one.mounting or mounting_of(open_run(one.path), path=one.path)
+        raised = trajectory_along(
+            one.trajectory, merging.alignment, name, lever=mounting.scanner_position
+        )
+        return replace(one, trajectory=raised)
     if merging.adjustment is not None and name in merging.adjustment.names:
         correction = merging.adjustment.correction(name)
         return replace(one, trajectory=corrected_trajectory(one.trajectory, correction))
