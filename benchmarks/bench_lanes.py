@@ -216,9 +216,14 @@ def network(pair: Pair, seen: np.ndarray) -> np.ndarray:
     """Ours: corrections of both strips, from the cells seen."""
     settings = NetworkSettings(block=SQUARE, least_cells=20)
     found = adjust([one.part(seen) for one in pair], settings=settings)
-    each = [
-        found.correction(one.name).height_at(one.time, one.offset, one.ahead) for one in pair
-    ]  # fmt: skip
+    each = []
+    for one in pair:
+        correction = found.correction(one.name)
+        each.append(
+            correction.height_at(one.time, one.offset, one.ahead)
+            - one.slope_east * correction(one.time, "east")
+            - one.slope_north * correction(one.time, "north")
+        )
     return each[1] - each[0]
 
 

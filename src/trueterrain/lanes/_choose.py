@@ -118,21 +118,31 @@ class Search:
         Trial
             The best one.
         """
-        settings = self.settings
+        start = Trial(components=("height",), knot_spacing=0.0, strength=0.0, order="first")
+        while True:
+            best = self._height(start)
+            grown = self._grown(best)
+            if grown is best:
+                return best
+            # what is left is less now, so weights are others, and finer knots may tell more
+            start = replace(grown, round=grown.round + 1)
+
+    def _height(self, start: Trial) -> Trial:
+        """Strength, order and spacing for given components, with weights of their own."""
         spacings = self._spacings()
-        start = broad(self.system(("height",), spacings[-1]), settings)
-        self.weight, self.robustness = start.weight, start.robustness
+        system = self.system(start.components, spacings[-1])
+        first = broad(system, self.settings)
+        self.weight, self.robustness = first.weight, first.robustness
+        self._parts.clear()
         best: Trial | None = None
-        strengths = dict.fromkeys(settings.orders, self._steps)
+        strengths = dict.fromkeys(self.settings.orders, self._steps)
         for spacing in spacings:
             each = [
                 self._best_of([
-                    Trial(
-                        components=("height",), knot_spacing=spacing, strength=strength, order=order
-                    )
+                    replace(start, knot_spacing=spacing, strength=strength, order=order)
                     for strength in strengths[order]
                 ])
-                for order in settings.orders
+                for order in self.settings.orders
             ]  # fmt: skip
             found = self._refined(self._likeliest(each))
             strengths = {
@@ -146,9 +156,16 @@ class Search:
             if best.strength == 0 or gain < _ALIKE:
                 break  # finer knots would tell the same
         assert best is not None
-        for group in settings.extra_components:
-            best = self._with(best, group)
         return best
+
+    def _grown(self, best: Trial) -> Trial:
+        """Trial with the component added that tells most, if any tells more than chance."""
+        left = [
+            group for group in self.settings.extra_components
+            if not set(group) <= set(best.components)
+        ]  # fmt: skip
+        found = [self._with(best, group) for group in left]
+        return max([best, *found], key=lambda one: self._gain(best, one))
 
     def _near(self, strength: float) -> Sequence[float]:
         if self.settings.strength is not None or strength == 0:
@@ -171,12 +188,24 @@ class Search:
     def _with(self, best: Trial, group: tuple[str, ...]) -> Trial:
         """Trial with more components, if they tell more than chance."""
         components = (*best.components, *group)
+        if not self._told(best, components):
+            return best
         found = self._best_of([
-            replace(best, components=components, strength=strength, extra_strength=step)
-            for strength in self._near(best.strength)
+            replace(best, components=components, extra_strength=step)
             for step in (0.0, *self.settings.extra_strengths)
         ])  # fmt: skip
+        if self.settings.strength is None and best.strength > 0 and self._gain(best, found) > 0:
+            near = [replace(found, strength=one) for one in self._near(best.strength)[::2]]
+            found = self._likeliest([found, self._best_of(near)])
         return found if self._better(found, best, 2.0) else best
+
+    def _told(self, best: Trial, components: tuple[str, ...]) -> bool:
+        """Whether the ground can tell each component better than it is known before."""
+        system = self.system(components, best.knot_spacing)
+        _, free = residuals(self.shared, self.shared.entries.height, self.weight)
+        scales = [self.settings.scale(name) for name in components[1:]]
+        told = ((self.weight * free)[:, None] * system.factor[:, 1:] ** 2).sum(axis=0)
+        return bool((told * np.array(scales) ** 2 > 1.0).all())
 
     def _best_of(self, trials: list[Trial]) -> Trial:
         """The most likely of those that are no worse than the best by more than chance."""
@@ -204,6 +233,9 @@ class Search:
     def _better(self, one: Trial, other: Trial, times: float) -> bool:
         gain = self._loss(other) - self._loss(one)
         return bool(gain.sum() > times * _chance(gain))
+
+    def _gain(self, one: Trial, other: Trial) -> float:
+        return float((self._loss(one) - self._loss(other)).sum())
 
     def _loss(self, trial: Trial) -> Floats:
         return self._losses[next(k for k, each in enumerate(self.trials) if each is trial)]
@@ -233,8 +265,12 @@ class Search:
 
 
 def broad(system: System, settings: NetworkSettings) -> Fitted:
-    """Corrections of height that may be anything, with Huber's weights."""
-    anything = {"height": Prior(wander=Wander(sd=_BROAD), offset_sd=np.inf)}
+    """Corrections that may be almost anything, with Huber's weights."""
+    loose = Trial(
+        components=system.components, knot_spacing=0.0, strength=_BROAD, order="first",
+        extra_strength=settings.extra_strengths[-1] if settings.extra_strengths else 0.0,
+    )  # fmt: skip
+    anything = priors(loose, settings)
     return settle(
         system, anything, bound=settings.huber, tolerance=settings.tolerance,
         most=settings.most_rounds,

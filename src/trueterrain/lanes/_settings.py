@@ -27,6 +27,9 @@ class Trial:
     extra_strength: float = 0.0
     "The same of the other components, in units of what their constant parts may be [1]."
 
+    round: int = 0
+    "Round of the search; weights are others in each, so only trials of one round compare."
+
     held_back: float = float("nan")
     "Root mean square of what is left of differences of passes in cells held back [m]."
 
@@ -52,7 +55,7 @@ class NetworkSettings:
     orders: tuple[Order, ...] = ("second", "first")
     "Orders of the Gauss-Markov process that are tried: first is rough, second smooth."
 
-    components: tuple[str, ...] = ("height", "roll")
+    components: tuple[str, ...] = ("height", "roll", "shift")
     """What corrections may hold beside the height, each where cells held back tell it: roll, pitch,
     shift."""
 
@@ -80,7 +83,7 @@ class NetworkSettings:
     cluster: float = 1.0
     "Side of the squares of ground within which errors of cells may be alike [m]."
 
-    sample: int = 60_000
+    sample: int = 30_000
     "Cells from which strength, spacing and components are chosen; of longer roads a part is taken."
 
     folds: int = 5
