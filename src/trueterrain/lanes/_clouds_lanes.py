@@ -1,0 +1,389 @@
+"""Which points of which files belong to which pass, read block by block."""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from trueterrain import formats
+from trueterrain.engine.progress import Progress, no_progress
+from trueterrain.errors import CoverageError, SchemaError, concerning
+from trueterrain.lanes._discontinuity_sparse import SparseSums
+
+WEEK = 604_800.0  # [s]
+_CELL = 1.0  # [m] side of the squares in which points are counted
+_REMNANT = 0.005  # share of the points of a file below which a number in it is no pass
+_PER_CELL = 15.0  # points that a cell should have of each pass
+_SIZES = (0.1, 0.2, 0.25, 0.5, 1.0, 2.0)  # [m]
+_SLIGHT = 0.01  # of the area of the largest lane, below which one does not count
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CloudLane:
+    """One pass in point clouds. Called, it yields its points block by block."""
+
+    name: str
+    "Name of the pass."
+
+    files: tuple[Path, ...]
+    "Files that hold its points."
+
+    number: int | None
+    "Its ``lane`` in these files (point_source_id); None if all points are its."
+
+    label: int
+    "What ``lane`` becomes: a number that no other pass has."
+
+    override: str | None
+    "Coordinate reference system that is taken instead of what the files say."
+
+    crs: str
+    "Coordinate reference system; empty if it is not known."
+
+    count: int
+    "Points."
+
+    area: float
+    "Of the squares of 1 m in which it has points [m²]."
+
+    extent: tuple[float, float, float, float]
+    "West, south, east and north of its points [m]."
+
+    time: tuple[float, float] | None
+    "First and last time [s]; None if its points have none."
+
+    variables: tuple[str, ...]
+    "Variables that all of its points have."
+
+    doubts: tuple[str, ...]
+    "What is doubtful about it, in words."
+
+    @property
+    def density(self) -> float:
+        """Points per square metre of what it covers [1/m²]."""
+        return self.count / self.area
+
+    @property
+    def time_kind(self) -> str:
+        """What its times can be: ``week seconds``, ``standard``, or empty if it has none."""
+        if self.time is None:
+            return ""
+        first, last = self.time
+        return "week seconds" if first >= 0 and last <= WEEK else "standard"
+
+    def __call__(self) -> Iterator[xr.Dataset]:
+        """Blocks of its points."""
+        for _, block in blocks_of([self]):
+            yield block
+
+    def part(self, block: xr.Dataset) -> xr.Dataset:
+        """Its points among those of a block, without those whose time says nothing."""
+        mine = np.ones(block.sizes["point"], np.bool_)
+        if self.number is not None and "lane" in block:
+            mine &= block["lane"].values == self.number
+        if self.time is not None:
+            time = block["time"].values
+            mine &= (time >= self.time[0]) & (time <= self.time[1])
+        return block if mine.all() else block.isel(point=np.flatnonzero(mine))
+
+
+def blocks_of(lanes: Collection[CloudLane]) -> Iterator[tuple[CloudLane, xr.Dataset]]:
+    """Points of several lanes, block by block, each file read once.
+
+    Parameters
+    ----------
+    lanes : collection of CloudLane
+        The lanes.
+
+    Yields
+    ------
+    CloudLane
+        One of them.
+    xarray.Dataset
+        Some of its points.
+    """
+    for file in dict.fromkeys(file for lane in lanes for file in lane.files):
+        mine = [lane for lane in lanes if file in lane.files]
+        for block in formats.point_blocks(file, crs=mine[0].override):
+            for lane in mine:
+                part = lane.part(block)
+                if part.sizes["point"]:
+                    yield lane, part
+
+
+def cloud_lanes(
+    files: Sequence[str | Path],
+    *,
+    split: bool | None = None,
+    crs: str | None = None,
+    progress: Progress = no_progress,
+) -> dict[str, CloudLane]:
+    """Lanes in point clouds: each file one, or told apart by the number of their points.
+
+    Parameters
+    ----------
+    files : sequence of str or Path
+        LAS, LAZ, COPC, CSV or Parquet files, or Zarr stores, of points.
+    split : bool, optional
+        Whether ``lane`` (point_source_id) tells passes apart, across files too, so that tiles can
+        be given; by default where there is one file.
+    crs : str, optional
+        EPSG code or WKT to take instead of what the files say.
+    progress : callable, optional
+        Called with a task, the amount done and the total.
+
+    Returns
+    -------
+    dict of CloudLane
+        By name: that of the file without its ending, or the number. All files are read once.
+
+    Raises
+    ------
+    ValueError
+        If there is no file, one is given twice, or two lanes would have one name.
+    SchemaError
+        If files have different coordinate reference systems.
+    CoverageError
+        If a file holds no points.
+    FormatError
+        If a file is damaged, or something else than points.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from trueterrain.kinds import make_points
+    >>> points = make_points([1.0, 2.0, 3.0], [0.0] * 3, [7.0] * 3, lane=[4, 4, 9],
+    ...                      time=[10.0, 10.1, 200.0])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     formats.write(points, Path(folder) / "road.laz")
+    ...     lanes = cloud_lanes([Path(folder) / "road.laz"])
+    >>> [(one.name, one.count, one.time) for one in lanes.values()]
+    [('4', 2, (10.0, 10.1)), ('9', 1, (200.0, 200.0))]
+    """
+    paths = [Path(file) for file in files]
+    if not paths:
+        message = "files must name at least one file."
+        raise ValueError(message)
+    for path in paths:
+        if sum(other.resolve() == path.resolve() for other in paths) > 1:
+            message = f"{path} is given twice; name each pass once."
+            raise ValueError(message)
+    split = len(paths) == 1 if split is None else split
+    looks: dict[Path, dict[int, _Look]] = {}
+    for number, path in enumerate(paths):
+        progress("look at clouds", number, len(paths))
+        looks[path] = _looked(path, crs)
+    progress("look at clouds", len(paths), len(paths))
+    _require_one_crs({path: next(iter(found.values())).crs for path, found in looks.items()})
+    if split:
+        by_number: dict[int, dict[Path, _Look]] = {}
+        for path, found in looks.items():
+            for number, look in found.items():
+                by_number.setdefault(number, {})[path] = look
+        only = len(by_number) == 1
+        found_lanes = [
+            _lane(paths[0].stem if only else str(number), number, number, parts, crs)
+            for number, parts in sorted(by_number.items())
+        ]
+    else:
+        found_lanes = _one_each(looks, crs)
+    return {lane.name: lane for lane in found_lanes}
+
+
+def suggested_cell(lanes: Mapping[str, CloudLane]) -> float:
+    """Size of cells in which the sparsest lane has some 15 points.
+
+    Parameters
+    ----------
+    lanes : mapping of str to CloudLane
+        The lanes; those that cover next to nothing do not count.
+
+    Returns
+    -------
+    float
+        0.1, 0.2, 0.25, 0.5, 1 or 2 m.
+
+    Raises
+    ------
+    ValueError
+        If there are no lanes.
+    """
+    if not lanes:
+        message = "there must be at least one lane."
+        raise ValueError(message)
+    least = _SLIGHT * max(lane.area for lane in lanes.values())
+    wanted = max(np.sqrt(_PER_CELL / lane.density) for lane in lanes.values() if lane.area >= least)
+    return min(_SIZES, key=lambda size: abs(np.log(size / wanted)))
+
+
+@dataclass(kw_only=True)
+class _Look:
+    """What a first look at some points finds."""
+
+    crs: str
+    variables: tuple[str, ...]
+    count: int = 0
+    untimed: int = 0
+    zeros: int = 0
+    span: tuple[float, float] = (np.inf, -np.inf)
+    "First and last time that is not 0."
+    low: tuple[float, float] = (np.inf, np.inf)
+    high: tuple[float, float] = (-np.inf, -np.inf)
+    squares: SparseSums = field(default_factory=lambda: SparseSums(1))
+
+    def add(self, block: xr.Dataset) -> None:
+        """Count points of a block."""
+        x, y = block["easting"].values, block["northing"].values
+        self.count += x.size
+        self.variables = tuple(name for name in self.variables if name in block)
+        good = np.isfinite(x) & np.isfinite(y)
+        if good.any():
+            place = np.stack([x[good], y[good]])
+            self.low = _least(self.low, place.min(axis=1))
+            self.high = _greatest(self.high, place.max(axis=1))
+            self.squares.add(*np.floor(place / _CELL).astype(np.int64))
+        if "time" in block:
+            self._add_times(np.asarray(block["time"], dtype=np.float64))
+
+    def _add_times(self, time: npt.NDArray[np.float64]) -> None:
+        known = time[np.isfinite(time)]
+        some = known[known != 0]
+        self.untimed += time.size - known.size
+        self.zeros += known.size - some.size
+        if some.size:
+            self.span = (
+                min(self.span[0], float(some.min())), max(self.span[1], float(some.max()))
+            )  # fmt: skip
+
+    @property
+    def times(self) -> tuple[float, float] | None:
+        """First and last time; None if they say nothing."""
+        if "time" not in self.variables or self.span[0] > self.span[1]:
+            return None
+        # 0 is a time among seconds that are counted from a start, else it is none
+        first = min(self.span[0], 0.0) if self.zeros and not self.zeros_missing else self.span[0]
+        return (first, self.span[1]) if first < self.span[1] or self.count == 1 else None
+
+    @property
+    def zeros_missing(self) -> bool:
+        """Whether times of 0 mean that there is none."""
+        return self.zeros > 0 and abs(self.span[0]) > WEEK
+
+
+def _least(one: tuple[float, float], other: npt.NDArray[np.float64]) -> tuple[float, float]:
+    return min(one[0], float(other[0])), min(one[1], float(other[1]))
+
+
+def _greatest(one: tuple[float, float], other: npt.NDArray[np.float64]) -> tuple[float, float]:
+    return max(one[0], float(other[0])), max(one[1], float(other[1]))
+
+
+def _looked(path: Path, crs: str | None) -> dict[int, _Look]:
+    """What a file holds of each number."""
+    found: dict[int, _Look] = {}
+    with concerning(path):
+        for block in formats.point_blocks(path, crs=crs):
+            lane = block["lane"].values if "lane" in block else np.zeros(block.sizes["point"])
+            for number in np.unique(lane):
+                mine = np.flatnonzero(lane == number)
+                part = block if mine.size == lane.size else block.isel(point=mine)
+                look = found.setdefault(
+                    int(number),
+                    _Look(
+                        crs=str(block.attrs.get("crs", "")),
+                        variables=tuple(str(name) for name in block.data_vars),
+                    ),
+                )
+                look.add(part)
+        if not found:
+            raise CoverageError("holds no points", path=path, cure="Leave it out.")
+    return found
+
+
+def _require_one_crs(known: Mapping[Path, str]) -> None:
+    (first, crs), *others = known.items()
+    for path, other in others:
+        if other != crs:
+            raise SchemaError(
+                f"has the coordinate reference system {_said(other)}, but that of {first.name} is "
+                f"{_said(crs)}",
+                path=path, cure="Bring all lanes into one, or state it with --crs.",
+            )  # fmt: skip
+
+
+def _said(crs: str) -> str:
+    return repr(crs if len(crs) < 40 else crs[:36] + " ...") if crs else "unknown"
+
+
+def _one_each(looks: Mapping[Path, dict[int, _Look]], crs: str | None) -> list[CloudLane]:
+    """One lane of each file."""
+    stems = [path.stem for path in looks]
+    names = {
+        path: path.stem if stems.count(path.stem) == 1 else f"{path.parent.name}-{path.stem}"
+        for path in looks
+    }
+    for name in names.values():
+        if list(names.values()).count(name) > 1:
+            message = f"files must have names that differ, got {name} twice; rename one."
+            raise ValueError(message)
+    numbers = [next(iter(found)) for found in looks.values() if len(found) == 1]
+    kept = len(set(numbers)) == len(looks) and 0 not in numbers
+    lanes = []
+    for order, path in enumerate(sorted(looks, key=lambda one: names[one]), 1):
+        found = looks[path]
+        whole = _together(list(found.values()))
+        several = [n for n, look in found.items() if look.count >= _REMNANT * whole.count]
+        doubts = []
+        if len(several) > 1:
+            passes = ", ".join(str(number) for number in sorted(several))
+            doubts.append(
+                f"{names[path]} holds points of several passes (point_source_id {passes}), which "
+                "are taken for one: let the number tell them apart"
+            )
+        label = next(iter(found)) if kept else order
+        lanes.append(_lane(names[path], None, label, {path: whole}, crs, doubts))
+    return lanes
+
+
+def _together(looks: Sequence[_Look]) -> _Look:
+    """What several looks found."""
+    first = looks[0]
+    whole = _Look(crs=first.crs, variables=first.variables)
+    for look in looks:
+        whole.variables = tuple(name for name in whole.variables if name in look.variables)
+        whole.count += look.count
+        whole.untimed += look.untimed
+        whole.zeros += look.zeros
+        whole.span = (min(whole.span[0], look.span[0]), max(whole.span[1], look.span[1]))
+        whole.low = _least(whole.low, np.array(look.low))
+        whole.high = _greatest(whole.high, np.array(look.high))
+        column, row, _ = look.squares.sums()
+        whole.squares.add(column, row)
+    return whole
+
+
+def _lane(
+    name: str,
+    number: int | None,
+    label: int,
+    parts: Mapping[Path, _Look],
+    crs: str | None,
+    doubts: Sequence[str] = (),
+) -> CloudLane:
+    whole = _together(list(parts.values()))
+    times = whole.times
+    found = list(doubts)
+    if times is not None:
+        dropped = whole.untimed + (whole.zeros if whole.zeros_missing else 0)
+        if dropped:
+            found.append(f"{name}: {dropped} of {whole.count} points have no time and are left out")
+            whole.count -= dropped
+    return CloudLane(
+        name=name, files=tuple(parts), number=number, label=label, override=crs, crs=whole.crs,
+        count=whole.count, area=whole.squares.sums()[0].size * _CELL**2,
+        extent=(*whole.low, *whole.high), time=times, variables=whole.variables,
+        doubts=tuple(found),
+    )  # fmt: skip

@@ -1,0 +1,140 @@
+"""Where a pass was, by where its returns lie: clouds do not say it themselves."""
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from trueterrain.lanes._collect import Path
+from trueterrain.lanes._discontinuity_path import ReferencePath
+from trueterrain.lanes.cells import LaneCells
+
+Floats = npt.NDArray[np.float64]
+
+_STEP = 0.5  # [s] over which returns are brought together
+_STEPS = 40  # at least
+_SMOOTH = 2.0  # [s] standard deviation of the window in which the way is taken for straight
+_REACH = 4  # of these, to which the window extends
+_SLOW = 1e-3  # [m/s] below which a pass stands
+_LEAST = 1e-12  # of the largest weight, below which there is nothing near
+
+
+def path_of_times(cells: LaneCells) -> Path:
+    """Way of a pass: a smooth line through the mean places of its returns.
+
+    Parameters
+    ----------
+    cells : LaneCells
+        What the pass saw, with times.
+
+    Returns
+    -------
+    callable
+        Easting, northing [m] and heading [rad] at some times.
+
+    Notes
+    -----
+    At each time a straight line is fitted, with a constant speed, to places at about that time.
+    The path is no smoother than it must be: where it swings with what the returns happen to be,
+    offsets do, and a roll of all lanes would seem to be seen.
+    """
+    begin, span = float(cells.time.min()), float(np.ptp(cells.time))
+    steps = max(_STEPS, int(np.ceil(span / _STEP)))
+    width = max(span / steps, 1e-9)
+    step = np.minimum(((cells.time - begin) / width).astype(np.int64), steps - 1)
+    weight, x, y = (
+        np.asarray(np.bincount(step, cells.count * values, steps), dtype=np.float64)
+        for values in (np.ones(len(cells)), cells.easting, cells.northing)
+    )
+    middle = x.sum() / weight.sum(), y.sum() / weight.sum()  # small numbers stay exact
+    reach = min(steps, int(np.ceil(_REACH * _SMOOTH / width)))
+    lag = np.arange(-reach, reach + 1) * width
+    window = np.exp(-0.5 * (lag / _SMOOTH) ** 2)
+
+    def near(values: Floats, power: int) -> Floats:
+        """Sums over the steps near each, times powers of how much later these are."""
+        full = np.convolve(values, window * (-lag) ** power)
+        return full[reach : reach + steps]
+
+    s0, s1, s2 = (near(weight, power) for power in range(3))
+    known = s0 > _LEAST * s0.max()
+    places, speeds = [], []
+    for values, centre in zip((x, y), middle, strict=True):
+        about = values - centre * weight
+        p0, p1 = near(about, 0)[known], near(about, 1)[known]
+        free = s0[known] * s2[known] - s1[known] ** 2 + 1e-12 * s0[known] ** 2
+        places.append(centre + (s2[known] * p0 - s1[known] * p1) / free)
+        speeds.append((s0[known] * p1 - s1[known] * p0) / free)
+    at = begin + (np.flatnonzero(known) + 0.5) * width
+
+    def path(time: Floats) -> tuple[Floats, Floats, Floats]:
+        ahead = time - np.clip(time, at[0], at[-1])
+        vx, vy = (np.interp(time, at, values) for values in speeds)
+        east, north = (np.interp(time, at, values) for values in places)
+        return east + ahead * vx, north + ahead * vy, np.arctan2(vy, vx)
+
+    return path
+
+
+def path_of_stations(way: ReferencePath) -> Path:
+    """Where a path is at its stations.
+
+    Parameters
+    ----------
+    way : ReferencePath
+        The path.
+
+    Returns
+    -------
+    callable
+        Easting, northing [m] and heading [rad] at stations [m].
+    """
+    heading = np.unwrap(way.heading)
+
+    def at(station: Floats) -> tuple[Floats, Floats, Floats]:
+        easting, northing = way.at(station)
+        return easting, northing, np.interp(station, way.station, heading)
+
+    return at
+
+
+def at_their_middle(cells: LaneCells, path: Path, size: float) -> LaneCells:
+    """Cells with time and offset of their middle, which all lanes share.
+
+    Parameters
+    ----------
+    cells : LaneCells
+        With times of the mean places of their returns.
+    path : callable
+        Where the pass was at its times.
+    size : float
+        Size of the cells [m].
+
+    Returns
+    -------
+    LaneCells
+        With the time at which the pass saw the middle of the cell, and ``offset`` and ``ahead`` of
+        the middle.
+
+    Notes
+    -----
+    The returns of two lanes in a cell have different mean places, to which their heights are
+    brought along the slope of the ground. Time and offset go along. If they did not, a tilt that
+    all lanes share would seem to change what they differ by, and what is left of the slope of the
+    ground would be taken for it.
+    """
+    x, y = ((np.floor(at / size) + 0.5) * size for at in (cells.easting, cells.northing))
+    east, north, heading = path(cells.time)
+    later = path(cells.time + _STEP)
+    speed = np.hypot(later[0] - east, later[1] - north) / _STEP
+    cos, sin = np.cos(heading), np.sin(heading)
+    along = (x - cells.easting) * cos + (y - cells.northing) * sin
+    shift = np.divide(along, speed, out=np.zeros_like(along), where=speed > _SLOW)
+    time = cells.time + np.clip(shift, -_STEP, _STEP)
+    time = np.clip(time, cells.time.min(), cells.time.max())
+    east, north, heading = path(time)
+    cos, sin = np.cos(heading), np.sin(heading)
+    return replace(
+        cells, time=time, offset=(y - north) * cos - (x - east) * sin,
+        ahead=(x - east) * cos + (y - north) * sin,
+    )  # fmt: skip

@@ -1,0 +1,494 @@
+"""Point clouds brought into agreement: their cells are compared, their points are moved.
+
+A lane is a file, or the points of one number (point_source_id) in one file or in many. Nothing but
+cells is kept of it: points stream by, and come out corrected block by block.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path as FilePath
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from trueterrain import provenance
+from trueterrain.engine.progress import Progress, no_progress
+from trueterrain.errors import CoverageError, TrueTerrainError, concerning
+from trueterrain.lanes._clouds_lanes import (
+    WEEK,
+    CloudLane,
+    blocks_of,
+    cloud_lanes,
+    suggested_cell,
+)
+from trueterrain.lanes._clouds_path import at_their_middle, path_of_stations, path_of_times
+from trueterrain.lanes._clouds_station import station_path
+from trueterrain.lanes._collect import CellSums, Path
+from trueterrain.lanes.apply import corrected_points
+from trueterrain.lanes.cells import LaneCells
+from trueterrain.lanes.discontinuity import align_lanes, correct
+from trueterrain.lanes.merge import MergeSettings, Merging, merge_cells
+from trueterrain.lanes.reference_path import ReferencePath
+from trueterrain.lanes.runs import control_cells, reference_path
+from trueterrain.surface.cells import Grid
+from trueterrain.surface.grid import GridOptions, grid_points
+
+__all__ = [
+    "CloudLane", "CorrectedClouds", "CorrectedLane", "cells_of_clouds", "cloud_lanes",
+    "merge_clouds", "merged_surface", "suggested_cell", "with_cells",
+]  # fmt: skip
+
+Floats = npt.NDArray[np.float64]
+
+_CLUSTER, _BLOCK = 3.0, 5.0  # cells, sides of squares of ground whose errors are alike or held back
+_WORSE = 1.2  # times the scatter before, from which on a correction does harm
+_LEAST_CELLS = 20  # cells, with fewer a lane is a remnant that tells nothing about its drift
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CorrectedLane:
+    """One lane in agreement with the others. Called, it yields its points block by block."""
+
+    lane: CloudLane
+    "Its points as they were."
+
+    merging: Merging
+    "How lanes were brought into agreement."
+
+    station: ReferencePath | None
+    "Path whose stations stand for time; None if its times do, or nothing needs them."
+
+    path: Path | None
+    "Where the pass was at its times, or stations."
+
+    variables: tuple[str, ...]
+    "Variables that all lanes have."
+
+    def __call__(self) -> Iterator[xr.Dataset]:
+        """Blocks of its corrected points."""
+        for block in self.lane():
+            yield self.corrected(block)
+
+    def corrected(self, block: xr.Dataset) -> xr.Dataset:
+        """Some of its points, corrected.
+
+        Parameters
+        ----------
+        block : xarray.Dataset
+            Points of the lane.
+
+        Returns
+        -------
+        xarray.Dataset
+            With the variables that all lanes have, ``lane`` that tells them apart, and by the
+            method network ``sd``: that of the correction, and that of the points if they had one.
+        """
+        found, name = block, self.lane.name
+        if self.merging.alignment is not None:
+            found = correct(block, self.merging.alignment, name)
+        elif self.merging.adjustment is not None:
+            found = self._by_network(block)
+        number = np.full(block.sizes["point"], self.lane.label, np.int64)
+        found = found[[one for one in found.data_vars if one in (*self.variables, "sd")]]
+        return found.assign(lane=("point", number, {"units": "1"}))
+
+    def _by_network(self, block: xr.Dataset) -> xr.Dataset:
+        adjustment = self.merging.adjustment
+        if adjustment is None or self.lane.name not in adjustment.names:
+            # a fixed lane is the datum, and as sure as its points
+            own = block["sd"].values if "sd" in block else np.zeros(block.sizes["point"])
+            return block.assign(sd=("point", own, {"units": "m"}))
+        timed = _with_time(block, self.station)
+        found = corrected_points(timed, adjustment.correction(self.lane.name), self.path)
+        if self.station is None:
+            return found
+        return found.assign(time=block["time"]) if "time" in block else found.drop_vars("time")
+
+
+class CorrectedClouds(Mapping[str, CorrectedLane]):
+    """Lanes in agreement, by name; no point is held in memory.
+
+    Parameters
+    ----------
+    lanes : mapping of str to CorrectedLane
+        The lanes.
+    """
+
+    def __init__(self, lanes: Mapping[str, CorrectedLane]) -> None:
+        self._lanes = dict(lanes)
+
+    def __getitem__(self, name: str) -> CorrectedLane:
+        """One of them."""
+        return self._lanes[name]
+
+    def __iter__(self) -> Iterator[str]:
+        """Names."""
+        return iter(self._lanes)
+
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self._lanes)
+
+    def blocks(self) -> Iterator[xr.Dataset]:
+        """Points of all lanes, corrected, each file read once.
+
+        Yields
+        ------
+        xarray.Dataset
+            Points, all with the same variables, so that they can be written to one file.
+        """
+        for lane, block in blocks_of([one.lane for one in self._lanes.values()]):
+            yield self._lanes[lane.name].corrected(block)
+
+
+def merge_clouds(
+    lanes: Mapping[str, CloudLane],
+    settings: MergeSettings = MergeSettings(),
+    *,
+    path: ReferencePath | None = None,
+    progress: Progress = no_progress,
+) -> tuple[Merging, CorrectedClouds]:
+    """Bring point clouds into agreement.
+
+    Parameters
+    ----------
+    lanes : mapping of str to CloudLane
+        From `cloud_lanes`.
+    settings : MergeSettings
+        How; `suggested_cell` tells a size of the cells that suits the points.
+    path : ReferencePath, optional
+        Path whose stations stand for time where there is none, and along which the method
+        discontinuity compares; by default the one that the settings name.
+    progress : callable, optional
+        Called with a task, the amount done and the total.
+
+    Returns
+    -------
+    merging : Merging
+        Corrections, and agreement before and after; its problems say which lanes were left out,
+        and what else is doubtful.
+    corrected : CorrectedClouds
+        Lanes by name, each a function that yields blocks of corrected points.
+
+    Raises
+    ------
+    CoverageError
+        If no cell is seen by two lanes, no lane has enough cells, an overlap is too thin for the
+        method, or two lanes hold the same points.
+    SchemaError
+        If coordinates are not finite.
+    TrueTerrainError
+        If the times of a lane run over more than a week, or the adjustment does not settle.
+
+    Notes
+    -----
+    By the method network corrections follow the time of the points. If one lane has none, those of
+    all lanes follow their station instead: along the path given, else along the middle of each
+    lane. Numbers of the settings in seconds are taken in metres then.
+    """
+    lanes = {name: lanes[name] for name in sorted(lanes)}
+    path = path or reference_path(settings)
+    untimed = [name for name, lane in lanes.items() if lane.time is None]
+    ways: dict[str, ReferencePath | None] = dict.fromkeys(lanes)
+    timed = settings.method == "network"
+    if timed and untimed:
+        ways = {name: path or station_path(lane, settings.cells) for name, lane in lanes.items()}
+    elif timed:
+        for lane in lanes.values():
+            _require_one_flight(lane)
+    cells, left_out = _cells(lanes, ways, settings, progress, timed=timed)
+    kept = {one.name: lanes[one.name] for one in cells}
+    paths: dict[str, Path | None] = dict.fromkeys(kept)
+    if timed:
+        for number, one in enumerate(cells):
+            way = ways[one.name]
+            where = path_of_times(one) if way is None else path_of_stations(way)
+            paths[one.name] = where
+            cells[number] = at_their_middle(one, where, settings.cells.size)
+    if len(kept) < 2 and settings.method == "discontinuity":
+        raise CoverageError(
+            f"there is one lane, {next(iter(kept))}, and it has nothing to agree with",
+            cure="Name at least two passes that overlap.",
+        )
+    control = [] if settings.control is None else [control_cells(settings.control, settings)]
+    merging = merge_cells(
+        cells, settings, control=control, progress=progress,
+        align=lambda: align_lanes(
+            kept, settings.discontinuity, paths=path, fix=next(iter(settings.fixed), None),
+            progress=progress,
+        ),
+    )  # fmt: skip
+    doubts = [doubt for lane in lanes.values() for doubt in lane.doubts]
+    doubts += [*left_out, *_of_time(kept, untimed if timed else [], path), *_doubts_of(merging)]
+    merging = replace(merging, problems=(*doubts, *merging.problems))
+    variables = tuple(
+        name for name in ("easting", "northing", "up", "time", "intensity", "sd")
+        if all(name in lane.variables for lane in kept.values())
+    )  # fmt: skip
+    return merging, CorrectedClouds(
+        {
+            name: CorrectedLane(
+                lane=lane, merging=merging, station=ways[name], path=paths[name],
+                variables=variables,
+            )
+            for name, lane in kept.items()
+        }
+    )  # fmt: skip
+
+
+def cells_of_clouds(
+    files: Sequence[str | FilePath],
+    settings: MergeSettings = MergeSettings(),
+    *,
+    split: bool | None = None,
+    crs: str | None = None,
+    cell: float | None = None,
+    progress: Progress = no_progress,
+) -> tuple[list[LaneCells], float]:
+    """Cells that each lane of point clouds saw, to compare them as they are.
+
+    Parameters
+    ----------
+    files : sequence of str or Path
+        LAS, LAZ, COPC, CSV or Parquet files, or Zarr stores, of points.
+    settings : MergeSettings
+        Which cells are used.
+    split : bool, optional
+        Whether point_source_id tells passes apart; by default where there is one file.
+    crs : str, optional
+        EPSG code or WKT to take instead of what the files say.
+    cell : float, optional
+        Size of the cells [m]; by default what suits the points.
+    progress : callable, optional
+        Called with a task, the amount done and the total.
+
+    Returns
+    -------
+    cells : list of LaneCells
+        Of all lanes with enough of them, without times.
+    size : float
+        Size of the cells [m].
+
+    Raises
+    ------
+    CoverageError
+        If no lane has enough cells.
+    SchemaError
+        If files have different coordinate reference systems.
+    FormatError
+        If a file is damaged.
+    """
+    lanes = cloud_lanes(files, split=split, crs=crs, progress=progress)
+    settings = with_cells(settings, cell or suggested_cell(lanes))
+    ways = dict.fromkeys(lanes)
+    cells, _ = _cells(lanes, ways, settings, progress, timed=False)
+    return cells, settings.cells.size
+
+
+def with_cells(settings: MergeSettings, size: float) -> MergeSettings:
+    """Settings for cells of another size.
+
+    Parameters
+    ----------
+    settings : MergeSettings
+        For cells of any size.
+    size : float
+        Size of the cells [m].
+
+    Returns
+    -------
+    MergeSettings
+        With this size, and what goes along with it: squares of ground that are held back together,
+        or within which errors are alike, and search areas, spacing and cut-off of the method
+        discontinuity as many cells wide as they were.
+
+    Examples
+    --------
+    >>> coarse = with_cells(MergeSettings(), 1.0)
+    >>> coarse.discontinuity.radius, coarse.discontinuity.cut_off, coarse.network.cluster
+    (2.0, 25.0, 3.0)
+    """
+    more = size / settings.cells.size
+    found = settings.discontinuity
+    return replace(
+        settings,
+        cells=replace(settings.cells, size=size),
+        network=replace(
+            settings.network, cluster=max(settings.network.cluster, _CLUSTER * size),
+            block=max(settings.network.block, _BLOCK * size),
+        ),
+        discontinuity=replace(
+            found, spacing=found.spacing * more, radius=found.radius * more,
+            cut_off=found.cut_off * more, smoothing=found.smoothing * more, cell=found.cell * more,
+        ),
+    )  # fmt: skip
+
+
+def merged_surface(
+    corrected: CorrectedClouds,
+    grid: Grid,
+    options: GridOptions = GridOptions(),
+    *,
+    threads: int = 1,
+) -> xr.Dataset:
+    """Surface of all lanes together.
+
+    Parameters
+    ----------
+    corrected : CorrectedClouds
+        Lanes in agreement.
+    grid : Grid
+        The cells.
+    options : GridOptions
+        What is taken of the points in each; medians and percentiles read the files several times.
+    threads : int
+        Threads that work at once; the surface does not depend on it.
+
+    Returns
+    -------
+    xarray.Dataset
+        Surface with ``height``, ``count`` and ``sd``.
+
+    Raises
+    ------
+    CoverageError
+        If there are no points on the grid.
+
+    Notes
+    -----
+    The variance of a height is the scatter of the points by their count, and what the adjustment
+    leaves: the mean of the variances of the corrections of the points in the cell. So these are
+    taken as one error that all lanes in the cell share. Those of different lanes are less alike
+    than that, and the standard deviation of their mean is not greater: where several lanes lie over
+    each other, ``sd`` is on the safe side. It is relative to the datum of the adjustment. The
+    methods discontinuity and grid know no standard deviations, and add none.
+    """
+
+    class Again(Iterable[xr.Dataset]):
+        """Blocks that can be gone through several times."""
+
+        def __iter__(self) -> Iterator[xr.Dataset]:
+            return corrected.blocks()
+
+    surface = grid_points(Again(), grid, options, threads=threads)
+    files = sorted({file for one in corrected.values() for file in one.lane.files})
+    merging = next(iter(corrected.values())).merging
+    return provenance.add_step(
+        surface, "grid merged lanes",
+        parameters={
+            "method": merging.method, "lanes": list(corrected), "options": options,
+            "spacing": grid.spacing,
+        },
+        inputs=files,
+    )  # fmt: skip
+
+
+def _with_time(block: xr.Dataset, station: ReferencePath | None) -> xr.Dataset:
+    """Points with their stations as time, if these stand for it."""
+    if station is None:
+        return block
+    at = station.locate(block["easting"].values, block["northing"].values).station
+    return block.assign(time=("point", at, {"units": "s"}))
+
+
+def _cells(
+    lanes: Mapping[str, CloudLane],
+    ways: Mapping[str, ReferencePath | None],
+    settings: MergeSettings,
+    progress: Progress,
+    *,
+    timed: bool,
+) -> tuple[list[LaneCells], list[str]]:
+    """Cells of the lanes that have enough of them, and what is left out."""
+    sums = {name: CellSums(settings.cells) for name in lanes}
+    total, done = sum(lane.count for lane in lanes.values()), 0
+    for lane, block in blocks_of(list(lanes.values())):
+        progress("cells of lanes", done, total)
+        with concerning(lane.files[0]):
+            columns = {name: block[name].values for name in ("easting", "northing", "up")}
+            time = np.zeros(block.sizes["point"])
+            if timed:
+                time = _with_time(block, ways[lane.name])["time"].values
+            sums[lane.name].add(**columns, time=time)
+        done += block.sizes["point"]
+    progress("cells of lanes", total, total)
+    found: list[LaneCells] = []
+    left_out: list[str] = []
+    for name, one in sums.items():
+        try:
+            cells = one.cells(name, _nowhere)
+        except CoverageError as error:
+            left_out.append(f"{name} is left out: it {error.problem.removeprefix(name).strip()}")
+            continue
+        if len(cells) < _LEAST_CELLS:
+            left_out.append(
+                f"{name} is left out: {len(cells)} cells with {lanes[name].count} points in all "
+                "are a remnant, no pass"
+            )
+            continue
+        found.append(cells)
+    if len(found) < min(2, len(lanes)):
+        raise CoverageError(
+            f"fewer than two lanes have {_LEAST_CELLS} cells of {settings.cells.size:g} m: "
+            + "; ".join(left_out),
+            cure=f"Choose other cells (the points suggest {suggested_cell(lanes):g} m), fewer "
+            "points in each, or allow more scatter.",
+        )
+    return found, left_out
+
+
+def _nowhere(time: Floats) -> tuple[Floats, Floats, Floats]:
+    """Path that is not known yet."""
+    none = np.zeros(time.size)
+    return none, none, none
+
+
+def _require_one_flight(lane: CloudLane) -> None:
+    if lane.time is not None and lane.time[1] - lane.time[0] > WEEK:
+        raise TrueTerrainError(
+            f"its times run from {lane.time[0]:.9g} s to {lane.time[1]:.9g} s, longer than a week, "
+            "so it is no single pass",
+            place=f"lane {lane.name}",
+            cure="Bring all times into one kind and give each flight a number of its own, or take "
+            "the method discontinuity, which goes by station.",
+        )
+
+
+def _of_time(
+    lanes: Mapping[str, CloudLane], untimed: list[str], path: ReferencePath | None
+) -> list[str]:
+    """What is doubtful about times."""
+    problems = []
+    if untimed:
+        where = "the path given" if path is not None else "the middle of each lane"
+        problems.append(
+            f"{', '.join(untimed)} without gps_time: corrections follow the station along {where}, "
+            "so that drift must not change where a pass comes back to a station"
+        )
+    week = [name for name, lane in lanes.items() if lane.time_kind == "week seconds"]
+    standard = [name for name, lane in lanes.items() if lane.time_kind == "standard"]
+    if week and standard:
+        problems.append(
+            f"times of {', '.join(week)} are seconds of a week, those of {', '.join(standard)} are "
+            "not: each lane is corrected by its own, but in one file they do not go together"
+        )
+    return problems
+
+
+def _doubts_of(merging: Merging) -> list[str]:
+    """Pairs that agree suspiciously well, or worse than before."""
+    problems = []
+    for pair in merging.pairs:
+        names = f"{pair.first} and {pair.second}"
+        if pair.before.nmad == 0:
+            problems.append(
+                f"{names} do not differ at all in most of {pair.before.n} cells: the same points "
+                "given twice?"
+            )
+        elif pair.after.nmad > _WORSE * pair.before.nmad:
+            problems.append(
+                f"{names} differ by {1e3 * pair.after.nmad:.1f} mm (NMAD) after the correction, by "
+                f"{1e3 * pair.before.nmad:.1f} mm before: it does not suit this ground"
+            )
+    return problems
