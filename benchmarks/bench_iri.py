@@ -1,9 +1,10 @@
-"""IRI of a long profile: ours beside the form that one would write on scipy.signal.lfilter.
+"""IRI, Ride Number and spectrum of a long profile, beside what one would write on scipy alone.
 
-Both take heights to the IRI: 0.25 m window, start on the first 11 m, mean of the absolute output.
-The peer turns the state recursion into a transfer function (ss2tf), filters the slope with it, and
-puts the start in either as the state of the filter or as a free response in eigen form over the
-whole profile; both forms are timed.
+For the indices both take heights to the index: 0.25 m window, start on the first 11 or 19 m, mean
+of the absolute output or of its square. The peer turns the state recursion into a transfer function
+(ss2tf), filters the slope with it, and puts the start in either as the state of the filter or as a
+free response in eigen form over the whole profile; both forms are timed. For the spectrum the peer
+is scipy.signal.welch, alone; ours goes on to bands, confidence, Gd(n0), waviness and class.
 """
 
 import time
@@ -11,20 +12,20 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from scipy.signal import lfilter, ss2tf
+from scipy.signal import lfilter, ss2tf, welch
 
 from trueterrain.kinds import make_profile
-from trueterrain.roughness import IriOptions, QuarterCar, iri
+from trueterrain.roughness import RIDE_NUMBER_CAR, IriOptions, QuarterCar, iri, psd, ride_number
 
 SAMPLES = 4_000_000
 SPACING = 0.05  # [m]
 BUDGET = 20.0  # [M samples/s]
-DIGITS = 1e-9  # [1] relative difference of the indices
+DIGITS = 1e-9  # [1] relative difference of the results
 ROUNDS = 5
 
 
 def bench() -> list[dict[str, Any]]:
-    """Rows of name, ours, peer, unit, ratio and budget; the indices agree to 9 digits.
+    """Rows of name, ours, peer, unit, ratio and budget; the results agree to 9 digits.
 
     Returns
     -------
@@ -45,6 +46,19 @@ def bench() -> list[dict[str, Any]]:
         if not abs(other / index - 1) <= DIGITS:
             message = f"the peer's IRI {other!r} differs from ours, {index!r}, beyond 9 digits"
             raise AssertionError(message)
+    ride, square = fastest(lambda: ride_number(profile).pi.item() ** 2)
+    peer_ride, peer_square = fastest(lambda: lfilter_square(height))
+    if not abs(peer_square / square - 1) <= DIGITS:
+        message = f"the peer's PI² {peer_square!r} differs from ours, {square!r}, beyond 9 digits"
+        raise AssertionError(message)
+    spectrum, density = fastest(lambda: psd(profile).density.values[0, 99])
+    block = round(1000.0 / SPACING)
+    peer_spectrum, peer_density = fastest(
+        lambda: welch(height, 1 / SPACING, "hann", block, detrend="linear")[1][100]
+    )
+    if not abs(peer_density / density - 1) <= DIGITS:
+        message = f"the peer's density {peer_density!r} differs from ours, {density!r}"
+        raise AssertionError(message)
     segments, _ = fastest(lambda: iri(profile, segment=100.0).iri.item())
     irregular, _ = fastest(lambda: iri(unequal, options=exact).iri.item(), rounds=2)
     return [
@@ -52,6 +66,8 @@ def bench() -> list[dict[str, Any]]:
         row("IRI, equal spacing", ours, eigen, "scipy lfilter + eigen free response"),
         row("IRI, equal spacing, 100 m segments", segments),
         row("IRI, unequal spacing, exact window", irregular, budget=None),
+        row("Ride Number, equal spacing", ride, peer_ride, "scipy lfilter, start as filter state"),
+        row("PSD and ISO 8608 class", spectrum, peer_spectrum, "scipy welch alone", budget=None),
     ]
 
 
@@ -84,16 +100,27 @@ def road(count: int) -> np.ndarray:
 
 def lfilter_iri(height: np.ndarray, start: Callable[..., np.ndarray]) -> float:
     """IRI on scipy.signal.lfilter [m/km]."""
-    S, p = QuarterCar().transition(SPACING)
+    return 1000 * float(np.mean(np.abs(lfilter_output(height, start, QuarterCar(), 11.0))))
+
+
+def lfilter_square(height: np.ndarray) -> float:
+    """Square of the profile index of the Ride Number on scipy.signal.lfilter [m²/m²]."""
+    return float(np.mean(np.square(lfilter_output(height, filter_start, RIDE_NUMBER_CAR, 19.0))))
+
+
+def lfilter_output(
+    height: np.ndarray, start: Callable[..., np.ndarray], car: QuarterCar, length: float
+) -> np.ndarray:
+    """Output of a car that starts with the slope of the first length [m/m]."""
+    S, p = car.transition(SPACING)
     C = np.array([-1.0, 0.0, 1.0, 0.0])
     # the output after a step is C (S x + p slope), x being the state before it
     b, a = ss2tf(S, p[:, None], (C @ S)[None, :], np.array([[C @ p]]))
     base = max(round(0.25 / SPACING), 1)
-    lead = round(11 / SPACING) + 1
+    lead = round(length / SPACING) + 1
     first = (height[lead - 1] - height[0]) / (SPACING * lead)
     slope = (height[base:] - height[:-base]) / (base * SPACING)
-    output = start(b[0], a, slope, S, C, np.array([first, 0.0, first, 0.0]))
-    return 1000 * float(np.mean(np.abs(output)))
+    return start(b[0], a, slope, S, C, np.array([first, 0.0, first, 0.0]))
 
 
 def eigen_start(

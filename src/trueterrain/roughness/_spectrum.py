@@ -64,7 +64,7 @@ def lines(height: Array, step: float, block: int) -> Lines:
     starts = _starts(height.size, size)
     window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(size) / size)
     position = np.arange(size) - 0.5 * (size - 1)
-    leverage = position / (position @ position)
+    leverage = position / np.sum(position**2)
     total = np.zeros(size // 2 + 1)
     level, trend = (
         np.empty(size),
@@ -73,12 +73,12 @@ def lines(height: Array, step: float, block: int) -> Lines:
     for start in starts:
         part = height[start : start + size]
         np.subtract(part, part.mean(), out=level)
-        np.multiply(position, leverage @ level, out=trend)
+        np.multiply(position, np.einsum("i,i", leverage, level), out=trend)
         level -= trend
         level *= window
         pairs = rfft(level).view(np.float64).reshape(-1, 2)
         total += np.einsum("ij,ij->i", pairs, pairs)
-    density = 2 * step / (window @ window) / starts.size * total
+    density = 2 * step / np.sum(window**2) / starts.size * total
     if size % 2 == 0:
         density[-1] *= 0.5  # the highest line has no twin among the negative ones
     shift = (starts[1] - starts[0]) / size if starts.size > 1 else 1.0
@@ -116,9 +116,9 @@ def degrees_of_freedom(spectrum: Lines, bands: Bands) -> Array:
     degrees = []
     for lower, upper in _edges(bands, spectrum.width):
         _, share = _shares(lower, upper)
-        alike = spectrum.likeness[0] * (share @ share)
+        alike = spectrum.likeness[0] * np.sum(share**2)
         for apart in range(1, min(_LAGS, share.size)):
-            alike += 2 * spectrum.likeness[apart] * (share[:-apart] @ share[apart:])
+            alike += 2 * spectrum.likeness[apart] * np.sum(share[:-apart] * share[apart:])
         degrees.append(2 * share.sum() ** 2 / alike)
     return np.array(degrees)
 
