@@ -298,6 +298,17 @@ def test_a_search_that_ends_at_its_limit_is_told():
         agreement(runs, options=AgreementOptions(max_shift=1.3, max_scale=0))
 
 
+def test_a_road_that_repeats_itself_is_told():
+    """A wave of 5 m, 1 m late: 6 m, -4 m and -9 m are as good."""
+    s = np.arange(0.0, 200.0, 0.1)
+    wave = [0.01 * np.sin(2 * np.pi * (s - late) / 5) for late in (0.0, 1.0)]
+    runs = {"A": make_profile(s, wave[0]), "B": make_profile(s, wave[1])}
+    with pytest.warns(UserWarning, match="is rated nearly as well as .* the road repeats itself"):
+        agreement(runs)
+    near = agreement(runs, options=AgreementOptions(max_shift=2.0))
+    assert_allclose(near.best_shift.sel(first="A", second="B"), 1.0, rtol=0, atol=WITHIN)
+
+
 def test_a_flat_profile_is_refused():
     s = np.arange(0.0, 100.0, 0.1)
     with pytest.raises(CoverageError, match=r"^B: is flat"):

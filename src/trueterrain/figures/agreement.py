@@ -100,8 +100,8 @@ def agreement_matrix(
     >>> from trueterrain.kinds import make_profile
     >>> from trueterrain.roughness.agreement import agreement
     >>> s = np.arange(0.0, 100.0, 0.05)
-    >>> runs = {"1": make_profile(s, np.sin(s) / 90), "2": make_profile(s, np.sin(s) / 100)}
-    >>> ax = agreement_matrix(agreement(runs))
+    >>> one, two = (make_profile(s, np.sin(s**1.2) / high) for high in (90, 100))
+    >>> ax = agreement_matrix(agreement({"1": one, "2": two}))
     >>> [text.get_text() for text in ax.texts][:2]
     ['', '90.0']
     """

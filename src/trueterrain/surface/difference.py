@@ -273,7 +273,7 @@ def structure_function(
     lags = np.unique(np.rint(np.logspace(0, decades, int(per_decade * decades) + 2)).astype(int))
     total, pairs = np.zeros(lags.size), np.zeros(lags.size, dtype=np.int64)
     for start in range(0, height.shape[0], _ROWS):
-        rows = height[start : start + _ROWS]
+        rows = np.ascontiguousarray(height[start : start + _ROWS])
         for at, lag in enumerate(lags):
             change = rows[:, lag:] - rows[:, :-lag]
             known = np.isfinite(change)
@@ -315,6 +315,9 @@ def _require_same_crs(surface: xr.Dataset, reference: xr.Dataset) -> None:
 
 def _at_nodes(surface: xr.Dataset, reference: xr.Dataset) -> Floats:
     """Difference at the nodes of the reference, a few cross-sections at a time."""
+    if _same_nodes(surface, reference):
+        heights = (np.asarray(one["height"], dtype=np.float64) for one in (surface, reference))
+        return np.subtract(*heights)
     frame = grid_frame(reference)
     along = "u" in reference.dims
     height = np.asarray(reference["height"], dtype=np.float64)
@@ -331,6 +334,13 @@ def _at_nodes(surface: xr.Dataset, reference: xr.Dataset) -> Floats:
         )
         difference[rows] = heights_at(surface, easting, northing) - height[rows]
     return difference if along else difference.T
+
+
+def _same_nodes(surface: xr.Dataset, reference: xr.Dataset) -> bool:
+    if surface["height"].dims != reference["height"].dims:
+        return False
+    names = ("easting", "northing", *(name for name in ("u", "v") if name in reference.dims))
+    return all(np.array_equal(surface[name], reference[name]) for name in names)
 
 
 def _plane(difference: Floats, known: npt.NDArray[np.bool_]) -> Floats:

@@ -19,6 +19,8 @@ Array = npt.NDArray[np.float64]
 _SAME = 1e-9  # [1] ratings that differ by less are equal: the smaller shift is taken
 _ROUNDING = 1e-13  # [1] of a correlation
 _STILL = 1e-7  # [m] a correction of the shift below it is none
+_VALLEY = 0.5  # [1] share of the best rating, below which a peak has ended
+_NEARLY = 0.95  # [1] share of it, from which on another peak may be the true one
 _AT_SAMPLE = 1e-6  # [samples] by which a station may miss a sample and still be there
 _SINGULAR = 1e-14  # [1] share of the largest singular value below which one is none
 _MOST = 20  # corrections
@@ -69,8 +71,13 @@ def likeness(first: Signal, second: Signal, shift: float, scale: float) -> Liken
     )  # fmt: skip
 
 
-def best_shift(first: Signal, second: Signal, options: AgreementOptions) -> float:
-    """Shift at which the rating is largest [m]: among whole samples, then between them."""
+def best_shift(
+    first: Signal, second: Signal, options: AgreementOptions
+) -> tuple[float, float | None]:
+    """Shift at which the rating is largest [m]: among whole samples, then between them.
+
+    The second value is another shift, beyond a fall of the ratings, that is rated nearly as well.
+    """
     from scipy.signal import correlate
 
     step = first.step
@@ -91,11 +98,26 @@ def best_shift(first: Signal, second: Signal, options: AgreementOptions) -> floa
     sum_b, square_b = _sums(b, begin + lags, end + lags)
     covariance = products - sum_a * sum_b / count
     larger = np.maximum(square_a - sum_a**2 / count, square_b - sum_b**2 / count)
-    ratings = covariance / larger
+    flat = np.full_like(larger, -np.inf)  # where there is nothing to compare
+    ratings = np.divide(covariance, larger, out=flat, where=larger > 0)
     shifts = offset + lags * step
     ties = np.flatnonzero(ratings >= ratings.max() - _SAME)
-    coarse = float(shifts[ties[np.argmin(np.abs(shifts[ties]))]])
-    return refine(first, second, coarse, 0.0, options, with_scale=False)[0]
+    best = int(ties[np.argmin(np.abs(shifts[ties]))])
+    shift, _ = refine(first, second, float(shifts[best]), 0.0, options, with_scale=False)
+    rival = _rival(ratings, best)
+    return shift, None if rival is None else float(shifts[rival])
+
+
+def _rival(ratings: Array, best: int) -> int | None:
+    """Sample of another peak nearly as high as the best, None if there is none."""
+    low = np.flatnonzero(ratings < _VALLEY * ratings[best])
+    before, behind = low[low < best], low[low > best]
+    begin = int(before[-1]) + 1 if before.size else 0
+    end = int(behind[0]) if behind.size else ratings.size
+    others = np.where((np.arange(ratings.size) < begin) | (np.arange(ratings.size) >= end),
+                      ratings, -np.inf)  # fmt: skip
+    found = int(np.argmax(others))
+    return found if others[found] > _NEARLY * ratings[best] > 0 else None
 
 
 def best_scale(

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from trueterrain.roughness.agreement._align import Likeness
+from trueterrain.roughness.agreement._pair import Pair
 from trueterrain.roughness.agreement._signal import Track
 from trueterrain.roughness.agreement.options import AgreementOptions
 
@@ -20,14 +20,10 @@ _AT_LIMIT = 0.02  # share of a search range that counts as its end
 
 
 def pair_doubts(
-    first: Track,
-    second: Track,
-    like: Likeness,
-    shift: float,
-    scale: float,
-    options: AgreementOptions,
+    first: Track, second: Track, pair: Pair, options: AgreementOptions
 ) -> Iterator[str]:
     """What is doubtful about two tracks beside each other."""
+    like, shift, scale = pair.plain, pair.shift, pair.scale
     both = f"{first.name} and {second.name}"
     unit = _unit(second.length / first.length)
     longer, shorter = (second, first) if second.length > first.length else (first, second)
@@ -42,6 +38,11 @@ def pair_doubts(
         yield (
             f"{taller.name} is {ratio:.4g} times as high as {lower.name}: "
             f"are its heights in {unit}?"
+        )
+    if pair.rival is not None:
+        yield (
+            f"{both}: a shift of {pair.rival:.3f} m is rated nearly as well as {shift:.3f} m: "
+            "the road repeats itself; allow less, or set the stations right"
         )
     if options.max_shift > 0 and abs(shift) >= (1 - _AT_LIMIT) * options.max_shift:
         yield f"{both}: the best shift, {shift:.3f} m, is at the end of the search; allow more"

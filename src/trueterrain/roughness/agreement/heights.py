@@ -9,9 +9,10 @@ import xarray as xr
 
 from trueterrain.errors import CoverageError
 from trueterrain.provenance import add_step
+from trueterrain.roughness.agreement._pair import register
 from trueterrain.roughness.agreement._signal import Track
 from trueterrain.roughness.agreement.options import AgreementOptions
-from trueterrain.roughness.agreement.rating import checked, register
+from trueterrain.roughness.agreement.rating import checked
 
 Array = npt.NDArray[np.float64]
 

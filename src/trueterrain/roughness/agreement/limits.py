@@ -96,7 +96,7 @@ def judge(
     >>> from trueterrain.kinds import make_profile
     >>> from trueterrain.roughness.agreement import agreement
     >>> s = np.arange(0.0, 100.0, 0.05)
-    >>> found = agreement({name: make_profile(s, 0.01 * np.sin(s)) for name in ("1", "2")})
+    >>> found = agreement({name: make_profile(s, 0.01 * np.sin(s**1.2)) for name in ("1", "2")})
     >>> for check in judge(found)[:2]:
     ...     print(check.name, check.passed, check.reason)
     repeatability True

@@ -3,8 +3,6 @@
 import itertools
 import warnings
 from collections.abc import Mapping
-from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -13,14 +11,8 @@ import xarray as xr
 from trueterrain.errors import SchemaError
 from trueterrain.provenance import add_step
 from trueterrain.roughness._track import CarOptions
-from trueterrain.roughness.agreement._align import (
-    Likeness,
-    best_scale,
-    best_shift,
-    likeness,
-    refine,
-)
 from trueterrain.roughness.agreement._doubts import pair_doubts
+from trueterrain.roughness.agreement._pair import Pair, register
 from trueterrain.roughness.agreement._signal import Track, signal_of, tracks_of
 from trueterrain.roughness.agreement.options import AgreementOptions
 from trueterrain.roughness.plausible import doubts as implausible
@@ -34,34 +26,6 @@ _PAIRWISE = {
 
 #: Names and tracks of profiles: tracks[name][track].
 Tracks = dict[str, dict[str, Track]]
-
-
-class Pair(NamedTuple):
-    """A pair of tracks, registered."""
-
-    plain: Likeness
-    "How alike they are at the best shift."
-
-    shift: float
-    "The best shift [m]."
-
-    corrected: Likeness
-    "How alike they are at the best shift and scale; as `plain` if no scale was sought."
-
-    corrected_shift: float
-    "Shift at the start of the first, with that scale [m]."
-
-    scale: float
-    "Scale of the stations of the second [m/m]; NaN if it was not sought."
-
-    starts: tuple[float, float]
-    "First stations of both that the filter leaves [m]; the scale counts from that of the first."
-
-    @property
-    def shift_back(self) -> float:
-        """Corrected shift of the first against the second, at the second's first station [m]."""
-        ahead = self.starts[1] - self.starts[0] - self.corrected_shift
-        return -(self.corrected_shift + self.scale * ahead / (1 + self.scale))
 
 
 def agreement(
@@ -159,9 +123,7 @@ def agreement(
         for (i, one), (j, other) in _pairs(names, reference):
             pair = register(mine[one], mine[other], options)
             _write(values, row, i, j, pair)
-            doubts += pair_doubts(
-                mine[one], mine[other], pair.plain, pair.shift, pair.scale, options
-            )
+            doubts += pair_doubts(mine[one], mine[other], pair, options)
         for i, name in enumerate(names):
             _write_same(values, row, i, mine[name].length, options)
     doubts = list(dict.fromkeys(doubts))
@@ -251,28 +213,6 @@ def filtered_profiles(
         },
         {"profile": names, "s": ("s", target.station, {"units": "m"})},
     )
-
-
-def register(first: Track, second: Track, options: AgreementOptions) -> Pair:
-    """Best shift of a pair, and best scale if it is sought."""
-    step = options.step or min(first.spacing, second.spacing)
-    one, other = signal_of(first, options, step), signal_of(second, options, step)
-    starts = one.start, other.start
-    shift = best_shift(one, other, options)
-    plain = likeness(one, other, shift, 0.0)
-    if options.max_scale == 0:
-        return Pair(plain, shift, plain, shift, np.nan, starts)
-    found, coarse = best_scale(one, other, shift, options)
-    # a filter works in metres: so the profile is scaled first, and filtered then
-    origin = float(second.station[0])
-    station = origin + (second.station - origin) / (1 + coarse)
-    other = signal_of(replace(second, station=station), options, step)
-    near = origin + (one.start + found - origin) / (1 + coarse) - one.start
-    rest, fine = refine(one, other, near, 0.0, options)
-    corrected = likeness(one, other, rest, fine)
-    there = origin + (1 + coarse) * (one.start + rest - origin)
-    scale = (1 + coarse) * (1 + fine) - 1
-    return Pair(plain, shift, corrected, there - one.start, scale, starts)
 
 
 def checked(
