@@ -284,6 +284,29 @@ def test_errors_of_passes_average_out(drive, with_errors):
     assert 0.48 < min(sizes) <= max(sizes) < 0.56
 
 
+def test_errors_of_passes_in_agreement_stay(drive, with_errors):
+    """Four passes with one error of the pose: no smaller than that of one pass, and honest."""
+    driven = drive(STRAIGHT, Road(), scanner=NOISY, length=3.0)
+    grid, sd = grid_of(driven), np.array([0.002, 0.002, 0.003, 5e-4, 5e-4, 5e-4])
+    agreed = replace(CAUTIOUS, agreed=True)
+    ratios = []
+    for seed in range(16):
+        trajectory = with_errors(driven.trajectory, np.random.default_rng(seed), sd)
+        geometry = type(driven.geometry)(
+            trajectory, driven.mounting, driven.geometry.angle, driven.geometry.delay
+        )
+        sums = CellSums(grid, agreed.wanted())
+        for number in range(4):
+            if number:
+                sums.next_pass()
+            sums.add_scans(geometry, driven.time, driven.range)
+        surface = surface_of(sums, agreed)
+        truth = driven.ground.height(*node_coordinates(surface))
+        cells = inner(surface["count"].values)
+        ratios.append((surface.height.values - truth)[cells] / surface.sd.values[cells])
+    assert 0.9 < np.sqrt(np.mean(np.concatenate(ratios) ** 2)) < 1.1
+
+
 def test_doubtful_returns_are_left_out_or_weigh_less(drive):
     driven = drive(STRAIGHT, length=1.0)
     grid = grid_of(driven)

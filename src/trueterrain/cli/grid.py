@@ -174,7 +174,7 @@ def grid(
             )  # fmt: skip
         else:
             surface, counts = _grid_points(inputs, where, options, crs, workers, progress)
-    surface, holes = fill_holes(trimmed(surface), Filling(largest=fill))
+    surface, holes = fill_holes(trimmed(surface), Filling(largest=fill), in_place=True)
     loss = None
     if down_sample is not None:
         from trueterrain.surface.coarse import down_sample as coarser

@@ -55,6 +55,10 @@ class GridOptions:
     """Standard deviation of a return without that of its motion [m]; the scatter within cells is
     taken where it is greater."""
 
+    agreed: bool = False
+    """Whether passes were brought into agreement, so that errors of their motion are the same; else
+    they are independent."""
+
     def __post_init__(self) -> None:
         """Check the values."""
         if self.statistic not in get_args(Statistic):
@@ -102,6 +106,7 @@ class GridOptions:
             extremes=self.statistic in ("minimum", "maximum"),
             places=self.statistic == "mean" and self.level,
             point_sd=point_sd,
+            agreed=self.agreed,
         )
 
     @property
@@ -209,6 +214,12 @@ def require_heights(nodes: Nodes, options: GridOptions, tally: Tally) -> None:
     """Raise CoverageError if no node has a height."""
     if any(np.isfinite(row).any() for row in nodes.height):
         return
+    if not (tally.used or tally.outside or tally.too_high):
+        where = f" in {tally.scans} scans" if tally.scans else ""
+        raise CoverageError(
+            f"there is no return{where}",
+            cure="Look at the ranges (`trueterrain plot`), and at what screening leaves.",
+        )
     raise CoverageError(
         f"no cell has {options.minimum_count} returns: {tally.used} lie on the grid, "
         f"{tally.outside} beside it",

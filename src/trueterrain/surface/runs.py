@@ -57,7 +57,7 @@ def grid_runs(
     Parameters
     ----------
     passes : sequence of Pass
-        Runs with their motion; errors of their motion are taken as independent.
+        Runs with their motion; its errors are independent, unless `options` say that they agree.
     grid : Grid
         The cells, in the local frame of the runs.
     options : GridOptions

@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -159,11 +159,12 @@ def measure_lane(
         Everything but the surface itself, which is on disk.
     """
     passes = [run.taken for run in runs]
+    cells = replace(survey.cells, agreed=len(passes) > 1)
     surface, tally = grid_runs(
-        passes, survey.grid.of_runs(passes), survey.cells, screening=survey.screening,
+        passes, survey.grid.of_runs(passes), cells, screening=survey.screening,
         threads=threads, progress=lambda run, done, total: progress(f"{run}: scans", done, total),
     )  # fmt: skip
-    surface, holes = fill_holes(trimmed(surface), survey.holes)
+    surface, holes = fill_holes(trimmed(surface), survey.holes, in_place=True)
     loss = None
     if survey.down_sample is not None:
         surface, loss = down_sample(surface, survey.down_sample)

@@ -81,7 +81,7 @@ class CellSums:
         self._parts = [Part.empty(grid, len(self.rows), wanted)]
         self._weight: int | None = None  # of a good return
         self._earlier: npt.NDArray[np.int32] | None = None  # counts before this pass
-        self._independent: Floats | None = None  # n² and n times variance, of finished passes
+        self._independent: Floats | None = None  # of finished passes, see _close_pass
         self._collection: Collection | None = None  # heights are collected instead of added
         self._moves = False  # so the room of threads is needed again
 
@@ -274,7 +274,7 @@ class CellSums:
         """Variance of the mean height of each cell that comes from the pose.
 
         Errors of the pose are the same for all returns of a pass in a cell, and independent from
-        pass to pass.
+        pass to pass, or the same if the passes were brought into agreement.
 
         Parameters
         ----------
@@ -295,7 +295,10 @@ class CellSums:
         here = slice(rows.start - self.rows.start, rows.stop - self.rows.start)
         count = self._cells(self.total().count)[here].astype(np.float64)
         late = count - self._cells(self._earlier)[here]
-        whole = self._independent[0, here] + late**2 * pose
+        if self.wanted.agreed:
+            whole = (self._independent[0, here] + late * np.sqrt(pose)) ** 2
+        else:
+            whole = self._independent[0, here] + late**2 * pose
         each = self._independent[1, here] + late * pose
         with np.errstate(invalid="ignore", divide="ignore"):
             variance = np.where(count > 0, whole / count**2, np.nan)
@@ -322,19 +325,20 @@ class CellSums:
         return self._pose
 
     def _close_pass(self) -> None:
+        """Add what the poses of this pass do: n² variance, or n sd if all passes err alike."""
         rows, columns = len(self.rows), self.grid.shape[1]
         count = self.total().count
         if self._independent is None or self._earlier is None:
             self._independent = np.zeros((2, rows, columns))
             self._earlier = np.zeros_like(count)
-        pose = self._pose_now()
+        pose, agreed = self._pose_now(), self.wanted.agreed
         late = self._cells(count - self._earlier)
         for start in range(0, rows, CHUNK):
             some = slice(start, min(start + CHUNK, rows))
             there = slice(self.rows.start + some.start, self.rows.start + some.stop)
             variance = pose.variance(there, self.grid.v)
             n = late[some].astype(np.float64)
-            self._independent[0, some] += n**2 * variance
+            self._independent[0, some] += n * np.sqrt(variance) if agreed else n**2 * variance
             self._independent[1, some] += n * variance
         self._earlier[...] = count
         self._finished.append(pose)

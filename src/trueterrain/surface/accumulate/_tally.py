@@ -19,6 +19,9 @@ class Wanted:
     point_sd: bool = False
     "Variances of points that know their standard deviation."
 
+    agreed: bool = False
+    "Whether errors of the poses of passes are the same instead of independent; costs nothing."
+
     @property
     def bytes(self) -> int:
         """Memory for a cell [bytes]."""
