@@ -331,6 +331,19 @@ def test_horizontal_shift_needs_relief():
     assert level.omitted == ("east", "north")
 
 
+def test_cells_need_not_say_where_they_lie():
+    """Without places, held back are stretches of cells by their numbers."""
+    road = Road()
+    drift = road.wander()
+    lanes = [road.drive("a"), road.drive("b", drift)]
+    nowhere = [
+        replace(one, easting=0.0 * one.easting, northing=0.0 * one.northing) for one in lanes
+    ]
+    found = adjust(nowhere, fixed=["a"], settings=PLAIN).correction("b")
+    time = np.arange(0.025, 30.0, 0.05)
+    assert np.abs(found(time) + np.interp(time, road.clock, drift)).max() < 1e-3  # [m]
+
+
 def test_identical_passes_are_told():
     road = Road()
     one = road.drive("a")

@@ -22,6 +22,8 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
 _STEPS = (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)  # [m] wandering that is tried
+_HALVINGS = 12
+_SQUARES = 20  # of the ground, of fewer one cannot tell chance
 _ALIKE = 2.0  # of the logarithm of likelihood, within which two trials are as likely
 _FINER = (10.0**0.25, 10.0**0.125)  # factors that are tried at last
 _BROAD = 3e-2  # [m] wandering with which the weights are found
@@ -56,7 +58,15 @@ def folds_of(shared: Shared, settings: NetworkSettings) -> Folds:
     Folds
         The same whatever else is measured.
     """
-    squares, index = np.unique(shared.squares(settings.block), return_inverse=True)
+    wanted = min(_SQUARES, shared.cells)
+    for halved in range(_HALVINGS):
+        size = settings.block * 0.5**halved
+        squares, index = np.unique(shared.squares(size), return_inverse=True)
+        if squares.size >= wanted:
+            break
+    else:  # cells that do not say where they lie: by their numbers, which follow each other
+        index = np.arange(shared.cells) * wanted // shared.cells
+        squares = np.arange(wanted)
     number = hashed(squares) % settings.folds
     return Folds(
         number=number[index].astype(np.int64), square=index.astype(np.int64), count=settings.folds

@@ -78,7 +78,7 @@ class NetworkSettings:
     "Standard deviations beyond which a cell is rejected."
 
     block: float = 5.0
-    "Side of the squares of ground that are held back together [m]."
+    "Side of the squares of ground that are held back together [m]; halved where there are few."
 
     cluster: float = 1.0
     "Side of the squares of ground within which errors of cells may be alike [m]."
