@@ -6,9 +6,10 @@ from numpy.testing import assert_allclose
 
 from trueterrain.errors import TrueTerrainError
 from trueterrain.lanes import Wander, lane_cells
+from trueterrain.lanes._equations import Prior
 from trueterrain.lanes._problem import share
 from trueterrain.lanes._sparse import pattern_of
-from trueterrain.lanes._system import DATUM_SD, Prior, build
+from trueterrain.lanes._system import DATUM_SD, build
 
 RELATIVE = 1e-9  # [1] rounding, with a condition number of 1e6 and less
 PRIOR = {

@@ -7,9 +7,10 @@ import numpy as np
 import numpy.typing as npt
 
 from trueterrain.lanes import _kernels
+from trueterrain.lanes._equations import Equations
 from trueterrain.lanes._problem import Shared
 from trueterrain.lanes._sparse import pattern_of
-from trueterrain.lanes._system import Equations, System, pair_places
+from trueterrain.lanes._system import System, pair_places
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

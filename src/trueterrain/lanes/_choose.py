@@ -12,9 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from trueterrain.engine.progress import Progress
+from trueterrain.lanes._equations import Equations, Prior
 from trueterrain.lanes._problem import Shared, hashed
 from trueterrain.lanes._settings import NetworkSettings, Trial
-from trueterrain.lanes._system import Equations, Prior, System, build
+from trueterrain.lanes._system import System, build
 from trueterrain.lanes._weights import Fitted, residuals, settle
 from trueterrain.lanes.spline import Wander
 

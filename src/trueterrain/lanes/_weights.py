@@ -8,8 +8,9 @@ import numpy.typing as npt
 
 from trueterrain.errors import TrueTerrainError
 from trueterrain.lanes import _kernels
+from trueterrain.lanes._equations import Equations, Known, Prior, Solution
 from trueterrain.lanes._problem import Shared
-from trueterrain.lanes._system import Equations, Known, Prior, Solution, System
+from trueterrain.lanes._system import System
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
