@@ -210,23 +210,62 @@ def adjusted():
     ])  # fmt: skip
 
 
+def lines_of(ax):
+    """Strengths and errors of each line, by its colour, symbol and dashes."""
+    return {
+        (one.get_color(), one.get_marker(), one.get_linestyle()): dict(
+            zip(*one.get_data(), strict=True)
+        )
+        for one in ax.lines
+        if np.size(one.get_xdata()) and one.get_marker() != "*"
+    }
+
+
 def test_every_strength_is_drawn_at_what_it_predicts_at_best(adjusted):
     ax = drawn(figures.strength_choice(adjusted))
-    drawn_at = {str(one.get_label()): dict(zip(*one.get_data(), strict=True)) for one in ax.lines}
-    assert len(adjusted.trials) > 9
-    for one in adjusted.trials:
-        held = " + ".join(one.components).replace("east + north", "shift")
-        process = {"first": "rough", "second": "smooth"}[one.order]
-        found = drawn_at[f"{held}; {one.knot_spacing:g} s, {process}"]
-        if one.strength > 0:
-            assert found[one.strength] <= one.held_back
-    held_back = {one.held_back for one in adjusted.trials}
-    assert {y for found in drawn_at.values() for y in found.values()} <= held_back
-    (star,) = (found for label, found in drawn_at.items() if label.startswith("chosen"))
-    assert star == {adjusted.chosen.strength: adjusted.chosen.held_back}
+    trials = [one for one in adjusted.trials if one.round == adjusted.chosen.round]
+    looks = lines_of(ax)
+    kinds = {(one.components, one.knot_spacing, one.order) for one in trials}
+    assert len(looks) == len(kinds)
+    for kind in kinds:
+        best = {}
+        for one in trials:
+            if (one.components, one.knot_spacing, one.order) == kind and one.strength > 0:
+                best[one.strength] = min(one.held_back, best.get(one.strength, np.inf))
+        assert any(best.items() <= found.items() for found in looks.values())
+    (star,) = (one for one in ax.lines if one.get_marker() == "*")
+    assert (star.get_xdata()[0], star.get_ydata()[0]) == (
+        adjusted.chosen.strength, adjusted.chosen.held_back
+    )  # fmt: skip
     assert ax.get_ylabel() == "RMSE in cells held back [mm]"
-    assert "too stiff" in notes(ax)
-    assert "too loose" in notes(ax)
+    assert "too stiff" in ax.get_xlabel()
+    assert "too loose" in ax.get_xlabel()
+
+
+def test_components_spacings_and_processes_are_told_apart(adjusted):
+    trials = [
+        replace(adjusted.chosen, components=held, knot_spacing=spacing, order=order, strength=size)
+        for held in (("height",), ("height", "east", "north"))
+        for spacing in (1.0, 0.5)
+        for order in ("second", "first")
+        for size in (1e-3, 1e-2)
+    ]
+    ax = figures.strength_choice(replace(adjusted, trials=tuple(trials), chosen=trials[3]))
+    assert len(lines_of(ax)) == 8
+    assert legend_texts(ax) == [
+        "height", "height + shift", "knots 1 s", "knots 0.5 s", "smooth wandering",
+        "rough wandering", "chosen: 10 mm",
+    ]  # fmt: skip
+    in_metres = figures.strength_choice(adjusted, along="station")
+    assert any(text.startswith("knots") and text.endswith(" m") for text in legend_texts(in_metres))
+
+
+def test_trials_of_other_rounds_do_not_compare(adjusted):
+    other = replace(adjusted.chosen, round=adjusted.chosen.round + 1, held_back=0.5)
+    ax = figures.strength_choice(replace(adjusted, trials=(*adjusted.trials, other)))
+    assert 0.5 not in [y for found in lines_of(ax).values() for y in found.values()]
+    count = sum(one.round != adjusted.chosen.round for one in adjusted.trials) + 1
+    assert f"{count} trials of other rounds" in notes(ax)
 
 
 def test_a_constant_has_a_place_left_of_all_strengths(adjusted):
@@ -237,8 +276,8 @@ def test_a_constant_has_a_place_left_of_all_strengths(adjusted):
     least = min(one.strength for one in adjusted.trials if one.strength > 0)
     assert ticks["0: constant"] < least
     constant = {one.held_back for one in adjusted.trials if one.strength == 0}
-    at = {y for one in ax.lines for x, y in zip(*one.get_data(), strict=True)
-          if x == ticks["0: constant"]}  # fmt: skip
+    at = {found[ticks["0: constant"]] for found in lines_of(ax).values()
+          if ticks["0: constant"] in found}  # fmt: skip
     assert at
     assert at <= constant
 

@@ -19,6 +19,8 @@ Floats = npt.NDArray[np.float64]
 
 _CONSTANT = 10.0**-0.75  # of the least strength, where that of 0 is drawn
 _MARKERS = "osD^vP"
+_ORDERS = {"second": ("-", "smooth wandering"), "first": ("--", "rough wandering")}
+_GREY = "0.35"  # of what holds for all colours
 _PER_KNOT = 8  # samples from one knot to the next
 _MOST = 1 << 20  # samples
 _BEYOND = 8.0  # times the highest frequency that knots hold, up to which it is known what remains
@@ -48,7 +50,8 @@ def strength_choice(
         a constant; and root mean square of the differences of passes in cells held back [m].
         Colours tell the components apart, symbols the spacing of the knots, and dashes the rough
         Gauss-Markov process from the smooth one. Of trials that predict equally well, up to chance,
-        the most likely one was taken, so the lowest point need not be that chosen.
+        the most likely one was taken, so the lowest point need not be that chosen. Trials of other
+        rounds, in which cells weighed differently, do not compare and are only counted.
 
     Examples
     --------
@@ -62,22 +65,14 @@ def strength_choice(
     """
     ax = _canvas.axes_or_new(ax, height=3.8)
     unit = "s" if along == "time" else "m"
-    strengths = [one.strength for one in adjustment.trials if one.strength > 0]
-    zero = _CONSTANT * min(strengths, default=1e-3)
-    components = list(dict.fromkeys(one.components for one in adjustment.trials))
-    spacings = list(dict.fromkeys(one.knot_spacing for one in adjustment.trials))
-    trials = sorted(adjustment.trials, key=_kind)
-    for (held, spacing, order), some in groupby(trials, key=_kind):
-        x, y = _best_of_each([*some])
-        process = "smooth" if order == "second" else "rough"
-        ax.plot(
-            np.where(x > 0, x, zero), y, linewidth=1.1, markersize=4.5, markeredgewidth=1.1,
-            color=_canvas.COLOURS[components.index(held) % len(_canvas.COLOURS)],
-            linestyle="-" if order == "second" else "--", markerfacecolor="white",
-            marker=_MARKERS[spacings.index(spacing) % len(_MARKERS)],
-            label=f"{_named(held)}; {spacing:g} {unit}, {process}",
-        )  # fmt: skip
     chosen = adjustment.chosen
+    trials = sorted((one for one in adjustment.trials if one.round == chosen.round), key=_kind)
+    zero = _CONSTANT * min((one.strength for one in trials if one.strength > 0), default=1e-3)
+    looks = _Looks(trials, unit)
+    for kind, some in groupby(trials, key=_kind):
+        x, y = _best_of_each([*some])
+        ax.plot(np.where(x > 0, x, zero), y, markersize=4.5, linewidth=1.1, **looks.of(*kind))
+    looks.explain(ax)
     what = "constant" if chosen.strength == 0 else f"{1e3 * chosen.strength:.3g} mm"
     ax.plot(
         chosen.strength or zero, chosen.held_back, "*", markersize=15, color="black", zorder=4,
@@ -87,17 +82,10 @@ def strength_choice(
     _canvas.scale_axis(ax.yaxis, _canvas.Scale(factor=1000.0, unit="mm"), "RMSE in cells held back")
     ax.grid(color="0.9", linewidth=0.6)
     ax.set_axisbelow(True)
-    ax.margins(y=0.14)
-    for at, aligned, text in ((0.01, "left", "← too stiff"), (0.99, "right", "too loose →")):
-        ax.annotate(
-            text, (at, 0.02), xycoords="axes fraction", ha=aligned, va="bottom", fontsize="small",
-            color="0.35",
-        )  # fmt: skip
-    best = f"{1e3 * chosen.held_back:.3g} mm"
-    _canvas.note(
-        ax, f"chosen {best}, {_named(chosen.components)}, knots {chosen.knot_spacing:g} {unit}"
-    )
-    _canvas.legend_above(ax, columns=3)
+    before = len(adjustment.trials) - len(trials)
+    others = f"; {before} trials of other rounds" if before else ""
+    _canvas.note(ax, f"RMSE of that chosen {1e3 * chosen.held_back:.3g} mm{others}")
+    _canvas.legend_above(ax, columns=4)
     return ax
 
 
@@ -183,6 +171,37 @@ def correction_spectrum(
     return ax
 
 
+class _Looks:
+    """Colours of components, symbols of spacings, and dashes of what is rough."""
+
+    def __init__(self, trials: "Sequence[Trial]", unit: str) -> None:
+        self._unit = unit
+        self._components = list(dict.fromkeys(one.components for one in trials))
+        self._spacings = sorted({one.knot_spacing for one in trials}, reverse=True)
+        self._orders = [name for name in _ORDERS if any(one.order == name for one in trials)]
+
+    def of(self, components: tuple[str, ...], spacing: float, order: str) -> dict[str, Any]:
+        """Properties of a line."""
+        return {
+            "color": _canvas.COLOURS[self._components.index(components) % len(_canvas.COLOURS)],
+            "marker": _MARKERS[self._spacings.index(spacing) % len(_MARKERS)],
+            "linestyle": _ORDERS[order][0], "markerfacecolor": "white", "markeredgewidth": 1.1,
+        }  # fmt: skip
+
+    def explain(self, ax: "Axes") -> None:
+        """Entries of the legend: what each colour, symbol and dash stands for."""
+        first, coarse = self._components[0], self._spacings[0]
+        for one in self._components:
+            look = self.of(one, coarse, "second")
+            ax.plot([], [], color=look["color"], linewidth=2.5, label=_named(one))
+        for spacing in self._spacings:
+            look = self.of(first, spacing, "second") | {"color": _GREY, "linestyle": "none"}
+            ax.plot([], [], **look, label=f"knots {spacing:g} {self._unit}")
+        for order in self._orders:
+            style, name = _ORDERS[order]
+            ax.plot([], [], color=_GREY, linestyle=style, linewidth=1.1, label=name)
+
+
 def _kind(trial: "Trial") -> tuple[tuple[str, ...], float, str]:
     return trial.components, trial.knot_spacing, trial.order
 
@@ -221,7 +240,7 @@ def _strength_axis(ax: "Axes", zero: float, strengths: Sequence[float]) -> None:
     ax.xaxis.set_major_formatter(FuncFormatter(text))
     ax.xaxis.set_minor_formatter(NullFormatter())
     ax.set_xlim(low, high)
-    ax.set_xlabel("Strength: sd by which heights may wander [mm]")
+    ax.set_xlabel("← too stiff    Strength: sd by which heights may wander [mm]    too loose →")
 
 
 def _periodogram(one: "Correction", rate: float) -> tuple[Floats, Floats]:
