@@ -1,6 +1,5 @@
 """What the commands that rate profiles share: reading, doubts, tables, pictures."""
 
-import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -53,11 +52,6 @@ def warn_of_idle_window(path: Path, profile: "xr.Dataset", options: "CarOptions"
 def warn(text: str) -> None:
     """Say on stderr what is to be doubted about a result."""
     note(f"trueterrain: warning: {text}")
-
-
-def finite(value: float) -> float | None:
-    """A number for a JSON document, None if it is not known."""
-    return value if math.isfinite(value) else None
 
 
 def write_table(rows: list[list[str]]) -> None:

@@ -1,5 +1,6 @@
 """``trueterrain rn``: Ride Number of profiles."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -123,8 +124,8 @@ def _document(path: Path, rated: "xr.Dataset") -> dict[str, Any]:
         tracks.append(whole | {"segments": pieces})
     both = rated["rn_both"].item()
     together = zip(starts, ends, rated["segment_rn_both"].values.tolist(), strict=True)
-    known = both == both  # not NaN
-    segments = [{"start": a, "end": b, "rn": rn} for a, b, rn in together] if known else []
+    pieces = [{"start": a, "end": b, "rn": rn} for a, b, rn in together]
+    segments = [] if math.isnan(both) else pieces
     return {"file": str(path), "tracks": tracks, "rn": both, "segments": segments}
 
 
