@@ -21,6 +21,8 @@ from trueterrain.motion.trajectory import Trajectory
 Floats = npt.NDArray[np.float64]
 
 _UP, _EAST, _NORTH = 2, 0, 1
+_AXES = {"east": 0, "north": 1, "height": 2, "roll": 3, "pitch": 4}  # of a covariance
+_CHUNK = 20_000  # times at once, since each takes the covariance of its interval
 
 
 def corrected_trajectory(trajectory: Trajectory, correction: Correction) -> Trajectory:
@@ -37,13 +39,14 @@ def corrected_trajectory(trajectory: Trajectory, correction: Correction) -> Traj
     -------
     Trajectory
         Raised by the height, moved by east and north, turned by roll and pitch about the axes of
-        the body. The variances of what was corrected are those of the correction, relative to the
+        the body. The covariance of what was corrected is that of the correction, relative to the
         datum of the adjustment: what the navigation was unsure of is what was corrected.
 
     Notes
     -----
     Covariances of what was corrected with the rest are dropped, since the adjustment knows nothing
-    of them.
+    of them. Turned about the body, ground a height h below it also moves sideways by h times the
+    roll, which points that are corrected by `corrected_points` do not.
     """
     t = trajectory.time
     position = trajectory.position.copy()
@@ -54,33 +57,47 @@ def corrected_trajectory(trajectory: Trajectory, correction: Correction) -> Traj
     turn = np.stack(
         [correction(t, "roll"), -correction(t, "pitch"), np.zeros(t.size)], axis=1
     )  # fmt: skip
-    turned = Rotation.from_quat(trajectory.quaternion) * Rotation.from_rotvec(turn)
+    tilt = Rotation.from_rotvec(turn)
+    turned = Rotation.from_quat(trajectory.quaternion) * tilt
+    # so small a turn changes no faster than its vector
+    rate = tilt.inv().apply(trajectory.angular_velocity) + np.gradient(turn, t, axis=0)
     return replace(
         trajectory, position=position, velocity=velocity, quaternion=turned.as_quat(),
-        covariance=_covariance(trajectory, correction),
+        angular_velocity=rate, covariance=_covariance(trajectory, correction),
     )  # fmt: skip
 
 
 def _covariance(trajectory: Trajectory, correction: Correction) -> Floats:
-    """Covariance with the variances of what was corrected in place of the navigation's."""
-    t = trajectory.time
+    """Covariance with that of what was corrected in place of the navigation's."""
     ahead = Rotation.from_quat(trajectory.quaternion).apply([1.0, 0.0, 0.0])
-    course = Rotation.from_euler("Z", np.arctan2(ahead[:, 1], ahead[:, 0])[:, None]).as_matrix()
-    # axes that follow the course: of the place and of the turns
-    turn = np.zeros((t.size, 6, 6))
-    turn[:, :3, :3] = np.eye(3)
-    turn[:, 3:, 3:] = course
-    along = np.einsum("nji,njk,nkl->nil", turn, trajectory.covariance, turn, optimize=True)
-    variance = {_UP: correction.sd(t) ** 2}
-    for axis, name, (offset, forward) in ((3, "roll", (1.0, 0.0)), (4, "pitch", (0.0, 1.0))):
-        if name in correction.components:
-            # the mean of both sides holds no covariance with the height
-            sides = [correction.sd(t, side * offset, side * forward) ** 2 for side in (1, -1)]
-            variance[axis] = 0.5 * (sides[0] + sides[1]) - variance[_UP]
-    for axis, values in variance.items():
-        along[:, axis, :] = along[:, :, axis] = 0.0
-        along[:, axis, axis] = np.maximum(values, 0.0)
-    return np.asarray(np.einsum("nij,njk,nlk->nil", turn, along, turn, optimize=True))
+    angle = np.arctan2(ahead[:, 1], ahead[:, 0])
+    axes = [_AXES[name] for name in correction.components]
+    sign = np.array([-1.0 if name == "pitch" else 1.0 for name in correction.components])
+    found = np.empty_like(trajectory.covariance)
+    for begin in range(0, angle.size, _CHUNK):
+        part = slice(begin, begin + _CHUNK)
+        course = Rotation.from_euler("Z", angle[part, None]).as_matrix()
+        # axes that follow the course: of the turns
+        turn = np.tile(np.eye(6), (len(course), 1, 1))
+        turn[:, 3:, 3:] = course
+        back = turn.transpose(0, 2, 1)
+        along = back @ trajectory.covariance[part] @ turn
+        along[:, axes, :] = along[:, :, axes] = 0.0
+        own = _of_components(correction, trajectory.time[part]) * np.outer(sign, sign)
+        along[np.ix_(range(len(along)), axes, axes)] = own
+        found[part] = turn @ along @ back
+    return found
+
+
+def _of_components(correction: Correction, time: Floats) -> Floats:
+    """Covariance of the components of a correction at some times, shape (time, k, k)."""
+    interval, weights = correction.knots.basis(time)
+    k = len(correction.components)
+    blocks = correction.covariance[interval].reshape(-1, k, 4, k, 4)
+    found = np.einsum("ni,nkilj,nj->nkl", weights, blocks, weights, optimize=True)
+    height = correction.components.index("height")
+    found[:, height, height] += correction.left**2
+    return np.asarray(found)
 
 
 def trajectory_along(
@@ -164,7 +181,7 @@ def corrected_points(
         "easting": np.asarray(points["easting"]) + correction(time, "east"),
         "northing": np.asarray(points["northing"]) + correction(time, "north"),
         "up": np.asarray(points["up"]) + correction.height_at(time, offset, ahead),
-        "sd": correction.sd(time, offset, ahead),
+        "sd": _sd(correction, time, offset, ahead),
     }
     if "sd" in points:
         moved["sd"] = np.hypot(moved["sd"], np.asarray(points["sd"]))
@@ -177,6 +194,18 @@ def corrected_points(
             "method": "network", "lane": correction.name, "components": correction.components,
         },
     )  # fmt: skip
+
+
+def _sd(
+    correction: Correction, time: Floats, offset: Floats | float, ahead: Floats | float
+) -> Floats:
+    """Standard deviations of what a correction leaves, some at a time."""
+    columns = np.broadcast_arrays(time, offset, ahead)
+    found = np.empty(time.size)
+    for begin in range(0, time.size, _CHUNK):
+        part = slice(begin, begin + _CHUNK)
+        found[part] = correction.sd(*(values[part] for values in columns))
+    return found
 
 
 def beside(points: xr.Dataset, path: Path) -> tuple[Floats, Floats]:
