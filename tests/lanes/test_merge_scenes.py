@@ -29,6 +29,7 @@ VECTORS_SEAM = 0.001  # [m] that the thesis reports
 CLOSURE = 0.0002  # [m] asked of loops
 SAME = 1e-9  # [m] round-off of the solver
 CAR = 0.4  # [m] by which an object that one pass saw stands above the road
+SURE = 4.0  # standard deviations that noise does not exceed
 RARE = 1e-4  # probability below which chance is no explanation
 
 
@@ -177,7 +178,10 @@ def test_without_drift_nothing_is_bent(two_lanes):
     assert together.p_value > RARE
     for one in merging.adjustment.corrections:
         time = np.linspace(0.5, 3.5, 50)
-        assert np.abs(one(time)).max() < NETWORK_SEAM
+        for offset in (-2.0, 0.0, 2.0):
+            assert (np.abs(one.height_at(time, offset)) < SURE * one.sd(time, offset)).all()
+    (seam,) = merging.seams
+    npt.assert_allclose(seam.after.median, seam.before.median, rtol=0, atol=NETWORK_SEAM)
 
 
 @pytest.fixture(scope="module")

@@ -98,7 +98,7 @@ def run_survey(
     with whole_folder(folder, force=force) as temporary:
         pictures = Pictures(temporary if survey.outputs.pictures else None)
         runs = [find_run(survey, run, progress) for run in survey.runs]
-        runs, merging = _merged(survey, runs, progress)
+        before, (runs, merging) = runs, _merged(survey, runs, progress)
         points = [write_points(survey, run, temporary, progress) for run in runs]
         together = [runs] if merging else [[run] for run in runs]
         lanes = [
@@ -114,6 +114,8 @@ def run_survey(
             pictures.of_motion(run)
         for lane in lanes:
             pictures.of_whole(lane)
+        if merging and survey.lanes:
+            pictures.of_merging(merging, before, survey.lanes.cells.size)
         numbers = finite({
             "survey": survey.name,
             "title": survey.title,

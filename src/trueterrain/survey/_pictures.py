@@ -1,5 +1,6 @@
 """The pictures of a survey: drawn while the data are there, kept for the report."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,8 +13,10 @@ from trueterrain import figures
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from trueterrain.lanes.merge import Merging
     from trueterrain.survey._lane import Lane, Run
 
+_MOST = 0.99  # share of the cells whose differences before a common colour scale shows
 _PART = 6.0  # [m] of a lane that is drawn node by node
 
 
@@ -72,6 +75,52 @@ class Pictures:
         _, pitch, roll = np.unwrap(t.at(t.time).rotation.as_euler("ZYX"), axis=0).T
         motion = {"time": t.time, "up": t.position[:, 2], "pitch": pitch, "roll": roll}
         self._keep(run.name, "motion", figures.body_motion(motion), "motion of the body")
+
+    def of_merging(self, merging: "Merging", runs: "Sequence[Run]", cell: float) -> None:
+        """Draw how passes were brought into agreement.
+
+        Parameters
+        ----------
+        merging : Merging
+            What was found.
+        runs : sequence of Run
+            The runs as they were before.
+        cell : float
+            Size of the cells in which they were compared [m].
+        """
+        found, vectors = merging.adjustment, merging.alignment
+        if found is not None:
+            claimed = {
+                run.name: (
+                    run.taken.trajectory.time,
+                    np.sqrt(run.taken.trajectory.covariance[:, 2, 2]),
+                )
+                for run in runs
+            }
+            self._merge("correction", figures.lane_correction(
+                found.corrections, navigation_sd=claimed or None
+            ))  # fmt: skip
+            largest = float(np.nanquantile(found.ground.before, _MOST))
+            for when in ("before", "after"):
+                self._merge(when, figures.discrepancy_map(
+                    found.ground, when=when, rejected=found.rejected, largest=largest, cell=cell
+                ))  # fmt: skip
+            self._merge("choice", figures.strength_choice(found))
+            self._merge("spectrum", figures.correction_spectrum(found.corrections))
+        if vectors is not None:
+            pair = vectors.pairs[0]
+            self._merge("vectors", figures.discontinuity_vectors(pair))
+            stations = pair.discontinuity.station[~pair.discontinuity.gap]
+            middle = float(stations[stations.size // 2])
+            self._merge("histograms", figures.lane_histograms(
+                pair.discontinuity, station=middle
+            ))  # fmt: skip
+        for number, seam in enumerate(merging.seams, start=1):
+            if np.isfinite(seam.before.median):
+                self._merge("seam" if number == 1 else f"seam-{number}", figures.seam_steps(seam))
+
+    def _merge(self, kind: str, axes: Any) -> None:
+        self._keep("merge", kind, axes, f"passes, {kind}")
 
     def close(self) -> None:
         """Let go of all figures."""

@@ -79,9 +79,10 @@ def merge_section(merging: Merging, pictures: Pictures) -> Section:
     blocks: list[Block] = [_pairs(merging)]
     blocks += [*_seams(merging), *_network(merging)]
     blocks += [
-        Picture(figure=pictures.figures["merge", kind], alt=text, caption=text)
-        for kind, text in _PICTURES.items()
-        if ("merge", kind) in pictures.figures
+        Picture(figure=figure, alt=text, caption=text)
+        for start, text in _PICTURES.items()
+        for (lane, kind), figure in pictures.figures.items()
+        if lane == "merge" and kind.partition("-")[0] == start
     ]
     return Section(title="How the passes agree", text=_METHODS[merging.method], blocks=blocks)
 
