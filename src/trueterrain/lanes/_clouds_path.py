@@ -35,8 +35,8 @@ def path_of_times(cells: LaneCells) -> Path:
     Notes
     -----
     At each time a straight line is fitted, with a constant speed, to places at about that time.
-    The path is no smoother than it must be: where it swings with what the returns happen to be,
-    offsets do, and a roll of all lanes would seem to be seen.
+    The path is smooth on purpose: if it swung with where returns happen to lie, offsets would, and
+    a roll that all lanes share would seem to be seen.
     """
     begin, span = float(cells.time.min()), float(np.ptp(cells.time))
     steps = max(_STEPS, int(np.ceil(span / _STEP)))
@@ -74,6 +74,23 @@ def path_of_times(cells: LaneCells) -> Path:
         return east + ahead * vx, north + ahead * vy, np.arctan2(vy, vx)
 
     return path
+
+
+def nowhere(time: Floats) -> tuple[Floats, Floats, Floats]:
+    """Path that is not known yet.
+
+    Parameters
+    ----------
+    time : numpy.ndarray
+        Times [s].
+
+    Returns
+    -------
+    tuple of numpy.ndarray
+        Zeros.
+    """
+    none = np.zeros(time.size)
+    return none, none, none
 
 
 def path_of_stations(way: ReferencePath) -> Path:

@@ -5,16 +5,16 @@ cells is kept of it: points stream by, and come out corrected block by block.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path as FilePath
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
 from trueterrain import provenance
 from trueterrain.engine.progress import Progress, no_progress
 from trueterrain.errors import CoverageError, TrueTerrainError, concerning
+from trueterrain.lanes._clouds_corrected import CorrectedClouds, CorrectedLane, with_time
 from trueterrain.lanes._clouds_lanes import (
     WEEK,
     CloudLane,
@@ -22,12 +22,11 @@ from trueterrain.lanes._clouds_lanes import (
     cloud_lanes,
     suggested_cell,
 )
-from trueterrain.lanes._clouds_path import at_their_middle, path_of_stations, path_of_times
+from trueterrain.lanes._clouds_path import at_their_middle, nowhere, path_of_stations, path_of_times
 from trueterrain.lanes._clouds_station import station_path
 from trueterrain.lanes._collect import CellSums, Path
-from trueterrain.lanes.apply import corrected_points
 from trueterrain.lanes.cells import LaneCells
-from trueterrain.lanes.discontinuity import align_lanes, correct
+from trueterrain.lanes.discontinuity import align_lanes
 from trueterrain.lanes.merge import MergeSettings, Merging, merge_cells
 from trueterrain.lanes.reference_path import ReferencePath
 from trueterrain.lanes.runs import control_cells, reference_path
@@ -39,107 +38,9 @@ __all__ = [
     "merge_clouds", "merged_surface", "suggested_cell", "with_cells",
 ]  # fmt: skip
 
-Floats = npt.NDArray[np.float64]
-
 _CLUSTER, _BLOCK = 3.0, 5.0  # cells, sides of squares of ground whose errors are alike or held back
 _WORSE = 1.2  # times the scatter before, from which on a correction does harm
 _LEAST_CELLS = 20  # cells, with fewer a lane is a remnant that tells nothing about its drift
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class CorrectedLane:
-    """One lane in agreement with the others. Called, it yields its points block by block."""
-
-    lane: CloudLane
-    "Its points as they were."
-
-    merging: Merging
-    "How lanes were brought into agreement."
-
-    station: ReferencePath | None
-    "Path whose stations stand for time; None if its times do, or nothing needs them."
-
-    path: Path | None
-    "Where the pass was at its times, or stations."
-
-    variables: tuple[str, ...]
-    "Variables that all lanes have."
-
-    def __call__(self) -> Iterator[xr.Dataset]:
-        """Blocks of its corrected points."""
-        for block in self.lane():
-            yield self.corrected(block)
-
-    def corrected(self, block: xr.Dataset) -> xr.Dataset:
-        """Some of its points, corrected.
-
-        Parameters
-        ----------
-        block : xarray.Dataset
-            Points of the lane.
-
-        Returns
-        -------
-        xarray.Dataset
-            With the variables that all lanes have, ``lane`` that tells them apart, and by the
-            method network ``sd``: that of the correction, and that of the points if they had one.
-        """
-        found, name = block, self.lane.name
-        if self.merging.alignment is not None:
-            found = correct(block, self.merging.alignment, name)
-        elif self.merging.adjustment is not None:
-            found = self._by_network(block)
-        number = np.full(block.sizes["point"], self.lane.label, np.int64)
-        found = found[[one for one in found.data_vars if one in (*self.variables, "sd")]]
-        return found.assign(lane=("point", number, {"units": "1"}))
-
-    def _by_network(self, block: xr.Dataset) -> xr.Dataset:
-        adjustment = self.merging.adjustment
-        if adjustment is None or self.lane.name not in adjustment.names:
-            # a fixed lane is the datum, and as sure as its points
-            own = block["sd"].values if "sd" in block else np.zeros(block.sizes["point"])
-            return block.assign(sd=("point", own, {"units": "m"}))
-        timed = _with_time(block, self.station)
-        found = corrected_points(timed, adjustment.correction(self.lane.name), self.path)
-        if self.station is None:
-            return found
-        return found.assign(time=block["time"]) if "time" in block else found.drop_vars("time")
-
-
-class CorrectedClouds(Mapping[str, CorrectedLane]):
-    """Lanes in agreement, by name; no point is held in memory.
-
-    Parameters
-    ----------
-    lanes : mapping of str to CorrectedLane
-        The lanes.
-    """
-
-    def __init__(self, lanes: Mapping[str, CorrectedLane]) -> None:
-        self._lanes = dict(lanes)
-
-    def __getitem__(self, name: str) -> CorrectedLane:
-        """One of them."""
-        return self._lanes[name]
-
-    def __iter__(self) -> Iterator[str]:
-        """Names."""
-        return iter(self._lanes)
-
-    def __len__(self) -> int:
-        """How many there are."""
-        return len(self._lanes)
-
-    def blocks(self) -> Iterator[xr.Dataset]:
-        """Points of all lanes, corrected, each file read once.
-
-        Yields
-        ------
-        xarray.Dataset
-            Points, all with the same variables, so that they can be written to one file.
-        """
-        for lane, block in blocks_of([one.lane for one in self._lanes.values()]):
-            yield self._lanes[lane.name].corrected(block)
 
 
 def merge_clouds(
@@ -186,6 +87,28 @@ def merge_clouds(
     By the method network corrections follow the time of the points. If one lane has none, those of
     all lanes follow their station instead: along the path given, else along the middle of each
     lane. Numbers of the settings in seconds are taken in metres then.
+
+    Examples
+    --------
+    Two passes over level ground, 8 mm apart:
+
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from trueterrain import formats
+    >>> from trueterrain.kinds import make_points
+    >>> rng = np.random.default_rng(1)
+    >>> x, y = np.sort(rng.uniform(0, 30, 9000)), rng.uniform(0, 1, 9000)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     files = [Path(folder) / "south.laz", Path(folder) / "north.laz"]
+    ...     for file, up in zip(files, (0.004, -0.004)):
+    ...         z = up + rng.normal(0, 1e-3, x.size)
+    ...         formats.write(make_points(x, y, z, time=4e8 + x / 10), file)
+    ...     lanes = cloud_lanes(files)
+    ...     settings = with_cells(MergeSettings(), suggested_cell(lanes))
+    ...     merging, corrected = merge_clouds(lanes, settings)
+    ...     up = np.concatenate([block.up for block in corrected["south"]()])
+    >>> f"{1e3 * merging.pairs[0].before.median:.1f} mm, {1e3 * up.mean():.1f} mm"
+    '8.0 mm, 0.0 mm'
     """
     lanes = {name: lanes[name] for name in sorted(lanes)}
     path = path or reference_path(settings)
@@ -384,14 +307,6 @@ def merged_surface(
     )  # fmt: skip
 
 
-def _with_time(block: xr.Dataset, station: ReferencePath | None) -> xr.Dataset:
-    """Points with their stations as time, if these stand for it."""
-    if station is None:
-        return block
-    at = station.locate(block["easting"].values, block["northing"].values).station
-    return block.assign(time=("point", at, {"units": "s"}))
-
-
 def _cells(
     lanes: Mapping[str, CloudLane],
     ways: Mapping[str, ReferencePath | None],
@@ -409,7 +324,7 @@ def _cells(
             columns = {name: block[name].values for name in ("easting", "northing", "up")}
             time = np.zeros(block.sizes["point"])
             if timed:
-                time = _with_time(block, ways[lane.name])["time"].values
+                time = with_time(block, ways[lane.name])["time"].values
             sums[lane.name].add(**columns, time=time)
         done += block.sizes["point"]
     progress("cells of lanes", total, total)
@@ -417,7 +332,7 @@ def _cells(
     left_out: list[str] = []
     for name, one in sums.items():
         try:
-            cells = one.cells(name, _nowhere)
+            cells = one.cells(name, nowhere)
         except CoverageError as error:
             left_out.append(f"{name} is left out: it {error.problem.removeprefix(name).strip()}")
             continue
@@ -436,12 +351,6 @@ def _cells(
             "points in each, or allow more scatter.",
         )
     return found, left_out
-
-
-def _nowhere(time: Floats) -> tuple[Floats, Floats, Floats]:
-    """Path that is not known yet."""
-    none = np.zeros(time.size)
-    return none, none, none
 
 
 def _require_one_flight(lane: CloudLane) -> None:

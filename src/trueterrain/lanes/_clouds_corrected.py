@@ -1,0 +1,131 @@
+"""Lanes of point clouds as they come out of a merging: corrected while they are read."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from trueterrain.lanes._clouds_lanes import CloudLane, blocks_of
+from trueterrain.lanes._collect import Path
+from trueterrain.lanes.apply import corrected_points
+from trueterrain.lanes.discontinuity import correct
+from trueterrain.lanes.merge import Merging
+from trueterrain.lanes.reference_path import ReferencePath
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CorrectedLane:
+    """One lane in agreement with the others. Called, it yields its points block by block."""
+
+    lane: CloudLane
+    "Its points as they were."
+
+    merging: Merging
+    "How lanes were brought into agreement."
+
+    station: ReferencePath | None
+    "Path whose stations stand for time; None if its times do, or nothing needs them."
+
+    path: Path | None
+    "Where the pass was at its times, or stations."
+
+    variables: tuple[str, ...]
+    "Variables that all lanes have."
+
+    def __call__(self) -> Iterator[xr.Dataset]:
+        """Blocks of its corrected points."""
+        for block in self.lane():
+            yield self.corrected(block)
+
+    def corrected(self, block: xr.Dataset) -> xr.Dataset:
+        """Some of its points, corrected.
+
+        Parameters
+        ----------
+        block : xarray.Dataset
+            Points of the lane.
+
+        Returns
+        -------
+        xarray.Dataset
+            With the variables that all lanes have, ``lane`` that tells them apart, and by the
+            method network ``sd``: that of the correction, and that of the points if they had one.
+        """
+        found, name = block, self.lane.name
+        if self.merging.alignment is not None:
+            found = correct(block, self.merging.alignment, name)
+        elif self.merging.adjustment is not None:
+            found = self._by_network(block)
+        number = np.full(block.sizes["point"], self.lane.label, np.int64)
+        found = found[[one for one in found.data_vars if one in (*self.variables, "sd")]]
+        return found.assign(lane=("point", number, {"units": "1"}))
+
+    def _by_network(self, block: xr.Dataset) -> xr.Dataset:
+        adjustment = self.merging.adjustment
+        if adjustment is None or self.lane.name not in adjustment.names:
+            # a fixed lane is the datum, and as sure as its points
+            own = block["sd"].values if "sd" in block else np.zeros(block.sizes["point"])
+            return block.assign(sd=("point", own, {"units": "m"}))
+        timed = with_time(block, self.station)
+        found = corrected_points(timed, adjustment.correction(self.lane.name), self.path)
+        if self.station is None:
+            return found
+        return found.assign(time=block["time"]) if "time" in block else found.drop_vars("time")
+
+
+class CorrectedClouds(Mapping[str, CorrectedLane]):
+    """Lanes in agreement, by name; no point is held in memory.
+
+    Parameters
+    ----------
+    lanes : mapping of str to CorrectedLane
+        The lanes.
+    """
+
+    def __init__(self, lanes: Mapping[str, CorrectedLane]) -> None:
+        self._lanes = dict(lanes)
+
+    def __getitem__(self, name: str) -> CorrectedLane:
+        """One of them."""
+        return self._lanes[name]
+
+    def __iter__(self) -> Iterator[str]:
+        """Names."""
+        return iter(self._lanes)
+
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self._lanes)
+
+    def blocks(self) -> Iterator[xr.Dataset]:
+        """Points of all lanes, corrected, each file read once.
+
+        Yields
+        ------
+        xarray.Dataset
+            Points, all with the same variables, so that they can be written to one file.
+        """
+        for lane, block in blocks_of([one.lane for one in self._lanes.values()]):
+            yield self._lanes[lane.name].corrected(block)
+
+
+def with_time(block: xr.Dataset, station: ReferencePath | None) -> xr.Dataset:
+    """Points with their stations as time, if these stand for it.
+
+    Parameters
+    ----------
+    block : xarray.Dataset
+        Points.
+    station : ReferencePath or None
+        Path whose stations [m] stand for time.
+
+    Returns
+    -------
+    xarray.Dataset
+        The same points if there is no path.
+    """
+    if station is None:
+        return block
+    at = station.locate(block["easting"].values, block["northing"].values).station
+    return block.assign(time=("point", at, {"units": "s"}))
