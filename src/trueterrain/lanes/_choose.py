@@ -27,6 +27,7 @@ _HALVINGS = 12
 _SQUARES = 20  # of the ground, of fewer one cannot tell chance
 _ALIKE = 2.0  # of the logarithm of likelihood, within which two trials are as likely
 _FINER = (10.0**0.25, 10.0**0.125)  # factors that are tried at last
+_CORRELATION_TIME = 25.0  # [s] of the drift that two drives over one road show
 _BROAD = 3e-2  # [m] wandering with which the weights are found
 
 
@@ -181,12 +182,17 @@ class Search:
     def _near(self, strength: float) -> Sequence[float]:
         if self.settings.strength is not None or strength == 0:
             return (strength,)
-        return (strength / _FINER[0], strength, strength * _FINER[0])
+        return self._limited((strength / _FINER[0], strength, strength * _FINER[0]))
 
     @property
     def _steps(self) -> Sequence[float]:
         given = self.settings.strength
-        return _STEPS if given is None else (given,)
+        return self._limited(_STEPS) if given is None else (given,)
+
+    def _limited(self, strengths: Sequence[float]) -> Sequence[float]:
+        """No more than the navigation claims: what passes have in common would drift with noise."""
+        most = usual_sd(self._lanes_sd) or np.inf
+        return tuple(dict.fromkeys(min(one, most) for one in strengths))
 
     def _spacings(self) -> list[float]:
         spacings = list(self.settings.knot_spacings)
@@ -234,7 +240,7 @@ class Search:
         if self.settings.strength is not None or best.strength == 0:
             return best
         for step in _FINER:
-            for strength in (best.strength * step, best.strength / step):
+            for strength in self._limited((best.strength * step, best.strength / step)):
                 found = self._best_of([replace(best, strength=strength)])
                 likelier = found.log_likelihood > best.log_likelihood
                 if likelier and not self._better(best, found, 1.0):
@@ -320,10 +326,59 @@ def priors(trial: Trial, settings: NetworkSettings) -> dict[str, Prior]:
     found = {}
     for name in trial.components:
         sd = trial.strength if name == "height" else trial.extra_strength * settings.scale(name)
-        wander = Wander(sd=sd, correlation_time=settings.correlation_time, order=trial.order)
+        time = settings.correlation_time or _CORRELATION_TIME
+        wander = Wander(sd=sd, correlation_time=time, order=trial.order)
         offset_sd = np.inf if name == "height" else settings.scale(name)
         found[name] = Prior(wander=wander, offset_sd=offset_sd)
     return found
+
+
+def claimed(
+    trial: Trial, settings: NetworkSettings, lanes_sd: Sequence[Floats]
+) -> dict[str, Prior]:
+    """Priors by which standard deviations are told.
+
+    Overlaps tell how much passes wander from each other, not how they wander together. Of that only
+    the navigation knows, so its claim counts if it is greater.
+
+    Parameters
+    ----------
+    trial : Trial
+        What was chosen.
+    settings : NetworkSettings
+        Times of correlation.
+    lanes_sd : sequence of numpy.ndarray, shape (2, n)
+        Times, and standard deviations of the height by the navigation [m].
+
+    Returns
+    -------
+    dict of Prior
+        As `priors`, with the height as the navigation claims it.
+    """
+    found = priors(trial, settings)
+    claim = usual_sd(lanes_sd)
+    if claim is not None and claim > trial.strength:
+        time = settings.correlation_time or _CORRELATION_TIME
+        wander = Wander(sd=claim, correlation_time=time, order="first")
+        found["height"] = replace(found["height"], wander=wander)
+    return found
+
+
+def usual_sd(lanes_sd: Sequence[Floats]) -> float | None:
+    """What the navigation claims of its heights.
+
+    Parameters
+    ----------
+    lanes_sd : sequence of numpy.ndarray, shape (2, n)
+        Times, and standard deviations of the height by the navigation [m].
+
+    Returns
+    -------
+    float or None
+        Median [m]; None if it claims nothing.
+    """
+    known = [said[1] for said in lanes_sd if said.size]
+    return float(np.median(np.concatenate(known))) if known else None
 
 
 def _chance(gain: Floats) -> float:

@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 
 from trueterrain.lanes._clouds_lanes import CloudLane, blocks_of
-from trueterrain.lanes._collect import Path
+from trueterrain.lanes._middle import Path
 from trueterrain.lanes.apply import corrected_points
 from trueterrain.lanes.discontinuity import correct
 from trueterrain.lanes.merge import Merging

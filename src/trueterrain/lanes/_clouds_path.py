@@ -1,12 +1,10 @@
 """Where a pass was, by where its returns lie: clouds do not say it themselves."""
 
-from dataclasses import replace
-
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.lanes._collect import Path
 from trueterrain.lanes._discontinuity_path import ReferencePath
+from trueterrain.lanes._middle import Path
 from trueterrain.lanes.cells import LaneCells
 
 Floats = npt.NDArray[np.float64]
@@ -15,7 +13,6 @@ _STEP = 0.5  # [s] over which returns are brought together
 _STEPS = 40  # at least
 _SMOOTH = 2.0  # [s] standard deviation of the window in which the way is taken for straight
 _REACH = 4  # of these, to which the window extends
-_SLOW = 1e-3  # [m/s] below which a pass stands
 _LEAST = 1e-12  # of the largest weight, below which there is nothing near
 
 
@@ -113,45 +110,3 @@ def path_of_stations(way: ReferencePath) -> Path:
         return easting, northing, np.interp(station, way.station, heading)
 
     return at
-
-
-def at_their_middle(cells: LaneCells, path: Path, size: float) -> LaneCells:
-    """Cells with time and offset of their middle, which all lanes share.
-
-    Parameters
-    ----------
-    cells : LaneCells
-        With times of the mean places of their returns.
-    path : callable
-        Where the pass was at its times.
-    size : float
-        Size of the cells [m].
-
-    Returns
-    -------
-    LaneCells
-        With the time at which the pass saw the middle of the cell, and ``offset`` and ``ahead`` of
-        the middle.
-
-    Notes
-    -----
-    The returns of two lanes in a cell have different mean places, to which their heights are
-    brought along the slope of the ground. Time and offset go along. If they did not, a tilt that
-    all lanes share would seem to change what they differ by, and what is left of the slope of the
-    ground would be taken for it.
-    """
-    x, y = ((np.floor(at / size) + 0.5) * size for at in (cells.easting, cells.northing))
-    east, north, heading = path(cells.time)
-    later = path(cells.time + _STEP)
-    speed = np.hypot(later[0] - east, later[1] - north) / _STEP
-    cos, sin = np.cos(heading), np.sin(heading)
-    along = (x - cells.easting) * cos + (y - cells.northing) * sin
-    shift = np.divide(along, speed, out=np.zeros_like(along), where=speed > _SLOW)
-    time = cells.time + np.clip(shift, -_STEP, _STEP)
-    time = np.clip(time, cells.time.min(), cells.time.max())
-    east, north, heading = path(time)
-    cos, sin = np.cos(heading), np.sin(heading)
-    return replace(
-        cells, time=time, offset=(y - north) * cos - (x - east) * sin,
-        ahead=(x - east) * cos + (y - north) * sin,
-    )  # fmt: skip

@@ -1,6 +1,6 @@
 """Points into the cells that passes are compared by: whole-number sums, then planes."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 import numpy as np
 import numpy.typing as npt
@@ -8,14 +8,12 @@ import xarray as xr
 
 from trueterrain.errors import CoverageError, SchemaError
 from trueterrain.lanes import _kernels
+from trueterrain.lanes._middle import Path
 from trueterrain.lanes._settings import CellOptions
 from trueterrain.lanes.cells import LaneCells
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
-
-#: Easting, northing [m] and heading [rad] of a pass at some times.
-Path = Callable[[Floats], tuple[Floats, Floats, Floats]]
 
 _STEP = 1e-5  # [m] of heights
 _TIME_STEP = 1e-6  # [s] or [m]
@@ -202,7 +200,7 @@ def _path_of(found: dict[str, Floats]) -> Path:
 
 def _smoothed(values: Floats) -> Floats:
     """Mean of five neighbours, of fewer at the ends."""
-    box = np.ones(min(5, values.size | 1))
+    box = np.ones(min(5, values.size - 1 + values.size % 2))
     return np.convolve(values, box, "same") / np.convolve(np.ones(values.size), box, "same")
 
 

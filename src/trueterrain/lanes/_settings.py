@@ -49,8 +49,9 @@ class NetworkSettings:
     """Standard deviation by which the height of a pass may wander about its constant part [m]; by
     default what predicts cells held back best."""
 
-    correlation_time: float = 25.0
-    "Time, or way, after which the autocorrelation of the wandering is 1/e [s] or [m]."
+    correlation_time: float | None = None
+    """Time, or way, after which the autocorrelation of the wandering is 1/e [s] or [m]; by default
+    as fusion measured it in the drift of runs, else 25."""
 
     orders: tuple[Order, ...] = ("second", "first")
     "Orders of the Gauss-Markov process that are tried: first is rough, second smooth."
@@ -110,8 +111,11 @@ class NetworkSettings:
         if self.strength is not None and not (np.isfinite(self.strength) and self.strength >= 0):
             message = f"strength must be at least 0 m, got {self.strength}."
             raise ValueError(message)
+        if self.correlation_time is not None and not 0 < self.correlation_time < np.inf:
+            message = f"correlation_time must be greater than 0, got {self.correlation_time}."
+            raise ValueError(message)
         for name in (
-            "correlation_time", "roll_sd", "pitch_sd", "shift_sd", "huber", "tukey", "block",
+            "roll_sd", "pitch_sd", "shift_sd", "huber", "tukey", "block",
             "cluster", "least_cells", "tolerance",
         ):  # fmt: skip
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from trueterrain import provenance
 from trueterrain.errors import SchemaError
-from trueterrain.lanes._collect import Path
 from trueterrain.lanes._discontinuity_result import LaneAlignment
+from trueterrain.lanes._middle import Path
 from trueterrain.lanes.spline import Correction
 from trueterrain.motion.trajectory import Trajectory
 

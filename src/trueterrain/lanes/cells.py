@@ -16,7 +16,7 @@ from trueterrain.lanes._settings import CellOptions
 from trueterrain.motion.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from trueterrain.lanes._collect import Path
+    from trueterrain.lanes._middle import Path
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -298,6 +298,7 @@ def cells_of_run(
     """
     from trueterrain.georeference import georeference
     from trueterrain.lanes._collect import CellSums
+    from trueterrain.lanes._middle import at_their_middle
 
     sums = CellSums(options)
     for block in georeference(run, trajectory, mounting, screening=screening):
@@ -310,4 +311,4 @@ def cells_of_run(
 
     sd = np.sqrt(trajectory.covariance[:, 2, 2])
     navigation = {"sd_time": trajectory.time, "sd_height": sd} if (sd > 0).all() else {}
-    return sums.cells(name, path, **navigation)
+    return at_their_middle(sums.cells(name, path, **navigation), path, options.size)

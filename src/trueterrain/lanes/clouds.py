@@ -22,9 +22,10 @@ from trueterrain.lanes._clouds_lanes import (
     cloud_lanes,
     suggested_cell,
 )
-from trueterrain.lanes._clouds_path import at_their_middle, nowhere, path_of_stations, path_of_times
+from trueterrain.lanes._clouds_path import nowhere, path_of_stations, path_of_times
 from trueterrain.lanes._clouds_station import station_path
-from trueterrain.lanes._collect import CellSums, Path
+from trueterrain.lanes._collect import CellSums
+from trueterrain.lanes._middle import Path, at_their_middle
 from trueterrain.lanes.cells import LaneCells
 from trueterrain.lanes.discontinuity import align_lanes
 from trueterrain.lanes.merge import MergeSettings, Merging, merge_cells

@@ -29,7 +29,15 @@ from trueterrain.lanes._agreement import (
     drift_tests,
     pairs_of,
 )
-from trueterrain.lanes._choose import Search, broad, folds_of, parts_of, predicted, priors
+from trueterrain.lanes._choose import (
+    Search,
+    broad,
+    claimed,
+    folds_of,
+    parts_of,
+    predicted,
+    priors,
+)
 from trueterrain.lanes._problem import Shared, sample, share
 from trueterrain.lanes._settings import NetworkSettings, Trial
 from trueterrain.lanes._system import System, build
@@ -242,7 +250,9 @@ def adjust(
     constant, which is free, and a Gauss-Markov process about it, in proportion to what the
     navigation says of its own height. Its strength, the spacing of the knots and the components
     are those that predict whole squares of ground held back best; of several that do about equally
-    well, by their standard error, the stiffest is taken. Weights are Huber's until all has settled,
+    well, by their standard error, the stiffest is taken. That says what passes differ by. What they
+    have in common no pass can tell, so standard deviations rest on what the navigation claims,
+    where it claims more than the passes differ by. Weights are Huber's until all has settled,
     then Tukey's for a few steps, which leave out what moved between the passes.
 
     Examples
@@ -279,11 +289,12 @@ def adjust(
     fitted = reject(system, prior, start, bound=settings.tukey, factor=factor)
     left = left_over(system, fitted)
     progress("say how sure it is", 0, None)
-    covariance = system.covariance(fitted.solution)
     measured = shared.entries.height
     after = measured + fitted.correction
     folds = folds_of(shared, settings)
     whole, parts = parts_of(system, folds, fitted.weight)
+    claims = claimed(chosen, settings, lanes_sd)
+    covariance = system.covariance(system.solve(whole, system.known(claims)))
     held_back = measured + predicted(system, prior, folds, whole, parts)
     pairs = pairs_of(shared, fitted.robustness, measured, after, held_back)
     ground = _ground(system, fitted, covariance)

@@ -26,6 +26,7 @@ def merge_runs(
     settings: MergeSettings = MergeSettings(),
     *,
     screening: Screening = Screening(),
+    drift_time: float | None = None,
     progress: Progress = no_progress,
 ) -> tuple[Merging, dict[str, Pass]]:
     """Bring recorded runs into agreement.
@@ -38,6 +39,9 @@ def merge_runs(
         How.
     screening : Screening
         Which returns are doubtful, and what becomes of them.
+    drift_time : float, optional
+        Time after which the autocorrelation of the drift of navigation is 1/e, as fusion measured
+        it [s], unless the settings name another one.
     progress : callable, optional
         Called with a task, the amount done and the total.
 
@@ -57,6 +61,9 @@ def merge_runs(
     TrueTerrainError
         If the adjustment does not settle.
     """
+    if settings.network.correlation_time is None and drift_time is not None:
+        network = replace(settings.network, correlation_time=drift_time)
+        settings = replace(settings, network=network)
     cells = cells_of_passes(passes, settings, screening=screening, progress=progress)
     control = [] if settings.control is None else [control_cells(settings.control, settings)]
     merging = merge_cells(

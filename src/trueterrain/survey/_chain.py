@@ -145,9 +145,10 @@ def _merged(
     """Runs brought into agreement, if the survey asks for it."""
     if survey.lanes is None:
         return runs, None
+    times = [run.motion.noise.drift_time[0] for run in runs if run.motion.noise is not None]
     merging, passes = merge_runs(
         {run.name: run.taken for run in runs}, survey.lanes, screening=survey.screening,
-        progress=progress,
+        drift_time=float(np.median(times)) if times else None, progress=progress,
     )  # fmt: skip
     return [replace(run, taken=passes[run.name]) for run in runs], merging
 
