@@ -1,0 +1,484 @@
+"""Design of an excitation event: cleats that shake a vehicle in the modes that one wants to test.
+
+After section 3.3 of Smith, "Improving the Quality of Terrain Measurement" (Virginia Tech, 2009):
+the event as a whole is half a wave of a mode of the body, the cleats in it meet the wheels at wheel
+hop. What of that comes true for a given vehicle is told by `cross_event`.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, Literal, get_args
+
+from trueterrain.vehicle import FullCarParameters, linear_model, modes
+from trueterrain.verify._event_crossing import EventResponse, cross_event
+from trueterrain.verify._event_hop import (
+    Erratum,
+    HopModel,
+    cleat_ratio,
+    event_errata,
+    hop_transmissibility,
+    peak_ratio,
+)
+from trueterrain.verify._event_lumber import Piece, cut_list
+from trueterrain.verify._event_waves import (
+    covering_speeds,
+    event_spectrum,
+    half_power,
+    passage_gain,
+    wheelbase_filter,
+)
+
+__all__ = [
+    "Erratum",
+    "EventDesign",
+    "EventInputs",
+    "EventResponse",
+    "HopModel",
+    "Piece",
+    "Placement",
+    "Target",
+    "WidthRule",
+    "cleat_ratio",
+    "covering_speeds",
+    "cross_event",
+    "cut_list",
+    "design_event",
+    "event_errata",
+    "event_inputs",
+    "event_spectrum",
+    "hop_transmissibility",
+    "passage_gain",
+    "peak_ratio",
+    "wheelbase_filter",
+]
+
+#: Mode of the body that the event as a whole shall excite.
+Target = Literal["heave", "pitch", "roll"]
+
+#: Where the width of the cleats comes from: a wheel in hop touches both edges; the most hop, where
+#: a wheel that is damped so much never does; or it was given.
+WidthRule = Literal["both edges", "most hop", "given"]
+
+#: Where the cleats lie: across the lane; right side half a wave behind; under the left wheels only.
+Placement = Literal["across", "staggered", "one side"]
+
+_THESIS_LENGTH = 2.44  # [m] 8 feet, a sheet of plywood
+_MOST_CLEATS = 200
+_MOST_HOP = 0.5  # [1] w / a at which the first harmonic of the cleats is greatest
+
+#: Tolerances unless told otherwise: how far spectra are read, and boards are laid.
+_TOLERANCES = {"ride": 0.05, "hop": 0.5, "damping": 0.05, "length": 0.005}
+
+
+@dataclass(frozen=True, kw_only=True)
+class EventInputs:
+    """What an event is designed from.
+
+    Raises
+    ------
+    ValueError
+        If a value breaks its rule.
+
+    Examples
+    --------
+    >>> EventInputs().hop
+    11.0
+    """
+
+    ride: float = 1.1
+    "Frequency of the mode of the body that the event as a whole shall excite: f1 [Hz]."
+
+    hop: float = 11.0
+    "Undamped frequency of wheel hop: f2 [Hz]."
+
+    damping: float = 0.3
+    "Damping ratio of wheel hop [1]."
+
+    tyre_share: float = 1.0
+    "Stiffness of the tyre over that of tyre and suspension together; 1 is a soft suspension [1]."
+
+    wheelbase: float | None = None
+    "Distance between the axles [m]; None if it is not known."
+
+    track: float = 1.6
+    "Greatest distance between the wheels of an axle [m]."
+
+    tolerances: Mapping[str, float] = field(default_factory=lambda: dict(_TOLERANCES))
+    """By how much `ride` [Hz], `hop` [Hz], `damping` [1] and the length of the event [m] may be
+    off; those not named are taken as exact."""
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        for name, unit in (("ride", "Hz"), ("hop", "Hz"), ("track", "m"), ("wheelbase", "m")):
+            value = getattr(self, name)
+            if value is not None and not 0 < value < math.inf:
+                message = f"{name} must be finite and greater than 0 {unit}, got {value}."
+                raise ValueError(message)
+        if not 0 < self.damping < 1:
+            message = f"damping must be greater than 0 and less than 1, got {self.damping}."
+            raise ValueError(message)
+        if not 0 < self.tyre_share <= 1:
+            message = f"tyre_share must be greater than 0 and at most 1, got {self.tyre_share}."
+            raise ValueError(message)
+        if self.hop <= self.ride:
+            message = f"hop must be above ride, {self.ride:g} Hz, got {self.hop:g} Hz."
+            raise ValueError(message)
+        for name, value in self.tolerances.items():
+            if name not in _TOLERANCES:
+                message = f"tolerances must be of {', '.join(_TOLERANCES)}, got one of {name!r}."
+                raise ValueError(message)
+            if not 0 <= value < math.inf:
+                message = f"the tolerance of {name} must be finite and at least 0, got {value}."
+                raise ValueError(message)
+            room = min(self.damping, 1 - self.damping) if name == "damping" else math.inf
+            if value >= min(getattr(self, name, math.inf), room):
+                message = f"the tolerance of {name} must leave it within its bounds, got {value}."
+                raise ValueError(message)
+        if self.hop - self.tolerances.get("hop", 0) <= self.ride + self.tolerances.get("ride", 0):
+            message = "the tolerances of hop and ride must leave hop above ride."
+            raise ValueError(message)
+
+
+@dataclass(frozen=True, kw_only=True)
+class EventDesign:
+    """An event, and how it is driven over; made by `design_event`."""
+
+    model: HopModel
+    "Oscillator from which the cleats' width comes."
+
+    target: Target
+    "Mode of the body that the event as a whole shall excite."
+
+    placement: Placement
+    "Where the cleats lie."
+
+    inputs: EventInputs
+    "What it was designed from."
+
+    length: float
+    "Length of the event as asked for, half a wave of the body: L [m]."
+
+    speed: float
+    "Speed at which it is driven over: V [m/s]."
+
+    spacing: float
+    "From cleat to cleat: a [m]."
+
+    number: int
+    "Cleats."
+
+    width: float
+    "Width of a cleat along the lane: w [m]."
+
+    rise: float
+    "Height of a cleat [m]."
+
+    base: float
+    "Thickness of a board under the whole event [m]."
+
+    events: int
+    "How often the event is repeated, a wave of the body apart."
+
+    width_rule: WidthRule
+    "Where the width comes from."
+
+    tolerances: Mapping[str, float]
+    "By how much speed [m/s], spacing [m], width [m] and cleat_ratio [1] are off with the inputs."
+
+    @property
+    def cleat_ratio(self) -> float:
+        """Width of a cleat over the spacing: w / a [1]."""
+        return self.width / self.spacing
+
+    @property
+    def built_length(self) -> float:
+        """Length of the whole number of cleats, half a spacing beyond the outer ones [m]."""
+        return self.number * self.spacing
+
+    @property
+    def stagger(self) -> float:
+        """By how much the right side lies further along than the left side [m]."""
+        return self.length if self.placement == "staggered" else 0.0
+
+    @property
+    def pitch(self) -> float:
+        """From the begin of an event to that of the next, a wave of the body [m]."""
+        return max(2 * self.length, self.built_length)
+
+    @property
+    def extent(self) -> float:
+        """From the begin of the first event to the end of the last one on both sides [m]."""
+        return (self.events - 1) * self.pitch + self.built_length + self.stagger
+
+    @property
+    def ride_met(self) -> float:
+        """Frequency of which the event as built is half a wave [Hz]."""
+        return self.speed / (2 * self.built_length)
+
+    @property
+    def hop_met(self) -> float:
+        """Frequency at which wheels meet cleats [Hz]."""
+        return self.speed / self.spacing
+
+    @property
+    def speed_band(self) -> tuple[float, float]:
+        """Speeds between which wheel hop gets at least half of the power [m/s]."""
+        half = half_power(self.number)
+        centre = self.inputs.hop * self.spacing
+        return centre / (1 + half), centre / (1 - half)
+
+    @property
+    def ground(self) -> dict[str, Any]:
+        """Parameters of `trueterrain.simulate.ground.ExcitationEvent`; both sides have cleats.
+
+        Examples
+        --------
+        >>> from trueterrain.simulate.ground import ExcitationEvent
+        >>> ExcitationEvent(**design_event(EventInputs(), length=2.44).ground).number
+        5
+        """
+        return {
+            "number": self.number,
+            "spacing": self.spacing,
+            "width": self.width,
+            "rise": self.rise,
+            "base": self.base,
+            "stagger": self.stagger,
+            "events": self.events,
+            "pitch": self.pitch,
+        }
+
+    def describe(self) -> dict[str, Any]:
+        """All of it as plain numbers and words, as for JSON; lengths in m."""
+        low, high = self.speed_band
+        return {
+            **asdict(self),
+            "cleat_ratio": self.cleat_ratio,
+            "built_length": self.built_length,
+            "stagger": self.stagger,
+            "pitch": self.pitch,
+            "extent": self.extent,
+            "ride_met": self.ride_met,
+            "hop_met": self.hop_met,
+            "speed_band": [low, high],
+        }
+
+
+def event_inputs(car: FullCarParameters, target: Target = "heave") -> EventInputs:
+    """What an event for a vehicle is designed from.
+
+    Parameters
+    ----------
+    car : FullCarParameters
+        The vehicle.
+    target : {"heave", "pitch", "roll"}
+        Mode of the body that the event as a whole shall excite.
+
+    Returns
+    -------
+    EventInputs
+        Undamped frequency of that mode; mean frequency, damping ratio and share of the tyre of the
+        hop of both axles; wheelbase and track. The tolerance of the hop covers both axles.
+
+    Raises
+    ------
+    ValueError
+        If the target is unknown.
+
+    Examples
+    --------
+    >>> from trueterrain.vehicle import named_vehicle
+    >>> van = event_inputs(named_vehicle("van"), "pitch")
+    >>> print(f"{van.ride:.2f} {van.hop:.2f} Hz, {van.damping:.2f}, {van.tyre_share:.3f}")
+    1.41 12.48 Hz, 0.43, 0.854
+    """
+    _check_choice("target", target, Target)
+    found = modes(linear_model(car))
+    front, rear = found.names.index("front hop"), found.names.index("rear hop")
+    hops = found.undamped_frequency[[front, rear]]
+    dampings = found.damping_ratio[[front, rear]]
+    shares = [
+        tyre / (tyre + spring)
+        for tyre, spring in (
+            (car.front_tyre_stiffness, car.front_suspension_stiffness),
+            (car.rear_tyre_stiffness, car.rear_suspension_stiffness),
+        )
+    ]
+    spread = {"hop": float(hops.std()), "damping": float(dampings.std())}
+    return EventInputs(
+        ride=float(found.undamped_frequency[found.names.index(target)]),
+        hop=float(hops.mean()),
+        damping=float(dampings.mean()),
+        tyre_share=sum(shares) / 2,
+        wheelbase=car.wheelbase,
+        track=max(car.front_track, car.rear_track),
+        tolerances={name: max(_TOLERANCES[name], spread.get(name, 0.0)) for name in _TOLERANCES},
+    )
+
+
+def design_event(
+    inputs: EventInputs = EventInputs(),
+    *,
+    model: HopModel = "base-excited",
+    target: Target = "heave",
+    length: float | None = None,
+    rise: float = 0.038,
+    base: float = 0.0,
+    width_ratio: float | None = None,
+    placement: Placement | None = None,
+    events: int = 1,
+) -> EventDesign:
+    """Speed, spacing, number and width of the cleats of an event.
+
+    Parameters
+    ----------
+    inputs : EventInputs
+        Frequencies, damping, wheelbase, and how sure they are.
+    model : {"base-excited", "thesis"}
+        "thesis": as Smith (2009) designs it, Eqs. 3-4 to 3-13 as printed. "base-excited": the right
+        oscillator, met at its resonance, and the length from the wheelbase.
+    target : {"heave", "pitch", "roll"}
+        Mode of the body that the event as a whole shall excite.
+    length : float, optional
+        Length of the event, half a wave of the body [m]. By default half the wheelbase for heave
+        and roll, so that the rear axle follows a whole period after the front axle, and the
+        wheelbase for pitch; 2.44 m with model "thesis" or without wheelbase.
+    rise : float
+        Height of a cleat [m]; 0.038 is lumber of nominally 2 inches.
+    base : float
+        Thickness of a board under the whole event, which raises the half wave [m].
+    width_ratio : float, optional
+        Width of a cleat over the spacing; by default as the model says, or 0.5, where hop is
+        excited most, if the model has no answer because a wheel is damped too much [1].
+    placement : {"across", "staggered", "one side"}, optional
+        By default staggered for roll, so that left and right go up in turn, else across.
+    events : int
+        How often the event is repeated, a wave of the body apart.
+
+    Returns
+    -------
+    EventDesign
+        The event.
+
+    Raises
+    ------
+    ValueError
+        If a value breaks its rule, or the event would have no room for its cleats.
+
+    Notes
+    -----
+    V = 2 L f1, a = V / f2, n = L / a = f2 / (2 f1), rounded to a whole number, w from
+    `cleat_ratio`: of the peak in the thesis's form, of r = V / (a f2) = 1 in the right one. As the
+    number is rounded, `built_length` and `ride_met` differ a little from what was asked for.
+
+    Tolerances go through to first order, each input by itself, and add in squares.
+
+    Examples
+    --------
+    >>> printed = design_event(EventInputs(), model="thesis")
+    >>> print(f"{printed.speed:.2f} m/s, {printed.spacing:.3f} m, {printed.number} cleats, "
+    ...       f"w/a {printed.cleat_ratio:.3f}")
+    5.37 m/s, 0.488 m, 5 cleats, w/a 0.348
+    >>> right = design_event(EventInputs(tyre_share=0.912), length=2.44)
+    >>> print(f"w/a {right.cleat_ratio:.3f} +- {right.tolerances['cleat_ratio']:.3f}")
+    w/a 0.271 +- 0.047
+    """
+    _check_choice("model", model, HopModel)
+    _check_choice("target", target, Target)
+    placement = placement or ("staggered" if target == "roll" else "across")
+    _check_choice("placement", placement, Placement)
+    length = _length(inputs, model, target) if length is None else length
+    if not 0 < length < math.inf:
+        message = f"length must be finite and greater than 0 m, got {length}."
+        raise ValueError(message)
+    if not (0 < rise < math.inf and 0 <= base < math.inf):
+        message = f"rise must be greater than 0 m and base at least 0 m, got {rise} and {base}."
+        raise ValueError(message)
+    if events < 1 or events != int(events):
+        message = f"events must be a whole number of at least 1, got {events}."
+        raise ValueError(message)
+    number = round(inputs.hop / (2 * inputs.ride))
+    if not 2 <= number <= _MOST_CLEATS:
+        message = (
+            f"hop must be from 3 to {2 * _MOST_CLEATS} times ride, so that at least two cleats lie "
+            f"in half a wave, got {inputs.hop:g} Hz and {inputs.ride:g} Hz."
+        )
+        raise ValueError(message)
+    rule: WidthRule = "both edges"
+    if width_ratio is not None:
+        rule = "given"
+        if not 0 < width_ratio < 1:
+            message = f"width_ratio must be greater than 0 and less than 1, got {width_ratio}."
+            raise ValueError(message)
+    elif model == "base-excited" and not _touches_both_edges(inputs):
+        width_ratio, rule = _MOST_HOP, "most hop"
+    sizes = _sizes(inputs, length, model, width_ratio)
+    return EventDesign(
+        model=model,
+        target=target,
+        placement=placement,
+        inputs=inputs,
+        length=length,
+        number=number,
+        rise=rise,
+        base=base,
+        speed=sizes["speed"],
+        spacing=sizes["spacing"],
+        width=sizes["width"],
+        events=events,
+        width_rule=rule,
+        tolerances=_carried(inputs, length, model, width_ratio),
+    )
+
+
+def _length(inputs: EventInputs, model: HopModel, target: Target) -> float:
+    if model == "thesis" or inputs.wheelbase is None:
+        return _THESIS_LENGTH
+    return inputs.wheelbase if target == "pitch" else inputs.wheelbase / 2
+
+
+def _touches_both_edges(inputs: EventInputs) -> bool:
+    gain = hop_transmissibility(1.0, inputs.damping, tyre_share=inputs.tyre_share)
+    return float(gain) > 1
+
+
+def _sizes(
+    inputs: EventInputs, length: float, model: HopModel, width_ratio: float | None
+) -> dict[str, float]:
+    if width_ratio is not None:
+        share = width_ratio
+    elif model == "thesis":
+        share = cleat_ratio(inputs.damping, model=model)
+    elif _touches_both_edges(inputs):
+        share = cleat_ratio(inputs.damping, tyre_share=inputs.tyre_share, ratio=1.0)
+    else:  # beyond what a tolerance may reach: no width is left
+        share = 0.0
+    speed = 2 * length * inputs.ride
+    spacing = speed / inputs.hop
+    return {"speed": speed, "spacing": spacing, "width": share * spacing, "cleat_ratio": share}
+
+
+def _carried(
+    inputs: EventInputs, length: float, model: HopModel, width_ratio: float | None
+) -> dict[str, float]:
+    """Tolerances of the sizes: differences over each tolerance either way, added in squares."""
+    squares = dict.fromkeys(("speed", "spacing", "width", "cleat_ratio"), 0.0)
+    for name, tolerance in inputs.tolerances.items():
+        ends = []
+        for sign in (-1.0, 1.0):
+            if name == "length":
+                changed, longer = inputs, length + sign * tolerance
+            else:
+                value = getattr(inputs, name) + sign * tolerance
+                changed, longer = replace(inputs, **{name: value}), length
+            ends.append(_sizes(changed, longer, model, width_ratio))
+        for size in squares:
+            squares[size] += (0.5 * (ends[1][size] - ends[0][size])) ** 2
+    return {size: math.sqrt(square) for size, square in squares.items()}
+
+
+def _check_choice(name: str, value: object, choices: Any) -> None:
+    if value not in get_args(choices):
+        message = f"{name} must be one of {', '.join(get_args(choices))}, got {value!r}."
+        raise ValueError(message)
