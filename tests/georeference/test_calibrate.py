@@ -131,6 +131,24 @@ def test_heights_that_one_pass_has_wrong_become_its_offset(passes):
     assert (np.abs(error) < [CLOSE[name] for name in FIVE]).all()
 
 
+def test_passes_that_navigation_moved_aside_are_told_apart_from_the_mounting(passes):
+    """Centimetres, as satellites err: over these the ground around a step is no plane."""
+    runs, ways, true = passes
+    sd = 0.03  # [m]
+    rng = np.random.default_rng(3)
+    claimed = np.diag([sd**2, sd**2, 0, 0, 0, 0])
+    moved = [
+        replace(way, position=way.position + sd * np.append(rng.normal(size=2), 0.0),
+                covariance=np.broadcast_to(claimed, (way.time.size, 6, 6)))
+        for way in ways
+    ]  # fmt: skip
+    found = calibrate(runs, moved, mounting=by_tape(true),
+                      settings=CalibrationSettings(parameters=FIVE))  # fmt: skip
+    error = found.value - values(true)[[0, 1, 2, 4, 6]]
+    assert (np.abs(error) < [CLOSE[name] for name in FIVE]).all()
+    assert found.residual_after < 0.1 * found.residual_before
+
+
 def test_standard_deviations_are_those_of_errors(passes):
     """Over noise and over where scans fall.
 
@@ -179,6 +197,13 @@ def test_ground_that_needs_too_many_cells_is_refused(passes):
     runs, ways, _ = passes
     settings = CalibrationSettings(area=(0.0, 0.0, 10_000.0, 10.0))
     with pytest.raises(CoverageError, match="Name an area"):
+        calibrate(runs[:2], ways[:2], settings=settings)
+
+
+def test_ground_in_too_few_squares_for_standard_deviations_is_refused(passes):
+    runs, ways, _ = passes
+    settings = CalibrationSettings(parameters=("roll",), cluster=8.0)
+    with pytest.raises(CoverageError, match=r"in \d squares .* smaller squares: cluster"):
         calibrate(runs[:2], ways[:2], settings=settings)
 
 

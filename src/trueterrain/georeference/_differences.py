@@ -12,6 +12,7 @@ Floats = npt.NDArray[np.float64]
 #: What is taken to be known of each parameter before: angles [rad], arms [m], clock [s].
 BROAD = np.array([0.1] * 3 + [1.0] * 3 + [0.1])
 
+_EAST = 3  # place of east among the errors of motion: roll, pitch, yaw, east, north
 _ROUNDS = 2  # in which weights follow what is left
 _HUBER = 2.0  # standard deviations beyond which a residual weighs less
 _TO_SD = 1.0 / 0.6745  # standard deviation over median of magnitudes
@@ -33,6 +34,12 @@ class Differences:
     sd: Floats
     "What is known before of all these, standard deviations, shape (k,)."
 
+    moved: Floats
+    "By how much the passes were moved against errors of their motion already, shape (k,)."
+
+    aside: npt.NDArray[np.intp]
+    "Pass and axis (east, north) of the last columns of the design, those that move passes aside."
+
     slope: Floats
     "Magnitude of the slope, shape (cell,) [1]."
 
@@ -43,13 +50,18 @@ class Differences:
     "Number of the square of ground that the cell lies in, shape (cell,)."
 
     @property
+    def squares(self) -> int:
+        """Squares of ground in which cells lie."""
+        return int(self.block.max()) + 1
+
+    @property
     def correspondences(self) -> int:
         """Independent differences of height."""
         return int(self.freedom.sum())
 
 
 def differences(
-    seen: list[Patches], grid: MapGrid, cluster: float, motion_sd: Floats
+    seen: list[Patches], grid: MapGrid, cluster: float, motion_sd: Floats, moved: Floats
 ) -> Differences | None:
     """Differences between passes; None if no ground is seen twice.
 
@@ -63,6 +75,8 @@ def differences(
         Size of the squares in which errors may be correlated [m].
     motion_sd : numpy.ndarray, shape (pass, 5)
         Standard deviations of roll, pitch, yaw [rad], east and north [m] of each pass as a whole.
+    moved : numpy.ndarray, shape (pass, 2)
+        By how much each pass was moved east and north already [m].
 
     Returns
     -------
@@ -80,6 +94,8 @@ def differences(
     slope = sum(np.where(there[p], part.slope[:, row, column], 0.0) for p, part in enumerate(seen))
     slope = np.asarray(slope) / count
     moving = np.argwhere(motion_sd > 0)
+    moving = moving[np.argsort(moving[:, 1] >= _EAST, kind="stable")]
+    aside = moving[moving[:, 1] >= _EAST] - np.array([0, _EAST])
     first = len(NAMES) + len(seen) - 1
     design = np.zeros((len(seen), row.size, first + len(moving)))
     for p, part in enumerate(seen):
@@ -98,6 +114,8 @@ def differences(
         misfit=_less_mean(height[:, :, None], there, count)[:, :, 0],
         design=_less_mean(design, there, count),
         sd=np.concatenate([BROAD, np.full(len(seen) - 1, 1.0), motion_sd[tuple(moving.T)]]),
+        moved=np.concatenate([np.zeros(design.shape[2] - len(aside)), moved[tuple(aside.T)]]),
+        aside=aside,
         slope=np.hypot(*slope),
         freedom=count - 1.0,
         block=np.unique(row // size * squares + column // size, return_inverse=True)[1],
@@ -166,6 +184,7 @@ def fit(found: Differences, chosen: list[int], *, height_noise: float, reach: Fl
         normal = np.einsum("pci,c,pcj->ij", design, weight, design, optimize=True)
         normal += np.diag(SHARED * prior)
         right = -np.einsum("pci,c,pc->i", design, weight, found.misfit, optimize=True)
+        right -= SHARED * prior * found.moved[columns]
         step = _followed(normal / SHARED, right / SHARED, scale)
         left = found.misfit + design @ step
     others = [index for index in range(len(NAMES)) if index not in chosen]
@@ -173,7 +192,7 @@ def fit(found: Differences, chosen: list[int], *, height_noise: float, reach: Fl
         "pci,c,pcj->ij", design, weight, found.design[:, :, others], optimize=True
     )  # fmt: skip
     scores = np.einsum("pci,c,pc->ci", design, weight, left, optimize=True)
-    blocks = int(found.block.max()) + 1
+    blocks = found.squares
     summed = np.stack(
         [np.bincount(found.block, score, minlength=blocks) for score in scores.T], axis=1
     )

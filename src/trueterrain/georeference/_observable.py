@@ -1,5 +1,8 @@
 """What passes tell of a mounting and what they do not."""
 
+import math
+from dataclasses import dataclass, replace
+
 import numpy as np
 import numpy.typing as npt
 
@@ -9,7 +12,8 @@ from trueterrain.georeference._patches import NAMES, SHARED
 
 Floats = npt.NDArray[np.float64]
 
-_TOGETHER = 0.7  # correlation from which on parameters are said to go together
+#: Correlation from which on parameters are said to go together.
+TOGETHER = 0.7
 
 _CURES = {
     "roll": "Drive over the same lane both ways.",
@@ -22,7 +26,77 @@ _CURES = {
 }
 
 
-def unobservable(result: Fit, chosen: list[int], limits: Floats) -> list[int]:
+@dataclass(frozen=True, kw_only=True)
+class Untold:
+    """A parameter that the passes do not tell."""
+
+    index: int
+    "Its place in `NAMES`."
+
+    sd: float
+    "Standard deviation that it would have [rad, m, s]."
+
+    limit: float
+    "What is asked for [rad, m, s]."
+
+    together: tuple[str, ...]
+    "Parameters that act alike."
+
+    passes: int | None
+    "Passes that would tell it, if errors of the motion alone hide it from those there are."
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        return NAMES[self.index]
+
+    @property
+    def finding(self) -> str:
+        """How uncertain it is, and what it goes together with."""
+        sd, limit = in_units(self.name, self.sd), in_units(self.name, self.limit)
+        words = f"sd {sd}, at most {limit} is asked for"
+        return f"{words}; goes with {', '.join(self.together)}" if self.together else words
+
+    @property
+    def cure(self) -> str:
+        """What would tell it."""
+        if self.passes is None:
+            return _CURES[self.name]
+        return (
+            f"Errors of the motion hide {self.name}: about {self.passes:,} such passes, at "
+            "different speeds, would tell it, or fewer with better navigation."
+        )
+
+
+def in_units(name: str, value: float) -> str:
+    """Value of a parameter in the unit that people use: deg, mm or ms.
+
+    Parameters
+    ----------
+    name : str
+        Name of the parameter.
+    value : float
+        Its value [rad, m, s].
+
+    Returns
+    -------
+    str
+        With two digits that count.
+    """
+    unit, scale = unit_of(name)
+    value *= scale
+    digits = 1 - math.floor(math.log10(abs(value))) if value else 0
+    return f"{value:.{max(digits, 0)}f} {unit}"
+
+
+def unit_of(name: str) -> tuple[str, float]:
+    """Unit in which people read a parameter, and its number in one [rad, m, s]."""
+    if name == "clock":
+        return "ms", 1e3
+    return ("mm", 1e3) if name.startswith("lever") else ("deg", math.degrees(1.0))
+
+
+def unobservable(result: Fit, chosen: list[int], limits: Floats, passes: int) -> list[Untold]:
     """Parameters to hold so that the others are told; arms first, which a tape measures.
 
     Parameters
@@ -33,49 +107,88 @@ def unobservable(result: Fit, chosen: list[int], limits: Floats) -> list[int]:
         What was estimated, by place in `NAMES`.
     limits : numpy.ndarray, shape (7,)
         Standard deviations up to which each counts as observable.
+    passes : int
+        How many there are.
 
     Returns
     -------
-    list of int
-        Of the chosen ones, in ascending order.
+    list of Untold
+        Of the chosen ones, in the order of `NAMES`; each as the passes tell it when those that
+        are told even less are held.
     """
-    kept, held = list(range(len(chosen))), list[int]()
-    offsets = list(range(len(chosen), len(result.normal)))
+    kept, held = list(range(len(chosen))), list[Untold]()
     while kept:
-        part = np.ix_([*kept, *offsets], [*kept, *offsets])
-        inverse = np.linalg.inv(result.normal[part] / SHARED)
-        excess = np.sqrt(np.diag(inverse))[: len(kept)] / limits[[chosen[k] for k in kept]]
+        sd, alike = _sd_and_correlation(_normal(result, len(chosen), kept))
+        asked = limits[[chosen[k] for k in kept]]
+        excess = sd[: len(kept)] / asked
         if (excess <= 1).all():
             break
         arms = np.array([NAMES[chosen[k]].startswith("lever") for k in kept])
         weak = (excess > 1) & arms if (excess[arms] > 1).any() else excess > 1
-        held.append(kept.pop(int(np.argmax(np.where(weak, excess, 0.0)))))
-    return sorted(chosen[k] for k in held)
+        worst = int(np.argmax(np.where(weak, excess, 0.0)))
+        held.append(
+            Untold(
+                index=chosen[kept[worst]], sd=float(sd[worst]), limit=float(asked[worst]),
+                together=tuple(
+                    NAMES[chosen[k]] for j, k in enumerate(kept)
+                    if j != worst and abs(alike[worst, j]) > TOGETHER
+                ),
+                passes=None,
+            )
+        )  # fmt: skip
+        kept.pop(worst)
+    held = [
+        replace(one, passes=_enough(result, chosen, kept, one.index, limits, passes))
+        for one in held
+    ]
+    return sorted(held, key=lambda one: one.index)
 
 
-def uncertain(result: Fit, chosen: list[int], limits: Floats) -> list[int]:
+def uncertain(result: Fit, chosen: list[int], limits: Floats, passes: int) -> list[Untold]:
     """Those of the chosen parameters whose scatter is beyond the limits."""
     sd = np.sqrt(np.diag(result.covariance))[: len(chosen)]
-    return [index for index, value in zip(chosen, sd, strict=True) if value > limits[index]]
+    told = [k for k, index in enumerate(chosen) if sd[k] <= limits[index]]
+    return [
+        Untold(
+            index=index, sd=float(sd[k]), limit=float(limits[index]), together=(),
+            passes=_enough(result, chosen, told, index, limits, passes),
+        )
+        for k, index in enumerate(chosen) if sd[k] > limits[index]
+    ]  # fmt: skip
 
 
-def refusal(result: Fit, chosen: list[int], held: list[int], limits: Floats) -> CoverageError:
+def refusal(untold: list[Untold]) -> CoverageError:
     """Error that names what cannot be told, what it goes together with, and what helps."""
-    inverse = np.linalg.inv(result.normal / SHARED)
-    sd = result.sd
-    correlation = inverse / np.sqrt(np.outer(np.diag(inverse), np.diag(inverse)))
-    words = []
-    for index in held:
-        k = chosen.index(index)
-        others = [
-            NAMES[chosen[j]]
-            for j in range(len(chosen))
-            if j != k and abs(correlation[k, j]) > _TOGETHER
-        ]
-        told = f"{NAMES[index]} (sd {sd[k]:.2g}, at most {limits[index]:.2g} is asked for"
-        words.append(told + (f"; goes with {', '.join(others)})" if others else ")"))
+    words = [f"{one.name} ({one.finding})" for one in untold]
     return CoverageError(
         f"the passes do not tell {', '.join(words)}",
-        cure=" ".join(_CURES[NAMES[index]] for index in held)
-        + " Or hold it: leave it out of parameters.",
+        cure=" ".join(one.cure for one in untold) + " Or hold it: leave it out of parameters.",
     )
+
+
+def _normal(result: Fit, count: int, kept: list[int], last: int | None = None) -> Floats:
+    """Normal matrix of what is kept, and of all else behind the parameters up to the last."""
+    columns = [*kept, *range(count, len(result.normal) if last is None else last)]
+    return np.asarray(result.normal[np.ix_(columns, columns)] / SHARED)
+
+
+def _sd_and_correlation(normal: Floats) -> tuple[Floats, Floats]:
+    inverse = np.linalg.inv(normal)
+    sd = np.sqrt(np.diag(inverse))
+    return sd, inverse / np.outer(sd, sd)
+
+
+def _enough(
+    result: Fit, chosen: list[int], told: list[int], index: int, limits: Floats, passes: int
+) -> int | None:
+    """Passes that tell a parameter beside those told, if errors of the motion alone hide it.
+
+    None if the passes would not tell it even if their motion were known, or a tape tells it.
+    """
+    if NAMES[index].startswith("lever"):
+        return None
+    count, kept = len(chosen), [chosen.index(index), *told]
+    hidden, _ = _sd_and_correlation(_normal(result, count, kept))
+    if_known, _ = _sd_and_correlation(_normal(result, count, kept, last=count + passes - 1))
+    excess = float(hidden[0] / limits[index])
+    return math.ceil(passes * excess**2) if if_known[0] <= limits[index] and excess > 1 else None

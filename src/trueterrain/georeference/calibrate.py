@@ -26,10 +26,11 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from trueterrain.engine.progress import Progress, no_progress
 from trueterrain.errors import CoverageError
 from trueterrain.formats.run import Mounting
 from trueterrain.georeference._differences import Differences, Fit, differences, fit
-from trueterrain.georeference._observable import refusal, uncertain, unobservable
+from trueterrain.georeference._observable import Untold, refusal, uncertain, unobservable
 from trueterrain.georeference._patches import BLOCK, NAMES, MapGrid, extent, patches
 from trueterrain.georeference._settings import CalibrationSettings
 from trueterrain.motion.trajectory import Trajectory
@@ -41,6 +42,7 @@ Floats = npt.NDArray[np.float64]
 _COARSE = (3.0, 1.0)  # cells of the rounds over the cells asked for
 _SETTLED = 0.1  # of its standard deviation by which a parameter may still move
 _LARGEST = 3_000_000  # cells
+_FEWEST = 2  # squares of ground for each unknown
 _BLIND = 10.0  # standard deviations asked for beyond which a direction is not followed
 
 
@@ -78,6 +80,9 @@ class Calibration:
     not_observable: tuple[str, ...]
     "What was asked for, and held, since the passes do not tell it."
 
+    reasons: tuple[str, ...]
+    "Of each of these: how uncertain it would be, what goes with it, and what would tell it."
+
     offset: Floats
     "Height of each pass over the first [m]."
 
@@ -106,7 +111,7 @@ class Calibration:
             "condition": self.condition,
             "held": list(self.held),
             "sensitivity": self.sensitivity.tolist(),
-            "not_observable": list(self.not_observable),
+            "not_observable": dict(zip(self.not_observable, self.reasons, strict=True)),
             "offset": self.offset.tolist(),
             "offset_sd": self.offset_sd.tolist(),
             "residual": {"before": self.residual_before, "after": self.residual_after},
@@ -121,6 +126,7 @@ def calibrate(
     *,
     mounting: Mounting | None = None,
     settings: CalibrationSettings = CalibrationSettings(),
+    progress: Progress = no_progress,
 ) -> Calibration:
     """Mounting of the scanner from passes over the same ground.
 
@@ -135,6 +141,8 @@ def calibrate(
         it does to the ground.
     settings : CalibrationSettings
         What is estimated, and how.
+    progress : callable
+        Called in each round, see `trueterrain.engine.Progress`.
 
     Returns
     -------
@@ -173,27 +181,33 @@ def calibrate(
         )
         raise ValueError(message)
     start = mounting or _common(runs)
-    passes = _Passes(runs, trajectories, settings)
+    passes = _Passes(runs, trajectories, settings, progress)
     chosen = [NAMES.index(name) for name in settings.parameters]
     area = settings.area or passes.area(start)
-    before = passes.seen(start, area, settings.spacing)
-    found, last, result, rounds = _settle(passes, area, start, chosen, settings)
-    held = unobservable(result, chosen, settings.limits)
-    if held:
-        kept = [index for index in chosen if index not in held]
-        if settings.unobservable == "refuse" or not kept:
-            raise refusal(result, chosen, held, settings.limits)
-        chosen = kept
+    before = passes.seen(start, area, settings.spacing, np.zeros((len(runs), 2)))
+    rounds, held = 0, list[Untold]()
+    while True:
         found, last, result, more = _settle(passes, area, start, chosen, settings)
         rounds += more
-    doubtful = uncertain(result, chosen, settings.limits)
-    if doubtful:
-        raise refusal(result, chosen, doubtful, settings.limits)
+        judged = result, chosen, settings.limits, len(runs)
+        untold = unobservable(*judged) or uncertain(*judged)
+        if not untold:
+            break
+        held = sorted([*held, *untold], key=lambda one: one.index)
+        kept = [index for index in chosen if index not in [one.index for one in untold]]
+        if settings.unobservable == "refuse" or not kept:
+            raise refusal(held)
+        chosen = kept
+    if last.squares < _FEWEST * result.step.size:
+        raise CoverageError(
+            f"the ground lies in {last.squares} squares of {settings.cluster:g} m, too few for the "
+            "standard deviations",
+            cure="Take smaller squares: cluster, or more ground.",
+        )
     count = len(chosen)
     before_fit = fit(before, chosen, height_noise=settings.height_noise, reach=settings.limits)
     return _calibration(
-        found, last, result, chosen, before=before_fit.raw, rounds=rounds,
-        held=tuple(NAMES[index] for index in held),
+        found, last, result, chosen, before=before_fit.raw, rounds=rounds, held=held,
         offset=-result.step[count : count + len(runs) - 1],
     )  # fmt: skip
 
@@ -206,10 +220,18 @@ class _Passes:
         runs: Sequence[xr.DataTree | str | Path],
         trajectories: Sequence[Trajectory],
         settings: CalibrationSettings,
+        progress: Progress,
     ) -> None:
         self._passes = list(zip(runs, trajectories, strict=True))
         self._settings = settings
+        self._progress = progress
+        self._looks = 0
         self._motion_sd = np.stack([_motion_sd(way) for way in trajectories])
+
+    @property
+    def count(self) -> int:
+        """How many they are."""
+        return len(self._passes)
 
     def area(self, mounting: Mounting) -> tuple[float, float, float, float]:
         """Ground that at least two passes may share."""
@@ -227,18 +249,27 @@ class _Passes:
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
     def seen(
-        self, mounting: Mounting, area: tuple[float, float, float, float], spacing: float
+        self,
+        mounting: Mounting,
+        area: tuple[float, float, float, float],
+        spacing: float,
+        moved: Floats,
     ) -> Differences:
-        """Differences between the passes for a mounting."""
+        """Differences between the passes, moved east and north, for a mounting."""
         grid = MapGrid.over(area, spacing)
         if grid.shape[0] * grid.shape[1] > _LARGEST:
             raise CoverageError(
                 f"the ground needs {grid.shape[0]} x {grid.shape[1]} cells, at most {_LARGEST}",
                 cure="Name an area around some steps, or take larger cells.",
             )
+        self._looks += 1
+        self._progress(f"look {self._looks} at the ground", 0, None)
         used = (self._settings.screening, self._settings.largest_angle)
-        parts = [patches(_blocks(run), way, mounting, grid, *used) for run, way in self._passes]
-        found = differences(parts, grid, self._settings.cluster, self._motion_sd)
+        parts = [
+            patches(_blocks(run), _aside(way, by), mounting, grid, *used)
+            for (run, way), by in zip(self._passes, moved, strict=True)
+        ]
+        found = differences(parts, grid, self._settings.cluster, self._motion_sd, moved)
         if found is None:
             raise _no_ground()
         return found
@@ -249,6 +280,11 @@ def _motion_sd(way: Trajectory) -> Floats:
     variance = np.einsum("nii->ni", way.covariance).mean(axis=0)
     tilt = 0.5 * (variance[3] + variance[4])
     return np.sqrt([tilt, tilt, variance[5], variance[0], variance[1]])
+
+
+def _aside(way: Trajectory, by: Floats) -> Trajectory:
+    """The motion, moved east and north."""
+    return replace(way, position=way.position + np.append(by, 0.0)) if by.any() else way
 
 
 def _no_ground() -> CoverageError:
@@ -290,20 +326,24 @@ def _settle(
     chosen: list[int],
     settings: CalibrationSettings,
 ) -> tuple[Mounting, Differences, Fit, int]:
-    """Gauss-Newton from coarse to fine cells."""
+    """Gauss-Newton from coarse to fine cells.
+
+    Passes move aside against errors of their motion as well: these are centimetres, over which the
+    ground around a step is no plane.
+    """
     rounds = 0
+    moved = np.zeros((passes.count, 2))
     for coarse in _COARSE:
         while True:
-            seen = passes.seen(mounting, area, coarse * settings.spacing)
+            seen = passes.seen(mounting, area, coarse * settings.spacing, moved)
             reach = _BLIND * settings.limits
             result = fit(seen, chosen, height_noise=settings.height_noise, reach=reach)
-            step = result.step[: len(chosen)]
-            sd = result.sd[: len(chosen)]
+            step, sd = result.step[: len(chosen)], result.sd[: len(chosen)]
             if (np.abs(step) <= np.maximum(_SETTLED * sd, 1e-3 * settings.limits[chosen])).all():
                 break
             rounds += 1
             if rounds > settings.largest_rounds:
-                if unobservable(result, chosen, settings.limits):
+                if unobservable(result, chosen, settings.limits, passes.count):
                     break
                 raise CoverageError(
                     f"no mounting explains the passes within {settings.largest_rounds} rounds; the "
@@ -311,6 +351,7 @@ def _settle(
                     cure="Start from a better mounting, or take larger cells: spacing.",
                 )
             mounting = _moved(mounting, chosen, step)
+            moved[tuple(seen.aside.T)] += result.step[result.step.size - len(seen.aside) :]
     return mounting, seen, result, rounds
 
 
@@ -338,7 +379,7 @@ def _calibration(
     *,
     before: float,
     rounds: int,
-    held: tuple[str, ...],
+    held: list[Untold],
     offset: Floats,
 ) -> Calibration:
     count = len(chosen)
@@ -351,7 +392,9 @@ def _calibration(
         value=_values(mounting)[chosen], sd=sd[:count], correlation=correlation[:count, :count],
         condition=float(np.linalg.cond(inverse / np.outer(alone, alone))),
         held=tuple(name for index, name in enumerate(NAMES) if index not in chosen),
-        sensitivity=result.sensitivity[:count], not_observable=held,
+        sensitivity=result.sensitivity[:count],
+        not_observable=tuple(one.name for one in held),
+        reasons=tuple(f"{one.finding}. {one.cure}" for one in held),
         offset=np.concatenate([[0.0], offset]),
         offset_sd=np.concatenate([[0.0], sd[count : count + offset.size]]),
         residual_before=before, residual_after=result.residual,

@@ -1,0 +1,292 @@
+"""The command ``trueterrain calibrate``: how the scanner sits, from passes over the same ground."""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
+
+from cyclopts import Parameter
+
+from trueterrain.cli._console import note, out, out_json, progress_bar
+from trueterrain.cli._extent import Four
+from trueterrain.cli._motion import Method, motion_of, require_run
+from trueterrain.errors import SchemaError
+
+if TYPE_CHECKING:
+    from trueterrain.formats.run import Mounting
+    from trueterrain.georeference import Calibration
+    from trueterrain.survey import MountingOverride
+
+Name = Literal["roll", "pitch", "yaw", "lever_x", "lever_y", "lever_z", "clock"]
+Three = tuple[float, float, float]
+
+_FIELDS = {
+    "scanner_position": (("lever_x", "lever_y", "lever_z"), "Forward, left, up", "m"),
+    "scanner_rotation": (("roll", "pitch", "yaw"), "Roll, pitch, yaw", "rad"),
+    "scanner_clock": (("clock",), "Clock", "s"),
+}
+# what a mounting by drawing and tape may be wrong by: angles [rad], arms [m], clock [s]
+_WRONG = {"angle": math.radians(0.5), "lever": 0.01, "clock": 0.001}
+_DIGITS = 9  # after the point that are written [rad, m, s]: far below any standard deviation
+
+
+def calibrate(
+    first: Annotated[Path, Parameter(name="RUN")],
+    second: Annotated[Path, Parameter(name="RUN2")],
+    /,
+    *more: Annotated[Path, Parameter(name="MORE")],
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    parameter: Annotated[tuple[Name, ...] | None, Parameter(negative="")] = None,
+    unobservable: Literal["refuse", "hold"] | None = None,
+    scanner_position: Three | None = None,
+    scanner_rotation: Three | None = None,
+    scanner_clock: float | None = None,
+    method: Method = "rts",
+    spacing: float = 0.04,
+    area: Four | None = None,
+    largest_angle: float = 0.5,
+    cluster: float = 0.5,
+    height_noise: float = 1e-4,
+    largest_angle_sd: float = 5e-4,
+    largest_lever_sd: float = 3e-3,
+    largest_clock_sd: float = 2e-4,
+    largest_rounds: int = 30,
+    floor: float | None = None,
+    saturation: float | None = None,
+    nearest: float = 0.0,
+    furthest: float | None = None,
+    weight: float = 0.0,
+    json: Annotated[bool, Parameter(negative="")] = False,
+    force: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Find how the scanner sits in the vehicle, and its clock, from passes over the same ground.
+
+    Drive over the same steps both ways, at different speeds, and in lanes beside each other: passes
+    see the same ground, and where they do not, the mounting is to blame. Each parameter comes with
+    its standard deviation; of what these passes do not tell, it is said which passes would.
+
+    Example: `trueterrain calibrate there.zarr back.zarr -o calibration.toml`
+
+    Parameters
+    ----------
+    first
+        Recorded run, NAME.zarr.
+    second
+        Another one over the same ground, in the other direction.
+    more
+        More of them.
+    output
+        File for the mounting as TOML, with standard deviations as comments: the table that the
+        [[runs]] of survey.toml take.
+    parameter
+        What is estimated, may be given several times: roll, pitch, yaw (of the scanner), lever_x,
+        lever_y, lever_z (forward, left, up), clock. By default all that the passes tell.
+    unobservable
+        What becomes of a parameter that the passes do not tell. refuse: an error; hold: it stays as
+        it is. By default refuse if --parameter names it, else hold.
+    scanner_position
+        Position of the scanner that you measured: forward, left, up [m]; to start from, and for
+        what is held. By default as the runs say, and the same for the next two.
+    scanner_rotation
+        Roll, pitch, yaw of the scanner in the body [rad].
+    scanner_clock
+        What is added to the stamps of the scanner to make them true time [s].
+    method
+        How the motion of runs is found: "rts" (the best), "wiener", "zero-phase", "thesis", or
+        "navigation" alone.
+    spacing
+        Size of the cells of ground that are compared [m]; at least three scans should fall into it.
+    area
+        Ground to use: smallest easting and northing, largest easting and northing [m]; by default
+        all that two passes share.
+    largest_angle
+        Largest angle of a beam from straight down that is used [rad].
+    cluster
+        Size of the squares of ground within which errors may be alike [m].
+    height_noise
+        Least standard deviation that the height of a cell is taken to have [m].
+    largest_angle_sd
+        Standard deviation beyond which an angle counts as not told [rad].
+    largest_lever_sd
+        The same of a component of the lever arm [m].
+    largest_clock_sd
+        The same of the clock [s].
+    largest_rounds
+        Rounds after which it gives up.
+    floor
+        Intensity under which a return is doubtful [counts].
+    saturation
+        Intensity above which a return is doubtful [counts].
+    nearest
+        Range under which a return is no ground [m].
+    furthest
+        Range beyond which a return is no ground [m].
+    weight
+        Weight of a doubtful return, from 0 (rejected) to 1.
+    json
+        Print one JSON document {"runs", "mounting", "before", "value", "sd", "correlation",
+        "condition", "held", "sensitivity", "not_observable", "offset", "offset_sd", "residual",
+        "correspondences", "rounds", "output"}, in rad, m and s.
+    force
+        Replace the output if it exists.
+    """
+    from trueterrain.engine.output import require_writable
+    from trueterrain.georeference import CalibrationSettings, Screening
+    from trueterrain.georeference import calibrate as calibrated
+    from trueterrain.surface.runs import require_one_frame
+    from trueterrain.survey import MountingOverride
+
+    runs = [first, second, *more]
+    if output is not None:
+        require_writable(output, force=force, inputs=runs)
+    settings = CalibrationSettings(
+        parameters=parameter or get_args(Name),
+        unobservable=unobservable or ("refuse" if parameter else "hold"),
+        spacing=spacing, area=area, largest_angle=largest_angle, cluster=cluster,
+        height_noise=height_noise, largest_angle_sd=largest_angle_sd,
+        largest_lever_sd=largest_lever_sd, largest_clock_sd=largest_clock_sd,
+        largest_rounds=largest_rounds,
+        screening=Screening(
+            floor=floor or 0.0, saturation=saturation or float("inf"), nearest=nearest,
+            furthest=furthest or float("inf"), weight=weight,
+        ),
+    )  # fmt: skip
+    override = MountingOverride(
+        scanner_position=scanner_position, scanner_rotation=scanner_rotation,
+        scanner_clock=scanner_clock,
+    )  # fmt: skip
+    _check_runs(runs)
+    start = _start(runs, override)
+    require_one_frame(runs)
+    with progress_bar() as progress:
+        found = calibrated(
+            runs, [motion_of(run, method) for run in runs], mounting=start, settings=settings,
+            progress=progress,
+        )  # fmt: skip
+    if output is not None:
+        _write(output, found, runs, force=force)
+    if json:
+        out_json(
+            {"runs": [str(run) for run in runs], "before": _values(start), **found.summary(),
+             "output": None if output is None else str(output)}
+        )  # fmt: skip
+        return
+    for text in _in_words(found, start, runs):
+        out(text)
+    if output is not None:
+        note(f"{output}: the mounting for survey.toml")
+
+
+def _check_runs(runs: list[Path]) -> None:
+    seen: dict[Path, Path] = {}
+    for run in runs:
+        require_run(run)
+        if run.resolve() in seen:
+            message = f"{run} is named twice; name passes that differ."
+            raise ValueError(message)
+        seen[run.resolve()] = run
+
+
+def _start(runs: list[Path], override: "MountingOverride") -> "Mounting":
+    """Mounting to start from, which must be the same for all runs."""
+    from trueterrain.formats.run import open_run
+    from trueterrain.georeference import mounting_of
+
+    stated = [override.over(mounting_of(open_run(run), path=run)) for run in runs]
+    for run, other in zip(runs, stated, strict=True):
+        if _values(other) != _values(stated[0]):
+            raise SchemaError(
+                f"differs from that of {runs[0]}",
+                path=run,
+                place="attribute mounting",
+                cure="Calibrate runs of one mounting, or name it: --scanner-position and so on.",
+            )
+    return stated[0]
+
+
+def _values(mounting: "Mounting") -> dict[str, float]:
+    """What can be estimated, by name [rad, m, s]."""
+    values: dict[str, float] = {}
+    for field, (names, *_) in _FIELDS.items():
+        given = getattr(mounting, field)
+        values |= zip(names, given if isinstance(given, tuple) else [given], strict=True)
+    return values
+
+
+def _in_words(found: "Calibration", start: "Mounting", runs: list[Path]) -> Iterator[str]:
+    yield from _table(found, start)
+    yield f"condition number {found.condition:.3g}"
+    yield from _together(found)
+    yield from _leaning(found)
+    for name, reason in zip(found.not_observable, found.reasons, strict=True):
+        yield f"{name} is not told: {reason}"
+    before, after = 1e3 * found.residual_before, 1e3 * found.residual_after
+    yield (
+        f"heights differ by {before:.3g} mm (rms) before, {after:.3g} mm after, at "
+        f"{found.correspondences:,} independent pairs; {found.rounds} rounds"
+    )
+    for run, offset, sd in zip(runs[1:], found.offset[1:], found.offset_sd[1:], strict=True):
+        side = "above" if offset > 0 else "below"
+        height = f"{1e3 * abs(offset):.1f} mm (sd {1e3 * sd:.1g})"
+        yield f"{run.name} lies {height} {side} {runs[0].name}"
+
+
+def _table(found: "Calibration", start: "Mounting") -> Iterator[str]:
+    """Each parameter in the unit that people use, with where it started."""
+    from trueterrain.georeference._observable import unit_of
+
+    sd = dict(zip(found.parameters, found.sd.tolist(), strict=True))
+    old = _values(start)
+    yield f"{'parameter':<10}{'found':>12} {'sd':>11}{'before':>13}"
+    for name, value in _values(found.mounting).items():
+        unit, scale = unit_of(name)
+        known = f"{scale * sd[name]:11.4f}" if name in sd else f"{'held':>11}"
+        yield f"{name:<10}{scale * value:12.4f} {known}{scale * old[name]:13.4f} {unit}"
+
+
+def _together(found: "Calibration") -> Iterator[str]:
+    """Pairs of parameters that the passes hardly tell apart."""
+    from trueterrain.georeference._observable import TOGETHER
+
+    for k, name in enumerate(found.parameters):
+        for j in range(k):
+            alike = float(found.correlation[k, j])
+            if abs(alike) > TOGETHER:
+                yield f"{found.parameters[j]} and {name} go together: correlation {alike:+.2f}"
+
+
+def _leaning(found: "Calibration") -> Iterator[str]:
+    """By how much what is found leans on what is held, where that is more than its sd."""
+    from trueterrain.georeference._observable import in_units
+
+    for k, name in enumerate(found.parameters):
+        for j, held in enumerate(found.held):
+            wrong = _WRONG.get(held.partition("_")[0], _WRONG["angle"])
+            caused = float(found.sensitivity[k, j]) * wrong
+            if abs(caused) > found.sd[k]:
+                yield (
+                    f"{name} leans on {held}, which is held: if that is wrong by "
+                    f"{in_units(held, wrong)}, {name} is by {in_units(name, caused)}"
+                )
+
+
+def _write(output: Path, found: "Calibration", runs: list[Path], *, force: bool) -> None:
+    """Write the mounting as the table that a survey takes."""
+    from trueterrain import __version__
+    from trueterrain.engine.output import whole_output
+
+    lines = [
+        f"# Mounting of the scanner by calibration (trueterrain {__version__}) from",
+        *(f"#   {run.name}" for run in runs),
+        "# In survey.toml it stands below the [[runs]] that it holds for.",
+        "[runs.mounting]",
+    ]
+    values = _values(found.mounting)
+    sd: dict[str, Any] = dict(zip(found.parameters, found.sd.tolist(), strict=True))
+    for field, (names, title, unit) in _FIELDS.items():
+        known = ", ".join(f"{sd[name]:.1e}" if name in sd else "held" for name in names)
+        written = [repr(round(values[name], _DIGITS)) for name in names]
+        text = f"[{', '.join(written)}]" if len(names) > 1 else written[0]
+        lines += [f"# {title} [{unit}]; standard deviation: {known}", f"{field} = {text}"]
+    with whole_output(output, force=force) as temporary:
+        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
