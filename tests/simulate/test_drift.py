@@ -10,6 +10,8 @@ from trueterrain.simulate.drift import (
     height_difference,
     start_drift,
 )
+from trueterrain.simulate.navigation import Navigation, NavigationStream
+from trueterrain.simulate.pose import PoseKnots
 
 EXACT = 1e-12  # [m] round-off
 # What was published about the two drives (checked independently when the data were collected):
@@ -69,6 +71,31 @@ def test_the_default_drift_has_the_statistics_of_the_measured_one():
     mean = np.convolve(difference, np.full(window, 1 / window), "valid")
     residual = difference[window // 2 : -(window // 2)] - mean
     npt.assert_allclose(residual.std(), 0.0105, rtol=0, atol=0.001)
+
+
+def test_short_passes_differ_from_seed_to_seed_as_the_measured_ones_do_from_place_to_place():
+    """At one station, over seeds; and the mean over 8 s, which knows the correlation time.
+
+    400 seeds: 25 mm / sqrt(400) = 1.2 mm for the mean, 25 mm / sqrt(800) = 0.9 mm for the standard
+    deviation; within three times that.
+    """
+    still = PoseKnots(
+        time=np.array([0.0, 8.0]), pose=np.zeros((2, 6)), rate=np.zeros((2, 6)),
+        acceleration=np.zeros((2, 6)),
+    )  # fmt: skip
+    instrument = Navigation(rate=20.0)
+
+    def recorded(seed, number):
+        stream = NavigationStream(instrument, seed=seed, pass_number=number)
+        return stream.record(still, 0.0, 8.0).recorded["up"]
+
+    up = np.array([[recorded(seed, k) for k in (0, 1)] for seed in range(400)])
+    difference = up[:, 1] - up[:, 0]
+    npt.assert_allclose(difference[:, 80].mean(), MEDIAN, rtol=0, atol=0.0038)
+    npt.assert_allclose(difference[:, 80].std(), SD, rtol=0, atol=0.0027)
+    share = 8.0 / 25.0
+    over_all = SD * np.sqrt(2.0 / share**2 * (share - 1.0 + np.exp(-share)))
+    npt.assert_allclose(difference.mean(axis=1).std(), over_all, rtol=0, atol=0.0027)
 
 
 def test_odd_and_even_passes_lie_either_side():
