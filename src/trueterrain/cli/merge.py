@@ -30,6 +30,7 @@ def merge(
     limit: float = 0.002,
     cell: float | None = None,
     spacing: float | None = None,
+    split: Annotated[bool, Parameter(negative="")] = False,
     check: Annotated[bool, Parameter(negative="")] = False,
     threads: int | None = None,
     crs: str | None = None,
@@ -72,6 +73,8 @@ def merge(
     spacing
         Distance between the nodes of the merged surface [m]; by default 0.01 for runs, and the
         cells for clouds.
+    split
+        Point source ids tell passes apart in several files as well, such as tiles of one survey.
     check
         Say whether the passes agree, and correct nothing; --output then is optional.
     threads
@@ -93,7 +96,7 @@ def merge(
     runs = _kind(inputs, formats) == "run"
     settings = _settings(method, fix, control, path, limit, cell, check=check)
     if check:
-        _check(inputs, settings, runs, crs, cell, output, json=json, force=force)
+        _check(inputs, settings, runs, split, crs, cell, output, json=json, force=force)
         return
     assert output is not None
     workers = processors() if threads is None else threads
@@ -110,8 +113,8 @@ def merge(
             from trueterrain.survey import merge_point_clouds
 
             numbers = merge_point_clouds(
-                inputs, output, settings, crs=crs, cell=cell, spacing=spacing, force=force,
-                threads=workers, progress=progress,
+                inputs, output, settings, split=split or None, crs=crs, cell=cell,
+                spacing=spacing, force=force, threads=workers, progress=progress,
             ).numbers  # fmt: skip
     if json:
         out_json(numbers)
@@ -205,6 +208,7 @@ def _check(
     inputs: list[Path],
     settings: "MergeSettings",
     runs: bool,
+    split: bool,
     crs: str | None,
     cell: float | None,
     output: Path | None,
@@ -216,7 +220,7 @@ def _check(
     from trueterrain.survey import check_agreement, check_report
 
     with compiling_noted(), progress_bar() as progress:
-        cells, size = _cells(inputs, settings, runs, crs, cell, progress)
+        cells, size = _cells(inputs, settings, runs, split, crs, cell, progress)
         found = check_agreement(cells, limit=settings.limit, size=size)
     if output is not None:
         from trueterrain.engine import whole_folder
@@ -242,6 +246,7 @@ def _cells(
     inputs: list[Path],
     settings: "MergeSettings",
     runs: bool,
+    split: bool,
     crs: str | None,
     cell: float | None,
     progress: "Progress",
@@ -250,7 +255,9 @@ def _cells(
     if not runs:
         from trueterrain.lanes.clouds import cells_of_clouds
 
-        return cells_of_clouds(inputs, settings, crs=crs, cell=cell, progress=progress)
+        return cells_of_clouds(
+            inputs, settings, split=split or None, crs=crs, cell=cell, progress=progress
+        )
     from trueterrain.lanes.runs import cells_of_passes
     from trueterrain.survey import lane_name, survey_of
     from trueterrain.survey._lane import find_run

@@ -22,12 +22,14 @@ from trueterrain.lanes.spline import Wander
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
+#: Time of correlation of the drift that two drives over one road show [s].
+CORRELATION_TIME = 25.0
+
 _STEPS = (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)  # [m] wandering that is tried
 _HALVINGS = 12
 _SQUARES = 20  # of the ground, of fewer one cannot tell chance
 _ALIKE = 2.0  # of the logarithm of likelihood, within which two trials are as likely
 _FINER = (10.0**0.25, 10.0**0.125)  # factors that are tried at last
-_CORRELATION_TIME = 25.0  # [s] of the drift that two drives over one road show
 _BROAD = 3e-2  # [m] wandering with which the weights are found
 
 
@@ -326,41 +328,10 @@ def priors(trial: Trial, settings: NetworkSettings) -> dict[str, Prior]:
     found = {}
     for name in trial.components:
         sd = trial.strength if name == "height" else trial.extra_strength * settings.scale(name)
-        time = settings.correlation_time or _CORRELATION_TIME
+        time = settings.correlation_time or CORRELATION_TIME
         wander = Wander(sd=sd, correlation_time=time, order=trial.order)
         offset_sd = np.inf if name == "height" else settings.scale(name)
         found[name] = Prior(wander=wander, offset_sd=offset_sd)
-    return found
-
-
-def claimed(
-    trial: Trial, settings: NetworkSettings, lanes_sd: Sequence[Floats]
-) -> dict[str, Prior]:
-    """Priors by which standard deviations are told.
-
-    Overlaps tell how much passes wander from each other, not how they wander together. Of that only
-    the navigation knows, so its claim counts if it is greater.
-
-    Parameters
-    ----------
-    trial : Trial
-        What was chosen.
-    settings : NetworkSettings
-        Times of correlation.
-    lanes_sd : sequence of numpy.ndarray, shape (2, n)
-        Times, and standard deviations of the height by the navigation [m].
-
-    Returns
-    -------
-    dict of Prior
-        As `priors`, with the height as the navigation claims it.
-    """
-    found = priors(trial, settings)
-    claim = usual_sd(lanes_sd)
-    if claim is not None and claim > trial.strength:
-        time = settings.correlation_time or _CORRELATION_TIME
-        wander = Wander(sd=claim, correlation_time=time, order="first")
-        found["height"] = replace(found["height"], wander=wander)
     return found
 
 

@@ -32,12 +32,12 @@ from trueterrain.lanes._agreement import (
 from trueterrain.lanes._choose import (
     Search,
     broad,
-    claimed,
     folds_of,
     parts_of,
     predicted,
     priors,
 )
+from trueterrain.lanes._claims import claimed
 from trueterrain.lanes._problem import Shared, sample, share
 from trueterrain.lanes._settings import NetworkSettings, Trial
 from trueterrain.lanes._system import System, build
@@ -251,9 +251,9 @@ def adjust(
     navigation says of its own height. Its strength, the spacing of the knots and the components
     are those that predict whole squares of ground held back best; of several that do about equally
     well, by their standard error, the stiffest is taken. That says what passes differ by. What they
-    have in common no pass can tell, so standard deviations rest on what the navigation claims,
-    where it claims more than the passes differ by. Weights are Huber's until all has settled,
-    then Tukey's for a few steps, which leave out what moved between the passes.
+    have in common no pass can tell; standard deviations take it to be as large as what they differ
+    by and what the navigation claims, pooled by their degrees of freedom. Weights are Huber's until
+    all has settled, then Tukey's for a few steps, which leave out what moved between the passes.
 
     Examples
     --------
@@ -293,7 +293,7 @@ def adjust(
     after = measured + fitted.correction
     folds = folds_of(shared, settings)
     whole, parts = parts_of(system, folds, fitted.weight)
-    claims = claimed(chosen, settings, lanes_sd)
+    claims = claimed(system, fitted, chosen, settings, lanes_sd)
     covariance = system.covariance(system.solve(whole, system.known(claims)))
     held_back = measured + predicted(system, prior, folds, whole, parts)
     pairs = pairs_of(shared, fitted.robustness, measured, after, held_back)

@@ -2,6 +2,7 @@
 
 from trueterrain.survey._chain import SurveyResult, run_survey
 from trueterrain.survey._check import check_agreement, check_report
+from trueterrain.survey._clouds import merge_point_clouds
 from trueterrain.survey._settings import (
     MountingOverride,
     OutputSettings,
@@ -26,6 +27,7 @@ __all__ = [
     "check_agreement",
     "check_report",
     "lane_name",
+    "merge_point_clouds",
     "read_survey",
     "run_survey",
     "survey_of",

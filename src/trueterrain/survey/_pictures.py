@@ -61,7 +61,19 @@ class Pictures:
         lane : Lane
             The lane.
         """
-        self._keep(lane.name, "surface", figures.surface_map(lane.coarse), "surface")
+        self.of_surface(lane.name, lane.coarse)
+
+    def of_surface(self, lane: str, surface: xr.Dataset) -> None:
+        """Draw a surface from above.
+
+        Parameters
+        ----------
+        lane : str
+            Name of the lane.
+        surface : xarray.Dataset
+            Its surface.
+        """
+        self._keep(lane, "surface", figures.surface_map(surface), "surface")
 
     def of_motion(self, run: "Run") -> None:
         """Draw how the body moved.

@@ -1,0 +1,178 @@
+"""Point clouds merged: corrected clouds, one surface, and a report."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from trueterrain import formats, provenance
+from trueterrain._version import __version__
+from trueterrain.engine import no_progress, whole_folder
+from trueterrain.engine.progress import Progress
+from trueterrain.lanes.clouds import (
+    CloudLane,
+    CorrectedClouds,
+    cloud_lanes,
+    merge_clouds,
+    merged_surface,
+    suggested_cell,
+    with_cells,
+)
+from trueterrain.lanes.merge import MergeSettings, Merging
+from trueterrain.report import File, Files, Picture, Report, Section, SurfaceView, Table, Warnings
+from trueterrain.surface.grid import GridOptions, trimmed
+from trueterrain.surface.placement import Placement
+from trueterrain.surface.summary import summarise
+from trueterrain.survey._chain import SurveyResult, finite
+from trueterrain.survey._pictures import Pictures
+from trueterrain.survey._report_merge import merge_headline, merge_section
+from trueterrain.survey._report_parts import columns, millimetres
+
+_SURFACE = "merged"
+
+
+def merge_point_clouds(
+    files: Sequence[str | Path],
+    folder: str | Path,
+    settings: MergeSettings = MergeSettings(),
+    *,
+    split: bool | None = None,
+    crs: str | None = None,
+    cell: float | None = None,
+    spacing: float | None = None,
+    force: bool = False,
+    threads: int = 1,
+    progress: Progress = no_progress,
+) -> SurveyResult:
+    """Bring point clouds into agreement, and write them, their surface and a report.
+
+    Parameters
+    ----------
+    files : sequence of str or Path
+        Points: each file is a pass, or one file is split by its point source ids.
+    folder : str or Path
+        Where the files shall be.
+    settings : MergeSettings
+        How.
+    split : bool, optional
+        Whether point source ids tell passes apart; by default where there is one file.
+    crs : str, optional
+        Coordinate reference system, if files name none or a wrong one.
+    cell : float, optional
+        Size of the cells in which passes are compared [m]; by default what the density allows.
+    spacing : float, optional
+        Spacing of the surface [m]; by default that of the cells.
+    force : bool
+        Write into a folder that holds files already.
+    threads : int
+        Threads that grid at once.
+    progress : callable, optional
+        Called with a task, the amount done and the total.
+
+    Returns
+    -------
+    SurveyResult
+        Files and numbers.
+
+    Raises
+    ------
+    CoverageError
+        If passes do not overlap.
+    SchemaError
+        If they have different coordinate reference systems.
+    FormatError
+        If a file is damaged.
+    OutputError
+        If the folder is not empty and `force` is false.
+    """
+    from trueterrain.report import write_report
+
+    lanes = cloud_lanes(files, split=split, crs=crs, progress=progress)
+    settings = with_cells(settings, cell or suggested_cell(lanes))
+    with whole_folder(folder, force=force) as temporary:
+        merging, corrected = merge_clouds(lanes, settings, progress=progress)
+        pictures = Pictures(temporary)
+        pictures.of_merging(merging, [], settings.cells.size)
+        written = [*_clouds(corrected, temporary, progress)]
+        progress("surface", 0, None)
+        placement = Placement(spacing=spacing or settings.cells.size)
+        grid = placement.of_points([lane.extent for lane in lanes.values()])
+        surface = trimmed(merged_surface(corrected, grid, GridOptions(), threads=threads))
+        formats.write(surface, temporary / f"{_SURFACE}.tif")
+        written.append((f"{_SURFACE}.tif", "the merged surface"))
+        pictures.of_surface(_SURFACE, surface)
+        numbers = finite({
+            "version": __version__,
+            "lanes": {
+                name: {"points": lane.count, "area": lane.area, "time": lane.time}
+                for name, lane in lanes.items()
+            },
+            "cell": settings.cells.size,
+            "surface": summarise(surface),
+            "merge": merging.summary(),
+        })  # fmt: skip
+        (temporary / "result.json").write_text(
+            json.dumps(numbers, indent=2, allow_nan=False) + "\n"
+        )
+        view = SurfaceView(surface=surface, caption="The merged surface.")
+        report = _report(lanes, merging, pictures, view, [*written, *pictures.files])
+        write_report(report, temporary / "report.html")
+        pictures.close()
+        names = tuple(sorted(file.name for file in temporary.iterdir()))
+    return SurveyResult(folder=Path(folder), files=names, numbers=numbers)
+
+
+def _clouds(
+    corrected: CorrectedClouds, folder: Path, progress: Progress
+) -> Sequence[tuple[str, str]]:
+    found = []
+    for number, (name, blocks) in enumerate(corrected.items()):
+        progress("corrected clouds", number, len(corrected))
+        file = f"{name}.laz"
+        formats.write(iter(blocks()), folder / file)
+        found.append((file, f"points of {name}, corrected"))
+    return found
+
+
+def _report(
+    lanes: dict[str, CloudLane],
+    merging: Merging,
+    pictures: Pictures,
+    view: SurfaceView,
+    files: Sequence[tuple[str, str]],
+) -> Report:
+    numbers = summarise(view.surface)
+    ground = Table(
+        columns=columns("Nodes; Returns per node .0; sd, median [mm] .2; sd, 95 % [mm] .2"),
+        rows=[
+            (
+                numbers["nodes"], numbers["count"]["median"],
+                millimetres(numbers["sd"]["median"]), millimetres(numbers["sd"]["p95"]),
+            )
+        ],
+        caption="The merged surface. Its standard deviation is relative to the datum of the "
+        "adjustment; it holds the scatter of the points and what the corrections leave.",
+    )  # fmt: skip
+    inputs = Table(
+        columns=columns("Pass; Points; Area [m²] .0; Points per m² .1"),
+        rows=[(name, lane.count, lane.area, lane.density) for name, lane in lanes.items()],
+        caption="The passes.",
+    )
+    flat = Picture(
+        figure=pictures.figures[_SURFACE, "surface"],
+        alt="Heights of the merged surface, seen from above", caption="The merged surface.",
+    )  # fmt: skip
+    doubtful = [Section(title="What is doubtful", blocks=[Warnings(items=merging.problems)])]
+    listed = [File(path=name, note=note) for name, note in files]
+    listed.append(File(path="result.json", note="all numbers of this report"))
+    return Report(
+        title="Merged passes", subtitle=", ".join(lanes),
+        headline=tuple(merge_headline(merging)),
+        sections=(
+            *(doubtful if merging.problems else []),
+            merge_section(merging, pictures),
+            Section(title="The ground", blocks=[ground, view, flat]),
+            Section(title="What went in", blocks=[inputs]),
+            Section(title="Files", blocks=[Files(files=listed)]),
+        ),
+        provenance={_SURFACE: provenance.steps(view.surface)},
+    )  # fmt: skip
