@@ -183,18 +183,18 @@ def hub_heights(
                 ground, 0, 2 * reach + 1, -reach * step, step, hub, radius, decay, tension, work
             )
             error = up - load
-            if abs(error) <= tolerance * load:
-                height[i] = datum + hub
-                slope[i] = -forward / load
-                break
             if error > 0.0:
                 low = hub
             else:
                 high = hub
-            following = hub
+            following = np.nan
             if error != last_error:
                 following = hub - error * (hub - last) / (error - last_error)
-            last, last_error = hub, error
-            if not low < following < high:
+            if not low <= following <= high:
                 following = 0.5 * (low + high) if low > -np.inf else hub - deflection
-            hub = following
+            # met, or as near as heights can be told apart
+            if abs(error) <= tolerance * load or following == hub or high - low <= 1e-15 * radius:
+                height[i] = datum + hub
+                slope[i] = -forward / load
+                break
+            last, last_error, hub = hub, error, following

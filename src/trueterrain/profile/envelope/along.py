@@ -269,6 +269,13 @@ def _report_thin(
             "the path lies outside of the ground",
             cure="Check the coordinates and the CRS of the path with `trueterrain info`.",
         )
+    pressed = np.flatnonzero(is_thin & (share >= policy[0]))
+    if pressed.size:
+        raise CoverageError(
+            f"the tyre cannot carry its load at {pressed.size} of {s.size} path points, the first "
+            f"at s = {s[pressed[0]]:.3f} m: the ground would reach its hub",
+            cure="Look for heights that cannot be there, or take less load.",
+        )
     cure = "Fill the holes, keep the path farther inside, or lower minimum_cover"
     if policy[1] == "error":
         cure += ', or let these become NaN (--thin nan, thin="nan")'
