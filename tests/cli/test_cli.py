@@ -13,7 +13,7 @@ from trueterrain.cli._console import compiling_noted
 
 COMMANDS = (
     "calibrate", "compare", "convert", "demo", "doctor", "georeference", "grid", "info", "init",
-    "iri", "plot", "profile", "psd", "rn", "run", "simulate",
+    "iri", "merge", "plot", "profile", "psd", "rn", "run", "simulate",
 )  # fmt: skip
 
 

@@ -22,7 +22,7 @@ _COMMANDS = {
     "calibrate": "Find how the scanner sits, and its clock, from passes over the same ground.",
     "compare": "Say how well profiles, or surfaces, agree with each other and a reference.",
     "convert": "Convert surfaces, points and profiles between file formats.",
-    "demo": "Make a Belgian block road, extract the profile a tyre feels, and rate it.",
+    "demo": "Survey a Belgian block road in two lanes, all the way to a report.",
     "doctor": "Say what a bug report needs: versions, backends, cores.",
     "georeference": "Turn a recorded run into points: every return at its own time.",
     "grid": "Grid recorded runs, or points, to a surface with its standard deviation.",

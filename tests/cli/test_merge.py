@@ -1,0 +1,154 @@
+"""``trueterrain merge``: runs and clouds, their reports, and what is refused."""
+
+import json
+from dataclasses import replace
+
+import laspy
+import numpy as np
+import numpy.testing as npt
+import pytest
+
+import trueterrain as tt
+from trueterrain import formats
+from trueterrain.kinds import make_points
+from trueterrain.simulate.scene import read_scene, record_scene
+
+SEAM = 0.0002  # [m] asked of the network adjustment
+APART = 0.012  # [m] between two clouds
+TOLD = 0.0005  # [m] of the mean of thousands of points with 2 mm noise, and of LAZ
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """Two lanes of 10 m."""
+    scene, _ = read_scene("belgian-two-lanes")
+    scene = replace(
+        scene, course={"kind": "straight", "length": 10.0}, raster=0.01,
+        scanner=replace(scene.scanner, beams=240),
+    )  # fmt: skip
+    return record_scene(scene, tmp_path_factory.mktemp("runs"))
+
+
+@pytest.fixture(scope="module")
+def clouds(tmp_path_factory):
+    """Two flights over rolling ground, one 12 mm higher, also as one file."""
+    folder = tmp_path_factory.mktemp("clouds")
+    rng = np.random.default_rng(5)
+    parts = []
+    for number, (name, north, up) in enumerate((("south", 0.0, 0.0), ("north", 6.0, APART))):
+        x, y = rng.uniform(0, 60, 30_000), north + rng.uniform(0, 10, 30_000)
+        z = 0.2 * np.sin(x / 9) + 0.1 * np.cos(y / 7) + up + rng.normal(0, 0.002, x.size)
+        order = np.argsort(x)
+        points = make_points(
+            x[order], y[order], z[order], time=3e8 + 100.0 * number + x[order] / 20,
+            lane=np.full(x.size, number + 1), crs="EPSG:32632",
+        )  # fmt: skip
+        formats.write(points, folder / f"{name}.laz")
+        parts.append(points)
+    formats.write(iter(parts), folder / "both.laz")
+    return folder
+
+
+def test_runs_are_merged_and_said_to_agree(run, runs, tmp_path):
+    finished = run("merge", *runs, "-o", tmp_path / "out", "--spacing", 0.02)
+    assert finished.code == 0, finished.err
+    result = json.loads((tmp_path / "out" / "result.json").read_text())
+    (seam,) = result["merge"]["seams"]
+    assert seam["after"] < SEAM < seam["before"]
+    assert f"{1e3 * seam['after']:.2f} mm after" in finished.out
+    road = tt.open(tmp_path / "out" / "merged.crg")
+    assert float(road.v.max() - road.v.min()) > 7.0  # both lanes
+    assert (tmp_path / "out" / "report.html").exists()
+    finished = run("merge", *runs, "-o", tmp_path / "out")
+    assert (finished.code, finished.out) == (2, "")
+    assert "is not empty" in finished.err
+
+
+def test_a_check_touches_nothing(run, runs, tmp_path):
+    finished = run("merge", *runs, "--check", "--json")
+    assert finished.code == 0, finished.err
+    found = json.loads(finished.out)
+    assert not found["agree"]
+    assert found["pairs"][0]["p95"] > found["limit"] == 0.002
+    assert list(tmp_path.iterdir()) == []
+    finished = run("merge", *runs, "--check", "--limit", 1.0, "-o", tmp_path / "page")
+    assert finished.code == 0, finished.err
+    assert " agree: 95 %" in finished.out
+    assert [path.name for path in (tmp_path / "page").iterdir()] == ["report.html"]
+
+
+@pytest.mark.parametrize("split", [False, True])
+def test_clouds_are_merged(run, clouds, tmp_path, split):
+    files = [clouds / "both.laz"] if split else [clouds / "south.laz", clouds / "north.laz"]
+    names = ("1", "2") if split else ("south", "north")
+    finished = run("merge", *files, "-o", tmp_path / "out", "--json")
+    assert finished.code == 0, finished.err
+    (pair,) = json.loads(finished.out)["merge"]["pairs"]
+    npt.assert_allclose(abs(pair["before"]["median"]), APART, rtol=0, atol=TOLD)
+    assert abs(pair["after"]["median"]) < TOLD
+    moved = []
+    for name, file in zip(names, ("south", "north"), strict=True):
+        before, after = laspy.read(clouds / f"{file}.laz"), laspy.read(tmp_path / f"out/{name}.laz")
+        assert len(before.points) == len(after.points)
+        moved.append(np.mean(after.z) - np.mean(before.z))
+    # both share the difference
+    npt.assert_allclose(np.sort(moved), [-APART / 2, APART / 2], rtol=0, atol=TOLD)
+    surface = tt.open(tmp_path / "out" / "merged.tif")
+    assert np.isfinite(surface.height).mean() > 0.9
+
+
+def test_one_pass_stays(run, clouds, tmp_path):
+    files = [clouds / "south.laz", clouds / "north.laz"]
+    finished = run("merge", *files, "--fix", "south", "-o", tmp_path / "out")
+    assert finished.code == 0, finished.err
+    before, after = laspy.read(files[0]), laspy.read(tmp_path / "out" / "south.laz")
+    npt.assert_allclose(np.sort(after.z), np.sort(before.z), rtol=0, atol=1e-4)
+
+
+def test_control_points_tell_the_height(run, clouds, tmp_path):
+    x, y = (at.ravel() for at in np.meshgrid(np.arange(2.5, 58, 5), np.arange(2.5, 14, 2)))
+    z = 0.2 * np.sin(x / 9) + 0.1 * np.cos(y / 7) + 0.1
+    rows = [f"{a},{b},{c},0.002" for a, b, c in zip(x, y, z, strict=True)]
+    (tmp_path / "control.csv").write_text("\n".join(["easting,northing,up,sd", *rows]) + "\n")
+    finished = run(
+        "merge", clouds / "south.laz", clouds / "north.laz", "--control", tmp_path / "control.csv",
+        "-o", tmp_path / "out",
+    )  # fmt: skip
+    assert finished.code == 0, finished.err
+    surface = tt.open(tmp_path / "out" / "merged.tif")
+    true = 0.2 * np.sin(surface.easting / 9) + 0.1 * np.cos(surface.northing / 7) + 0.1
+    error = (surface.height - true).values
+    assert abs(np.nanmedian(error)) < 0.002
+
+
+@pytest.mark.parametrize(
+    ("arguments", "part"),
+    [
+        (("south.laz",), "at least two passes"),
+        (("south.laz", "south.laz"), "given twice"),
+        (("south.laz", "far.laz"), "no cell is seen by two passes"),
+        (("south.laz", "other.laz"), "coordinate reference system"),
+        (("south.laz", "north.laz", "--fix", "west"), "west"),
+        (("south.laz", "north.laz", "--method", "grid", "--fix", "south"), "fixed has no meaning"),
+        (("south.laz", "north.laz", "--path", "south.laz"), "path goes with"),
+    ],
+)
+def test_what_makes_no_sense_is_one_line(run, clouds, tmp_path, arguments, part):
+    south = formats.open(clouds / "south.laz")
+    formats.write(south.assign(easting=south.easting + 500), tmp_path / "far.laz")
+    formats.write(south.assign_attrs(crs="EPSG:2154"), tmp_path / "other.laz")
+    there = [
+        next((f / word for f in (clouds, tmp_path) if (f / word).exists()), word)
+        for word in arguments
+    ]
+    finished = run("merge", *there, "-o", tmp_path / "out")
+    assert (finished.code, finished.out) == (2, ""), finished.out
+    assert finished.err.count("\n") == 1, finished.err
+    assert part in finished.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_output_is_needed_unless_it_is_a_check(run, runs):
+    finished = run("merge", *runs)
+    assert finished.code == 2
+    assert "--output" in finished.err
