@@ -42,7 +42,7 @@ def pressed(tyre, ground, hub, at=0.0):
     """Forces on the hub [N] up and forward, and energy [J], over sections of ground."""
     ground = np.atleast_2d(ground)
     tension = tyre.tension(STEP, len(ground))
-    work = np.empty((3, S.size + 1))
+    work = np.empty((4, S.size))
     return tyre_forces(
         ground, 0, S.size, S[0] - at, STEP, hub, tyre.radius, tyre.decay, tension, work
     )

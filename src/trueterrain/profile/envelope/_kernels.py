@@ -56,7 +56,7 @@ def section_forces(ground, begin, end, x_begin, step, hub, radius, decay, tensio
     carries the kink of the band times its tension; the forces are the derivatives of the energy.
     `decay` is the decay length of the band in radians.
     """
-    angle, deflection, factor = work[0], work[1], work[2]
+    angle, deflection, before, after = work[0], work[1], work[2], work[3]
     count = 0
     for j in range(begin, end):
         x = x_begin + (j - begin) * step
@@ -71,48 +71,36 @@ def section_forces(ground, begin, end, x_begin, step, hub, radius, decay, tensio
             hole -= 1
         angle[hole], deflection[hole] = theta, deep
         count += 1
-    apart = 0
-    for j in range(count):
-        if apart > 0 and angle[j] - angle[apart - 1] < 1e-9:  # one behind the other: the nearer one
-            deflection[apart - 1] = max(deflection[apart - 1], deflection[j])
-            continue
-        angle[apart], deflection[apart] = angle[j], deflection[j]
-        factor[apart] = math.exp(angle[j] / decay)
-        apart += 1
-    count = apart
 
-    kept = 0  # samples that the band rests on, moved to the front
-    for j in range(count + 1):
+    kept = 0  # samples that the band rests on, moved to the front; slopes per decay length
+    for j in range(count):
+        theta, deep = angle[j], deflection[j]
+        arrival = deep
         while kept > 0:
             t = kept - 1
-            before = deflection[t]
-            if kept > 1:
-                q = factor[t] / factor[t - 1]
-                before = (deflection[t] * (q * q + 1.0) - 2.0 * q * deflection[t - 1]) / (
-                    q * q - 1.0
-                )
-            after = -deflection[t]
-            if j < count:
-                q = factor[j] / factor[t]
-                after = (2.0 * q * deflection[j] - deflection[t] * (q * q + 1.0)) / (q * q - 1.0)
-            if after < before:
+            between = (theta - angle[t]) / decay
+            if between < 1e-9:  # one behind the other: the nearer one counts
+                deep = max(deep, deflection[t])
+                kept -= 1
+                arrival = deep
+                continue
+            q = math.exp(min(between, 300.0))  # beyond, they know nothing of each other
+            leaving = (2.0 * q * deep - deflection[t] * (q * q + 1.0)) / (q * q - 1.0)
+            if leaving < before[t]:
+                after[t] = leaving
+                arrival = (deep * (q * q + 1.0) - 2.0 * q * deflection[t]) / (q * q - 1.0)
                 break
             kept -= 1
-        if j < count:
-            angle[kept], deflection[kept], factor[kept] = angle[j], deflection[j], factor[j]
-            kept += 1
+        angle[kept], deflection[kept], before[kept] = theta, deep, arrival
+        kept += 1
+    while kept > 0 and -deflection[kept - 1] >= before[kept - 1]:
+        kept -= 1
 
     up = forward = energy = 0.0
     for t in range(kept):
-        before, after = deflection[t], -deflection[t]
-        if t > 0:
-            q = factor[t] / factor[t - 1]
-            before = (deflection[t] * (q * q + 1.0) - 2.0 * q * deflection[t - 1]) / (q * q - 1.0)
-        if t < kept - 1:
-            q = factor[t + 1] / factor[t]
-            after = (2.0 * q * deflection[t + 1] - deflection[t] * (q * q + 1.0)) / (q * q - 1.0)
-        push = tension / (radius * decay) * (before - after)
-        turn = 0.5 * (before + after) / (decay * (radius - deflection[t]))
+        leaving = after[t] if t < kept - 1 else -deflection[t]
+        push = tension / (radius * decay) * (before[t] - leaving)
+        turn = 0.5 * (before[t] + leaving) / (decay * (radius - deflection[t]))
         cos, sin = math.cos(angle[t]), math.sin(angle[t])
         up += push * (cos - turn * sin)
         forward -= push * (sin + turn * cos)
@@ -150,7 +138,7 @@ def hub_heights(
     reach = int(radius / step)
     patch = int(math.sqrt(2.0 * radius * deflection) / step)
     for i in prange(height.size):
-        work = np.empty((3, 2 * reach + 2))
+        work = np.empty((4, 2 * reach + 1))
         ground = np.empty((sections, 2 * reach + 1))
         begin = first + i * stride - reach
         datum = total = 0.0  # heights from there, so that high ground costs no digits

@@ -188,7 +188,7 @@ class RadialSpringTyre:
         hub = self.radius - self.rated_load / self.stiffness
         unit, _, _ = _kernels.section_forces(
             level, 0, level.size, -reach * step, step, hub, self.radius, self.decay, 1.0,
-            np.empty((3, level.size + 1)),
+            np.empty((4, level.size)),
         )  # fmt: skip
         return float(self.rated_load / (sections * unit))
 
