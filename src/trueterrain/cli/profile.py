@@ -12,13 +12,16 @@ from trueterrain.errors import CoverageError, concerning
 if TYPE_CHECKING:
     import xarray as xr
 
-    from trueterrain.profile import SearchArea, WheelPath
+    from trueterrain.engine.progress import Progress
+    from trueterrain.profile import EnvelopeOptions, ProfileOptions, SearchArea, WheelPath
     from trueterrain.profile.extract import Ground
 
 StatisticName = Literal[
     "median", "mean", "percentile", "trimmed", "bridge", "idw-mean", "idw-median", "steepest",
     "point",
 ]  # fmt: skip
+
+EnvelopeName = Literal["disc", "cams", "springs", "laser", "patch"]
 
 
 def profile(
@@ -42,6 +45,9 @@ def profile(
     bandwidth: float | None = None,
     level: bool = False,
     minimum_count: int = 3,
+    envelope: EnvelopeName | None = None,
+    tyre: Literal["passenger", "truck"] | None = None,
+    load: float | None = None,
     thin: Literal["error", "nan"] = "error",
     units: Literal["m", "mm", "ft", "in"] | None = None,
     crs: str | None = None,
@@ -49,15 +55,17 @@ def profile(
 ) -> None:
     """Extract the profile that a tyre feels along a path.
 
-    Around each path point a statistic of the heights inside a search area is taken. Name the path
-    with exactly one of --offset, --line and --path.
+    Around each path point a statistic of the heights inside a search area is taken, or with
+    --envelope a tyre rolls along the path. Name the path with exactly one of --offset, --line and
+    --path; a tyre also rolls along a profile, which is a path of its own.
 
     Example: `trueterrain profile belgian_block.crg --offset 0.3 -o p.erd`
 
     Parameters
     ----------
     surface
-        Surface (OpenCRG, GeoTIFF, Zarr) or point cloud (LAS, LAZ, COPC, CSV, Parquet, Zarr).
+        Surface (OpenCRG, GeoTIFF, Zarr) or point cloud (LAS, LAZ, COPC, CSV, Parquet, Zarr); with
+        --envelope a surface or a profile (ERD, CSV).
     output
         Profile to write: .erd or .csv (.parquet, .zarr).
     offset
@@ -95,8 +103,18 @@ def profile(
         Take the slope of the ground inside each search area out first.
     minimum_count
         Search areas with fewer heights are thin.
+    envelope
+        Roll a tyre along the path instead: "disc", a rigid wheel; "cams", tandem elliptical cams;
+        "springs", a deformable tyre at constant load; "laser", the bridge value of a line laser;
+        "patch", the mean under the contact patch.
+    tyre
+        Whose size and stiffness --envelope takes; by default passenger.
+    load
+        Vertical load that --envelope springs carries [N]; by default 4000 for a passenger car's
+        tyre and 35000 for a truck's.
     thin
-        Whether thin search areas are an error or become NaN (CSV only).
+        Whether thin search areas, or path points without ground under all of the tyre, are an
+        error or become NaN (CSV only).
     units
         Unit of the heights in an ERD file; by default m.
     crs
@@ -106,29 +124,75 @@ def profile(
         Replace the output if it exists.
     """
     from trueterrain import formats, provenance
-    from trueterrain.profile import ProfileOptions, point_profile, tyre_profile
+    from trueterrain.profile import EnvelopeOptions, ProfileOptions
 
     options = ProfileOptions(
         statistic=statistic, radius=radius, patch=patch, ellipse=ellipse, percent=percent,
         skip=skip, average=average, power=power, resolution=resolution, bandwidth=bandwidth,
         level=level, minimum_count=minimum_count, thin=thin,
     )  # fmt: skip
-    area, taken = options.search_area(), options.taken()
+    rolling = None
+    if envelope is not None:
+        if options != ProfileOptions(thin=thin):
+            message = "--envelope rolls a tyre, so no option of a search area can be given."
+            raise ValueError(message)
+        rolling = EnvelopeOptions(envelope=envelope, tyre=tyre, load=load)
+    elif tyre is not None or load is not None:
+        message = "--tyre and --load are for --envelope."
+        raise ValueError(message)
     inputs = [surface, *([path] if path else [])]
     formats.require_writable(output, force=force, inputs=inputs)
     written = _writing(output, units)
+    ways = offset, line, path
     with concerning(surface), compiling_noted(), progress_bar() as progress:
-        ground, travelled = _ground_and_path(surface, offset, line, path, spacing, area, crs)
-        if taken is None:
-            result = point_profile(ground, travelled)
+        if rolling is not None and formats.kind_of_file(surface) == "profile":
+            on_line = _profile_as_ground(surface, ways, crs)
+            result = _felt(on_line, None, options, rolling, progress)
         else:
-            result = tyre_profile(
-                ground, travelled, area=area, statistic=taken, level=level,
-                minimum_count=minimum_count, thin=thin, progress=progress,
-            )  # fmt: skip
+            area = options.search_area()
+            ground, travelled = _ground_and_path(surface, *ways, spacing, area, crs)
+            result = _felt(ground, travelled, options, rolling, progress)
     result = provenance.add_step(result, "profile", inputs=inputs)
     formats.write(result, output, force=force, **written)
     _summarise(result, output)
+
+
+def _felt(
+    ground: "Ground",
+    path: "WheelPath | None",
+    options: "ProfileOptions",
+    rolling: "EnvelopeOptions | None",
+    progress: "Progress",
+) -> "xr.Dataset":
+    """Profile by what was asked for."""
+    from trueterrain.profile import point_profile, tyre_envelope, tyre_profile
+
+    if rolling is not None:
+        return tyre_envelope(
+            ground, path, tyre=rolling.model(), thin=options.thin, progress=progress
+        )
+    assert path is not None  # a profile is refused as ground of anything that does not roll
+    taken = options.taken()
+    if taken is None:
+        return point_profile(ground, path)
+    return tyre_profile(
+        ground, path, area=options.search_area(), statistic=taken, level=options.level,
+        minimum_count=options.minimum_count, thin=options.thin, progress=progress,
+    )  # fmt: skip
+
+
+def _profile_as_ground(
+    path: Path, ways: tuple[object, object, object], crs: str | None
+) -> "xr.Dataset":
+    """Read the profile that a tyre shall roll along."""
+    from trueterrain.formats.crs import parse_crs
+
+    if any(way is not None for way in ways):
+        message = "a profile is a path of its own: --offset, --line and --path are for surfaces."
+        raise ValueError(message)
+    if crs is not None:
+        parse_crs(crs)
+    return _surface(path, crs)
 
 
 def _writing(output: Path, units: str | None) -> dict[str, str]:
@@ -168,7 +232,8 @@ def _ground_and_path(
         raise CoverageError(
             "is a profile already",
             path=surface,
-            cure="Give the surface or the point cloud that it shall be taken from.",
+            cure="Give the surface or the point cloud that it shall be taken from, or roll a tyre "
+            "along it with --envelope.",
         )
     if crs is not None:
         parse_crs(crs)
@@ -212,5 +277,11 @@ def _summarise(result: "xr.Dataset", output: Path) -> None:
         counts = result["count"]
         text += f", {int(counts.min())} to {int(counts.max())} heights each"
     if result.attrs.get("thin"):
-        text += f"; {result.attrs['thin']} thin search areas are NaN"
+        what = "thin search areas" if "held" not in result.attrs else "points with too little ground under the tyre"
+        text += f"; {result.attrs['thin']} {what} are NaN"
+    if result.attrs.get("held"):
+        text += (
+            f"; at {result.attrs['held']} points the tyre reaches beyond the ends of the ground, "
+            "whose heights are held"
+        )
     note(text)

@@ -2,8 +2,22 @@
 
 from trueterrain.profile.area import Disc, Ellipse, Rectangle, SearchArea
 from trueterrain.profile.distribution import HeightDistribution, HeightDistributions
+from trueterrain.profile.envelope import (
+    PASSENGER_TYRE,
+    TRUCK_TYRE,
+    Envelope,
+    LineLaser,
+    PatchMean,
+    RadialSpringTyre,
+    RigidDisc,
+    TandemCams,
+    TyreData,
+    effective_road,
+    named_tyre,
+    tyre_envelope,
+)
 from trueterrain.profile.extract import height_distributions, point_profile, tyre_profile
-from trueterrain.profile.options import ProfileOptions
+from trueterrain.profile.options import EnvelopeOptions, ProfileOptions
 from trueterrain.profile.path import (
     WheelPath,
     arc_path,
@@ -25,29 +39,42 @@ from trueterrain.profile.statistic import (
 )
 
 __all__ = [
+    "PASSENGER_TYRE",
+    "TRUCK_TYRE",
     "Disc",
     "Ellipse",
+    "Envelope",
+    "EnvelopeOptions",
     "HeightDistribution",
     "HeightDistributions",
     "InverseDistance",
+    "LineLaser",
     "Mean",
     "Median",
+    "PatchMean",
     "Percentile",
     "ProfileOptions",
+    "RadialSpringTyre",
     "Rectangle",
+    "RigidDisc",
     "SearchArea",
     "Statistic",
     "SteepestCpf",
+    "TandemCams",
+    "TyreData",
     "WheelPath",
     "Window",
     "arc_path",
     "curve_path",
+    "effective_road",
     "function_path",
     "height_distributions",
+    "named_tyre",
     "offset_path",
     "point_profile",
     "polyline_path",
     "straight_path",
+    "tyre_envelope",
     "tyre_profile",
     "waypoint_path",
 ]

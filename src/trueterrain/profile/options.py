@@ -4,6 +4,16 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from trueterrain.profile.area import Disc, Ellipse, Rectangle, SearchArea
+from trueterrain.profile.envelope import (
+    Envelope,
+    LineLaser,
+    PatchMean,
+    RadialSpringTyre,
+    RigidDisc,
+    TandemCams,
+    TyreName,
+    named_tyre,
+)
 from trueterrain.profile.statistic import (
     InverseDistance,
     Mean,
@@ -18,6 +28,8 @@ StatisticName = Literal[
     "median", "mean", "percentile", "trimmed", "bridge", "idw-mean", "idw-median", "steepest",
     "point",
 ]  # fmt: skip
+
+EnvelopeName = Literal["disc", "cams", "springs", "laser", "patch"]
 
 # which parameters belong to which statistic
 _PARAMETERS: dict[str, tuple[str, ...]] = {
@@ -156,3 +168,60 @@ class ProfileOptions:
             case "steepest":
                 return SteepestCpf(**given)
         return None
+
+
+@dataclass(frozen=True, kw_only=True)
+class EnvelopeOptions:
+    """Tyre that rolls along the path, instead of a statistic of the heights around its points.
+
+    Examples
+    --------
+    >>> EnvelopeOptions(envelope="springs", tyre="truck", load=20_000.0).model().load
+    20000.0
+    """
+
+    envelope: EnvelopeName = "disc"
+    """What rolls: "disc", a rigid wheel; "cams", tandem elliptical cams; "springs", a deformable
+    tyre at constant load; "laser", the bridge value of a line laser; "patch", the mean under the
+    contact patch."""
+
+    tyre: TyreName | None = None
+    "Whose size and stiffness: passenger or truck; by default passenger."
+
+    load: float | None = None
+    "Vertical load that springs carry [N]; by default the rated load of the tyre."
+
+    def __post_init__(self) -> None:
+        """Check that parameters belong to the envelope."""
+        if self.envelope not in get_args(EnvelopeName):
+            known = ", ".join(get_args(EnvelopeName))
+            message = f"envelope must be one of {known}, got {self.envelope!r}."
+            raise ValueError(message)
+        if self.load is not None and self.envelope != "springs":
+            message = f"load belongs to the envelope springs, not to {self.envelope}."
+            raise ValueError(message)
+        if self.tyre is not None and self.envelope == "laser":
+            message = "tyre does not belong to the envelope laser, which has a size of its own."
+            raise ValueError(message)
+        self.model()
+
+    def model(self) -> Envelope:
+        """Tyre model.
+
+        Returns
+        -------
+        RigidDisc, TandemCams, RadialSpringTyre, LineLaser or PatchMean
+            For `tyre_envelope`.
+        """
+        tyre = named_tyre(self.tyre or "passenger")
+        match self.envelope:
+            case "disc":
+                return RigidDisc.of(tyre)
+            case "cams":
+                return TandemCams.of(tyre)
+            case "springs":
+                return RadialSpringTyre.of(tyre, load=self.load)
+            case "laser":
+                return LineLaser()
+            case "patch":
+                return PatchMean.of(tyre)

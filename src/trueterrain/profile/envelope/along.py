@@ -20,7 +20,7 @@ from trueterrain.profile.envelope.averages import LineLaser, PatchMean
 from trueterrain.profile.envelope.cams import TandemCams
 from trueterrain.profile.envelope.disc import RigidDisc
 from trueterrain.profile.envelope.springs import RadialSpringTyre
-from trueterrain.profile.extract import ThinPolicy
+from trueterrain.profile.extract import Ground, ThinPolicy
 from trueterrain.profile.path import WheelPath
 
 Float = npt.NDArray[np.float64]
@@ -41,7 +41,7 @@ _MEANING = {
 
 
 def tyre_envelope(
-    ground: xr.Dataset,
+    ground: Ground,
     path: WheelPath | None = None,
     *,
     tyre: Envelope = RigidDisc(),
@@ -118,7 +118,7 @@ def tyre_envelope(
 
 
 def effective_road(
-    ground: xr.Dataset,
+    ground: Ground,
     path: WheelPath | None = None,
     *,
     tyre: Envelope = TandemCams(),
@@ -159,12 +159,12 @@ def effective_road(
     if thin not in ("error", "nan"):
         message = f"thin must be 'error' or 'nan', got {thin!r}."
         raise ValueError(message)
-    kind = kind_of(ground) if isinstance(ground, xr.Dataset) else "points"
-    if kind == "points":
+    if not isinstance(ground, xr.Dataset) or kind_of(ground) == "points":
         raise CoverageError(
             "scattered points have no height between them",
             cure="Grid them first (`trueterrain grid`); a tyre rolls on a surface or a profile.",
         )
+    kind = kind_of(ground)
     if kind == "profile" and path is not None:
         message = "path must not be given with a profile, which is a path of its own."
         raise ValueError(message)
@@ -251,7 +251,7 @@ def _rolled(
 
 def _counts(strip: Strip, reach: float) -> tuple[Integer, int]:
     """Quantity of samples with a height in the reach of each path point, and how far that is."""
-    within = int(reach / strip.step + 1e-6)  # samples
+    within = int(np.ceil(reach / strip.step - 1e-6))  # samples; a piece of ground has two ends
     known = np.isfinite(strip.height).sum(axis=0)
     total = np.append(0, np.cumsum(known))
     at = strip.first + strip.stride * np.arange(strip.count)
