@@ -9,6 +9,7 @@ height of a cell is that of its mean point, brought back to its place along the 
 import importlib.util
 import os
 import resource
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -19,6 +20,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+import bench_grid
+from trueterrain.formats.run import Mounting, RunWriter, open_run
 from trueterrain.kinds import make_points
 from trueterrain.lanes import (
     CellOptions,
@@ -28,7 +31,11 @@ from trueterrain.lanes import (
     cells_of_points,
     lane_cells,
 )
+from trueterrain.lanes.runs import merge_runs
+from trueterrain.motion import FusionSettings, fuse
 from trueterrain.simulate.noise import SecondOrderGaussMarkov
+from trueterrain.surface.placement import Placement
+from trueterrain.surface.runs import Pass, grid_runs
 
 LENGTHS = (1.0, 10.0, 100.0)  # [km]
 PASSES = 4
@@ -60,7 +67,67 @@ def bench() -> list[dict[str, Any]]:
     list of dict
         What was measured.
     """
-    return [*cost(), collecting(), *strips()]
+    return [*cost(), collecting(), merging(), *strips()]
+
+
+def merging() -> dict[str, Any]:
+    """Two recorded lanes brought into agreement and gridded, beside gridding them once."""
+    with tempfile.TemporaryDirectory() as folder:
+        paths = {name: Path(folder) / f"{name}.zarr" for name in ("left", "right")}
+        for path, north, height in zip(paths.values(), (0.0, -3.5), (0.01, -0.01), strict=True):
+            record(path, north, height)
+        settings = FusionSettings(method="navigation")
+
+        def passes() -> dict[str, Pass]:
+            return {
+                name: Pass(path=path, trajectory=fuse(open_run(path), settings=settings).trajectory)
+                for name, path in paths.items()
+            }
+
+        def grid(some: dict[str, Pass]) -> None:
+            each = list(some.values())
+            grid_runs(each, Placement().of_runs(each), threads=bench_grid.THREADS)
+
+        def merged() -> None:
+            grid(merge_runs(passes(), threads=bench_grid.THREADS)[1])
+
+        grid(passes())
+        merged()  # compile
+        once = min(elapsed(lambda: grid(passes())) for _ in range(3))
+        both = min(elapsed(merged) for _ in range(3))
+    returns = 2 * bench_grid.SCANS * bench_grid.BEAMS / 1e6
+    return {
+        "name": f"two lanes merged and gridded, {returns:.0f} M returns", "ours": both,
+        "peer": once, "peer_name": "gridding them once", "unit": "s", "ratio": both / once,
+        "budget": "ratio <= 2.5", "met": both / once <= 2.5,
+    }  # fmt: skip
+
+
+def record(path: Path, north: float, height: float) -> None:
+    """A run over level ground in a lane, whose navigation drifts by up to a height [m]."""
+    angle, delay = bench_grid.fan()
+    with RunWriter(
+        path, name="bench", origin=(11.0, 48.0, 500.0), time_reference="run", mounting=Mounting(),
+        angle=angle, delay=delay, largest_range=6.0,
+    ) as run:  # fmt: skip
+        t = np.arange(-0.1, bench_grid.SCANS / bench_grid.RATE + 0.2, 0.01)
+        still = dict.fromkeys(("roll", "pitch", "yaw"), np.zeros(t.size))
+        up = 2.0 + 0.02 * np.sin(9 * t) + height * np.sin(t / 5)
+        run.append_navigation(
+            {"time": t, "east": bench_grid.SPEED * t, "north": np.full(t.size, north), "up": up}
+            | still
+        )
+        stamps, steps = bench_grid.recorded(bench_grid.SCANS)
+        for start in range(0, bench_grid.SCANS, 4000):
+            rows = slice(start, start + 4000)
+            run.append_scans(stamps[rows], steps[rows] * bench_grid.STEP)
+
+
+def elapsed(work: Callable[[], Any]) -> float:
+    """Elapsed time [s]."""
+    begin = time.perf_counter()
+    work()
+    return time.perf_counter() - begin
 
 
 def cost() -> list[dict[str, Any]]:

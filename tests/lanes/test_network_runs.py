@@ -12,7 +12,7 @@ from trueterrain.lanes import CellOptions, adjust, cells_of_points, cells_of_run
 from trueterrain.motion import FusionSettings, fuse
 from trueterrain.simulate.scene import read_scene, record_scene
 
-CELLS = CellOptions(size=0.1)
+CELLS = CellOptions(size=0.1, scans=0)
 SLOWEST = 8.0  # [m/s] of the passes, which are driven at 10 m/s
 
 

@@ -176,6 +176,10 @@ class CellOptions:
     minimum_count: int = 5
     "Returns that a cell must have of a pass."
 
+    scans: int = 5
+    """Scans of a run that a cell has along its way; more are left out, since they tell no more of
+    the pass. 0 for all."""
+
     largest_sd: float = 0.05
     "Standard deviation of the returns about their plane up to which a cell is used [m]."
 
@@ -188,6 +192,9 @@ class CellOptions:
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
                 message = f"{name} must be greater than 0, got {getattr(self, name)}."
                 raise ValueError(message)
+        if self.scans < 0:
+            message = f"scans must be at least 0, got {self.scans}."
+            raise ValueError(message)
         if self.minimum_count < 1:
             message = f"minimum_count must be at least 1 return, got {self.minimum_count}."
             raise ValueError(message)

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
+from scipy.spatial.transform import Rotation
 
-from trueterrain.errors import CoverageError
-from trueterrain.formats.run import Mounting
+from trueterrain.errors import CoverageError, concerning
+from trueterrain.formats.run import Mounting, open_run, scan_blocks
 from trueterrain.georeference import Screening
 from trueterrain.lanes._settings import CellOptions
 from trueterrain.motion.trajectory import Trajectory
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
+
+_THINNEST = 50  # scans, of which at least one is taken however slow a pass is
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -296,19 +299,45 @@ def cells_of_run(
     FormatError
         If the run is damaged.
     """
-    from trueterrain.georeference import georeference
+    from trueterrain.georeference import georeference, mounting_of
     from trueterrain.lanes._collect import CellSums
     from trueterrain.lanes._middle import at_their_middle
 
+    tree = run if isinstance(run, xr.DataTree) else open_run(run)
+    mounting = mounting or mounting_of(tree)
+    every = _every(tree, trajectory, options)
     sums = CellSums(options)
-    for block in georeference(run, trajectory, mounting, screening=screening):
-        sums.add(*(block[key].values for key in ("easting", "northing", "up", "time")))
+    with concerning("the run" if isinstance(run, xr.DataTree) else run):
+        thinned = (
+            block.isel(scan=slice(-block.attrs["first_scan"] % every, None, every))
+            for block in scan_blocks(run)
+        )
+        for block in georeference(thinned, trajectory, mounting, screening=screening):
+            sums.add(*(block[key].values for key in ("easting", "northing", "up", "time")))
+    knots = trajectory.time
+    ahead = Rotation.from_quat(trajectory.quaternion).apply([1.0, 0.0, 0.0])
+    heading = np.unwrap(np.arctan2(ahead[:, 1], ahead[:, 0]))
 
     def path(time: Floats) -> tuple[Floats, Floats, Floats]:
-        poses = trajectory.at(np.clip(time, trajectory.time[0], trajectory.time[-1]))
-        ahead = poses.rotation.apply([1.0, 0.0, 0.0])
-        return poses.position[:, 0], poses.position[:, 1], np.arctan2(ahead[:, 1], ahead[:, 0])
+        x, y, course = (
+            np.interp(time, knots, values)
+            for values in (trajectory.position[:, 0], trajectory.position[:, 1], heading)
+        )
+        return x, y, course
 
     sd = np.sqrt(trajectory.covariance[:, 2, 2])
     navigation = {"sd_time": trajectory.time, "sd_height": sd} if (sd > 0).all() else {}
     return at_their_middle(sums.cells(name, path, **navigation), path, options.size)
+
+
+def _every(run: xr.DataTree, trajectory: Trajectory, options: CellOptions) -> int:
+    """Of how many scans one is taken, so that cells have as many along the way as asked for."""
+    if options.scans == 0:
+        return 1
+    stamps = np.asarray(run["scans"]["time"], dtype=np.float64)
+    steps = np.diff(stamps[np.isfinite(stamps)])
+    speed = float(np.median(np.hypot(*trajectory.velocity[:, :2].T)))
+    apart = speed * float(np.median(steps)) if steps.size else 0.0
+    if not apart > 0:
+        return 1
+    return int(np.clip(options.size / (options.scans * apart), 1, _THINNEST))

@@ -1,6 +1,7 @@
 """Recorded runs brought into agreement: their cells are compared, their motion is corrected."""
 
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,6 +28,7 @@ def merge_runs(
     *,
     screening: Screening = Screening(),
     drift_time: float | None = None,
+    threads: int = 1,
     progress: Progress = no_progress,
 ) -> tuple[Merging, dict[str, Pass]]:
     """Bring recorded runs into agreement.
@@ -42,6 +44,8 @@ def merge_runs(
     drift_time : float, optional
         Time after which the autocorrelation of the drift of navigation is 1/e, as fusion measured
         it [s], unless the settings name another one.
+    threads : int
+        Runs that are looked at at once; results do not depend on it.
     progress : callable, optional
         Called with a task, the amount done and the total.
 
@@ -64,7 +68,9 @@ def merge_runs(
     if settings.network.correlation_time is None and drift_time is not None:
         network = replace(settings.network, correlation_time=drift_time)
         settings = replace(settings, network=network)
-    cells = cells_of_passes(passes, settings, screening=screening, progress=progress)
+    cells = cells_of_passes(
+        passes, settings, screening=screening, threads=threads, progress=progress
+    )
     control = [] if settings.control is None else [control_cells(settings.control, settings)]
     merging = merge_cells(
         cells, settings, control=control, progress=progress,
@@ -78,6 +84,7 @@ def cells_of_passes(
     settings: MergeSettings = MergeSettings(),
     *,
     screening: Screening = Screening(),
+    threads: int = 1,
     progress: Progress = no_progress,
 ) -> list[LaneCells]:
     """Cells that each of several runs saw.
@@ -90,6 +97,8 @@ def cells_of_passes(
         Size of the cells, and which of them are used.
     screening : Screening
         Which returns are doubtful, and what becomes of them.
+    threads : int
+        Runs that are looked at at once.
     progress : callable, optional
         Called with a task, the amount done and the total.
 
@@ -106,15 +115,19 @@ def cells_of_passes(
         If the motion covers no scan of a run, or no cell has enough returns.
     """
     require_one_frame([one.path for one in passes.values()])
-    cells = []
-    for number, (name, one) in enumerate(passes.items()):
-        progress("cells of passes", number, len(passes))
-        cells.append(
-            cells_of_run(
-                one.path, one.trajectory, settings.cells, name=name, mounting=one.mounting,
-                screening=screening,
+    progress("cells of passes", 0, len(passes))
+    with ThreadPoolExecutor(threads) as pool:
+        jobs = [
+            pool.submit(
+                cells_of_run, one.path, one.trajectory, settings.cells, name=name,
+                mounting=one.mounting, screening=screening,
             )
-        )  # fmt: skip
+            for name, one in passes.items()
+        ]  # fmt: skip
+        cells = []
+        for job in jobs:
+            cells.append(job.result())
+            progress("cells of passes", len(cells), len(passes))
     return cells
 
 

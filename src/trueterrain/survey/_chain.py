@@ -98,7 +98,7 @@ def run_survey(
     with whole_folder(folder, force=force) as temporary:
         pictures = Pictures(temporary if survey.outputs.pictures else None)
         runs = [find_run(survey, run, progress) for run in survey.runs]
-        before, (runs, merging) = runs, _merged(survey, runs, progress)
+        before, (runs, merging) = runs, _merged(survey, runs, threads, progress)
         points = [write_points(survey, run, temporary, progress) for run in runs]
         together = [runs] if merging else [[run] for run in runs]
         lanes = [
@@ -140,7 +140,7 @@ def run_survey(
 
 
 def _merged(
-    survey: Survey, runs: list[Run], progress: Progress
+    survey: Survey, runs: list[Run], threads: int, progress: Progress
 ) -> tuple[list[Run], Merging | None]:
     """Runs brought into agreement, if the survey asks for it."""
     if survey.lanes is None:
@@ -148,7 +148,8 @@ def _merged(
     times = [run.motion.noise.drift_time[0] for run in runs if run.motion.noise is not None]
     merging, passes = merge_runs(
         {run.name: run.taken for run in runs}, survey.lanes, screening=survey.screening,
-        drift_time=float(np.median(times)) if times else None, progress=progress,
+        drift_time=float(np.median(times)) if times else None, threads=threads,
+        progress=progress,
     )  # fmt: skip
     return [replace(run, taken=passes[run.name]) for run in runs], merging
 
