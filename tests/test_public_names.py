@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 import trueterrain
+import trueterrain.profile
 import trueterrain.report
 
 PUBLIC = {
@@ -65,6 +66,47 @@ PUBLIC = {
     "write",
 }
 
+PROFILE = {
+    "PASSENGER_TYRE",
+    "TRUCK_TYRE",
+    "Disc",
+    "Ellipse",
+    "Envelope",
+    "EnvelopeOptions",
+    "HeightDistribution",
+    "HeightDistributions",
+    "InverseDistance",
+    "LineLaser",
+    "Mean",
+    "Median",
+    "PatchMean",
+    "Percentile",
+    "ProfileOptions",
+    "RadialSpringTyre",
+    "Rectangle",
+    "RigidDisc",
+    "SearchArea",
+    "Statistic",
+    "SteepestCpf",
+    "TandemCams",
+    "TyreData",
+    "WheelPath",
+    "Window",
+    "arc_path",
+    "curve_path",
+    "effective_road",
+    "function_path",
+    "height_distributions",
+    "named_tyre",
+    "offset_path",
+    "point_profile",
+    "polyline_path",
+    "straight_path",
+    "tyre_envelope",
+    "tyre_profile",
+    "waypoint_path",
+}
+
 REPORT = {
     "Block",
     "Column",
@@ -101,6 +143,10 @@ def test_public_names_are_the_promised_ones():
 def test_the_names_of_reports_are_the_promised_ones():
     assert set(trueterrain.report.__all__) == REPORT
     assert trueterrain.report.__all__ == sorted(trueterrain.report.__all__)
+
+
+def test_the_names_of_profiles_are_the_promised_ones():
+    assert set(trueterrain.profile.__all__) == PROFILE
 
 
 def test_public_names_are_sorted_and_listed_by_dir():

@@ -10,6 +10,7 @@ from trueterrain.figures.continuous import continuous_roughness
 from trueterrain.figures.cpf import cpf
 from trueterrain.figures.difference import profile_difference
 from trueterrain.figures.drift import navigation_errors
+from trueterrain.figures.envelope import tyre_envelopes
 from trueterrain.figures.iri import iri_segments
 from trueterrain.figures.lanes_choice import correction_spectrum, strength_choice
 from trueterrain.figures.lanes_correction import lane_correction
@@ -71,4 +72,5 @@ __all__ = [
     "structure_functions",
     "surface_map",
     "surface_relief",
+    "tyre_envelopes",
 ]
