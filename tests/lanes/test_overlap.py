@@ -7,7 +7,7 @@ import xarray as xr
 
 from trueterrain.errors import CoverageError, SchemaError, TrueTerrainError
 from trueterrain.kinds import make_points
-from trueterrain.lanes.overlap import cell_keys, centres, lane_blocks, lane_cells, overlap_of
+from trueterrain.lanes.overlap import cell_keys, centres, lane_blocks, occupied_cells, overlap_of
 
 STEP = 1e-5  # [m] in which heights are added up
 
@@ -24,7 +24,7 @@ def test_cells_hold_the_count_and_the_mean_of_their_points(origin) -> None:
     rng = np.random.default_rng(1)
     x, y = (begin + 3 * rng.random(5000) for begin in origin)
     z = 500 + 0.1 * rng.standard_normal(5000)
-    cells = lane_cells(make_points(x, y, z), 0.25)
+    cells = occupied_cells(make_points(x, y, z), 0.25)
     east, north = centres(cells.key, 0.25)
     assert cells.count.sum() == 5000
     for k in (0, 7, cells.key.size - 1):
@@ -40,16 +40,16 @@ def test_cells_are_the_same_for_any_blocks_and_far_scattered_points() -> None:
     rng = np.random.default_rng(2)
     x, y = 50_000 * rng.random((2, 3000))  # so sparse that no array of the box is made
     points = make_points(x, y, rng.standard_normal(3000))
-    whole = lane_cells(points, 0.5)
-    parts = lane_cells([points.isel(point=slice(k, k + 7)) for k in range(0, 3000, 7)], 0.5)
-    backwards = lane_cells(points.isel(point=slice(None, None, -1)), 0.5)
+    whole = occupied_cells(points, 0.5)
+    parts = occupied_cells([points.isel(point=slice(k, k + 7)) for k in range(0, 3000, 7)], 0.5)
+    backwards = occupied_cells(points.isel(point=slice(None, None, -1)), 0.5)
     for other in (parts, backwards):
         for name in ("key", "count", "total"):
             npt.assert_array_equal(getattr(whole, name), getattr(other, name))
 
 
 def test_two_squares_share_the_cells_where_they_overlap() -> None:
-    found = overlap_of(lane_cells(square(0, 0)), lane_cells(square(1.5, 1.0, up=0.2)))
+    found = overlap_of(occupied_cells(square(0, 0)), occupied_cells(square(1.5, 1.0, up=0.2)))
     assert found.area == pytest.approx(0.5 * 1.0, abs=1e-9)
     key, count, height = found.shared
     assert key.size == 50
@@ -65,57 +65,57 @@ def test_a_missing_cell_is_no_hole_but_a_missing_patch_is() -> None:
         hole = (np.abs(points.easting - 1.05) < size) & (np.abs(points.northing - 1.05) < size)
         return points.isel(point=np.flatnonzero(~hole))
 
-    whole = lane_cells(square(0, 0, up=0.1))
-    assert overlap_of(whole, lane_cells(without(0.05))).key.size == 400
-    assert overlap_of(whole, lane_cells(without(0.15))).key.size == 400 - 9
+    whole = occupied_cells(square(0, 0, up=0.1))
+    assert overlap_of(whole, occupied_cells(without(0.05))).key.size == 400
+    assert overlap_of(whole, occupied_cells(without(0.15))).key.size == 400 - 9
 
 
 @pytest.mark.parametrize(("edge", "columns"), [(0.98, 10), (0.92, 9), (0.0, 0)])
 def test_cells_that_an_edge_cuts_count_if_half_is_left(edge, columns) -> None:
     side = np.arange(0.0025, 1.0, 0.005)  # 400 in a cell
     x, y = (at.ravel() for at in np.meshgrid(np.append(side, side - 1.0), side))
-    whole = lane_cells(make_points(x, y, 0 * x + 0.1))
+    whole = occupied_cells(make_points(x, y, 0 * x + 0.1))
     x, y = x[x < edge], y[x < edge]
-    found = overlap_of(whole, lane_cells(make_points(x, y, 0 * x)))
+    found = overlap_of(whole, occupied_cells(make_points(x, y, 0 * x)))
     assert found.key.size == 10 * (10 + columns)
 
 
 def test_lanes_apart_share_nothing() -> None:
-    assert overlap_of(lane_cells(square(0, 0)), lane_cells(square(2.05, 0))) is None
+    assert overlap_of(occupied_cells(square(0, 0)), occupied_cells(square(2.05, 0))) is None
 
 
 def test_points_that_are_not_finite_are_counted() -> None:
     points = make_points([0.0, np.nan, 1.0, 2.0], [0.0, 0.0, np.inf, 0.0], [0.0, 0.0, 0.0, 1e6])
-    cells = lane_cells(points)
+    cells = occupied_cells(points)
     assert cells.left_out == 3
     assert cells.count.sum() == 1
 
 
 def test_lanes_without_points_are_refused() -> None:
     with pytest.raises(CoverageError, match=r"lane a: holds no point .*\(2 others\)\. Leave"):
-        lane_cells(make_points([np.nan] * 2, [0.0] * 2, [0.0] * 2), name="a")
+        occupied_cells(make_points([np.nan] * 2, [0.0] * 2, [0.0] * 2), name="a")
     with pytest.raises(CoverageError, match="holds no point"):
-        lane_cells([])
+        occupied_cells([])
 
 
 def test_sizes_must_be_positive_and_equal() -> None:
     with pytest.raises(ValueError, match="cell must be greater than 0 m"):
-        lane_cells(square(0, 0), 0.0)
+        occupied_cells(square(0, 0), 0.0)
     with pytest.raises(ValueError, match=r"cells must have one size, got 0\.1 and 0\.2 m"):
-        overlap_of(lane_cells(square(0, 0)), lane_cells(square(0, 0), 0.2))
+        overlap_of(occupied_cells(square(0, 0)), occupied_cells(square(0, 0), 0.2))
 
 
 def test_different_frames_are_refused_between_lanes_and_within_one() -> None:
     here, there = square(0, 0).assign_attrs(crs="EPSG:2154"), square(1, 1)
     with pytest.raises(SchemaError, match=r"lane b: has .*system unknown, but that of lane a is"):
-        overlap_of(lane_cells(here), lane_cells(there), lanes=("a", "b"))
+        overlap_of(occupied_cells(here), occupied_cells(there), lanes=("a", "b"))
     with pytest.raises(SchemaError, match=r"lane a: .*'EPSG:2154', but .*the blocks before it"):
-        lane_cells([there, here], name="a")
+        occupied_cells([there, here], name="a")
 
 
 def test_the_same_points_twice_are_refused() -> None:
     with pytest.raises(TrueTerrainError, match="lane second: holds the same points as lane first"):
-        overlap_of(lane_cells(square(0, 0)), lane_cells(square(0, 0)))
+        overlap_of(occupied_cells(square(0, 0)), occupied_cells(square(0, 0)))
 
 
 def test_blocks_come_from_datasets_sequences_and_functions() -> None:

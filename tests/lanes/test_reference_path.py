@@ -6,7 +6,7 @@ import pytest
 
 from trueterrain.errors import CoverageError
 from trueterrain.kinds import make_points
-from trueterrain.lanes.overlap import LaneCells, Overlap, lane_cells, overlap_of
+from trueterrain.lanes.overlap import OccupiedCells, Overlap, occupied_cells, overlap_of
 from trueterrain.lanes.reference_path import (
     ReferencePath,
     centre_reference,
@@ -28,13 +28,13 @@ def on_circle(s: np.ndarray, v: np.ndarray | float = 0.0) -> tuple[np.ndarray, n
     return (RADIUS - v) * np.cos(s / RADIUS), (RADIUS - v) * np.sin(s / RADIUS)
 
 
-def cells_along(way, begin: float, end: float, right: float, left: float) -> LaneCells:
+def cells_along(way, begin: float, end: float, right: float, left: float) -> OccupiedCells:
     """Cells of 0.1 m of a lane with points every 0.04 m."""
     s, v = (
         at.ravel() for at in np.meshgrid(np.arange(begin, end, 0.04), np.arange(right, left, 0.04))
     )
     x, y = way(s, v)
-    return lane_cells(make_points(x, y, 0 * x + (right > -0.5)), 0.1)
+    return occupied_cells(make_points(x, y, 0 * x + (right > -0.5)), 0.1)
 
 
 def overlap_along(way, length: float) -> Overlap:
@@ -161,7 +161,7 @@ def test_pieces_of_an_overlap_are_joined() -> None:
             (np.arange(12, 30, 0.04), np.zeros(450 * 58)),
         )
     ]
-    path = centre_reference(overlap_of(left, lane_cells(rights, 0.1)))
+    path = centre_reference(overlap_of(left, occupied_cells(rights, 0.1)))
     assert path.length == pytest.approx(30.0, abs=1.0)
     npt.assert_allclose(path.northing, 0.0, rtol=0, atol=3 * MIDDLE)
 

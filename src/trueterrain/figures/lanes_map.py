@@ -87,10 +87,10 @@ def discrepancy_map(
 
     Examples
     --------
-    >>> from trueterrain.lanes import adjust, lane_cells
+    >>> from trueterrain.lanes import adjust, occupied_cells
     >>> cell, time = np.arange(400), np.arange(400) * 0.1
     >>> found = adjust([
-    ...     lane_cells(name, cell, time, up + np.sin(cell), variance=1e-6, easting=0.5 * cell)
+    ...     occupied_cells(name, cell, time, up + np.sin(cell), variance=1e-6, easting=0.5 * cell)
     ...     for name, up in (("east", 0.005), ("west", -0.005))])
     >>> ax = discrepancy_map(found.ground, cell=0.5)
     >>> float(ax.images[0].get_array().max().round(3))
@@ -159,10 +159,10 @@ def lane_overlap(
     Examples
     --------
     >>> from trueterrain.kinds import make_points
-    >>> from trueterrain.lanes.overlap import lane_cells, overlap_of
+    >>> from trueterrain.lanes.overlap import occupied_cells, overlap_of
     >>> from trueterrain.lanes.reference_path import centre_reference
     >>> x, y = (at.ravel() for at in np.meshgrid(np.arange(0, 20, 0.1), np.arange(0, 4, 0.1)))
-    >>> left, right = (lane_cells(make_points(x, y + by, 0 * x), 0.2) for by in (0.05, 3.05))
+    >>> left, right = (occupied_cells(make_points(x, y + by, 0 * x), 0.2) for by in (0.05, 3.05))
     >>> overlap = overlap_of(left, right, lanes=("left", "right"))
     >>> ax = lane_overlap(overlap, centre_reference(overlap))
     >>> [text.get_text() for text in ax.get_legend().get_texts()][:3]

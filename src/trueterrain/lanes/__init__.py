@@ -1,9 +1,15 @@
 """Lanes: many passes over one road, brought into agreement (thesis 4.3.1, 4.4).
 
 ==================  =============================================================================
+`merge`             passes compared, brought into agreement by one of the methods, compared again
+`runs`, `clouds`    the same for recorded runs and for point clouds
+`apply`             corrections taken to the motion of a run, or to points
 `cells`             what each pass saw of the cells of a common grid
 `network`           one least-squares adjustment of all passes at once
 `spline`            corrections that follow time or station, and how much they may wander
+`discontinuity`     discontinuity vectors along reference paths (thesis 4.3.1)
+`overlap`           what two lanes both cover
+`reference_path`    paths through it
 ==================  =============================================================================
 """
 

@@ -34,7 +34,7 @@ def station_path(lane: CloudLane, options: CellOptions) -> ReferencePath:
         Straight along its principal axis if it fills half of the rectangle around it, else along
         its middle, curved or closed.
     """
-    cells = coarse.lane_cells(lane, options.size, name=lane.name)
+    cells = coarse.occupied_cells(lane, options.size, name=lane.name)
     straight, share = _axis(cells)
     if share >= _FULL:
         return straight
@@ -45,7 +45,7 @@ def station_path(lane: CloudLane, options: CellOptions) -> ReferencePath:
         return straight  # scattered pieces have no middle
 
 
-def _axis(cells: coarse.LaneCells) -> tuple[ReferencePath, float]:
+def _axis(cells: coarse.OccupiedCells) -> tuple[ReferencePath, float]:
     """Line along the principal axis of some cells, and their share of the rectangle around it."""
     places = np.stack(coarse.centres(cells.key, cells.cell))
     middle = places.mean(axis=1, keepdims=True)

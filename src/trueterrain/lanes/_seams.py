@@ -100,7 +100,7 @@ def _keys(cell: Integers) -> Integers:
     return pack((cell - row) >> 32, row)
 
 
-def _as_overlap_cells(rows: Integers, lane: LaneCells, size: float) -> coarse.LaneCells:
+def _as_overlap_cells(rows: Integers, lane: LaneCells, size: float) -> coarse.OccupiedCells:
     count = lane.count[rows]
     total = np.rint(lane.height[rows] * count / coarse.STEP).astype(np.int64)
-    return coarse.LaneCells(cell=size, key=_keys(lane.cell[rows]), count=count, total=total)
+    return coarse.OccupiedCells(cell=size, key=_keys(lane.cell[rows]), count=count, total=total)

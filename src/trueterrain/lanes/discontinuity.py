@@ -46,11 +46,11 @@ from trueterrain.lanes._discontinuity_sums import (
     inside_overlap,
 )
 from trueterrain.lanes.overlap import (
-    LaneCells,
     LanePoints,
+    OccupiedCells,
     Overlap,
     lane_blocks,
-    lane_cells,
+    occupied_cells,
     overlap_of,
 )
 from trueterrain.lanes.reference_path import (
@@ -156,10 +156,10 @@ def align_lanes(
     0.006
     """
     _check_names(lanes, fix, order)
-    cells: dict[str, LaneCells] = {}
+    cells: dict[str, OccupiedCells] = {}
     for number, name in enumerate(sorted(lanes)):
         progress("overlap", number, len(lanes))
-        cells[name] = lane_cells(lanes[name], options.cell, name=name)
+        cells[name] = occupied_cells(lanes[name], options.cell, name=name)
     overlaps = {
         pair: found
         for pair in combinations(cells, 2)
@@ -318,7 +318,7 @@ def _heights(
 
 
 def _aligned(
-    cells: Mapping[str, LaneCells],
+    cells: Mapping[str, OccupiedCells],
     overlaps: Mapping[Names, Overlap],
     ways: Mapping[Names, _Way],
     heights: Mapping[tuple[Names, str], AreaHeights],

@@ -38,7 +38,7 @@ _HIGHEST = 10_000.0  # [m] for the same reason
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LaneCells:
+class OccupiedCells:
     """Cells of a map grid in which a lane has returns."""
 
     cell: float
@@ -100,7 +100,7 @@ class Overlap:
     lanes: tuple[str, str]
     "Names of the lanes."
 
-    cells: tuple[LaneCells, LaneCells]
+    cells: tuple[OccupiedCells, OccupiedCells]
     "All cells of both."
 
     key: Integers
@@ -206,7 +206,7 @@ def heights_of(block: xr.Dataset) -> Iterator[tuple[Floats, Floats, Integers, in
         yield x[part][good], y[part][good], height, int(good.size - good.sum())
 
 
-def lane_cells(points: LanePoints, cell: float = 0.1, *, name: str = "") -> LaneCells:
+def occupied_cells(points: LanePoints, cell: float = 0.1, *, name: str = "") -> OccupiedCells:
     """Sort the points of a lane into cells.
 
     Parameters
@@ -220,7 +220,7 @@ def lane_cells(points: LanePoints, cell: float = 0.1, *, name: str = "") -> Lane
 
     Returns
     -------
-    LaneCells
+    OccupiedCells
         The same for any blocks and any order of the points.
 
     Raises
@@ -235,7 +235,7 @@ def lane_cells(points: LanePoints, cell: float = 0.1, *, name: str = "") -> Lane
     Examples
     --------
     >>> from trueterrain.kinds import make_points
-    >>> cells = lane_cells(make_points([0.01, 0.02, 5.0], [0.0, 0.0, 0.0], [1.0, 1.002, 1.1]))
+    >>> cells = occupied_cells(make_points([0.01, 0.02, 5.0], [0.0, 0.0, 0.0], [1.0, 1.002, 1.1]))
     >>> cells.count, cells.height
     (array([2, 1]), array([1.001, 1.1 ]))
     """
@@ -260,20 +260,20 @@ def lane_cells(points: LanePoints, cell: float = 0.1, *, name: str = "") -> Lane
             place=place,
             cure="Leave it out.",
         )
-    return LaneCells(
+    return OccupiedCells(
         cell=cell, key=pack(column, row), count=count, total=total, crs=known or "",
         left_out=left_out,
     )  # fmt: skip
 
 
 def overlap_of(
-    first: LaneCells, second: LaneCells, *, lanes: tuple[str, str] = ("first", "second")
+    first: OccupiedCells, second: OccupiedCells, *, lanes: tuple[str, str] = ("first", "second")
 ) -> Overlap | None:
     """Cells that two lanes share.
 
     Parameters
     ----------
-    first, second : LaneCells
+    first, second : OccupiedCells
         Cells of both lanes.
     lanes : tuple of str
         Their names.
@@ -295,8 +295,8 @@ def overlap_of(
     Examples
     --------
     >>> from trueterrain.kinds import make_points
-    >>> one = lane_cells(make_points([0.5, 1.5, 2.5], [0.5] * 3, [0.0] * 3), 1.0)
-    >>> two = lane_cells(make_points([2.4, 3.4, 4.4], [0.5] * 3, [0.1] * 3), 1.0)
+    >>> one = occupied_cells(make_points([0.5, 1.5, 2.5], [0.5] * 3, [0.0] * 3), 1.0)
+    >>> two = occupied_cells(make_points([2.4, 3.4, 4.4], [0.5] * 3, [0.1] * 3), 1.0)
     >>> overlap_of(one, two).area
     1.0
     """

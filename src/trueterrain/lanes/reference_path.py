@@ -222,9 +222,9 @@ def centre_reference(
     Examples
     --------
     >>> from trueterrain.kinds import make_points
-    >>> from trueterrain.lanes.overlap import lane_cells, overlap_of
+    >>> from trueterrain.lanes.overlap import occupied_cells, overlap_of
     >>> x, y = (at.ravel() for at in np.meshgrid(np.arange(0, 20, 0.1), np.arange(0, 4, 0.1)))
-    >>> left, right = (lane_cells(make_points(x, y + by, 0 * x), 0.2) for by in (0.05, 3.05))
+    >>> left, right = (occupied_cells(make_points(x, y + by, 0 * x), 0.2) for by in (0.05, 3.05))
     >>> path = centre_reference(overlap_of(left, right))
     >>> np.round([path.northing.min(), path.northing.max()], 2)
     array([3.5, 3.5])
