@@ -87,10 +87,10 @@ def discrepancy_map(
 
     Examples
     --------
-    >>> from trueterrain.lanes import adjust, occupied_cells
+    >>> from trueterrain.lanes import adjust, lane_cells
     >>> cell, time = np.arange(400), np.arange(400) * 0.1
     >>> found = adjust([
-    ...     occupied_cells(name, cell, time, up + np.sin(cell), variance=1e-6, easting=0.5 * cell)
+    ...     lane_cells(name, cell, time, up + np.sin(cell), variance=1e-6, easting=0.5 * cell)
     ...     for name, up in (("east", 0.005), ("west", -0.005))])
     >>> ax = discrepancy_map(found.ground, cell=0.5)
     >>> float(ax.images[0].get_array().max().round(3))
