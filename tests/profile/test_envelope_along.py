@@ -90,7 +90,7 @@ def test_blocks_and_threads_change_nothing(tyre, monkeypatch):
     road, threads = rough_road(seed=3), numba.get_num_threads()
     path = offset_path(road, 0.031, spacing=0.007)
     whole = effective_road(road, path, tyre=tyre)
-    monkeypatch.setattr(along, "_BLOCK", 13)
+    monkeypatch.setattr(along, "_SAMPLES", 40)  # from 5 to 13 path points
     numba.set_num_threads(1)
     try:
         parts = effective_road(road, path, tyre=tyre)

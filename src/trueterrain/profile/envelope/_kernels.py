@@ -8,37 +8,47 @@ from numba import njit, prange
 
 @njit(cache=True, nogil=True, parallel=True)
 def cam_heights(
-    strip, first, stride, step, line, lead, drop, slope, shift, half_length, half_height, order,
-    height, gradient,
+    strip, top, group, lines, first, stride, step, lead, drop, slope, behind, ahead, shift,
+    half_length, half_height, order, height, gradient,
 ):  # fmt: skip
     """Height of each cam that stands on the ground, less its half height, and the slope there.
 
     The ground is linear between samples, and a cam touches a sample or, where it is as steep as
-    the ground, a piece between two. Cam c lies over line `line[c]`; its first sample is `lead[c]`
-    samples ahead of the path point. `drop` is how far the outline of the cam lies above its lowest
-    point over each sample, infinite beyond the cam; `slope`, one longer at either end, is that of
-    the outline. Missing samples (NaN) touch nothing.
+    the ground, a piece between two. Cam c stands on the lines `lines[group[c]]`, of which
+    `top[group[c]]` is the highest at each sample; its first sample is `lead[c]` samples ahead of
+    the path point. `drop` is how far the outline of the cam lies above its lowest point over each
+    sample, infinite beyond the cam; `slope`, one longer at either end, is that of the outline. No
+    piece can hold the cam higher than the sample at its begin less `behind`, or that at its end
+    less `ahead`, so that few need to be looked at. Missing samples (NaN) touch nothing.
     """
     points, cams = height.shape
     samples = drop.shape[1]
     power = order / (order - 1.0)
     for i in prange(points):
         for c in range(cams):
-            ground = strip[line[c]]
+            highest_line = top[group[c]]
             begin = first + i * stride + lead[c]
             highest, at = -np.inf, np.nan
             for k in range(samples):
-                candidate = ground[begin + k] - drop[c, k]
+                candidate = highest_line[begin + k] - drop[c, k]
                 if candidate > highest:
                     highest, at = candidate, slope[c, k + 1]
             for k in range(samples + 1):
-                rise = (ground[begin + k] - ground[begin + k - 1]) / step
-                if slope[c, k] < rise < slope[c, k + 1]:
+                left, right = begin + k - 1, begin + k
+                if not (
+                    highest_line[left] - behind[c, k] > highest
+                    or highest_line[right] - ahead[c, k] > highest
+                ):
+                    continue
+                for line in range(lines[group[c], 0], lines[group[c], 1]):
+                    rise = (strip[line, right] - strip[line, left]) / step
+                    if not slope[c, k] < rise < slope[c, k + 1]:
+                        continue
                     steep = (abs(rise) * half_length / half_height) ** power
                     x = math.copysign(half_length * (steep / (1.0 + steep)) ** (1.0 / order), rise)
-                    left = (lead[c] + k - 1) * step - shift[c]
                     above = half_height * (1.0 - (1.0 / (1.0 + steep)) ** (1.0 / order))
-                    candidate = ground[begin + k - 1] + rise * (x - left) - above
+                    along = x - ((lead[c] + k - 1) * step - shift[c])
+                    candidate = strip[line, left] + rise * along - above
                     if candidate > highest:
                         highest, at = candidate, rise
             height[i, c] = highest if highest > -np.inf else np.nan

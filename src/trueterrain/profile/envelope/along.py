@@ -28,7 +28,7 @@ Float = npt.NDArray[np.float64]
 #: Everything that rolls along a path.
 Envelope = RigidDisc | TandemCams | RadialSpringTyre | LineLaser | PatchMean
 
-_BLOCK = 1 << 13  # path points whose ground is held at a time
+_SAMPLES = 1 << 19  # of the ground, held at a time; some 50 MB
 
 _MEANING = {
     "height": ("m", "height of the effective road"),
@@ -221,8 +221,9 @@ def _rolled(
     """Effective road along lines, block by block."""
     parts: list[dict[str, Float | Integer]] = []
     held = np.zeros(s.size, bool)
-    for begin in range(0, s.size, _BLOCK):
-        end = min(begin + _BLOCK, s.size)
+    block = max(_SAMPLES // (lines.stride * len(lines.offsets)), 1)
+    for begin in range(0, s.size, block):
+        end = min(begin + block, s.size)
         strip, known = strip_under(lines, begin, end, tyre.reach)
         counts, within = _counts(strip, tyre.reach)
         rolled: dict[str, Float | Integer] = {**tyre.roll(strip), "count": counts}

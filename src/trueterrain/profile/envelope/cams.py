@@ -134,8 +134,8 @@ class TandemCams:
         if lines > 1:
             line += [0] * len(between) + [lines - 1] * len(between)
             shift += between + between
-        height, _ = cam.stand_on(strip, line, shift)
-        ahead, behind = (np.mean(height[:, :lines], axis=1), height[:, lines : 2 * lines].mean(1))
+        height, _ = cam.stand_on(strip, [(i, i + 1) for i in range(lines)], line, shift)
+        ahead, behind = height[:, :lines].mean(axis=1), height[:, lines : 2 * lines].mean(axis=1)
         rolled = {"height": (ahead + behind) / 2, "slope": (ahead - behind) / self.spacing}
         if lines > 1:
             right, left = np.split(height[:, 2 * lines :], 2, axis=1)

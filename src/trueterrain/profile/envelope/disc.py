@@ -84,13 +84,8 @@ class RigidDisc:
             ``height`` [m], and ``slope`` of the ground or edge where it touches [m/m].
         """
         circle = Superellipse(half_length=self.radius, half_height=self.radius, order=2.0)
-        lines = len(strip.height)
-        height, slope = circle.stand_on(strip, list(range(lines)), [0.0] * lines)
-        highest = np.argmax(np.where(np.isnan(height), -np.inf, height), axis=1)[:, None]
-        return {
-            "height": np.take_along_axis(height, highest, axis=1)[:, 0],
-            "slope": np.take_along_axis(slope, highest, axis=1)[:, 0],
-        }
+        height, slope = circle.stand_on(strip, [(0, len(strip.height))], [0], [0.0])
+        return {"height": height[:, 0], "slope": slope[:, 0]}
 
 
 def require_width(width: float, lines: int, name: str) -> None:
