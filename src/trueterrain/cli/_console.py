@@ -56,7 +56,7 @@ def progress_bar() -> Iterator[Progress]:
         """How much is done in a second."""
 
         def render(self, task: Task) -> Text:
-            return Text(f"{task.speed:,.3g}/s" if task.speed else "")
+            return Text(f"{task.speed:,.0f}/s" if task.speed else "")
 
     console = Console(stderr=True)
     columns = (
