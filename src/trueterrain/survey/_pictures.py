@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from trueterrain.survey._lane import Lane, Run
 
 _MOST = 0.99  # share of the cells whose differences before a common colour scale shows
+_SHOWN = 3  # profiles in one picture
 _PART = 6.0  # [m] of a lane that is drawn node by node
 
 
@@ -51,7 +52,8 @@ class Pictures:
         self.parts[lane] = _middle(surface)
         self._keep(lane, "part", figures.surface_map(self.parts[lane]), "part of the surface")
         if profiles:
-            self._keep(lane, "profiles", figures.profiles(profiles), "profiles")
+            some = dict(list(profiles.items())[:_SHOWN])
+            self._keep(lane, "profiles", figures.profiles(some), "profiles")
 
     def of_whole(self, lane: "Lane") -> None:
         """Draw the whole surface.

@@ -69,7 +69,7 @@ def report_of(
     ]
     return Report(
         title=survey.title or survey.name,
-        subtitle=f"Survey {survey.name}: " + _count(len(lanes), "recorded run"),
+        subtitle=f"Survey {survey.name}: " + _count(len(numbers["runs"]), "recorded run"),
         headline=tuple(_headline(lanes, numbers, merging)),
         sections=tuple(section for section in sections if section is not None),
         provenance={lane.name: lane.steps for lane in lanes},
@@ -295,7 +295,8 @@ def _profiles(survey: Survey, lanes: list[Lane], pictures: Pictures) -> Section 
         Picture(
             figure=pictures.figures[lane.name, "profiles"],
             alt=f"Heights of the profiles of {lane.name} along their paths",
-            caption=f"Profiles of {lane.name}.",
+            caption=f"Profiles of {lane.name}"
+            + (", the first of them." if len(lane.profiles) > 3 else "."),
         )
         for lane in lanes
         if lane.profiles
