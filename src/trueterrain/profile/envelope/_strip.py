@@ -16,7 +16,7 @@ Integer = npt.NDArray[np.int64]
 
 _FINEST = 1e-3  # [m] between samples, however fine the ground is
 _COARSEST = 1e-2  # [m] between samples, however coarse the ground is
-_EVEN = 1e-3  # part of the spacing by which a distance between path points may miss it
+_EVEN = 1e-3  # [steps] by which a point may miss equal spacing, as where roughness is rated
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -25,9 +25,6 @@ class Strip:
 
     height: Float
     "Ground, shape (line, sample) [m]; NaN where there is none."
-
-    offsets: Float
-    "Offset of each line from the path, left positive, shape (line,) [m]."
 
     step: float
     "Distance between samples along the path [m]."
@@ -176,7 +173,7 @@ def strip_under(lines: Lines, begin: int, end: int, reach: float) -> tuple[Strip
     if high > last:
         known[1] = last + _hold(height[:, last - low :])
     strip = Strip(
-        height=height, offsets=lines.offsets, step=lines.step, first=margin, stride=lines.stride,
+        height=height, step=lines.step, first=margin, stride=lines.stride,
         count=end - begin,
     )  # fmt: skip
     return strip, known
@@ -201,13 +198,13 @@ def _spacing(s: Float, what: str) -> float:
             f"{what} must have at least 2 points for a tyre to roll on, got {s.size}"
         )
     spacing = float((s[-1] - s[0]) / (s.size - 1))
-    uneven = np.flatnonzero(np.abs(np.diff(s) - spacing) > _EVEN * spacing)
-    if uneven.size:
-        at = int(uneven[0])
+    missed = np.abs(s - (s[0] + spacing * np.arange(s.size)))
+    worst = int(np.argmax(missed))
+    if missed[worst] > _EVEN * spacing:
         raise CoverageError(
-            f"{what} must be equally spaced for a tyre to roll on, got {s[at + 1] - s[at]:g} m "
-            f"at s = {s[at]:g} m and {spacing:g} m on average",
-            cure="Interpolate it to equal spacing first.",
+            f"{what} must be equally spaced for a tyre to roll on, got s = {s[worst]:g} m, "
+            f"{missed[worst]:.2g} m beside a multiple of {spacing:g} m",
+            cure="Resample it to equal spacing first.",
         )
     return spacing
 
