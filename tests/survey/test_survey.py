@@ -17,7 +17,8 @@ import trueterrain as tt
 from trueterrain.errors import CoverageError, FormatError, OutputError, SchemaError
 from trueterrain.formats.run import open_run
 from trueterrain.motion import fuse
-from trueterrain.profile import ProfileOptions, offset_path
+from trueterrain.profile import EnvelopeOptions, ProfileOptions, offset_path
+from trueterrain.profile.envelope import tyre_envelope
 from trueterrain.simulate.scene import read_scene, record_scene
 from trueterrain.surface.placement import Placement
 from trueterrain.surface.runs import Pass, grid_runs
@@ -134,7 +135,7 @@ def test_lanes_are_compared_and_mountings_overridden(found, survey, tmp_path):
     plain = replace(survey, runs=(one, lifted), outputs=OutputSettings(surface=("zarr",)))
     again = run_survey(plain, tmp_path / "out")
     (before,), (after,) = found.numbers["agreement"], again.numbers["agreement"]
-    assert before["nodes"] > 1000
+    assert before["n"] > 1000
     # the scanner said to sit higher sees the ground as much higher
     npt.assert_allclose(after["median"] - before["median"], LIFTED, rtol=0, atol=2e-5)
     truths = [lane["truth"]["surface"]["median"] for lane in found.numbers["lanes"]]
@@ -188,6 +189,31 @@ def test_a_profile_beside_the_ground_is_left_out_and_said(survey, tmp_path):
     assert [profile["name"] for profile in lane["profiles"]] == ["short"]
     assert any("profile far" in problem for problem in lane["problems"])
     assert any("profile short is not rated" in problem for problem in lane["problems"])
+
+
+def test_a_tyre_that_rolls(survey, tmp_path):
+    rolled = replace(
+        survey, runs=survey.runs[:1],
+        profiles=(
+            ProfileSettings(
+                name="cams", offset=0.5, spacing=0.02, envelope=EnvelopeOptions(envelope="cams"),
+                tyre=ProfileOptions(thin="nan"),
+            ),
+        ),
+        outputs=OutputSettings(surface=("zarr",), pictures=False),
+    )  # fmt: skip
+    found = run_survey(rolled, tmp_path / "out")
+    (lane,) = found.numbers["lanes"]
+    surface = tt.open(tmp_path / "out" / f"{lane['name']}.zarr")
+    written = tt.open(tmp_path / "out" / f"{lane['name']}-cams.csv")
+    path = offset_path(surface, 0.5, spacing=0.02)
+    at = int(np.argmin(abs(path.s - 5.0)))
+    again = tyre_envelope(
+        surface, path.part(at - 150, at + 150), tyre=EnvelopeOptions(envelope="cams").model()
+    )
+    middle = again.sel(s=slice(4.5, 5.5))
+    near = written.sel(s=middle.s, method="nearest", tolerance=0.011)
+    npt.assert_allclose(near.height, middle.height, rtol=0, atol=5e-4)
 
 
 def test_a_survey_of_a_map(survey, tmp_path):

@@ -4,7 +4,7 @@ import itertools
 import json
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ import numpy.typing as npt
 from trueterrain._version import __version__
 from trueterrain.engine import no_progress, whole_folder
 from trueterrain.engine.progress import Progress
+from trueterrain.lanes.discontinuity import Agreement
 from trueterrain.lanes.merge import Merging
 from trueterrain.lanes.runs import merge_runs
 from trueterrain.surface.evaluate import heights_at, node_coordinates
@@ -25,7 +26,6 @@ from trueterrain.verify.truth import TrueHeight
 
 Floats = npt.NDArray[np.float64]
 
-_NMAD = 1.4826  # times the median absolute deviation is the standard deviation of normal errors
 _FEW = 100  # nodes that two lanes must share for a comparison
 
 
@@ -180,22 +180,14 @@ def agreement(one: Lane, other: Lane) -> dict[str, Any] | None:
     Returns
     -------
     dict or None
-        ``lanes``, ``nodes`` some 50 mm apart, and of the height of the second less that of the
-        first ``median``, ``nmad``, ``rmse`` and ``p95`` [m]; None if they share too few nodes.
+        ``lanes``, and of the height of the second less that of the first in ``n`` nodes some 50 mm
+        apart ``median``, ``nmad``, ``rmse`` and ``p95`` [m]; None if they share too few nodes.
     """
     difference = heights_at(other.coarse, *node_coordinates(one.coarse)) - one.coarse.height.values
-    apart = difference[np.isfinite(difference)]
-    if apart.size < _FEW:
+    found = Agreement.of(difference)
+    if found.n < _FEW:
         return None
-    median = float(np.median(apart))
-    return {
-        "lanes": [one.name, other.name],
-        "nodes": int(apart.size),
-        "median": median,
-        "nmad": _NMAD * float(np.median(np.abs(apart - median))),
-        "rmse": float(np.sqrt(np.mean(apart**2))),
-        "p95": float(np.percentile(np.abs(apart), 95)),
-    }
+    return {"lanes": [one.name, other.name], **asdict(found)}
 
 
 def finite(value: Any) -> Any:

@@ -27,6 +27,7 @@ from trueterrain.profile import (
     waypoint_path,
 )
 from trueterrain.profile.area import reach
+from trueterrain.profile.envelope import tyre_envelope
 from trueterrain.roughness import iri
 from trueterrain.surface.coarse import down_sample
 from trueterrain.surface.evaluate import heights_at, node_coordinates, surface_to_points
@@ -278,6 +279,8 @@ def taken_along(surface: xr.Dataset, wanted: ProfileSettings) -> xr.Dataset:
         Profile.
     """
     path, options = _path(surface, wanted), wanted.tyre
+    if wanted.envelope is not None:
+        return tyre_envelope(surface, path, tyre=wanted.envelope.model(), thin=options.thin)
     taken = options.taken()
     if taken is None:
         return point_profile(surface, path)

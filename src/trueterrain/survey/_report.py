@@ -184,7 +184,7 @@ def _accuracy(numbers: dict[str, Any]) -> Section:
                 ),
                 rows=[
                     (
-                        " - ".join(reversed(one["lanes"])), one["nodes"],
+                        " - ".join(reversed(one["lanes"])), one["n"],
                         *(millimetres(one[name]) for name in ("median", "nmad", "rmse", "p95")),
                     )
                     for one in numbers["agreement"]

@@ -10,7 +10,7 @@ from trueterrain.formats.settings import read_settings, settings_template
 from trueterrain.georeference import Screening
 from trueterrain.lanes.merge import MergeSettings
 from trueterrain.motion import FusionSettings
-from trueterrain.profile import ProfileOptions
+from trueterrain.profile import EnvelopeOptions, ProfileOptions
 from trueterrain.roughness import IriOptions
 from trueterrain.surface.grid import GridOptions
 from trueterrain.surface.holes import Filling
@@ -96,6 +96,11 @@ class ProfileSettings:
 
     tyre: ProfileOptions = field(default_factory=ProfileOptions)
     "What is taken of the heights around each path point."
+
+    envelope: EnvelopeOptions | None = field(
+        default=None, metadata={"table": EnvelopeOptions()}
+    )  # fmt: skip
+    "Tyre that rolls over the ground instead; none by default."
 
     def __post_init__(self) -> None:
         """Check that there is one path."""
