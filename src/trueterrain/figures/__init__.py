@@ -11,6 +11,14 @@ from trueterrain.figures.cpf import cpf
 from trueterrain.figures.difference import profile_difference
 from trueterrain.figures.drift import navigation_errors
 from trueterrain.figures.envelope import tyre_envelopes
+from trueterrain.figures.event import cleat_crossing, event_plan, event_side, event_waves
+from trueterrain.figures.event_curves import (
+    cleat_ratios,
+    hop_gain,
+    mode_shares,
+    passage_gains,
+    vehicle_gain,
+)
 from trueterrain.figures.iri import iri_segments
 from trueterrain.figures.lanes_choice import correction_spectrum, strength_choice
 from trueterrain.figures.lanes_correction import lane_correction
@@ -21,6 +29,7 @@ from trueterrain.figures.motion import body_motion, laser_displacement
 from trueterrain.figures.navigation import navigation_heights, navigation_plan
 from trueterrain.figures.output import save
 from trueterrain.figures.parallel import parallel_profiles
+from trueterrain.figures.plate import plate_plan, plate_section, plate_view
 from trueterrain.figures.points import points_map
 from trueterrain.figures.profiles import profiles
 from trueterrain.figures.psd import road_spectrum
@@ -39,22 +48,33 @@ __all__ = [
     "agreement_matrix",
     "agreement_overlay",
     "body_motion",
+    "cleat_crossing",
+    "cleat_ratios",
     "continuous_roughness",
     "correction_spectrum",
     "cpf",
     "difference_map",
     "discontinuity_vectors",
     "discrepancy_map",
+    "event_plan",
+    "event_side",
+    "event_waves",
+    "hop_gain",
     "iri_segments",
     "lane_correction",
     "lane_histograms",
     "lane_overlap",
     "laser_displacement",
     "measurable_slope",
+    "mode_shares",
     "navigation_errors",
     "navigation_heights",
     "navigation_plan",
     "parallel_profiles",
+    "passage_gains",
+    "plate_plan",
+    "plate_section",
+    "plate_view",
     "points_map",
     "profile_difference",
     "profiles",
@@ -73,4 +93,5 @@ __all__ = [
     "surface_map",
     "surface_relief",
     "tyre_envelopes",
+    "vehicle_gain",
 ]
