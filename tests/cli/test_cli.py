@@ -12,8 +12,8 @@ from trueterrain.cli import command_line
 from trueterrain.cli._console import compiling_noted
 
 COMMANDS = (
-    "calibrate", "compare", "convert", "demo", "doctor", "georeference", "grid", "info", "init",
-    "iri", "merge", "plot", "profile", "psd", "rn", "run", "simulate",
+    "calibrate", "compare", "convert", "demo", "doctor", "event", "georeference", "grid",
+    "info", "init", "iri", "merge", "plate", "plot", "profile", "psd", "rn", "run", "simulate",
 )  # fmt: skip
 
 

@@ -195,7 +195,8 @@ def event_errata(damping: float = 0.3, tyre_share: float = 0.912) -> tuple[Errat
     Returns
     -------
     tuple of Erratum
-        As printed, and right.
+        As printed, and right; NaN where a wheel in hop moves less than the ground, so that no
+        width is right.
 
     Examples
     --------
@@ -215,6 +216,12 @@ def event_errata(damping: float = 0.3, tyre_share: float = 0.912) -> tuple[Errat
     def gain(ratio: float) -> float:
         return float(hop_transmissibility(ratio, damping, model="thesis"))
 
+    def right(share: float, ratio: float | None = None) -> float:
+        try:
+            return cleat_ratio(damping, tyre_share=share, ratio=ratio)
+        except ValueError:  # the wheel moves less than the ground
+            return math.nan
+
     printed = cleat_ratio(damping, model="thesis")
     rows = (
         ("3-7", "ratio of the peak", shown, thesis,
@@ -227,12 +234,12 @@ def event_errata(damping: float = 0.3, tyre_share: float = 0.912) -> tuple[Errat
          "The wheel oscillates as it meets cleats, not at its damped frequency."),
         ("3-13", "w/a at the peak of 3-7", printed, math.acos(1 / gain(thesis)) / math.pi,
          "Both of these."),
-        ("3-14", "w/a, damper on the body, soft suspension", printed, cleat_ratio(damping),
+        ("3-14", "w/a, damper on the body, soft suspension", printed, right(1.0),
          "The damper acts on the body, which stands still, not on the road."),
-        ("3-14", "w/a, damper on the body", printed, cleat_ratio(damping, tyre_share=tyre_share),
+        ("3-14", "w/a, damper on the body", printed, right(tyre_share),
          "The suspension holds the wheel as well."),
         ("3-14", "w/a, damper on the body, V = a f2", printed,
-         cleat_ratio(damping, tyre_share=tyre_share, ratio=1.0), "The same at V = a f2."),
+         right(tyre_share, 1.0), "The same at V = a f2."),
     )  # fmt: skip
     return tuple(
         Erratum(place=place, quantity=name, printed=old, right=new, unit="1", why=why)

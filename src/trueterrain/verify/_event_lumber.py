@@ -93,7 +93,7 @@ def cut_list(design: "EventDesign") -> tuple[Piece, ...]:
     """
     whole = across_length(design)
     halves = 1 if design.placement == "across" else 2
-    sides = 2 if design.placement == "staggered" else 1
+    sides = design.events * (2 if design.placement == "staggered" else 1)
     cleats = _cleats(design, whole / halves, sides)
     if not design.base:
         return (cleats,)

@@ -123,7 +123,7 @@ class Edge:
     "Cleat and side."
 
     s: float
-    "Where it is along the profile [m]."
+    "Where its foot is along the profile [m]."
 
     rise: float
     "Height from foot to top [m]."
@@ -135,7 +135,7 @@ class Edge:
     "Steepest face that the scanner sees there; a half turn if it rises towards the scanner [rad]."
 
     seen: bool
-    "Whether the face is in view."
+    "Whether all of the face is in view."
 
     spacing: float
     "Distance from point to point there [m]."
@@ -297,14 +297,13 @@ def _edges(
         if flank.slope < _STEEP:
             continue
         low, high = sorted((flank.begin, flank.end))
-        middle = 0.5 * (low + high)
         foot = np.interp(flank.foot, *vertices)
         if setup.lie == "along the lane":
             spacing, spot, limit, seen = setup.speed / setup.rate, setup.spot_length, math.pi, False
             on_face = 0
             seen = flank.slope < math.pi / 2 - 1e-3
         else:
-            y = middle - 0.5 * plate.length + setup.offset
+            y = flank.foot - 0.5 * plate.length + setup.offset
             step = float(np.median(np.diff(setup.angles)))
             spacing = (setup.height - foot) * step / math.cos(math.atan2(y, setup.height)) ** 2
             spot = setup.spot_width
@@ -316,7 +315,7 @@ def _edges(
             on_face = int(inside.sum())
         out.append(
             Edge(
-                name=flank.name, s=middle, rise=flank.rise, slope=flank.slope, limit=limit,
+                name=flank.name, s=flank.foot, rise=flank.rise, slope=flank.slope, limit=limit,
                 seen=seen, spacing=spacing, on_face=on_face, blurred=spot / spacing,
             )
         )  # fmt: skip
@@ -347,8 +346,8 @@ def _doubts(
     hidden = [edge.name for edge in edges if not edge.seen]
     if hidden and setup.lie == "along the scan":
         out.append(
-            f"The faces {'; '.join(hidden)} are steeper than the scanner sees there: nothing is "
-            "measured of them. Put the plate nearer to straight below the laser."
+            f"The faces {'; '.join(hidden)} are steeper than the scanner sees there, as a whole or "
+            "at the foot, and lie in shadow. Put the plate nearer to straight below the laser."
         )
     if shadows:
         dark = sum(end - begin for begin, end in shadows)
