@@ -67,19 +67,18 @@ def speed_words(speed: float) -> str:
     return f"{speed:.2f} m/s ({speed * _KMH:.1f} km/h, {speed * _MPH:.1f} mile/h)"
 
 
-def piece_words(piece: "Piece") -> str:
-    """A line of the cut list."""
-    size = f"{1000 * piece.length:.0f} x {1000 * piece.width:.0f} x {1000 * piece.thickness:.0f} mm"
-    inches = " x ".join(
-        f"{value / _INCH:.1f}" for value in (piece.length, piece.width, piece.thickness)
-    )
+def piece_words(piece: "Piece", spacing: float) -> str:
+    """A line of the cut list; `spacing` [m] tells what unsawn lumber would amount to."""
+    sizes = (piece.length, piece.width, piece.thickness)
+    size = " x ".join(f"{1000 * value:.0f}" for value in sizes)
+    inches = " x ".join(f"{value / _INCH:.1f}" for value in sizes)
+    unsawn = ""
+    if abs(piece.unsawn_width - piece.width) > _SAWN:
+        share = piece.unsawn_width / spacing
+        unsawn = f" (or left {1000 * piece.unsawn_width:.0f} mm wide: w/a {share:.2f})"
     return (
-        f"{piece.count} x {piece.name}, {size} ({inches} in), {piece.mass:.1f} kg each: "
-        f"{piece.stock_count} of {piece.stock}; {piece.work}"
-    ) + (
-        f" (as sold, the nearest is {1000 * piece.unsawn_width:.0f} mm wide)"
-        if piece.work != "as sold" and abs(piece.unsawn_width - piece.width) > _SAWN
-        else ""
+        f"{piece.count} x {piece.name}, {size} mm ({inches} in), {piece.mass:.1f} kg each: "
+        f"{piece.stock_count} of {piece.stock}; {piece.work}{unsawn}"
     )
 
 
@@ -124,7 +123,7 @@ def _page(
     text.axis("off")
     lines = []
     for title, sentences in (
-        ("Cut list", [piece_words(piece) for piece in pieces]),
+        ("Cut list", [piece_words(piece, design.spacing) for piece in pieces]),
         ("Driving", words["driving"]),
         ("What is excited", [*words["excited"], *words["doubts"]]),
     ):
@@ -208,7 +207,9 @@ def _report(
                     rows=sizes, caption="How sure the sizes are.",
                 ),
             )),
-            Section(title="Cut list", blocks=tuple(Text(paragraph=piece_words(p)) for p in pieces)),
+            Section(title="Cut list", blocks=tuple(
+                Text(paragraph=piece_words(piece, design.spacing)) for piece in pieces
+            )),
             Section(title="Driving", blocks=tuple(Text(paragraph=w) for w in words["driving"])),
             Section(title="What is excited", blocks=(
                 *(Text(paragraph=sentence) for sentence in words["excited"]),

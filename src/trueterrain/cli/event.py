@@ -152,8 +152,10 @@ def event(
         document["files"] = _write(output, document, design, moved, car, words, force=force)
     if json:
         out_json(document)
-        return
-    _show(design, words)
+    else:
+        _show(design, words)
+    for name in document["files"]:
+        note(f"{name}: written")
 
 
 def _inputs(
@@ -292,10 +294,7 @@ def _write(
         names = write_page(temporary, design, cut_list(design), moved, car, words)
         text = json.dumps(document, indent=2, allow_nan=False)
         (temporary / "event.json").write_text(text + "\n", encoding="utf-8")
-    files = [str(folder / name) for name in (*names, "event.json")]
-    for name in files:
-        note(f"{name}: written")
-    return files
+    return [str(folder / name) for name in (*names, "event.json")]
 
 
 def _show(design: "EventDesign", words: dict[str, list[str]]) -> None:
@@ -316,7 +315,7 @@ def _show(design: "EventDesign", words: dict[str, list[str]]) -> None:
     for name, value in rows:
         out(f"  {name:<10} {value}")
     for title, sentences in (
-        ("Cut list", [piece_words(piece) for piece in cut_list(design)]),
+        ("Cut list", [piece_words(piece, design.spacing) for piece in cut_list(design)]),
         ("Driving", words["driving"]),
         ("What is excited", [*words["excited"], *words["doubts"]]),
         ("Two oscillators", words["models"]),

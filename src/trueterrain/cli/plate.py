@@ -127,8 +127,10 @@ def plate(
         document["files"] = _write(output, document, design, view, setup, force=force)
     if json:
         out_json(document)
-        return
-    _show(design, view, shape)
+    else:
+        _show(design, view, shape)
+    for name in document["files"]:
+        note(f"{name}: written")
 
 
 def _show(design: "PlateDesign", view: "PlateView", shape: dict[str, Any]) -> None:
@@ -189,10 +191,7 @@ def _write(
         text = json.dumps(document, indent=2, allow_nan=False)
         (temporary / names[4]).write_text(text + "\n", encoding="utf-8")
     plt.close("all")
-    files = [str(folder / name) for name in names]
-    for name in files:
-        note(f"{name}: written")
-    return files
+    return [str(folder / name) for name in names]
 
 
 def _places(design: "PlateDesign") -> dict[str, tuple[float, float]]:
