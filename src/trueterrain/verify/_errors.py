@@ -1,0 +1,224 @@
+"""What the tests of accuracy share: limits, figures and parts of the error over a plate."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from trueterrain.verify.registration import Registration
+from trueterrain.verify.uncertainty import LEAST, Figure, mean_figure, rms_figure
+
+Floats = npt.NDArray[np.float64]
+Bools = npt.NDArray[np.bool_]
+
+_STEEP = 0.5  # slope [m/m] of the machined profile from which heights depend on the place
+
+
+_FIGURES = ("rms", "off_edges", "maximum", "bias", "noise", "registration")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What the figures of a test may be at most; none unless given."""
+
+    rms: float | None = None
+    "Greatest root mean square of the error [m]."
+
+    off_edges: float | None = None
+    "Greatest root mean square of the error away from edges [m]."
+
+    maximum: float | None = None
+    "Greatest error [m]."
+
+    bias: float | None = None
+    "Greatest mean error, of either sign [m]."
+
+    noise: float | None = None
+    "Greatest standard deviation of repeats [m]."
+
+    registration: float | None = None
+    "Greatest residual of the registration [m]."
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        for name in _FIGURES:
+            value = getattr(self, name)
+            if value is not None and not 0 < value < math.inf:
+                message = f"{name} must be greater than 0 m, got {value}."
+                raise ValueError(message)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """A row of the table of results (Table 3-1 of Smith 2009)."""
+
+    test: str
+    "What was tested."
+
+    rms: Figure
+    "Root mean square of the error [m]."
+
+    off_edges: Figure | None
+    "The same away from edges; None where there are none, or nothing else [m]."
+
+    maximum: float
+    "Greatest error, of either sign [m]."
+
+    bias: Figure
+    "Mean error [m]."
+
+    noise: float | None
+    "Standard deviation of a single height in repeats [m]."
+
+    registration: float | None
+    "Residual of the registration without outliers [m]."
+
+    count: int
+    "Heights that were compared."
+
+    def verdicts(self, limits: Limits, *, cautious: bool = False) -> dict[str, bool]:
+        """Whether figures keep their limits.
+
+        Parameters
+        ----------
+        limits : Limits
+            What they may be at most.
+        cautious : bool
+            Ask the upper ends of the intervals to keep the limits, not the figures.
+
+        Returns
+        -------
+        dict of bool
+            By name of the figure, of those with a limit.
+        """
+        ends = max(abs(self.bias.low), abs(self.bias.high))
+        found = {
+            "rms": self.rms.high if cautious else self.rms.value,
+            "off_edges": self.off_edges
+            and (self.off_edges.high if cautious else self.off_edges.value),
+            "maximum": self.maximum,
+            "bias": ends if cautious else abs(self.bias.value),
+            "noise": self.noise,
+            "registration": self.registration,
+        }
+        return {
+            name: value is not None and value <= getattr(limits, name)
+            for name, value in found.items()
+            if getattr(limits, name) is not None
+        }
+
+    def describe(self) -> dict[str, Any]:
+        """The same as plain numbers and words, as for JSON; lengths in m."""
+        return {
+            "test": self.test,
+            "rms": described(self.rms),
+            "off_edges": self.off_edges and described(self.off_edges),
+            "maximum": self.maximum,
+            "bias": described(self.bias),
+            "noise": self.noise,
+            "registration": self.registration,
+            "count": self.count,
+        }
+
+
+def described(figure: Figure) -> dict[str, float]:
+    """A figure as plain numbers."""
+    return {
+        "value": figure.value, "low": figure.low, "high": figure.high,
+        "confidence": figure.confidence,
+    }  # fmt: skip
+
+
+def row_of(
+    test: str,
+    error: Floats,
+    edge: Bools,
+    *,
+    noise: float | None,
+    registration: Registration,
+    confidence: float,
+) -> Row:
+    """Row of the table from errors over a plate."""
+    plain = error[~edge]
+    off_edges = None
+    if plain.size >= LEAST and plain.size < error.size:
+        off_edges = rms_figure(plain, confidence=confidence)
+    return Row(
+        test=test,
+        rms=rms_figure(error, confidence=confidence),
+        off_edges=off_edges,
+        maximum=float(np.abs(error).max()),
+        bias=mean_figure(error, confidence=confidence),
+        noise=noise,
+        registration=registration.residual,
+        count=error.size,
+    )
+
+
+def at_edges(machined: xr.Dataset, position: Floats, reach: float) -> Bools:
+    """Whether positions are within reach of where the machined profile is steep.
+
+    Parameters
+    ----------
+    machined : xarray.Dataset
+        Machined profile.
+    position : numpy.ndarray
+        Positions on it [m].
+    reach : float
+        Greatest distance [m].
+
+    Returns
+    -------
+    numpy.ndarray of bool
+        One for each position.
+    """
+    s = machined["s"].values - machined["s"].values[0]
+    h = machined["height"].values
+    steep = np.flatnonzero(np.abs(np.diff(h)) > _STEEP * np.diff(s))
+    found = np.zeros(position.shape, bool)
+    for piece in steep:
+        found |= (position >= s[piece] - reach) & (position <= s[piece + 1] + reach)
+    found |= (position <= s[0] + reach) | (position >= s[-1] - reach)  # where the ground begins
+    return found
+
+
+def parts_of(error: Floats, noise: Floats, edge: Bools, doubtful: Bools) -> dict[str, float]:
+    """Split the mean square of errors into causes, which add up to it.
+
+    Parameters
+    ----------
+    error : numpy.ndarray, shape (n,)
+        Errors of mean heights [m].
+    noise : numpy.ndarray, shape (n,)
+        Standard uncertainty of these means by repeats [m].
+    edge, doubtful : numpy.ndarray of bool, shape (n,)
+        Heights beside steep faces, and those of doubtful intensity elsewhere.
+
+    Returns
+    -------
+    dict of float
+        Mean squares [m²]: ``edge``, ``reflectivity``, and of the rest ``bias`` (its mean),
+        ``noise`` (what repeats average to) and ``shape`` (what stays the same in all repeats).
+
+    Examples
+    --------
+    >>> no = np.zeros(4, bool)
+    >>> parts = parts_of(np.array([1.0, 3.0, 1.0, 3.0]), np.zeros(4), no, no)
+    >>> parts["bias"], parts["shape"]
+    (4.0, 1.0)
+    """
+    plain = ~edge & ~doubtful
+    share = float(plain.mean())
+    mean = float(error[plain].mean()) if share else 0.0
+    spread = float(error[plain].var()) if share else 0.0
+    random = min(float(np.mean(noise[plain] ** 2)), spread) if share else 0.0
+    return {
+        "noise": share * random,
+        "bias": share * mean**2,
+        "shape": share * (spread - random),
+        "edge": float(np.sum(error[edge] ** 2)) / error.size,
+        "reflectivity": float(np.sum(error[doubtful & ~edge] ** 2)) / error.size,
+    }

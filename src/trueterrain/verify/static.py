@@ -1,0 +1,273 @@
+"""Static test: how true the scanner is that stands above a calibration plate (thesis 3.5.1)."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from trueterrain.errors import CoverageError, concerning
+from trueterrain.georeference import Screening
+from trueterrain.verify._errors import Row, at_edges, parts_of, row_of
+from trueterrain.verify.registration import Registration, register
+
+Floats = npt.NDArray[np.float64]
+
+_LEAST = 2  # returns of a beam of which a spread is taken
+_HEIGHTS = 20  # on the plate
+
+
+@dataclass(frozen=True, kw_only=True)
+class StaticSettings:
+    """How a static test is evaluated."""
+
+    scans: int | None = None
+    "How many scans to take, from the first one on; by default all."
+
+    least_scans: int = 100
+    "Fewest scans of which the test is a test."
+
+    present: float = 0.5
+    "Share of the scans in which a beam must have returned to be compared."
+
+    edge: float = 0.005
+    "Distance from a steep face within which an error counts as one of an edge [m]."
+
+    assumed: float | None = None
+    "Where the plate is assumed to begin, to the left of the scanner [m]; by default not known."
+
+    search: float | None = None
+    "Greatest distance of the plate from there [m]; by default it is looked for everywhere."
+
+    screening: Screening = field(default_factory=Screening)
+    "Which returns are doubtful; what becomes of them is seen with and without them."
+
+    confidence: float = 0.95
+    "Share of repeats of the test in which the intervals hold the truth."
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        if self.least_scans < _LEAST or (self.scans is not None and self.scans < _LEAST):
+            message = f"scans and least_scans must be at least {_LEAST}."
+            raise ValueError(message)
+        if not 0 < self.present <= 1:
+            message = f"present must be greater than 0 and at most 1, got {self.present}."
+            raise ValueError(message)
+        if not (self.edge >= 0 and math.isfinite(self.edge)):
+            message = f"edge must be at least 0 m, got {self.edge}."
+            raise ValueError(message)
+        if not 0 < self.confidence < 1:
+            message = f"confidence must be between 0 and 1, got {self.confidence}."
+            raise ValueError(message)
+        if self.search is not None and self.assumed is None:
+            message = "search needs assumed, where the plate is assumed to begin."
+            raise ValueError(message)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StaticResult:
+    """How true a standing scanner is."""
+
+    errors: xr.Dataset
+    """Over position s on the machined profile [m], in the order of the beams: ``along`` to the left
+    of the scanner, ``height`` (registered), ``machined``, ``error``, ``sd`` of a single scan and
+    ``sd_mean`` [m], ``intensity`` (mean), ``edge`` and ``doubtful``."""
+
+    row: Row
+    "Row of the table."
+
+    registration: Registration
+    "How scanner and plate lay to each other."
+
+    parts: dict[str, float]
+    "Mean squares by cause, which add up to that of the error [m²]; see `parts_of`."
+
+    scans: int
+    "Scans that were taken."
+
+    def describe(self) -> dict[str, Any]:
+        """The same as plain numbers and words, as for JSON, without the single errors."""
+        found = self.registration
+        names = (
+            "shift", "offset", "tilt", "reversed", "residual", "unregistered", "outliers", "points",
+        )  # fmt: skip
+        return {
+            **self.row.describe(),
+            "scans": self.scans,
+            "registration_found": {name: getattr(found, name) for name in names},
+            "parts": {name: math.sqrt(value) for name, value in self.parts.items()},
+        }
+
+
+def static_test(
+    run: xr.DataTree | str | Path,
+    machined: xr.Dataset,
+    settings: StaticSettings = StaticSettings(),
+) -> list[StaticResult]:
+    """Compare the mean of many scans of a calibration plate with its machined profile.
+
+    Parameters
+    ----------
+    run : xarray.DataTree or path
+        Run of a scanner that stands.
+    machined : xarray.Dataset
+        Machined profile of the plate; straight lines join its nodes.
+    settings : StaticSettings
+        How the test is evaluated.
+
+    Returns
+    -------
+    list of StaticResult
+        Of all returns and, if the settings screen them, without those of doubtful intensity.
+
+    Raises
+    ------
+    CoverageError
+        If there are fewer scans than needed, or the plate is not found.
+    SchemaError
+        If the machined profile is none of a plate, or in another unit.
+    ValueError
+        If screening needs intensities that were not recorded.
+
+    Notes
+    -----
+    The beams of a scanner that stands meet the same places in every scan. So each beam is a place:
+    its mean range over the scans gives its height, whose spread is the noise (Fig. 3-17), and the
+    difference from the machined height at that place the error (Figs 3-18, 3-19).
+
+    Screened errors are those of returns with good intensity; where a beam has too few of them its
+    place is left out.
+    """
+    from trueterrain.formats.run import open_run
+    from trueterrain.georeference import mounting_of
+
+    source = None if isinstance(run, xr.DataTree) else Path(run)
+    tree = run if isinstance(run, xr.DataTree) else open_run(run)
+    have = tree["scans"].sizes["scan"]
+    wanted = have if settings.scans is None else settings.scans
+    needed = max(settings.least_scans, settings.scans or 0)
+    if have < needed:
+        raise CoverageError(
+            f"holds {have} scans, the static test needs {needed}", path=source, place="scans",
+            cure="Scan longer, or ask for fewer: scans and least_scans.",
+        )  # fmt: skip
+    screened = settings.screening
+    ways = [("static", Screening(nearest=screened.nearest, furthest=screened.furthest))]
+    if screened.needs_intensity:
+        ways.append(("static, screened", screened))
+    turned = _directions(mounting_of(tree, path=source), np.asarray(tree["scans/angle"]))
+    sums = [_Sums(way, screened) for _, way in ways]
+    for block in _first(tree, source, wanted):
+        for one in sums:
+            one.add(block)
+    with _about(source):
+        return [
+            _result(name, one, turned, machined, settings, wanted)
+            for (name, _), one in zip(ways, sums, strict=True)
+        ]
+
+
+class _Sums:
+    """Sums over scans, beam by beam; about the first returns, so that no digits are lost."""
+
+    def __init__(self, screening: Screening, doubt: Screening) -> None:
+        self._screening, self._doubt = screening, doubt
+        self._base: Floats | None = None
+
+    def add(self, block: xr.Dataset) -> None:
+        ranges = block["range"].values
+        intensity = block["intensity"].values if "intensity" in block else None
+        weight = self._screening.weights(ranges, intensity)
+        if self._base is None:
+            beams = ranges.shape[1]
+            self._base = np.full(beams, np.nan)
+            self.count, self._first, self._second = (np.zeros(beams) for _ in range(3))
+            self.bright, self.doubtful = np.zeros(beams), np.zeros(beams)
+        good = weight > 0
+        first = np.take_along_axis(ranges, good.argmax(axis=0)[None], axis=0)[0]
+        self._base = np.where(np.isfinite(self._base), self._base, first)
+        apart = np.where(good, ranges - self._base, 0.0)
+        weight = np.where(good, weight, 0.0)
+        self.count += weight.sum(axis=0)
+        self._first += (weight * apart).sum(axis=0)
+        self._second += (weight * apart**2).sum(axis=0)
+        if intensity is not None:
+            self.bright += (weight * intensity).sum(axis=0)
+            if self._doubt.needs_intensity:
+                self.doubtful += (weight * self._doubt.doubtful(intensity)).sum(axis=0)
+
+    def means(self) -> tuple[Floats, Floats]:
+        """Mean range, and standard deviation of a single one [m]."""
+        assert self._base is not None
+        count = np.where(self.count >= _LEAST, self.count, np.nan)
+        mean = self._first / count
+        variance = (self._second / count - mean**2) * count / (count - 1)
+        return self._base + mean, np.sqrt(np.maximum(variance, 0.0))
+
+
+def _first(tree: xr.DataTree, source: Path | None, wanted: int) -> Iterator[xr.Dataset]:
+    from trueterrain.formats.run import scan_blocks
+
+    for block in scan_blocks(tree if source is None else source):
+        left = wanted - block.attrs["first_scan"]
+        if left <= 0:
+            return
+        yield block.isel(scan=slice(0, left))
+
+
+def _directions(mounting: Any, angle: Floats) -> Floats:
+    """Left and up in the body of a metre along each beam, shape (2, beam)."""
+    from scipy.spatial.transform import Rotation
+
+    turn = Rotation.from_euler("ZYX", mounting.scanner_rotation[::-1])
+    beams = np.stack([np.zeros_like(angle), np.sin(angle), -np.cos(angle)], axis=-1)
+    return np.asarray(turn.apply(beams)[:, 1:].T)
+
+
+def _about(source: Path | None) -> Any:
+    from contextlib import nullcontext
+
+    return nullcontext() if source is None else concerning(source)
+
+
+def _result(
+    name: str,
+    sums: _Sums,
+    turned: Floats,
+    machined: xr.Dataset,
+    settings: StaticSettings,
+    scans: int,
+) -> StaticResult:
+    mean, sd = sums.means()
+    good = np.flatnonzero((sums.count >= settings.present * scans) & np.isfinite(mean))
+    along, up = mean[good] * turned[:, good]
+    found = register(along, up, machined, assumed=settings.assumed, search=settings.search)
+    s = found.positions(along)
+    on = (s >= 0) & (s <= found.length)
+    if on.sum() < _HEIGHTS:
+        raise CoverageError(f"holds {on.sum()} heights on the plate, needed are {_HEIGHTS}")
+    good, along, s = good[on], along[on], s[on]
+    true = np.interp(s, machined["s"] - machined["s"][0], machined["height"])
+    height = up[on] - found.level(along)
+    count = sums.count[good]
+    noise = sd[good] * np.abs(turned[1, good])
+    edge = at_edges(machined, s, settings.edge)
+    doubtful = sums.doubtful[good] > 0.5 * count
+    columns = {
+        "along": along, "height": height, "machined": true, "error": height - true, "sd": noise,
+        "sd_mean": noise / np.sqrt(count), "intensity": sums.bright[good] / count,
+        "edge": edge, "doubtful": doubtful,
+    }  # fmt: skip
+    errors = xr.Dataset({key: ("s", value) for key, value in columns.items()}, {"s": s})
+    single = float(np.sqrt(np.mean(noise**2)))
+    row = row_of(
+        name, height - true, edge, noise=single, registration=found, confidence=settings.confidence
+    )
+    parts = parts_of(height - true, columns["sd_mean"], edge, doubtful)
+    return StaticResult(
+        errors=errors, row=row, registration=found, parts=parts, scans=scans
+    )  # fmt: skip

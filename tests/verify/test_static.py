@@ -1,0 +1,125 @@
+"""The static test, against plates and faults that are known."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from trueterrain.errors import CoverageError
+from trueterrain.georeference import Screening
+from trueterrain.verify.static import StaticSettings, static_test
+from trueterrain.verify.uncertainty import mean_figure, rms_figure
+
+from ._plates import LENGTH, machined, standing
+
+SHIFT_TOLERANCE = 5e-5  # [m] noise of 0.4 mm / sqrt(200) on flanks
+NOISE_TOLERANCE = 1e-5  # [m] the spread of 0.4 mm from 200 scans of 350 beams is known to 0.3 %
+PART_TOLERANCE = 3e-6  # [m] noise of the mean, 28 um, known to 5 %
+STEP = 0.0025  # [m] error of saturated returns, along the beam
+STEP_TOLERANCE = 2e-4  # [m] the beams there are up to 17 degrees inclined
+
+
+def test_noise_shift_and_tilt_are_told_apart_from_errors():
+    (found,) = static_test(standing(), machined())
+    np.testing.assert_allclose(found.registration.shift, -0.55, rtol=0, atol=SHIFT_TOLERANCE)
+    np.testing.assert_allclose(found.registration.tilt, 0.004, rtol=0, atol=SHIFT_TOLERANCE)
+    inclined = np.cos(np.arctan(found.errors.along.values / 2.0))
+    true = 0.0004 * float(np.sqrt(np.mean(inclined**2)))
+    np.testing.assert_allclose(found.row.noise, true, rtol=0, atol=NOISE_TOLERANCE)
+    plain = ~found.errors.edge.values
+    noise = np.sqrt(found.parts["noise"] / plain.mean())
+    np.testing.assert_allclose(noise, true / np.sqrt(200), rtol=0, atol=PART_TOLERANCE)
+
+
+def test_parts_add_up_to_the_mean_square_of_the_errors():
+    run = standing(bright=(0.8, 0.9, STEP))
+    for found in static_test(run, machined(), StaticSettings(screening=Screening(saturation=1e4))):
+        total = sum(found.parts.values())
+        np.testing.assert_allclose(total, found.row.rms.value**2, rtol=0, atol=1e-15)  # [m^2]
+        assert found.row.maximum == np.abs(found.errors.error).max()
+
+
+def test_saturated_returns_are_charged_to_reflectivity_and_screened_away():
+    run = standing(bright=(0.8, 0.9, STEP))
+    settings = StaticSettings(screening=Screening(saturation=1e4))
+    all_of_them, screened = static_test(run, machined(), settings)
+    doubtful = all_of_them.errors.doubtful.values
+    share = float(doubtful.mean())
+    np.testing.assert_allclose(
+        np.sqrt(all_of_them.parts["reflectivity"] / share), STEP, rtol=0, atol=STEP_TOLERANCE
+    )
+    assert screened.parts["reflectivity"] == 0
+    assert screened.row.count == all_of_them.row.count - doubtful.sum()
+    s = screened.errors.s.values
+    assert not ((s > 0.802) & (s < 0.898)).any()
+    assert (screened.row.test, all_of_them.row.test) == ("static, screened", "static")
+
+
+def test_errors_lie_on_the_machined_profile():
+    (found,) = static_test(standing(noise=0.0), machined())
+    plain = ~found.errors.edge
+    np.testing.assert_allclose(found.errors.error[plain], 0.0, rtol=0, atol=2e-5)  # [m]
+    assert found.errors.s.min() >= 0
+    assert found.errors.s.max() <= LENGTH
+    assert found.row.off_edges.value < found.row.rms.value
+
+
+def test_fewer_scans_than_needed_are_an_error():
+    run = standing(scans=50)
+    with pytest.raises(CoverageError, match=r"holds 50 scans, the static test needs 100.*longer"):
+        static_test(run, machined())
+    with pytest.raises(CoverageError, match="needs 60"):
+        static_test(run, machined(), StaticSettings(scans=60, least_scans=10))
+    (found,) = static_test(run, machined(), StaticSettings(scans=30, least_scans=10))
+    assert found.scans == 30
+
+
+def test_ground_without_the_plate_is_an_error():
+    with pytest.raises(CoverageError, match=r"plate is not found"):
+        static_test(standing(plate=False), machined())
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"least_scans": 1}, "at least 2"), ({"present": 0.0}, "present"),
+        ({"edge": -1.0}, "edge"), ({"confidence": 1.0}, "confidence"),
+        ({"search": 0.1}, "assumed"),
+    ],
+)  # fmt: skip
+def test_settings_that_break_a_rule_are_refused(settings, message):
+    with pytest.raises(ValueError, match=message):
+        StaticSettings(**settings)
+
+
+@pytest.mark.parametrize(("correlation", "count"), [(0.0, 300), (0.7, 300), (0.9, 600)])
+def test_the_interval_of_the_rms_holds_the_truth_as_often_as_claimed(correlation, count):
+    """Of 200 repeats, 95 % and at most three binomial standard deviations of 1.5 % less."""
+    rng = np.random.default_rng(20)
+    held = 0
+    for _ in range(200):
+        white = rng.normal(size=count + 300)
+        error = lfilter([np.sqrt(1 - correlation**2)], [1, -correlation], white)[300:]
+        figure = rms_figure(error)
+        held += figure.low <= 1.0 <= figure.high
+    assert held >= 181
+
+
+def test_the_interval_of_the_mean_holds_the_truth_as_often_as_claimed():
+    rng = np.random.default_rng(21)
+    held = 0
+    for _ in range(200):
+        error = lfilter([0.6], [1, -0.8], rng.normal(size=700))[300:]
+        figure = mean_figure(error)
+        held += figure.low <= 0.0 <= figure.high
+    assert held >= 181
+
+
+def test_errors_that_are_no_sample_are_refused():
+    with pytest.raises(ValueError, match="at least 8 finite"):
+        rms_figure([0.001, 0.002])
+    with pytest.raises(ValueError, match="finite"):
+        rms_figure(np.full(20, np.nan))
+    with pytest.raises(ValueError, match="confidence"):
+        rms_figure(np.ones(20), confidence=0.0)
+    with pytest.raises(ValueError, match="block"):
+        rms_figure(np.ones(20), block=0)
