@@ -1,6 +1,7 @@
 """The command event: sizes, files, and bad input."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -67,6 +68,36 @@ def test_text_names_sizes_lumber_driving_and_motion(run):
         "laser 41 mm from peak to peak", "Of the body, pitch gets most", "as printed, w/a is 0.348",
     ):  # fmt: skip
         assert part.lower() in text.lower(), part
+
+
+def test_a_vehicle_of_your_own(run, tmp_path):
+    scene = tmp_path / "mine.toml"
+    scene.write_text(
+        'name = "mine"\nground = [{ kind = "plane" }]\n'
+        'course = { kind = "straight", length = 50.0 }\n'
+        'vehicle = { model = "van", parameters = { sprung_mass = 1800.0 } }\n'
+        'passes = [{ name = "one", speed = { kind = "constant", speed = 5.0 } }]\n'
+        "mounting = { scanner_position = [-2.0, 0.1, 1.2] }\n"
+    )
+    document = json.loads(run("event", "design", "--vehicle", scene, "--json").out)
+    car = replace(named_vehicle("van"), sprung_mass=1800.0)
+    assert_allclose(document["design"]["inputs"]["ride"], event_inputs(car).ride, atol=EXACT)
+    design = design_event(event_inputs(car))
+    moved = cross_event(
+        car, ExcitationEvent(**design.ground).height, design.speed, length=design.extent,
+        laser=(-2.0, 0.1),
+    )  # fmt: skip
+    assert_allclose(document["predicted"]["laser_span"], moved.laser_span, rtol=0, atol=EXACT)
+    scene.write_text(scene.read_text().replace("van", "quarter car").replace(
+        ", parameters = { sprung_mass = 1800.0 }", ""
+    ))  # fmt: skip
+    error = run("event", "design", "--vehicle", scene).err
+    assert "vehicle must have four wheels, got the model 'quarter car'" in error
+
+
+def test_a_prediction_for_another_vehicle_is_doubted(run):
+    doubts = json.loads(run("event", "design", "--hop", "14", "--json").out)["doubts"]
+    assert any("whose hop is 11.01 Hz, not 14.00" in doubt for doubt in doubts)
 
 
 def test_one_side_shakes_roll(run):

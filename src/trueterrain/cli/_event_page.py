@@ -228,9 +228,9 @@ def _report(
                 *(Text(paragraph=sentence) for sentence in words["models"]),
                 Table(
                     columns=(Column(label="Equation"), Column(label="Quantity"),
-                             Column(label="As printed", digits=4), Column(label="Right", digits=4),
-                             Column(label="Why")),
-                    rows=[(e.place, e.quantity, e.printed, e.right, e.why) for e in errata],
+                             Column(label="Unit"), Column(label="As printed", digits=4),
+                             Column(label="Right", digits=4), Column(label="Why")),
+                    rows=[(e.place, e.quantity, e.unit, e.printed, e.right, e.why) for e in errata],
                 ),
             )),
         ),

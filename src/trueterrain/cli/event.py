@@ -8,9 +8,11 @@ from cyclopts import Parameter
 from trueterrain.cli._console import note, out, out_json
 
 if TYPE_CHECKING:
-    from trueterrain.vehicle import FullCarParameters
+    from trueterrain.vehicle import FullCarParameters, Tyre
     from trueterrain.verify.event import EventDesign, EventInputs, EventResponse
 
+_LASER = (-2.25, 0.0)  # [m] as in scenes that say nothing else
+_ANOTHER = 0.1  # [1] by which a vehicle may depart from what the event is designed for
 _PATCH = 0.15  # [m] contact patch of a tyre, over which it averages the ground
 
 
@@ -37,7 +39,7 @@ def event(
     placement: Literal["across", "staggered", "one side"] | None = None,
     events: int = 1,
     band: tuple[float, float] | None = None,
-    laser: tuple[float, float] = (-2.25, 0.0),
+    laser: tuple[float, float] | None = None,
     output: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None,
     json: bool = False,
     force: bool = False,
@@ -55,8 +57,8 @@ def event(
     action
         design: sizes, drawing, cut list, driving instruction and predicted motion.
     vehicle
-        Vehicle that shall be shaken: compact, golden car, sedan or van. What is not given below is
-        taken from it.
+        Vehicle that shall be shaken: compact, golden car, sedan, van, or a scene (.toml) with
+        parameters of your own. What is not given below is taken from it.
     model
         Which oscillator gives the cleats' width. base-excited: damper between wheel and body, as
         vehicles have it. thesis: as printed, damper between wheel and road.
@@ -98,7 +100,8 @@ def event(
         Frequencies of hop to cover, lowest and highest [Hz]; lists the speeds that do it. Default
         20 % below to 20 % above hop.
     laser
-        Place of the laser in the body from its centre of gravity: forward and left [m].
+        Place of the laser in the body from its centre of gravity: forward and left [m]; default
+        that of the scene, else 2.25 behind it.
     output
         Folder for event.pdf (one page), drawing.svg, event.html and event.json.
     json
@@ -110,14 +113,9 @@ def event(
     del action
     from dataclasses import asdict
 
-    from trueterrain.vehicle import named_vehicle
-    from trueterrain.verify.event import (
-        covering_speeds,
-        cut_list,
-        design_event,
-    )
+    from trueterrain.verify.event import covering_speeds, cut_list, design_event
 
-    car = named_vehicle(vehicle)
+    car, tyre, place = _vehicle(vehicle)
     given = {"ride": ride, "hop": hop, "damping": damping, "wheelbase": wheelbase, "track": track}
     tolerances = {
         "ride": ride_tolerance, "hop": hop_tolerance, "damping": damping_tolerance,
@@ -128,11 +126,12 @@ def event(
         inputs, model=model, target=target, length=length, rise=rise, base=base,
         width_ratio=width_ratio, placement=placement, events=events,
     )  # fmt: skip
-    moved = _predicted(car, design, laser)
+    moved = _predicted(car, design, tyre, laser or place)
     pieces = cut_list(design)
     low, high = band or (0.8 * inputs.hop, 1.2 * inputs.hop)
     speeds = covering_speeds(low, high, number=design.number, spacing=design.spacing)
     words = _words(design, moved, vehicle, (low, high), speeds.tolist())
+    words["doubts"] += _strange(car, design, vehicle)
     document: dict[str, Any] = {
         "design": design.describe(),
         "vehicle": vehicle,
@@ -158,6 +157,38 @@ def event(
         note(f"{name}: written")
 
 
+def _vehicle(name: str) -> "tuple[FullCarParameters, Tyre, tuple[float, float]]":
+    """Vehicle by name or from a scene, its tyres, and where the laser is in it."""
+    from trueterrain.vehicle import FullCarParameters, Tyre, named_vehicle
+
+    if not name.lower().endswith(".toml"):
+        return named_vehicle(name), Tyre(), _LASER
+    from trueterrain.simulate.scene import read_scene
+
+    scene, path = read_scene(name)
+    car = scene.vehicle.car
+    if not isinstance(car, FullCarParameters):
+        message = f"{path}: vehicle must have four wheels, got the model {scene.vehicle.model!r}."
+        raise ValueError(message)  # noqa: TRY004 - the file holds what must not be, not the caller
+    x, y, _ = scene.mounting.scanner_position
+    return car, scene.vehicle.tyre, (x, y)
+
+
+def _strange(car: "FullCarParameters", design: "EventDesign", vehicle: str) -> list[str]:
+    """Doubts about a prediction for a vehicle other than the one that the event is made for."""
+    from trueterrain.verify.event import event_inputs
+
+    own, out = event_inputs(car, design.target), []
+    for name, unit in (("ride", "Hz"), ("hop", "Hz"), ("wheelbase", "m")):
+        has, given = getattr(own, name), getattr(design.inputs, name)
+        if abs(given / has - 1) > _ANOTHER:
+            out.append(
+                f"The motion is predicted for {vehicle!r}, whose {name} is {has:.2f} {unit}, not "
+                f"{given:.2f}: give your vehicle with --vehicle SCENE.toml."
+            )
+    return out
+
+
 def _inputs(
     car: "FullCarParameters",
     target: Literal["heave", "pitch", "roll"],
@@ -175,7 +206,7 @@ def _inputs(
 
 
 def _predicted(
-    car: "FullCarParameters", design: "EventDesign", laser: tuple[float, float]
+    car: "FullCarParameters", design: "EventDesign", tyre: "Tyre", laser: tuple[float, float]
 ) -> "EventResponse":
     import numpy as np
 
@@ -189,7 +220,7 @@ def _predicted(
             return np.where(y > 0, ground.height(x, y), 0.0)
         return ground.height(x, y)
 
-    return cross_event(car, height, design.speed, length=design.extent, laser=laser)
+    return cross_event(car, height, design.speed, length=design.extent, laser=laser, tyre=tyre)
 
 
 def _words(

@@ -9,6 +9,8 @@ import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
 
+_LENGTH, _RIDE, _HOP = 2.44, 1.1, 11.0  # [m], [Hz], [Hz] of the thesis's event
+
 #: Which oscillator the wheel is taken for; see `hop_transmissibility`.
 HopModel = Literal["base-excited", "thesis"]
 
@@ -89,6 +91,43 @@ def hop_transmissibility(
     above = tyre_share if model == "base-excited" else np.sqrt(1 + (2 * damping * r) ** 2)
     out: Floats = above / np.hypot(1 - r**2, 2 * damping * r)
     return out
+
+
+def hop_lag(ratio: float, damping: float, *, model: HopModel = "base-excited") -> float:
+    """By how much of a wave a wheel comes after the ground, near wheel hop.
+
+    Parameters
+    ----------
+    ratio : float
+        Frequency of the ground over the undamped frequency of wheel hop [1].
+    damping : float
+        Damping ratio of wheel hop [1].
+    model : {"base-excited", "thesis"}
+        Oscillator; see `hop_transmissibility`.
+
+    Returns
+    -------
+    float
+        Share of a wave, that is of the spacing of cleats, from 0 to 0.5 [1].
+
+    Raises
+    ------
+    ValueError
+        If the ratio is negative, or the damping not between 0 and 1.
+
+    Examples
+    --------
+    >>> print(hop_lag(1.0, 0.3), round(hop_lag(1.0, 0.3, model="thesis"), 3))
+    0.25 0.164
+    """
+    if not 0 <= ratio < math.inf:
+        message = f"ratio must be finite and at least 0, got {ratio}."
+        raise ValueError(message)
+    _check(damping, model, 1.0)
+    lag = math.atan2(2 * damping * ratio, 1 - ratio**2)
+    if model == "thesis":  # the damper pulls with the road
+        lag -= math.atan(2 * damping * ratio)
+    return lag / (2 * math.pi)
 
 
 def peak_ratio(damping: float, *, model: HopModel = "base-excited") -> float:
@@ -200,16 +239,11 @@ def event_errata(damping: float = 0.3, tyre_share: float = 0.912) -> tuple[Errat
 
     Examples
     --------
-    >>> for one in event_errata():
+    >>> for one in event_errata()[:3]:
     ...     print(f"{one.place}: {one.quantity}: {one.printed:.4f}, right {one.right:.4f}")
     3-7: ratio of the peak: 0.9055, right 0.9302
     3-7: amplification at the peak: 1.9884, right 1.9946
     3-5: amplification at V = a f2: 1.9884, right 1.9437
-    3-13: w/a without the factor of damping: 0.3483, right 0.3323
-    3-13: w/a at the peak of 3-7: 0.3483, right 0.3328
-    3-14: w/a, damper on the body, soft suspension: 0.3483, right 0.3060
-    3-14: w/a, damper on the body: 0.3483, right 0.2840
-    3-14: w/a, damper on the body, V = a f2: 0.3483, right 0.2714
     """
     thesis, shown = peak_ratio(damping, model="thesis"), peak_ratio(damping)
 
@@ -240,11 +274,26 @@ def event_errata(damping: float = 0.3, tyre_share: float = 0.912) -> tuple[Errat
          "The suspension holds the wheel as well."),
         ("3-14", "w/a, damper on the body, V = a f2", printed,
          right(tyre_share, 1.0), "The same at V = a f2."),
+        ("3-9", "lag over spacing, at the printed peak", 0.0,
+         hop_lag(shown, damping, model="thesis"), "The crest of the wheel comes after the cleat."),
+        ("3-9", "lag over spacing, damper on the body, V = a f2", 0.0, hop_lag(1.0, damping),
+         "The same; a quarter of a wave at resonance."),
+    )  # fmt: skip
+    speed, spacing = 2 * _LENGTH * _RIDE, 2 * _LENGTH * _RIDE / _HOP
+    sizes = (
+        ("3.5.2", "speed for 2.44 m and 1.1 Hz", 5.79, speed, "m/s",
+         "13 miles per hour are for a ride of 1.19 Hz."),
+        ("3-15", "spacing for that speed and 11 Hz", 0.567, spacing, "m",
+         "1.86 feet are not the 0.49 m before them."),
+        ("3-16", "speed of that spacing and 10.3 Hz", 5.84, speed, "m/s",
+         "Wheel hop is 11 Hz before, and the spacing another."),
     )  # fmt: skip
     return tuple(
-        Erratum(place=place, quantity=name, printed=old, right=new, unit="1", why=why)
-        for place, name, old, new, why in rows
-    )
+        Erratum(place=place, quantity=name, printed=old, right=new, unit=unit, why=why)
+        for place, name, old, new, unit, why in (
+            *((*row[:4], "1", row[4]) for row in rows), *sizes
+        )
+    )  # fmt: skip
 
 
 def _check(damping: float, model: str, tyre_share: float) -> None:

@@ -17,6 +17,7 @@ from trueterrain.verify._event_hop import (
     HopModel,
     cleat_ratio,
     event_errata,
+    hop_lag,
     hop_transmissibility,
     peak_ratio,
 )
@@ -47,6 +48,7 @@ __all__ = [
     "event_errata",
     "event_inputs",
     "event_spectrum",
+    "hop_lag",
     "hop_transmissibility",
     "passage_gain",
     "peak_ratio",
