@@ -16,7 +16,7 @@ from trueterrain.errors import CoverageError, SchemaError
 Floats = npt.NDArray[np.float64]
 
 _STEP = 0.001  # [m] between the shifts that are tried first for every millimetre of the search
-_COARSE = 0.005  # [m] the same for long searches
+_COARSE = 0.01  # [m] the same for long searches
 _LONG = 0.5  # [m] half range from which a search is long
 _PRECISE = 1e-6  # [m] to which the shift is found
 _HUBER = 1.345  # standard deviations beyond which a point weighs less
