@@ -7,14 +7,28 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from trueterrain.vehicle._velocity import (
+    VelocitySpectrum,
+    integrate,
+    segment_size,
+    velocity_spectrum,
+    welch,
+)
 from trueterrain.vehicle.model import Array, LinearModel, frequency_response, linear_model
 from trueterrain.vehicle.modes import modes
 from trueterrain.vehicle.parameters import QuarterCarParameters
 
-_LEAST = 16  # samples of a segment
-_PAD = 5.0  # [1] times the period of the corner, by which records are led to rest
+__all__ = [
+    "IdentifiedMode",
+    "IdentifiedModes",
+    "ModeRecording",
+    "VelocitySpectrum",
+    "identify_modes",
+    "integrate",
+    "velocity_spectrum",
+]
+
 _HANN_CORRELATION = 1.94  # [1] sum of the correlations of power between bins of a Hann window
-_ORDER = 4  # of the corner below which velocity is left out
 _SLOWEST, _FASTEST = 0.3, 40.0  # [Hz] between which modes are looked for
 _LEAKAGE = 0.03  # [1] of power, what finite segments do to the ratio of two signals besides
 _BOUNDLESS = 50.0  # [1] logarithm from which an interval has no end worth a number
@@ -23,26 +37,6 @@ _SEEN, _LINES = 1.75, 15  # bins to either side that a Hann window sees, and par
 _TINY = 1e-9
 _STEP = 1e-4  # [1] of logarithms, over which derivatives are taken
 _FREEDOMS = {"body": 0, "wheel": 1}  # of a quarter car
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class VelocitySpectrum:
-    """Spectral density of velocity, and between what it lies; made by `velocity_spectrum`."""
-
-    frequency: Array
-    "Shape (n,) [Hz]."
-
-    density: Array
-    "Shape (n,) [(m/s)²/Hz]."
-
-    low: Array
-    "Lower end of the confidence interval, shape (n,) [(m/s)²/Hz]."
-
-    high: Array
-    "Upper end of the confidence interval, shape (n,) [(m/s)²/Hz]."
-
-    degrees: float
-    "Degrees of freedom of each estimate."
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -165,130 +159,6 @@ class IdentifiedModes:
     "Density of velocity of each signal, by number of the recording and name."
 
 
-def integrate(acceleration: npt.ArrayLike, rate: float, *, corner: float = 0.3) -> Array:
-    """Velocity from acceleration, without drift.
-
-    Parameters
-    ----------
-    acceleration : array_like, shape (n,)
-        Acceleration [m/s²].
-    rate : float
-        Samples per second [Hz].
-    corner : float
-        Frequency at which half of the velocity is left; at half of it 6 %, at twice 94 % [Hz].
-
-    Returns
-    -------
-    numpy.ndarray, shape (n,)
-        Velocity about its slow part [m/s]: neither early nor late at any frequency.
-
-    Raises
-    ------
-    ValueError
-        If the rate or the corner are not greater than 0, or the acceleration has gaps.
-
-    Notes
-    -----
-    1 / (2 pi i f) in the frequency domain, times 1 / (1 + (fc / f)^4): exact up to half the rate,
-    where sums of trapezoids lose, and blind to bias and drift. Both ends are led to rest over some
-    periods of the corner; within one such period of them, velocity is less sure.
-
-    Examples
-    --------
-    >>> t = np.arange(0, 60, 0.005)
-    >>> velocity = integrate(np.cos(2 * np.pi * 2.0 * t) + 0.05, 200.0)
-    >>> error = velocity - np.sin(2 * np.pi * 2.0 * t) / (2 * np.pi * 2.0)
-    >>> print(f"{abs(error[2000:-2000]).max() / abs(velocity).max():.4f}")
-    0.0005
-    """
-    values = np.asarray(acceleration, dtype=float)
-    if not 0 < corner < rate / 2 < math.inf:
-        message = f"corner must be from 0 Hz to half the rate of {rate:g} Hz, got {corner:g} Hz."
-        raise ValueError(message)
-    if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
-        message = f"acceleration must have one dimension and no gap, got shape {values.shape}."
-        raise ValueError(message)
-    from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
-
-    pad = math.ceil(_PAD * rate / corner)
-    size = next_fast_len(values.size + 2 * pad)
-    fade = 0.5 - 0.5 * np.cos(np.pi * np.arange(pad) / pad)
-    levelled = values - values.mean()
-    padded = np.zeros(size)
-    # mirrored with its sign turned, velocity has no kink at the ends
-    inner = min(pad, values.size - 1)
-    padded[pad - inner : pad] = -levelled[inner:0:-1]
-    padded[pad : pad + values.size] = levelled
-    padded[pad + values.size : pad + values.size + inner] = -levelled[-2 : -2 - inner : -1]
-    padded[:pad] *= fade
-    padded[pad + values.size : 2 * pad + values.size] *= fade[::-1]
-    frequency = rfftfreq(size, 1 / rate)
-    weight = np.zeros(frequency.size, dtype=complex)
-    f = frequency[1:]
-    weight[1:] = 1 / (2j * np.pi * f * (1 + (corner / f) ** _ORDER))
-    out: Array = irfft(weight * rfft(padded), size)[pad : pad + values.size]
-    return out
-
-
-def velocity_spectrum(
-    acceleration: npt.ArrayLike,
-    rate: float,
-    *,
-    segment: float | None = None,
-    confidence: float = 0.95,
-    corner: float = 0.3,
-) -> VelocitySpectrum:
-    """Spectral density of velocity by Welch's method, from acceleration.
-
-    Parameters
-    ----------
-    acceleration : array_like, shape (n,)
-        Acceleration [m/s²].
-    rate : float
-        Samples per second [Hz].
-    segment : float, optional
-        Length of the segments, Hann windows that overlap by half [s]; by default 8 s, or a quarter
-        of the record if that is shorter.
-    confidence : float
-        Share of repeats in which the interval holds the density.
-    corner : float
-        See `integrate`; its weight is taken out of the density again [Hz].
-
-    Returns
-    -------
-    VelocitySpectrum
-        From the corner on.
-
-    Raises
-    ------
-    ValueError
-        If the segment, the confidence, the rate or the corner break their rule.
-
-    Examples
-    --------
-    >>> noise = np.random.default_rng(1).standard_normal(20000)
-    >>> found = velocity_spectrum(noise, 200.0)
-    >>> print(f"{found.degrees:.0f} degrees of freedom")
-    46 degrees of freedom
-    """
-    if not 0 < confidence < 1:
-        message = f"confidence must be between 0 and 1, got {confidence}."
-        raise ValueError(message)
-    velocity = integrate(acceleration, rate, corner=corner)
-    size = _segment_size(velocity.size, rate, segment)
-    frequency, density, degrees = _welch(velocity, velocity, rate, size)
-    keep = frequency > corner
-    frequency = frequency[keep]
-    power: Array = density.real[keep] * (1 + (corner / frequency) ** _ORDER) ** 2
-    from scipy.stats import chi2
-
-    tail = 0.5 * (1 - confidence)
-    low, high = degrees / chi2.ppf([1 - tail, tail], degrees)
-    return VelocitySpectrum(
-        frequency=frequency, density=power, low=low * power, high=high * power, degrees=degrees,
-    )  # fmt: skip
-
-
 def identify_modes(
     recordings: ModeRecording | Sequence[ModeRecording],
     *,
@@ -391,20 +261,20 @@ def _powers(one: ModeRecording, number: int) -> list[_Power]:
 
     signals = {name: np.asarray(values, dtype=float) for name, values in one.accelerations.items()}
     first = next(iter(signals))
-    size = _segment_size(signals[first].size, one.rate, one.segment)
+    size = segment_size(signals[first].size, one.rate, one.segment)
     over = None if one.excitation is None else np.asarray(one.excitation, dtype=float)
     out = []
     for name, signal in signals.items():
         if over is None and name == first:
-            frequency, density, degrees = _welch(signal, signal, one.rate, size)
+            frequency, density, degrees = welch(signal, signal, one.rate, size)
             log = np.log(density.real)
             log -= float(digamma(degrees / 2)) - math.log(degrees / 2)
             sd = np.full(frequency.size, math.sqrt(float(polygamma(1, degrees / 2))))
         else:
             base = signals[first] if over is None else over
-            frequency, cross, degrees = _welch(base, signal, one.rate, size)
-            power = _welch(base, base, one.rate, size)[1].real
-            own = _welch(signal, signal, one.rate, size)[1].real
+            frequency, cross, degrees = welch(base, signal, one.rate, size)
+            power = welch(base, base, one.rate, size)[1].real
+            own = welch(signal, signal, one.rate, size)[1].real
             log = 2 * np.log(np.abs(cross) / power)
             incoherence = np.maximum(power * own / np.abs(cross) ** 2 - 1, 0.0)
             # noise of the base makes the ratio too small, by as much as incoherence at most
@@ -540,32 +410,3 @@ def _mode(name: str, logs: Array, sd: Array, reach: float) -> IdentifiedMode:
         frequency_interval=(float(ends[0, 0]), float(ends[1, 0])),
         damping_interval=(float(ends[0, 1]), float(ends[1, 1])),
     )
-
-
-def _segment_size(samples: int, rate: float, segment: float | None) -> int:
-    length = min(8.0, samples / rate / 4) if segment is None else segment
-    size = round(length * rate)
-    if not _LEAST <= size <= samples:
-        message = (
-            f"segment must be from {_LEAST / rate:g} s to the {samples / rate:g} s recorded, "
-            f"got {length:g} s."
-        )
-        raise ValueError(message)
-    return size
-
-
-def _welch(
-    some: Array, other: Array, rate: float, size: int
-) -> tuple[Array, npt.NDArray[np.complex128], float]:
-    """Frequencies without 0, cross density, and degrees of freedom (Welch 1967)."""
-    from scipy.signal import csd, get_window
-
-    window = get_window("hann", size)
-    step = size - size // 2
-    frequency, density = csd(some, other, rate, window=window, noverlap=size // 2, detrend="linear")
-    count = 1 + (some.size - size) // step
-    shared = 0.0
-    for apart in range(1, min(count, -(-size // step))):
-        likeness = np.sum(window[: -apart * step] * window[apart * step :]) / np.sum(window**2)
-        shared += (1 - apart / count) * float(likeness) ** 2
-    return frequency[1:], density[1:].astype(complex), 2 * count / (1 + 2 * shared)

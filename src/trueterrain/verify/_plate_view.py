@@ -3,13 +3,12 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
-if TYPE_CHECKING:
-    from trueterrain.verify.plate import PlateDesign
+from trueterrain.verify._plate_parts import PlateDesign, flanks
 
 Floats = npt.NDArray[np.float64]
 
@@ -187,7 +186,7 @@ class PlateView:
     "What is against this plate at this place, in words."
 
 
-def view_plate(plate: "PlateDesign", setup: ScanSetup = ScanSetup()) -> PlateView:
+def view_plate(plate: PlateDesign, setup: ScanSetup = ScanSetup()) -> PlateView:
     """Look at a plate as a scanner does: exact beams on the exact profile.
 
     Parameters
@@ -288,10 +287,8 @@ def _shadows(vertices: Floats, length: float, setup: ScanSetup) -> tuple[tuple[f
 
 
 def _edges(
-    plate: "PlateDesign", vertices: Floats, s: Floats, height: Floats, setup: ScanSetup
+    plate: PlateDesign, vertices: Floats, s: Floats, height: Floats, setup: ScanSetup
 ) -> list[Edge]:
-    from trueterrain.verify.plate import flanks
-
     out = []
     for flank in flanks(plate):
         if flank.slope < _STEEP:
@@ -322,7 +319,7 @@ def _edges(
     return out
 
 
-def _band(name: str, reflectivity: float, plate: "PlateDesign", setup: ScanSetup) -> Band:
+def _band(name: str, reflectivity: float, plate: PlateDesign, setup: ScanSetup) -> Band:
     down = setup.height - plate.thickness
     distance = math.hypot(down, setup.offset)
     intensity = setup.gain * reflectivity * (down / distance) * (setup.nominal / distance) ** 2
@@ -335,7 +332,7 @@ def _band(name: str, reflectivity: float, plate: "PlateDesign", setup: ScanSetup
 
 
 def _doubts(
-    plate: "PlateDesign",
+    plate: PlateDesign,
     s: Floats,
     shadows: Sequence[tuple[float, float]],
     edges: Sequence[Edge],
