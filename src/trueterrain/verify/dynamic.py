@@ -171,8 +171,8 @@ def dynamic_test(
 
     The motion is the height of the laser at the time of the scans, as the trajectory shows it.
     Errors beside edges are bridged before spectra are taken, since they say nothing about the body.
-    Without ``floor`` the stretch is that of the plate: frequencies below speed / length are not told
-    apart.
+    Without ``floor`` the stretch is that of the plate, and frequencies below speed / length are not
+    told apart.
     """
     source = None if isinstance(run, xr.DataTree) else Path(run)
     path = trajectory.between(settings.begin, settings.end)
