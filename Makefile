@@ -28,7 +28,7 @@ demo: $(INSTALLED)
 	$(BIN)/trueterrain demo --output demo --force
 
 test: $(INSTALLED)
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses auto --dist loadfile
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check
