@@ -14,6 +14,7 @@ from trueterrain.cli._console import compiling_noted
 COMMANDS = (
     "calibrate", "compare", "convert", "demo", "doctor", "event", "georeference", "grid",
     "info", "init", "iri", "merge", "plate", "plot", "profile", "psd", "rn", "run", "simulate",
+    "verify",
 )  # fmt: skip
 
 

@@ -38,6 +38,7 @@ _COMMANDS = {
     "rn": "Ride Number of profiles.",
     "run": "Take a whole survey from recorded runs to ground, profiles and a report.",
     "simulate": "Drive a virtual profiler over known ground and record its runs.",
+    "verify": "Test how true a profiler is: standing, driving, over distance; certify it.",
 }
 
 

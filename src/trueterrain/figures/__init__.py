@@ -43,6 +43,13 @@ from trueterrain.figures.slope import measurable_slope
 from trueterrain.figures.spectrum import spectrum
 from trueterrain.figures.surface import surface_map
 from trueterrain.figures.surface_difference import difference_map, structure_functions
+from trueterrain.figures.verify import (
+    drift_errors,
+    drift_growth,
+    motion_rejection,
+    plate_error,
+    plate_profile,
+)
 
 __all__ = [
     "agreement_matrix",
@@ -56,6 +63,8 @@ __all__ = [
     "difference_map",
     "discontinuity_vectors",
     "discrepancy_map",
+    "drift_errors",
+    "drift_growth",
     "event_plan",
     "event_side",
     "event_waves",
@@ -67,12 +76,15 @@ __all__ = [
     "laser_displacement",
     "measurable_slope",
     "mode_shares",
+    "motion_rejection",
     "navigation_errors",
     "navigation_heights",
     "navigation_plan",
     "parallel_profiles",
     "passage_gains",
+    "plate_error",
     "plate_plan",
+    "plate_profile",
     "plate_section",
     "plate_view",
     "points_map",

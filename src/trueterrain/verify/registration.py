@@ -130,7 +130,7 @@ def check_machined(machined: xr.Dataset, *, path: object = None) -> tuple[Floats
     ):  # fmt: skip
         if not least <= span <= most:
             raise SchemaError(
-                f"spans {span:g} m, a plate from {least:g} to {most:g} m: is it in another unit?",
+                f"spans {span:g} m, a plate spans {least:g} to {most:g} m: it is in another unit",
                 path=file, place=f"machined profile, {name}",
                 cure=f"Name the unit in the header, as in `{name} [mm]`.",
             )  # fmt: skip
@@ -316,7 +316,7 @@ def _require_plate(fit: _Fit, shift: float, shifts: Floats) -> None:
     if best >= _SHAPE and not _GAIN[0] <= gain <= _GAIN[1]:
         raise SchemaError(
             f"heights are measured as {gain:.3g} times the machined ones: "
-            "is the profile in another unit?",
+            "the profile is in another unit, or that of another plate",
             place="machined profile, height",
             cure="Name the unit in the header, as in `height [mm]`.",
         )

@@ -1,0 +1,250 @@
+"""Certificate of a test of accuracy: what was tested, how, what was found, and from what."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from trueterrain.report import (
+    Block,
+    Column,
+    File,
+    Files,
+    Number,
+    Picture,
+    Report,
+    Section,
+    Table,
+    Text,
+)
+
+if TYPE_CHECKING:
+    from trueterrain.verify.certificate import Certified, Result
+    from trueterrain.verify.uncertainty import Figure
+
+_MILLI = 1e3
+_DIGITS = 3  # of millimetres
+
+_METHODS = {
+    "static": "Each beam of a standing scanner meets the same place in every scan. The mean of its "
+    "ranges gives a height, their spread the noise. The machined profile is laid onto these "
+    "heights by a robust fit of offset, tilt and lateral shift, which are reported on their own; "
+    "what is left at each place is the error.",
+    "dynamic": "Returns of a strip beside the way of the vehicle are averaged in cells along it. "
+    "Against each mean stands the mean machined height at the places of the same returns, after a "
+    "robust fit of offset, tilt and shift along the way. Body-motion rejection is the spectrum of "
+    "the height of the laser over that of the error.",
+    "drift": "Heights of repeated runs along one path are compared at equal distances with a "
+    "reference or, without one, with their mean. What differs between runs is repeatability; what "
+    "they share is bias, which only a reference tells.",
+}
+_CAUSES = {
+    "noise": "noise of the mean", "bias": "bias", "shape": "stays the same in all repeats",
+    "edge": "beside edges", "reflectivity": "doubtful intensity",
+}  # fmt: skip
+
+
+def certificate_of(found: "Certified", files: list[tuple[str, str]]) -> Report:
+    """Certificate of a test.
+
+    Parameters
+    ----------
+    found : Certified
+        Results and inputs.
+    files : list of tuple of str
+        Names of the files beside the certificate, and what they hold.
+
+    Returns
+    -------
+    Report
+        To be written.
+    """
+    import matplotlib.pyplot as plt
+
+    test = found.test
+    kind = type(test).kind  # type: ignore[attr-defined]  # every description names its kind
+    sections = [_stated(found, kind), _figures(found)]
+    sections += [_row(name, result) for name, result in found.results.items()]
+    sections.append(_inputs(found, files))
+    report = Report(
+        title=test.title or f"Accuracy of a profiler: {kind} test",
+        subtitle=", ".join(text for text in (test.system, test.date) if text),
+        headline=tuple(_headline(found)),
+        sections=tuple(sections),
+    )
+    plt.close("all")  # the report keeps the figures; pyplot need not
+    return report
+
+
+def _headline(found: "Certified") -> Iterator[Number]:
+    for name, result in found.results.items():
+        kept = found.verdicts[name].get("rms")
+        limit = found.test.limits.rms
+        figure = result.row.rms
+        interval = f"{_MILLI * figure.low:.3f} to {_MILLI * figure.high:.3f} mm"
+        yield Number(
+            label=f"RMS, {name}", value=_MILLI * figure.value, unit="mm", digits=_DIGITS,
+            verdict=None if kept is None else ("good" if kept else "bad"),
+            note=interval if limit is None else f"{interval}; limit {_MILLI * limit:g} mm",
+        )  # fmt: skip
+    if found.passed is not None:
+        yield Number(
+            label="All limits", value="kept" if found.passed else "not kept",
+            verdict="good" if found.passed else "bad",
+        )  # fmt: skip
+
+
+def _stated(found: "Certified", kind: str) -> Section:
+    test = found.test
+    rows: list[list[str | None]] = [
+        ["System", test.system or None], ["Conditions", test.conditions or None],
+        ["Date", test.date or None], ["Test", kind],
+    ]  # fmt: skip
+    table = Table(columns=(Column(label="Stated"), Column(label="As given")), rows=rows)
+    return Section(title="What was tested", blocks=[table, Text(paragraph=_METHODS[kind])])
+
+
+def _figures(found: "Certified") -> Section:
+    columns = ("RMS", "from", "to", "Off edges", "Maximum", "Bias", "from", "to", "Noise",
+               "Registration")  # fmt: skip
+    rows: list[list[str | float | None]] = []
+    for name, result in found.results.items():
+        row = result.row
+        off_edges = None if row.off_edges is None else row.off_edges.value
+        lengths = [
+            row.rms.value, row.rms.low, row.rms.high, off_edges,
+            row.maximum, row.bias.value, row.bias.low, row.bias.high, row.noise, row.registration,
+        ]  # fmt: skip
+        rows.append([name, *(_mm(value) for value in lengths), row.count])
+    table = Table(
+        columns=(
+            Column(label="Test"),
+            *(Column(label=label, unit="mm", digits=_DIGITS) for label in columns),
+            Column(label="n", digits=0),
+        ),
+        rows=rows,
+        caption="Figures of accuracy. Intervals hold the true value in "
+        f"{100 * next(iter(found.results.values())).row.rms.confidence:g} % of repeats "
+        "(block bootstrap).",
+    )
+    blocks: list[Block] = [table]
+    kept = [
+        (name, figure, one) for name, row in found.verdicts.items() for figure, one in row.items()
+    ]
+    if kept:
+        which = "upper ends of the intervals" if found.test.cautious else "figures"
+        blocks.append(
+            Table(
+                columns=(
+                    Column(label="Test"), Column(label="Figure"), Column(label="Limit", unit="mm"),
+                ),
+                rows=[
+                    [name, figure, _mm(getattr(found.test.limits, figure))]
+                    for name, figure, _ in kept
+                ],
+                verdicts=["good" if one else "bad" for *_, one in kept],
+                caption=f"Limits that were given, against the {which}.",
+            )
+        )  # fmt: skip
+    return Section(title="Figures", blocks=blocks)
+
+
+def _row(name: str, result: "Result") -> Section:
+    from trueterrain import figures
+    from trueterrain.verify.drift import DriftResult
+    from trueterrain.verify.dynamic import DynamicResult
+
+    if isinstance(result, DriftResult):
+        blocks: list[Block] = [
+            _picture(figures.drift_errors(result.errors), "Errors of the runs against distance."),
+            _picture(
+                figures.drift_growth(result.growth), "How much errors change over a distance."
+            ),
+            _drift_table(result),
+        ]
+        return Section(title=name[:1].upper() + name[1:], blocks=blocks)
+    caption = f"Greatest error {_MILLI * result.row.maximum:.3f} mm."
+    blocks = [
+        _picture(figures.plate_profile(result.errors), "Measured and machined profile."),
+        _picture(figures.plate_error(result.errors), caption),
+        _registration(result.registration),
+        _parts(result.parts),
+    ]
+    if isinstance(result, DynamicResult):
+        rejection = figures.motion_rejection(result.rejection)
+        blocks.append(
+            _picture(rejection, f"How much body motion is rejected, at {result.speed:.2f} m/s.")
+        )
+    return Section(title=name[:1].upper() + name[1:], blocks=blocks)
+
+
+def _picture(ax: Any, caption: str) -> Picture:
+    return Picture(figure=ax, alt=f"{ax.get_ylabel()} over {ax.get_xlabel()}", caption=caption)
+
+
+def _registration(found: Any) -> Table:
+    rows = [
+        ["Begin of the plate in the scan", _mm(found.shift), "mm"],
+        ["Offset", _mm(found.offset), "mm"],
+        ["Tilt", _MILLI * found.tilt, "mrad"],
+        ["Residual without outliers", _mm(found.residual), "mm"],
+        ["Residual at the assumed place, before the shift", _mm(found.unregistered), "mm"],
+        ["Outliers", float(found.outliers), f"of {found.points}"],
+    ]
+    return Table(
+        columns=(Column(label="Registration"), Column(label="Found", digits=_DIGITS),
+                 Column(label="Unit")),
+        rows=rows, caption="How the plate lay; not charged to the heights.",
+    )  # fmt: skip
+
+
+def _parts(parts: dict[str, float]) -> Table:
+    total = sum(parts.values())
+    return Table(
+        columns=(
+            Column(label="Part of the error"), Column(label="Root", unit="mm", digits=_DIGITS),
+            Column(label="Share of the mean square", unit="%", digits=1),
+        ),
+        rows=[
+            [_CAUSES[name], _MILLI * value**0.5, 100 * value / total if total else None]
+            for name, value in parts.items()
+        ],
+        caption="Where the error comes from; mean squares add up to that of all errors.",
+    )  # fmt: skip
+
+
+def _drift_table(result: Any) -> Table:
+    def cells(name: str, figure: "Figure | None") -> list[str | float | None]:
+        if figure is None:
+            return [name, None, None, None]
+        return [name, *(_mm(value) for value in (figure.value, figure.low, figure.high))]
+
+    return Table(
+        columns=(
+            Column(label="Part of the error"),
+            *(Column(label=one, unit="mm", digits=_DIGITS) for one in ("Figure", "from", "to")),
+        ),
+        rows=[
+            cells("Repeatability of a single run", result.repeatability),
+            cells("Bias that all runs share", result.shared),
+        ],
+        caption=f"{result.runs} runs; bias is known against a reference only.",
+    )
+
+
+def _inputs(found: "Certified", files: list[tuple[str, str]]) -> Section:
+    from trueterrain._version import __version__
+
+    table = Table(
+        columns=(Column(label="Input"), Column(label="SHA-256")),
+        rows=[[one["name"], one["sha256"]] for one in found.inputs],
+        caption="Of a folder, the names and contents of all files in it are hashed in order.",
+    )
+    text = (
+        f"Made with trueterrain {__version__}. Every figure follows from the files below; all of "
+        "it is repeated by `trueterrain verify` from the inputs with these hashes."
+    )
+    listed = Files(files=[File(path=name, note=note) for name, note in files])
+    return Section(title="From what it is recomputed", text=text, blocks=[table, listed])
+
+
+def _mm(value: float | None) -> float | None:
+    return None if value is None else _MILLI * value

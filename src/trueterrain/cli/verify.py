@@ -1,0 +1,103 @@
+"""``trueterrain verify``: how true a profiler is, and a certificate of it."""
+
+import json as _json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from trueterrain.cli._console import note, out, out_json
+from trueterrain.cli._profiles import write_table
+
+if TYPE_CHECKING:
+    from trueterrain.verify.certificate import Certified
+
+_MILLI = 1e3
+
+
+def verify(
+    test: Literal["static", "dynamic", "drift"],
+    config: Path,
+    /,
+    *,
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    json: Annotated[bool, Parameter(negative="")] = False,
+    force: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Test how true a profiler is, and write a certificate.
+
+    static compares the mean of many scans of a calibration plate with its machined profile, dynamic
+    a profile over the plate from a moving vehicle, drift repeated runs along one path. Offset, tilt
+    and shift of the plate are found first and reported on their own. Figures come with the interval
+    that holds their true value, and pass or fail against the limits that the file gives.
+
+    Example: `trueterrain verify static static.toml -o certified`
+
+    Parameters
+    ----------
+    test
+        Which test: "static", "dynamic" or "drift".
+    config
+        Description of the test, a .toml file: runs, machined profile, limits, what to state.
+    output
+        Folder for certificate.html, result.json and the single errors as CSV.
+    json
+        Print result.json instead of a table: {"version", "settings", "inputs": [{"name",
+        "sha256"}], "rows": [{"test", "rms", "off_edges", "maximum", "bias", "noise",
+        "registration", "count", "verdicts", ...}], "passed"}, lengths in m; rms, off_edges and
+        bias are {"value", "low", "high", "confidence"}. "passed" is null without limits.
+    force
+        Write into a folder that holds files already; those of the same name are replaced.
+    """
+    from trueterrain.cli._verify_certificate import certificate_of
+    from trueterrain.engine import whole_folder
+    from trueterrain.report import write_report
+    from trueterrain.verify.certificate import certify, write_errors
+
+    with whole_folder(output, force=force) as folder:
+        found = certify(test, config)
+        document = found.describe()
+        files = write_errors(found, folder)
+        text = _json.dumps(document, indent=2, allow_nan=False)
+        (folder / "result.json").write_text(text + "\n", encoding="utf-8", newline="\n")
+        files.append(("result.json", "all figures, settings and hashes of the inputs"))
+        write_report(certificate_of(found, files), folder / "certificate.html")
+    if json:
+        out_json(document)
+        return
+    for row in _table(found):
+        out(row)
+    note(f"{output / 'certificate.html'}: the certificate")
+
+
+def _table(found: "Certified") -> Iterator[str]:
+    """Table as Table 3-1, then what keeps its limits and what does not."""
+    header = ["test", "RMS [mm]", "off edges", "maximum", "bias", "noise", "registration", "n"]
+    rows = [header]
+    for name, result in found.results.items():
+        row = result.row
+        rows.append(
+            [
+                name, _with_interval(row.rms), _with_interval(row.off_edges), _mm(row.maximum),
+                _with_interval(row.bias), _mm(row.noise), _mm(row.registration), str(row.count),
+            ]
+        )  # fmt: skip
+    write_table(rows)
+    for name, verdicts in found.verdicts.items():
+        for figure, kept in verdicts.items():
+            limit = _MILLI * getattr(found.test.limits, figure)
+            word = "passed" if kept else "FAILED"
+            yield f"{name}: {figure} {word}, limit {limit:g} mm"
+    if found.passed is None:
+        yield "No limits were given: nothing is passed or failed."
+
+
+def _mm(value: float | None) -> str:
+    return "-" if value is None else f"{_MILLI * value:.3f}"
+
+
+def _with_interval(figure: Any) -> str:
+    if figure is None:
+        return "-"
+    return f"{_mm(figure.value)} ({_mm(figure.low)} to {_mm(figure.high)})"

@@ -1,0 +1,221 @@
+"""What tests of accuracy found: profiles over a plate, errors, rejection, and drift."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+
+from trueterrain.figures import _canvas
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_MILLI = 1e3
+
+
+def plate_profile(errors: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
+    """Measured profile over a calibration plate on the machined one (Fig. 3-18 of Smith 2009).
+
+    Parameters
+    ----------
+    errors : xarray.Dataset
+        ``errors`` of a static or dynamic test: ``height`` and ``machined`` over s [m].
+    ax : Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    Axes
+        Position on the plate and height [m].
+
+    Examples
+    --------
+    >>> found = xr.Dataset({"height": ("s", [0.0, 0.04]), "machined": ("s", [0.0, 0.05])},
+    ...                    {"s": [0.0, 0.1]})
+    >>> plate_profile(found).get_ylabel()
+    'Height [mm]'
+    """
+    ax = _canvas.axes_or_new(ax, height=3.0)
+    s = errors["s"].values
+    order = np.argsort(s)
+    ax.plot(
+        s[order], errors["machined"].values[order], color="0.55", linewidth=2.2, label="machined"
+    )  # fmt: skip
+    ax.plot(
+        s[order], errors["height"].values[order], ".", color=_canvas.COLOURS[0], markersize=3,
+        label="measured, registered",
+    )  # fmt: skip
+    scale = _canvas.height_scale(errors["machined"].values, errors["height"].values)
+    _canvas.scale_axis(ax.yaxis, scale, "Height")
+    return _finished(ax, "Position on the plate [m]", exaggerated=True)
+
+
+def plate_error(errors: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
+    """Error over a calibration plate, and its standard deviation (Figs 3-17, 3-19, 3-23).
+
+    Parameters
+    ----------
+    errors : xarray.Dataset
+        ``errors`` of a static or dynamic test: ``error``, ``sd`` [m], ``edge`` over s [m], and
+        perhaps ``doubtful``.
+    ax : Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    Axes
+        Position on the plate [m] and error [m]; errors beside edges and of doubtful intensity are
+        marked.
+
+    Examples
+    --------
+    >>> found = xr.Dataset({"error": ("s", [1e-4, 2e-4]), "sd": ("s", [1e-4, 1e-4]),
+    ...                     "edge": ("s", [False, True])}, {"s": [0.0, 0.1]})
+    >>> len(plate_error(found).get_legend().get_texts())
+    3
+    """
+    ax = _canvas.axes_or_new(ax, height=3.0)
+    order = np.argsort(errors["s"].values)
+    sorted_ = errors.isel(s=order)
+    s, error, sd = (sorted_[name].values for name in ("s", "error", "sd"))
+    edge = sorted_["edge"].values
+    doubtful = sorted_["doubtful"].values if "doubtful" in sorted_ else np.zeros_like(edge)
+    ax.axhline(0.0, color="0.5", linewidth=0.8)
+    ax.fill_between(s, -sd, sd, color="0.85", linewidth=0, label="standard deviation")
+    for number, (name, where) in enumerate(
+        (("error", ~edge & ~doubtful), ("beside an edge", edge), ("doubtful", doubtful & ~edge))
+    ):
+        if where.any():
+            colour = _canvas.COLOURS[number]
+            ax.plot(s[where], error[where], ".", color=colour, markersize=4, label=name)
+    _canvas.scale_axis(ax.yaxis, _canvas.height_scale(error, sd), "Error")
+    return _finished(ax, "Position on the plate [m]")
+
+
+def motion_rejection(rejection: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
+    """Body-motion rejection of a profile by frequency, with its interval.
+
+    Parameters
+    ----------
+    rejection : xarray.Dataset
+        ``rejection`` of a dynamic test: ``rejection``, ``low``, ``high`` [dB] over ``frequency``.
+    ax : Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    Axes
+        Frequency [Hz] and rejection [dB].
+
+    Examples
+    --------
+    >>> found = xr.Dataset({name: ("frequency", [20.0, 30.0]) for name in
+    ...                     ("rejection", "low", "high")}, {"frequency": [1.0, 2.0]})
+    >>> motion_rejection(found).get_ylabel()
+    'Body-motion rejection [dB]'
+    """
+    ax = _canvas.axes_or_new(ax, height=3.0)
+    frequency = rejection["frequency"].values
+    ax.axhline(0.0, color="0.5", linewidth=0.8)
+    ax.fill_between(
+        frequency, rejection["low"].values, rejection["high"].values,
+        color=_canvas.COLOURS[5], alpha=0.35, linewidth=0, label="interval",
+    )  # fmt: skip
+    ax.plot(
+        frequency, rejection["rejection"].values, color=_canvas.COLOURS[0], linewidth=1.4,
+        label="rejection",
+    )  # fmt: skip
+    ax.set_xscale("log")
+    ax.set_ylabel("Body-motion rejection [dB]")
+    return _finished(ax, "Frequency [Hz]")
+
+
+def drift_errors(errors: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
+    """Errors of repeated runs against distance (Fig. 2-2 of Smith 2009).
+
+    Parameters
+    ----------
+    errors : xarray.Dataset
+        ``errors`` of a drift test: ``error`` (run, s) and ``mean`` [m].
+    ax : Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    Axes
+        Distance and error [m].
+
+    Examples
+    --------
+    >>> found = xr.Dataset({"error": (("run", "s"), [[0.0, 1e-3], [0.0, 2e-3]]),
+    ...                     "mean": ("s", [0.0, 1.5e-3])}, {"s": [0.0, 100.0], "run": [0, 1]})
+    >>> drift_errors(found).get_xlabel()
+    'Distance [m]'
+    """
+    ax = _canvas.axes_or_new(ax, height=3.0)
+    ax.axhline(0.0, color="0.5", linewidth=0.8)
+    s = errors["s"].values
+    for number, run in enumerate(errors["error"].values):
+        label = "single runs" if number == 0 else None
+        ax.plot(s, run, color=_canvas.COLOURS[5], linewidth=0.8, label=label)
+    ax.plot(s, errors["mean"].values, color=_canvas.COLOURS[1], linewidth=1.6, label="their mean")
+    _canvas.scale_axis(ax.yaxis, _canvas.height_scale(errors["error"].values), "Error")
+    return _finished(ax, "Distance [m]")
+
+
+def drift_growth(growth: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
+    """How much errors grow with distance: structure functions and Allan deviation.
+
+    Parameters
+    ----------
+    growth : xarray.Dataset
+        ``growth`` of a drift test: ``structure``, ``repeats``, ``allan`` [m] over ``distance``.
+    ax : Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    Axes
+        Distance [m] and root mean square change [mm], both logarithmic.
+
+    Raises
+    ------
+    ValueError
+        If the errors are the same everywhere.
+
+    Examples
+    --------
+    >>> found = xr.Dataset({name: ("distance", [1e-3, 2e-3]) for name in
+    ...                     ("structure", "repeats", "allan")}, {"distance": [1.0, 4.0]})
+    >>> drift_growth(found).get_ylabel()
+    'Change [mm]'
+    """
+    names = {
+        "structure": "change over the distance", "repeats": "of it, from run to run",
+        "allan": "Allan deviation of means over it",
+    }  # fmt: skip
+    if not any((growth[name].values > 0).any() for name in names):
+        message = "growth must not be zero everywhere: the errors are the same at all places."
+        raise ValueError(message)
+    ax = _canvas.axes_or_new(ax, height=3.4)
+    for number, (name, label) in enumerate(names.items()):
+        seen = growth[name].values > 0
+        ax.plot(
+            growth["distance"].values[seen], _MILLI * growth[name].values[seen],
+            color=_canvas.COLOURS[number], linewidth=1.3, marker="o", markersize=3, label=label,
+        )  # fmt: skip
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.set_ylabel("Change [mm]")
+    return _finished(ax, "Distance [m]")
+
+
+def _finished(ax: "Axes", label: str, *, exaggerated: bool = False) -> "Axes":
+    ax.set_xlabel(label)
+    ax.margins(x=0)
+    ax.grid(color="0.9", linewidth=0.6)
+    ax.set_axisbelow(True)
+    if exaggerated:
+        _canvas.note_exaggeration(ax)
+    _canvas.legend_above(ax, notes=exaggerated)
+    return ax

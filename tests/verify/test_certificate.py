@@ -1,0 +1,126 @@
+"""Certificates: every figure follows from the files, and inputs are named by their hash."""
+
+import hashlib
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import trueterrain
+from trueterrain.errors import FormatError, SchemaError
+from trueterrain.kinds import make_points, make_profile
+from trueterrain.verify.certificate import certify, write_errors
+
+RECOMPUTED = 1e-15  # [m] rounding of sums of some hundred errors
+LENGTH = 1500  # [m]
+
+
+@pytest.fixture
+def drift(tmp_path):
+    """Description of a drift test with its inputs."""
+    s = np.arange(LENGTH + 1.0)
+    rng = np.random.default_rng(2)
+    for run in range(3):
+        error = 0.002 + 0.001 * rng.normal(size=s.size)
+        trueterrain.write(make_profile(s, 0.1 * np.sin(s / 30) + error), tmp_path / f"{run}.csv")
+    trueterrain.write(make_profile(s, 0.1 * np.sin(s / 30)), tmp_path / "true.csv")
+    config = tmp_path / "drift.toml"
+    config.write_text(
+        'system = "Van 3"\nprofiles = ["0.csv", "1.csv", "2.csv"]\nreference = "true.csv"\n'
+        "limits = {rms = 0.0025, bias = 0.001}\n"
+    )
+    return config
+
+
+def test_figures_are_recomputed_from_the_files(drift):
+    found = certify("drift", drift)
+    files = dict(write_errors(found, drift.parent))
+    table = pd.read_csv(drift.parent / "errors-drift.csv")
+    errors = table[["error_0", "error_1", "error_2"]].to_numpy()
+    (row,) = found.describe()["rows"]
+    for value, truth in (
+        (row["rms"]["value"], np.sqrt(np.mean(errors**2))),
+        (row["bias"]["value"], errors.mean()),
+        (row["maximum"], np.abs(errors).max()),
+        (row["noise"], np.sqrt(np.mean(errors.var(axis=1, ddof=1)))),
+    ):
+        np.testing.assert_allclose(value, truth, rtol=0, atol=RECOMPUTED)
+    assert set(files) == {"errors-drift.csv", "growth-drift.csv"}
+
+
+def test_limits_are_kept_or_not(drift):
+    found = certify("drift", drift)
+    assert found.verdicts == {"drift": {"rms": True, "bias": False}}
+    assert found.passed is False
+
+
+def test_the_upper_end_of_the_interval_is_asked_where_caution_is(drift):
+    rms = certify("drift", drift).results["drift"].row.rms
+    limit = 0.5 * (rms.value + rms.high)
+    text = drift.read_text().replace("rms = 0.0025, bias = 0.001", f"rms = {limit!r}")
+    drift.write_text(text)
+    assert certify("drift", drift).passed is True
+    drift.write_text("cautious = true\n" + text)
+    assert certify("drift", drift).passed is False
+
+
+def test_without_limits_nothing_is_passed_or_failed(drift):
+    lines = drift.read_text().splitlines()
+    drift.write_text("\n".join(line for line in lines if not line.startswith("limits")))
+    found = certify("drift", drift)
+    assert found.passed is None
+    assert found.verdicts == {"drift": {}}
+
+
+def test_inputs_are_named_by_their_hash(drift):
+    found = certify("drift", drift)
+    names = ["drift.toml", "0.csv", "1.csv", "2.csv", "true.csv"]
+    assert [one["name"] for one in found.inputs] == names
+    for one in found.inputs:
+        content = (drift.parent / one["name"]).read_bytes()
+        assert one["sha256"] == hashlib.sha256(content).hexdigest()
+
+
+def test_all_of_it_can_be_written_as_json(drift):
+    text = json.dumps(certify("drift", drift).describe(), allow_nan=False)
+    assert json.loads(text)["settings"]["system"] == "Van 3"
+
+
+def test_a_misspelt_setting_is_named_with_the_right_one(drift):
+    drift.write_text(drift.read_text().replace("profiles", "profile"))
+    with pytest.raises(FormatError, match=r"profile: is unknown \(did you mean 'profiles'\?\)"):
+        certify("drift", drift)
+
+
+def test_a_limit_that_is_none_is_refused(drift):
+    drift.write_text(drift.read_text().replace("0.0025", "-1.0"))
+    with pytest.raises(FormatError, match="rms must be greater than 0 m"):
+        certify("drift", drift)
+
+
+def test_an_unknown_method_is_refused_before_any_work(tmp_path):
+    config = tmp_path / "d.toml"
+    config.write_text('runs = {a = "a.zarr"}\nmachined = "p.csv"\nmethods = ["kalman"]\n')
+    with pytest.raises(FormatError, match="methods must be some of navigation, thesis"):
+        certify("dynamic", config)
+
+
+def test_an_unknown_test_is_refused(drift):
+    with pytest.raises(ValueError, match="one of static, dynamic, drift"):
+        certify("highway", drift)
+
+
+def test_tracks_are_to_be_chosen(drift):
+    s = np.arange(LENGTH + 1.0)
+    both = make_profile(s, [0 * s, 0 * s + 1], tracks=["left", "right"])
+    trueterrain.write(both, drift.parent / "0.csv", force=True)
+    with pytest.raises(SchemaError, match=r"0\.csv: holds the tracks left, right"):
+        certify("drift", drift)
+
+
+def test_points_are_no_profile(drift):
+    points = make_points(easting=[0.0, 1.0], northing=[0.0, 0.0], up=[0.0, 0.0])
+    trueterrain.write(points, drift.parent / "0.csv", force=True)
+    with pytest.raises(SchemaError, match="must be a profile, but holds points"):
+        certify("drift", drift)
