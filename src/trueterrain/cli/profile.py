@@ -277,7 +277,8 @@ def _summarise(result: "xr.Dataset", output: Path) -> None:
         counts = result["count"]
         text += f", {int(counts.min())} to {int(counts.max())} heights each"
     if result.attrs.get("thin"):
-        what = "thin search areas" if "held" not in result.attrs else "points with too little ground under the tyre"
+        rolled = "held" in result.attrs
+        what = "points with too little ground under the tyre" if rolled else "thin search areas"
         text += f"; {result.attrs['thin']} {what} are NaN"
     if result.attrs.get("held"):
         text += (
