@@ -1,0 +1,32 @@
+"""Find which reduction of the ground serves which use, and write the page that says so."""
+
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from claims import require_claims
+from judge import judge
+from page import page
+from roads import COURSES
+
+PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "which-reduction.md"
+
+
+def main() -> None:
+    """Judge all roads, two at a time; the page is written if its sentences hold."""
+    begin = time.monotonic()
+    with ProcessPoolExecutor(max_workers=2) as pool:
+        judged = []
+        for road in pool.map(judge, COURSES):
+            judged.append(road)
+            sys.stderr.write(f"{road.course}: {time.monotonic() - begin:.0f} s\n")
+    require_claims(judged)
+    PAGE.write_text(page(judged), encoding="utf-8")
+    sys.stdout.write(f"{PAGE}\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,90 @@
+"""Drive two vehicles over every reduction of a road, and hold each against the reference."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from reductions import CAR, Reduce, reductions, reference
+from roads import OFFSETS, Course
+from trueterrain.kinds import make_profile
+from trueterrain.profile import WheelPath
+from trueterrain.roughness import iri
+from trueterrain.verify.response import QUANTITIES, compare_responses, vehicle_response
+
+QUARTER = CAR.corner("front")
+WEIGHT = 9.81 * (QUARTER.sprung_mass + QUARTER.unsprung_mass)  # [N]
+LEAD = 1.5  # [s] in which the vehicle settles, which are left out
+OTHER_TYRE = "tandem cams", "envelope on the surface"  # a reference of another kind
+
+Strips = list[tuple[xr.Dataset, WheelPath]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """How like the response on a reduction is to that on the reference."""
+
+    group: str
+    name: str
+    quarter: xr.Dataset
+    full: xr.Dataset
+    otherwise: xr.Dataset
+    "Quarter car, but held against tandem cams on the surface."
+    iri: float
+    "MRI of the two wheel paths over that of the reference."
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judged:
+    """A road, what the reference does on it, and a verdict on each reduction."""
+
+    course: str
+    rms: dict[str, float]
+    "Of each quantity, of the quarter car on the reference."
+    off_the_ground: float
+    "Share of the time in which the linear tyre would have to pull."
+    mri: float
+    "Of the reference [m/km]."
+    verdicts: list[Verdict]
+
+
+def judge(course: Course) -> Judged:
+    """Drive over one road."""
+    strips, speed = course.strips(), course.speed / 3.6
+    lead = LEAD * speed
+
+    def drive(profile: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
+        quarter = vehicle_response(profile, QUARTER, speed=speed, lead=lead)
+        return quarter, vehicle_response(profile, CAR, speed=speed, lead=lead)
+
+    truth = _reduced(strips, reference)
+    true_quarter, true_full = drive(truth)
+    mri = float(iri(truth).mri)
+    found = [(way, _reduced(strips, way.profile)) for way in reductions()]
+    driven = {(way.name, way.group): drive(profile) for way, profile in found}
+    other, _ = driven[OTHER_TYRE]
+    verdicts = [
+        Verdict(
+            group=way.group,
+            name=way.name,
+            quarter=compare_responses(driven[way.name, way.group][0], true_quarter),
+            full=compare_responses(driven[way.name, way.group][1], true_full),
+            otherwise=compare_responses(driven[way.name, way.group][0], other),
+            iri=float(iri(profile).mri) / mri,
+        )
+        for way, profile in found
+    ]
+    return Judged(
+        course=course.name,
+        rms={name: float(true_quarter[name].std()) for name in QUANTITIES},
+        off_the_ground=float((true_quarter.tyre_force < -WEIGHT).mean()),
+        mri=mri,
+        verdicts=verdicts,
+    )
+
+
+def _reduced(strips: Strips, way: Reduce) -> xr.Dataset:
+    """Profile of both wheels."""
+    profiles = [way(surface, path) for surface, path in strips]
+    heights = [np.asarray(profile.height) for profile in profiles]
+    return make_profile(profiles[0].s, heights, tracks=list(OFFSETS))
