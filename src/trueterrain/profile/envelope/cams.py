@@ -22,7 +22,7 @@ class TandemCams:
 
     Notes
     -----
-    A cam is a superellipse |x / half_length|^order + |z / half_height|^order = 1 with level axes,
+    A cam is a superellipse ``|x / half_length|^order + |z / half_height|^order = 1``, axes level,
     exact for ground that is linear between samples along the path. On ground that rises by m it
     stands higher, as a disc does.
 

@@ -21,7 +21,7 @@ class RigidDisc:
     linear between samples along the path. A gap of width g is felt R - sqrt(R^2 - g^2 / 4) deep.
 
     On ground that rises by m along the path the disc touches ahead of its centre and stands
-    R (sqrt(1 + m^2) - 1) higher, on a cross slope m it rides on one edge, |m| width / 2 higher:
+    R (sqrt(1 + m^2) - 1) higher, on a cross slope m it rides on one edge, ``|m| width / 2`` higher:
     constants as long as the slope is one.
 
     Examples
