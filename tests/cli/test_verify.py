@@ -89,6 +89,7 @@ def test_every_figure_of_the_certificate_is_recomputed_from_its_files(run, stati
     for value, truth in (
         (row["rms"]["value"], np.sqrt(np.mean(table.error**2))),
         (row["off_edges"]["value"], np.sqrt(np.mean(table.error[table.edge == 0] ** 2))),
+        (row["distance"]["value"], np.sqrt(np.mean(table.distance**2))),
         (row["maximum"], table.error.abs().max()),
         (row["bias"]["value"], table.error.mean()),
         (row["noise"], np.sqrt(np.mean(table.sd**2))),
@@ -104,7 +105,7 @@ def test_every_figure_of_the_certificate_is_recomputed_from_its_files(run, stati
 
 def test_static_speaks_in_a_table(run, static, tmp_path):
     finished = run("verify", "static", static, "-o", tmp_path / "out")
-    assert re.search(r"test +RMS \[mm\] +off edges +maximum", finished.out)
+    assert re.search(r"test +RMS \[mm\] +off edges +distance +maximum", finished.out)
     assert "static: off_edges passed, limit 1 mm" in finished.out
     assert "static: noise FAILED, limit 0.1 mm" in finished.out
     assert finished.err.endswith("certificate.html: the certificate\n")

@@ -34,10 +34,22 @@ def standing(
 ):
     """Run of a standing scanner over the plate, beams cast straight onto its heights."""
     angle = np.linspace(-0.6, 0.6, beams)
-    left = HEIGHT * np.tan(angle)
-    for _ in range(60):  # where the beam meets the ground, by fixed point
-        up = tilt * left + (height_at(left - shift) if plate else 0.0)
+
+    def above(up):
+        """Height of a point of each beam over the ground."""
         left = (HEIGHT - up) * np.tan(angle)
+        return up - tilt * left - (height_at(left - shift) if plate else 0.0)
+
+    # the first point of a beam that is not above the ground, then between it and the one before
+    levels = np.arange(0.08, -0.03, -2.5e-4)
+    first = np.argmax([above(np.full(beams, up)) <= 0 for up in levels], axis=0)
+    low, high = levels[first], levels[first - 1]
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        hit = above(middle) <= 0
+        low, high = np.where(hit, middle, low), np.where(hit, high, middle)
+    up = low
+    left = (HEIGHT - up) * np.tan(angle)
     ranges = np.hypot(left, HEIGHT - up)
     rng = np.random.default_rng(seed)
     measured = ranges + noise * rng.normal(size=(scans, beams))

@@ -123,3 +123,13 @@ def test_errors_that_are_no_sample_are_refused():
         rms_figure(np.ones(20), confidence=0.0)
     with pytest.raises(ValueError, match="block"):
         rms_figure(np.ones(20), block=0)
+
+
+def test_upright_faces_are_near_the_machined_line_though_their_heights_are_not():
+    """A beam that meets a face halfway is right; only its place says little of its height."""
+    (found,) = static_test(standing(noise=2e-5, tilt=0.0, shift=-0.5503), machined())
+    errors = found.errors
+    # four standard deviations of the mean of 200 scans, and what the registration leaves
+    np.testing.assert_allclose(errors.distance, 0.0, rtol=0, atol=2e-5)  # [m]
+    assert np.abs(errors.error).max() > 0.003
+    assert found.row.distance.value < 0.1 * found.row.rms.value

@@ -103,14 +103,17 @@ def _stated(found: "Certified", kind: str) -> Section:
 
 
 def _figures(found: "Certified") -> Section:
-    columns = ("RMS", "from", "to", "Off edges", "Maximum", "Bias", "from", "to", "Noise",
-               "Registration")  # fmt: skip
+    columns = (
+        "RMS", "from", "to", "Off edges", "Distance", "Maximum", "Bias", "from", "to", "Noise",
+        "Registration",
+    )  # fmt: skip
     rows: list[list[str | float | None]] = []
     for name, result in found.results.items():
         row = result.row
         off_edges = None if row.off_edges is None else row.off_edges.value
+        distance = None if row.distance is None else row.distance.value
         lengths = [
-            row.rms.value, row.rms.low, row.rms.high, off_edges,
+            row.rms.value, row.rms.low, row.rms.high, off_edges, distance,
             row.maximum, row.bias.value, row.bias.low, row.bias.high, row.noise, row.registration,
         ]  # fmt: skip
         rows.append([name, *(_mm(value) for value in lengths), row.count])
@@ -123,7 +126,8 @@ def _figures(found: "Certified") -> Section:
         rows=rows,
         caption="Figures of accuracy. Intervals hold the true value in "
         f"{100 * next(iter(found.results.values())).row.rms.confidence:g} % of repeats "
-        "(block bootstrap).",
+        "(block bootstrap). Off edges: RMS without what lies beside steep faces. Distance: RMS of "
+        "the shortest distance from the machined line.",
     )
     blocks: list[Block] = [table]
     kept = [
@@ -137,7 +141,7 @@ def _figures(found: "Certified") -> Section:
                     Column(label="Test"), Column(label="Figure"), Column(label="Limit", unit="mm"),
                 ),
                 rows=[
-                    [name, figure, _mm(getattr(found.test.limits, figure))]
+                    [name, figure.replace("_", " "), _mm(getattr(found.test.limits, figure))]
                     for name, figure, _ in kept
                 ],
                 verdicts=["good" if one else "bad" for *_, one in kept],
@@ -187,12 +191,13 @@ def _registration(found: Any) -> Table:
         ["Tilt", _MILLI * found.tilt, "mrad"],
         ["Residual without outliers", _mm(found.residual), "mm"],
         ["Residual at the assumed place, before the shift", _mm(found.unregistered), "mm"],
-        ["Outliers", float(found.outliers), f"of {found.points}"],
     ]
     return Table(
         columns=(Column(label="Registration"), Column(label="Found", digits=_DIGITS),
                  Column(label="Unit")),
-        rows=rows, caption="How the plate lay; not charged to the heights.",
+        rows=rows,
+        caption="How the plate lay; not charged to the heights. "
+        f"{found.outliers} of {found.points} points are outliers of this fit.",
     )  # fmt: skip
 
 

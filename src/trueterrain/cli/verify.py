@@ -44,9 +44,10 @@ def verify(
         Folder for certificate.html, result.json and the single errors as CSV.
     json
         Print result.json instead of a table: {"version", "settings", "inputs": [{"name",
-        "sha256"}], "rows": [{"test", "rms", "off_edges", "maximum", "bias", "noise",
-        "registration", "count", "verdicts", ...}], "passed"}, lengths in m; rms, off_edges and
-        bias are {"value", "low", "high", "confidence"}. "passed" is null without limits.
+        "sha256"}], "rows": [{"test", "rms", "off_edges", "distance", "maximum", "bias", "noise",
+        "registration", "count", "verdicts", ...}], "passed"}, lengths in m; rms, off_edges,
+        distance and bias are {"value", "low", "high", "confidence"}. "passed" is null without
+        limits.
     force
         Write into a folder that holds files already; those of the same name are replaced.
     """
@@ -73,13 +74,24 @@ def verify(
 
 def _table(found: "Certified") -> Iterator[str]:
     """Table as Table 3-1, then what keeps its limits and what does not."""
-    header = ["test", "RMS [mm]", "off edges", "maximum", "bias", "noise", "registration", "n"]
+    header = [
+        "test",
+        "RMS [mm]",
+        "off edges",
+        "distance",
+        "maximum",
+        "bias",
+        "noise",
+        "registration",
+        "n",
+    ]
     rows = [header]
     for name, result in found.results.items():
         row = result.row
         rows.append(
             [
-                name, _with_interval(row.rms), _with_interval(row.off_edges), _mm(row.maximum),
+                name, _with_interval(row.rms), _with_interval(row.off_edges),
+                _with_interval(row.distance), _mm(row.maximum),
                 _with_interval(row.bias), _mm(row.noise), _mm(row.registration), str(row.count),
             ]
         )  # fmt: skip

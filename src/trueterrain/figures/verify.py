@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _MILLI = 1e3
+_RIM = 4.0  # times the greatest error off edges at which the drawing ends
 
 
 def plate_profile(errors: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
@@ -65,7 +66,8 @@ def plate_error(errors: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
     -------
     Axes
         Position on the plate [m] and error [m]; errors beside edges and of doubtful intensity are
-        marked.
+        marked. Errors at upright faces, which may be as large as these, stand at the rim as
+        triangles if they would hide the others.
 
     Examples
     --------
@@ -88,8 +90,21 @@ def plate_error(errors: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
         if where.any():
             colour = _canvas.COLOURS[number]
             ax.plot(s[where], error[where], ".", color=colour, markersize=4, label=name)
+    most = _RIM * float(np.abs(error[~edge]).max(initial=0.0))
+    beyond = edge & (np.abs(error) > most)
+    noted = most > 0 and bool(beyond.any())
+    if noted:
+        ax.set_ylim(-most, most)
+        for sign, marker in ((1, "^"), (-1, "v")):
+            at = s[beyond & (np.sign(error) == sign)]
+            ax.plot(
+                at, np.full(at.size, 0.96 * sign * most), marker, color=_canvas.COLOURS[1],
+                markersize=5,
+            )  # fmt: skip
+        _canvas.note(ax, f"{beyond.sum()} beyond, up to {_MILLI * np.abs(error).max():.1f} mm")
+        error = error[~beyond]
     _canvas.scale_axis(ax.yaxis, _canvas.height_scale(error, sd), "Error")
-    return _finished(ax, "Position on the plate [m]")
+    return _finished(ax, "Position on the plate [m]", noted=noted)
 
 
 def motion_rejection(rejection: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
@@ -210,12 +225,12 @@ def drift_growth(growth: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
     return _finished(ax, "Distance [m]")
 
 
-def _finished(ax: "Axes", label: str, *, exaggerated: bool = False) -> "Axes":
+def _finished(ax: "Axes", label: str, *, exaggerated: bool = False, noted: bool = False) -> "Axes":
     ax.set_xlabel(label)
     ax.margins(x=0)
     ax.grid(color="0.9", linewidth=0.6)
     ax.set_axisbelow(True)
     if exaggerated:
         _canvas.note_exaggeration(ax)
-    _canvas.legend_above(ax, notes=exaggerated)
+    _canvas.legend_above(ax, notes=exaggerated or noted)
     return ax

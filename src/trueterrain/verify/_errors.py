@@ -17,7 +17,7 @@ Bools = npt.NDArray[np.bool_]
 _STEEP = 0.5  # slope [m/m] of the machined profile from which heights depend on the place
 
 
-_FIGURES = ("rms", "off_edges", "maximum", "bias", "noise", "registration")
+_FIGURES = ("rms", "off_edges", "distance", "maximum", "bias", "noise", "registration")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +29,9 @@ class Limits:
 
     off_edges: float | None = None
     "Greatest root mean square of the error away from edges [m]."
+
+    distance: float | None = None
+    "Greatest root mean square of the shortest distance from the machined profile [m]."
 
     maximum: float | None = None
     "Greatest error [m]."
@@ -63,6 +66,10 @@ class Row:
 
     off_edges: Figure | None
     "The same away from edges; None where there are none, or nothing else [m]."
+
+    distance: Figure | None
+    """Root mean square of the shortest distance from the machined profile, which is small at
+    upright faces; None without a plate [m]."""
 
     maximum: float
     "Greatest error, of either sign [m]."
@@ -99,6 +106,7 @@ class Row:
             "rms": self.rms.high if cautious else self.rms.value,
             "off_edges": self.off_edges
             and (self.off_edges.high if cautious else self.off_edges.value),
+            "distance": self.distance and (self.distance.high if cautious else self.distance.value),
             "maximum": self.maximum,
             "bias": ends if cautious else abs(self.bias.value),
             "noise": self.noise,
@@ -116,6 +124,7 @@ class Row:
             "test": self.test,
             "rms": described(self.rms),
             "off_edges": self.off_edges and described(self.off_edges),
+            "distance": self.distance and described(self.distance),
             "maximum": self.maximum,
             "bias": described(self.bias),
             "noise": self.noise,
@@ -136,6 +145,7 @@ def row_of(
     test: str,
     error: Floats,
     edge: Bools,
+    distance: Floats,
     *,
     noise: float | None,
     registration: Registration,
@@ -150,12 +160,47 @@ def row_of(
         test=test,
         rms=rms_figure(error, confidence=confidence),
         off_edges=off_edges,
+        distance=rms_figure(distance, confidence=confidence),
         maximum=float(np.abs(error).max()),
         bias=mean_figure(error, confidence=confidence),
         noise=noise,
         registration=registration.residual,
         count=error.size,
     )
+
+
+def distances(machined: xr.Dataset, position: Floats, height: Floats) -> Floats:
+    """Shortest distances of points from the line of a machined profile.
+
+    Parameters
+    ----------
+    machined : xarray.Dataset
+        Machined profile.
+    position, height : numpy.ndarray, shape (n,)
+        Places on it and heights [m].
+
+    Returns
+    -------
+    numpy.ndarray, shape (n,)
+        Distances [m].
+
+    Examples
+    --------
+    >>> from trueterrain.kinds import make_profile
+    >>> step = make_profile([0.0, 0.5, 0.500001, 1.0], [0.0, 0.0, 0.04, 0.04])
+    >>> distances(step, np.array([0.499]), np.array([0.02]))
+    array([0.001])
+    """
+    s = machined["s"].values - machined["s"].values[0]
+    h = machined["height"].values
+    along, up = np.diff(s), np.diff(h)
+    square = along**2 + up**2
+    found = np.empty(position.size)
+    for at, (x, z) in enumerate(zip(position, height, strict=True)):
+        share = np.clip(((x - s[:-1]) * along + (z - h[:-1]) * up) / square, 0.0, 1.0)
+        apart = (x - s[:-1] - share * along) ** 2 + (z - h[:-1] - share * up) ** 2
+        found[at] = np.sqrt(apart.min())
+    return found
 
 
 def at_edges(machined: xr.Dataset, position: Floats, reach: float) -> Bools:

@@ -167,6 +167,7 @@ def drift_test(
         test="drift",
         rms=rms_figure(error, confidence=settings.confidence),
         off_edges=None,
+        distance=None,
         maximum=float(np.abs(error).max()),
         bias=mean_figure(error, confidence=settings.confidence),
         noise=repeatability.value,

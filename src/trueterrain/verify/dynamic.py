@@ -16,7 +16,7 @@ import xarray as xr
 from trueterrain.errors import CoverageError, concerning
 from trueterrain.georeference import Screening
 from trueterrain.motion.trajectory import Trajectory
-from trueterrain.verify._errors import Row, at_edges, parts_of, row_of
+from trueterrain.verify._errors import Row, at_edges, distances, parts_of, row_of
 from trueterrain.verify._rejection import rejection_of
 from trueterrain.verify.registration import Registration, register
 
@@ -91,8 +91,9 @@ class DynamicResult:
 
     errors: xr.Dataset
     """Over position s on the machined profile [m]: ``along`` the way, ``height`` (registered),
-    ``machined`` (mean over the places of the returns), ``error``, ``sd`` of a mean by the spread of
-    its returns [m], ``count``, ``edge`` and ``time`` [s]."""
+    ``machined`` (mean over the places of the returns), ``error``, ``sd`` of a mean by the
+    spread of its returns, ``distance`` from the machined line [m], ``count``, ``edge`` and ``time``
+    [s]."""
 
     row: Row
     "Row of the table."
@@ -186,11 +187,15 @@ def dynamic_test(
         table = _compared(strip, machined, found, settings)
         on = (table.s.values >= 0) & (table.s.values <= found.length)
         errors = table.isel(s=np.flatnonzero(on))
+        distance = distances(machined, errors["s"].values, errors["height"].values)
+        errors = errors.assign(distance=("s", distance))
         _require_crossed(errors.sizes["s"], found.length, settings.spacing)
     error, edge = errors["error"].values, errors["edge"].values
     single = (errors["sd"] ** 2 * errors["count"]).values[~edge]
     noise = float(np.sqrt(single.mean())) if single.size else None
-    row = row_of(name, error, edge, noise=noise, registration=found, confidence=settings.confidence)
+    row = row_of(
+        name, error, edge, distance, noise=noise, registration=found, confidence=settings.confidence
+    )
     parts = parts_of(error, errors["sd"].values, edge, np.zeros_like(edge))
     time, along = errors["time"].values, errors["along"].values
     speed = float(np.abs(np.polyfit(time - time.mean(), along - along.mean(), 1)[0]))

@@ -12,7 +12,7 @@ import xarray as xr
 
 from trueterrain.errors import CoverageError, concerning
 from trueterrain.georeference import Screening
-from trueterrain.verify._errors import Row, at_edges, parts_of, row_of
+from trueterrain.verify._errors import Row, at_edges, distances, parts_of, row_of
 from trueterrain.verify.registration import Registration, register
 
 Floats = npt.NDArray[np.float64]
@@ -74,8 +74,9 @@ class StaticResult:
 
     errors: xr.Dataset
     """Over position s on the machined profile [m], in the order of the beams: ``along`` to the left
-    of the scanner, ``height`` (registered), ``machined``, ``error``, ``sd`` of a single scan and
-    ``sd_mean`` [m], ``intensity`` (mean), ``edge`` and ``doubtful``."""
+    of the scanner, ``height`` (registered), ``machined``, ``error``, ``sd`` of a single
+    scan, ``sd_mean``, ``distance`` from the machined line [m], ``intensity`` (mean), ``edge`` and
+    ``doubtful``."""
 
     row: Row
     "Row of the table."
@@ -257,15 +258,23 @@ def _result(
     noise = sd[good] * np.abs(turned[1, good])
     edge = at_edges(machined, s, settings.edge)
     doubtful = sums.doubtful[good] > 0.5 * count
+    distance = distances(machined, s, height)
     columns = {
-        "along": along, "height": height, "machined": true, "error": height - true, "sd": noise,
+        "along": along, "height": height, "machined": true, "error": height - true,
+        "distance": distance, "sd": noise,
         "sd_mean": noise / np.sqrt(count), "intensity": sums.bright[good] / count,
         "edge": edge, "doubtful": doubtful,
     }  # fmt: skip
     errors = xr.Dataset({key: ("s", value) for key, value in columns.items()}, {"s": s})
     single = float(np.sqrt(np.mean(noise**2)))
     row = row_of(
-        name, height - true, edge, noise=single, registration=found, confidence=settings.confidence
+        name,
+        height - true,
+        edge,
+        distance,
+        noise=single,
+        registration=found,
+        confidence=settings.confidence,
     )
     parts = parts_of(height - true, columns["sd_mean"], edge, doubtful)
     return StaticResult(
