@@ -172,3 +172,46 @@ def test_the_plate_is_as_long_as_it_was_machined():
     found = dynamic_test(_run(), machined(), _motion())
     assert found.errors.s.min() >= 0
     assert found.errors.s.max() <= LENGTH
+
+
+def test_too_few_places_for_a_spectrum_are_an_error():
+    with pytest.raises(CoverageError, match=r"too few for a spectrum.*smaller spacing or edge"):
+        dynamic_test(_run(), machined(), _motion(), DynamicSettings(edge=0.5))
+
+
+@pytest.mark.parametrize("late", [0.001, -0.002])
+def test_a_clock_error_shows_as_rate_of_the_motion_and_as_shift(late):
+    """Stamps that are wrong by dt: error dt times the rate of up, and a plate beside its place."""
+    run = _run(noise=2e-5)
+    run["scans"] = (
+        run["scans"]
+        .to_dataset()
+        .assign(time=("scan", run["scans/time"].values + late, {"units": "s"}))
+    )
+    place = BEGIN + 0.05 * SPEED
+    found = dynamic_test(run, machined(), _motion(), DynamicSettings(assumed=place, search=0.1))
+    np.testing.assert_allclose(
+        found.registration.shift - place, SPEED * late, rtol=0, atol=5 * SHIFT_TOLERANCE
+    )
+    errors = found.errors.isel(s=~found.errors.edge.values)
+    time = errors.time.values - late
+    rate = 2 * np.pi * FREQUENCY * HEAVE * np.cos(2 * np.pi * FREQUENCY * time)
+    level = np.polyfit(time - time.mean(), errors.error.values, 1)
+    expected = late * rate
+    expected = expected - np.polyval(
+        np.polyfit(time - time.mean(), expected, 1), time - time.mean()
+    )
+    measured = errors.error.values - np.polyval(level, time - time.mean())
+    np.testing.assert_allclose(measured, expected, rtol=0, atol=2 * ERROR_TOLERANCE)
+
+
+def test_a_boresight_error_shows_as_a_plate_beside_its_place():
+    """0.1 degrees of pitch at 1.5 m: 2.6 mm along the way, and no error of heights."""
+    pitch = np.deg2rad(0.1)
+    place = BEGIN + 0.05 * SPEED
+    run = _run(noise=2e-5)
+    run.attrs["mounting"] = Mounting(scanner_rotation=(0.0, float(pitch), 0.0)).to_attrs()
+    found = dynamic_test(run, machined(), _motion(), DynamicSettings(assumed=place, search=0.1))
+    beside = abs(found.registration.shift - place)
+    np.testing.assert_allclose(beside, 1.5 * np.tan(pitch), rtol=0, atol=5 * SHIFT_TOLERANCE)
+    assert found.row.off_edges.value < 5 * ERROR_TOLERANCE

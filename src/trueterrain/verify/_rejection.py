@@ -8,7 +8,9 @@ Floats = npt.NDArray[np.float64]
 
 _HALF_BANDWIDTH = 2.5  # times the bandwidth of the record: half width of the main lobe of tapers
 _TAPERS = 4
-_LEAST = 32  # samples
+
+#: Samples of which spectra are taken at least.
+LEAST_SAMPLES = 32
 
 
 def rejection_of(
@@ -54,8 +56,8 @@ def rejection_of(
     from scipy.signal.windows import dpss
     from scipy.stats import f
 
-    if time.size < _LEAST:
-        message = f"time must hold at least {_LEAST} samples, got {time.size}."
+    if time.size < LEAST_SAMPLES:
+        message = f"time must hold at least {LEAST_SAMPLES} samples, got {time.size}."
         raise ValueError(message)
     step = (time[-1] - time[0]) / (time.size - 1)
     tapers = dpss(time.size, _HALF_BANDWIDTH, _TAPERS)

@@ -17,7 +17,7 @@ from trueterrain.errors import CoverageError, concerning
 from trueterrain.georeference import Screening
 from trueterrain.motion.trajectory import Trajectory
 from trueterrain.verify._errors import Row, at_edges, distances, parts_of, row_of
-from trueterrain.verify._rejection import rejection_of
+from trueterrain.verify._rejection import LEAST_SAMPLES, rejection_of
 from trueterrain.verify.registration import Registration, register
 
 Floats = npt.NDArray[np.float64]
@@ -329,6 +329,13 @@ def _rejection(
     order = np.argsort(table["time"].values)
     time, error = (table[name].values[order] for name in ("time", "error"))
     plain = ~table["edge"].values[order]
+    if plain.sum() < LEAST_SAMPLES:
+        raise CoverageError(
+            f"{plain.sum()} places away from edges are too few for a spectrum, needed are "
+            f"{LEAST_SAMPLES}",
+            path=source,
+            cure="Choose a smaller spacing or edge, or add floor beside the plate.",
+        )
     even = np.linspace(time[0], time[-1], time.size)
     poses = path.at(even)
     laser = poses.position[:, 2] + poses.rotation.apply(lever)[:, 2]
