@@ -14,6 +14,7 @@ from trueterrain.report import (
     Section,
     Table,
     Text,
+    Warnings,
 )
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 _MILLI = 1e3
 _DIGITS = 3  # of millimetres
+_FEWEST = 20  # blocks of errors of which an interval is trusted
 
 _METHODS = {
     "static": "Each beam of a standing scanner meets the same place in every scan. The mean of its "
@@ -143,6 +145,14 @@ def _figures(found: "Certified") -> Section:
         "(block bootstrap).",
     )  # fmt: skip
     blocks: list[Block] = [table, uncertain]
+    doubts = [
+        f"Errors of {name} are alike over so long a stretch that they hold only {independent:.0f} "
+        "independent ones: their intervals may be too narrow. Repeat the test, or lengthen it."
+        for name, independent in _independent(found)
+        if independent < _FEWEST
+    ]
+    if doubts:
+        blocks.append(Warnings(items=doubts))
     kept = [
         (name, figure, one) for name, row in found.verdicts.items() for figure, one in row.items()
     ]
@@ -162,6 +172,14 @@ def _figures(found: "Certified") -> Section:
             )
         )  # fmt: skip
     return Section(title="Figures", blocks=blocks)
+
+
+def _independent(found: "Certified") -> Iterator[tuple[str, float]]:
+    """How many blocks of errors that are alike each test holds."""
+    for name, result in found.results.items():
+        row = result.row
+        known = [one.block for one in (row.rms, row.off_edges, row.bias) if one is not None]
+        yield name, result.errors.sizes["s"] / max(known)
 
 
 def _row(name: str, result: "Result") -> Section:
