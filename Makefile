@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: help demo test lint types bench docs clean
+.PHONY: help demo test lint types bench study docs clean
 
 help:
 	@echo "make demo   two lanes of Belgian block, from the recordings to a report: demo/"
@@ -12,6 +12,7 @@ help:
 	@echo "make lint   style, formatting and import contracts"
 	@echo "make types  static types"
 	@echo "make bench  speed, beside the peer in the same run"
+	@echo "make study  vehicles judge which reduction of the ground serves which use (minutes)"
 	@echo "make docs   documentation: docs/_build/html/index.html"
 	@echo "make clean  remove the environment and everything that was built"
 
@@ -41,6 +42,9 @@ types: $(INSTALLED)
 bench: $(INSTALLED)
 	$(BIN)/python benchmarks
 
+study: $(INSTALLED)
+	$(BIN)/python studies/response
+
 docs: $(INSTALLED)
 	rm -rf docs/reference/generated
 	$(BIN)/sphinx-build --fresh-env --fail-on-warning --keep-going --quiet -b html docs docs/_build/html
@@ -49,4 +53,4 @@ docs: $(INSTALLED)
 clean:
 	rm -rf $(VENV) demo dist docs/_build docs/gallery docs/reference/generated \
 		.pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
-	find src tests benchmarks docs -name __pycache__ -prune -exec rm -rf {} +
+	find src tests benchmarks docs studies -name __pycache__ -prune -exec rm -rf {} +

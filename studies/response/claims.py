@@ -38,6 +38,8 @@ def claims(judged: list[Judged]) -> list[tuple[str, bool]]:
         if verdict.group not in ("the reference, otherwise", "envelope on the surface")
     ]
 
+    by_damage = [LINE, MEDIAN, ("85th percentile", "r = 100 mm"), LASER]
+
     def least(some: list[tuple[str, str]], road: str, what: str = "force") -> tuple[str, str]:
         return min(some, key=lambda which: abs(of(what, which, road)))
 
@@ -129,6 +131,11 @@ def claims(judged: list[Judged]) -> list[tuple[str, bool]]:
                 for road in judged for verdict in road.verdicts
                 if verdict.group in ("line", *STATISTICS)
             ),
+        ),
+        (
+            "measured block: damage falls from bare line to median, percentile, tyre on the laser",
+            [of("damage", which, "measured block") for which in by_damage]
+            == sorted((of("damage", which, "measured block") for which in by_damage), reverse=True),
         ),
         (
             "the cams as judge put the 70th percentile at 100 mm at half the error of the thesis",

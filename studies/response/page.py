@@ -29,6 +29,7 @@ NUMBERS: dict[str, Callable[[Verdict], float]] = {
     "acceleration_rms": lambda v: _rms(v, "body_acceleration"),
     "force_rms": lambda v: _rms(v, "tyre_force"),
     "travel_rms": lambda v: _rms(v, "suspension_travel"),
+    "damage": lambda v: float(v.quarter.damage_ratio.sel(quantity="tyre_force")),
     "iri": lambda v: v.iri - 1,
     "highest_band": lambda v: float(v.quarter.band_ratio.sel(quantity="tyre_force")[-1]) - 1,
 }
@@ -67,9 +68,14 @@ def value(judged: list[Judged], what: str, group: str, name: str, road: str) -> 
 
 
 def _number(judged: list[Judged], what: str, group: str, name: str, road: str) -> str:
-    return _percent(
-        value(judged, what, group, name, road), signed=what in SIGNED and road != "mean"
-    )
+    return _written(what, value(judged, what, group, name, road))
+
+
+def _written(what: str, number: float) -> str:
+    """Number as it stands on the page: damage as a factor, all others as a share."""
+    if what == "damage":
+        return f"× {number:.{2 if number < 9.995 else 0}f}"
+    return _percent(number, signed=what in SIGNED)
 
 
 def _percent(number: float, *, signed: bool = False) -> str:
@@ -130,13 +136,15 @@ def _overview(judged: list[Judged]) -> str:
             _percent(value(judged, what, *which, "mean"))
             for what in ("acceleration", "force", "travel", "full_force", "by_cams")
         ]
-        index = [value(judged, "iri", *which, road.course) for road in judged]
-        low, high = (_percent(end, signed=True) for end in (min(index), max(index)))
-        return [*errors, f"{low} to {high}"]
+        ranges = []
+        for what in ("damage", "iri"):
+            found = [value(judged, what, *which, road.course) for road in judged]
+            ranges.append(f"{_written(what, min(found))} to {_written(what, max(found))}")
+        return [*errors, *ranges]
 
     heads = [
         "reduction", "body acceleration", "tyre force", "suspension travel", "tyre force, full car",
-        "tyre force, cams as judge", "MRI",
+        "tyre force, cams as judge", "damage", "MRI",
     ]  # fmt: skip
     return _table(heads, _rows(judged[0].verdicts, cells))
 
@@ -150,13 +158,15 @@ def _details(road: Judged) -> str:
               for error, rms in zip(quarter.error, quarter.rms_ratio, strict=True)),
             f"{float(quarter.correlation.sel(quantity='tyre_force')):.3f}",
             " ".join(f"{band:.2f}" for band in bands),
+            _written("damage", NUMBERS["damage"](verdict)),
             " / ".join(_percent(float(error)) for error in full.error),
             _percent(verdict.iri - 1, signed=True),
         ]  # fmt: skip
 
     heads = [
         "reduction", "body acceleration", "tyre force", "suspension travel",
-        "correlation of force", "force by band", "full car: acceleration / force / travel", "MRI",
+        "correlation of force", "force by band", "damage",
+        "full car: acceleration / force / travel", "MRI",
     ]  # fmt: skip
     return _table(heads, _rows(road.verdicts, cells))
 

@@ -14,7 +14,7 @@ from trueterrain.vehicle import (
     linear_model,
     named_vehicle,
 )
-from trueterrain.verify.response import compare_responses, vehicle_response
+from trueterrain.verify.response import compare_responses, pseudo_damage, vehicle_response
 
 SPEED = 20.0  # [m/s]
 SPACING = 0.01  # [m]
@@ -167,6 +167,24 @@ def test_a_band_shows_what_is_missing_in_it_and_nowhere_else():
     ).band_ratio.sel(quantity="tyre_force")
     assert_allclose(ratio[:3], [1, 0.5, 1], rtol=0, atol=1e-6)  # [1] the window leaks
     assert np.isnan(ratio[3])  # beyond what the samples show
+
+
+def test_damage_of_the_example_of_astm_e1049():
+    load = [-2, 1, -3, 5, -1, 3, -4, 4, -2]
+    cycles = {3: 0.5, 4: 1.5, 6: 0.5, 8: 1.0, 9: 0.5}  # table of the standard: ranges and counts
+    for exponent in (1.0, 3.0, 5.0):
+        truth = sum(count * (0.5 * size) ** exponent for size, count in cycles.items())
+        assert_allclose(pseudo_damage(load, exponent=exponent), truth, rtol=0, atol=1e-9)
+
+
+def test_damage_grows_with_the_power_of_the_load():
+    reference = vehicle_response(rough(9), GOLDEN_QUARTER_CAR, speed=SPEED)
+    likeness = compare_responses(1.1 * reference, reference, exponent=4.0)
+    assert_allclose(likeness.damage_ratio, 1.1**4, rtol=0, atol=1e-9)
+    with pytest.raises(ValueError, match="exponent must be greater than 0, got 0"):
+        pseudo_damage([0.0, 1.0], exponent=0.0)
+    with pytest.raises(ValueError, match="one row of finite values"):
+        pseudo_damage([0.0, np.nan])
 
 
 @pytest.mark.parametrize(
