@@ -64,7 +64,8 @@ class FusionSettings:
     "Order of their Butterworth filters."
 
     way_window: float = 0.2
-    "Window in which east, north and yaw are smoothed [s]."
+    """Window in which east, north and yaw are smoothed [s]; some 2 s at a steady speed, which takes
+    the drift of navigation within it away."""
 
     accelerometer_delay: float = 0.0
     "Delay of the accelerometers' filter against aliases, besides their clock [s]."
