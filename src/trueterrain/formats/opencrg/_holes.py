@@ -91,7 +91,7 @@ def _patched(variable: xr.Variable, index: Index, values: npt.NDArray[Any]) -> x
     # protected and kept once it is whole, like what xarray opens from disk
     lazy = indexing.LazilyIndexedArray(_Patched(variable, index, values))
     # xarray leaves what protects arrays without types
-    data = indexing.MemoryCachedArray(indexing.CopyOnWriteArray(lazy))  # type: ignore[arg-type,no-untyped-call]
+    data = indexing.MemoryCachedArray(indexing.CopyOnWriteArray(lazy))  # type: ignore[arg-type,no-untyped-call]  # as xarray does
     return xr.Variable(variable.dims, data, variable.attrs, variable.encoding)
 
 
