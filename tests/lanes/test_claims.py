@@ -1,9 +1,12 @@
 """Standard deviations of corrections, of what passes have in common too, over many drives."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from trueterrain.lanes import NetworkSettings, adjust, lane_cells
+from trueterrain.lanes.merge import MergeSettings, merge_cells
 from trueterrain.simulate.drift import GaussMarkovDrift, start_drift
 
 SPEED = 5.0  # [m/s]
@@ -71,3 +74,23 @@ def test_the_claim_of_the_navigation_counts_where_little_was_seen():
     blind = adjust(unclaimed, settings=settings).correction("left").sd(time)
     assert sure.mean() > 0.001
     assert blind.mean() < 0.5 * sure.mean()
+
+
+def test_the_grid_method_tells_where_steps_remain():
+    """Passes that agree but for one place."""
+    lanes, _, _ = two_lanes(2, 8.0)
+    ground = lanes[0].height
+    there = np.abs(lanes[0].easting - 20.05) < 0.2
+    again = [
+        lane_cells(
+            one.name, one.cell, one.time, ground + up * there, variance=1e-7, easting=one.easting,
+            northing=one.northing,
+        )
+        for one, up in zip(lanes, (0.0, 0.01), strict=True)
+    ]  # fmt: skip
+    again[1] = replace(again[1], height=again[1].height + 1e-6)  # else they were the same twice
+    grid = MergeSettings(method="grid")
+    (problem,) = merge_cells(again, grid).problems
+    assert "by 10.0 mm at easting 2" in problem
+    assert "steps remain" in problem
+    assert merge_cells(again, replace(grid, limit=0.02)).problems == ()

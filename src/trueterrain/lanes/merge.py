@@ -34,6 +34,8 @@ Floats = npt.NDArray[np.float64]
 
 Method = Literal["network", "discontinuity", "grid"]
 
+_NEIGHBOURS = 3  # cells, side of the neighbourhood in which steps that remain are looked for
+
 #: What is to be added to the heights of a pass in its cells, shape (cell,) [m].
 Added = Mapping[str, Floats]
 
@@ -58,7 +60,7 @@ class MergeSettings:
     northing [m]; discontinuity only. By default the middle of each overlap."""
 
     limit: float = 0.002
-    "Difference of passes in a cell beyond which the method grid warns [m]."
+    "Difference of passes in the neighbourhood of a cell beyond which the method grid warns [m]."
 
     cells: CellOptions = field(default_factory=lambda: CellOptions(size=0.1))
     "Cells in which passes are compared."
@@ -215,7 +217,7 @@ def merge_cells(
         seams=tuple(seams_of(cells, added, settings.cells.size)), adjustment=adjustment,
         alignment=alignment, problems=(),
     )  # fmt: skip
-    return _with_problems(found, settings)
+    return _with_problems(found, settings, cells)
 
 
 def compared(cells: Sequence[LaneCells], added: Added | None = None) -> list[PairAgreement]:
@@ -283,7 +285,7 @@ def _by_network(cells: Sequence[LaneCells], adjustment: Adjustment) -> dict[str,
     return added
 
 
-def _with_problems(found: Merging, settings: MergeSettings) -> Merging:
+def _with_problems(found: Merging, settings: MergeSettings, cells: Sequence[LaneCells]) -> Merging:
     problems: list[str] = []
     paired = {name for pair in found.pairs for name in (pair.first, pair.second)}
     problems += [
@@ -292,12 +294,7 @@ def _with_problems(found: Merging, settings: MergeSettings) -> Merging:
         if name not in paired
     ]
     if settings.method == "grid":
-        problems += [
-            f"{pair.first} and {pair.second} differ by {1e3 * pair.before.p95:.1f} mm (95 %), more "
-            f"than {1e3 * settings.limit:g} mm: steps remain; bring them into agreement first"
-            for pair in found.pairs
-            if pair.before.p95 > settings.limit
-        ]
+        problems += _steps_left(cells, settings)
     if found.adjustment is not None:
         problems += _of_network(found.adjustment)
     if found.alignment is not None:
@@ -308,6 +305,29 @@ def _with_problems(found: Merging, settings: MergeSettings) -> Merging:
             if pair.discontinuity.gap.any()
         ]
     return replace(found, problems=tuple(problems))
+
+
+def _steps_left(cells: Sequence[LaneCells], settings: MergeSettings) -> list[str]:
+    """Where passes differ by more than the limit in the mean of the cells around a place."""
+    shared = share(cells, (), ())
+    entries, first = shared.entries, shared.start[:-1]
+    span = np.maximum.reduceat(entries.height, first) - np.minimum.reduceat(entries.height, first)
+    square = _NEIGHBOURS * settings.cells.size
+    places = np.floor(
+        np.stack([entries.easting[first], entries.northing[first]], axis=1) / square
+    )  # fmt: skip
+    around, number, count = np.unique(places, axis=0, return_inverse=True, return_counts=True)
+    mean = np.bincount(number.ravel(), span, minlength=count.size) / count
+    beyond = np.flatnonzero(mean > settings.limit)
+    if not beyond.size:
+        return []
+    worst = int(beyond[np.argmax(mean[beyond])])
+    easting, northing = (around[worst] + 0.5) * square
+    return [
+        f"passes differ by more than {1e3 * settings.limit:g} mm around {beyond.size:,} of "
+        f"{count.size:,} places, by {1e3 * mean[worst]:.1f} mm at easting {easting:.1f} m and "
+        f"northing {northing:.1f} m: steps remain; bring them into agreement first"
+    ]
 
 
 def _network_summary(adjustment: Adjustment) -> dict[str, Any]:
