@@ -1,12 +1,12 @@
 """How commands speak: results on stdout, everything else on stderr."""
 
 import json
-import math
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from trueterrain.engine.plain import finite
 from trueterrain.engine.progress import Progress
 
 
@@ -17,7 +17,7 @@ def out(text: str = "") -> None:
 
 def out_json(document: Any) -> None:
     """Write one JSON document to stdout; numbers that are not finite become null."""
-    out(json.dumps(_finite(document), indent=2, allow_nan=False))
+    out(json.dumps(finite(document), indent=2, allow_nan=False))
 
 
 def in_words(error: Exception) -> str:
@@ -108,13 +108,3 @@ def compiling_noted() -> Iterator[None]:
 
     with event.install_listener("numba:compile", Tell()):
         yield
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {name: _finite(item) for name, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

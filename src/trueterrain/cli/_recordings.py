@@ -188,3 +188,38 @@ def _origin(origin: Any) -> str:
 def _listed(title: str, texts: list[str]) -> Rows:
     for number, text in enumerate(texts):
         yield "" if number else title, text
+
+
+def kind_of_all(inputs: list[Path], *, other: str, mixed: str) -> str:
+    """Kind of several inputs, which are all runs or all points.
+
+    Parameters
+    ----------
+    inputs : list of Path
+        The files.
+    other : str
+        What to do about something else.
+    mixed : str
+        What to do about a mixture.
+
+    Returns
+    -------
+    str
+        ``"run"`` or ``"points"``.
+
+    Raises
+    ------
+    SchemaError
+        If one is of another kind.
+    """
+    from trueterrain import formats
+
+    kinds = [formats.kind_of_file(path) for path in inputs]
+    for path, kind in zip(inputs, kinds, strict=True):
+        if kind not in ("run", "points"):
+            raise SchemaError(
+                f"must be a recorded run or points, but is {kind}", path=path, cure=other
+            )
+        if kind != kinds[0]:
+            raise SchemaError(f"is {kind}, but {inputs[0]} is {kinds[0]}", path=path, cure=mixed)
+    return kinds[0]

@@ -9,7 +9,8 @@ from cyclopts import Parameter
 from trueterrain.cli._console import note, out_json, processors, progress_bar
 from trueterrain.cli._extent import Four, extent_of
 from trueterrain.cli._motion import Method, motion_of
-from trueterrain.errors import SchemaError, concerning
+from trueterrain.cli._recordings import kind_of_all
+from trueterrain.errors import concerning
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -157,7 +158,10 @@ def grid(
         path=None if path is None else str(path), bounds=bounds, smoothing=smoothing,
         as_map=output.suffix.lower() in _MAPS,
     )  # fmt: skip
-    kind = _kind(inputs)
+    kind = kind_of_all(
+        inputs, other="Convert a surface to points first: `trueterrain convert`.",
+        mixed="Grid runs and points apart, or georeference the runs first.",
+    )  # fmt: skip
     _check_times(begin, end, kind, inputs)
     formats.require_writable(output, force=force, inputs=[*inputs, *([path] if path else [])])
     workers = processors() if threads is None else threads
@@ -250,27 +254,6 @@ def _percent(statistic: str, percent: float | None) -> float:
         message = "--statistic percentile and --percent belong together, e.g. --percent 85."
         raise ValueError(message)
     return 50.0 if percent is None else percent
-
-
-def _kind(inputs: list[Path]) -> str:
-    """Kind of all inputs: runs or points."""
-    from trueterrain import formats
-
-    kinds = [formats.kind_of_file(path) for path in inputs]
-    for path, kind in zip(inputs, kinds, strict=True):
-        if kind not in ("run", "points"):
-            raise SchemaError(
-                f"must be a recorded run or points, but is {kind}",
-                path=path,
-                cure="Convert a surface to points first: `trueterrain convert`.",
-            )
-        if kind != kinds[0]:
-            raise SchemaError(
-                f"is {kind}, but {inputs[0]} is {kinds[0]}",
-                path=path,
-                cure="Grid runs and points apart, or georeference the runs first.",
-            )
-    return kinds[0]
 
 
 def _report(

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from trueterrain.cli._console import compiling_noted, note, out, out_json, processors, progress_bar
+from trueterrain.cli._recordings import kind_of_all
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -87,13 +88,15 @@ def merge(
     force
         Write into a folder that holds files already; those of the same name are replaced.
     """
-    from trueterrain import formats
-
     if output is None and not check:
         message = "name the folder for the results: --output DIR (only --check goes without)."
         raise ValueError(message)
     inputs = [lane, *more]
-    runs = _kind(inputs, formats) == "run"
+    kind = kind_of_all(
+        inputs, other="Surfaces are compared with `trueterrain compare`.",
+        mixed="Merge runs and points apart, or georeference the runs first.",
+    )  # fmt: skip
+    runs = kind == "run"
     settings = _settings(method, fix, control, path, limit, cell, check=check)
     if check:
         _check(inputs, settings, runs, split, crs, cell, output, json=json, force=force)
@@ -151,24 +154,6 @@ def in_words(merged: dict[str, Any]) -> "Iterator[str]":
             )
     for problem in merged["problems"]:
         yield f"doubtful: {problem}"
-
-
-def _kind(inputs: list[Path], formats: Any) -> str:
-    from trueterrain.errors import SchemaError
-
-    kinds = [formats.kind_of_file(path) for path in inputs]
-    for path, kind in zip(inputs, kinds, strict=True):
-        if kind not in ("run", "points"):
-            raise SchemaError(
-                f"must be a recorded run or points, but is {kind}", path=path,
-                cure="Surfaces are compared with `trueterrain compare`.",
-            )  # fmt: skip
-        if kind != kinds[0]:
-            raise SchemaError(
-                f"is {kind}, but {inputs[0]} is {kinds[0]}", path=path,
-                cure="Merge runs and points apart, or georeference the runs first.",
-            )  # fmt: skip
-    return str(kinds[0])
 
 
 def _settings(

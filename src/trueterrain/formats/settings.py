@@ -167,6 +167,25 @@ def settings_template(settings: Any, *, title: str = "") -> str:
     return re.sub(r"\n{3,}", "\n\n", text).strip("\n") + "\n"
 
 
+def check_name(name: str) -> None:
+    """Raise ValueError unless a name can be part of the name of a file.
+
+    Parameters
+    ----------
+    name : str
+        Of a scene, a pass, a survey, a lane or a profile.
+
+    Examples
+    --------
+    >>> check_name("left/right")
+    Traceback (most recent call last):
+    ValueError: name must be a word without slashes, got 'left/right'.
+    """
+    if not name.strip() or name.startswith(".") or not name.isprintable() or set(name) & set("/\\"):
+        message = f"name must be a word without slashes, got {name!r}."
+        raise ValueError(message)
+
+
 def attribute_docs(kind: type) -> dict[str, str]:
     """Help of the fields of a dataclass: the text below each of them.
 

@@ -361,9 +361,9 @@ def _of_network(adjustment: Adjustment) -> list[str]:
         problems.append(f"passes fall into groups without ground in common: {names}")
     for one in adjustment.corrections:
         alone = sum(end - begin for begin, end in one.unsupported)
+        share_alone = alone / (one.knots.end - one.knots.begin)
         if alone:
             problems.append(
-                f"{one.name} is tied by smoothness alone for {alone:.3g} s of its way, where no "
-                "other pass sees the same ground"
+                f"{one.name} is tied by smoothness alone over {share_alone:.0%} of its way, where no other pass sees the same ground"
             )
     return problems

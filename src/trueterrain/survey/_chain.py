@@ -2,7 +2,6 @@
 
 import itertools
 import json
-import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy.typing as npt
 
 from trueterrain._version import __version__
 from trueterrain.engine import no_progress, whole_folder
+from trueterrain.engine.plain import finite
 from trueterrain.engine.progress import Progress
 from trueterrain.lanes.discontinuity import Agreement
 from trueterrain.lanes.merge import Merging
@@ -188,25 +188,3 @@ def agreement(one: Lane, other: Lane) -> dict[str, Any] | None:
     if found.n < _FEW:
         return None
     return {"lanes": [one.name, other.name], **asdict(found)}
-
-
-def finite(value: Any) -> Any:
-    """As JSON gives it back: tuples become lists, what is not finite null.
-
-    Parameters
-    ----------
-    value : object
-        Dictionaries, lists, tuples, words and numbers in each other.
-
-    Returns
-    -------
-    object
-        The same, to be written.
-    """
-    if isinstance(value, dict):
-        return {name: finite(item) for name, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

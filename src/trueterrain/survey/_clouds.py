@@ -7,6 +7,7 @@ from pathlib import Path
 from trueterrain import formats, provenance
 from trueterrain._version import __version__
 from trueterrain.engine import no_progress, whole_folder
+from trueterrain.engine.plain import finite
 from trueterrain.engine.progress import Progress
 from trueterrain.lanes.clouds import (
     CloudLane,
@@ -22,7 +23,7 @@ from trueterrain.report import File, Files, Picture, Report, Section, SurfaceVie
 from trueterrain.surface.grid import GridOptions, trimmed
 from trueterrain.surface.placement import Placement
 from trueterrain.surface.summary import summarise
-from trueterrain.survey._chain import SurveyResult, finite
+from trueterrain.survey._chain import SurveyResult
 from trueterrain.survey._pictures import Pictures
 from trueterrain.survey._report_merge import merge_headline, merge_section
 from trueterrain.survey._report_parts import columns, millimetres

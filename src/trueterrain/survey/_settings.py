@@ -6,7 +6,7 @@ from typing import Any, Literal, get_args
 
 from trueterrain.errors import FormatError
 from trueterrain.formats.run import Mounting
-from trueterrain.formats.settings import read_settings, settings_template
+from trueterrain.formats.settings import check_name, read_settings, settings_template
 from trueterrain.georeference import Screening
 from trueterrain.lanes.merge import MergeSettings
 from trueterrain.motion import FusionSettings
@@ -104,7 +104,7 @@ class ProfileSettings:
 
     def __post_init__(self) -> None:
         """Check that there is one path."""
-        _check_name(self.name)
+        check_name(self.name)
         if sum(way is not None for way in (self.offset, self.line, self.path)) != 1:
             message = "name the path with exactly one of offset, line and path."
             raise ValueError(message)
@@ -198,7 +198,7 @@ class Survey:
 
     def __post_init__(self) -> None:
         """Check names, and that outputs fit to the grid."""
-        _check_name(self.name)
+        check_name(self.name)
         if not self.runs:
             message = "runs are missing: there must be at least one."
             raise ValueError(message)
@@ -339,16 +339,9 @@ def survey_of(runs: "list[str] | list[Path]", **settings: Any) -> Survey:
     return Survey(runs=tuple(RunSettings(path=str(run)) for run in runs), **given)
 
 
-def _check_name(name: str) -> None:
-    """Raise ValueError unless a name can be part of the name of a file."""
-    if not name.strip() or name.startswith(".") or not name.isprintable() or set(name) & set("/\\"):
-        message = f"name must be a word without slashes, got {name!r}."
-        raise ValueError(message)
-
-
 def _require_different(what: str, names: list[str]) -> None:
     for name in names:
-        _check_name(name)
+        check_name(name)
         if names.count(name) > 1:
             message = f"{what} must have names that differ, got {name!r} {names.count(name)} times."
             raise ValueError(message)

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
+from trueterrain.formats.settings import check_name
 from trueterrain.simulate.body import Wave
 from trueterrain.vehicle import (
     GOLDEN_QUARTER_CAR,
@@ -201,13 +202,6 @@ def hint(name: str, known: list[str]) -> str:
     """Known name that is nearest, or all of them."""
     near = difflib.get_close_matches(name.lower(), known, n=1)
     return f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
-
-
-def check_name(name: str) -> None:
-    """Raise ValueError unless a name can be part of the name of a file."""
-    if not name.strip() or name.startswith(".") or not name.isprintable() or set(name) & set("/\\"):
-        message = f"name must be a word without slashes, got {name!r}."
-        raise ValueError(message)
 
 
 def check_finite(settings: object, *names: str) -> None:

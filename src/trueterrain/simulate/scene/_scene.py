@@ -9,7 +9,7 @@ from typing import Any
 from trueterrain.errors import FormatError
 from trueterrain.formats.navigation._frames import check_origin
 from trueterrain.formats.run import Mounting
-from trueterrain.formats.settings import read_settings, settings_template
+from trueterrain.formats.settings import check_name, read_settings, settings_template
 from trueterrain.simulate.accelerometers import Accelerometers, triangle
 from trueterrain.simulate.body import BodyMotion, Follower, Motion, Parked, Pass
 from trueterrain.simulate.course import Course
@@ -23,7 +23,6 @@ from trueterrain.simulate.scene._parts import (
     Standing,
     Truth,
     Vehicle,
-    check_name,
     hint,
 )
 from trueterrain.vehicle import FullCarParameters
