@@ -364,6 +364,7 @@ def _of_network(adjustment: Adjustment) -> list[str]:
         share_alone = alone / (one.knots.end - one.knots.begin)
         if alone:
             problems.append(
-                f"{one.name} is tied by smoothness alone over {share_alone:.0%} of its way, where no other pass sees the same ground"
+                f"{one.name} is tied by smoothness alone over {share_alone:.0%} of its way, where "
+                "no other pass sees the same ground"
             )
     return problems
