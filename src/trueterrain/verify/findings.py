@@ -1,8 +1,8 @@
 """Findings: what a test looked for besides the size of the error, and what it found.
 
-A profiler that is wrong is wrong for a reason: a clock, an angle, a lever arm, a bright stripe. Each
-reason leaves a mark of its own on the errors. A finding says what was looked for, how large it seems
-to be and how surely, and whether it is there; or why this test cannot tell.
+A profiler that is wrong is wrong for a reason: a clock, an angle, a lever arm, a bright stripe.
+Each reason leaves a mark of its own on the errors. A finding says what was looked for, how large it
+seems to be and how surely, and whether it is there; or why this test cannot tell.
 """
 
 from dataclasses import dataclass
