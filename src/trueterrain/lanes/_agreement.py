@@ -1,12 +1,13 @@
 """How well passes agree: pair by pair, around loops, and against their own noise."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from trueterrain.lanes import _kernels
+from trueterrain.lanes._differences import Agreement
 from trueterrain.lanes._equations import Equations
 from trueterrain.lanes._problem import Shared
 from trueterrain.lanes._sparse import pattern_of
@@ -16,28 +17,12 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
-_TO_SD = 1.4826022185056018  # standard deviation over median of magnitudes
 _LOOSE = 1.0  # [m] or [rad] that a coefficient may be, where nothing tells it
 
 
 @dataclass(frozen=True, kw_only=True)
-class Differences:
-    """Statistics of differences of height between two passes."""
-
-    n: int
-    "Cells that both saw."
-
-    median: float
-    "Median [m]."
-
-    nmad: float
-    "Standard deviation by the median of magnitudes about the median [m]."
-
-    rmse: float
-    "Root mean square [m]."
-
-    p95: float
-    "Magnitude that 95 % do not exceed [m]."
+class Differences(Agreement):
+    """Statistics of differences of height between two passes, some of which were rejected."""
 
     rmse_accepted: float
     "Root mean square of the cells that were not rejected [m]; NaN if all were."
@@ -112,16 +97,9 @@ def differences(values: Floats, accepted: Flags) -> Differences:
     Differences
         Of all of them.
     """
-    median = float(np.median(values))
     kept = values[accepted]
-    return Differences(
-        n=values.size,
-        median=median,
-        nmad=_TO_SD * float(np.median(np.abs(values - median))),
-        rmse=float(np.sqrt(np.mean(values**2))),
-        p95=float(np.quantile(np.abs(values), 0.95)),
-        rmse_accepted=float(np.sqrt(np.mean(kept**2))) if kept.size else float("nan"),
-    )
+    accepted_rms = float(np.sqrt(np.mean(kept**2))) if kept.size else float("nan")
+    return Differences(**asdict(Agreement.of(values)), rmse_accepted=accepted_rms)
 
 
 def pairs_of(

@@ -7,9 +7,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from trueterrain.lanes._differences import Agreement
 from trueterrain.lanes._discontinuity_pair import Discontinuity, DiscontinuityOptions
 from trueterrain.lanes._discontinuity_path import ReferencePath
-from trueterrain.lanes._discontinuity_seam import Agreement, Seam
+from trueterrain.lanes._discontinuity_seam import Seam
 from trueterrain.lanes._discontinuity_sparse import Flags, Floats
 from trueterrain.lanes.overlap import Overlap
 from trueterrain.lanes.reference_path import Edges

@@ -21,6 +21,7 @@ import xarray as xr
 from trueterrain import provenance
 from trueterrain.engine.progress import Progress, no_progress
 from trueterrain.errors import CoverageError
+from trueterrain.lanes._differences import Agreement
 from trueterrain.lanes._discontinuity_filter import low_pass
 from trueterrain.lanes._discontinuity_pair import (
     Discontinuity,
@@ -35,7 +36,7 @@ from trueterrain.lanes._discontinuity_result import (
     Names,
     PairAlignment,
 )
-from trueterrain.lanes._discontinuity_seam import Agreement, Seam, SharedCells
+from trueterrain.lanes._discontinuity_seam import Seam, SharedCells
 from trueterrain.lanes._discontinuity_sparse import Flags, Floats
 from trueterrain.lanes._discontinuity_sums import (
     AreaHeights,

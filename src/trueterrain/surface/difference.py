@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from trueterrain.engine.robust import nmad
 from trueterrain.errors import CoverageError, SchemaError
 from trueterrain.kinds import check_surface, make_surface
 from trueterrain.provenance import add_step
@@ -19,7 +20,6 @@ from trueterrain.surface.reference_line import EDGE, grid_frame
 Floats = npt.NDArray[np.float64]
 
 _ROWS = 512  # cross-sections that are compared at once
-_NMAD = 1.482602218505602  # times the median absolute deviation is the sd of normal errors
 _FEET = 1 / 0.3048
 _NEAR = 0.02  # share by which a ratio of heights may miss that of feet to metres
 _TALL = 10.0  # [m] median height from which on such a ratio is no chance
@@ -82,7 +82,7 @@ class HeightDifferences:
             mean=float(d.mean()),
             median=median,
             rms=float(np.sqrt(np.mean(d**2))),
-            nmad=_NMAD * float(np.median(np.abs(d - median))),
+            nmad=nmad(d),
             p95=float(np.percentile(size, 95)),
             largest=float(size.max()),
         )

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from trueterrain.engine.robust import nmad
 from trueterrain.errors import CoverageError
 from trueterrain.provenance import add_step
 from trueterrain.roughness.agreement._pair import register
@@ -18,7 +19,6 @@ Array = npt.NDArray[np.float64]
 
 Registration = Literal["distance", "shift", "none"]
 
-_NMAD = 1.482602218505602  # times the median absolute deviation is the sd of normal errors
 _LENGTHS = {"units": "m"}
 _STATISTICS = ("mean", "rms", "nmad", "p95", "largest")
 
@@ -182,7 +182,7 @@ def _statistics(error: Array) -> tuple[float, ...]:
     return (
         float(known.mean()),
         float(np.sqrt(np.mean(known**2))),
-        _NMAD * float(np.median(np.abs(known - np.median(known)))),
+        nmad(known),
         float(np.percentile(size, 95)),
         float(size.max()),
     )

@@ -1,0 +1,60 @@
+"""Statistics of differences of height between two passes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from trueterrain.engine.robust import nmad
+
+
+@dataclass(frozen=True, kw_only=True)
+class Agreement:
+    """Statistics of differences of height between two passes."""
+
+    n: int
+    "How many differences there are."
+
+    median: float
+    "Their median [m]."
+
+    nmad: float
+    "Their scatter: 1.4826 times the median of absolute deviations from the median [m]."
+
+    rmse: float
+    "Their root mean square [m]."
+
+    p95: float
+    "What 95 % of them do not exceed in size [m]."
+
+    @classmethod
+    def of(cls, differences: npt.ArrayLike) -> "Agreement":
+        """Statistics of differences.
+
+        Parameters
+        ----------
+        differences : array_like
+            Differences [m]; such as are not finite do not count.
+
+        Returns
+        -------
+        Agreement
+            All NaN if there are none.
+
+        Examples
+        --------
+        >>> Agreement.of([0.001, 0.003, 0.002, np.nan])
+        Agreement(n=3, median=0.002, nmad=0.0014826, rmse=0.0021602, p95=0.0029)
+        """
+        d = np.ravel(np.asarray(differences, dtype=float))
+        d = d[np.isfinite(d)]
+        if not d.size:
+            return cls(n=0, median=np.nan, nmad=np.nan, rmse=np.nan, p95=np.nan)
+        median = float(np.median(d))
+        return cls(
+            n=d.size,
+            median=median,
+            nmad=nmad(d),
+            rmse=float(np.sqrt(np.mean(d**2))),
+            p95=float(np.quantile(np.abs(d), 0.95)),
+        )
