@@ -330,9 +330,10 @@ BAD = {
     'ground = [{ kind = "plane", slope = nan }]': r"ground 1: slope must be finite, got nan",
     'ground = [{ kind = "stones", seed = -3 }]': r"ground 1: seed must be at least 0",
     'ground = [{ kind = "plate", length = 0.5 }]':
-        r"ground 1: length must leave room for the three cleats, which need 0\.684 m, got 0\.5 m",
+        r"ground 1: length must leave room for the 3 cleats, which need 0\.684 m, got 0\.5 m",
     'ground = [{ kind = "plate", pitch = 0.05 }]':
         r"ground 1: pitch must be at least the cleat of 0\.076 m, got 0\.05 m",
+    'ground = [{ kind = "plate", cleats = [] }]': r"ground 1: cleats must hold at least one",
     'ground = [{ kind = "plate", thickness = -0.1 }]': r"thickness must be at least 0 m, got -0\.1",
     'ground = [{ kind = "plate", rise = nan }]': r"rise must be greater than 0 m, got nan",
     'ground = [{ kind = "plate", north = inf }]': r"north must be finite, got inf",

@@ -62,10 +62,12 @@ POINTS = Scanner(
 # --- profile
 
 
-def test_profile_is_that_of_the_plate_of_the_virtual_profiler():
-    plate = design_plate(["rectangle", "semicircle", "triangle"])
+@pytest.mark.parametrize("shapes", [("rectangle", "semicircle", "triangle"),
+                                    ("triangle", "semicircle"), ("semicircle",)])  # fmt: skip
+def test_profile_is_that_of_the_plate_of_the_virtual_profiler(shapes):
+    plate = design_plate(shapes)
     s = np.linspace(0.001, 1.199, 6001)
-    true = CalibrationPlate(east=0.6).height(s, 0.0)
+    true = CalibrationPlate(east=0.6, cleats=shapes).height(s, 0.0)
     found = np.interp(s, *plate.vertices())
     # next to the foot of an arc, a micrometre aside is much more upwards
     feet = np.array([[plate.foot(c), plate.foot(c) + c.width] for c in plate.cleats]).ravel()

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -10,21 +11,28 @@ from trueterrain.simulate.ground import Ground
 
 Float = npt.NDArray[np.float64]
 
+Shape = Literal["rectangle", "semicircle", "triangle"]
+
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrationPlate(Ground):
-    """A level plate with one rectangular, one triangular and one round cleat across the lane.
+    """A level plate with cleats across the lane: by default a rectangle, a semicircle, a triangle.
 
     The thesis's calibration surface (section 3.4) carries interchangeable cleats on a plate with a
-    grid of holes of 152 mm; here three of them lie two holes apart. The cleats run along `y`, so
-    that a vehicle that drives along `x` crosses them.
+    grid of holes of 152 mm; here they lie two holes apart about the middle. The cleats run along
+    `y`, so that a vehicle that drives along `x` crosses them.
 
     Examples
     --------
     >>> plate = CalibrationPlate(east=10.0)
     >>> plate.height([10.0, 10.0 - 0.304, 12.0], 0.0).round(4)
     array([0.05, 0.05, 0.  ])
+    >>> CalibrationPlate(cleats=("triangle",)).height([0.0, 0.019, 0.304], 0.0).round(4)
+    array([0.05 , 0.031, 0.012])
     """
+
+    cleats: tuple[Shape, ...] = ("rectangle", "semicircle", "triangle")
+    "Profiles of the cleats, from west to east: rectangle, semicircle, triangle."
 
     east: float = 0.0
     "Easting of the middle of the plate [m]."
@@ -51,7 +59,14 @@ class CalibrationPlate(Ground):
     "Height of a cleat above the plate [m]."
 
     def __post_init__(self) -> None:
-        """Check the sizes."""
+        """Check shapes and sizes."""
+        for shape in self.cleats:
+            if shape not in get_args(Shape):
+                message = f"cleats must be some of {', '.join(get_args(Shape))}, got {shape!r}."
+                raise ValueError(message)
+        if not self.cleats:
+            message = "cleats must hold at least one."
+            raise ValueError(message)
         for name in ("length", "width", "pitch", "cleat", "rise"):
             if not 0 < getattr(self, name) < math.inf:
                 message = f"{name} must be greater than 0 m, got {getattr(self, name)}."
@@ -66,20 +81,30 @@ class CalibrationPlate(Ground):
         if self.pitch < self.cleat:
             message = f"pitch must be at least the cleat of {self.cleat} m, got {self.pitch} m."
             raise ValueError(message)
-        needed = 2 * self.pitch + self.cleat
+        needed = (len(self.cleats) - 1) * self.pitch + self.cleat
         if self.length < needed:
             message = (
-                f"length must leave room for the three cleats, which need {needed:g} m, "
-                f"got {self.length} m."
+                f"length must leave room for the {len(self.cleats)} cleats, which need "
+                f"{needed:g} m, got {self.length} m."
             )
             raise ValueError(message)
 
     def _height(self, x: Float, y: Float) -> Float:
         along, across = x - self.east, y - self.north
         half = 0.5 * self.cleat
-        rectangle = np.where(np.abs(along + self.pitch) <= half, 1.0, 0.0)
-        triangle = np.maximum(1.0 - np.abs(along - self.pitch) / half, 0.0)
-        circle = np.sqrt(np.maximum(1.0 - (along / half) ** 2, 0.0))
-        profile = self.thickness + self.rise * np.max([rectangle, triangle, circle], axis=0)
+        relief = np.zeros_like(along)
+        for number, shape in enumerate(self.cleats):
+            apart = along - (number - 0.5 * (len(self.cleats) - 1)) * self.pitch
+            relief = np.maximum(relief, _relief(shape, apart / half))
+        profile = self.thickness + self.rise * relief
         on_plate = (np.abs(along) <= 0.5 * self.length) & (np.abs(across) <= 0.5 * self.width)
         return np.where(on_plate, profile, 0.0)
+
+
+def _relief(shape: Shape, place: Float) -> Float:
+    """Share of the rise of a cleat at places from -1 at one foot to 1 at the other."""
+    if shape == "rectangle":
+        return np.where(np.abs(place) <= 1.0, 1.0, 0.0)
+    if shape == "triangle":
+        return np.asarray(np.maximum(1.0 - np.abs(place), 0.0))
+    return np.asarray(np.sqrt(np.maximum(1.0 - place**2, 0.0)))
