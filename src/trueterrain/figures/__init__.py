@@ -11,6 +11,7 @@ from trueterrain.figures.cpf import cpf
 from trueterrain.figures.difference import profile_difference
 from trueterrain.figures.drift import navigation_errors
 from trueterrain.figures.envelope import tyre_envelopes
+from trueterrain.figures.evenness import straightedge_deviation, waveband_segments
 from trueterrain.figures.event import cleat_crossing, event_plan, event_side, event_waves
 from trueterrain.figures.event_curves import (
     cleat_ratios,
@@ -100,10 +101,12 @@ __all__ = [
     "seam_steps",
     "search_area_map",
     "spectrum",
+    "straightedge_deviation",
     "strength_choice",
     "structure_functions",
     "surface_map",
     "surface_relief",
     "tyre_envelopes",
     "vehicle_gain",
+    "waveband_segments",
 ]

@@ -1,0 +1,302 @@
+"""``trueterrain evenness``: profiles in bands of wavelength and under a rolling straightedge."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from trueterrain.cli._console import out, out_json
+from trueterrain.cli._profiles import draw, read_profile, warn, write_table
+from trueterrain.errors import concerning
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from trueterrain.roughness import Butterworth, Filter
+
+_MM = 1000.0
+_MOST = 0.5  # [m] no road is as far from a beam; a larger threshold is meant in mm
+
+
+def evenness(
+    file: Path,
+    /,
+    *more: Path,
+    segment: float = 100.0,
+    straightedge: float = 3.0,
+    threshold: float | None = None,
+    band: Annotated[list[tuple[str, float, float]] | None, Parameter(show_default=False)] = None,
+    json: bool = False,
+    plot: Path | None = None,
+    force: bool = False,
+) -> None:
+    """Evenness of profiles: RMS in bands of wavelength, deviation from a rolling straightedge.
+
+    Each track is rated as a whole and in fixed segments. The bands are short (0.707 to 2.828 m),
+    medium (2.828 to 11.312 m) and long (11.312 to 45.248 m), in the style of EN 13036-5. The
+    straightedge is a beam on two wheels, one at either end; the deviation is that of the ground
+    from its middle. None of this was checked against the texts of the standards.
+
+    Example: trueterrain evenness left_and_right.erd --threshold 0.004 --plot evenness.svg
+
+    Parameters
+    ----------
+    file
+        Profile: ERD, CSV or Parquet; equally spaced.
+    more
+        More profiles.
+    segment
+        Length of the fixed segments [m]; the last one may be shorter.
+    straightedge
+        Distance of the two wheels of the straightedge [m]. 3.048 m (10 ft) and 4.877 m (16 ft) are
+        in use as well.
+    threshold
+        Deviation that shall not be exceeded, above or below the beam [m], e.g. 0.004: the stretches
+        beyond are listed.
+    band
+        Name, shortest and longest wave [m] of a band, instead of the three above; can be given
+        several times.
+    json
+        Print one JSON document instead of tables. One file gives {"file", "bands": [{"name",
+        "shortest", "longest"}], "straightedge", "tracks": [{"name", "rms": {BAND: ...},
+        "deviation": {"p95", "peak", "peak_at"}, "segments": [{"start", "end", "rms",
+        "deviation"}]}]}, several files a list of these; everything is in m. p95 is not exceeded at
+        95 % of the stations, peak is positive above the beam; null is what the profile is too short
+        or too coarse for. --threshold adds to each track "beyond", the length beyond it, and
+        "stretches": [{"start", "end", "peak", "peak_at"}].
+    plot
+        Picture to write: .svg, .pdf or .png. Deviation along the road and RMS of the segments, of
+        each file.
+    force
+        Replace the picture if it exists.
+    """
+    from trueterrain.engine import require_writable
+
+    if threshold is not None and not 0 < threshold < _MOST:
+        message = f"--threshold must be greater than 0 and less than {_MOST:g} m, got {threshold:g}"
+        cure = f"; {threshold:g} mm are {threshold / _MM:g}" if threshold >= _MOST else ""
+        raise ValueError(f"{message}{cure}.")
+    files = (file, *more)
+    if plot is not None:
+        require_writable(plot, force=force, inputs=files)
+    wanted = _Wanted(_bands(band), segment, straightedge, threshold)
+    rated = [_rate(path, wanted) for path in files]
+    documents = [_document(one, wanted) for one in rated]
+    if json:
+        out_json(documents if more else documents[0])
+    else:
+        for one, document in zip(rated, documents, strict=True):
+            _show(one, document, wanted)
+        _explain(wanted)
+    if plot is not None:
+        panels = [_panels(one, wanted) for one in rated]
+        draw([path.name for path in files], panels, plot, force=force)
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """What is asked for; lengths in m."""
+
+    bands: "Mapping[str, Filter]"
+    segment: float
+    straightedge: float
+    threshold: float | None
+
+
+@dataclass(frozen=True)
+class _Rated:
+    """What was found out about one file."""
+
+    path: Path
+    waves: "xr.Dataset"
+    beam: "xr.Dataset"
+    beyond: "xr.Dataset | None"
+
+
+def _bands(asked: list[tuple[str, float, float]] | None) -> "Mapping[str, Butterworth]":
+    from trueterrain.roughness import WAVEBANDS, Butterworth
+
+    if not asked:
+        return WAVEBANDS  # type: ignore[return-value]  # of which all are Butterworth filters
+    names = [name for name, _, _ in asked]
+    if len(set(names)) < len(names):
+        message = f"--band must give each name once, got {', '.join(names)}."
+        raise ValueError(message)
+    return {name: Butterworth(shortest=low, longest=high) for name, low, high in asked}
+
+
+def _rate(path: Path, wanted: _Wanted) -> _Rated:
+    from trueterrain import roughness
+
+    profile = read_profile(path)
+    with concerning(path):
+        beam = roughness.rolling_straightedge(profile, wanted.straightedge)
+        bands = _that_fit(path, profile, wanted.bands)
+        waves = roughness.waveband_rms(profile, bands=bands, segment=wanted.segment)
+        beyond = None
+        if wanted.threshold is not None:
+            beyond = roughness.stretches(abs(beam["deviation"]), wanted.threshold)
+    return _Rated(path, waves, beam, beyond)
+
+
+def _that_fit(
+    path: Path, profile: "xr.Dataset", bands: "Mapping[str, Filter]"
+) -> "Mapping[str, Filter]":
+    """Bands that the profile can show; says which it cannot, and leaves it at that if none."""
+    s = profile["s"].values
+    room = float(s[-1] - s[0])
+    spacing = room / (s.size - 1)
+    doubts = {}
+    for name, band in bands.items():
+        if band.longest is not None and band.longest > room:
+            doubts[name] = f"the profile is {room:g} m long, its waves are up to {band.longest:g} m"
+        elif band.shortest is not None and band.shortest <= 2 * spacing:
+            doubts[name] = (
+                f"its waves of {band.shortest:g} m need samples closer than {spacing:.4g} m"
+            )
+    if len(doubts) == len(bands):
+        return bands  # refused where they are used
+    for name, doubt in doubts.items():
+        warn(f"{path}: band {name} is left out: {doubt}.")
+    return {name: band for name, band in bands.items() if name not in doubts}
+
+
+def _document(rated: _Rated, wanted: _Wanted) -> dict[str, Any]:
+    tracks = []
+    for name in rated.waves["track"].values:
+        waves, deviation = rated.waves.sel(track=name), rated.beam["deviation"].sel(track=name)
+        track: dict[str, Any] = {
+            "name": str(name),
+            "rms": _rms(waves["rms"], wanted),
+            "deviation": _deviation(deviation),
+            "segments": list(_segments(waves, deviation, wanted)),
+        }
+        if rated.beyond is not None:
+            found = _stretches(rated.beyond, str(name), deviation)
+            track["beyond"] = sum(one["end"] - one["start"] for one in found)
+            track["stretches"] = found
+        tracks.append(track)
+    bands = [
+        {"name": name, "shortest": band.shortest, "longest": band.longest}
+        for name, band in wanted.bands.items()
+    ]
+    return {
+        "file": str(rated.path), "bands": bands, "straightedge": wanted.straightedge,
+        "tracks": tracks,
+    }  # fmt: skip
+
+
+def _rms(values: "xr.DataArray", wanted: _Wanted) -> dict[str, float]:
+    """RMS of each band that was asked for [m], NaN of those left out."""
+    known = dict(zip(values["band"].values.tolist(), values.values.tolist(), strict=True))
+    return {name: known.get(name, math.nan) for name in wanted.bands}
+
+
+def _segments(
+    waves: "xr.Dataset", deviation: "xr.DataArray", wanted: _Wanted
+) -> Iterator[dict[str, Any]]:
+    import numpy as np
+
+    start, end = waves["start"].values, waves["end"].values
+    rounding = 1e-9 * float(end[-1] - start[0])  # [m] a sample at a joint begins the next segment
+    first = np.searchsorted(deviation["s"].values, start - rounding)
+    behind = np.append(first[1:], deviation.size)
+    for at, (begin, stop) in enumerate(zip(first, behind, strict=True)):
+        yield {
+            "start": float(start[at]),
+            "end": float(end[at]),
+            "rms": _rms(waves["segment_rms"].isel(segment=at), wanted),
+            "deviation": _deviation(deviation[begin:stop]),
+        }
+
+
+def _deviation(deviation: "xr.DataArray") -> dict[str, float]:
+    """What 95 % of the deviations do not exceed, the largest and its place [m]; NaN of none."""
+    import numpy as np
+
+    if deviation.size == 0:
+        return {"p95": math.nan, "peak": math.nan, "peak_at": math.nan}
+    size = np.abs(deviation.values)
+    at = int(size.argmax())
+    return {
+        "p95": float(np.quantile(size, 0.95)),
+        "peak": float(deviation[at]),
+        "peak_at": float(deviation["s"][at]),
+    }
+
+
+def _stretches(
+    found: "xr.Dataset", track: str, deviation: "xr.DataArray"
+) -> list[dict[str, float]]:
+    """Stretches of a track, the peaks with their sign."""
+    mine = found.isel(stretch=found["track"].values == track)
+    ends = zip(*(mine[name].values.tolist() for name in ("start", "end", "peak_at")), strict=True)
+    return [
+        {"start": start, "end": end, "peak": deviation.sel(s=at).item(), "peak_at": at}
+        for start, end, at in ends
+    ]
+
+
+def _show(rated: _Rated, document: dict[str, Any], wanted: _Wanted) -> None:
+    names = [f"{name} [mm]" for name in wanted.bands]
+    rows = [["track", "from [m]", "to [m]", *names, "95 % [mm]", "peak [mm]", "at [m]"]]
+    complete = rated.waves["complete"].values
+    for track in document["tracks"]:
+        for piece, whole in zip(track["segments"], complete, strict=True):
+            ends = [f"{piece['start']:.2f}", f"{piece['end']:.2f}"]
+            rows.append([track["name"], *ends, *_cells(piece), *([] if whole else ["shorter"])])
+        rows.append([track["name"], "whole", "", *_cells(track)])
+    out(f"Evenness of {document['file']}")
+    write_table(rows)
+    if wanted.threshold is not None:
+        length = float(rated.beam["s"][-1] - rated.beam["s"][0])
+        for track in document["tracks"]:
+            _show_stretches(track, _MM * wanted.threshold, length)
+    out()
+
+
+def _cells(rated: dict[str, Any]) -> list[str]:
+    found = rated["deviation"]
+    values = [*(f"{_MM * value:.2f}" for value in rated["rms"].values())]
+    values += [
+        f"{_MM * found['p95']:.2f}",
+        f"{_MM * found['peak']:+.2f}",
+        f"{found['peak_at']:.2f}",
+    ]
+    return ["-" if "nan" in value else value for value in values]
+
+
+def _show_stretches(track: dict[str, Any], threshold: float, length: float) -> None:
+    found = track["stretches"]
+    total = f"{track['beyond']:.2f} of {length:.2f} m"
+    out(f"Stretches of {track['name']} beyond {threshold:g} mm: {len(found)}, {total}")
+    for one in found:
+        side = "above" if one["peak"] > 0 else "below"
+        peak = f"{_MM * abs(one['peak']):.2f} mm {side} the beam at {one['peak_at']:.2f} m"
+        out(f"  {one['start']:.2f} to {one['end']:.2f} m, up to {peak}")
+
+
+def _explain(wanted: _Wanted) -> None:
+    """Conventions in words, since they change the numbers."""
+    edges = [
+        f"{name} {band.shortest:g} to {band.longest:g} m" for name, band in wanted.bands.items()
+    ]
+    out(f"RMS in the bands {', '.join(edges)}: Butterworth, half of the power at the edges.")
+    out(
+        f"95 % and peak: deviation of the ground from the middle of a beam of "
+        f"{wanted.straightedge:g} m on two wheels, + above it."
+    )
+    out("Bands, filter and straightedge were not checked against the texts of EN 13036.")
+
+
+def _panels(rated: _Rated, wanted: _Wanted) -> list[Callable[[Any], object]]:
+    """Pictures of a file, each a function that draws into axes."""
+    from trueterrain import figures
+
+    return [
+        lambda ax: figures.straightedge_deviation(rated.beam, threshold=wanted.threshold, ax=ax),
+        lambda ax: figures.waveband_segments(rated.waves, ax=ax),
+    ]

@@ -1,0 +1,154 @@
+"""``trueterrain filter``: profiles without the waves that are too short, too long, or both."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
+
+from trueterrain.cli._console import compiling_noted, note
+from trueterrain.cli._profiles import read_profile, warn
+from trueterrain.errors import concerning
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from trueterrain.roughness import Filter
+
+Kind = Literal["butterworth", "moving-average", "250mm"]
+
+_POSITIONS = ("easting", "northing", "heading")  # which ERD cannot hold
+
+
+def filter(  # noqa: A001 - the name of the command
+    file: Path,
+    /,
+    *,
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    kind: Kind = "butterworth",
+    shortest: float | None = None,
+    longest: float | None = None,
+    order: int | None = None,
+    force: bool = False,
+) -> None:
+    """Take waves out of profiles: low, high and band pass by wavelength, shifting nothing.
+
+    --shortest alone is a low pass, --longest alone a high pass, both together a band pass. A grade
+    passes a low pass unchanged and leaves nothing of a high pass. Each track is filtered on its
+    own; stations stay.
+
+    Example: trueterrain filter road.erd --shortest 8 --longest 90 -o band.erd
+
+    Parameters
+    ----------
+    file
+        Profile: ERD, CSV or Parquet.
+    output
+        Profile to write: .erd, .csv, .parquet or .zarr.
+    kind
+        butterworth: half of the power of the wavelengths given, equal spacing only. moving-average:
+        the mean over --shortest around each sample, or the profile less its mean over --longest; a
+        mean passes half of the power of waves of 2.26 lengths. 250mm: the moving average over
+        0.25 m, without more options.
+    shortest
+        Waves shorter than this are taken out [m]; none by default.
+    longest
+        Waves longer than this are taken out [m]; none by default.
+    order
+        Order of each of the two runs, forth and back, of butterworth; by default 3. Beyond the
+        wavelengths given, waves fall by 12 dB per octave and order.
+    force
+        Replace the output if it exists.
+    """
+    from trueterrain import formats
+    from trueterrain.roughness import filter_profile
+
+    by = _chosen(kind, shortest, longest, order)
+    formats.writer_of("profile", output)
+    formats.require_writable(output, force=force, inputs=[file])
+    profile = read_profile(file)
+    with concerning(file), compiling_noted():
+        result = filter_profile(profile, by)
+    _warn_of_window(file, profile, by)
+    formats.write(result, output, force=force)
+    _summarise(result, by, output)
+    _note_lost(profile, result, output)
+
+
+def _chosen(
+    kind: Kind, shortest: float | None, longest: float | None, order: int | None
+) -> "Filter":
+    from trueterrain.roughness import FILTER_250_MM, Butterworth, MovingAverage
+
+    if order is not None and kind != "butterworth":
+        message = f"--order is for --kind butterworth, got --kind {kind}."
+        raise ValueError(message)
+    if kind == "250mm":
+        if shortest is not None or longest is not None:
+            message = (
+                "--kind 250mm is a moving average over 0.25 m, without --shortest and --longest; "
+                "choose --kind moving-average for other lengths."
+            )
+            raise ValueError(message)
+        return FILTER_250_MM
+    if shortest is None and longest is None:
+        message = "--shortest, --longest or both must say which waves are taken out [m]."
+        raise ValueError(message)
+    if kind == "moving-average":
+        return MovingAverage(shortest=shortest, longest=longest)
+    if order is None:
+        return Butterworth(shortest=shortest, longest=longest)
+    return Butterworth(shortest=shortest, longest=longest, order=order)
+
+
+def _warn_of_window(path: Path, profile: "xr.Dataset", by: "Filter") -> None:
+    """Say if a moving average has too few samples to average; a Butterworth filter refuses them."""
+    s = profile["s"].values
+    spacing = float(s[-1] - s[0]) / (s.size - 1)
+    window = min(length for length in (by.shortest, by.longest) if length is not None)
+    if window < 2 * spacing:
+        warn(f"{path}: the window of {window:g} m averages little at a spacing of {spacing:.4g} m.")
+
+
+def _summarise(result: "xr.Dataset", by: "Filter", output: Path) -> None:
+    tracks = result.sizes.get("track", 1)
+    several = f" of {tracks} tracks" if tracks > 1 else ""
+    s = result["s"].values
+    note(f"{output}: {s.size:,} samples{several} from {s[0]:g} to {s[-1]:g} m, with {_passed(by)}")
+    reach = _reach(by)
+    if 2 * reach < s[-1] - s[0]:
+        beyond = "depend on what is taken to lie beyond: the profile's own image"
+        note(f"{output}: heights within {reach:g} m of the ends {beyond}")
+    else:
+        warn(
+            f"{output}: no height is farther than {reach:g} m from the ends, so all depend on what "
+            "is taken to lie beyond: the profile's own image."
+        )
+
+
+def _passed(by: "Filter") -> str:
+    if by.longest is None:
+        return f"waves longer than {by.shortest:g} m"
+    if by.shortest is None:
+        return f"waves shorter than {by.longest:g} m"
+    return f"waves from {by.shortest:g} to {by.longest:g} m"
+
+
+def _reach(by: "Filter") -> float:
+    """How far from an end a filter still feels it [m]: half of its windows, or a whole wave."""
+    from trueterrain.roughness import MovingAverage
+
+    lengths = by.shortest or 0.0, by.longest or 0.0
+    return 0.5 * sum(lengths) if isinstance(by, MovingAverage) else max(lengths)
+
+
+def _note_lost(profile: "xr.Dataset", result: "xr.Dataset", output: Path) -> None:
+    """Say what is not in the output any more."""
+    of_heights = [str(name) for name in profile.data_vars if name not in result]
+    if of_heights:
+        note(f"{output}: not kept, since the heights are others now: {', '.join(of_heights)}")
+    ending = output.suffix.lower()
+    lost = [name for name in _POSITIONS if name in result and ending == ".erd"]
+    if result.attrs.get("crs") and ending in (".erd", ".csv"):
+        lost.append("CRS")
+    if lost:
+        note(f"{output}: not kept, since the format cannot hold it: {', '.join(lost)}")
