@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from trueterrain.engine.welch import density_interval, welch
 from trueterrain.figures import _canvas
 
 if TYPE_CHECKING:
@@ -88,7 +89,7 @@ def spectrum(
     tops: list[float] = []
     for number, (label, values) in enumerate(named.items()):
         frequency, density, degrees, length = _welch(values, rate, segment, label)
-        low, high = _interval(degrees, confidence)
+        low, high = density_interval(degrees, confidence)
         colour = _canvas.COLOURS[number % len(_canvas.COLOURS)]
         shown = _between(frequency, frequencies)
         frequency, density = frequency[shown], density[shown]
@@ -120,8 +121,6 @@ def _welch(
     values: npt.ArrayLike, rate: float, segment: float | None, label: str
 ) -> tuple[Floats, Floats, float, float]:
     """Frequency, density, degrees of freedom and length of a segment [s]; zero left out."""
-    import scipy.signal
-
     samples = np.asarray(values, dtype=np.float64)
     place = f"signal {label}" if label else "signal"
     if samples.ndim != 1 or not np.isfinite(samples).all():
@@ -134,32 +133,8 @@ def _welch(
             f"{place}, got {size / rate:g} s."
         )
         raise ValueError(message)
-    window = scipy.signal.get_window("hann", size)
-    frequency, density = scipy.signal.welch(
-        samples, rate, window=window, noverlap=size // 2, detrend="linear"
-    )
-    step = size - size // 2
-    count = 1 + (samples.size - size) // step
-    return frequency[1:], density[1:], _degrees_of_freedom(window, step, count), size / rate
-
-
-def _degrees_of_freedom(window: Floats, step: int, count: int) -> float:
-    """Twice the number of independent segments that overlapping ones are worth (Welch 1967)."""
-    shared = 0.0
-    for apart in range(1, count):
-        if apart * step >= window.size:
-            break
-        likeness = np.sum(window[: -apart * step] * window[apart * step :]) / np.sum(window**2)
-        shared += (1 - apart / count) * float(likeness) ** 2
-    return 2 * count / (1 + 2 * shared)
-
-
-def _interval(degrees: float, confidence: float) -> tuple[float, float]:
-    """Density over its estimate, least and greatest."""
-    from scipy.stats import chi2
-
-    tail = 0.5 * (1 - confidence)
-    return degrees / float(chi2.ppf(1 - tail, degrees)), degrees / float(chi2.ppf(tail, degrees))
+    frequency, density, degrees = welch(samples, samples, rate, size)
+    return frequency, density.real, degrees, size / rate
 
 
 def _between(frequency: Floats, limits: tuple[float, float] | None) -> npt.NDArray[np.bool_]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from trueterrain.engine.welch import density_interval, welch
 from trueterrain.vehicle.model import Array
 
 _LEAST = 16  # samples of a segment
@@ -148,10 +149,7 @@ def velocity_spectrum(
     keep = frequency > corner
     frequency = frequency[keep]
     power: Array = density.real[keep] * (1 + (corner / frequency) ** _ORDER) ** 2
-    from scipy.stats import chi2
-
-    tail = 0.5 * (1 - confidence)
-    low, high = degrees / chi2.ppf([1 - tail, tail], degrees)
+    low, high = density_interval(degrees, confidence)
     return VelocitySpectrum(
         frequency=frequency, density=power, low=low * power, high=high * power, degrees=degrees,
     )  # fmt: skip
@@ -168,20 +166,3 @@ def segment_size(samples: int, rate: float, segment: float | None) -> int:
         )
         raise ValueError(message)
     return size
-
-
-def welch(
-    some: Array, other: Array, rate: float, size: int
-) -> tuple[Array, npt.NDArray[np.complex128], float]:
-    """Frequencies without 0, cross density, and degrees of freedom (Welch 1967)."""
-    from scipy.signal import csd, get_window
-
-    window = get_window("hann", size)
-    step = size - size // 2
-    frequency, density = csd(some, other, rate, window=window, noverlap=size // 2, detrend="linear")
-    count = 1 + (some.size - size) // step
-    shared = 0.0
-    for apart in range(1, min(count, -(-size // step))):
-        likeness = np.sum(window[: -apart * step] * window[apart * step :]) / np.sum(window**2)
-        shared += (1 - apart / count) * float(likeness) ** 2
-    return frequency[1:], density[1:].astype(complex), 2 * count / (1 + 2 * shared)

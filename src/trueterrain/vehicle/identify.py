@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from trueterrain.engine.welch import welch
 from trueterrain.vehicle._velocity import (
     VelocitySpectrum,
     integrate,
     segment_size,
     velocity_spectrum,
-    welch,
 )
 from trueterrain.vehicle.model import Array, LinearModel, frequency_response, linear_model
 from trueterrain.vehicle.modes import modes
