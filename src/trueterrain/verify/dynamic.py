@@ -178,7 +178,7 @@ def dynamic_test(
     source = None if isinstance(run, xr.DataTree) else Path(run)
     path = trajectory.between(settings.begin, settings.end)
     with concerning(source) if source is not None else _nothing():
-        strip = _strip(run, path, settings)
+        strip = strip_of(run, path, settings)
         cells = _cells(strip, settings.spacing)
         found = register(
             cells["along"], cells["height"], machined,
@@ -211,7 +211,7 @@ def _nothing() -> Any:
     return nullcontext()
 
 
-def _strip(
+def strip_of(
     run: xr.DataTree | str | Path, path: Trajectory, settings: DynamicSettings
 ) -> dict[str, Floats]:
     """Returns of the strip in the order of their place along the way: along, up and time."""
