@@ -277,7 +277,7 @@ def test_points_of_different_systems_are_refused(call, tmp_path):
         files.append(tmp_path / f"{name}.laz")
         formats.write(make_points(500_000 + x, 5e6 + y, z, crs=crs), files[-1])
     finished, _ = call("grid", *files, line=(500_000, 5e6 + 1, 500_002, 5e6 + 1))
-    refused(finished, "same CRS", "'EPSG:25832' after 'EPSG:32632'")
+    refused(finished, "b.laz: ", "same CRS", "'EPSG:25832' after 'EPSG:32632' of a.laz")
     finished, report = call(
         "grid", *files, line=(500_000, 5e6 + 1, 500_002, 5e6 + 1), crs=("EPSG:32632",)
     )

@@ -10,7 +10,7 @@ from trueterrain.cli._console import note, out_json, processors, progress_bar
 from trueterrain.cli._extent import Four, extent_of
 from trueterrain.cli._motion import Method, motion_of
 from trueterrain.cli._recordings import kind_of_all
-from trueterrain.errors import concerning
+from trueterrain.errors import SchemaError, concerning
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -241,9 +241,18 @@ class _Blocks:
         from trueterrain import formats
 
         self.points = 0
+        first: str | None = None
         for file in self._files:
             with concerning(file):
                 for block in formats.point_blocks(file, crs=self._crs):
+                    found = str(block.attrs.get("crs", ""))
+                    first = found if first is None else first
+                    if found != first:
+                        raise SchemaError(
+                            f"all points must have the same CRS, got {found[:40]!r} after "
+                            f"{first[:40]!r} of {self._files[0].name}",
+                            cure="Transform them first, or name the CRS of all: --crs.",
+                        )
                     yield block
                     self.points += block.sizes["point"]
                     self._progress(f"{self.points:,} points", 0, None)
