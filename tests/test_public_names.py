@@ -131,6 +131,7 @@ REPORT = {
     "Verdict",
     "Warnings",
     "write_report",
+    "write_report_pdf",
 }
 
 HEAVY = ("numba", "numpy", "scipy", "xarray", "pandas", "matplotlib", "laspy", "pyproj", "pycrg")

@@ -20,6 +20,7 @@ from trueterrain.report.parts import (
     Verdict,
     Warnings,
 )
+from trueterrain.report.pdf import write_report_pdf
 from trueterrain.report.write import write_report
 
 __all__ = [
@@ -37,4 +38,5 @@ __all__ = [
     "Verdict",
     "Warnings",
     "write_report",
+    "write_report_pdf",
 ]

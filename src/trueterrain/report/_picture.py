@@ -6,6 +6,8 @@ from typing import Any
 
 _LARGEST_SVG = 300_000  # [bytes] beyond, an image of the same figure is smaller and opens faster
 _PAGE = 96.0  # [1/inch] dots of a page at its natural size
+_PAPER = 220.0  # [1/inch] dots on paper
+_INCH = 72.0  # [pt]
 _DENSITY = 2.0  # dots of an image for each dot of the page, for fine screens and for paper
 
 
@@ -16,7 +18,7 @@ def embed(figure: Any) -> tuple[str, int]:
     """
     import matplotlib as mpl
 
-    whole = figure if hasattr(figure, "savefig") else figure.get_figure(root=True)
+    whole = _whole(figure)
     kind, data = "svg+xml", io.BytesIO()
     with mpl.rc_context({"svg.hashsalt": "trueterrain", "svg.fonttype": "path"}):
         whole.savefig(data, format="svg", dpi=_DENSITY * _PAGE, metadata={"Date": None})
@@ -25,3 +27,18 @@ def embed(figure: Any) -> tuple[str, int]:
         whole.savefig(data, format="png", dpi=_DENSITY * _PAGE, metadata={"Software": None})
     encoded = base64.b64encode(data.getvalue()).decode()
     return f"data:image/{kind};base64,{encoded}", round(whole.get_figwidth() * _PAGE)
+
+
+def image(figure: Any, widest: float, highest: float) -> tuple[io.BytesIO, float, float]:
+    """The whole figure as PNG for paper, with the width and height that it has there [pt]."""
+    whole, data = _whole(figure), io.BytesIO()
+    width, height = whole.get_figwidth(), whole.get_figheight()
+    scale = min(_INCH, widest / width, highest / height)
+    whole.savefig(data, format="png", dpi=_PAPER * scale / _INCH, facecolor="white",
+                  metadata={"Software": None})  # fmt: skip
+    data.seek(0)
+    return data, scale * width, scale * height
+
+
+def _whole(figure: Any) -> Any:
+    return figure if hasattr(figure, "savefig") else figure.get_figure(root=True)

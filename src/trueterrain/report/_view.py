@@ -57,13 +57,9 @@ class _Unit:
 
 def prepare(view: SurfaceView) -> dict[str, Any]:
     """What the template needs: the figure as JSON, the picture, and how both are drawn."""
-    surface = check_surface(view.surface)
-    blocks = reduce_surface(surface, view.colour)
-    if not np.isfinite(blocks.height).any():
-        message = "the surface of a view has no height anywhere; leave the view out."
-        raise ValueError(message)
+    blocks = _blocks(view)
     exaggeration = view.vertical_exaggeration or suggested_exaggeration(blocks)
-    source, width = _picture_from_above(view, blocks)
+    source, width = _picture.embed(_seen_from_above(view, blocks))
     return {
         "caption": view.caption,
         "figure": _figure_json(view, blocks, exaggeration),
@@ -77,11 +73,25 @@ def prepare(view: SurfaceView) -> dict[str, Any]:
     }
 
 
+def still(view: SurfaceView) -> tuple[Any, float, str]:
+    """For paper: the surface from above, how much wider than long it is drawn, and its nodes."""
+    blocks = _blocks(view)
+    return _seen_from_above(view, blocks), _stretch(blocks), _how_drawn(blocks)
+
+
 def suggested_exaggeration(blocks: Blocks) -> float:
     """Round factor at which heights can be seen without towering over the ground."""
     longer = max(float(np.ptp(blocks.first)), float(np.ptp(blocks.second)))
     most = _RELIEF * longer / max(_range(blocks.height), _FLATTEST)
     return max((step for step in _STEPS if step <= most), default=_STEPS[0])
+
+
+def _blocks(view: SurfaceView) -> Blocks:
+    blocks = reduce_surface(check_surface(view.surface), view.colour)
+    if not np.isfinite(blocks.height).any():
+        message = "the surface of a view has no height anywhere; leave the view out."
+        raise ValueError(message)
+    return blocks
 
 
 def _figure_json(view: SurfaceView, blocks: Blocks, exaggeration: float) -> str:
@@ -217,8 +227,8 @@ def _camera(blocks: Blocks) -> dict[str, Any]:
     }
 
 
-def _picture_from_above(view: SurfaceView, blocks: Blocks) -> tuple[str, int]:
-    """The same means as an image: over u and v along a line, else over the map."""
+def _seen_from_above(view: SurfaceView, blocks: Blocks) -> Any:
+    """The same means as a figure: over u and v along a line, else over the map."""
     from matplotlib import colormaps
     from matplotlib.figure import Figure
 
@@ -253,7 +263,7 @@ def _picture_from_above(view: SurfaceView, blocks: Blocks) -> tuple[str, int]:
     ax.set_ylabel(bases[1].label(names[1]))
     beside = ax.inset_axes((1.02, 0.0, 0.025, 1.0))
     figure.colorbar(image, cax=beside, label=unit.label(_NAMES[view.colour]))
-    return _picture.embed(figure)
+    return figure
 
 
 def _stretch(blocks: Blocks) -> float:

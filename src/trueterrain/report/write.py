@@ -2,37 +2,23 @@
 
 import base64
 import hashlib
-import json
-import os
 from importlib import resources
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
 from trueterrain._version import __version__
 from trueterrain.engine import whole_output
-from trueterrain.errors import OutputError
-from trueterrain.report import _numbers
+from trueterrain.report._written import listed, origin, paragraphs, table_cells, tile
 from trueterrain.report.parts import (
     Block,
-    File,
     Files,
-    Number,
     Picture,
     Report,
     SurfaceView,
     Table,
     Text,
-    Verdict,
     Warnings,
 )
-
-#: How a verdict is marked and said: never by its colour alone.
-_VERDICTS: dict[Verdict | None, tuple[str, str]] = {
-    "good": ("✓", "as required"),
-    "bad": ("✗", "not as required"),
-    "unknown": ("?", "not known"),
-}
 
 
 def write_report(report: Report, path: str | Path, *, force: bool = False) -> None:
@@ -94,7 +80,7 @@ def _render(report: Report, folder: Path) -> str:
         {
             "id": f"section-{index}",
             "title": section.title,
-            "text": _paragraphs(section.text),
+            "text": paragraphs(section.text),
             "blocks": [
                 _prepared(block, f"block-{index}-{place}", folder)
                 for place, block in enumerate(section.blocks, start=1)
@@ -108,10 +94,10 @@ def _render(report: Report, folder: Path) -> str:
         scripts = [_plotly(), _template("view.js"), *scripts]
     return environment.get_template("report.html.j2").render(
         report=report,
-        tiles=[_tile(number) for number in report.headline],
+        tiles=[tile(number) for number in report.headline],
         sections=sections,
         doubts=[block for block in blocks if block["kind"] == "warnings" and block["items"]],
-        provenance=[_origin(name, steps) for name, steps in report.provenance.items()],
+        provenance=[origin(name, steps) for name, steps in report.provenance.items()],
         version=__version__,
         style=Markup(_template("style.css")),
         scripts=[Markup(script) for script in scripts],
@@ -124,9 +110,9 @@ def _prepared(block: Block, name: str, folder: Path) -> dict[str, Any]:
     found: dict[str, Any]
     match block:
         case Text():
-            found = {"kind": "text", "paragraphs": _paragraphs(block.paragraph)}
+            found = {"kind": "text", "paragraphs": paragraphs(block.paragraph)}
         case Table():
-            found = {"kind": "table", **_table(block)}
+            found = {"kind": "table", **table_cells(block)}
         case Picture():
             from trueterrain.report._picture import embed
 
@@ -147,84 +133,8 @@ def _prepared(block: Block, name: str, folder: Path) -> dict[str, Any]:
         case Warnings():
             found = {"kind": "warnings", "items": list(block.items)}
         case Files():
-            found = {"kind": "files", "files": [_file(file, folder) for file in block.files]}
+            found = {"kind": "files", "files": [listed(file, folder) for file in block.files]}
     return found | {"id": name}
-
-
-def _tile(number: Number) -> dict[str, Any]:
-    value = _numbers.text(number.value, number.digits)
-    return {
-        "label": number.label,
-        "value": value,
-        "unit": "" if value == _numbers.UNKNOWN else number.unit,
-        "verdict": number.verdict,
-        "mark": _VERDICTS.get(number.verdict),
-        "note": number.note,
-    }
-
-
-def _table(table: Table) -> dict[str, Any]:
-    values = [[_numbers.plain(value) for value in row] for row in table.rows]
-    by_column = list(zip(*values, strict=True)) or [()] * len(table.columns)
-    numeric = [
-        any(map(_numbers.is_number, cells)) and not any(isinstance(cell, str) for cell in cells)
-        for cells in by_column
-    ]
-    digits = [
-        _numbers.decimals(cells) if column.digits is None else column.digits
-        for column, cells in zip(table.columns, by_column, strict=True)
-    ]
-    rows = []
-    for index, row in enumerate(values):
-        cells = [
-            # whole numbers are counts: they get decimals only if these are asked for
-            _numbers.text(cell, column.digits if isinstance(cell, int) else places)
-            for cell, column, places in zip(row, table.columns, digits, strict=True)
-        ]
-        verdict = table.verdicts[index] if table.verdicts else None
-        rows.append({"cells": cells, "verdict": verdict, "mark": _VERDICTS.get(verdict)})
-    return {
-        "caption": table.caption,
-        "columns": list(zip(table.columns, numeric, strict=True)),
-        "named": not numeric[0],
-        "numeric": numeric,
-        "rows": rows,
-        "judged": any(table.verdicts),
-    }
-
-
-def _file(file: File, folder: Path) -> dict[str, str]:
-    place = folder / file.path
-    size = file.size
-    if size is None:
-        if not place.exists():
-            raise OutputError("is listed in the report but does not exist", path=place)
-        parts = sorted(place.rglob("*")) if place.is_dir() else [place]
-        size = sum(part.stat().st_size for part in parts if part.is_file())
-    name = Path(os.path.relpath(place, folder)).as_posix()
-    # the dot keeps a browser from taking the beginning of a name for a protocol
-    return {
-        "name": name, "link": f"./{quote(name)}", "size": _numbers.size(size), "note": file.note,
-    }  # fmt: skip
-
-
-def _origin(name: str, steps: Any) -> dict[str, Any]:
-    return {
-        "name": name,
-        "steps": [
-            {
-                "step": str(step.get("step", "")),
-                "version": str(step.get("version", "")),
-                "parameters": json.dumps(step.get("parameters", {}), indent=2, ensure_ascii=False),
-                "inputs": list(step.get("inputs", ())),
-            }
-            for step in steps
-        ],
-    }
-
-
-def _paragraphs(text: str) -> list[str]:
-    return [part.strip() for part in text.split("\n\n") if part.strip()]
 
 
 def _plotly() -> str:

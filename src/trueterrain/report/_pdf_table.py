@@ -1,0 +1,168 @@
+"""Tables on paper: as wide as what they hold, never wider than the page."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from trueterrain.report._pdf_style import (
+    BOLD,
+    INK,
+    LINE,
+    PLAIN,
+    QUIET,
+    TEXT,
+    TINY,
+    VERDICT_INKS,
+    escaped,
+    styles,
+)
+
+_PAD = 5.0  # [pt] on both sides of a cell
+_STEP = 0.5  # [pt] by which the type of a wide table is made smaller
+_WORD = 70.0  # [pt] below which a column of words is not squeezed while type can be smaller
+_ROOM = 75.0  # [pt] for caption, head and a row or two, before a table begins
+_SLACK = 0.5  # [pt] rounding, for which no word shall be broken
+
+
+def table_flowables(block: dict[str, Any], width: float) -> list[Any]:
+    """A table with its caption; too many columns for a page become tables one below the other.
+
+    Parameters
+    ----------
+    block : dict
+        Cells as `trueterrain.report._written.table_cells` gives them.
+    width : float
+        Width of the page between its margins [pt].
+
+    Returns
+    -------
+    list
+        What stands on the paper.
+    """
+    from reportlab.platypus import CondPageBreak, Paragraph, Spacer
+
+    heads = [(column.label, column.unit) for column, _ in block["columns"]]
+    columns = [
+        _Column(*head, numeric, [row["cells"][index] for row in block["rows"]])
+        for index, (head, numeric) in enumerate(zip(heads, block["numeric"], strict=True))
+    ]
+    if block["judged"]:
+        marks = [" ".join(row["mark"]) if row["mark"] else "" for row in block["rows"]]
+        inks = [VERDICT_INKS.get(row["verdict"], INK) for row in block["rows"]]
+        columns.append(_Column("Verdict", "", False, marks, inks))
+    if block["named"]:
+        columns[0].bold = True
+    found: list[Any] = [CondPageBreak(_ROOM)]
+    if block["caption"]:
+        found.append(Paragraph(escaped(block["caption"]), styles()["caption"]))
+    size, groups = _fitted(columns, width)
+    for group in groups:
+        found += [_drawn(group, size, width), Spacer(0, 8)]
+    return found
+
+
+class _Column:
+    """A column of cells, and how wide they are at a size of type."""
+
+    def __init__(
+        self, label: str, unit: str, numeric: bool, cells: Sequence[str], inks: Sequence[str] = ()
+    ) -> None:
+        self.label, self.unit, self.numeric = label, unit, numeric
+        self.cells, self.inks = list(cells), list(inks)
+        self.bold = bool(inks)
+
+    def natural(self, size: float) -> float:
+        """Width at which nothing is broken [pt]."""
+        unit = f" [{self.unit}]" if self.unit else ""
+        return self._around([self.label + unit], self.cells, size)
+
+    def least(self, size: float) -> float:
+        """Width at which no word and no number is broken [pt]."""
+        words = [word for cell in self.cells for word in cell.split()]
+        heads = [*self.label.split(), f"[{self.unit}]" if self.unit else ""]
+        return self._around(heads, self.cells if self.numeric else words, size)
+
+    def squeezed(self, size: float) -> float:
+        """Width below which it cannot be read [pt]."""
+        return self.least(size) if self.numeric else min(self.least(size), _WORD)
+
+    def head(self) -> str:
+        unit = f" <font color='{QUIET}' name='{PLAIN}'>[{escaped(self.unit)}]</font>"
+        return escaped(self.label) + (unit if self.unit else "")
+
+    def _around(self, heads: list[str], cells: list[str], size: float) -> float:
+        widths = [_width(text, size, bold=True) for text in heads]
+        widths += [_width(text, size, bold=self.bold) for text in cells]
+        return max(widths) + 2 * _PAD + _SLACK
+
+
+def _width(text: str, size: float, *, bold: bool = False) -> float:
+    from reportlab.pdfbase.pdfmetrics import stringWidth
+
+    return float(stringWidth(text, BOLD if bold else PLAIN, size))
+
+
+def _fitted(columns: list[_Column], width: float) -> tuple[float, list[list[_Column]]]:
+    """Size of type, and the columns that stand beside each other: all of them if that can be."""
+    size = TEXT - _STEP
+    while size > TINY and sum(one.least(size) for one in columns) > width:
+        size -= _STEP
+    groups: list[list[_Column]] = [[columns[0]]]
+    for column in columns[1:]:
+        if sum(one.squeezed(size) for one in [*groups[-1], column]) > width and len(groups[-1]) > 1:
+            groups.append([columns[0]])
+        groups[-1].append(column)
+    return size, groups
+
+
+def _widths(columns: list[_Column], size: float, width: float) -> list[float]:
+    """Natural widths if they fit, else between the least ones and these."""
+    natural = [one.natural(size) for one in columns]
+    if sum(natural) <= width:
+        return natural
+    least = [one.least(size) for one in columns]
+    if sum(least) > width:
+        natural, least = least, [one.squeezed(size) for one in columns]
+    if sum(least) >= width:  # a single number or two that are wider than the page
+        return [width * one / sum(least) for one in least]
+    room = [high - low for high, low in zip(natural, least, strict=True)]
+    share = (width - sum(least)) / sum(room)
+    return [low + share * more for low, more in zip(least, room, strict=True)]
+
+
+def _drawn(columns: list[_Column], size: float, width: float) -> Any:
+    from reportlab.lib.styles import ParagraphStyle
+    from reportlab.platypus import LongTable, Paragraph
+
+    text = ParagraphStyle("cell", parent=styles()["text"], fontSize=size, leading=1.25 * size,
+                          spaceAfter=0)  # fmt: skip
+    head = ParagraphStyle("head", parent=text, fontName=BOLD)
+
+    def aligned(style: Any, column: _Column) -> Any:
+        return ParagraphStyle("right", parent=style, alignment=2) if column.numeric else style
+
+    def cell(column: _Column, row: int) -> Any:
+        words = escaped(column.cells[row])
+        if column.numeric:  # one line, without the work of a paragraph
+            return column.cells[row]
+        if column.inks:
+            words = f"<font color='{column.inks[row]}'>{words}</font>"
+        return Paragraph(words, head if column.bold else text)
+
+    rows = [[Paragraph(column.head(), aligned(head, column)) for column in columns]]
+    rows += [[cell(column, row) for column in columns] for row in range(len(columns[0].cells))]
+    look: list[tuple[Any, ...]] = [
+        ("FONT", (0, 0), (-1, -1), PLAIN, size, 1.25 * size), ("TEXTCOLOR", (0, 0), (-1, -1), INK),
+        ("VALIGN", (0, 0), (-1, 0), "BOTTOM"), ("VALIGN", (0, 1), (-1, -1), "TOP"),
+        ("LEFTPADDING", (0, 0), (-1, -1), _PAD), ("RIGHTPADDING", (0, 0), (-1, -1), _PAD),
+        ("TOPPADDING", (0, 0), (-1, -1), 2.5), ("BOTTOMPADDING", (0, 0), (-1, -1), 2.5),
+        ("LINEBELOW", (0, 0), (-1, 0), 0.8, QUIET), ("LINEBELOW", (0, 1), (-1, -1), 0.4, LINE),
+    ]  # fmt: skip
+    look += [("ALIGN", (k, 1), (k, -1), "RIGHT") for k, one in enumerate(columns) if one.numeric]
+    return LongTable(
+        rows,
+        colWidths=_widths(columns, size, width),
+        repeatRows=1,
+        hAlign="LEFT",
+        style=look,
+        splitInRow=1,  # a cell that is longer than a page goes on over it
+    )

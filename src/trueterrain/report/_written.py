@@ -1,0 +1,100 @@
+"""From the parts of a report to what is written of them, on a screen or on paper."""
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from trueterrain.errors import OutputError
+from trueterrain.report import _numbers
+from trueterrain.report.parts import File, Number, Table, Verdict
+
+#: How a verdict is marked and said: never by its colour alone.
+VERDICTS: dict[Verdict | None, tuple[str, str]] = {
+    "good": ("✓", "as required"),
+    "bad": ("✗", "not as required"),
+    "unknown": ("?", "not known"),
+}
+
+
+def tile(number: Number) -> dict[str, Any]:
+    """A number of the headline, in words."""
+    value = _numbers.text(number.value, number.digits)
+    return {
+        "label": number.label,
+        "value": value,
+        "unit": "" if value == _numbers.UNKNOWN else number.unit,
+        "verdict": number.verdict,
+        "mark": VERDICTS.get(number.verdict),
+        "note": number.note,
+    }
+
+
+def table_cells(table: Table) -> dict[str, Any]:
+    """Cells of a table as they are written, and which of its columns are numbers."""
+    values = [[_numbers.plain(value) for value in row] for row in table.rows]
+    by_column = list(zip(*values, strict=True)) or [()] * len(table.columns)
+    numeric = [
+        any(map(_numbers.is_number, cells)) and not any(isinstance(cell, str) for cell in cells)
+        for cells in by_column
+    ]
+    digits = [
+        _numbers.decimals(cells) if column.digits is None else column.digits
+        for column, cells in zip(table.columns, by_column, strict=True)
+    ]
+    rows = []
+    for index, row in enumerate(values):
+        cells = [
+            # whole numbers are counts: they get decimals only if these are asked for
+            _numbers.text(cell, column.digits if isinstance(cell, int) else places)
+            for cell, column, places in zip(row, table.columns, digits, strict=True)
+        ]
+        verdict = table.verdicts[index] if table.verdicts else None
+        rows.append({"cells": cells, "verdict": verdict, "mark": VERDICTS.get(verdict)})
+    return {
+        "caption": table.caption,
+        "columns": list(zip(table.columns, numeric, strict=True)),
+        "named": not numeric[0],
+        "numeric": numeric,
+        "rows": rows,
+        "judged": any(table.verdicts),
+    }
+
+
+def listed(file: File, folder: Path) -> dict[str, str]:
+    """A file by its name from the folder of the report, with its size."""
+    place = folder / file.path
+    size = file.size
+    if size is None:
+        if not place.exists():
+            raise OutputError("is listed in the report but does not exist", path=place)
+        parts = sorted(place.rglob("*")) if place.is_dir() else [place]
+        size = sum(part.stat().st_size for part in parts if part.is_file())
+    name = Path(os.path.relpath(place, folder)).as_posix()
+    # the dot keeps a browser from taking the beginning of a name for a protocol
+    return {
+        "name": name, "link": f"./{quote(name)}", "size": _numbers.size(size), "note": file.note,
+    }  # fmt: skip
+
+
+def origin(name: str, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Steps that led to a result."""
+    return {
+        "name": name,
+        "steps": [
+            {
+                "step": str(step.get("step", "")),
+                "version": str(step.get("version", "")),
+                "parameters": json.dumps(step.get("parameters", {}), indent=2, ensure_ascii=False),
+                "inputs": list(step.get("inputs", ())),
+            }
+            for step in steps
+        ],
+    }
+
+
+def paragraphs(text: str) -> list[str]:
+    """Paragraphs of a text, which empty lines set apart."""
+    return [part.strip() for part in text.split("\n\n") if part.strip()]

@@ -1,0 +1,270 @@
+"""From the parts of a report to paper: a PDF of A4 pages that holds all that the page shows."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from trueterrain._version import __version__
+from trueterrain.engine import whole_output
+from trueterrain.report import _numbers
+from trueterrain.report._written import listed, origin, paragraphs, table_cells, tile
+from trueterrain.report.parts import (
+    Block,
+    Column,
+    Files,
+    Number,
+    Picture,
+    Report,
+    SurfaceView,
+    Table,
+    Text,
+    Warnings,
+)
+
+_MARGIN = 51.0  # [pt] 18 mm
+_TILES = 3  # beside each other
+_HIGHEST = 0.75  # of the page that a picture may fill, so that its caption stands beside it
+_ROOM = 120.0  # [pt] below a heading, which shall not end a page
+_CODE_LINE = 112  # characters of a line of parameters
+
+
+def write_report_pdf(report: Report, path: str | Path, *, force: bool = False) -> None:
+    """Write a report as PDF, to be printed, signed and kept.
+
+    Parameters
+    ----------
+    report : Report
+        What the pages show.
+    path : str or Path
+        Where the file shall be.
+    force : bool
+        Replace a file that is there already.
+
+    Raises
+    ------
+    OutputError
+        If the file exists and `force` is false, if its folder does not exist, or if a file that
+        the report lists does not exist.
+    SchemaError
+        If the data of a view are no surface, or a line on it is no profile.
+    ValueError
+        If the surface of a view has no height anywhere, or a line on it no easting and northing.
+
+    Notes
+    -----
+    A4 pages with title and number at their foot; heads of tables are repeated on each. Pictures are
+    images of 220 dots per inch; surfaces are seen from above. The same report gives the same bytes.
+    Letters that DejaVu Sans does not hold are shown as boxes.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from trueterrain.report import Number, Report
+    >>> found = Number(label="Roughness IRI", value=2.417, unit="m/km", verdict="good")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_report_pdf(Report(title="Test road", headline=(found,)), Path(folder) / "r.pdf")
+    ...     (Path(folder) / "r.pdf").read_bytes()[:5]
+    b'%PDF-'
+    """
+    from reportlab.lib.pagesizes import A4
+    from reportlab.platypus import BaseDocTemplate, Frame, PageTemplate
+
+    from trueterrain.report._pdf_pages import numbered_canvas
+    from trueterrain.report._pdf_style import register_fonts
+
+    with whole_output(path, force=force) as temporary:
+        register_fonts()
+        document = BaseDocTemplate(
+            str(temporary), pagesize=A4, title=report.title, subject=report.subtitle,
+            creator=f"trueterrain {__version__}", author="", lang="en", invariant=1,
+        )  # fmt: skip
+        width, height = A4[0] - 2 * _MARGIN, A4[1] - 2 * _MARGIN
+        frame = Frame(
+            _MARGIN, _MARGIN, width, height,
+            leftPadding=0, rightPadding=0, topPadding=0, bottomPadding=0,
+        )  # fmt: skip
+        document.addPageTemplates([PageTemplate(id="page", frames=[frame])])
+        story = list(_story(report, Path(path).absolute().parent, width, height))
+        document.build(story, canvasmaker=numbered_canvas(report.title, _MARGIN))
+
+
+def _story(report: Report, folder: Path, width: float, height: float) -> Iterator[Any]:
+    from reportlab.platypus import CondPageBreak, HRFlowable, KeepTogether, Paragraph, Spacer
+
+    from trueterrain.report._pdf_pages import Heading
+    from trueterrain.report._pdf_style import ACCENT, escaped, styles
+
+    yield Paragraph(escaped(report.title), styles()["title"])
+    if report.subtitle:
+        yield Paragraph(escaped(report.subtitle), styles()["subtitle"])
+    yield HRFlowable(width="100%", thickness=2, color=ACCENT, spaceAfter=12)
+    if report.headline:
+        yield from _tiles(report.headline, width)
+    yield from _doubts(report)
+    for section in report.sections:
+        content = [Paragraph(escaped(text), styles()["text"]) for text in paragraphs(section.text)]
+        for block in section.blocks:
+            content += _block(block, folder, width, height)
+        yield CondPageBreak(_ROOM)
+        # tables go on over pages, so that they would draw their heading away from the page it fits
+        yield Heading(
+            section.title, beside=isinstance(content[0] if content else None, KeepTogether)
+        )
+        yield from content
+    if report.provenance:
+        yield CondPageBreak(_ROOM)
+        yield Heading("Provenance")
+        for name, steps in report.provenance.items():
+            yield from _origin(origin(name, steps), width)
+    yield Spacer(0, 10)
+    yield Paragraph(f"Made with trueterrain {escaped(__version__)}.", styles()["note"])
+
+
+def _tiles(numbers: tuple[Number, ...], width: float) -> Iterator[Any]:
+    """Numbers to see first, some beside each other."""
+    from reportlab.platypus import Spacer
+    from reportlab.platypus import Table as Grid
+
+    from trueterrain.report._pdf_style import LINE, RAISED, VERDICT_INKS
+
+    tiles = [tile(number) for number in numbers]
+    for first in range(0, len(tiles), _TILES):
+        row = tiles[first : first + _TILES]
+        cells = [_tile(one) for one in row] + [""] * (_TILES - len(row))
+        look: list[tuple[Any, ...]] = [("VALIGN", (0, 0), (-1, -1), "TOP")]
+        for at, one in enumerate(row):
+            here = (at, 0), (at, 0)
+            look += [
+                ("BACKGROUND", *here, RAISED), ("BOX", *here, 6, "#ffffff"),
+                ("LINEABOVE", *here, 2, VERDICT_INKS.get(one["verdict"], LINE)),
+                ("TOPPADDING", *here, 7), ("BOTTOMPADDING", *here, 8),
+                ("LEFTPADDING", *here, 10), ("RIGHTPADDING", *here, 10),
+            ]  # fmt: skip
+        yield Grid([cells], colWidths=[width / _TILES] * _TILES, style=look)
+        yield Spacer(0, 6)
+
+
+def _tile(one: dict[str, Any]) -> list[Any]:
+    from reportlab.platypus import Paragraph
+
+    from trueterrain.report._pdf_style import BOLD, PLAIN, VERDICT_INKS, escaped, styles
+
+    unit = f" <font name='{PLAIN}' size='9'>{escaped(one['unit'])}</font>" if one["unit"] else ""
+    found = [
+        Paragraph(escaped(one["label"]), styles()["label"]),
+        Paragraph(escaped(one["value"]) + unit, styles()["value"]),
+    ]
+    if one["mark"]:
+        words = f"<font name='{BOLD}' color='{VERDICT_INKS[one['verdict']]}'>"
+        found.append(Paragraph(f"{words}{' '.join(one['mark'])}</font>", styles()["label"]))
+    if one["note"]:
+        found.append(Paragraph(escaped(one["note"]), styles()["label"]))
+    return found
+
+
+def _doubts(report: Report) -> Iterator[Any]:
+    """A line that points to what is doubtful further down."""
+    from reportlab.platypus import Paragraph
+
+    from trueterrain.report._pdf_style import escaped, styles
+
+    doubtful = {
+        section.title: count
+        for section in report.sections
+        if (count := sum(len(b.items) for b in section.blocks if isinstance(b, Warnings)))
+    }
+    if doubtful:
+        total = sum(doubtful.values())
+        text = f"⚠ {total} {'doubt' if total == 1 else 'doubts'} about this result: see "
+        yield Paragraph(escaped(text + ", ".join(doubtful) + "."), styles()["doubt"])
+
+
+def _block(block: Block, folder: Path, width: float, height: float) -> Iterator[Any]:
+    from reportlab.platypus import Paragraph
+
+    from trueterrain.report._pdf_style import escaped, styles
+    from trueterrain.report._pdf_table import table_flowables
+
+    match block:
+        case Text():
+            for text in paragraphs(block.paragraph):
+                yield Paragraph(escaped(text), styles()["text"])
+        case Table():
+            yield from table_flowables(table_cells(block), width)
+        case Picture():
+            yield _picture(block.figure, [block.caption], width, height)
+        case SurfaceView():
+            from trueterrain.report._view import still
+
+            figure, stretch, drawn = still(block)
+            wide = f", the width drawn {stretch:g} times as large as the length"
+            seen = f"Seen from above{wide if stretch != 1 else ''}; "
+            seen += "the page in HTML turns and zooms it."
+            yield _picture(figure, [f"{block.caption} {drawn}".strip(), seen], width, height)
+        case Warnings():
+            yield _warnings(block, width)
+        case Files():
+            files = [listed(file, folder) for file in block.files]
+            table = Table(
+                columns=(
+                    Column(label="File"), Column(label="What it holds"), Column(label="Size"),
+                ),
+                rows=[(one["name"], one["note"] or None, one["size"]) for one in files],
+            )  # fmt: skip
+            yield from table_flowables(table_cells(table), width)
+
+
+def _picture(figure: Any, captions: list[str], width: float, height: float) -> Any:
+    """A figure at its natural size, or as large as the page allows, with what it shows."""
+    from reportlab.platypus import Image, KeepTogether, Paragraph, Spacer
+
+    from trueterrain.report._pdf_style import escaped, styles
+    from trueterrain.report._picture import image
+
+    data, wide, high = image(figure, width, _HIGHEST * height)
+    found: list[Any] = [Image(data, width=wide, height=high, hAlign="LEFT")]
+    found += [Paragraph(escaped(text), styles()["caption"]) for text in captions if text]
+    return KeepTogether([*found, Spacer(0, 8)])
+
+
+def _warnings(block: Warnings, width: float) -> Any:
+    from reportlab.platypus import Paragraph
+    from reportlab.platypus import Table as Grid
+
+    from trueterrain.report._pdf_style import BOLD, DOUBT, DOUBT_PAPER, escaped, styles
+
+    if not block.items:
+        return Paragraph("Nothing doubtful was found.", styles()["note"])
+    head = Paragraph(f"<font name='{BOLD}' color='{DOUBT}'>⚠ Doubtful</font>", styles()["text"])
+    items = [Paragraph(f"• {escaped(item)}", styles()["text"]) for item in block.items]
+    look = [
+        ("BACKGROUND", (0, 0), (-1, -1), DOUBT_PAPER), ("LINEBEFORE", (0, 0), (0, -1), 2, DOUBT),
+        ("LEFTPADDING", (0, 0), (-1, -1), 9), ("RIGHTPADDING", (0, 0), (-1, -1), 9),
+        ("TOPPADDING", (0, 0), (-1, -1), 3), ("BOTTOMPADDING", (0, 0), (-1, -1), 1),
+    ]  # fmt: skip
+    return Grid([[row] for row in (head, *items)], colWidths=[width], style=look,
+                spaceBefore=4, spaceAfter=10, splitInRow=1)  # fmt: skip
+
+
+def _origin(found: dict[str, Any], width: float) -> Iterator[Any]:
+    """Steps that led to a result, whole: nothing is folded on paper."""
+    from reportlab.platypus import Paragraph, Preformatted
+
+    from trueterrain.report._pdf_style import escaped, styles
+    from trueterrain.report._pdf_table import table_flowables
+
+    yield Paragraph(escaped(found["name"]), styles()["step"])
+    for number, step in enumerate(found["steps"], start=1):
+        version = f" (trueterrain {step['version']})" if step["version"] else ""
+        words = f"{number}. {step['step'] or _numbers.UNKNOWN}{version}"
+        yield Paragraph(escaped(words), styles()["text"])
+        if step["inputs"]:
+            hashes = Table(
+                columns=(Column(label="Input"), Column(label="SHA-256")),
+                rows=[(one.get("name"), one.get("sha256")) for one in step["inputs"]],
+            )
+            yield from table_flowables(table_cells(hashes), width)
+        if step["parameters"] != "{}":
+            yield Preformatted(
+                step["parameters"], styles()["code"], maxLineLength=_CODE_LINE, newLineChars=""
+            )
