@@ -82,6 +82,16 @@ def test_the_accelerometer_clock_from_navigation(bounce):
     assert 0.3 < rms(shares) < 2.0  # 5 values: sd 0.3
 
 
+def test_the_scale_of_the_accelerometers_from_navigation(bounce):
+    """All of them read 2 % too much: the motion is 1 / 1.02 of what they feel."""
+    scene, knots = bounce
+    sensors = replace(scene.accelerometers, scale=(0.02,) * 3, scale_sd=0.0)
+    run = run_of(knots, replace(scene, accelerometers=sensors))
+    found = accelerometer_clock_from_navigation(run, accelerometer_delay=sensors.group_delay)
+    assert abs(found.scale[0] - 1 / 1.02) < SURE * found.scale_sd[0]
+    assert found.scale_sd[0] < 0.02  # drift of 5 mm in 1 s beside a heave of 20 mm for 10 s
+
+
 def test_a_clock_that_runs_fast(bounce):
     scene, knots = bounce
     sensors = replace(scene.accelerometers, clock_rate=4e-4)

@@ -1,6 +1,9 @@
 """Whether scans lie within the motion that is to place them, and where some are missing."""
 
+from typing import NamedTuple
+
 import numpy as np
+import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.errors import CoverageError
@@ -9,6 +12,52 @@ from trueterrain.formats.run._rules import check_scans
 from trueterrain.motion.trajectory import Trajectory
 
 _GAP = 1.5  # usual steps from which on a step between two scans is a gap
+
+
+class MissingScans(NamedTuple):
+    """Scans that a scanner should have made."""
+
+    count: int
+    "How many are missing."
+
+    gaps: int
+    "In how many gaps."
+
+    longest: float
+    "The longest step from scan to scan [s]; 0 if there is none."
+
+    at: float
+    "Stamp of the scan before it [s]; NaN if there is none."
+
+
+def missing_scans(time: npt.ArrayLike) -> MissingScans:
+    """Count the scans that are missing between others, by their stamps.
+
+    Parameters
+    ----------
+    time : array_like, shape (n,)
+        Ascending stamps of the scans [s].
+
+    Returns
+    -------
+    MissingScans
+        Steps longer than one and a half usual ones lack as many scans as usual steps fit in, less
+        one.
+
+    Examples
+    --------
+    >>> missing_scans([0.0, 0.1, 0.2, 0.5, 0.6]).count
+    2
+    """
+    time = np.asarray(time, dtype=float)
+    steps = np.diff(time)
+    if not steps.size:
+        return MissingScans(0, 0, 0.0, float("nan"))
+    usual = float(np.median(steps))
+    gaps = np.flatnonzero(steps > _GAP * usual)
+    count = int(np.sum(np.rint(steps[gaps] / usual) - 1)) if gaps.size else 0
+    longest = int(steps.argmax())
+    return MissingScans(count, int(gaps.size), float(steps[longest]), float(time[longest]))
 
 
 def scan_problems(run: xr.DataTree, trajectory: Trajectory) -> list[str]:
@@ -45,13 +94,11 @@ def scan_problems(run: xr.DataTree, trajectory: Trajectory) -> list[str]:
             place="scans",
             cure="Compare the clocks of scanner and navigation: `trueterrain info`.",
         )
-    steps = np.diff(time)
-    gaps = np.flatnonzero(steps > _GAP * np.median(steps)) if steps.size else steps
-    if not gaps.size:
+    missing = missing_scans(time)
+    if not missing.gaps:
         return []
-    longest = int(steps.argmax())
-    several = "a gap" if gaps.size == 1 else f"{gaps.size} gaps, the longest"
+    several = "a gap" if missing.gaps == 1 else f"{missing.gaps} gaps, the longest"
     return [
-        f"scans: {several} of {steps[longest]:.6g} s at {time[longest]:.6f} s: the scanner paused, "
+        f"scans: {several} of {missing.longest:.6g} s at {missing.at:.6f} s: the scanner paused, "
         "or its clock jumped"
     ]

@@ -64,6 +64,13 @@ class ClockEstimate:
     residual: tuple[float, ...]
     "Root mean square of what the fit leaves of it."
 
+    scale: tuple[float, ...] = ()
+    """How many times as large the motion is as the accelerometers feel it, for each of the same:
+    less than 1 if they read too much [1]."""
+
+    scale_sd: tuple[float, ...] = ()
+    "Their standard deviations [1]."
+
 
 def scanner_clock(run: xr.DataTree) -> Clock:
     """Clock of the scanner as the run knows it.
@@ -229,6 +236,8 @@ class _Fit:
     middle_sd: float
     excitation: tuple[float, ...]
     residual: tuple[float, ...]
+    scale: tuple[float, ...]
+    scale_sd: tuple[float, ...]
 
 
 def _felt(run: xr.DataTree, clock: Clock) -> "tuple[NavigationInput, Inertial, Any]":
@@ -326,20 +335,41 @@ def _shift(
     meat = np.zeros_like(normal)
     for j, ((shape, _), rest) in enumerate(zip(rows, left, strict=True)):
         step = float(np.median(np.diff(channels[j][0])))
-        meat += weights[j] ** 2 * _long_run(shape * rest[:, None], round(1.0 / band[0] / step))
+        meat += weights[j] ** 2 * long_run(shape * rest[:, None], round(1.0 / band[0] / step))
     inverse = np.linalg.inv(normal)
-    whole = (inverse @ meat @ inverse)[:count, :count]
+    every = inverse @ meat @ inverse
+    whole = every[:count, :count]
     middle = np.array([1.0, 0.5 * (channels[0][0][0] + channels[0][0][-1]) - begin])[:count]
     return _Fit(
         shift=shift, covariance=whole, middle_sd=float(np.sqrt(middle @ whole @ middle)),
         excitation=tuple(float(np.sqrt(np.mean(shape[:, count + j] ** 2)))
                          for j, (shape, _) in enumerate(rows)),
         residual=tuple(float(np.sqrt(np.mean(rest**2))) for rest in left),
+        scale=tuple(found[count:].tolist()),
+        scale_sd=tuple(np.sqrt(np.diag(every))[count:].tolist()),
     )  # fmt: skip
 
 
-def _long_run(scores: Float, lags: int) -> Float:
-    """Covariance of the sum of correlated rows (Newey and West), with Bartlett's window."""
+def long_run(scores: Float, lags: int) -> Float:
+    """Covariance of the sum of correlated rows (Newey and West, 1987), with Bartlett's window.
+
+    Parameters
+    ----------
+    scores : numpy.ndarray, shape (n, k)
+        Rows, of which neighbours may be alike.
+    lags : int
+        Rows over which they are.
+
+    Returns
+    -------
+    numpy.ndarray, shape (k, k)
+        Covariance.
+
+    Examples
+    --------
+    >>> long_run(np.array([[1.0], [-1.0], [1.0], [-1.0]]), 0)
+    array([[4.]])
+    """
     from scipy.signal import fftconvolve
 
     lags = min(lags, len(scores) - 1)
@@ -365,7 +395,7 @@ def _told(fit: _Fit, declared: float, largest_sd: float, name: str) -> ClockEsti
         clock=declared + float(fit.shift[0]), sd=float(sd[0]),
         rate=float(fit.shift[1]) if with_rate else 0.0,
         rate_sd=float(sd[1]) if with_rate else 0.0,
-        excitation=fit.excitation, residual=fit.residual,
+        excitation=fit.excitation, residual=fit.residual, scale=fit.scale, scale_sd=fit.scale_sd,
     )  # fmt: skip
 
 
