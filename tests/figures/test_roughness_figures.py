@@ -85,3 +85,48 @@ def test_sliding_windows_are_shaded_where_too_rough(two):
     assert figures.continuous_roughness(sliding).get_ylabel() == "IRI [m/km]"
     whole = roughness.continuous_iri(two, 399.0, step=1.0)
     figures.continuous_roughness(whole)  # one window only
+
+
+def test_deviations_are_drawn_with_rings_beyond_the_threshold(two):
+    beam = roughness.rolling_straightedge(two, 3.0)
+    ax = figures.straightedge_deviation(beam, threshold=0.015)
+    assert legend(ax) == ["left", "right", "beyond 15 mm"]
+    assert ax.get_ylabel() == "Ground above it [mm]"
+    for line, track in zip(ax.lines, beam.deviation, strict=False):
+        assert_allclose(line.get_ydata(), track, rtol=0, atol=0)
+    found = roughness.stretches(abs(beam.deviation), 0.015)
+    (rings,) = [line for line in ax.lines if line.get_label() == "beyond 15 mm"]
+    assert_allclose(rings.get_xdata(), found.peak_at, rtol=0, atol=0)
+    assert_allclose(abs(rings.get_ydata()), found.peak, rtol=0, atol=0)
+    limits = [line.get_ydata()[0] for line in ax.lines if line.get_linestyle() == "--"]
+    assert limits == [-0.015, 0.015]
+    low, high = ax.get_ylim()
+    assert (low, high) == (-high, high)
+    assert any("3 m on two wheels" in text.get_text() for text in ax.texts)
+
+
+def test_nothing_beyond_the_threshold_has_no_rings():
+    flat = make_profile(S, 0 * S)
+    ax = figures.straightedge_deviation(roughness.rolling_straightedge(flat), threshold=0.004)
+    assert ax.get_legend() is None
+    assert ax.get_ylim()[1] > 0.004
+    figures.straightedge_deviation(roughness.rolling_straightedge(flat))  # nor a height to scale by
+
+
+def test_bands_of_wavelength_are_steps_in_their_colours(two):
+    rated = roughness.waveband_rms(two, segment=100.0)
+    ax = figures.waveband_segments(rated)
+    assert legend(ax) == [
+        f"{band}, {track}" for band in ("short", "medium", "long") for track in ("left", "right")
+    ]
+    drawn = {patch.get_label(): patch for patch in ax.patches}
+    for band in rated.band.values:
+        pair = [drawn[f"{band}, {track}"] for track in ("left", "right")]
+        assert pair[0].get_edgecolor() == pair[1].get_edgecolor()
+        assert pair[0].get_linestyle() != pair[1].get_linestyle()
+    steps = drawn["long, right"].get_data()
+    truth = rated.segment_rms.sel(band="long", track="right")
+    assert_allclose(steps.values, truth, rtol=0, atol=0)
+    assert_allclose(steps.edges, [0, 100, 200, 300, 399.9], rtol=0, atol=1e-9)
+    with pytest.raises(ValueError, match="rated must hold segments"):
+        figures.waveband_segments(roughness.waveband_rms(two))

@@ -15,7 +15,7 @@ from trueterrain.errors import concerning
 if TYPE_CHECKING:
     import xarray as xr
 
-    from trueterrain.roughness import Butterworth, Filter
+    from trueterrain.roughness import Filter
 
 _MM = 1000.0
 _MOST = 0.5  # [m] no road is as far from a beam; a larger threshold is meant in mm
@@ -116,11 +116,11 @@ class _Rated:
     beyond: "xr.Dataset | None"
 
 
-def _bands(asked: list[tuple[str, float, float]] | None) -> "Mapping[str, Butterworth]":
+def _bands(asked: list[tuple[str, float, float]] | None) -> "Mapping[str, Filter]":
     from trueterrain.roughness import WAVEBANDS, Butterworth
 
     if not asked:
-        return WAVEBANDS  # type: ignore[return-value]  # of which all are Butterworth filters
+        return WAVEBANDS
     names = [name for name, _, _ in asked]
     if len(set(names)) < len(names):
         message = f"--band must give each name once, got {', '.join(names)}."
@@ -155,7 +155,8 @@ def _that_fit(
             doubts[name] = f"the profile is {room:g} m long, its waves are up to {band.longest:g} m"
         elif band.shortest is not None and band.shortest <= 2 * spacing:
             doubts[name] = (
-                f"its waves of {band.shortest:g} m need samples closer than {spacing:.4g} m"
+                f"its waves of {band.shortest:g} m need a spacing below {0.5 * band.shortest:g} m, "
+                f"got {spacing:.4g} m"
             )
     if len(doubts) == len(bands):
         return bands  # refused where they are used
@@ -284,10 +285,11 @@ def _explain(wanted: _Wanted) -> None:
     edges = [
         f"{name} {band.shortest:g} to {band.longest:g} m" for name, band in wanted.bands.items()
     ]
-    out(f"RMS in the bands {', '.join(edges)}: Butterworth, half of the power at the edges.")
+    out(f"RMS in bands: {', '.join(edges)}; Butterworth, half of the power at the edges.")
+    out("Within the longest wave of a band from an end, RMS depends on how the road goes on there.")
     out(
-        f"95 % and peak: deviation of the ground from the middle of a beam of "
-        f"{wanted.straightedge:g} m on two wheels, + above it."
+        f"95 % and peak: ground above (+) or below (-) the middle of a beam of "
+        f"{wanted.straightedge:g} m on two wheels."
     )
     out("Bands, filter and straightedge were not checked against the texts of EN 13036.")
 
