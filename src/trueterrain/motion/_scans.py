@@ -1,6 +1,6 @@
 """Whether scans lie within the motion that is to place them, and where some are missing."""
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +14,8 @@ from trueterrain.motion.trajectory import Trajectory
 _GAP = 1.5  # usual steps from which on a step between two scans is a gap
 
 
-class MissingScans(NamedTuple):
+@dataclass(frozen=True, kw_only=True)
+class MissingScans:
     """Scans that a scanner should have made."""
 
     count: int
@@ -52,12 +53,14 @@ def missing_scans(time: npt.ArrayLike) -> MissingScans:
     time = np.asarray(time, dtype=float)
     steps = np.diff(time)
     if not steps.size:
-        return MissingScans(0, 0, 0.0, float("nan"))
+        return MissingScans(count=0, gaps=0, longest=0.0, at=float("nan"))
     usual = float(np.median(steps))
     gaps = np.flatnonzero(steps > _GAP * usual)
     count = int(np.sum(np.rint(steps[gaps] / usual) - 1)) if gaps.size else 0
     longest = int(steps.argmax())
-    return MissingScans(count, int(gaps.size), float(steps[longest]), float(time[longest]))
+    return MissingScans(
+        count=count, gaps=int(gaps.size), longest=float(steps[longest]), at=float(time[longest])
+    )
 
 
 def scan_problems(run: xr.DataTree, trajectory: Trajectory) -> list[str]:

@@ -12,13 +12,17 @@ import xarray as xr
 
 from trueterrain.errors import CoverageError, concerning
 from trueterrain.georeference import Screening
+from trueterrain.verify._common_findings import described
 from trueterrain.verify._errors import Row, at_edges, distances, parts_of, row_of
+from trueterrain.verify._static_findings import static_findings
+from trueterrain.verify.findings import Finding
 from trueterrain.verify.registration import Registration, register
 
 Floats = npt.NDArray[np.float64]
 
 _LEAST = 2  # returns of a beam of which a spread is taken
 _HEIGHTS = 20  # on the plate
+_STEEP = 0.5  # [rad] slope that no plate has on which a vehicle stands: degrees were meant
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +47,12 @@ class StaticSettings:
     search: float | None = None
     "Greatest distance of the plate from there [m]; by default it is looked for everywhere."
 
+    level: float | None = None
+    "Slope of the plate by a spirit level, left side up [rad]; None if not known."
+
+    level_sd: float = 0.0002
+    "Standard deviation of that slope [rad]; a good level tells 0.2 mm in 1 m."
+
     screening: Screening = field(default_factory=Screening)
     "Which returns are doubtful; what becomes of them is seen with and without them."
 
@@ -62,6 +72,12 @@ class StaticSettings:
             raise ValueError(message)
         if not 0 < self.confidence < 1:
             message = f"confidence must be between 0 and 1, got {self.confidence}."
+            raise ValueError(message)
+        if self.level is not None and not abs(self.level) < _STEEP:
+            message = f"level must be a slope in rad, less than {_STEEP} rad, got {self.level}."
+            raise ValueError(message)
+        if not (self.level_sd >= 0 and math.isfinite(self.level_sd)):
+            message = f"level_sd must be at least 0 rad, got {self.level_sd}."
             raise ValueError(message)
         if self.search is not None and self.assumed is None:
             message = "search needs assumed, where the plate is assumed to begin."
@@ -90,6 +106,9 @@ class StaticResult:
     scans: int
     "Scans that were taken."
 
+    findings: tuple[Finding, ...] = ()
+    "What was looked for besides: see `Finding`."
+
     def describe(self) -> dict[str, Any]:
         """The same as plain numbers and words, as for JSON, without the single errors."""
         found = self.registration
@@ -101,6 +120,7 @@ class StaticResult:
             "scans": self.scans,
             "registration_found": {name: getattr(found, name) for name in names},
             "parts": {name: math.sqrt(value) for name, value in self.parts.items()},
+            "findings": described(self.findings),
         }
 
 
@@ -167,7 +187,7 @@ def static_test(
             one.add(block)
     with _about(source):
         return [
-            _result(name, one, turned, machined, settings, wanted)
+            _result(name, one, sums[0], turned, tree, machined, settings, wanted)
             for (name, _), one in zip(ways, sums, strict=True)
         ]
 
@@ -238,7 +258,9 @@ def _about(source: Path | None) -> Any:
 def _result(
     name: str,
     sums: _Sums,
+    every: _Sums,
     turned: Floats,
+    tree: xr.DataTree,
     machined: xr.Dataset,
     settings: StaticSettings,
     scans: int,
@@ -277,6 +299,12 @@ def _result(
         confidence=settings.confidence,
     )
     parts = parts_of(height - true, columns["sd_mean"], edge, doubtful)
+    beams = slice(int(good.min()), int(good.max()) + 1)
+    findings = static_findings(
+        tree, errors, machined, found, assumed=settings.assumed, level=settings.level,
+        level_sd=settings.level_sd, screening=settings.screening, scans=scans,
+        returned=every.count[beams], doubtful=every.doubtful[beams],
+    )  # fmt: skip
     return StaticResult(
-        errors=errors, row=row, registration=found, parts=parts, scans=scans
+        errors=errors, row=row, registration=found, parts=parts, scans=scans, findings=findings
     )  # fmt: skip

@@ -1,0 +1,218 @@
+"""What both tests look for: the place of the plate, bright ground, and what the scanner lost."""
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from trueterrain.georeference import Screening
+from trueterrain.motion._scans import missing_scans
+from trueterrain.verify._regression import regress
+from trueterrain.verify.findings import Finding, certain
+from trueterrain.verify.registration import Registration
+
+Floats = npt.NDArray[np.float64]
+Bools = npt.NDArray[np.bool_]
+
+#: Least displacement of the plate that matters [m]: nobody lays one down more truly.
+LEAST_PLACE = 0.001
+
+_LEAST_HEIGHT = 0.0001  # [m] error of bright ground that matters: the step of usual ranges
+_LEAST_LOST = 0.05  # share of returns that a healthy scanner may lose
+_LEAST_DOUBTFUL = 0.01  # share of doubtful returns that a plate of one brightness may have
+_BRIGHT = 1.5  # times the usual intensity from which ground is bright
+_FEWEST = 8  # places of which a mean is taken
+_LAGS = 5  # neighbours on a flank whose errors are alike
+_HUBER = 1.345  # standard deviations beyond which a place weighs less
+_NMAD = 1.4826  # times the median absolute deviation is the standard deviation of normal errors
+_LEAST_SCALE = 5e-5  # [m] standard deviation of errors that is believed at least
+
+
+def unknown(name: str, unit: str, why: str) -> Finding:
+    """Finding of a check that cannot be made."""
+    return Finding(name=name, value=None, sd=None, unit=unit, detected=None, meaning=why)
+
+
+def shift_sd(errors: xr.Dataset, machined: xr.Dataset) -> float:
+    """Standard deviation of the place at which a plate was found.
+
+    Parameters
+    ----------
+    errors : xarray.Dataset
+        ``error`` over ``s`` on the machined profile [m].
+    machined : xarray.Dataset
+        Machined profile.
+
+    Returns
+    -------
+    float
+        Of the step of Gauss and Newton at the place that was found, with offset and slope left
+        free and Huber's weights [m]: it follows from the errors on the flanks, whose slopes are
+        taken between neighbouring places.
+    """
+    s, error = errors["s"].values, errors["error"].values
+    apart = float(np.median(np.diff(np.sort(s))))
+    nodes, heights = machined["s"].values - machined["s"].values[0], machined["height"].values
+    rise = np.interp(s + apart, nodes, heights) - np.interp(s - apart, nodes, heights)
+    scale = max(_NMAD * float(np.median(np.abs(error - np.median(error)))), _LEAST_SCALE)
+    root = np.sqrt(np.minimum(1.0, _HUBER * scale / np.maximum(np.abs(error), 1e-12)))
+    level = np.stack([np.ones_like(s), s - s.mean()], axis=-1)
+    slope = rise / (2 * apart)
+    fit = regress((root * slope)[:, None], root[:, None] * level, root * error, lags=_LAGS)
+    return float(fit.sd[0])
+
+
+def place(
+    errors: xr.Dataset,
+    machined: xr.Dataset,
+    found: Registration,
+    assumed: float | None,
+    *,
+    where: tuple[str, str],
+    otherwise: str = "",
+) -> Finding:
+    """Where the plate lies against where it was assumed.
+
+    Parameters
+    ----------
+    errors, machined : xarray.Dataset
+        Errors over the plate, and its machined profile.
+    found : Registration
+        Where it lies.
+    assumed : float, optional
+        Where it was assumed to lie [m].
+    where : tuple of str
+        Words for a plate that lies further along the measured coordinate, and less far.
+    otherwise : str
+        What else looks the same, in words.
+
+    Returns
+    -------
+    Finding
+        Found less assumed place [m].
+    """
+    name = "place of the plate"
+    if assumed is None:
+        return unknown(
+            name, "m", "No place was assumed: measure where the plate begins, and say so (assumed)."
+        )
+    beside, sd = found.shift - assumed, shift_sd(errors, machined)
+    detected = certain(beside, sd, least=LEAST_PLACE)
+    if detected:
+        meaning = (
+            f"The plate lies {1e3 * abs(beside):.1f} mm {where[beside < 0]} its assumed place"
+            f"{otherwise}; this was registered first and is not charged to the heights."
+        )
+    else:
+        meaning = f"The plate lies where it was assumed, within {1e3 * LEAST_PLACE:g} mm."
+    return Finding(name=name, value=beside, sd=sd, unit="m", detected=detected, meaning=meaning)
+
+
+def brightness(
+    position: Floats, error: Floats, intensity: Floats | None, doubtful: Bools | None
+) -> Finding:
+    """Error of bright ground against that of the rest.
+
+    Parameters
+    ----------
+    position, error : numpy.ndarray, shape (n,)
+        Places away from edges, and the errors there [m].
+    intensity : numpy.ndarray, optional
+        Their mean intensities [counts]; None where none were recorded.
+    doubtful : numpy.ndarray of bool, optional
+        Which are doubtful by the settings; by default the brightest by far are.
+
+    Returns
+    -------
+    Finding
+        Mean error of the bright places less that of the others [m].
+    """
+    name = "error of bright ground"
+    if intensity is None or not np.isfinite(intensity).any():
+        return unknown(
+            name, "m", "The run holds no intensities: record them, to see what bright ground does."
+        )
+    bright = doubtful
+    if bright is None or not bright.any():
+        bright = intensity > _BRIGHT * np.nanmedian(intensity)
+    if bright.sum() < _FEWEST or (~bright).sum() < _FEWEST:
+        return unknown(
+            name, "m",
+            "Too little of the plate is much brighter or darker than the rest: a stripe of white "
+            "paint on a cleat would tell.",
+        )  # fmt: skip
+    order = np.argsort(position, kind="stable")
+    s, values = position[order], error[order]
+    level = np.stack([np.ones_like(s), s - s.mean()], axis=-1)
+    # as many neighbours are alike as a stripe has
+    lags = min(int(bright.sum()), s.size // 8)
+    fit = regress(bright[order].astype(np.float64)[:, None], level, values, lags=lags)
+    value, sd = float(fit.value[0]), float(fit.sd[0])
+    detected = certain(value, sd, least=_LEAST_HEIGHT)
+    share = 100 * float(bright.mean())
+    if detected:
+        meaning = (
+            f"Bright ground, {share:.0f} % of the plate, is seen {1e3 * abs(value):.2f} mm too "
+            f"{'high' if value > 0 else 'low'}: the receiver saturates; screen such returns."
+        )
+    else:
+        meaning = f"Bright ground, {share:.0f} % of the plate, is measured as truly as the rest."
+    return Finding(name=name, value=value, sd=sd, unit="m", detected=detected, meaning=meaning)
+
+
+def doubted(share: float | None, screening: Screening) -> Finding:
+    """Share of returns whose intensity is doubtful; None where none were recorded."""
+    name = "doubtful intensity"
+    if not screening.needs_intensity:
+        return unknown(
+            name, "1",
+            "Nothing was said of which intensities are doubtful: give the saturation of the "
+            "receiver (screening).",
+        )  # fmt: skip
+    if share is None:
+        return unknown(name, "1", "The run holds no intensities: record them.")
+    detected = share > _LEAST_DOUBTFUL
+    meaning = (
+        f"{100 * share:.1f} % of the returns are brighter or darker than the receiver likes"
+        + (": their heights are doubtful." if detected else ".")
+    )
+    return Finding(
+        name=name, value=share, sd=None, unit="1", detected=detected, meaning=meaning
+    )  # fmt: skip
+
+
+def lost_scans(time: npt.ArrayLike) -> Finding:
+    """How many scans are missing, by their stamps."""
+    missing = missing_scans(time)
+    if missing.count:
+        meaning = (
+            f"{missing.count} scans are missing in {missing.gaps} gaps, the longest from "
+            f"{missing.at:.3f} s on for {1e3 * missing.longest:.1f} ms: the recorder is too slow, "
+            "or a cable is loose."
+        )
+    else:
+        meaning = "No scan is missing among the others."
+    return Finding(
+        name="scans lost", value=float(missing.count), sd=None, unit="1",
+        detected=missing.count > 0, meaning=meaning,
+    )  # fmt: skip
+
+
+def lost_returns(share: float, worst: float | None = None) -> Finding:
+    """Share of beams that did not return, and that of the worst beam where it is known."""
+    if not math.isfinite(share):
+        return unknown("returns lost", "1", "No beam was looked at.")
+    detected = share > _LEAST_LOST
+    beam = "" if worst is None else f", of the worst beam {100 * worst:.1f} %"
+    cause = ": the ground is too dark, or the glass is dirty." if detected else "."
+    return Finding(
+        name="returns lost", value=share, sd=None, unit="1", detected=detected,
+        meaning=f"{100 * share:.2f} % of the returns over the plate were lost{beam}{cause}",
+    )  # fmt: skip
+
+
+def described(findings: tuple[Finding, ...]) -> list[dict[str, Any]]:
+    """Findings as plain numbers and words."""
+    return [one.describe() for one in findings]
