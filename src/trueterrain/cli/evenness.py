@@ -264,7 +264,7 @@ def _cells(rated: dict[str, Any]) -> list[str]:
     values = [*(f"{_MM * value:.2f}" for value in rated["rms"].values())]
     values += [
         f"{_MM * found['p95']:.2f}",
-        f"{_MM * found['peak']:+.2f}",
+        f"{round(_MM * found['peak'], 2) + 0.0:+.2f}",
         f"{found['peak_at']:.2f}",
     ]
     return ["-" if "nan" in value else value for value in values]
