@@ -90,9 +90,9 @@ class StaticResult:
 
     errors: xr.Dataset
     """Over position s on the machined profile [m], in the order of the beams: ``along`` to the left
-    of the scanner, ``height`` (registered), ``machined``, ``error``, ``sd`` of a single
-    scan, ``sd_mean``, ``distance`` from the machined line [m], ``intensity`` (mean), ``edge`` and
-    ``doubtful``."""
+    of the scanner, ``up`` as it was measured, ``height`` (registered), ``machined``, ``error``,
+    ``sd`` of a single scan, ``sd_mean``, ``distance`` from the machined line [m], ``intensity``
+    (mean), ``edge`` and ``doubtful``."""
 
     row: Row
     "Row of the table."
@@ -282,7 +282,7 @@ def _result(
     doubtful = sums.doubtful[good] > 0.5 * count
     distance = distances(machined, s, height)
     columns = {
-        "along": along, "height": height, "machined": true, "error": height - true,
+        "along": along, "up": up[on], "height": height, "machined": true, "error": height - true,
         "distance": distance, "sd": noise,
         "sd_mean": noise / np.sqrt(count), "intensity": sums.bright[good] / count,
         "edge": edge, "doubtful": doubtful,
