@@ -133,6 +133,20 @@ def test_scale(run, tmp_path):
     )
 
 
+def test_profile_at_equal_spacing(run, tmp_path):
+    """What filters and spectra ask for, if samples are unequally spaced."""
+    s = np.sort(np.random.default_rng(5).uniform(0, 50, 2000))
+    formats.write(make_profile(s, 0.01 * s), tmp_path / "uneven.csv")
+    refused(run("psd", tmp_path / "uneven.csv", "--lowest", 0.1), "trueterrain convert --spacing")
+    finished = run("convert", tmp_path / "uneven.csv", "-o", tmp_path / "p.erd", "--spacing", 0.05)
+    assert finished.code == 0, finished.err
+    assert "waves shorter than 0.1 m pass for longer ones" in finished.err
+    even = formats.open(tmp_path / "p.erd")
+    np.testing.assert_allclose(np.diff(even.s), 0.05, rtol=0, atol=1e-6)  # [m] as ERD rounds
+    np.testing.assert_allclose(even.height.squeeze(), 0.01 * even.s, rtol=0, atol=1e-6)
+    assert run("psd", tmp_path / "p.erd", "--lowest", 0.1).code == 0
+
+
 def test_what_is_impossible_says_why(run, profile, road, tmp_path):
     formats.write(make_points([0], [0], [0]), tmp_path / "points.csv")
     (tmp_path / "path.csv").write_text("x,y\n0,0\n1,1\n")
@@ -155,6 +169,9 @@ def test_bad_arguments(run, profile, road, tmp_path):
     refused(run("convert", profile, "-o", out, "--units", "mm"), "--units is for ERD output")
     refused(run("convert", profile, "-o", out, "--units", "cm"), "units", "cm")
     refused(run("convert", profile, "-o", out, "--scale", 0.1), "--scale is for LAS and LAZ")
+    refused(run("convert", road, "-o", out, "--spacing", 0.1), "--spacing is for profiles")
+    refused(run("convert", profile, "-o", out, "--spacing", 0), "spacing must be greater than 0")
+    refused(run("convert", profile, "-o", out, "--spacing", 900), "profile.csv", "shorter than")
     refused(run("convert", profile, "-o", out, "--crs", "nowhere"), "EPSG:25832")
     refused(run("convert", profile, "-o", profile, "--force"), "is an input as well")
     refused(run("convert", profile, "-o", road), "cannot become .crg")

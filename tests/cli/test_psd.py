@@ -99,7 +99,7 @@ def test_bad_files(run, tmp_path):
     table.write(make_profile(s, np.sin(s)), tmp_path / "unequal.csv")
     message = run("psd", tmp_path / "unequal.csv").err
     assert "unequal.csv: axis s: must be equally spaced for a spectrum" in message
-    assert "Resample the profile" in message
+    assert "trueterrain convert --spacing" in message
     short = make_profile(0.1 * np.arange(30), 1e-3 * np.sin(np.arange(30.0)))
     erd.write(short, tmp_path / "s.erd")
     assert "s.erd: axis s: has 0 bands" in run("psd", tmp_path / "s.erd").err

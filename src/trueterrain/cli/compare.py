@@ -111,7 +111,7 @@ def compare(
     force
         Replace the picture if it exists.
     """
-    from trueterrain.engine import require_writable
+    from trueterrain import figures
 
     paths = [path for path in (file, *more) if path != reference]
     every = paths if reference is None else [reference, *paths]
@@ -119,7 +119,7 @@ def compare(
         message = "two files are needed: give another one, or --reference FILE."
         raise ValueError(message)
     if plot is not None:
-        require_writable(plot, force=force, inputs=every)
+        figures.require_picture(plot, force=force, inputs=every)
     data = _read(every)
     named = None if reference is None else next(iter(data))
     kind = _kind(data)

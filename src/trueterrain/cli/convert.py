@@ -8,6 +8,7 @@ from cyclopts import Parameter
 
 from trueterrain.cli._console import note, progress_bar
 from trueterrain.cli._recordings import refuse_recording
+from trueterrain.errors import concerning
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -19,6 +20,7 @@ _PROFILES = (".erd",)
 _CLOUDS = (".laz", ".las")
 _TABLES = (".csv", ".parquet")
 _STORES = (".zarr",)
+_WIDER = 1.5  # times the usual spacing, from which on waves are lost
 _KNOWN = (*_SURFACES, *_PROFILES, *_CLOUDS, *_TABLES, *_STORES)
 
 
@@ -30,6 +32,7 @@ def convert(
     units: Literal["m", "mm", "ft", "in"] | None = None,
     crs: str | None = None,
     scale: float | None = None,
+    spacing: float | None = None,
     force: bool = False,
 ) -> None:
     """Convert surfaces, points and profiles between file formats.
@@ -54,6 +57,10 @@ def convert(
         wrong. Nothing is transformed.
     scale
         Step that coordinates are rounded to in LAS and LAZ files [m]; by default 0.0001.
+    spacing
+        Profiles: distance of the samples to write, from the first one on, straight between those
+        of the input [m]; by default as they are. Waves shorter than twice of it should be taken out
+        first: trueterrain filter.
     force
         Replace the output if it exists: a file, or a store of points, a surface or a profile.
     """
@@ -65,6 +72,9 @@ def convert(
     refuse_recording(source, kind, "a surface, points or a profile")
     _check_possible(source, kind, output, ending)
     options = _options(ending, units, scale)
+    if spacing is not None and kind != "profile":
+        message = f"--spacing is for profiles, got {source}, which holds {kind}."
+        raise ValueError(message)
     if crs is not None:
         parse_crs(crs)
     formats.require_writable(output, force=force, inputs=[source])
@@ -78,7 +88,9 @@ def convert(
     data = formats.open(source)
     data = data if crs is None else data.assign_attrs(crs=crs)
     if kind == "profile":
-        _convert_profile(data, output, write)
+        _convert_profile(
+            data if spacing is None else _resampled(data, spacing, source), output, write
+        )
     elif ending in (*_SURFACES, *_STORES):
         _convert_surface(data, output, write)
     else:
@@ -112,6 +124,22 @@ def _convert_profile(profile: "xr.Dataset", output: Path, write: Callable[[Any],
     s = profile.s.values
     note(f"{output}: {s.size:,} samples{several} from {s[0]:g} to {s[-1]:g} m")
     _note_lost(profile, output)
+
+
+def _resampled(profile: "xr.Dataset", spacing: float, source: Path) -> "xr.Dataset":
+    import numpy as np
+
+    from trueterrain.roughness import resample_profile
+
+    with concerning(source):
+        even = resample_profile(profile, spacing)
+    usual = float(np.median(np.diff(profile["s"].values)))
+    if spacing > _WIDER * usual:
+        note(
+            f"{source}: samples are {usual:g} m apart; at {spacing:g} m waves shorter than "
+            f"{2 * spacing:g} m pass for longer ones, unless trueterrain filter took them out"
+        )
+    return even
 
 
 def _convert_surface(surface: "xr.Dataset", output: Path, write: Callable[[Any], Any]) -> None:

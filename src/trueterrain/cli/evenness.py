@@ -73,7 +73,7 @@ def evenness(
     force
         Replace the picture if it exists.
     """
-    from trueterrain.engine import require_writable
+    from trueterrain import figures
 
     if threshold is not None and not 0 < threshold < _MOST:
         message = f"--threshold must be greater than 0 and less than {_MOST:g} m, got {threshold:g}"
@@ -81,7 +81,7 @@ def evenness(
         raise ValueError(f"{message}{cure}.")
     files = (file, *more)
     if plot is not None:
-        require_writable(plot, force=force, inputs=files)
+        figures.require_picture(plot, force=force, inputs=files)
     wanted = _Wanted(_bands(band), segment, straightedge, threshold)
     rated = [_rate(path, wanted) for path in files]
     documents = [_document(one, wanted) for one in rated]

@@ -105,7 +105,7 @@ def iri(
     force
         Replace the picture if it exists.
     """
-    from trueterrain.engine import require_writable
+    from trueterrain import figures
     from trueterrain.roughness import IriOptions
 
     if step is not None and continuous is None:
@@ -117,7 +117,7 @@ def iri(
             raise ValueError(message)
     files = (file, *more)
     if plot is not None:
-        require_writable(plot, force=force, inputs=files)
+        figures.require_picture(plot, force=force, inputs=files)
     options = IriOptions(window=window, window_length=window_length, start=start, restart=restart)
     wanted = _Wanted(unit, segment, continuous, 1.0 if step is None else step, threshold, histogram)
     with compiling_noted():

@@ -63,10 +63,9 @@ def plot(
         Replace the output if it exists.
     """
     from trueterrain import figures
-    from trueterrain.engine import require_writable
 
     files = (file, *more)
-    require_writable(output, force=force, inputs=files)
+    figures.require_picture(output, force=force, inputs=files)
     kinds = {path: _kind(path) for path in files}
     _check_together(kinds)
     kind = kinds[file]

@@ -67,12 +67,11 @@ def psd(
         Replace the picture if it exists.
     """
     from trueterrain import figures
-    from trueterrain.engine import require_writable
     from trueterrain.roughness import PsdOptions
 
     files = (file, *more)
     if plot is not None:
-        require_writable(plot, force=force, inputs=files)
+        figures.require_picture(plot, force=force, inputs=files)
     options = PsdOptions(
         block=block, lowest=lowest, highest=highest, waviness=waviness, confidence=confidence
     )

@@ -71,12 +71,11 @@ def rn(
         Replace the picture if it exists.
     """
     from trueterrain import figures
-    from trueterrain.engine import require_writable
     from trueterrain.roughness import RideNumberOptions
 
     files = (file, *more)
     if plot is not None:
-        require_writable(plot, force=force, inputs=files)
+        figures.require_picture(plot, force=force, inputs=files)
     options = RideNumberOptions(window=window, window_length=window_length, restart=restart)
     with compiling_noted():
         rated = [_rate(path, options, segment, wheel_paths) for path in files]

@@ -28,7 +28,7 @@ from trueterrain.figures.lanes_map import discrepancy_map, lane_overlap
 from trueterrain.figures.lanes_seam import seam_steps
 from trueterrain.figures.motion import body_motion, laser_displacement
 from trueterrain.figures.navigation import navigation_heights, navigation_plan
-from trueterrain.figures.output import save
+from trueterrain.figures.output import require_picture, save
 from trueterrain.figures.parallel import parallel_profiles
 from trueterrain.figures.plate import plate_plan, plate_section, plate_view
 from trueterrain.figures.points import points_map
@@ -92,6 +92,7 @@ __all__ = [
     "profile_difference",
     "profiles",
     "range_image",
+    "require_picture",
     "ride_number_segments",
     "road_spectrum",
     "roughness_histogram",

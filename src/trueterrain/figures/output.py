@@ -1,9 +1,10 @@
 """Figures into files, whole or not at all."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from trueterrain.engine import whole_output
+from trueterrain.engine import require_writable, whole_output
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -56,10 +57,7 @@ def save(
     """
     import matplotlib as mpl
 
-    ending = Path(path).suffix.lower()
-    if ending not in _METADATA:
-        message = f"{path}: a figure ends in {', '.join(_METADATA)}, got {ending or 'no ending'!r}."
-        raise ValueError(message)
+    ending = _ending(path)
     if not 0 < resolution <= _MOST_DOTS:
         message = (
             f"resolution must be greater than 0 and at most {_MOST_DOTS:g} dots per inch, "
@@ -72,3 +70,42 @@ def save(
         mpl.rc_context({"svg.hashsalt": "trueterrain"}),
     ):
         whole.savefig(temporary, dpi=resolution, metadata=_METADATA[ending])
+
+
+def require_picture(
+    path: str | Path, *, force: bool = False, inputs: Iterable[str | Path] = ()
+) -> None:
+    """Raise if a figure may not be written, before the work for it begins.
+
+    Parameters
+    ----------
+    path : str or Path
+        Where the figure shall be: .svg, .pdf or .png.
+    force : bool
+        Whether a file that is there already may be replaced.
+    inputs : iterable of str or Path
+        Files that the work reads; none of them is replaced, not even with `force`.
+
+    Raises
+    ------
+    ValueError
+        If the ending is another one.
+    OutputError
+        As by `trueterrain.engine.require_writable`.
+
+    Examples
+    --------
+    >>> require_picture("road.bmp")
+    Traceback (most recent call last):
+    ValueError: road.bmp: a figure ends in .png, .svg, .pdf, got '.bmp'.
+    """
+    _ending(path)
+    require_writable(path, force=force, inputs=inputs)
+
+
+def _ending(path: str | Path) -> str:
+    ending = Path(path).suffix.lower()
+    if ending not in _METADATA:
+        message = f"{path}: a figure ends in {', '.join(_METADATA)}, got {ending or 'no ending'!r}."
+        raise ValueError(message)
+    return ending

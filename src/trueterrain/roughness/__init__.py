@@ -16,6 +16,7 @@ from trueterrain.roughness.iso8608 import CLASS_LIMITS, N0, road_class, smoothin
 from trueterrain.roughness.plausible import doubts
 from trueterrain.roughness.psd import PsdOptions, psd
 from trueterrain.roughness.quarter_car import IRI_SPEED, QuarterCar
+from trueterrain.roughness.resample import resample_profile
 from trueterrain.roughness.ride_number import RIDE_NUMBER_CAR, RideNumberOptions, ride_number
 from trueterrain.roughness.straightedge import rolling_straightedge
 from trueterrain.roughness.stretches import (
@@ -51,6 +52,7 @@ __all__ = [
     "iri_histogram",
     "localised_roughness",
     "psd",
+    "resample_profile",
     "ride_number",
     "road_class",
     "rolling_straightedge",

@@ -249,7 +249,7 @@ def require_equal(station: Array, purpose: str) -> float:
         raise SchemaError(
             f"must be equally spaced {purpose}, got {found}",
             place="axis s",
-            cure="Resample the profile to equal spacing first.",
+            cure="Resample it first: `trueterrain convert --spacing`, or `resample_profile`.",
         )
     return step
 

@@ -204,7 +204,7 @@ def _spacing(s: Float, what: str) -> float:
         raise CoverageError(
             f"{what} must be equally spaced for a tyre to roll on, got s = {s[worst]:g} m, "
             f"{missed[worst]:.2g} m beside a multiple of {spacing:g} m",
-            cure="Resample it to equal spacing first.",
+            cure="Resample it first: `trueterrain convert --spacing`, or `resample_profile`.",
         )
     return spacing
 
