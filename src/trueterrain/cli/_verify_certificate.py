@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 _MILLI = 1e3
 _DIGITS = 3  # of millimetres
-_FEWEST = 20  # blocks of errors of which an interval is trusted
 
 _METHODS = {
     "static": "Each beam of a standing scanner meets the same place in every scan. The mean of its "
@@ -108,6 +107,7 @@ def _figures(found: "Certified") -> Section:
     columns = ("RMS", "Off edges", "Distance", "Maximum", "Bias", "Noise", "Registration")
     rows: list[list[str | float | None]] = []
     intervals: list[list[str | float | None]] = []
+    doubts: list[str] = []
     for name, result in found.results.items():
         row = result.row
         figures = {
@@ -124,6 +124,14 @@ def _figures(found: "Certified") -> Section:
             for key, one in figures.items()
             if one is not None
         ]
+        few = {key: one for key, one in figures.items() if one is not None and not one.trusted}
+        if few:
+            doubts.append(
+                f"{name}, {', '.join(few)}: of no more than "
+                f"{max(one.independent for one in few.values()):.0f} independent errors, which "
+                "tell little of others: the interval may be too narrow. Repeat the test, or "
+                "lengthen it; at edges, where single returns count most, judge by the others."
+            )
     table = Table(
         columns=(
             Column(label="Test"),
@@ -145,12 +153,6 @@ def _figures(found: "Certified") -> Section:
         "(block bootstrap).",
     )  # fmt: skip
     blocks: list[Block] = [table, uncertain]
-    doubts = [
-        f"Errors of {name} are alike over so long a stretch that they hold only {independent:.0f} "
-        "independent ones: their intervals may be too narrow. Repeat the test, or lengthen it."
-        for name, independent in _independent(found)
-        if independent < _FEWEST
-    ]
     if doubts:
         blocks.append(Warnings(items=doubts))
     kept = [
@@ -172,14 +174,6 @@ def _figures(found: "Certified") -> Section:
             )
         )  # fmt: skip
     return Section(title="Figures", blocks=blocks)
-
-
-def _independent(found: "Certified") -> Iterator[tuple[str, float]]:
-    """How many blocks of errors that are alike each test holds."""
-    for name, result in found.results.items():
-        row = result.row
-        known = [one.block for one in (row.rms, row.off_edges, row.bias) if one is not None]
-        yield name, result.errors.sizes["s"] / max(known)
 
 
 def _row(name: str, result: "Result") -> Section:

@@ -137,7 +137,7 @@ def described(figure: Figure) -> dict[str, float]:
     """A figure as plain numbers."""
     return {
         "value": figure.value, "low": figure.low, "high": figure.high,
-        "confidence": figure.confidence,
+        "confidence": figure.confidence, "independent": figure.independent,
     }  # fmt: skip
 
 
@@ -156,17 +156,24 @@ def row_of(
     off_edges = None
     if plain.size >= LEAST and plain.size < error.size:
         off_edges = rms_figure(plain, confidence=confidence)
+    faces = _runs(edge)  # where a beam meets a face is chance, once for each
+    most = faces if faces else math.inf
     return Row(
         test=test,
-        rms=rms_figure(error, confidence=confidence),
+        rms=rms_figure(error, confidence=confidence, most=most),
         off_edges=off_edges,
-        distance=rms_figure(distance, confidence=confidence),
+        distance=rms_figure(distance, confidence=confidence, most=most),
         maximum=float(np.abs(error).max()),
-        bias=mean_figure(error, confidence=confidence),
+        bias=mean_figure(error, confidence=confidence, most=most),
         noise=noise,
         registration=registration.residual,
         count=error.size,
     )
+
+
+def _runs(chosen: Bools) -> int:
+    """How many unbroken stretches of places are chosen."""
+    return int(chosen[0]) + int(np.count_nonzero(chosen[1:] & ~chosen[:-1]))
 
 
 def distances(machined: xr.Dataset, position: Floats, height: Floats) -> Floats:

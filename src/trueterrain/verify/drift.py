@@ -224,7 +224,7 @@ def _shared(mean: Floats, repeatability: Figure, runs: int, confidence: float) -
 
     return Figure(
         value=without(found.value), low=without(found.low), high=without(found.high),
-        confidence=confidence, block=found.block,
+        confidence=confidence, block=found.block, independent=found.independent,
     )  # fmt: skip
 
 
