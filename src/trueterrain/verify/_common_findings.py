@@ -22,6 +22,7 @@ LEAST_PLACE = 0.001
 _LEAST_HEIGHT = 0.0001  # [m] error of bright ground that matters: the step of usual ranges
 _LEAST_LOST = 0.05  # share of returns that a healthy scanner may lose
 _LEAST_DOUBTFUL = 0.01  # share of doubtful returns that a plate of one brightness may have
+_MOSTLY = 0.5  # share of the scans in which beams return that meet the ground at all
 _BRIGHT = 1.5  # times the usual intensity from which ground is bright
 _FEWEST = 8  # places of which a mean is taken
 _LAGS = 5  # neighbours on a flank whose errors are alike
@@ -181,6 +182,47 @@ def doubted(share: float | None, screening: Screening) -> Finding:
     return Finding(
         name=name, value=share, sd=None, unit="1", detected=detected, meaning=meaning
     )  # fmt: skip
+
+
+def received(
+    tree: xr.DataTree, begin: float, end: float, screening: Screening
+) -> tuple[float, float | None]:
+    """What came back from a scanner between two times.
+
+    Parameters
+    ----------
+    tree : xarray.DataTree
+        The run.
+    begin, end : float
+        True times [s].
+    screening : Screening
+        Which returns are doubtful.
+
+    Returns
+    -------
+    lost : float
+        Share of the returns that are missing, of beams that mostly return; NaN without any.
+    doubtful : float or None
+        Share of the returns whose intensity is doubtful; None where none were recorded.
+    """
+    from trueterrain.georeference import mounting_of
+
+    scans = tree["scans"].to_dataset()
+    time = scans["time"].values + mounting_of(tree).scanner_clock
+    first, last = np.searchsorted(time, (begin, end))
+    part = scans.isel(scan=slice(int(first), int(last) + 1))
+    there = np.isfinite(part["range"].values)
+    there &= (part["range"].values >= screening.nearest) & (
+        part["range"].values <= screening.furthest
+    )
+    beams = there.mean(axis=0) >= _MOSTLY
+    if not beams.any():
+        return math.nan, None
+    lost = 1.0 - float(there[:, beams].mean())
+    if "intensity" not in part:
+        return lost, None
+    doubtful = screening.doubtful(part["intensity"].values)
+    return lost, float(doubtful[there].mean())
 
 
 def lost_scans(time: npt.ArrayLike) -> Finding:

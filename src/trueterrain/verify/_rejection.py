@@ -6,8 +6,11 @@ import xarray as xr
 
 Floats = npt.NDArray[np.float64]
 
-_HALF_BANDWIDTH = 2.5  # times the bandwidth of the record: half width of the main lobe of tapers
-_TAPERS = 4
+#: Half width of the main lobe of the tapers, times the bandwidth of the record.
+HALF_BANDWIDTH = 2.5
+
+#: Tapers over which spectra are means.
+TAPERS = 4
 
 #: Samples of which spectra are taken at least.
 LEAST_SAMPLES = 32
@@ -52,26 +55,22 @@ def rejection_of(
     >>> print(f"{float(found.rejection.min()):.1f} to {float(found.rejection.max()):.1f} dB")
     40.0 to 40.0 dB
     """
-    from scipy.signal import detrend
-    from scipy.signal.windows import dpss
     from scipy.stats import f
 
     if time.size < LEAST_SAMPLES:
         message = f"time must hold at least {LEAST_SAMPLES} samples, got {time.size}."
         raise ValueError(message)
     step = (time[-1] - time[0]) / (time.size - 1)
-    tapers = dpss(time.size, _HALF_BANDWIDTH, _TAPERS)
 
     def density(values: Floats) -> Floats:
-        turned = np.fft.rfft(tapers * detrend(values), axis=-1)
-        return np.asarray(2 * step * np.mean(np.abs(turned) ** 2, axis=0))
+        return np.asarray(2 * step * np.mean(np.abs(turned_by_tapers(values)) ** 2, axis=0))
 
     frequency = np.fft.rfftfreq(time.size, step)
-    seen = np.flatnonzero(frequency >= _HALF_BANDWIDTH / (time.size * step))
+    seen = np.flatnonzero(frequency >= HALF_BANDWIDTH / (time.size * step))
     of_motion, of_error = density(motion)[seen], density(error)[seen]
     tiny = np.finfo(float).tiny
     rejection = 10 * np.log10(np.maximum(of_motion, tiny) / np.maximum(of_error, tiny))
-    apart = 10 * np.log10(f.ppf(0.5 + 0.5 * confidence, 2 * _TAPERS, 2 * _TAPERS))
+    apart = 10 * np.log10(f.ppf(0.5 + 0.5 * confidence, 2 * TAPERS, 2 * TAPERS))
     columns = {
         "motion": of_motion, "error": of_error, "rejection": rejection,
         "low": rejection - apart, "high": rejection + apart,
@@ -80,3 +79,24 @@ def rejection_of(
         {name: ("frequency", values) for name, values in columns.items()},
         {"frequency": frequency[seen]},
     )
+
+
+def turned_by_tapers(values: Floats) -> npt.NDArray[np.complex128]:
+    """Fourier transforms of a record without its trend, one for each taper.
+
+    Parameters
+    ----------
+    values : numpy.ndarray, shape (n,)
+        The record.
+
+    Returns
+    -------
+    numpy.ndarray, shape (4, n // 2 + 1)
+        Over the frequencies of `numpy.fft.rfftfreq`; mean squares of them, times twice the step in
+        time, are the spectral density.
+    """
+    from scipy.signal import detrend
+    from scipy.signal.windows import dpss
+
+    tapers = dpss(values.size, HALF_BANDWIDTH, TAPERS)
+    return np.asarray(np.fft.rfft(tapers * detrend(values), axis=-1))

@@ -16,8 +16,12 @@ import xarray as xr
 from trueterrain.errors import CoverageError, concerning
 from trueterrain.georeference import Screening
 from trueterrain.motion.trajectory import Trajectory
+from trueterrain.verify._common_findings import described
+from trueterrain.verify._dynamic_findings import dynamic_findings
 from trueterrain.verify._errors import Row, at_edges, distances, parts_of, row_of
+from trueterrain.verify._modes import Mode, modes_of, source_of
 from trueterrain.verify._rejection import LEAST_SAMPLES, rejection_of
+from trueterrain.verify.findings import Finding
 from trueterrain.verify.registration import Registration, register
 
 Floats = npt.NDArray[np.float64]
@@ -55,6 +59,12 @@ class DynamicSettings:
     search: float | None = None
     "Greatest distance of the plate from there [m]; by default it is looked for everywhere."
 
+    ride: tuple[float, float] = (0.5, 3.0)
+    "Lowest and highest frequency of the primary ride of the vehicle [Hz]."
+
+    hop: tuple[float, float] = (8.0, 16.0)
+    "Lowest and highest frequency of the hop of its wheels [Hz]."
+
     edge: float = 0.01
     "Distance from a steep face within which an error counts as one of an edge [m]."
 
@@ -74,6 +84,9 @@ class DynamicSettings:
             if not 0 <= getattr(self, name) < math.inf:
                 message = f"{name} must be at least 0 m, got {getattr(self, name)}."
                 raise ValueError(message)
+        if not 0 < self.ride[0] < self.ride[1] <= self.hop[0] < self.hop[1] < math.inf:
+            message = f"ride and hop must ascend [Hz], got {self.ride} and {self.hop}."
+            raise ValueError(message)
         if not 0 < self.confidence < 1:
             message = f"confidence must be between 0 and 1, got {self.confidence}."
             raise ValueError(message)
@@ -111,6 +124,17 @@ class DynamicResult:
     """Over ``frequency`` [Hz]: spectra ``motion`` (of the laser's height) and ``error`` [m²/Hz],
     ``rejection`` with ``low`` and ``high`` [dB]."""
 
+    findings: tuple[Finding, ...] = ()
+    "What was looked for besides: see `Finding`."
+
+    modes: tuple[Mode, ...] = ()
+    "The error on plate and floor by the modes of the body, from low to high frequencies."
+
+    @property
+    def source(self) -> str:
+        """Which mode the error comes from, in a sentence."""
+        return source_of(self.modes)
+
     def describe(self) -> dict[str, Any]:
         """The same as plain numbers and words, as for JSON, without the single errors."""
         found = self.registration
@@ -124,6 +148,9 @@ class DynamicResult:
             "registration_found": {name: getattr(found, name) for name in names},
             "parts": {name: math.sqrt(value) for name, value in self.parts.items()},
             "rejection": {name: self.rejection[name].values.tolist() for name in bands},
+            "findings": described(self.findings),
+            "modes": [one.describe() for one in self.modes],
+            "source": self.source,
         }
 
 
@@ -175,6 +202,9 @@ def dynamic_test(
     Without ``floor`` the stretch is that of the plate, and frequencies below speed / length are not
     told apart.
     """
+    from trueterrain.formats.run import open_run
+    from trueterrain.georeference import mounting_of
+
     source = None if isinstance(run, xr.DataTree) else Path(run)
     path = trajectory.between(settings.begin, settings.end)
     with concerning(source) if source is not None else _nothing():
@@ -199,9 +229,16 @@ def dynamic_test(
     parts = parts_of(error, errors["sd"].values, edge, np.zeros_like(edge))
     time, along = errors["time"].values, errors["along"].values
     speed = float(np.abs(np.polyfit(time - time.mean(), along - along.mean(), 1)[0]))
+    tree = run if isinstance(run, xr.DataTree) else open_run(run)
+    lever = np.array(mounting_of(tree, path=source).scanner_position)
+    rejection, modes = _spectra(source, table, path, lever, settings)
+    findings = dynamic_findings(
+        tree, table, machined, found, path, lever, assumed=settings.assumed,
+        screening=settings.screening,
+    )  # fmt: skip
     return DynamicResult(
-        errors=errors, row=row, registration=found, parts=parts, speed=speed,
-        rejection=_rejection(run, source, table, path, settings),
+        errors=errors, row=row, registration=found, parts=parts, speed=speed, rejection=rejection,
+        modes=modes, findings=findings,
     )  # fmt: skip
 
 
@@ -214,7 +251,10 @@ def _nothing() -> Any:
 def strip_of(
     run: xr.DataTree | str | Path, path: Trajectory, settings: DynamicSettings
 ) -> dict[str, Floats]:
-    """Returns of the strip in the order of their place along the way: along, up and time."""
+    """Returns of the strip in the order of their place along the way.
+
+    Their ``along`` and ``up`` [m], ``time`` [s] and, where there is one, ``intensity``.
+    """
     from trueterrain.georeference import georeference
 
     origin = path.position[0, :2]
@@ -233,20 +273,22 @@ def strip_of(
             f"the way leaves a straight line by {sway:.2f} m",
             cure="Name the time of the crossing: begin and end.",
         )
-    found: list[list[Floats]] = [[], [], []]
+    found: dict[str, list[Floats]] = {}
     for points in georeference(run, path, screening=settings.screening):
         places = np.stack([points.easting.values, points.northing.values], axis=-1) - origin
         inside = np.abs(places @ aside - settings.offset) <= 0.5 * settings.width
-        columns = (places @ ahead, points.up.values, points.time.values)
-        for kept, values in zip(found, columns, strict=True):
-            kept.append(values[inside])
-    along, up, time = (np.concatenate(values) for values in found)
-    if not along.size:
+        columns = {"along": places @ ahead, "up": points.up.values, "time": points.time.values}
+        if "intensity" in points:
+            columns["intensity"] = points.intensity.values.astype(np.float64)
+        for name, values in columns.items():
+            found.setdefault(name, []).append(values[inside])
+    strip = {name: np.concatenate(values) for name, values in found.items()}
+    if not strip["along"].size:
         raise CoverageError(
             "there is no return in the strip", cure="Choose another offset or a larger width."
         )
-    order = np.argsort(along, kind="stable")
-    return {"along": along[order], "up": up[order], "time": time[order]}
+    order = np.argsort(strip["along"], kind="stable")
+    return {name: values[order] for name, values in strip.items()}
 
 
 def _cells(strip: dict[str, Floats], spacing: float) -> dict[str, Floats]:
@@ -291,6 +333,8 @@ def _compared(
         "edge": at_edges(machined, position, settings.edge)
         & (position >= -settings.edge) & (position <= found.length + settings.edge),
     }  # fmt: skip
+    if "intensity" in strip:
+        columns["intensity"] = mean(strip["intensity"][order])
     return xr.Dataset({name: ("s", values) for name, values in columns.items()}, {"s": position})
 
 
@@ -313,19 +357,16 @@ def _require_plane(floor: Floats, plate: float) -> None:
         )
 
 
-def _rejection(
-    run: xr.DataTree | str | Path,
+def _spectra(
     source: Path | None,
     table: xr.Dataset,
     path: Trajectory,
+    lever: Floats,
     settings: DynamicSettings,
-) -> xr.Dataset:
-    """Spectra of error and motion over the time of the crossing."""
-    from trueterrain.formats.run import open_run
-    from trueterrain.georeference import mounting_of
+) -> tuple[xr.Dataset, tuple[Mode, ...]]:
+    """Spectra of error and motion over the time of the crossing, and the error by modes."""
+    from trueterrain.motion.frames import to_iso8855
 
-    tree = run if isinstance(run, xr.DataTree) else open_run(run)
-    lever = np.array(mounting_of(tree, path=source).scanner_position)
     order = np.argsort(table["time"].values)
     time, error = (table[name].values[order] for name in ("time", "error"))
     plain = ~table["edge"].values[order]
@@ -339,6 +380,10 @@ def _rejection(
     even = np.linspace(time[0], time[-1], time.size)
     poses = path.at(even)
     laser = poses.position[:, 2] + poses.rotation.apply(lever)[:, 2]
-    return rejection_of(
-        even, laser, np.interp(even, time[plain], error[plain]), confidence=settings.confidence
+    bridged = np.interp(even, time[plain], error[plain])
+    roll, pitch, _ = to_iso8855(poses.rotation)
+    motion = {"heave": poses.position[:, 2], "pitch": pitch, "roll": roll}
+    return (
+        rejection_of(even, laser, bridged, confidence=settings.confidence),
+        modes_of(even, bridged, motion, ride=settings.ride, hop=settings.hop),
     )

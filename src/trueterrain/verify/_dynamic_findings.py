@@ -1,0 +1,327 @@
+"""What the dynamic test looks for besides the size of the error: marks of faults on the motion.
+
+Over plane ground an error that moves with the body is that of the motion, of levers and angles, or
+of clocks, and each leaves a mark of its own: a clock that is wrong by a unit adds the vertical
+velocity of the laser, a lever arm the rise of the axis of the body along which it is wrong,
+accelerometers that read too much the part of the height that comes from them. All marks are fitted
+at once, beside what navigation leaves anyhow: a level of plate and floor each, and a slow drift.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from trueterrain.georeference import Screening
+from trueterrain.motion.trajectory import Trajectory
+from trueterrain.verify._common_findings import (
+    brightness,
+    doubted,
+    lost_returns,
+    lost_scans,
+    place,
+    received,
+    unknown,
+)
+from trueterrain.verify._regression import Estimate, regress, without
+from trueterrain.verify.findings import CERTAIN, Finding, certain
+from trueterrain.verify.registration import Registration
+
+Floats = npt.NDArray[np.float64]
+
+_SLOWEST = 0.4  # [Hz] from which on height is that of the accelerometers
+_DRIFT = 2.5  # terms of the drift for every second: what is slower than some 1 Hz
+_ALIKE = 0.1  # [s] over which errors of neighbours are alike
+_FEWEST = 40  # places away from edges
+_NEAR = 0.9  # correlation of marks from which they are told apart badly
+_JOINT = 19.3  # chi-squared of two marks with the chance of four standard deviations of one
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Fault:
+    """A fault that leaves a mark."""
+
+    name: str
+    unit: str
+    least: float
+    "Size that matters."
+    seen: float
+    "Size that a test must be able to see, to tell that it is not there."
+    cure: str
+    "What would tell, where the motion was too weak."
+
+
+_CLOCK = _Fault(
+    name="clock of the scanner", unit="s", least=0.0002, seen=0.002,
+    cure="excite the body more: cleats under the wheels beside plate and floor",
+)  # fmt: skip
+_SCALE = _Fault(
+    name="scale of the accelerometers", unit="1", least=0.005, seen=0.04,
+    cure="excite heave and pitch apart from each other: cleats at uneven distances",
+)  # fmt: skip
+_LEVER_X = _Fault(
+    name="lever arm ahead, or boresight pitch", unit="m", least=0.005, seen=0.02,
+    cure="excite pitch: cleats one wheelbase and a half apart",
+)  # fmt: skip
+_LEVER_Y = _Fault(
+    name="lever arm to the left, or boresight roll", unit="m", least=0.003, seen=0.02,
+    cure="excite roll: an event with staggered cleats",
+)  # fmt: skip
+_FAULTS = (_CLOCK, _SCALE, _LEVER_X, _LEVER_Y)
+
+
+def dynamic_findings(
+    tree: xr.DataTree,
+    table: xr.Dataset,
+    machined: xr.Dataset,
+    found: Registration,
+    path: Trajectory,
+    lever: Floats,
+    *,
+    assumed: float | None,
+    screening: Screening,
+) -> tuple[Finding, ...]:
+    """All that is looked for.
+
+    Parameters
+    ----------
+    tree : xarray.DataTree
+        The run.
+    table, machined : xarray.Dataset
+        Errors on plate and floor, and the machined profile of the plate.
+    found : Registration
+        Where the plate lies along the way.
+    path : Trajectory
+        Motion of the body.
+    lever : numpy.ndarray, shape (3,)
+        Position of the scanner in the body as declared [m].
+    assumed, screening
+        As the settings say.
+
+    Returns
+    -------
+    tuple of Finding
+        Place, faults that leave marks on the motion, bright ground, doubtful intensity, scans and
+        returns lost.
+    """
+    s = table["s"].values
+    errors = table.isel(s=np.flatnonzero((s >= 0) & (s <= found.length)))
+    plain = errors.isel(s=np.flatnonzero(~errors["edge"].values))
+    times = errors["time"].values
+    lost, doubtful = received(tree, times.min(), times.max(), screening)
+    stamps = np.asarray(tree["scans/time"], dtype=np.float64)
+    return (
+        place(
+            errors, machined, found, assumed, where=("beyond", "short of"),
+            otherwise=", or a clock, a lever arm ahead or a boresight pitch is wrong",
+        ),
+        *marked(
+            table, path, lever, ground=found.offset, length=found.length,
+            fused="accelerometers" in tree.children,
+        ),
+        brightness(
+            plain["s"].values, plain["error"].values,
+            plain["intensity"].values if "intensity" in plain else None, None,
+        ),
+        doubted(doubtful, screening),
+        lost_scans(stamps[(stamps >= path.time[0]) & (stamps <= path.time[-1])]),
+        lost_returns(lost),
+    )  # fmt: skip
+
+
+def marked(
+    table: xr.Dataset,
+    path: Trajectory,
+    lever: Floats,
+    *,
+    ground: float,
+    length: float,
+    fused: bool,
+) -> tuple[Finding, ...]:
+    """Faults of clock, accelerometers, levers and angles, by their marks.
+
+    Parameters
+    ----------
+    table : xarray.Dataset
+        Errors on plate and floor: ``error`` [m], ``time`` [s] and ``edge`` over ``s`` [m].
+    path : Trajectory
+        Motion of the body.
+    lever : numpy.ndarray, shape (3,)
+        Position of the scanner in the body as declared [m].
+    ground : float
+        Height of the ground in the frame of the motion [m].
+    length : float
+        Length of the plate [m].
+    fused : bool
+        Whether accelerometers had a share in the motion.
+
+    Returns
+    -------
+    tuple of Finding
+        Values are declared less true ones: what is to be taken off the mounting.
+    """
+    lever_z = unknown(
+        "lever arm up", "m",
+        "A lever arm that is wrong upward lifts all heights alike, which a vehicle on its wheels "
+        "cannot tell from the ground: measure it, or compare with surveyed heights.",
+    )  # fmt: skip
+    plain = ~table["edge"].values
+    faults = [one for one in _FAULTS if fused or one is not _SCALE]
+    told = {
+        _SCALE.name: unknown(_SCALE.name, "1", "The run holds no accelerometers.")
+    } if not fused else {}  # fmt: skip
+    if plain.sum() < _FEWEST:
+        for one in faults:
+            told[one.name] = unknown(
+                one.name, one.unit, "Too few places away from edges: add floor beside the plate."
+            )
+        return (*(told[one.name] for one in _FAULTS), lever_z)
+    order = np.argsort(table["time"].values[plain], kind="stable")
+    time, error, s = (table[name].values[plain][order] for name in ("time", "error", "s"))
+    marks, high = _marks(path, time, lever, ground)
+    nuisance = _nuisance(time, (s >= 0) & (s <= length))
+    alike = round(_ALIKE / max(float(np.median(np.diff(time))), 1e-6))
+    lags = min(max(alike, 1), time.size // 8)
+    clean = {one.name: without(nuisance, marks[one.name]) for one in faults}
+    noise = float(np.std(np.diff(error))) / math.sqrt(2)  # what neighbours do not share
+    moved = [
+        one
+        for one in faults
+        if CERTAIN * noise < one.seen * float(np.linalg.norm(clean[one.name])) and noise > 0
+    ]
+    for one in faults:
+        if one not in moved:
+            told[one.name] = unknown(one.name, one.unit, _weak(one))
+    pairs: list[Finding] = []
+    if moved:
+        columns = np.stack([marks[one.name] for one in moved], axis=-1)
+        fit = regress(columns, nuisance, error, lags=lags)
+        bare = np.stack([clean[one.name] for one in moved])
+        for at, one in enumerate(moved):
+            told[one.name] = _finding(moved, at, fit, high)
+        pairs = _pairs(moved, told, fit, bare)
+    return (*(told[one.name] for one in _FAULTS), *pairs, lever_z)
+
+
+def _marks(
+    path: Trajectory, time: Floats, lever: Floats, ground: float
+) -> tuple[dict[str, Floats], float]:
+    """Error that a unit of each fault leaves at some times, and height of the laser over ground."""
+    from scipy.signal import butter, sosfiltfilt
+
+    poses = path.at(time)
+    arm = poses.rotation.apply(lever)
+    turn = poses.rotation.apply(poses.angular_velocity)
+    axes = poses.rotation.as_matrix()
+    even = np.linspace(path.time[0], path.time[-1], path.time.size)
+    every = path.at(even)
+    laser = every.position[:, 2] + every.rotation.apply(lever)[:, 2]
+    rate = (even.size - 1) / (even[-1] - even[0])
+    sections = butter(2, _SLOWEST, "highpass", fs=rate, output="sos")
+    pad = min(even.size - 1, int(rate / _SLOWEST))
+    fast = sosfiltfilt(sections, laser, padlen=pad)
+    marks = {
+        _CLOCK.name: poses.velocity[:, 2] + np.cross(turn, arm)[:, 2],
+        _SCALE.name: np.interp(time, even, fast),
+        _LEVER_X.name: axes[:, 2, 0],
+        _LEVER_Y.name: axes[:, 2, 1],
+    }
+    return marks, float(np.mean(poses.position[:, 2] + arm[:, 2])) - ground
+
+
+def _nuisance(time: Floats, on: npt.NDArray[np.bool_]) -> Floats:
+    """Level of the plate beside that of the floor, and polynomials as slow as navigation drifts."""
+    from numpy.polynomial.legendre import legvander
+
+    span = float(time[-1] - time[0])
+    degree = max(2, math.ceil(_DRIFT * span))
+    columns = legvander(2 * (time - time[0]) / span - 1, degree)
+    if on.all() or not on.any():
+        return np.asarray(columns)
+    return np.asarray(np.concatenate([columns, on[:, None].astype(np.float64)], axis=1))
+
+
+def _finding(moved: list[_Fault], at: int, fit: Estimate, high: float) -> Finding:
+    """What the fit says about a fault."""
+    one, value, sd = moved[at], float(fit.value[at]), float(fit.sd[at])
+    detected = certain(value, sd, least=one.least)
+    if detected:
+        meaning = _meaning(one, value, high)
+    elif sd * CERTAIN <= one.seen:
+        least = _size(one, max(one.least, sd * CERTAIN))
+        meaning = f"The error bears no mark of one, or of less than {least}."
+    else:
+        return unknown(one.name, one.unit, _weak(one))
+    return Finding(
+        name=one.name, value=value, sd=sd, unit=one.unit, detected=detected, meaning=meaning
+    )
+
+
+def _pairs(
+    moved: list[_Fault], told: dict[str, Finding], fit: Estimate, bare: Floats
+) -> list[Finding]:
+    """Faults of which none can be told alone, since another has nearly the same mark."""
+    found = []
+    likeness = np.atleast_2d(np.corrcoef(bare))
+    for at, one in enumerate(moved):
+        for other in range(at):
+            alike = abs(float(likeness[at, other]))
+            names = (moved[other].name, one.name)
+            if alike < _NEAR or all(told[name].detected is not None for name in names):
+                continue
+            pair = [other, at]
+            value, covariance = fit.value[pair], fit.covariance[np.ix_(pair, pair)]
+            sure = float(value @ np.linalg.solve(covariance, value)) > _JOINT
+            effect = float(np.sqrt(np.mean((value @ bare[pair]) ** 2)))
+            there = "One of them is there" if sure else "Neither leaves a certain mark"
+            found.append(
+                Finding(
+                    name=" or ".join(names), value=effect, sd=None, unit="m", detected=sure,
+                    meaning=f"{there}, {1e3 * effect:.2f} mm of the error; their marks are alike "
+                    f"in this motion (correlation {alike:.2f}); to tell which, {one.cure}.",
+                )
+            )  # fmt: skip
+            for name, it in zip(names, (moved[other], one), strict=True):
+                if told[name].detected is None:
+                    told[name] = unknown(
+                        name, it.unit, "In this motion its mark is like that of another fault: see "
+                        f"{' or '.join(names)}.",
+                    )  # fmt: skip
+    return found
+
+
+def _weak(one: _Fault) -> str:
+    return f"The motion was too weak to tell: {one.cure}."
+
+
+def _size(one: _Fault, value: float) -> str:
+    if one.unit == "s":
+        return f"{1e3 * value:.2f} ms"
+    return f"{100 * value:.2f} %" if one.unit == "1" else f"{1e3 * value:.1f} mm"
+
+
+def _meaning(one: _Fault, value: float, high: float) -> str:
+    size, angle = _size(one, abs(value)), math.degrees(math.atan2(abs(value), high))
+    if one is _CLOCK:
+        way = "large" if value > 0 else "small"
+        return (
+            "The error follows the vertical velocity of the laser: what the mounting adds to the "
+            f"stamps of the scanner is {size} too {way} against the motion; or it is the clock of "
+            "the accelerometers, if the plate lies in its place."
+        )
+    if one is _SCALE:
+        return (
+            f"The error follows the height of the laser: accelerometers read {size} too "
+            f"{'much' if value > 0 else 'little'}; calibrate them."
+        )
+    left = one is _LEVER_Y
+    where = {(True, True): "to the left", (True, False): "to the right", (False, True): "ahead",
+             (False, False): "behind"}[left, value > 0]  # fmt: skip
+    more = "more" if left == (value > 0) else "less"
+    motion, leans = ("roll", "to the right") if left else ("pitch", "nose-down")
+    return (
+        f"The error follows {motion}: the scanner is declared {size} {where} of where it sits, or "
+        f"to lean {angle:.2f} degrees {more} {leans} than it does; heights cannot tell which."
+    )
