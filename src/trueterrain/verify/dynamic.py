@@ -57,7 +57,11 @@ class DynamicSettings:
     "Where the plate is assumed to begin along the way from the first pose [m]."
 
     search: float | None = None
-    "Greatest distance of the plate from there [m]; by default it is looked for everywhere."
+    """Greatest distance of the plate from there [m]; by default it is looked for everywhere; 0
+    takes it as it lies."""
+
+    stretch: bool = False
+    "Whether the length over which the plate was measured is found too, as where the way drifts."
 
     ride: tuple[float, float] = (0.5, 3.0)
     "Lowest and highest frequency of the primary ride of the vehicle [Hz]."
@@ -212,7 +216,7 @@ def dynamic_test(
         cells = _cells(strip, settings.spacing)
         found = register(
             cells["along"], cells["height"], machined,
-            assumed=settings.assumed, search=settings.search,
+            assumed=settings.assumed, search=settings.search, stretch=settings.stretch,
         )  # fmt: skip
         table = _compared(strip, machined, found, settings)
         on = (table.s.values >= 0) & (table.s.values <= found.length)

@@ -5,6 +5,7 @@ the heights they would look like errors of the profiler: most of all the shift, 
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +19,9 @@ Floats = npt.NDArray[np.float64]
 _STEP = 0.001  # [m] between the shifts that are tried first for every millimetre of the search
 _COARSE = 0.01  # [m] the same for long searches
 _LONG = 0.5  # [m] half range from which a search is long
-_PRECISE = 1e-6  # [m] to which the shift is found
+_PRECISE = 1e-6  # [m] to which the shift is found, [m/m] the stretch
+_STRETCH = 0.01  # [m/m] by which a way may be measured too long or too short
+_TURNS = 2  # of stretch and shift, one after the other; about the middle they hardly interfere
 _HUBER = 1.345  # standard deviations beyond which a point weighs less
 _CUT = 3.0  # the same beyond which a point is an outlier
 _BOUND = 0.003  # [m] residual beyond which a point costs no more, as beside upright edges
@@ -65,6 +68,9 @@ class Registration:
     length: float
     "Length of the machined profile [m]."
 
+    stretch: float = 0.0
+    "By how much the plate is measured too long; 0 unless it was asked for [m/m]."
+
     def positions(self, along: npt.ArrayLike) -> Floats:
         """Positions on the machined profile of measured coordinates.
 
@@ -78,7 +84,7 @@ class Registration:
         numpy.ndarray
             s of the machined profile [m].
         """
-        s = np.asarray(along, dtype=np.float64) - self.shift
+        s = (np.asarray(along, dtype=np.float64) - self.shift) / (1.0 + self.stretch)
         return self.length - s if self.reversed else s
 
     def level(self, along: npt.ArrayLike) -> Floats:
@@ -95,7 +101,8 @@ class Registration:
             To be taken off measured heights.
         """
         s = np.asarray(along, dtype=np.float64) - self.shift
-        return np.asarray(self.offset + math.tan(self.tilt) * (s - 0.5 * self.length))
+        middle = 0.5 * self.length * (1.0 + self.stretch)
+        return np.asarray(self.offset + math.tan(self.tilt) * (s - middle))
 
 
 def check_machined(machined: xr.Dataset, *, path: object = None) -> tuple[Floats, Floats]:
@@ -144,6 +151,7 @@ def register(
     *,
     assumed: float | None = None,
     search: float | None = None,
+    stretch: bool = False,
 ) -> Registration:
     """Find offset, tilt and shift of a measured profile against the machined one.
 
@@ -158,7 +166,11 @@ def register(
     assumed : float, optional
         Where the plate is assumed to begin in the measured coordinate [m].
     search : float, optional
-        Greatest distance from there [m]; by default the plate is looked for everywhere.
+        Greatest distance from there [m]; by default the plate is looked for everywhere. 0 takes it
+        as it lies, so that neither shift nor stretch are taken off.
+    stretch : bool
+        Whether the length over which the plate is measured is found too: a way that drifts while it
+        is crossed is measured too long or too short, by 1 % at most.
 
     Returns
     -------
@@ -179,7 +191,8 @@ def register(
     Shifts are tried one after the other; at each, offset and tilt are those of the smallest
     absolute deviations as Huber's weights find them, and the cost of a point is bounded, so that
     neither edges nor saturated returns pull (Huber 1964). The shift with the least cost is refined
-    by golden section. A shape that correlates less than 0.7, or of another height, is no plate.
+    by golden section, and so is the stretch about the middle of the plate. A shape that correlates
+    less than 0.7, or of another height, is no plate.
 
     Examples
     --------
@@ -203,8 +216,9 @@ def register(
     x, z = x[good][order], z[good][order]
     s, h = check_machined(machined)
     shifts = _shifts(x, float(s[-1]), assumed, search)
+    as_it_lies = search == 0
     ahead, against = (
-        _best(_Fit(x, z, nodes, shape), shifts)
+        _best(_Fit(x, z, nodes, shape), shifts, refine=not as_it_lies)
         for nodes, shape in ((s, h), (s[-1] - s[::-1], h[::-1]))
     )
     # a plate that looks the same from both sides is not turned by noise
@@ -213,14 +227,18 @@ def register(
     if not math.isfinite(cost):
         raise CoverageError("holds too few points where the plate is looked for")
     _require_plate(fit, shift, shifts)
+    before = math.nan if assumed is None else _rms_before(fit, assumed)
+    stretched = 0.0
+    if stretch and not as_it_lies:
+        fit, shift, stretched = _stretched(fit, shift)
     offset, tilt, residual = fit.at(shift)
     scale = _scale(residual)
     inside = np.abs(residual) <= _CUT * scale
-    before = math.nan if assumed is None else _rms_before(fit, assumed)
     return Registration(
         shift=shift, offset=offset, tilt=math.atan(tilt), reversed=turned,
         residual=float(np.sqrt(np.mean(residual[inside] ** 2))), unregistered=before,
         outliers=int((~inside).sum()), points=residual.size, length=float(s[-1]),
+        stretch=stretched,
     )  # fmt: skip
 
 
@@ -230,6 +248,10 @@ class _Fit:
     def __init__(self, x: Floats, z: Floats, s: Floats, h: Floats) -> None:
         self.x, self.z, self.s, self.h = x, z, s, h
         self.length = float(s[-1])
+
+    def stretched(self, stretch: float) -> "_Fit":
+        """The same with a machined profile that is longer by a share."""
+        return _Fit(self.x, self.z, (1.0 + stretch) * self.s, self.h)
 
     def on_plate(self, shift: float) -> tuple[Floats, Floats, Floats]:
         """Distances from the middle of the plate, heights, and machined heights."""
@@ -265,19 +287,23 @@ class _Fit:
 
 def _shifts(x: Floats, length: float, assumed: float | None, search: float | None) -> Floats:
     low, high = float(x[0]) - 0.1 * length, float(x[-1]) - 0.9 * length
+    if assumed is not None and search == 0:
+        return np.array([assumed])
     if assumed is not None and search is not None:
         low, high = max(low, assumed - search), min(high, assumed + search)
     step = _STEP if high - low <= 2 * _LONG else _COARSE
     return np.arange(low, high + step, step) if high >= low else np.empty(0)
 
 
-def _best(fit: _Fit, shifts: Floats) -> tuple[float, float, _Fit]:
-    """Cost and shift of the best of some shifts, refined."""
+def _best(fit: _Fit, shifts: Floats, *, refine: bool = True) -> tuple[float, float, _Fit]:
+    """Cost and shift of the best of some shifts, refined unless it shall be one of them."""
     cut = 0.25 * float(np.ptp(fit.h))
     costs = [fit.cost(float(shift), cut, 3) for shift in shifts]
     if not costs or not np.isfinite(costs).any():
         return math.inf, math.nan, fit
     best = int(np.argmin(costs))
+    if not refine:
+        return costs[best], float(shifts[best]), fit
     step = float(shifts[1] - shifts[0]) if shifts.size > 1 else _STEP
     if step > 2 * _STEP:
         fine = float(shifts[best]) + np.arange(-step, step + _STEP, _STEP)
@@ -287,21 +313,48 @@ def _best(fit: _Fit, shifts: Floats) -> tuple[float, float, _Fit]:
 
 
 def _golden(fit: _Fit, low: float, high: float) -> float:
-    """Shift of least cost by golden section, its bound that of robust residuals."""
-    middle = 0.5 * (low + high)
-    cut = max(_CUT * _scale(fit.at(middle)[2]), _BOUND)
+    """Shift of least cost, its bound that of robust residuals."""
+    cut = _bound(fit, 0.5 * (low + high))
+    return _least(lambda shift: fit.cost(shift, cut, _ROUNDS), low, high)
+
+
+def _stretched(fit: _Fit, shift: float) -> tuple[_Fit, float, float]:
+    """The same plate with the length over which it is measured free, its shift, and the stretch."""
+    cut = _bound(fit, shift)
+    longer, found = fit, 0.0
+    for _ in range(_TURNS):
+        middle = shift + 0.5 * longer.length
+
+        def cost(stretch: float, middle: float = middle) -> float:
+            one = fit.stretched(stretch)
+            return one.cost(middle - 0.5 * one.length, cut, _ROUNDS)
+
+        found = _least(cost, -_STRETCH, _STRETCH)
+        longer = fit.stretched(found)
+        shift = middle - 0.5 * longer.length
+        shift = _golden(longer, shift - _STEP, shift + _STEP)
+    return longer, shift, found
+
+
+def _bound(fit: _Fit, shift: float) -> float:
+    """Residual beyond which a point costs no more."""
+    return max(_CUT * _scale(fit.at(shift)[2]), _BOUND)
+
+
+def _least(cost: Callable[[float], float], low: float, high: float) -> float:
+    """Where a function of one minimum is least, by golden section."""
     ratio = 0.5 * (math.sqrt(5) - 1)
     a, b = high - ratio * (high - low), low + ratio * (high - low)
-    cost_a, cost_b = (fit.cost(at, cut, _ROUNDS) for at in (a, b))
+    cost_a, cost_b = cost(a), cost(b)
     while high - low > _PRECISE:
         if cost_a <= cost_b:
             high, b, cost_b = b, a, cost_a
             a = high - ratio * (high - low)
-            cost_a = fit.cost(a, cut, _ROUNDS)
+            cost_a = cost(a)
         else:
             low, a, cost_a = a, b, cost_b
             b = low + ratio * (high - low)
-            cost_b = fit.cost(b, cut, _ROUNDS)
+            cost_b = cost(b)
     return 0.5 * (low + high)
 
 

@@ -9,6 +9,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.errors import CoverageError
+from trueterrain.motion.trajectory import Trajectory
 from trueterrain.surface.evaluate import heights_at
 from trueterrain.surface.reference_line import grid_frame
 
@@ -65,6 +66,55 @@ def truth_of(path: str | Path) -> TrueHeight | None:
 
     tree = open_run(path)
     return true_ground(tree) if "/truth/ground" in tree.groups else None
+
+
+def exact_trajectory(run: xr.DataTree | str | Path) -> Trajectory:
+    """True motion of the body in a simulated run.
+
+    Parameters
+    ----------
+    run : xarray.DataTree or path
+        Run with the group ``truth/body``.
+
+    Returns
+    -------
+    Trajectory
+        Through the knots of the true motion, 0.5 ms apart, without uncertainty.
+
+    Raises
+    ------
+    CoverageError
+        If the run has no truth: it was not simulated.
+    """
+    from scipy.spatial.transform import Rotation
+
+    from trueterrain.formats.run import open_run
+
+    tree = run if isinstance(run, xr.DataTree) else open_run(run)
+    if "/truth/body" not in tree.groups:
+        raise CoverageError(
+            "holds no true motion, since it was not simulated", place="group truth",
+            path=None if isinstance(run, xr.DataTree) else run,
+        )  # fmt: skip
+    body = tree["truth/body"].to_dataset().load()
+    position, velocity = (
+        np.stack([body[f"{name}{what}"].values for name in ("east", "north", "up")], axis=1)
+        for what in ("", "_rate")
+    )
+    roll, pitch, yaw = (body[name].values for name in ("roll", "pitch", "yaw"))
+    r, p, y = (body[f"{name}_rate"].values for name in ("roll", "pitch", "yaw"))
+    turning = [
+        r - y * np.sin(pitch),
+        p * np.cos(roll) + y * np.sin(roll) * np.cos(pitch),
+        -p * np.sin(roll) + y * np.cos(roll) * np.cos(pitch),
+    ]
+    n = body.sizes["knot"]
+    return Trajectory(
+        time=body["time"].values, position=position, velocity=velocity,
+        quaternion=Rotation.from_euler("ZYX", np.stack([yaw, pitch, roll], axis=1)).as_quat(),
+        angular_velocity=np.stack(turning, axis=1), covariance=np.zeros((n, 6, 6)),
+        flag=np.zeros(n, np.uint8),
+    )  # fmt: skip
 
 
 def ground_errors(surface: xr.Dataset, truth: TrueHeight) -> dict[str, Any]:
