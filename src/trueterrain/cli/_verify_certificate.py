@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+from trueterrain.cli._verify_findings import findings_table
 from trueterrain.report import (
     Block,
     Column,
@@ -64,6 +65,8 @@ def certificate_of(found: "Certified", files: list[tuple[str, str]]) -> Report:
     kind = type(test).kind  # type: ignore[attr-defined]  # every description names its kind
     sections = [_stated(found, kind), _figures(found)]
     sections += [_row(name, result) for name, result in found.results.items()]
+    if found.instruments:
+        sections.append(_instruments(found))
     sections.append(_inputs(found, files))
     report = Report(
         title=test.title or f"Accuracy of a profiler: {kind} test",
@@ -100,7 +103,29 @@ def _stated(found: "Certified", kind: str) -> Section:
         ["Date", test.date or None], ["Test", kind],
     ]  # fmt: skip
     table = Table(columns=(Column(label="Stated"), Column(label="As given")), rows=rows)
-    return Section(title="What was tested", blocks=[table, Text(paragraph=_METHODS[kind])])
+    times = Table(
+        columns=(
+            Column(label="Recorded"), Column(label="From"), Column(label="To"),
+            Column(label="Time scale"),
+        ),
+        rows=[[one.name, one.begin, one.end, one.scale] for one in found.recorded],
+        caption="When it was recorded, as the data themselves tell.",
+    )  # fmt: skip
+    blocks: list[Block] = [table, times]
+    if found.doubts:
+        blocks.append(Warnings(items=found.doubts))
+    return Section(title="What was tested", blocks=[*blocks, Text(paragraph=_METHODS[kind])])
+
+
+def _instruments(found: "Certified") -> Section:
+    """What clocks and mounting are off by."""
+    text = (
+        "What is to be added to what the runs say of their clocks and of where the scanner sits. "
+        "It was not applied: figures are those of the runs as they are."
+    )
+    table = findings_table(found.instruments, caption="Found less stated, with four times its sd "
+                           "as the bound of what is there.")  # fmt: skip
+    return Section(title="Clocks and mounting", text=text, blocks=[table])
 
 
 def _figures(found: "Certified") -> Section:

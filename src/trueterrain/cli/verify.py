@@ -39,13 +39,15 @@ def verify(
     test
         Which test: "static", "dynamic" or "drift".
     config
-        Description of the test, a .toml file: runs, machined profile, limits, what to state.
+        Description of the test, a .toml file: runs, machined profile, limits, what to state; see
+        `trueterrain init static`, and so on.
     output
-        Folder for certificate.html, result.json and the single errors as CSV.
+        Folder for certificate.html, certificate.pdf, result.json and the single errors as CSV.
     json
         Print result.json instead of a table: {"version", "settings", "inputs": [{"name",
         "sha256"}], "rows": [{"test", "rms", "off_edges", "distance", "maximum", "bias", "noise",
-        "registration", "count", "verdicts", ...}], "passed"}, lengths in m; rms, off_edges,
+        "registration", "count", "verdicts", ...}], "recorded", "doubts", "instruments": [{"name",
+        "value", "sd", "unit", "detected", "meaning"}], "passed"}, lengths in m; rms, off_edges,
         distance and bias are {"value", "low", "high", "confidence"}. "passed" is null without
         limits.
     force
@@ -53,7 +55,7 @@ def verify(
     """
     from trueterrain.cli._verify_certificate import certificate_of
     from trueterrain.engine import whole_folder
-    from trueterrain.report import write_report
+    from trueterrain.report import write_report, write_report_pdf
     from trueterrain.verify.certificate import certify, write_errors
 
     with whole_folder(output, force=force) as folder:
@@ -63,17 +65,23 @@ def verify(
         text = _json.dumps(document, indent=2, allow_nan=False)
         (folder / "result.json").write_text(text + "\n", encoding="utf-8", newline="\n")
         files.append(("result.json", "all figures, settings and hashes of the inputs"))
-        write_report(certificate_of(found, files), folder / "certificate.html")
+        certificate = certificate_of(found, files)
+        write_report(certificate, folder / "certificate.html")
+        write_report_pdf(certificate, folder / "certificate.pdf")
     if json:
         out_json(document)
         return
     for row in _table(found):
         out(row)
-    note(f"{output / 'certificate.html'}: the certificate")
+    for doubt in found.doubts:
+        note(f"trueterrain: warning: {doubt}")
+    note(f"{output / 'certificate.html'}: the certificate; certificate.pdf is the same to print")
 
 
 def _table(found: "Certified") -> Iterator[str]:
     """Table as Table 3-1, then what keeps its limits and what does not."""
+    from trueterrain.cli._verify_findings import in_words
+
     header = [
         "test",
         "RMS [mm]",
@@ -101,6 +109,7 @@ def _table(found: "Certified") -> Iterator[str]:
             limit = _MILLI * getattr(found.test.limits, figure)
             word = "passed" if kept else "FAILED"
             yield f"{name}: {figure} {word}, limit {limit:g} mm"
+    yield from (in_words(one) for one in found.instruments if one.detected is not False)
     if found.passed is None:
         yield "No limits were given: nothing is passed or failed."
 

@@ -1,117 +1,41 @@
 """Tests as files describe them: what a certificate states, and all that it is recomputed from."""
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from trueterrain._version import __version__
+from trueterrain.engine.plain import finite
 from trueterrain.errors import SchemaError, concerning
 from trueterrain.formats.settings import read_settings
-from trueterrain.motion import FusionSettings
+from trueterrain.motion import FusionSettings, Trajectory
 from trueterrain.provenance import describe_input
-from trueterrain.verify._errors import Limits
-from trueterrain.verify.drift import DriftResult, DriftSettings, drift_test
-from trueterrain.verify.dynamic import DynamicResult, DynamicSettings, dynamic_test
+from trueterrain.verify._descriptions import (
+    KINDS,
+    DriftTest,
+    DynamicTest,
+    Stated,
+    StaticTest,
+    fusion_of,
+)
+from trueterrain.verify.drift import DriftResult, drift_test
+from trueterrain.verify.dynamic import DynamicResult, dynamic_test
+from trueterrain.verify.findings import Finding
+from trueterrain.verify.instruments import boresight_findings, clock_findings
+from trueterrain.verify.recorded import Recorded, contradictions, recorded, recorded_run
 from trueterrain.verify.registration import check_machined
-from trueterrain.verify.static import StaticResult, StaticSettings, static_test
+from trueterrain.verify.static import StaticResult, static_test
+
+__all__ = [
+    "Certified", "DriftTest", "DynamicTest", "Result", "Stated", "StaticTest", "certify",
+    "fusion_of", "write_errors",
+]  # fmt: skip
 
 Result = StaticResult | DynamicResult | DriftResult
-
-
-@dataclass(frozen=True, kw_only=True)
-class Stated:
-    """What a certificate states of a test."""
-
-    title: str = ""
-    "Title of the certificate."
-
-    system: str = ""
-    "What was tested: vehicle, scanner, navigation, their numbers."
-
-    conditions: str = ""
-    "Under which conditions: place, weather, speed, crew."
-
-    date: str = ""
-    "When it was recorded."
-
-    cautious: bool = False
-    "Ask the upper ends of intervals to keep the limits, not the figures themselves."
-
-    limits: Limits = field(default_factory=Limits)
-    "What figures may be at most; without limits nothing is passed or failed."
-
-
-@dataclass(frozen=True, kw_only=True)
-class StaticTest(Stated):
-    """A static test: a scanner that stands above a calibration plate."""
-
-    kind: ClassVar[str] = "static"
-
-    run: str
-    "Run of the standing scanner, NAME.zarr; from the folder of this file."
-
-    machined: str
-    "Machined profile of the plate: CSV, ERD or Parquet."
-
-    test: StaticSettings = field(default_factory=StaticSettings)
-    "How it is evaluated."
-
-
-@dataclass(frozen=True, kw_only=True)
-class DynamicTest(Stated):
-    """A dynamic test: runs over a calibration plate."""
-
-    kind: ClassVar[str] = "dynamic"
-
-    runs: dict[str, str]
-    "Runs over the plate by name, NAME.zarr each; from the folder of this file."
-
-    machined: str
-    "Machined profile of the plate: CSV, ERD or Parquet."
-
-    methods: tuple[str, ...] = ("rts",)
-    "How motion is found, one after the other: navigation, thesis, zero-phase, wiener, rts."
-
-    test: DynamicSettings = field(default_factory=DynamicSettings)
-    "How it is evaluated."
-
-    def __post_init__(self) -> None:
-        """Check that there is something to test, and the methods."""
-        if not self.runs or not self.methods:
-            message = "runs and methods must each hold at least one."
-            raise ValueError(message)
-        for method in self.methods:
-            fusion_of(method)
-
-
-@dataclass(frozen=True, kw_only=True)
-class DriftTest(Stated):
-    """A drift test: repeated runs along one path."""
-
-    kind: ClassVar[str] = "drift"
-
-    profiles: tuple[str, ...]
-    "Profiles of repeated runs, a file each; from the folder of this file."
-
-    reference: str | None = None
-    "Profile of the true heights; by default runs are compared with each other."
-
-    track: str | None = None
-    "Track to take from profiles of several."
-
-    test: DriftSettings = field(default_factory=DriftSettings)
-    "How it is evaluated."
-
-
-#: Descriptions by the name of the test.
-KINDS: dict[str, type[Stated]] = {
-    "static": StaticTest, "dynamic": DynamicTest, "drift": DriftTest,
-}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -126,6 +50,17 @@ class Certified:
 
     inputs: tuple[dict[str, str], ...]
     "Name and SHA-256 of every file."
+
+    instruments: tuple[Finding, ...] = ()
+    "What clocks and mounting are off by, where runs for it were given."
+
+    recorded: tuple[Recorded, ...] = ()
+    "When each file was recorded, as far as the data tell."
+
+    @property
+    def doubts(self) -> list[str]:
+        """Where what is stated is not what the data tell."""
+        return contradictions(self.test.date, self.recorded)
 
     @property
     def verdicts(self) -> dict[str, dict[str, bool]]:
@@ -144,17 +79,21 @@ class Certified:
 
     def describe(self) -> dict[str, Any]:
         """The same as plain numbers and words, as for JSON; lengths in m, None where unlimited."""
-        found = {
+        found: dict[str, Any] = {
             "version": __version__,
             "settings": asdict(self.test),
             "inputs": list(self.inputs),
+            "recorded": [one.describe() for one in self.recorded],
+            "doubts": self.doubts,
             "rows": [
                 {**found.describe(), "test": name, "verdicts": self.verdicts[name]}
                 for name, found in self.results.items()
             ],
+            "instruments": [one.describe() for one in self.instruments],
             "passed": self.passed,
         }
-        return {name: _plain(value) for name, value in found.items()}
+        described: dict[str, Any] = finite(found)
+        return described
 
 
 def certify(kind: str, config: str | Path) -> Certified:
@@ -189,22 +128,32 @@ def certify(kind: str, config: str | Path) -> Certified:
     config = Path(config)
     test = read_settings(KINDS[kind], config)
     folder = config.parent
+    clock = None if test.clock is None else folder / test.clock
+    boresight = [folder / path for path in test.boresight]
+    runs: dict[str, Path] = {}
+    profiles: list[Path] = []
     if isinstance(test, StaticTest):
-        files = [folder / test.run, folder / test.machined]
-        results = _static(test, files[0], _machined(files[1]))
+        runs, others = {"static": folder / test.run}, [folder / test.machined]
     elif isinstance(test, DynamicTest):
         runs = {name: folder / path for name, path in test.runs.items()}
-        machined = folder / test.machined
-        files = [*runs.values(), machined]
-        results = _dynamic(test, runs, _machined(machined))
+        others = [folder / test.machined]
     else:
         assert isinstance(test, DriftTest)
-        files = [folder / path for path in test.profiles]
-        reference = None if test.reference is None else folder / test.reference
-        results = _drift(test, files, reference)
-        files += [] if reference is None else [reference]
-    inputs = tuple(describe_input(path) for path in (config, *files))
-    return Certified(test=test, results=results, inputs=inputs)
+        profiles = [folder / path for path in test.profiles]
+        others = [*profiles, *([] if test.reference is None else [folder / test.reference])]
+    driven = dict.fromkeys([*runs.values(), *([] if clock is None else [clock]), *boresight])
+    times = [recorded(path.name, {}) for path in profiles] + [recorded_run(run) for run in driven]
+    if isinstance(test, StaticTest):
+        results = _static(test, runs["static"], _machined(others[0]))
+    elif isinstance(test, DynamicTest):
+        results = _dynamic(test, runs, _machined(others[0]))
+    else:
+        results = _drift(test, profiles, next(iter(others[len(profiles) :]), None))
+    files = dict.fromkeys([config, *runs.values(), *others, *driven])
+    return Certified(
+        test=test, results=results, inputs=tuple(describe_input(path) for path in files),
+        instruments=tuple(_instruments(test, clock, boresight)), recorded=tuple(times),
+    )  # fmt: skip
 
 
 def write_errors(found: Certified, folder: Path) -> list[tuple[str, str]]:
@@ -236,65 +185,44 @@ def write_errors(found: Certified, folder: Path) -> list[tuple[str, str]]:
     return files
 
 
-def fusion_of(method: str) -> FusionSettings:
-    """Settings of a method of finding motion.
-
-    Parameters
-    ----------
-    method : str
-        Its name.
-
-    Returns
-    -------
-    FusionSettings
-        Of that method.
-
-    Raises
-    ------
-    ValueError
-        If it is unknown.
-    """
-    from typing import get_args
-
-    from trueterrain.motion.fuse import Method
-
-    for known in get_args(Method):
-        if method == known:
-            return FusionSettings(method=known)
-    message = f"methods must be some of {', '.join(get_args(Method))}, got {method!r}."
-    raise ValueError(message)
-
-
-def _plain(value: Any) -> Any:
-    """Nested values for JSON, which knows neither infinity nor what is no number."""
-    if isinstance(value, Mapping):
-        return {str(name): _plain(one) for name, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
-
-
 def _static(test: StaticTest, run: Path, machined: xr.Dataset) -> dict[str, Result]:
     return {found.row.test: found for found in static_test(run, machined, test.test)}
 
 
-def _dynamic(
-    test: DynamicTest, runs: Mapping[str, Path], machined: xr.Dataset
-) -> dict[str, Result]:
+def _instruments(test: Stated, clock: Path | None, boresight: list[Path]) -> list[Finding]:
+    """What clocks and mounting are off by."""
+    from trueterrain.formats.run import open_run
+
+    fusion = test.fusion if isinstance(test, DynamicTest) else FusionSettings()
+    found: list[Finding] = []
+    if clock is not None:
+        with concerning(clock):
+            delay = fusion.accelerometer_delay
+            found += clock_findings(open_run(clock), accelerometer_delay=delay)
+    if boresight:
+        motion = [_motion(path, fusion) for path in boresight]
+        found += boresight_findings(boresight, motion)
+    return found
+
+
+def _motion(path: Path, fusion: FusionSettings) -> Trajectory:
     import warnings
 
     from trueterrain.formats.run import open_run
     from trueterrain.motion import fuse
 
+    with concerning(path), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # `trueterrain info` tells them
+        return fuse(open_run(path), settings=fusion).trajectory
+
+
+def _dynamic(
+    test: DynamicTest, runs: Mapping[str, Path], machined: xr.Dataset
+) -> dict[str, Result]:
     found: dict[str, Result] = {}
     for name, path in runs.items():
-        tree = open_run(path)
         for method in test.methods:
-            with concerning(path), warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # `trueterrain info` tells them
-                trajectory = fuse(tree, settings=fusion_of(method)).trajectory
+            trajectory = _motion(path, fusion_of(method, test.fusion))
             row = f"{name}, {method}"
             found[row] = dynamic_test(path, machined, trajectory, test.test, name=row)
     return found

@@ -1,0 +1,181 @@
+"""Clocks and mounting that are off by a known amount are found, named, and not more than that."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import trueterrain
+from trueterrain.errors import FormatError
+from trueterrain.formats.run import open_run
+from trueterrain.kinds import make_profile
+from trueterrain.motion import fuse
+from trueterrain.simulate.drift import GaussMarkovDrift
+from trueterrain.simulate.navigation import Navigation
+from trueterrain.simulate.scanner import Scanner
+from trueterrain.simulate.scene import Truth, read_scene, record_scene
+from trueterrain.simulate.scene._parts import Drive
+from trueterrain.verify.certificate import certify
+from trueterrain.verify.findings import Finding
+from trueterrain.verify.instruments import boresight_findings, clock_findings
+
+SURE = 4.0  # standard deviations: less than 1 of 10,000 errors is larger
+HELD = 0.01  # [m] by which the runs state a wrong arm ahead, which passes do not tell
+# what beams that are common to all scans leave: see the tests of `trueterrain.georeference`
+CLOSE = {"roll": 1e-4, "lever_y": 1e-3, "clock": 5e-4}
+
+
+def drifting(folder, text):
+    """Description of the cheapest test, with more settings."""
+    s = np.arange(1201.0)
+    rng = np.random.default_rng(3)
+    for name in ("a", "b"):
+        trueterrain.write(make_profile(s, 1e-3 * rng.normal(size=s.size)), folder / f"{name}.csv")
+    config = folder / "drift.toml"
+    config.write_text(f'profiles = ["a.csv", "b.csv"]\n{text}\n')
+    return config
+
+
+@pytest.fixture(scope="module")
+def bounce(tmp_path_factory):
+    """The scene bounce, with few beams; its true clocks are 1.3 ms and -0.7 ms, stated are none."""
+    scene, _ = read_scene("bounce")
+    scene = replace(
+        scene, scanner=replace(scene.scanner, beams=31, rate=250.0, spot_rays=1),
+        truth=Truth(returns=False),
+    )  # fmt: skip
+    (path,) = record_scene(scene, tmp_path_factory.mktemp("bounce"))
+    return path, scene
+
+
+@pytest.fixture(scope="module")
+def passes(tmp_path_factory):
+    """Both ways over the steps of the scene boresight, with a navigation that hardly drifts."""
+    scene, _ = read_scene("boresight")
+
+    def drive(name, start, *, reverse):
+        return Drive(name=name, reverse=reverse, start=start, length=6.0,
+                     speed={"kind": "constant", "speed": 5.0})  # fmt: skip
+
+    scene = replace(
+        scene, raster=0.01, truth=Truth(returns=False, spacing=0.1),
+        scanner=Scanner(beams=100, rate=1000.0, range_noise=2e-4, spot_rays=1),
+        navigation=Navigation(
+            drift=GaussMarkovDrift(height_sd=0.0), horizontal_sd=1e-4,
+            attitude_sd=(1e-5, 1e-5, 1e-5), noise=(1e-4, 1e-4, 1e-4, 1e-5, 1e-5, 1e-5),
+        ),
+        passes=(drive("there", 11.5, reverse=False), drive("back", 14.0, reverse=True)),
+    )  # fmt: skip
+    return record_scene(scene, tmp_path_factory.mktemp("passes")), scene
+
+
+def test_both_clocks_are_found(bounce):
+    path, scene = bounce
+    delay = scene.accelerometers.group_delay
+    first, second = clock_findings(open_run(path), accelerometer_delay=delay)
+    for found, name, true in (
+        (first, "clock of the accelerometers", scene.accelerometers.clock_offset),
+        (second, "clock of the scanner", scene.mounting.scanner_clock),
+    ):
+        assert (found.name, found.unit, found.detected) == (name, "s", True)
+        assert_allclose(found.value, true, rtol=0, atol=SURE * found.sd)
+        assert found.sd < 2e-4
+        assert "Stamps are to be increased" in found.meaning
+
+
+def test_without_its_delay_the_filter_is_part_of_the_clock(bounce):
+    path, scene = bounce
+    first, second = clock_findings(open_run(path))
+    true = scene.accelerometers.clock_offset - scene.accelerometers.group_delay
+    assert_allclose(first.value, true, rtol=0, atol=SURE * first.sd)
+    # the scanner is compared with what the accelerometers felt, whenever they stamped it
+    assert_allclose(second.value, scene.mounting.scanner_clock, rtol=0, atol=SURE * second.sd)
+
+
+def test_clocks_that_are_stated_rightly_are_not_found(bounce):
+    path, scene = bounce
+    run = open_run(path)
+    stated = {
+        "scanner_clock": scene.mounting.scanner_clock,
+        "accelerometer_clock": scene.accelerometers.clock_offset - scene.accelerometers.group_delay,
+    }
+    run.attrs["mounting"] = {**run.attrs["mounting"], **stated}
+    for found in clock_findings(run):
+        assert found.detected is False
+        assert abs(found.value) < SURE * found.sd
+
+
+def test_a_run_that_drives_does_not_tell_the_scanner_clock(passes):
+    (path, _), _ = passes
+    found = clock_findings(open_run(path))
+    assert [one.detected for one in found] == [None, None]
+    for one in found:
+        assert (one.value, one.sd) == (None, None)
+        assert "Take a" in one.meaning
+        assert str(path.parent) not in one.meaning
+
+
+@pytest.fixture(scope="module")
+def certified(tmp_path_factory, bounce, passes):
+    """A certificate of the cheapest test, with runs for the instruments."""
+    folder = tmp_path_factory.mktemp("certified")
+    text = f'clock = "{bounce[0]}"\nboresight = {json.dumps([str(path) for path in passes[0]])}'
+    return certify("drift", drifting(folder, text))
+
+
+def test_the_mounting_is_found_and_what_is_not_told_has_its_reason(certified, passes):
+    scene = passes[1]
+    found = {one.name: one for one in certified.instruments}
+    true, stated = scene.mounting, scene.declared
+    for name, value, close in (
+        ("roll of the scanner", true.scanner_rotation[0], CLOSE["roll"]),
+        ("lever arm of the scanner, left", true.scanner_position[1], CLOSE["lever_y"]),
+        ("clock of the scanner, over the ground", true.scanner_clock, CLOSE["clock"]),
+    ):
+        assert found[name].detected is True
+        atol = np.hypot(close, SURE * found[name].sd)
+        assert_allclose(found[name].value, value, rtol=0, atol=atol, err_msg=name)
+    up = found["lever arm of the scanner, up"]
+    assert (up.value, up.detected) == (None, None)
+    assert "Measure lever_z with a tape" in up.meaning
+    assert stated.scanner_position[0] - true.scanner_position[0] == pytest.approx(-HELD)
+    pitch = found["pitch of the scanner"]
+    assert "leans on the lever arm of the scanner, forward, which is held" in pitch.meaning
+    # as much wrong as the arm that it leans on, which stands 1.2 m above the ground
+    assert_allclose(pitch.value - true.scanner_rotation[1], -HELD / 1.2, rtol=0, atol=4e-3)
+
+
+def test_runs_that_share_no_ground_tell_nothing(passes, bounce):
+    (there, _), _ = passes
+    way = fuse(open_run(there)).trajectory
+    moved = replace(way, position=way.position + np.array([100.0, 0.0, 0.0]))
+    (found,) = boresight_findings([there, there], [way, moved])
+    assert isinstance(found, Finding)
+    assert (found.value, found.detected) == (None, None)
+    assert "share no ground" in found.meaning
+
+
+def test_a_certificate_holds_them_with_the_hashes_of_their_runs(certified):
+    document = certified.describe()
+    names = [one["name"] for one in document["instruments"]]
+    assert names[:2] == ["clock of the accelerometers", "clock of the scanner"]
+    assert len(names) == 9
+    hashed = [one["name"] for one in document["inputs"]]
+    assert hashed == ["drift.toml", "a.csv", "b.csv", "bounce-bounce.zarr",
+                      "boresight-there.zarr", "boresight-back.zarr"]  # fmt: skip
+    scales = {one["name"]: one["scale"] for one in document["recorded"]}
+    assert scales["a.csv"] == "not in the data: profiles hold no times"
+    assert scales["bounce-bounce.zarr"] == "not in the data: times count from any moment"
+
+
+@pytest.mark.parametrize("text", ['clock = "none.zarr"', 'boresight = ["x.zarr", "none.zarr"]'])
+def test_a_run_that_is_missing_is_named(tmp_path, text):
+    with pytest.raises(FileNotFoundError, match=r"there is no run .*(none|x)\.zarr"):
+        certify("drift", drifting(tmp_path, text))
+
+
+def test_one_run_is_no_boresight(tmp_path):
+    with pytest.raises(FormatError, match=r"boresight must name two runs or more, got 'x\.zarr'"):
+        certify("drift", drifting(tmp_path, 'boresight = ["x.zarr"]'))
