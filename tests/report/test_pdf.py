@@ -123,7 +123,7 @@ def test_all_that_a_report_holds_is_on_the_pages(full):
         "121 × 21 nodes are drawn: all there are.", "Seen from above",
         "cloud.laz all returns 5\u00a0B",
         "⚠ 2 doubts about this result: see First", "? not known", "37\u00a0037 m²", "note 3",
-        "Provenance", "1. grid (trueterrain", f"Made with trueterrain {__version__}.",
+        "Provenance", "1. grid (trueterrain",
     ):  # fmt: skip
         assert words.replace("\u00a0", " ") in text.replace("\u00a0", " "), words
     (hashed,) = full[1].provenance["surface"][0]["inputs"]
@@ -135,7 +135,8 @@ def test_pages_are_a4_and_say_which_of_how_many_they_are(full):
     pages = full[2].pages
     for number, page in enumerate(pages, start=1):
         np.testing.assert_allclose(page.mediabox[2:], A4, rtol=0, atol=ROUNDED)
-        assert f"Page {number} of {len(pages)}" in page.extract_text()
+        foot = f"trueterrain {__version__} · Page {number} of {len(pages)}"
+        assert foot in page.extract_text()
         assert "Title" in page.extract_text()
     assert len(pages) > 1
 
@@ -250,6 +251,24 @@ def test_cells_and_doubts_longer_than_a_page_go_on_over_it(pdf_of):
     text = text_of(reader)
     assert all(text.count(f"word{k} ") == 2 for k in range(0, 2999, 100))
     assert len(reader.pages) > 4
+
+
+@pytest.mark.parametrize("lines", range(20, 60, 4))
+def test_headings_and_captions_stay_with_what_they_are_of(pdf_of, lines):
+    table = Table(columns=(Column(label="A"),), rows=[(f"row{k}",) for k in range(8)],
+                  caption="Caption of it")  # fmt: skip
+    picture = Picture(figure=drawn(), alt="A line", caption="Caption of the line")
+    filling = Section(title="Filling", blocks=[Text(paragraph="word")] * lines)
+    for block in (table, picture):
+        named = Section(title="Heading of it", blocks=(block,))
+        reader = pdf_of(Report(title="Road", sections=(filling, named)))
+        (page,) = [page for page in reader.pages if "Heading of it" in page.extract_text()]
+        if block is table:
+            assert "Caption of it" in page.extract_text()
+            assert "row7" in page.extract_text()
+        else:
+            assert "Caption of the line" in page.extract_text()
+            assert len(_placed(page)) == 1
 
 
 def test_a_table_without_rows_shows_its_head(pdf_of):

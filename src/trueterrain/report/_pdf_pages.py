@@ -5,6 +5,7 @@ from typing import Any
 from reportlab.pdfgen.canvas import Canvas
 from reportlab.platypus import Paragraph
 
+from trueterrain._version import __version__
 from trueterrain.report._pdf_style import LINE, PLAIN, QUIET, escaped, styles
 
 _SIZE = 7.5  # [pt] of the foot
@@ -15,10 +16,9 @@ _ELLIPSIS = "…"
 class Heading(Paragraph):  # type: ignore[misc]  # reportlab tells no types
     """Heading of a section, which is listed beside the pages as well."""
 
-    def __init__(self, title: str, *, beside: bool = False) -> None:
+    def __init__(self, title: str) -> None:
         super().__init__(escaped(title), styles()["heading"])
         self._title = title
-        self.keepWithNext = beside  # on one page with what comes next
 
     def draw(self) -> None:
         """Draw it, and note the place."""
@@ -27,7 +27,7 @@ class Heading(Paragraph):  # type: ignore[misc]  # reportlab tells no types
 
 
 def numbered_canvas(title: str, margin: float) -> type[Any]:
-    """Kind of canvas that writes title and "page i of n" at the foot of every page.
+    """Kind of canvas that writes title, version and "page i of n" at the foot of every page.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def numbered_canvas(title: str, margin: float) -> type[Any]:
             super().save()
 
         def _foot(self, pages: int) -> None:
-            number = f"Page {self._pageNumber} of {pages}"
+            number = f"trueterrain {__version__} · Page {self._pageNumber} of {pages}"
             right = self._pagesize[0] - margin
             self.setStrokeColor(LINE)
             self.setLineWidth(0.5)

@@ -20,6 +20,7 @@ _PAD = 5.0  # [pt] on both sides of a cell
 _STEP = 0.5  # [pt] by which the type of a wide table is made smaller
 _WORD = 70.0  # [pt] below which a column of words is not squeezed while type can be smaller
 _ROOM = 75.0  # [pt] for caption, head and a row or two, before a table begins
+_SHORT = 12  # rows of a table that is not broken over pages
 _SLACK = 0.5  # [pt] rounding, for which no word shall be broken
 
 
@@ -36,7 +37,7 @@ def table_flowables(block: dict[str, Any], width: float) -> list[Any]:
     Returns
     -------
     list
-        What stands on the paper.
+        What stands on the paper; a list in it stays on one page.
     """
     from reportlab.platypus import CondPageBreak, Paragraph, Spacer
 
@@ -51,13 +52,13 @@ def table_flowables(block: dict[str, Any], width: float) -> list[Any]:
         columns.append(_Column("Verdict", "", False, marks, inks))
     if block["named"]:
         columns[0].bold = True
-    found: list[Any] = [CondPageBreak(_ROOM)]
+    found: list[Any] = []
     if block["caption"]:
         found.append(Paragraph(escaped(block["caption"]), styles()["caption"]))
     size, groups = _fitted(columns, width)
     for group in groups:
         found += [_drawn(group, size, width), Spacer(0, 8)]
-    return found
+    return [found] if len(block["rows"]) * len(groups) <= _SHORT else [CondPageBreak(_ROOM), *found]
 
 
 class _Column:

@@ -52,9 +52,9 @@ def write_report_pdf(report: Report, path: str | Path, *, force: bool = False) -
 
     Notes
     -----
-    A4 pages with title and number at their foot; heads of tables are repeated on each. Pictures are
-    images of 220 dots per inch; surfaces are seen from above. The same report gives the same bytes.
-    Letters that DejaVu Sans does not hold are shown as boxes.
+    A4 pages with title, version and number at their foot; heads of tables are repeated on each.
+    Pictures are images of 220 dots per inch; surfaces are seen from above. The same report gives
+    the same bytes. Letters that DejaVu Sans does not hold are shown as boxes.
 
     Examples
     --------
@@ -89,7 +89,7 @@ def write_report_pdf(report: Report, path: str | Path, *, force: bool = False) -
 
 
 def _story(report: Report, folder: Path, width: float, height: float) -> Iterator[Any]:
-    from reportlab.platypus import CondPageBreak, HRFlowable, KeepTogether, Paragraph, Spacer
+    from reportlab.platypus import CondPageBreak, HRFlowable, Paragraph
 
     from trueterrain.report._pdf_pages import Heading
     from trueterrain.report._pdf_style import ACCENT, escaped, styles
@@ -102,22 +102,21 @@ def _story(report: Report, folder: Path, width: float, height: float) -> Iterato
         yield from _tiles(report.headline, width)
     yield from _doubts(report)
     for section in report.sections:
-        content = [Paragraph(escaped(text), styles()["text"]) for text in paragraphs(section.text)]
+        content: list[Any] = [
+            Paragraph(escaped(text), styles()["text"]) for text in paragraphs(section.text)
+        ]
         for block in section.blocks:
             content += _block(block, folder, width, height)
         yield CondPageBreak(_ROOM)
-        # tables go on over pages, so that they would draw their heading away from the page it fits
-        yield Heading(
-            section.title, beside=isinstance(content[0] if content else None, KeepTogether)
-        )
-        yield from content
+        heading = [Heading(section.title)]
+        if content and isinstance(content[0], list):  # what is on one page has its heading there
+            heading += content.pop(0)
+        yield from _together([heading, *content])
     if report.provenance:
         yield CondPageBreak(_ROOM)
         yield Heading("Provenance")
         for name, steps in report.provenance.items():
             yield from _origin(origin(name, steps), width)
-    yield Spacer(0, 10)
-    yield Paragraph(f"Made with trueterrain {escaped(__version__)}.", styles()["note"])
 
 
 def _tiles(numbers: tuple[Number, ...], width: float) -> Iterator[Any]:
@@ -180,6 +179,7 @@ def _doubts(report: Report) -> Iterator[Any]:
 
 
 def _block(block: Block, folder: Path, width: float, height: float) -> Iterator[Any]:
+    """What stands on the paper; a list stays on one page."""
     from reportlab.platypus import Paragraph
 
     from trueterrain.report._pdf_style import escaped, styles
@@ -214,9 +214,15 @@ def _block(block: Block, folder: Path, width: float, height: float) -> Iterator[
             yield from table_flowables(table_cells(table), width)
 
 
-def _picture(figure: Any, captions: list[str], width: float, height: float) -> Any:
+def _together(flowables: list[Any]) -> Iterator[Any]:
+    from reportlab.platypus import KeepTogether
+
+    yield from (KeepTogether(one) if isinstance(one, list) else one for one in flowables)
+
+
+def _picture(figure: Any, captions: list[str], width: float, height: float) -> list[Any]:
     """A figure at its natural size, or as large as the page allows, with what it shows."""
-    from reportlab.platypus import Image, KeepTogether, Paragraph, Spacer
+    from reportlab.platypus import Image, Paragraph, Spacer
 
     from trueterrain.report._pdf_style import escaped, styles
     from trueterrain.report._picture import image
@@ -224,7 +230,7 @@ def _picture(figure: Any, captions: list[str], width: float, height: float) -> A
     data, wide, high = image(figure, width, _HIGHEST * height)
     found: list[Any] = [Image(data, width=wide, height=high, hAlign="LEFT")]
     found += [Paragraph(escaped(text), styles()["caption"]) for text in captions if text]
-    return KeepTogether([*found, Spacer(0, 8)])
+    return [*found, Spacer(0, 8)]
 
 
 def _warnings(block: Warnings, width: float) -> Any:
@@ -263,7 +269,7 @@ def _origin(found: dict[str, Any], width: float) -> Iterator[Any]:
                 columns=(Column(label="Input"), Column(label="SHA-256")),
                 rows=[(one.get("name"), one.get("sha256")) for one in step["inputs"]],
             )
-            yield from table_flowables(table_cells(hashes), width)
+            yield from _together(table_flowables(table_cells(hashes), width))
         if step["parameters"] != "{}":
             yield Preformatted(
                 step["parameters"], styles()["code"], maxLineLength=_CODE_LINE, newLineChars=""
