@@ -107,10 +107,10 @@ class DynamicResult:
     """How true a profile from a moving vehicle is."""
 
     errors: xr.Dataset
-    """Over position s on the machined profile [m]: ``along`` the way, ``height`` (registered),
-    ``machined`` (mean over the places of the returns), ``error``, ``sd`` of a mean by the
-    spread of its returns, ``distance`` from the machined line [m], ``count``, ``edge`` and ``time``
-    [s]."""
+    """Over position s on the machined profile [m]: ``along`` the way, ``up`` as it was measured,
+    ``height`` (registered), ``machined`` (mean over the places of the returns), ``error``, ``sd``
+    of a mean by the spread of its returns, ``distance`` from the machined line [m], ``count``,
+    ``edge`` and ``time`` [s]."""
 
     row: Row
     "Row of the table."
@@ -332,7 +332,8 @@ def _compared(
     spread = np.sqrt(mean(about**2) * count / np.maximum(count - 1, 1))
     position = mean(s)
     columns = {
-        "along": mean(along), "height": mean(height), "machined": mean(true), "error": mean(error),
+        "along": mean(along), "up": mean(strip["up"][order]), "height": mean(height),
+        "machined": mean(true), "error": mean(error),
         "sd": spread / np.sqrt(count), "count": count, "time": mean(strip["time"][order]),
         "edge": at_edges(machined, position, settings.edge)
         & (position >= -settings.edge) & (position <= found.length + settings.edge),
