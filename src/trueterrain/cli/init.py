@@ -5,11 +5,13 @@ from typing import Literal
 from trueterrain.cli._console import out
 
 
-def init(what: Literal["survey", "scene"], /, *names: str) -> None:
+def init(what: Literal["survey", "scene", "static", "dynamic", "drift"], /, *names: str) -> None:
     """Print complete settings, with a comment for each.
 
     What is printed can be used as it is. Every setting stands there with its help, unit and
     default; what has no default, and everything else that there is to choose from, in comments.
+    Excitation events and calibration plates need no file: `trueterrain event design` and
+    `trueterrain plate design` take options.
 
     Example: `trueterrain init survey left.zarr right.zarr > survey.toml`
 
@@ -18,13 +20,23 @@ def init(what: Literal["survey", "scene"], /, *names: str) -> None:
     what
         What the settings are for. survey: recorded runs and what shall become of them, for
         `trueterrain run`. scene: ground, vehicle and instruments of the virtual profiler, for
-        `trueterrain simulate`.
+        `trueterrain simulate`. static, dynamic, drift: a test of how true a profiler is, for
+        `trueterrain verify`.
     names
         survey: the recorded runs, NAME.zarr. scene: a ready scene (see `trueterrain simulate
         --list`) or a .toml file to take the values from; by default one lane of Belgian block.
+        static: the run above the plate. dynamic: the runs over it. drift: the profiles of repeated
+        runs.
     """
-    makers = {"survey": _survey, "scene": _scene}
-    out(makers[what](names).rstrip("\n"))
+    if what == "survey":
+        text = _survey(names)
+    elif what == "scene":
+        text = _scene(names)
+    else:
+        from trueterrain.verify.certificate import description_template
+
+        text = description_template(what, names)
+    out(text.rstrip("\n"))
 
 
 def _survey(runs: tuple[str, ...]) -> str:

@@ -1,14 +1,19 @@
 """Descriptions of tests, as files hold them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import ClassVar, get_args
 
+from trueterrain.formats.settings import settings_template
 from trueterrain.motion import FusionSettings
 from trueterrain.motion.fuse import Method
 from trueterrain.verify._errors import Limits
 from trueterrain.verify.drift import DriftSettings
 from trueterrain.verify.dynamic import DynamicSettings
 from trueterrain.verify.static import StaticSettings
+
+_PLATE = "plate.csv"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,3 +153,64 @@ def fusion_of(method: str, fusion: FusionSettings = FusionSettings()) -> FusionS
             return replace(fusion, method=known)
     message = f"methods must be some of {', '.join(get_args(Method))}, got {method!r}."
     raise ValueError(message)
+
+
+def description_template(kind: str, files: Sequence[str | Path] = ()) -> str:
+    """Complete TOML text that describes a test, with a comment for each setting.
+
+    Parameters
+    ----------
+    kind : str
+        static, dynamic or drift.
+    files : sequence of str or Path
+        The run of a static test, the runs of a dynamic one, the profiles of a drift test; by
+        default names to be replaced.
+
+    Returns
+    -------
+    str
+        TOML that `certify` reads, once its inputs are there.
+
+    Raises
+    ------
+    ValueError
+        If the kind is unknown, or there are too many or too few files, or two of one name.
+    FileNotFoundError
+        If there is no such file.
+
+    Examples
+    --------
+    >>> print(description_template("static").partition("[limits]")[0])
+    # A static test: a scanner that stands above a calibration plate.
+    ...
+    run = "run.zarr"
+    ...
+    machined = "plate.csv"
+    ...
+    """
+    if kind not in KINDS:
+        message = f"kind must be one of {', '.join(KINDS)}, got {kind!r}."
+        raise ValueError(message)
+    for file in files:
+        if not Path(file).exists():
+            message = f"there is no {'profile' if kind == 'drift' else 'run'} {file}"
+            raise FileNotFoundError(message)
+    names = [str(file) for file in files]
+    test: Stated
+    if kind == "static":
+        if len(names) > 1:
+            message = f"a static test is of one run, got {', '.join(names)}."
+            raise ValueError(message)
+        test = StaticTest(run=(names or ["run.zarr"])[0], machined=_PLATE)
+    elif kind == "dynamic":
+        runs = {Path(name).stem: name for name in names or ["run.zarr"]}
+        if len(runs) < len(names):
+            message = f"runs must have names that differ, got {', '.join(names)}."
+            raise ValueError(message)
+        test = DynamicTest(runs=runs, machined=_PLATE)
+    else:
+        if len(names) == 1:
+            message = f"a drift test is of two profiles or more, got {names[0]} alone."
+            raise ValueError(message)
+        test = DriftTest(profiles=tuple(names or ["run1.csv", "run2.csv"]))
+    return settings_template(test)

@@ -20,6 +20,7 @@ from trueterrain.verify._descriptions import (
     DynamicTest,
     Stated,
     StaticTest,
+    description_template,
     fusion_of,
 )
 from trueterrain.verify.drift import DriftResult, drift_test
@@ -32,7 +33,7 @@ from trueterrain.verify.static import StaticResult, static_test
 
 __all__ = [
     "Certified", "DriftTest", "DynamicTest", "Result", "Stated", "StaticTest", "certify",
-    "fusion_of", "write_errors",
+    "description_template", "fusion_of", "write_errors",
 ]  # fmt: skip
 
 Result = StaticResult | DynamicResult | DriftResult

@@ -1,0 +1,95 @@
+"""``trueterrain init`` for tests of accuracy: what is printed is used as it is."""
+
+import json
+import tomllib
+
+import numpy as np
+import pytest
+
+import trueterrain
+from trueterrain.formats.settings import read_settings
+from trueterrain.kinds import make_profile
+from trueterrain.verify.certificate import DriftTest, DynamicTest, StaticTest
+
+KINDS = {"static": StaticTest, "dynamic": DynamicTest, "drift": DriftTest}
+
+
+@pytest.fixture
+def profiles(tmp_path):
+    """Profiles of two runs along one path."""
+    s = np.arange(1201.0)
+    rng = np.random.default_rng(3)
+    paths = [tmp_path / "first.csv", tmp_path / "second.csv"]
+    for path in paths:
+        trueterrain.write(make_profile(s, 1e-3 * rng.normal(size=s.size)), path)
+    return paths
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_printed_is_read_back(run, kind, tmp_path):
+    finished = run("init", kind)
+    assert (finished.code, finished.err) == (0, "")
+    (tmp_path / "test.toml").write_text(finished.out)
+    read = read_settings(KINDS[kind], tmp_path / "test.toml")
+    named = {
+        "static": {"run": "run.zarr", "machined": "plate.csv"},
+        "dynamic": {"runs": {"run": "run.zarr"}, "machined": "plate.csv"},
+        "drift": {"profiles": ("run1.csv", "run2.csv")},
+    }
+    assert read == KINDS[kind](**named[kind])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_setting_stands_there_with_its_help(run, kind):
+    lines = run("init", kind).out.splitlines()
+    assert lines[0].startswith(f"# A {kind} test: ")
+    for number, line in enumerate(lines):
+        if line and not line.startswith(("#", "[", " ", "]")):
+            assert lines[number - 1].startswith("#"), line
+    for name in ("title", "system", "date", "boresight", "confidence"):
+        assert any(line.startswith(f"{name} = ") for line in lines), name
+    for name in ("clock", "rms", "registration"):
+        assert any(line.startswith(f"# {name} = ...") for line in lines), name
+
+
+def test_named_profiles_are_filled_in_and_verified(run, profiles, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = run("init", "drift", *(path.name for path in profiles)).out
+    assert tomllib.loads(text)["profiles"] == ["first.csv", "second.csv"]
+    (tmp_path / "drift.toml").write_text(text)
+    finished = run("verify", "drift", "drift.toml", "-o", "out", "--json")
+    assert finished.code == 0, finished.err
+    assert json.loads(finished.out)["rows"][0]["count"] == 2402
+
+
+def test_named_runs_are_filled_in(run, tmp_path):
+    for name in ("calm.zarr", "excited.zarr"):
+        (tmp_path / name).mkdir()
+    calm, excited = tmp_path / "calm.zarr", tmp_path / "excited.zarr"
+    read = tomllib.loads(run("init", "dynamic", calm, excited).out)
+    assert read["runs"] == {"calm": str(calm), "excited": str(excited)}
+    assert tomllib.loads(run("init", "static", calm).out)["run"] == str(calm)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        (["static", "none.zarr"], "there is no run none.zarr"),
+        (["drift", "none.csv"], "there is no profile none.csv"),
+        (["static", ".", ".."], "a static test is of one run, got ., .."),
+        (["dynamic", ".", "."], "runs must have names that differ"),
+        (["drift", "."], "a drift test is of two profiles or more"),
+        (["statics"], "static"),
+    ],
+)
+def test_what_cannot_be_filled_in_is_said(run, arguments, problem):
+    finished = run("init", *arguments)
+    assert finished.code == 2
+    assert finished.out == ""
+    assert problem in " ".join(finished.err.split())
+
+
+def test_help_names_all_templates_and_where_events_and_plates_are(run):
+    text = " ".join(run("init", "--help").out.split())
+    for word in ("static", "dynamic", "drift", "event design", "plate design", "verify"):
+        assert word in text
