@@ -177,6 +177,9 @@ def write_errors(found: Certified, folder: Path) -> list[tuple[str, str]]:
         slug = "-".join(name.replace(",", " ").split())
         files.append((f"errors-{slug}.csv", f"errors of {name}, place by place"))
         _write_table(result.errors, "s", folder / files[-1][0])
+        if not isinstance(result, DriftResult):
+            files.append((f"registration-{slug}.csv", f"where the plate was found in {name}"))
+            _write_table(result.registered, "along", folder / files[-1][0])
         if isinstance(result, DynamicResult):
             files.append((f"rejection-{slug}.csv", f"body-motion rejection of {name}"))
             _write_table(result.rejection, "frequency", folder / files[-1][0])

@@ -20,6 +20,7 @@ from trueterrain.verify._common_findings import described
 from trueterrain.verify._dynamic_findings import dynamic_findings
 from trueterrain.verify._errors import Row, at_edges, distances, parts_of, row_of
 from trueterrain.verify._modes import Mode, modes_of, source_of
+from trueterrain.verify._registered import registered
 from trueterrain.verify._rejection import LEAST_SAMPLES, rejection_of
 from trueterrain.verify.findings import Finding
 from trueterrain.verify.registration import Registration, register
@@ -117,6 +118,9 @@ class DynamicResult:
 
     registration: Registration
     "Where the plate was found."
+
+    registered: xr.Dataset
+    "Means ``up`` of cells ``along`` the way where the plate was found, and was assumed [m]."
 
     parts: dict[str, float]
     "Mean squares by cause, which add up to that of the error [m²]; see `parts_of`."
@@ -241,8 +245,9 @@ def dynamic_test(
         screening=settings.screening,
     )  # fmt: skip
     return DynamicResult(
-        errors=errors, row=row, registration=found, parts=parts, speed=speed, rejection=rejection,
-        modes=modes, findings=findings,
+        errors=errors, row=row, registration=found,
+        registered=registered(cells["along"], cells["height"], found, settings.assumed),
+        parts=parts, speed=speed, rejection=rejection, modes=modes, findings=findings,
     )  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from trueterrain.errors import CoverageError, concerning
 from trueterrain.georeference import Screening
 from trueterrain.verify._common_findings import described
 from trueterrain.verify._errors import Row, at_edges, distances, parts_of, row_of
+from trueterrain.verify._registered import registered
 from trueterrain.verify._static_findings import static_findings
 from trueterrain.verify.findings import Finding
 from trueterrain.verify.registration import Registration, register
@@ -99,6 +100,9 @@ class StaticResult:
 
     registration: Registration
     "How scanner and plate lay to each other."
+
+    registered: xr.Dataset
+    "Heights ``up`` over ``along`` on the plate, where it was found and where it was assumed [m]."
 
     parts: dict[str, float]
     "Mean squares by cause, which add up to that of the error [m²]; see `parts_of`."
@@ -269,6 +273,7 @@ def _result(
     good = np.flatnonzero((sums.count >= settings.present * scans) & np.isfinite(mean))
     along, up = mean[good] * turned[:, good]
     found = register(along, up, machined, assumed=settings.assumed, search=settings.search)
+    looked_at = registered(along, up, found, settings.assumed)
     s = found.positions(along)
     on = (s >= 0) & (s <= found.length)
     if on.sum() < _HEIGHTS:
@@ -306,5 +311,6 @@ def _result(
         returned=every.count[beams], doubtful=every.doubtful[beams],
     )  # fmt: skip
     return StaticResult(
-        errors=errors, row=row, registration=found, parts=parts, scans=scans, findings=findings
+        errors=errors, row=row, registration=found, parts=parts, scans=scans, findings=findings,
+        registered=looked_at,
     )  # fmt: skip
