@@ -33,7 +33,8 @@ ROUND_OFF = 1e-9  # [m], [s]
 
 READY = [
     "belgian-two-lanes", "boresight", "bounce", "dynamic-plate", "dynamic-plate-excited",
-    "highway-two-lanes", "kerb", "oval", "static-plate", "three-lanes",
+    "highway-two-lanes", "kerb", "oval", "static-plate", "thesis-excited", "thesis-smooth",
+    "thesis-static", "three-lanes",
 ]  # fmt: skip
 
 
@@ -114,8 +115,9 @@ def test_lanes_overlap_by_half_a_metre(name):
     npt.assert_allclose(scene.scanner.swath - np.diff(lanes), 0.5, rtol=0, atol=ROUND_OFF)
 
 
-def test_the_static_plate_lies_under_the_laser_and_across_the_scan():
-    stage = stage_of("static-plate")
+@pytest.mark.parametrize(("name", "cleats"), [("static-plate", 3), ("thesis-static", 2)])
+def test_the_static_plate_lies_under_the_laser_and_across_the_scan(name, cleats):
+    stage = stage_of(name)
     (drive,) = stage.scene.passes
     _, pose, place = laser(stage, drive, step=1.0)
     (layer,) = stage.scene.ground
@@ -125,7 +127,7 @@ def test_the_static_plate_lies_under_the_laser_and_across_the_scan():
     across = place[0, 0] + np.linspace(-half, half, 4001)  # the scan is along east
     height = stage.ground.height(across, np.full(across.size, place[0, 1]))
     tops = across[height > plate.thickness + 0.5 * plate.rise]
-    assert np.count_nonzero(np.diff(tops) > 0.1) == 2  # three cleats
+    assert np.count_nonzero(np.diff(tops) > 0.1) == cleats - 1
     bright = stage.scene.reflectivity.at(across, np.zeros(across.size)) > 0.5
     assert bright.any()
     assert not (bright & (height > plate.thickness + 1e-6)).any()  # stripes are beside the cleats
@@ -133,10 +135,12 @@ def test_the_static_plate_lies_under_the_laser_and_across_the_scan():
     assert (np.abs(wheels - [plate.east, plate.north]).max(axis=1) > 0.5 * plate.width + 0.2).all()
 
 
-@pytest.mark.parametrize("name", ["dynamic-plate", "dynamic-plate-excited"])
+@pytest.mark.parametrize(
+    "name", ["dynamic-plate", "dynamic-plate-excited", "thesis-smooth", "thesis-excited"]
+)
 def test_the_plate_lies_between_the_wheels_and_is_seen_whole(name):
     stage = stage_of(name)
-    (drive,) = stage.scene.passes
+    drive = stage.scene.passes[0]
     plate = next(layer for layer in stage.scene.ground if layer["kind"] == "plate")
     car = stage.scene.vehicle.car
     inner = 0.5 * min(car.front_track, car.rear_track) - 0.5 * stage.scene.vehicle.tyre.patch_width

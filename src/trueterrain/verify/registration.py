@@ -167,7 +167,7 @@ def register(
         Where the plate is assumed to begin in the measured coordinate [m].
     search : float, optional
         Greatest distance from there [m]; by default the plate is looked for everywhere. 0 takes it
-        as it lies, so that neither shift nor stretch are taken off.
+        as it lies: neither shift nor stretch are taken off, and no plate need be recognised.
     stretch : bool
         Whether the length over which the plate is measured is found too: a way that drifts while it
         is crossed is measured too long or too short, by 1 % at most.
@@ -226,7 +226,8 @@ def register(
     cost, shift, fit = against if turned else ahead
     if not math.isfinite(cost):
         raise CoverageError("holds too few points where the plate is looked for")
-    _require_plate(fit, shift, shifts)
+    if not as_it_lies:
+        _require_plate(fit, shift, shifts)
     before = math.nan if assumed is None else _rms_before(fit, assumed)
     stretched = 0.0
     if stretch and not as_it_lies:
