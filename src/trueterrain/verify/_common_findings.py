@@ -26,9 +26,9 @@ _MOSTLY = 0.5  # share of the scans in which beams return that meet the ground a
 _BRIGHT = 1.5  # times the usual intensity from which ground is bright
 _FEWEST = 8  # places of which a mean is taken
 _LAGS = 5  # neighbours on a flank whose errors are alike
-_HUBER = 1.345  # standard deviations beyond which a place weighs less
-_NMAD = 1.4826  # times the median absolute deviation is the standard deviation of normal errors
-_LEAST_SCALE = 5e-5  # [m] standard deviation of errors that is believed at least
+_FEWEST_FLANK = 4  # places on slanting flanks that tell where a plate lies
+_BENT = 0.2  # change of slope from which a place is not that of one flank
+_UPRIGHT = 3.0  # slope beyond which a flank counts as upright
 
 
 def unknown(name: str, unit: str, why: str) -> Finding:
@@ -36,8 +36,12 @@ def unknown(name: str, unit: str, why: str) -> Finding:
     return Finding(name=name, value=None, sd=None, unit=unit, detected=None, meaning=why)
 
 
-def shift_sd(errors: xr.Dataset, machined: xr.Dataset) -> float:
-    """Standard deviation of the place at which a plate was found.
+def left_over(errors: xr.Dataset, machined: xr.Dataset) -> tuple[float, float]:
+    """Shift that is left in errors along the machined profile, and its standard deviation.
+
+    The registration compares cells with the profile at their middles, and so is not surer than a
+    part of their width where faces are upright. Errors are those against the mean of the profile in
+    each cell: slanting flanks tell what was left.
 
     Parameters
     ----------
@@ -48,21 +52,22 @@ def shift_sd(errors: xr.Dataset, machined: xr.Dataset) -> float:
 
     Returns
     -------
-    float
-        Of the step of Gauss and Newton at the place that was found, with offset and slope left
-        free and Huber's weights [m]: it follows from the errors on the flanks, whose slopes are
-        taken between neighbouring places.
+    value, sd : float
+        By how much s is too small, of a step of Gauss and Newton with offset and slope left free
+        [m]. Without slanting flanks nothing is left to tell: 0, with the standard deviation of
+        what lies anywhere between two places.
     """
     s, error = errors["s"].values, errors["error"].values
     apart = float(np.median(np.diff(np.sort(s))))
     nodes, heights = machined["s"].values - machined["s"].values[0], machined["height"].values
-    rise = np.interp(s + apart, nodes, heights) - np.interp(s - apart, nodes, heights)
-    scale = max(_NMAD * float(np.median(np.abs(error - np.median(error)))), _LEAST_SCALE)
-    root = np.sqrt(np.minimum(1.0, _HUBER * scale / np.maximum(np.abs(error), 1e-12)))
+    before, at, after = (np.interp(s + step, nodes, heights) for step in (-apart, 0.0, apart))
+    slope = (after - before) / (2 * apart)
+    plain = (np.abs(after - 2 * at + before) < _BENT * apart) & (np.abs(slope) < _UPRIGHT)
+    if (np.abs(slope[plain]) > _BENT).sum() < _FEWEST_FLANK:
+        return 0.0, apart / math.sqrt(12)
     level = np.stack([np.ones_like(s), s - s.mean()], axis=-1)
-    slope = rise / (2 * apart)
-    fit = regress((root * slope)[:, None], root[:, None] * level, root * error, lags=_LAGS)
-    return float(fit.sd[0])
+    fit = regress(slope[plain, None], level[plain], error[plain], lags=_LAGS)
+    return float(fit.value[0]), float(fit.sd[0])
 
 
 def place(
@@ -99,7 +104,8 @@ def place(
         return unknown(
             name, "m", "No place was assumed: measure where the plate begins, and say so (assumed)."
         )
-    beside, sd = found.shift - assumed, shift_sd(errors, machined)
+    left, sd = left_over(errors, machined)
+    beside = found.shift + (left if found.reversed else -left) - assumed
     detected = certain(beside, sd, least=LEAST_PLACE)
     if detected:
         meaning = (

@@ -66,7 +66,7 @@ _LEVER_X = _Fault(
     cure="excite pitch: cleats one wheelbase and a half apart",
 )  # fmt: skip
 _LEVER_Y = _Fault(
-    name="lever arm to the left, or boresight roll", unit="m", least=0.003, seen=0.02,
+    name="lever arm to the left", unit="m", least=0.003, seen=0.02,
     cure="excite roll: an event with staggered cleats",
 )  # fmt: skip
 _FAULTS = (_CLOCK, _SCALE, _LEVER_X, _LEVER_Y)
@@ -162,6 +162,11 @@ def marked(
     tuple of Finding
         Values are declared less true ones: what is to be taken off the mounting.
     """
+    roll = unknown(
+        "boresight roll", "rad",
+        "A scanner that leans tilts all of the ground alike, and the strip beside the way but "
+        "little: the static test with a spirit level tells, or passes in opposite directions.",
+    )  # fmt: skip
     lever_z = unknown(
         "lever arm up", "m",
         "A lever arm that is wrong upward lifts all heights alike, which a vehicle on its wheels "
@@ -177,7 +182,7 @@ def marked(
             told[one.name] = unknown(
                 one.name, one.unit, "Too few places away from edges: add floor beside the plate."
             )
-        return (*(told[one.name] for one in _FAULTS), lever_z)
+        return (*(told[one.name] for one in _FAULTS), roll, lever_z)
     order = np.argsort(table["time"].values[plain], kind="stable")
     time, error, s = (table[name].values[plain][order] for name in ("time", "error", "s"))
     marks, high = _marks(path, time, lever, ground)
@@ -202,7 +207,7 @@ def marked(
         for at, one in enumerate(moved):
             told[one.name] = _finding(moved, at, fit, high)
         pairs = _pairs(moved, told, fit, bare)
-    return (*(told[one.name] for one in _FAULTS), *pairs, lever_z)
+    return (*(told[one.name] for one in _FAULTS), *pairs, roll, lever_z)
 
 
 def _marks(
@@ -316,12 +321,11 @@ def _meaning(one: _Fault, value: float, high: float) -> str:
             f"The error follows the height of the laser: accelerometers read {size} too "
             f"{'much' if value > 0 else 'little'}; calibrate them."
         )
-    left = one is _LEVER_Y
-    where = {(True, True): "to the left", (True, False): "to the right", (False, True): "ahead",
-             (False, False): "behind"}[left, value > 0]  # fmt: skip
-    more = "more" if left == (value > 0) else "less"
-    motion, leans = ("roll", "to the right") if left else ("pitch", "nose-down")
-    return (
-        f"The error follows {motion}: the scanner is declared {size} {where} of where it sits, or "
-        f"to lean {angle:.2f} degrees {more} {leans} than it does; heights cannot tell which."
-    )
+    if one is _LEVER_X:
+        where, more = ("ahead", "less") if value > 0 else ("behind", "more")
+        return (
+            f"The error follows pitch: the scanner is declared {size} {where} of where it sits, or "
+            f"to look {angle:.2f} degrees {more} nose-down than it does; heights cannot tell which."
+        )
+    side = "left" if value > 0 else "right"
+    return f"The error follows roll: the scanner is declared {size} to the {side} of its place."

@@ -132,7 +132,7 @@ def boresight_roll(
     sd_roll = _ROLL_SD
     if "sd_roll" in navigation and np.isfinite(navigation["sd_roll"].values[during]).any():
         sd_roll = float(np.nanmean(navigation["sd_roll"].values[during]))
-    value = found.tilt + float(np.nanmean(roll)) - level
+    value = float(found.tilt + np.nanmean(roll) - level)
     sd = math.sqrt(sd_roll**2 + level_sd**2 + _tilt_sd(errors) ** 2)
     detected = certain(value, sd, least=_LEAST_ROLL)
     if detected:
