@@ -99,7 +99,7 @@ def test_boresight_roll_is_found_by_spirit_level_and_navigation(roll):
     # a body that leans right by its roll sees a plate that slopes by as much as level
     settings = replace(STATIC, level=TILT + np.deg2rad(roll), assumed=None, search=None)
     finding = named(static_test(run, machined(), settings)[0])["boresight roll"]
-    recovered(finding, wrong)
+    recovered(finding, -wrong)
     assert "degrees more to the right" in finding.meaning
     navigation, level = np.deg2rad(0.015), 0.0002
     np.testing.assert_allclose(finding.sd, np.hypot(navigation, level), rtol=0, atol=2e-5)  # [rad]
@@ -109,7 +109,7 @@ def test_the_standard_deviation_of_the_roll_is_the_one_reported():
     run = standing_still(sd=0.001)
     finding = named(static_test(run, machined(), replace(STATIC, level=TILT + 0.003))[0])
     assert finding["boresight roll"].detected is False  # 3 mrad by 1 mrad
-    np.testing.assert_allclose(finding["boresight roll"].value, -0.003, rtol=0, atol=1e-4)
+    np.testing.assert_allclose(finding["boresight roll"].value, 0.003, rtol=0, atol=1e-4)
 
 
 def test_what_static_cannot_tell_is_said():
@@ -175,13 +175,13 @@ def test_the_dynamic_test_finds_nothing_without_a_fault():
 @pytest.mark.parametrize(
     ("declared", "scale", "mark", "true"),
     [
-        ({"scanner_clock": 0.001}, 1.0, MARKS[0], 0.001),
-        ({"scanner_clock": -0.001}, 1.0, MARKS[0], -0.001),
+        ({"scanner_clock": 0.001}, 1.0, MARKS[0], -0.001),
+        ({"scanner_clock": -0.001}, 1.0, MARKS[0], 0.001),
         ({}, 1.02, MARKS[1], 0.02),
         ({}, 0.98, MARKS[1], -0.02),
-        ({"scanner_position": (LEVER[0] + 0.01, 0.0, 0.5)}, 1.0, MARKS[2], 0.01),
-        ({"scanner_rotation": (0.0, 0.005, 0.0)}, 1.0, MARKS[2], -0.005 * 2.0),  # 2 m high
-        ({"scanner_position": (LEVER[0], 0.01, 0.5)}, 1.0, MARKS[3], 0.01),
+        ({"scanner_position": (LEVER[0] + 0.01, 0.0, 0.5)}, 1.0, MARKS[2], -0.01),
+        ({"scanner_rotation": (0.0, 0.005, 0.0)}, 1.0, MARKS[2], 0.005 * 2.0),  # 2 m high
+        ({"scanner_position": (LEVER[0], 0.01, 0.5)}, 1.0, MARKS[3], -0.01),
     ],
 )
 def test_a_fault_is_found_by_its_mark(declared, scale, mark, true):
@@ -195,9 +195,9 @@ def test_a_fault_is_found_by_its_mark(declared, scale, mark, true):
 def test_faults_are_told_apart_from_each_other():
     declared = {"scanner_clock": 0.0005, "scanner_position": (LEVER[0] + 0.02, 0.01, 0.5)}
     found = dynamic_test(driven(declared=declared), machined(), motion(), DYNAMIC)
-    recovered(named(found)[MARKS[0]], 0.0005)
-    recovered(named(found)[MARKS[2]], 0.02)
-    recovered(named(found)[MARKS[3]], 0.01)
+    recovered(named(found)[MARKS[0]], -0.0005)
+    recovered(named(found)[MARKS[2]], -0.02)
+    recovered(named(found)[MARKS[3]], -0.01)
     beside = named(found)["place of the plate"]
     # heights on the flanks of the plate are off by up to 0.2 mm themselves
     np.testing.assert_allclose(beside.value, 0.02 + 0.0005 * SPEED, rtol=0, atol=3e-4)  # [m]

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from trueterrain.cli._verify_findings import findings_table
+from trueterrain.cli._verify_findings import findings_table, modes_table
 from trueterrain.report import (
     Block,
     Column,
@@ -38,6 +38,10 @@ _METHODS = {
     "reference or, without one, with their mean. What differs between runs is repeatability; what "
     "they share is bias, which only a reference tells.",
 }
+_FOUND = (
+    "What this test looked for besides the size of errors; of clocks, levers and angles, what is "
+    "to be added to what the run says. Found is what is beyond four times its sd, and matters."
+)
 _CAUSES = {
     "noise": "noise of the mean", "bias": "bias", "shape": "neither noise nor bias",
     "edge": "beside edges", "reflectivity": "doubtful intensity",
@@ -227,6 +231,8 @@ def _row(name: str, result: "Result") -> Section:
         blocks.append(
             _picture(rejection, f"How much body motion is rejected, at {result.speed:.2f} m/s.")
         )
+        blocks.append(modes_table(result))
+    blocks.append(findings_table(result.findings, caption=_FOUND, marked=True))
     return Section(title=name[:1].upper() + name[1:], blocks=blocks)
 
 

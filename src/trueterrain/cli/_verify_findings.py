@@ -2,16 +2,25 @@
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from trueterrain.report import Column, Table
 from trueterrain.verify.findings import Finding
 
+if TYPE_CHECKING:
+    from trueterrain.report.parts import Verdict
+    from trueterrain.verify.dynamic import DynamicResult
+
 _UNITS = {"s": ("ms", 1e3), "rad": ("deg", math.degrees(1.0)), "m": ("mm", 1e3)}
 _DIGITS = 4  # of milliseconds, degrees and millimetres
 _WORDS = {True: "found", False: "not found", None: "cannot be told"}
+_MARKS: "dict[bool | None, Verdict | None]" = {True: "bad", False: "good", None: None}
+_PERCENT, _MILLI = 100, 1e3
 
 
-def findings_table(findings: Sequence[Finding], *, caption: str = "") -> Table:
+def findings_table(
+    findings: Sequence[Finding], *, caption: str = "", marked: bool = False
+) -> Table:
     """Table of what was looked for.
 
     Parameters
@@ -20,6 +29,8 @@ def findings_table(findings: Sequence[Finding], *, caption: str = "") -> Table:
         What was looked for.
     caption : str
         What they have in common.
+    marked : bool
+        Mark what was found as bad, and what surely is not there as good.
 
     Returns
     -------
@@ -38,6 +49,44 @@ def findings_table(findings: Sequence[Finding], *, caption: str = "") -> Table:
             for one in findings
         ],
         caption=caption,
+        verdicts=[_MARKS[one.detected] for one in findings] if marked else (),
+    )  # fmt: skip
+
+
+def modes_table(result: "DynamicResult") -> Table:
+    """Table of the modes of the body from which the error comes.
+
+    Parameters
+    ----------
+    result : DynamicResult
+        With its modes.
+
+    Returns
+    -------
+    Table
+        A row for each band of frequencies.
+    """
+    motions = list(dict.fromkeys(name for one in result.modes for name in one.coherence))
+    threshold = max((one.threshold for one in result.modes), default=1.0)
+    return Table(
+        columns=(
+            Column(label="Band"), Column(label="From", unit="Hz", digits=1),
+            Column(label="To", unit="Hz", digits=1),
+            Column(label="Share of the mean square", unit="%", digits=1),
+            Column(label="RMS", unit="mm", digits=3),
+            *(Column(label=f"Coherence with {name}", digits=2) for name in motions),
+        ),
+        rows=[
+            [
+                one.name, one.low, one.high,
+                None if one.share is None else _PERCENT * one.share,
+                None if one.rms is None else _MILLI * one.rms,
+                *(one.coherence.get(name) for name in motions),
+            ]
+            for one in result.modes
+        ],
+        caption=f"{result.source} Errors on plate and floor that do not move with the body reach "
+        f"a squared coherence of {threshold:.2f} in one of 100 cases.",
     )  # fmt: skip
 
 

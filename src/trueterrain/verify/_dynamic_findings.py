@@ -160,7 +160,8 @@ def marked(
     Returns
     -------
     tuple of Finding
-        Values are declared less true ones: what is to be taken off the mounting.
+        Values of clock and levers are true less declared ones: what is to be added to what the run
+        says. That of the scale is by how much accelerometers read too much.
     """
     roll = unknown(
         "boresight roll", "rad",
@@ -228,10 +229,10 @@ def _marks(
     pad = min(even.size - 1, int(rate / _SLOWEST))
     fast = sosfiltfilt(sections, laser, padlen=pad)
     marks = {
-        _CLOCK.name: poses.velocity[:, 2] + np.cross(turn, arm)[:, 2],
+        _CLOCK.name: -poses.velocity[:, 2] - np.cross(turn, arm)[:, 2],
         _SCALE.name: np.interp(time, even, fast),
-        _LEVER_X.name: axes[:, 2, 0],
-        _LEVER_Y.name: axes[:, 2, 1],
+        _LEVER_X.name: -axes[:, 2, 0],
+        _LEVER_Y.name: -axes[:, 2, 1],
     }
     return marks, float(np.mean(poses.position[:, 2] + arm[:, 2])) - ground
 
@@ -310,7 +311,7 @@ def _size(one: _Fault, value: float) -> str:
 def _meaning(one: _Fault, value: float, high: float) -> str:
     size, angle = _size(one, abs(value)), math.degrees(math.atan2(abs(value), high))
     if one is _CLOCK:
-        way = "large" if value > 0 else "small"
+        way = "small" if value > 0 else "large"
         return (
             "The error follows the vertical velocity of the laser: what the mounting adds to the "
             f"stamps of the scanner is {size} too {way} against the motion; or it is the clock of "
@@ -322,10 +323,10 @@ def _meaning(one: _Fault, value: float, high: float) -> str:
             f"{'much' if value > 0 else 'little'}; calibrate them."
         )
     if one is _LEVER_X:
-        where, more = ("ahead", "less") if value > 0 else ("behind", "more")
+        where, more = ("behind", "more") if value > 0 else ("ahead", "less")
         return (
             f"The error follows pitch: the scanner is declared {size} {where} of where it sits, or "
             f"to look {angle:.2f} degrees {more} nose-down than it does; heights cannot tell which."
         )
-    side = "left" if value > 0 else "right"
+    side = "right" if value > 0 else "left"
     return f"The error follows roll: the scanner is declared {size} to the {side} of its place."

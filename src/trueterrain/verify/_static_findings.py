@@ -113,7 +113,7 @@ def boresight_roll(
     Returns
     -------
     Finding
-        Declared less true roll [rad].
+        True less declared roll, to be added to what the mounting says [rad].
     """
     name = "boresight roll"
     if level is None:
@@ -132,13 +132,13 @@ def boresight_roll(
     sd_roll = _ROLL_SD
     if "sd_roll" in navigation and np.isfinite(navigation["sd_roll"].values[during]).any():
         sd_roll = float(np.nanmean(navigation["sd_roll"].values[during]))
-    value = float(found.tilt + np.nanmean(roll) - level)
+    value = float(level - np.nanmean(roll) - found.tilt)
     sd = math.sqrt(sd_roll**2 + level_sd**2 + _tilt_sd(errors) ** 2)
     detected = certain(value, sd, least=_LEAST_ROLL)
     if detected:
         meaning = (
             f"The mounting says that the scanner leans {math.degrees(abs(value)):.3f} degrees "
-            f"{'more' if value > 0 else 'less'} to the right than it does: heights at 2 m to the "
+            f"{'more' if value < 0 else 'less'} to the right than it does: heights at 2 m to the "
             f"side are off by {2e3 * abs(value):.1f} mm."
         )
     else:
