@@ -195,7 +195,7 @@ def thesis_dynamic(
     trajectory : Trajectory
         Motion of the body: the thesis's by `trueterrain.motion.fuse` with its method thesis.
     settings : DynamicSettings
-        Spacing of the grid, strip and screening.
+        Spacing of the grid, strip and screening, and where the plate is looked for.
     name : str
         Name of the test.
     places : sequence of float
@@ -223,7 +223,10 @@ def thesis_dynamic(
     path = trajectory.between(settings.begin, settings.end)
     with _about(source):
         strip = strip_of(run, path, settings)
-        return _over_places(name, *_grid(strip, settings.spacing), machined, places)
+        return _over_places(
+            name, *_grid(strip, settings.spacing), machined, places,
+            assumed=settings.assumed, search=settings.search,
+        )  # fmt: skip
 
 
 def lay(
@@ -232,7 +235,8 @@ def lay(
     machined: xr.Dataset,
     *,
     beside: float = 0.0,
-    around: float | None = None,
+    assumed: float | None = None,
+    search: float | None = None,
 ) -> Laid:
     """Lay a machined profile onto heights, to begin where one of them is.
 
@@ -244,9 +248,10 @@ def lay(
         Machined profile; straight lines join its nodes.
     beside : float
         How far behind a sample the plate begins, as a share of the spacing.
-    around : float, optional
-        Where it begins, if that is known to two samples [m]; by default it is looked for
-        everywhere.
+    assumed : float, optional
+        Where the plate is assumed to begin [m].
+    search : float, optional
+        Greatest distance from there [m]; by default the plate is looked for everywhere.
 
     Returns
     -------
@@ -280,8 +285,8 @@ def lay(
     begins = x[:-1] + beside * steps
     if steps.size:
         kept = begins + length <= x[-1] + np.median(steps)
-        if around is not None:
-            kept &= np.abs(begins - around) <= _AROUND * np.median(steps)
+        if assumed is not None and search is not None:
+            kept &= np.abs(begins - assumed) <= search
         begins = begins[kept]
     x, z = x[np.isfinite(z)], z[np.isfinite(z)]
     found = [
@@ -326,11 +331,19 @@ def _grid(strip: dict[str, Floats], spacing: float) -> tuple[Floats, Floats]:
 
 
 def _over_places(
-    name: str, along: Floats, height: Floats, machined: xr.Dataset, places: Sequence[float]
+    name: str,
+    along: Floats,
+    height: Floats,
+    machined: xr.Dataset,
+    places: Sequence[float],
+    *,
+    assumed: float | None = None,
+    search: float | None = None,
 ) -> ThesisResult:
     """Errors at all places beside whole samples."""
-    first = lay(along, height, machined)
-    all_ = [lay(along, height, machined, beside=one, around=first.begin) for one in places]
+    first = lay(along, height, machined, assumed=assumed, search=search)
+    near = {"assumed": first.begin, "search": _AROUND * float(np.median(np.diff(along)))}
+    all_ = [lay(along, height, machined, beside=one, **near) for one in places]
     single = np.array([one.rms for one in all_])
     shown = all_[int(np.argmin(np.abs(single - np.sqrt(np.mean(single**2)))))]
     order = np.argsort(shown.s)
