@@ -48,7 +48,9 @@ from trueterrain.figures.verify import (
     drift_errors,
     drift_growth,
     motion_rejection,
+    place_spread,
     plate_error,
+    plate_errors,
     plate_profile,
 )
 
@@ -83,7 +85,9 @@ __all__ = [
     "navigation_plan",
     "parallel_profiles",
     "passage_gains",
+    "place_spread",
     "plate_error",
+    "plate_errors",
     "plate_plan",
     "plate_profile",
     "plate_section",

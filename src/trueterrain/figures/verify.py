@@ -1,5 +1,6 @@
 """What tests of accuracy found: profiles over a plate, errors, rejection, and drift."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _MILLI = 1e3
+_GAP = 3.0  # times the usual step from which a line is broken
 _RIM = 4.0  # times the greatest error off edges at which the drawing ends
 
 
@@ -105,6 +107,84 @@ def plate_error(errors: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
         error = error[~beyond]
     _canvas.scale_axis(ax.yaxis, _canvas.height_scale(error, sd), "Error")
     return _finished(ax, "Position on the plate [m]", noted=noted)
+
+
+def plate_errors(errors: Mapping[str, xr.Dataset], *, ax: "Axes | None" = None) -> "Axes":
+    """Errors over a calibration plate as several ways of processing find them, on the same axes.
+
+    Parameters
+    ----------
+    errors : mapping of str to xarray.Dataset
+        By name of the way, at most seven: ``error`` over s [m].
+    ax : Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    Axes
+        Position on the plate and error [m]; lines are broken where nothing was measured.
+
+    Examples
+    --------
+    >>> found = xr.Dataset({"error": ("s", [1e-4, 2e-4])}, {"s": [0.0, 0.1]})
+    >>> len(plate_errors({"first": found, "second": found}).get_legend().get_texts())
+    2
+    """
+    ax = _canvas.axes_or_new(ax, height=3.0)
+    ax.axhline(0.0, color="0.5", linewidth=0.8)
+    for colour, (name, one) in zip(_canvas.COLOURS, errors.items(), strict=False):
+        order = np.argsort(one["s"].values)
+        s, error = (one[key].values[order] for key in ("s", "error"))
+        step = np.diff(s)
+        after = np.flatnonzero(step > _GAP * np.median(step)) + 1
+        ax.plot(
+            np.insert(s, after, np.nan), np.insert(error, after, np.nan), ".-",
+            color=colour, linewidth=0.9, markersize=2.5, label=name,
+        )  # fmt: skip
+    every = np.concatenate([one["error"].values for one in errors.values()])
+    _canvas.scale_axis(ax.yaxis, _canvas.height_scale(every), "Error")
+    return _finished(ax, "Position on the plate [m]")
+
+
+def place_spread(spread: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
+    """How figures depend on where a plate truly lies beside a whole sample.
+
+    Parameters
+    ----------
+    spread : xarray.Dataset
+        ``rms`` (row, beside) and ``low`` and ``high`` (row), what is published [m]; ``beside`` is
+        a share of the spacing of the samples.
+    ax : Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    Axes
+        Place beside a whole sample [samples] and root mean square error [mm]; what is published is
+        a band or a dashed line of the same colour.
+
+    Examples
+    --------
+    >>> found = xr.Dataset({"rms": (("row", "beside"), [[1e-3, 2e-3]]), "low": ("row", [1e-3]),
+    ...                     "high": ("row", [2e-3])}, {"row": ["static"], "beside": [0.0, 0.4]})
+    >>> place_spread(found).get_ylabel()
+    'RMS error [mm]'
+    """
+    ax = _canvas.axes_or_new(ax, height=3.4)
+    beside = spread["beside"].values
+    for number, row in enumerate(spread["row"].values):
+        one, colour = spread.sel(row=row), _canvas.COLOURS[number % len(_canvas.COLOURS)]
+        low, high = (_MILLI * float(one[name]) for name in ("low", "high"))
+        ax.plot(
+            beside, _MILLI * one["rms"].values, ".-", color=colour, linewidth=1.3, label=str(row)
+        )
+        if high > low:
+            ax.axhspan(low, high, color=colour, alpha=0.2, linewidth=0)
+        else:
+            ax.axhline(low, color=colour, linewidth=1.0, linestyle="--")
+    ax.set_ylim(bottom=0.0)
+    ax.set_ylabel("RMS error [mm]")
+    return _finished(ax, "Begin of the plate behind a sample [spacings]")
 
 
 def motion_rejection(rejection: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":

@@ -1,5 +1,5 @@
 """How true each stage is: comparison with ground that is known."""
 
-from trueterrain.verify.truth import ground_errors, true_ground, truth_of
+from trueterrain.verify.truth import exact_trajectory, ground_errors, true_ground, truth_of
 
-__all__ = ["ground_errors", "true_ground", "truth_of"]
+__all__ = ["exact_trajectory", "ground_errors", "true_ground", "truth_of"]
