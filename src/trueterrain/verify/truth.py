@@ -2,16 +2,18 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.errors import CoverageError
-from trueterrain.motion.trajectory import Trajectory
 from trueterrain.surface.evaluate import heights_at
 from trueterrain.surface.reference_line import grid_frame
+
+if TYPE_CHECKING:
+    from trueterrain.motion import Trajectory
 
 Floats = npt.NDArray[np.float64]
 
@@ -68,7 +70,7 @@ def truth_of(path: str | Path) -> TrueHeight | None:
     return true_ground(tree) if "/truth/ground" in tree.groups else None
 
 
-def exact_trajectory(run: xr.DataTree | str | Path) -> Trajectory:
+def exact_trajectory(run: xr.DataTree | str | Path) -> "Trajectory":
     """True motion of the body in a simulated run.
 
     Parameters
@@ -89,6 +91,7 @@ def exact_trajectory(run: xr.DataTree | str | Path) -> Trajectory:
     from scipy.spatial.transform import Rotation
 
     from trueterrain.formats.run import open_run
+    from trueterrain.motion import Trajectory
 
     tree = run if isinstance(run, xr.DataTree) else open_run(run)
     if "/truth/body" not in tree.groups:
