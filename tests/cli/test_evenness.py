@@ -190,3 +190,14 @@ def test_bad_arguments(run, bump, arguments, message):
     assert (finished.code, finished.out) == (2, "")
     assert finished.err.count("\n") == 1
     assert message in finished.err
+
+
+def test_of_many_stretches_the_worst_are_printed(run, tmp_path):
+    s = np.arange(0.0, 200.0, 0.05)
+    height = 0.01 * (1 + s / 200) * np.sin(2 * np.pi * s / 3)
+    table.write(make_profile(s, height), tmp_path / "waves.csv")
+    finished = run("evenness", tmp_path / "waves.csv", "--threshold", "0.004")
+    listed = [line for line in finished.out.splitlines() if " the beam at " in line]
+    assert len(listed) == 20
+    assert "others that are less; --json lists all" in finished.out
+    assert all(float(line.split()[0]) > 100 for line in listed)  # waves grow along the road

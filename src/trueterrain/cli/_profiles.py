@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 Window = Literal["sayers", "centred", "exact", "none"]
 
 _WIDTH, _HEIGHT, _TITLE = 8.0, 3.2, 0.3  # [inches] of a picture, a panel and a title
+_SHOWN = 20  # stretches that are printed of each track
 
 
 def read_profile(path: Path) -> "xr.Dataset":
@@ -60,6 +61,14 @@ def write_table(rows: list[list[str]]) -> None:
     for row in rows:
         cells = [cell.rjust(width) for cell, width in zip(row, widths, strict=False)]
         out("  ".join([*cells, *row[len(widths) :]]))
+
+
+def worst_stretches(found: Sequence[dict[str, float]]) -> tuple[list[dict[str, float]], str]:
+    """Stretches with the largest peaks in the order of the road, and a word on the others."""
+    largest = sorted(found, key=lambda one: -abs(one["peak"]))[:_SHOWN]
+    kept = sorted(largest, key=lambda one: one["start"])
+    others = len(found) - len(kept)
+    return kept, f"  and {others} others that are less; --json lists all" if others else ""
 
 
 def draw(

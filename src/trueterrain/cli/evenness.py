@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from trueterrain.cli._console import out, out_json
-from trueterrain.cli._profiles import draw, read_profile, warn, write_table
+from trueterrain.cli._profiles import draw, read_profile, warn, worst_stretches, write_table
 from trueterrain.errors import concerning
 
 if TYPE_CHECKING:
@@ -274,10 +274,13 @@ def _show_stretches(track: dict[str, Any], threshold: float, length: float) -> N
     found = track["stretches"]
     total = f"{track['beyond']:.2f} of {length:.2f} m"
     out(f"Stretches of {track['name']} beyond {threshold:g} mm: {len(found)}, {total}")
-    for one in found:
+    shown, others = worst_stretches(found)
+    for one in shown:
         side = "above" if one["peak"] > 0 else "below"
         peak = f"{_MM * abs(one['peak']):.2f} mm {side} the beam at {one['peak_at']:.2f} m"
         out(f"  {one['start']:.2f} to {one['end']:.2f} m, up to {peak}")
+    if others:
+        out(others)
 
 
 def _explain(wanted: _Wanted) -> None:

@@ -13,6 +13,7 @@ from trueterrain.cli._profiles import (
     explain_run,
     read_profile,
     warn_of_idle_window,
+    worst_stretches,
     write_table,
 )
 from trueterrain.errors import concerning
@@ -299,9 +300,12 @@ def _show_track(track: dict[str, Any], wanted: _Wanted, length: float, digits: i
         out(f"Segments of {name} above {limit}: {track['too_rough']:.2f} of {length:.2f} m")
         if (found := track.get("stretches")) is not None:
             out(f"Stretches of {name} above {limit}: {len(found)}")
-        for one in found or ():
+        shown, others = worst_stretches(found or ())
+        for one in shown:
             peak = f"{one['peak']:.{digits}f} {unit} at {one['peak_at']:.2f} m"
             out(f"  {one['start']:.2f} to {one['end']:.2f} m, up to {peak}")
+        if others:
+            out(others)
 
 
 def _show_histogram(tracks: list[dict[str, Any]], unit: Unit) -> None:
