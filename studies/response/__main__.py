@@ -11,21 +11,27 @@ from claims import require_claims
 from judge import judge
 from page import page
 from roads import COURSES
+from spectra import draw_spectra
+from truck import roll
 
 PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "which-reduction.md"
+SPECTRA = PAGE.parent / "images" / "which-reduction-spectra.svg"
 
 
 def main() -> None:
-    """Judge all roads, two at a time; the page is written if its sentences hold."""
+    """Judge all roads, two at a time; page and figure are written if their sentences hold."""
     begin = time.monotonic()
     with ProcessPoolExecutor(max_workers=2) as pool:
         judged = []
         for road in pool.map(judge, COURSES):
             judged.append(road)
             sys.stderr.write(f"{road.course}: {time.monotonic() - begin:.0f} s\n")
-    require_claims(judged)
-    PAGE.write_text(page(judged), encoding="utf-8")
-    sys.stdout.write(f"{PAGE}\n")
+        rolled = list(pool.map(roll, COURSES))
+        sys.stderr.write(f"a truck's tyre: {time.monotonic() - begin:.0f} s\n")
+    require_claims(judged, rolled)
+    draw_spectra(judged, SPECTRA)
+    PAGE.write_text(page(judged, rolled), encoding="utf-8")
+    sys.stdout.write(f"{PAGE}\n{SPECTRA}\n")
 
 
 if __name__ == "__main__":

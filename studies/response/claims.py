@@ -2,6 +2,10 @@
 
 from judge import Judged, Verdict
 from page import NUMBERS, value
+from spectra import DRAWN, ROWS
+from truck import LASER as ON_LASER
+from truck import STATISTICS as RANKS
+from truck import WIDE_LASER, Rolled, best_radius, growths
 
 BLOCKS = "measured block", "generated block"
 LINE = "line", "bare line"
@@ -10,9 +14,10 @@ LASER = "envelope on a profile", "radial springs on the line laser"
 STATISTICS = "median", "mean", "70th percentile", "85th percentile", "95th percentile"
 
 
-def require_claims(judged: list[Judged]) -> None:
+def require_claims(judged: list[Judged], rolled: list[Rolled]) -> None:
     """Raise SystemExit with every sentence of the page that this run contradicts."""
-    wrong = [sentence for sentence, holds in claims(judged) if not holds]
+    found = claims(judged) + claims_of_spectra(judged) + claims_of_tyres(rolled)
+    wrong = [sentence for sentence, holds in found if not holds]
     if wrong:
         raise SystemExit("The page would say what was not found:\n- " + "\n- ".join(wrong))
 
@@ -148,6 +153,75 @@ def claims(judged: list[Judged]) -> list[tuple[str, bool]]:
                 abs(NUMBERS[f"full_{what}"](verdict) - NUMBERS[what](verdict)) < 0.12
                 for what in ("acceleration", "force", "travel")
                 for road in judged for verdict in road.verdicts
+            ),
+        ),
+    ]  # fmt: skip
+
+
+def claims_of_spectra(judged: list[Judged]) -> list[tuple[str, bool]]:
+    """Sentences below the figure, and whether they hold."""
+
+    def off(which: tuple[str, str], road: str) -> float:
+        return value(judged, "highest_band", *which, road)
+
+    below_8_hz = [
+        abs(float(ratio) - 1)
+        for road in judged for verdict in road.verdicts
+        if (verdict.group, verdict.name) in DRAWN
+        for ratio in verdict.quarter.band_ratio.sel(quantity=list(ROWS))[:, :2].values.ravel()
+    ]  # fmt: skip
+    by_force = LINE, MEDIAN, ("70th percentile", "r = 100 mm"), LASER
+    return [
+        ("up to 8 Hz all that is drawn is within 4 % of the reference", max(below_8_hz) < 0.04),
+        (
+            "blocks: above 20 Hz force falls from bare line to median, percentile, tyre on a laser",
+            all(
+                [off(which, road) for which in by_force]
+                == sorted((off(which, road) for which in by_force), reverse=True)
+                and off(LASER, road) > 0
+                for road in BLOCKS
+            ),
+        ),
+        (
+            "blocks: above 20 Hz the cams are a third below the reference",
+            all(
+                -0.43 < off(("envelope on the surface", "tandem cams"), road) < -0.28
+                for road in BLOCKS
+            ),
+        ),
+        (
+            "highway: above 20 Hz the bare line is the worst of what is drawn",
+            max(DRAWN, key=lambda which: abs(off(which, "highway"))) == LINE,
+        ),
+    ]
+
+
+def claims_of_tyres(rolled: list[Rolled]) -> list[tuple[str, bool]]:
+    """Sentences on the truck's tyre, and whether they hold."""
+    roads = {road.course: road for road in rolled}
+
+    def best(tyre: str, road: str) -> str:
+        found = roads[road].felt[tyre]
+        return min(RANKS, key=lambda name: found[name, best_radius(roads[road], tyre, name)].longer)
+
+    return [
+        (
+            "radii grow with the patch, by about a half on average",
+            1.45 <= sum(growths(rolled)) / len(growths(rolled)) < 1.65,
+        ),
+        (
+            "both tyres: 70th percentile on blocks, median on asphalt, mean on the highway",
+            all(
+                [best(tyre, road) for road in (*BLOCKS, "asphalt", "highway")]
+                == ["70th percentile", "70th percentile", "median", "mean"]
+                for tyre in ("passenger", "truck")
+            ),
+        ),
+        (
+            "both tyres: the laser as wide as the patch is nearer than that of 100 mm",
+            all(
+                road.felt[tyre][WIDE_LASER].longer < road.felt[tyre][ON_LASER].longer
+                for road in rolled for tyre in road.felt
             ),
         ),
     ]  # fmt: skip

@@ -7,6 +7,7 @@ import xarray as xr
 
 from reductions import CAR, Reduce, reductions, reference
 from roads import OFFSETS, Course
+from spectra import DRAWN, REFERENCE, Which, densities
 from trueterrain.kinds import make_profile
 from trueterrain.profile import WheelPath
 from trueterrain.roughness import iri
@@ -15,7 +16,7 @@ from trueterrain.verify.response import QUANTITIES, compare_responses, vehicle_r
 QUARTER = CAR.corner("front")
 WEIGHT = 9.81 * (QUARTER.sprung_mass + QUARTER.unsprung_mass)  # [N]
 LEAD = 1.5  # [s] in which the vehicle settles, which are left out
-OTHER_TYRE = "tandem cams", "envelope on the surface"  # a reference of another kind
+OTHER_TYRE = "envelope on the surface", "tandem cams"  # a reference of another kind
 
 Strips = list[tuple[xr.Dataset, WheelPath]]
 
@@ -45,6 +46,8 @@ class Judged:
     "Share of the time in which the linear tyre would have to pull."
     mri: float
     "Of the reference [m/km]."
+    spectra: dict[Which, xr.Dataset]
+    "Densities of the quarter car's response, on the reference and on what the figure shows."
     verdicts: list[Verdict]
 
 
@@ -61,15 +64,15 @@ def judge(course: Course) -> Judged:
     true_quarter, true_full = drive(truth)
     mri = float(iri(truth).mri)
     found = [(way, _reduced(strips, way.profile)) for way in reductions()]
-    driven = {(way.name, way.group): drive(profile) for way, profile in found}
+    driven = {(way.group, way.name): drive(profile) for way, profile in found}
     other, _ = driven[OTHER_TYRE]
     verdicts = [
         Verdict(
             group=way.group,
             name=way.name,
-            quarter=compare_responses(driven[way.name, way.group][0], true_quarter),
-            full=compare_responses(driven[way.name, way.group][1], true_full),
-            otherwise=compare_responses(driven[way.name, way.group][0], other),
+            quarter=compare_responses(driven[way.group, way.name][0], true_quarter),
+            full=compare_responses(driven[way.group, way.name][1], true_full),
+            otherwise=compare_responses(driven[way.group, way.name][0], other),
             iri=float(iri(profile).mri) / mri,
         )
         for way, profile in found
@@ -79,6 +82,10 @@ def judge(course: Course) -> Judged:
         rms={name: float(true_quarter[name].std()) for name in QUANTITIES},
         off_the_ground=float((true_quarter.tyre_force < -WEIGHT).mean()),
         mri=mri,
+        spectra={
+            REFERENCE: densities(true_quarter),
+            **{which: densities(driven[which][0]) for which in DRAWN},
+        },
         verdicts=verdicts,
     )
 

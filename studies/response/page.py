@@ -12,7 +12,20 @@ from pathlib import Path
 import numpy as np
 
 from judge import LEAD, Judged, Verdict
+from reductions import LOAD
 from roads import COURSES
+from truck import (
+    LASER,
+    LENGTH,
+    LINE,
+    STATISTICS,
+    TYRES,
+    WIDE_LASER,
+    Rolled,
+    Which,
+    best_radius,
+    growths,
+)
 
 TEXT = Path(__file__).parent / "page.md"
 HEAD = "<!-- Made by `make study` from studies/response/page.md: change that, not this. -->\n\n"
@@ -36,16 +49,18 @@ NUMBERS: dict[str, Callable[[Verdict], float]] = {
 SIGNED = ("acceleration_rms", "force_rms", "travel_rms", "iri", "highest_band")
 
 
-def page(judged: list[Judged]) -> str:
+def page(judged: list[Judged], rolled: list[Rolled]) -> str:
     """Text with its numbers and tables."""
     tables = {
         "roads": _roads(judged),
         "overview": _overview(judged),
         "best": _best(judged),
+        "tyres": _tyres(rolled),
         **{road.course.replace(" ", "-"): _details(road) for road in judged},
     }
     text = TEXT.read_text(encoding="utf-8")
-    text = text.replace("{lead}", f"{LEAD:g} s")
+    for name, written in {"lead": f"{LEAD:g} s", **_of_tyres(rolled)}.items():
+        text = text.replace(f"{{{name}}}", written)
     text = re.sub(r"\{\{([\w-]+)\}\}", lambda found: tables[found[1]], text)
     return HEAD + re.sub(
         r"\{(\w+)\|([^|}]+)\|([^|}]+)\|([^|}]+)\}",
@@ -169,6 +184,55 @@ def _details(road: Judged) -> str:
         "full car: acceleration / force / travel", "MRI",
     ]  # fmt: skip
     return _table(heads, _rows(road.verdicts, cells))
+
+
+def _of_tyres(rolled: list[Rolled]) -> dict[str, str]:
+    """Sizes of the patches, and how the best radius grows with them."""
+    passenger, truck = TYRES["passenger"], TYRES["truck"]
+    found = growths(rolled)
+    patches = {
+        f"{name} patch": " by ".join(
+            f"{1000 * size:.0f} mm" for size in (tyre.contact_length, tyre.contact_width)
+        )
+        for name, tyre in TYRES.items()
+    }
+    return {
+        **patches,
+        "load": f"{LOAD / 1000:.1f} kN",
+        "truck road": f"{LENGTH:g} m",
+        "growth": f"{np.mean(found):.2f}",
+        "least growth": f"{min(found):.2f}",
+        "greatest growth": f"{max(found):.2f}",
+        "longer patch": f"{truck.contact_length / passenger.contact_length:.1f}",
+    }
+
+
+def _tyres(rolled: list[Rolled]) -> str:
+    """How far heights are from what either tyre feels; of search areas, the best radius of each."""
+
+    def cell(road: Rolled, tyre: str, which: Which) -> str:
+        felt = road.felt[tyre][which]
+        return f"{1000 * felt.longer:.2f} / {1000 * felt.shorter:.2f}"
+
+    rows = []
+    for tyre in TYRES:
+        alone = {"bare line": LINE, "median, r = 25 mm": ("median", 25)}
+        lasers = {which[0]: which for which in (LASER, WIDE_LASER)}
+        table = {
+            name: [cell(road, tyre, which) for road in rolled] for name, which in alone.items()
+        }
+        for name in STATISTICS:
+            radii = [best_radius(road, tyre, name) for road in rolled]
+            table[f"{name}, best radius"] = [
+                f"{radius} mm: {cell(road, tyre, (name, radius))}"
+                for road, radius in zip(rolled, radii, strict=True)
+            ]
+        table |= {
+            name: [cell(road, tyre, which) for road in rolled] for name, which in lasers.items()
+        }
+        for number, (name, cells) in enumerate(table.items()):
+            rows.append([name if number else f"**{tyre}:** {name}", *cells])
+    return _table(["difference of heights [mm]", *(road.course for road in rolled)], rows)
 
 
 def _best(judged: list[Judged]) -> str:

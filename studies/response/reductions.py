@@ -80,7 +80,7 @@ def reductions() -> list[Reduction]:
             "median weighted by distance": _taken(InverseDistance(of="median"), _disc(50)),
             "steepest CPF": _taken(SteepestCpf(), _disc(50)),
         }),
-        *_group("contact patch, 130 mm by 170 mm", {
+        *_group("contact patch, 130 mm by 140 mm", {
             "median": _taken(Median(), patch),
             "mean": _rolls(PatchMean.of(PASSENGER_TYRE)),
             "85th percentile": _taken(Percentile(percent=85.0), patch),

@@ -47,14 +47,21 @@ class Course:
 
     def strips(self) -> list[tuple[xr.Dataset, WheelPath]]:
         """Surface and path of each wheel, left and right."""
-        ground, strips = self.ground(), []
-        across = GRID * np.arange(round(2 * HALF_WIDTH / GRID) + 1) - HALF_WIDTH
+        ground = self.ground()
+        return [self._strip(ground, offset, HALF_WIDTH) for offset in OFFSETS.values()]
+
+    def strip(self, wheel: str, half_width: float) -> tuple[xr.Dataset, WheelPath]:
+        """Surface and path of one wheel, as wide as asked for."""
+        return self._strip(self.ground(), OFFSETS[wheel], half_width)
+
+    def _strip(
+        self, ground: Ground, offset: float, half_width: float
+    ) -> tuple[xr.Dataset, WheelPath]:
+        across = GRID * np.arange(round(2 * half_width / GRID) + 1) - half_width
         along = GRID * np.arange(round((self.length + 2 * ENDS) / GRID) + 1)
-        for offset in OFFSETS.values():
-            surface = sample_surface(ground, easting=along, northing=offset + across)
-            ends = (ENDS, offset), (ENDS + self.length, offset)
-            strips.append((surface, straight_path(*ends, spacing=STATIONS)))
-        return strips
+        surface = sample_surface(ground, easting=along, northing=offset + across)
+        ends = (ENDS, offset), (ENDS + self.length, offset)
+        return surface, straight_path(*ends, spacing=STATIONS)
 
 
 def measured_block() -> Ground:
