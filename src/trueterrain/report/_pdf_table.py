@@ -16,7 +16,7 @@ from trueterrain.report._pdf_style import (
     styles,
 )
 
-_PAD = 5.0  # [pt] on both sides of a cell
+_PAD = 4.0  # [pt] on both sides of a cell
 _STEP = 0.5  # [pt] by which the type of a wide table is made smaller
 _WORD = 70.0  # [pt] below which a column of words is not squeezed while type can be smaller
 _ROOM = 75.0  # [pt] for caption, head and a row or two, before a table begins
@@ -104,7 +104,7 @@ def _width(text: str, size: float, *, bold: bool = False) -> float:
 
 def _fitted(columns: list[_Column], width: float) -> tuple[float, list[list[_Column]]]:
     """Size of type, and the columns that stand beside each other: all of them if that can be."""
-    size = TEXT - _STEP
+    size = TEXT - 2 * _STEP
     while size > TINY and sum(one.least(size) for one in columns) > width:
         size -= _STEP
     groups: list[list[_Column]] = [[columns[0]]]
