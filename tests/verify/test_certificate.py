@@ -8,8 +8,10 @@ import pandas as pd
 import pytest
 
 import trueterrain
-from trueterrain.errors import FormatError, SchemaError
+from trueterrain.errors import CoverageError, FormatError, SchemaError
+from trueterrain.formats.run import Mounting, RunWriter
 from trueterrain.kinds import make_points, make_profile
+from trueterrain.motion import FusionSettings
 from trueterrain.verify.certificate import certify, write_errors
 
 RECOMPUTED = 1e-15  # [m] rounding of sums of some hundred errors
@@ -104,6 +106,65 @@ def test_an_unknown_method_is_refused_before_any_work(tmp_path):
     config.write_text('runs = {a = "a.zarr"}\nmachined = "p.csv"\nmethods = ["kalman"]\n')
     with pytest.raises(FormatError, match="methods must be some of navigation, thesis"):
         certify("dynamic", config)
+
+
+def test_settings_of_the_fusion_hold_for_every_method(tmp_path, monkeypatch):
+    """Each method in turn, all else as the crew set it."""
+    used = []
+
+    def fuse(run, *, settings):
+        used.append(settings)
+        raise CoverageError("stopped here")
+
+    monkeypatch.setattr("trueterrain.motion.fuse", fuse)
+    s = np.arange(0.0, 1.2, 0.0005)
+    height = 0.04 * np.exp(-(((s - 0.5) / 0.05) ** 2))
+    trueterrain.write(make_profile(s, height), tmp_path / "plate.csv")
+    still = {name: np.zeros(3) for name in ("east", "north", "up", "roll", "pitch", "yaw")}
+    with RunWriter(
+        tmp_path / "a.zarr", name="a", origin=(11.0, 48.0, 500.0), time_reference="gps",
+        mounting=Mounting(), angle=[0.0], delay=[0.0],
+    ) as run:  # fmt: skip
+        run.append_navigation({"time": np.array([100.0, 101.0, 102.0]), **still})
+        run.append_scans(np.array([100.5, 100.6]), np.ones((2, 1)))
+    config = tmp_path / "d.toml"
+    for method in ("thesis", "rts"):
+        config.write_text(
+            f'runs = {{a = "a.zarr"}}\nmachined = "plate.csv"\nmethods = ["{method}"]\n'
+            'fusion = {way_window = 2.0, crossover = 8.0, method = "navigation"}\n'
+        )
+        with pytest.raises(CoverageError, match=r"a\.zarr: stopped here"):
+            certify("dynamic", config)
+    assert used == [
+        FusionSettings(method=method, way_window=2.0, crossover=8.0) for method in ("thesis", "rts")
+    ]
+
+
+def test_a_wrong_setting_of_the_fusion_is_refused(tmp_path):
+    config = tmp_path / "d.toml"
+    config.write_text('runs = {a = "a.zarr"}\nmachined = "p.csv"\nfusion = {way_window = 0.0}\n')
+    with pytest.raises(FormatError, match="way_window must be greater than 0"):
+        certify("dynamic", config)
+
+
+def test_a_date_that_is_not_that_of_the_runs_is_doubted(drift):
+    still = {name: np.zeros(3) for name in ("east", "north", "up", "roll", "pitch", "yaw")}
+    folder, first = drift.parent, 1_457_338_518.0  # [s] of GPS: 2026-03-12 08:15:00 UTC
+    with RunWriter(
+        folder / "bounce.zarr", name="bounce", origin=(11.0, 48.0, 500.0), time_reference="gps",
+        mounting=Mounting(), angle=[0.0], delay=[0.0],
+    ) as run:  # fmt: skip
+        run.append_navigation({"time": first + np.arange(3.0), **still})
+        run.append_scans(first + np.array([0.5, 0.6]), np.ones((2, 1)))
+    text = 'clock = "bounce.zarr"\n' + drift.read_text()
+    drift.write_text('date = "2026-03-12"\n' + text)
+    found = certify("drift", drift)
+    assert found.doubts == []
+    assert found.recorded[-1].begin == "2026-03-12 08:15:00"
+    assert [one.detected for one in found.instruments] == [None, None]  # no accelerometers
+    drift.write_text('date = "2026-04-12"\n' + text)
+    (doubt,) = certify("drift", drift).doubts
+    assert "bounce.zarr was recorded on 2026-03-12 08:15:00 (UTC), 31 days from" in doubt
 
 
 def test_an_unknown_test_is_refused(drift):

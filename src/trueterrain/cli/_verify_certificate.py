@@ -248,6 +248,8 @@ def _registration(found: Any) -> Table:
         ["Residual without outliers", _mm(found.residual), "mm"],
         ["Residual at the assumed place, before the shift", _mm(found.unregistered), "mm"],
     ]
+    if found.stretch:
+        rows.append(["Length that is measured too long", _MILLI * found.stretch, "mm/m"])
     return Table(
         columns=(Column(label="Registration"), Column(label="Found", digits=_DIGITS),
                  Column(label="Unit")),

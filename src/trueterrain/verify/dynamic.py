@@ -148,6 +148,7 @@ class DynamicResult:
         found = self.registration
         names = (
             "shift", "offset", "tilt", "reversed", "residual", "unregistered", "outliers", "points",
+            "stretch",
         )  # fmt: skip
         bands = ("frequency", "motion", "error", "rejection", "low", "high")
         return {
@@ -392,7 +393,7 @@ def _spectra(
     laser = poses.position[:, 2] + poses.rotation.apply(lever)[:, 2]
     bridged = np.interp(even, time[plain], error[plain])
     roll, pitch, _ = to_iso8855(poses.rotation)
-    motion = {"heave": poses.position[:, 2], "pitch": pitch, "roll": roll}
+    motion = {"heave": poses.position[:, 2], "pitch": pitch, "roll": roll, "the laser": laser}
     return (
         rejection_of(even, laser, bridged, confidence=settings.confidence),
         modes_of(even, bridged, motion, ride=settings.ride, hop=settings.hop),
