@@ -25,8 +25,7 @@ from trueterrain.simulate.scanner import Scanner
 from trueterrain.simulate.scene import Drive, Road, Scene, Truth, record_scene, set_stage
 from trueterrain.simulate.scene._scene import LASER
 from trueterrain.surface import Pass, grid_along, grid_runs, line_from_trajectory, node_coordinates
-
-from ._runs import exact
+from trueterrain.verify import exact_trajectory
 
 TRUE = 1e-4  # [m] asked for; ranges are stored in steps of as much
 BEND = 5e-4  # [m] second difference of the heights of nodes that are smooth
@@ -96,7 +95,7 @@ def smooth(height):
 def test_the_surface_is_the_ground(recorded, motion):
     run, ground = recorded
     if motion == "exact":
-        trajectory = exact(run)
+        trajectory = exact_trajectory(run)
     else:
         settings = FusionSettings(method=motion, gravity=GRAVITY)
         trajectory = fuse(open_run(run), settings=settings).trajectory

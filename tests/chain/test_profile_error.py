@@ -27,8 +27,7 @@ from trueterrain.simulate.raster import Raster
 from trueterrain.simulate.scanner import Scanner
 from trueterrain.simulate.scene import Truth, read_scene, record_scene, set_stage
 from trueterrain.surface import Pass, grid_along, grid_runs, straight_line
-
-from ._runs import exact
+from trueterrain.verify import exact_trajectory
 
 EVENT = (11.1, 15.98)  # [m] easting of the event around the plate: 4.88 m, thesis 3.4
 SPACING = 0.01  # [m]
@@ -152,7 +151,7 @@ def motions(excited):
         name: fuse(tree, settings=FusionSettings(method=name)).trajectory
         for name in ("rts", "zero-phase", "thesis")
     }
-    return {"exact": exact(run), **found}
+    return {"exact": exact_trajectory(run), **found}
 
 
 @pytest.fixture(scope="module")

@@ -9,20 +9,19 @@ from dataclasses import replace
 import numpy as np
 import numpy.testing as npt
 import pytest
-from scipy.spatial.transform import Rotation
 
 from trueterrain.formats.run import open_run
 from trueterrain.lanes._seams import seams_of
 from trueterrain.lanes.merge import MergeSettings, compared, merge_cells
 from trueterrain.lanes.runs import cells_of_passes, merge_runs
-from trueterrain.motion import FusionSettings, Trajectory, fuse
+from trueterrain.motion import FusionSettings, fuse
 from trueterrain.simulate.drift import MeasuredDrift
 from trueterrain.simulate.scene import read_scene, record_scene
 from trueterrain.surface import node_coordinates
 from trueterrain.surface.grid import GridOptions
 from trueterrain.surface.placement import Placement
 from trueterrain.surface.runs import Pass, grid_runs
-from trueterrain.verify import ground_errors, truth_of
+from trueterrain.verify import exact_trajectory, ground_errors, truth_of
 
 NETWORK_SEAM = 0.0002  # [m] asked of the network adjustment
 VECTORS_SEAM = 0.001  # [m] that the thesis reports
@@ -156,19 +155,8 @@ def test_what_only_one_pass_saw_is_rejected_and_bends_nothing(cells):
 
 def exactly(path):
     """Trajectory of the truth of a run, as sure as rounding."""
-    body = open_run(path)["truth/body"].to_dataset().load()
-    angles = np.stack([body[name].values for name in ("yaw", "pitch", "roll")], axis=1)
-    turned = Rotation.from_euler("ZYX", angles)
-    time = body["time"].values
-    position = np.stack([body[name].values for name in ("east", "north", "up")], axis=1)
-    velocity = np.stack([body[f"{name}_rate"].values for name in ("east", "north", "up")], axis=1)
-    steps = (turned[:-1].inv() * turned[1:]).as_rotvec() / np.diff(time)[:, None]
-    rate = np.concatenate([steps[:1], 0.5 * (steps[1:] + steps[:-1]), steps[-1:]])
-    return Trajectory(
-        time=time, position=position, velocity=velocity, quaternion=turned.as_quat(),
-        angular_velocity=rate, covariance=np.tile(1e-8 * np.eye(6), (time.size, 1, 1)),
-        flag=np.zeros(time.size, np.uint8),
-    )  # fmt: skip
+    found = exact_trajectory(path)
+    return replace(found, covariance=np.tile(1e-8 * np.eye(6), (found.time.size, 1, 1)))
 
 
 def test_without_drift_nothing_is_bent(two_lanes):

@@ -16,6 +16,7 @@ from trueterrain.simulate.navigation import Navigation
 from trueterrain.simulate.raster import Raster
 from trueterrain.simulate.scanner import Scanner
 from trueterrain.simulate.scene import Drive, Road, Scene, record_scene, set_stage
+from trueterrain.verify import exact_trajectory
 
 NOISE_FREE = Scanner(
     range_noise=0.0, intensity_noise=0.0, floor=0.0, saturation_bias=0.0, dropouts=0.0, spot_rays=1
@@ -34,29 +35,6 @@ class Driven:
     geometry: ScanGeometry
     time: np.ndarray
     range: np.ndarray
-
-
-def exact(run: Path) -> Trajectory:
-    """Trajectory through the knots of the true motion of the body, 0.5 ms apart."""
-    body = open_run(run)["truth/body"].to_dataset().load()
-    position, velocity = (
-        np.stack([body[f"{name}{what}"].values for name in ("east", "north", "up")], axis=1)
-        for what in ("", "_rate")
-    )
-    roll, pitch, yaw = (body[name].values for name in ("roll", "pitch", "yaw"))
-    r, p, y = (body[f"{name}_rate"].values for name in ("roll", "pitch", "yaw"))
-    turning = [
-        r - y * np.sin(pitch),
-        p * np.cos(roll) + y * np.sin(roll) * np.cos(pitch),
-        -p * np.sin(roll) + y * np.cos(roll) * np.cos(pitch),
-    ]
-    n = body.sizes["knot"]
-    return Trajectory(
-        time=body["time"].values, position=position, velocity=velocity,
-        quaternion=Rotation.from_euler("ZYX", np.stack([yaw, pitch, roll], axis=1)).as_quat(),
-        angular_velocity=np.stack(turning, axis=1), covariance=np.zeros((n, 6, 6)),
-        flag=np.zeros(n, np.uint8),
-    )  # fmt: skip
 
 
 @pytest.fixture(scope="session")
@@ -80,7 +58,7 @@ def drive(tmp_path_factory) -> Callable[..., Driven]:
         )  # fmt: skip
         (path,) = record_scene(scene, tmp_path_factory.mktemp("run"))
         blocks = list(scan_blocks(path))
-        trajectory, mounting = exact(path), mounting_of(open_run(path))
+        trajectory, mounting = exact_trajectory(path), mounting_of(open_run(path))
         return Driven(
             path=path,
             trajectory=trajectory,
