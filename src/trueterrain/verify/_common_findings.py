@@ -10,11 +10,14 @@ import xarray as xr
 from trueterrain.georeference import Screening
 from trueterrain.motion._scans import missing_scans
 from trueterrain.verify._regression import regress
-from trueterrain.verify.findings import Finding, certain
+from trueterrain.verify.findings import CERTAIN, Finding, certain
 from trueterrain.verify.registration import Registration
 
 Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
+
+#: Displacement of the plate that a test must be able to see, to tell that it is not there [m].
+SEEN_PLACE = 0.005
 
 #: Least displacement of the plate that matters [m]: nobody lays one down more truly.
 LEAST_PLACE = 0.001
@@ -77,6 +80,7 @@ def place(
     assumed: float | None,
     *,
     where: tuple[str, str],
+    sd: float = 0.0,
     otherwise: str = "",
 ) -> Finding:
     """Where the plate lies against where it was assumed.
@@ -91,6 +95,8 @@ def place(
         Where it was assumed to lie [m].
     where : tuple of str
         Words for a plate that lies further along the measured coordinate, and less far.
+    sd : float
+        Standard deviation of the measured coordinate itself [m].
     otherwise : str
         What else looks the same, in words.
 
@@ -104,7 +110,8 @@ def place(
         return unknown(
             name, "m", "No place was assumed: measure where the plate begins, and say so (assumed)."
         )
-    left, sd = left_over(errors, machined)
+    left, by_flanks = left_over(errors, machined)
+    sd = math.hypot(sd, by_flanks)
     beside = found.shift + (left if found.reversed else -left) - assumed
     detected = certain(beside, sd, least=LEAST_PLACE)
     if detected:
@@ -112,6 +119,11 @@ def place(
             f"The plate lies {1e3 * abs(beside):.1f} mm {where[beside < 0]} its assumed place"
             f"{otherwise}; this was registered first and is not charged to the heights."
         )
+    elif sd * CERTAIN > SEEN_PLACE:
+        return unknown(
+            name, "m",
+            f"Places along the way are sure to {1e3 * sd:.0f} mm only: the static test tells.",
+        )  # fmt: skip
     else:
         meaning = f"The plate lies where it was assumed, within {1e3 * LEAST_PLACE:g} mm."
     return Finding(name=name, value=beside, sd=sd, unit="m", detected=detected, meaning=meaning)

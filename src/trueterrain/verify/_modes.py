@@ -49,7 +49,7 @@ class Mode:
     "Root mean square of the error in the band [m]; None as before."
 
     coherence: dict[str, float]
-    "Squared coherence of the error with heave, pitch and roll of the body in the band, 0 to 1."
+    "Squared coherence of the error with heave, pitch, roll and the laser's height, 0 to 1."
 
     threshold: float
     "Coherence that errors which do not move with the body reach in one of 100 cases."
@@ -100,9 +100,9 @@ def modes_of(
     -----
     Shares are those of the cosine transform of the record without its trend, which keeps its sum of
     squares and has no jump at the ends. Coherence is that of spectra by four tapers of Slepian
-    (Thomson 1982), averaged over the band with the power of the error as weight. Of K tapers,
-    errors without a share in the motion reach 1 - p^(1 / (K - 1)) with the probability p at a
-    single frequency, and more rarely in a mean of several.
+    (Thomson 1982) of what is not slow, averaged over the band with the power of the error as
+    weight. Of K tapers, errors without a share in the motion reach 1 - p^(1 / (K - 1)) with the
+    probability p at a single frequency, and more rarely in a mean of several.
 
     Examples
     --------
@@ -114,11 +114,12 @@ def modes_of(
     """
     duration = (time[-1] - time[0]) * time.size / (time.size - 1)
     shares, at = _shares(error, duration)
-    tapered = _tapered(error)
+    slow = max(ride[0], 1.0 / duration)
+    tapered = _tapered(_above(error, slow, duration))
     frequency = np.fft.rfftfreq(time.size, duration / time.size)
     power = np.mean(np.abs(tapered) ** 2, axis=0)
     coherent = {
-        name: _coherence(tapered, _tapered(values))
+        name: _coherence(tapered, _tapered(_above(values, slow, duration)))
         for name, values in motion.items()
         if float(np.std(values)) > _SMALL
     }
@@ -187,6 +188,15 @@ def _shares(error: Floats, duration: float) -> tuple[Floats, Floats]:
     square = np.square(dct(_levelled(error), norm="ortho"))
     total = max(float(square.sum()), np.finfo(float).tiny)
     return np.asarray(square / total), np.arange(error.size) / (2 * duration)
+
+
+def _above(values: Floats, frequency: float, duration: float) -> Floats:
+    """A record without what is slower, whose leakage would hide what is beside it."""
+    from scipy.fft import dct, idct
+
+    parts = dct(_levelled(values), norm="ortho")
+    parts[np.arange(values.size) < 2 * duration * frequency] = 0.0
+    return np.asarray(idct(parts, norm="ortho"))
 
 
 def _bands(
