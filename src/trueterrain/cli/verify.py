@@ -17,8 +17,8 @@ _MILLI = 1e3
 
 
 def verify(
-    test: Literal["static", "dynamic", "drift"],
-    config: Path,
+    test: Literal["static", "dynamic", "drift", "table"],
+    config: Path | None = None,
     /,
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
@@ -32,15 +32,18 @@ def verify(
     and shift of the plate are found first and reported on their own. Figures come with the interval
     that holds their true value, and pass or fail against the limits that the file gives.
 
+    table needs no file: it records the four rows of Table 3-1 of the thesis with the virtual
+    profiler, and shows the thesis's processing and this one side by side, in table.html.
+
     Example: `trueterrain verify static static.toml -o certified`
 
     Parameters
     ----------
     test
-        Which test: "static", "dynamic" or "drift".
+        Which test: "static", "dynamic" or "drift"; or "table".
     config
         Description of the test, a .toml file: runs, machined profile, limits, what to state; see
-        `trueterrain init static`, and so on.
+        `trueterrain init static`, and so on. None for "table".
     output
         Folder for certificate.html, certificate.pdf, result.json and the single errors as CSV.
     json
@@ -49,10 +52,18 @@ def verify(
         "registration", "count", "verdicts", ...}], "recorded", "doubts", "instruments": [{"name",
         "value", "sd", "unit", "detected", "meaning"}], "passed"}, lengths in m; rms, off_edges,
         distance and bias are {"value", "low", "high", "confidence"}. "passed" is null without
-        limits.
+        limits. Of "table": {"version", "within", "order", "scenes", "rows": [{"test", "recordings",
+        "published", "thesis", "reproduced", "ours", "orders", "registered", "as_it_lies",
+        "as_it_lies_on_exact_way", "beside"}], "reflectivity", "reproduced"}.
     force
         Write into a folder that holds files already; those of the same name are replaced.
     """
+    if test == "table":
+        _thesis_table(config, output, json=json, force=force)
+        return
+    if config is None:
+        message = f"name the description of the {test} test: verify {test} CONFIG."
+        raise ValueError(message)
     from trueterrain.cli._verify_certificate import certificate_of
     from trueterrain.engine import whole_folder
     from trueterrain.report import write_report, write_report_pdf
@@ -76,6 +87,32 @@ def verify(
     for doubt in found.doubts:
         note(f"trueterrain: warning: {doubt}")
     note(f"{output / 'certificate.html'}: the certificate; certificate.pdf is the same to print")
+
+
+def _thesis_table(config: Path | None, output: Path, *, json: bool, force: bool) -> None:
+    from trueterrain.cli._console import progress_bar
+    from trueterrain.cli._verify_table import lines_of, make_table, remarks_on
+    from trueterrain.cli._verify_table_page import report_of
+    from trueterrain.engine import whole_folder
+    from trueterrain.report import write_report
+
+    if config is not None:
+        message = f"verify table takes no description, got {config}."
+        raise ValueError(message)
+    with whole_folder(output, force=force) as folder:
+        with progress_bar() as progress:
+            made = make_table(progress)
+        document = made.describe()
+        text = _json.dumps(document, indent=2, allow_nan=False)
+        (folder / "result.json").write_text(text + "\n", encoding="utf-8", newline="\n")
+        write_report(report_of(made), folder / "table.html")
+    if json:
+        out_json(document)
+        return
+    write_table(lines_of(made))
+    for remark in remarks_on(made):
+        out(remark)
+    note(f"{output / 'table.html'}: the table, its pictures, and what is assumed")
 
 
 def _table(found: "Certified") -> Iterator[str]:

@@ -111,6 +111,14 @@ class TableRow:
         """Whether the thesis's processing finds what it published, within 20 %."""
         return self.published.holds(self.thesis_rms)
 
+    @property
+    def beside(self) -> list[float]:
+        """How far behind its known place each recording of ours finds the plate [m]."""
+        return [
+            found.registration.shift - lying.registration.shift
+            for found, lying in zip(self.ours, self.lying, strict=False)
+        ]
+
     def ends(self, of: Callable[[ThesisResult], Floats]) -> tuple[float, float]:
         """Least and greatest of a figure of the thesis's processing [m].
 
@@ -181,10 +189,7 @@ class TableRow:
                     "ratio": {one: self.ratio(one, way) for one in _FIGURES},
                 }
             )
-        described_["beside"] = [
-            found.registration.shift - lying.registration.shift
-            for found, lying in zip(self.ours, self.lying, strict=False)
-        ]
+        described_["beside"] = self.beside
         return described_
 
 

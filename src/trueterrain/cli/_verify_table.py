@@ -1,0 +1,201 @@
+"""Table 3-1 of the thesis on the virtual profiler: recorded, evaluated, and shown."""
+
+import math
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from trueterrain.engine.progress import Progress
+    from trueterrain.simulate.scene import CalibrationPlate, Scene
+    from trueterrain.verify.table import TableRow
+
+_MILLI = 1e3
+
+#: Length of the plate at either end that is not compared: an upright face of its own [m].
+RIM = 0.05
+
+#: Scenes and the rows for which they are recorded; the first serves two rows.
+_SCENES = {
+    "thesis-static": "static",
+    "thesis-smooth": "dynamic",
+    "thesis-excited": "dynamic, excited",
+}
+
+#: Ways in which ours stands beside the exact pose.
+WAYS = {
+    "ours": "registered: offset, tilt, shift and stretch taken off",
+    "on_exact_way": "as it lies, with the exact east and north",
+    "lying": "as it lies, with east and north of navigation",
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Made:
+    """The table, and from which scenes."""
+
+    rows: list["TableRow"]
+    "The four rows."
+
+    scenes: list["Scene"]
+    "What was recorded for them."
+
+    @property
+    def reflectivity(self) -> dict[str, float]:
+        """What screening takes away from row one: published, thesis's processing and ours [m]."""
+        from trueterrain.verify.table import together
+
+        first, second = self.rows[:2]
+        pairs = {
+            "published": (first.published.low, second.published.low),
+            "thesis": (first.thesis_rms, second.thesis_rms),
+            "ours": (together(first.ours, "rms").value, together(second.ours, "rms").value),
+        }
+        return {name: math.sqrt(max(a**2 - b**2, 0.0)) for name, (a, b) in pairs.items()}
+
+    def describe(self) -> dict[str, Any]:
+        """The same as plain numbers and words, as for JSON; lengths in m."""
+        from trueterrain._version import __version__
+        from trueterrain.verify.table import ORDER, WITHIN
+
+        return {
+            "version": __version__,
+            "within": WITHIN,
+            "order": ORDER,
+            "scenes": [
+                {"name": one.name, "title": one.title, "seed": one.seed,
+                 "passes": [drive.name for drive in one.passes]}
+                for one in self.scenes
+            ],
+            "rows": [row.describe() for row in self.rows],
+            "reflectivity": self.reflectivity,
+            "reproduced": all(row.reproduced for row in self.rows),
+        }  # fmt: skip
+
+
+def make_table(progress: "Progress") -> Made:
+    """Record the scenes into a temporary folder, and evaluate them.
+
+    Parameters
+    ----------
+    progress : callable
+        Told what is recorded and evaluated.
+
+    Returns
+    -------
+    Made
+        The table.
+    """
+    from trueterrain.georeference import Screening
+    from trueterrain.simulate.scene import read_scene, record_scene
+    from trueterrain.verify.table import dynamic_row, static_rows
+
+    rows: list[TableRow] = []
+    scenes = []
+    with tempfile.TemporaryDirectory() as folder:
+        for done, (name, test) in enumerate(_SCENES.items()):
+            progress("rows of the table", done, len(_SCENES))
+            scene, path = read_scene(name)
+            runs = record_scene(scene, folder, path=path, progress=progress)
+            plate = plate_of(scene)
+            if scene.passes[0].standing is not None:
+                # a receiver that is saturated shows no more than its saturation
+                screening = Screening(saturation=scene.scanner.saturation - 1.0)
+                rows += static_rows(runs[0], _machined(plate), screening)
+            else:
+                begin = (plate.east - 0.5 * plate.length + RIM, plate.north)
+                rows.append(dynamic_row(test, runs, _machined(plate), begin))
+            scenes.append(scene)
+        progress("rows of the table", len(_SCENES), len(_SCENES))
+    return Made(rows=rows, scenes=scenes)
+
+
+def plate_of(scene: "Scene") -> "CalibrationPlate":
+    from trueterrain.simulate.scene import CalibrationPlate
+
+    (layer,) = (one for one in scene.ground if one["kind"] == "plate")
+    return CalibrationPlate(**{key: value for key, value in layer.items() if key != "kind"})
+
+
+def _machined(plate: "CalibrationPlate") -> "xr.Dataset":
+    from trueterrain.verify.plate import design_plate, machined_profile
+
+    design = design_plate(
+        plate.cleats, length=plate.length - 2 * RIM, cleat_width=plate.cleat, rise=plate.rise,
+        thickness=plate.thickness,
+    )  # fmt: skip
+    return machined_profile(design)
+
+
+def lines_of(made: Made) -> list[list[str]]:
+    """Cells of the table, line by line."""
+    header = [
+        "row", "published [mm]", "thesis's RMS", "maximum", "our RMS", "off edges", "distance",
+        "maximum", "exact pose", "ratio",
+    ]  # fmt: skip
+    return [header, *(_cells(row) for row in made.rows)]
+
+
+def remarks_on(made: Made) -> Iterator[str]:
+    """What the table does not show."""
+    kept = all(row.reproduced for row in made.rows)
+    yield (
+        "The thesis's processing finds "
+        f"{'all' if kept else 'NOT all'} published RMS figures within 20 %."
+    )
+    found = made.reflectivity
+    yield "Reflectivity: " + ", ".join(
+        f"{name} {_MILLI * found[key]:.2f} mm"
+        for key, name in (("published", "published"), ("thesis", "thesis's"), ("ours", "ours"))
+    )
+    for row in made.rows:
+        if row.exact:
+            yield f"{row.test}, our RMS over that with the exact pose (off edges):"
+            for way, words in WAYS.items():
+                yield f"  {_number(row.ratio('rms', way))} ({_edges(row, way)}) {words}"
+            yield f"  navigation lies {beside_of(row)} mm beside the place of the plate"
+
+
+def _cells(row: "TableRow") -> list[str]:
+    from trueterrain.verify.table import together
+
+    rms, off_edges, distance = (together(row.ours, one) for one in ("rms", "off_edges", "distance"))
+    low, high = row.ends(lambda found: found.single)
+    least, most = row.ends(lambda found: found.largest)
+    return [
+        row.test, published_of(row),
+        f"{_mm(row.thesis_rms)} ({_mm(low)} to {_mm(high)})",
+        f"{_mm(least)} to {_mm(most)}",
+        f"{_mm(rms.value)} ({_mm(rms.low)} to {_mm(rms.high)})", _mm(off_edges.value),
+        _mm(distance.value), _mm(greatest(row)),
+        _mm(together(row.exact, "rms").value) if row.exact else "-", _number(row.ratio("rms")),
+    ]  # fmt: skip
+
+
+def published_of(row: "TableRow") -> str:
+    low, high = _MILLI * row.published.low, _MILLI * row.published.high
+    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
+
+
+def greatest(row: "TableRow") -> float:
+    return max(one.row.maximum for one in row.ours)
+
+
+def beside_of(row: "TableRow") -> str:
+    values = [_MILLI * abs(one) for one in row.beside]
+    return f"{min(values):.0f} to {max(values):.0f}"
+
+
+def _edges(row: "TableRow", way: str) -> str:
+    return _number(row.ratio("off_edges", way))
+
+
+def _mm(value: float) -> str:
+    return f"{_MILLI * value:.2f}"
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"
