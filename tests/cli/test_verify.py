@@ -164,6 +164,15 @@ def test_a_run_that_does_not_cross_the_plate_is_one_line(run, tmp_path, machined
     assert "plate is not found" in finished.err
 
 
+@pytest.mark.parametrize("setting", ['clock = "none.zarr"', 'boresight = ["none.zarr", "b.zarr"]'])
+def test_a_missing_run_for_the_instruments_is_one_line_before_any_work(
+    run, static, tmp_path, setting
+):
+    static.write_text(f"{setting}\n{static.read_text()}")
+    message = _failed(run, tmp_path, "static", static)
+    assert re.search(r"there is no run .*none\.zarr", message)
+
+
 def test_results_are_not_overwritten_unless_told(run, static, tmp_path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "mine.txt").write_text("mine")

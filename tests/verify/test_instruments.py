@@ -6,12 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from pypdf import PdfReader
 
 import trueterrain
-from trueterrain.errors import FormatError
+from trueterrain.errors import FormatError, SchemaError
 from trueterrain.formats.run import open_run
 from trueterrain.kinds import make_profile
 from trueterrain.motion import fuse
+from trueterrain.report import write_report_pdf
 from trueterrain.simulate.drift import GaussMarkovDrift
 from trueterrain.simulate.navigation import Navigation
 from trueterrain.simulate.scanner import Scanner
@@ -168,6 +170,34 @@ def test_a_certificate_holds_them_with_the_hashes_of_their_runs(certified):
     scales = {one["name"]: one["scale"] for one in document["recorded"]}
     assert scales["a.csv"] == "not in the data: profiles hold no times"
     assert scales["bounce-bounce.zarr"] == "not in the data: times count from any moment"
+
+
+def test_the_page_and_the_pdf_show_them(certified, tmp_path):
+    from trueterrain.cli._verify_certificate import certificate_of
+
+    write_report_pdf(certificate_of(certified, []), tmp_path / "c.pdf")
+    pages = [page.extract_text() for page in PdfReader(tmp_path / "c.pdf").pages]
+    paper = " ".join(" ".join(pages).split())
+    assert "Clocks and mounting" in paper
+    assert "It was not applied: figures are those of the runs as they are." in paper
+    for one in certified.instruments:
+        if one.value is not None:
+            factor = {"s": 1e3, "rad": 180 / np.pi, "m": 1e3}[one.unit]
+            for value in (one.value, one.sd):
+                assert f"{factor * value:.4f}".replace("-", "\N{MINUS SIGN}") in paper
+        else:
+            assert "cannot be told" in paper
+
+
+def test_runs_of_different_mountings_are_refused(passes):
+    runs = [open_run(path) for path in passes[0]]
+    way = fuse(runs[0]).trajectory
+    runs[1].attrs["mounting"] = {**runs[1].attrs["mounting"], "scanner_clock": 0.001}
+    with pytest.raises(SchemaError, match="attribute mounting: differs from that of the first run"):
+        boresight_findings(runs, [way, way])
+    runs[1].attrs["mounting"] = {**runs[0].attrs["mounting"], "accelerometer_clock": 0.001}
+    with pytest.raises(ValueError, match="with a trajectory each"):
+        boresight_findings(runs, [way])
 
 
 @pytest.mark.parametrize("text", ['clock = "none.zarr"', 'boresight = ["x.zarr", "none.zarr"]'])

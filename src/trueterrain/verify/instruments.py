@@ -6,11 +6,12 @@ clocks; runs in both directions over the same ground tell how the scanner sits i
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import xarray as xr
 
-from trueterrain.errors import CoverageError
+from trueterrain.errors import CoverageError, SchemaError
 from trueterrain.formats.run import Mounting
 from trueterrain.georeference import Calibration, CalibrationSettings
 from trueterrain.georeference._observable import in_units
@@ -120,9 +121,9 @@ def boresight_findings(
     Raises
     ------
     ValueError
-        If there are fewer than two runs, not as many trajectories, or runs of different mountings.
+        If there are fewer than two runs, or not as many trajectories.
     SchemaError
-        If runs are in different local frames.
+        If runs are in different local frames, or state different mountings.
 
     Notes
     -----
@@ -139,16 +140,25 @@ def boresight_findings(
     from trueterrain.georeference import calibrate, mounting_of
     from trueterrain.surface.runs import require_one_frame
 
-    trees = [run if isinstance(run, xr.DataTree) else open_run(run) for run in runs]
-    paths = [run for run in runs if not isinstance(run, xr.DataTree)]
-    if len(paths) == len(runs):
-        require_one_frame([Path(path) for path in paths])
+    paths = [None if isinstance(run, xr.DataTree) else Path(run) for run in runs]
+    named = [path for path in paths if path is not None]
+    if len(named) == len(runs):
+        require_one_frame(named)
+    stated = [
+        mounting_of(run if isinstance(run, xr.DataTree) else open_run(run), path=path)
+        for run, path in zip(runs, paths, strict=True)
+    ]
+    for path, other in zip(paths, stated, strict=True):
+        if replace(other, accelerometer_clock=stated[0].accelerometer_clock) != stated[0]:
+            raise SchemaError(
+                "differs from that of the first run",
+                path=path, place="attribute mounting", cure="Name runs of one mounting.",
+            )  # fmt: skip
     try:
         found = calibrate(runs, trajectories, settings=settings)
     except CoverageError as error:
         return [_untold("mounting of the scanner", "1", _reason(error))]
-    declared = mounting_of(trees[0])
-    return [_mounted(name, found, declared) for name in settings.parameters]
+    return [_mounted(name, found, stated[0]) for name in settings.parameters]
 
 
 def _clock(name: str, off: float, sd: float, least: float, bound: str = "") -> Finding:
