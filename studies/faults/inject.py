@@ -1,0 +1,91 @@
+"""Record the scenes with a fault, and ask both tests what they find."""
+
+import tempfile
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from scenes import (
+    BEGINS,
+    FLOOR,
+    LEAD,
+    MIDDLE,
+    PLATE,
+    SPEED,
+    STRIP,
+    Fault,
+    dynamic_scene,
+    static_scene,
+)
+from trueterrain import make_profile
+from trueterrain.formats.run import open_run
+from trueterrain.georeference import Screening
+from trueterrain.motion import fuse
+from trueterrain.simulate.scene import CalibrationPlate, Scene, record_scene
+from trueterrain.verify.dynamic import DynamicResult, DynamicSettings, dynamic_test
+from trueterrain.verify.static import StaticResult, StaticSettings, static_test
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tested:
+    """What both tests say of a fault."""
+
+    fault: Fault
+    "What was injected."
+
+    static: StaticResult
+    "Of all returns."
+
+    dynamic: DynamicResult
+    "Of the motion by the smoother."
+
+
+def machined() -> xr.Dataset:
+    """The plate as it was machined."""
+    s = np.arange(2401) / 2000
+    return make_profile(s, CalibrationPlate().height(s - 0.5 * PLATE, 0.0))
+
+
+def tested(fault: Fault) -> Tested:
+    """Record both runs and test them."""
+    return Tested(fault=fault, static=tested_static(fault), dynamic=tested_dynamic(fault))
+
+
+def tested_static(fault: Fault) -> StaticResult:
+    """The static test, with a spirit level on the plate."""
+    run = _recorded(static_scene(fault), fault)
+    settings = StaticSettings(
+        assumed=BEGINS, search=0.05, level=0.0, screening=Screening(saturation=19999.0)
+    )
+    return static_test(run, machined(), settings)[0]
+
+
+def tested_dynamic(fault: Fault) -> DynamicResult:
+    """The dynamic test, with all the floor that there is."""
+    run = _recorded(dynamic_scene(fault), fault)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # dropped scans are what is looked for
+        path = fuse(run).trajectory
+    begins = MIDDLE - 0.5 * PLATE + LEAD * SPEED
+    settings = DynamicSettings(assumed=begins, search=0.2, floor=FLOOR, width=STRIP)
+    return dynamic_test(run, machined(), path, settings)
+
+
+def _recorded(scene: Scene, fault: Fault) -> xr.DataTree:
+    """A run in memory, without the scans that were dropped."""
+    with tempfile.TemporaryDirectory() as folder:
+        (target,) = record_scene(scene, Path(folder))
+        tree = open_run(target).load()
+    if not fault.dropped:
+        return tree
+    scans = tree["scans"].to_dataset()
+    kept = np.ones(scans.sizes["scan"], dtype=bool)
+    some = fault.dropped // 4
+    middle = kept.size // 2
+    kept[middle : middle + fault.dropped - some] = False
+    kept[middle // 2 : middle // 2 + some] = False
+    tree["scans"] = xr.DataTree(scans.isel(scan=kept))
+    return tree
