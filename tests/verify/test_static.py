@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from trueterrain.errors import CoverageError
 from trueterrain.georeference import Screening
 from trueterrain.verify.static import StaticSettings, static_test
-from trueterrain.verify.uncertainty import mean_figure, rms_figure
 
 from ._plates import LENGTH, machined, standing
 
@@ -89,40 +87,6 @@ def test_ground_without_the_plate_is_an_error():
 def test_settings_that_break_a_rule_are_refused(settings, message):
     with pytest.raises(ValueError, match=message):
         StaticSettings(**settings)
-
-
-@pytest.mark.parametrize(("correlation", "count"), [(0.0, 300), (0.7, 300), (0.9, 600)])
-def test_the_interval_of_the_rms_holds_the_truth_as_often_as_claimed(correlation, count):
-    """Of 200 repeats, 95 % and at most three binomial standard deviations of 1.5 % less."""
-    rng = np.random.default_rng(20)
-    held = 0
-    for _ in range(200):
-        white = rng.normal(size=count + 300)
-        error = lfilter([np.sqrt(1 - correlation**2)], [1, -correlation], white)[300:]
-        figure = rms_figure(error)
-        held += figure.low <= 1.0 <= figure.high
-    assert held >= 181
-
-
-def test_the_interval_of_the_mean_holds_the_truth_as_often_as_claimed():
-    rng = np.random.default_rng(21)
-    held = 0
-    for _ in range(200):
-        error = lfilter([0.6], [1, -0.8], rng.normal(size=700))[300:]
-        figure = mean_figure(error)
-        held += figure.low <= 0.0 <= figure.high
-    assert held >= 181
-
-
-def test_errors_that_are_no_sample_are_refused():
-    with pytest.raises(ValueError, match="at least 8 finite"):
-        rms_figure([0.001, 0.002])
-    with pytest.raises(ValueError, match="finite"):
-        rms_figure(np.full(20, np.nan))
-    with pytest.raises(ValueError, match="confidence"):
-        rms_figure(np.ones(20), confidence=0.0)
-    with pytest.raises(ValueError, match="block"):
-        rms_figure(np.ones(20), block=0)
 
 
 def test_upright_faces_are_near_the_machined_line_though_their_heights_are_not():

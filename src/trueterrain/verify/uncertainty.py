@@ -6,6 +6,7 @@ that tell of others than were counted.
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -27,8 +28,9 @@ _LONGER = 3.0  # times the length for the mean: spreads of correlated errors nee
 _FEWEST_BLOCKS = 3.0  # effective blocks of which a spread is taken
 # How alike errors are is learned from the same few errors, which look less alike where they happen
 # to be small: variances by 1 / count are enlarged by 1 + COST / count. Found by simulation.
-_COST_MEAN, _COST_SQUARE = 4.0, 12.0
+_COST = 4.0
 _FEWEST_MEAN, _FEWEST_SQUARE = 2.0, 1.0  # of which an interval is given
+_LONGEST_WAVES = 8  # in the band of the longest ones; each further band holds twice as many
 _BY_CHANCE = 0.8  # share of repeats in which runs differ by less, if blocks say it all
 
 
@@ -93,19 +95,23 @@ def rms_figure(
     Notes
     -----
     The true value is the root mean square over all repeats of the test. How far the mean square of
-    one is from it is told twice, and the larger is taken:
+    one is from it is told in three ways, and the widest interval is taken:
 
     - from the squares, of which circular blocks (Politis and Romano 1992) of the length of Politis
       and White (2004, with the correction of 2009) are drawn: that knows errors that are large now
       and then, but nothing of what is longer than a block;
     - from the correlation of normal errors, by an autoregression: that knows errors which are alike
-      over much of the record, but no rare ones. The mean, what differs between the means of
-      runs, and the rest count apart.
+      over much of the record. The mean, what differs between the means of runs, and the rest
+      count apart. A mean square of the larger of both spreads is that of `independent` normal
+      errors, whose chi-square distribution gives the interval (Satterthwaite 1946);
+    - from the power of normal errors in bands of wavelength, octave by octave: the few long waves
+      may be much larger than they happen to be in the record, below the noise of the short ones.
+      Each band is as uncertain as chi-square of as many degrees as it has waves, and the sum is
+      drawn (a fiducial interval of a sum of variances, Weerahandi 1993).
 
-    A mean square of so much spread is that of `independent` normal errors, whose chi-square
-    distribution gives the interval (Satterthwaite 1946). Below 20 of them it is wide and holds the
-    truth a few percent less often than claimed; what did not happen in the record, as the one
-    beam that meets an upright face, no interval knows.
+    Below 20 independent errors the interval is wide and holds the truth a few percent less often
+    than claimed; what did not happen in the record, as the one beam that meets an upright face, no
+    interval knows.
 
     Examples
     --------
@@ -125,16 +131,16 @@ def rms_figure(
             value=0.0, low=0.0, high=0.0, confidence=confidence, block=length,
             independent=min(float(rows.size), most),
         )  # fmt: skip
-    variance = max(spread**2, _of_normal(rows, block)) / power**2
+    mean = _of_mean(rows, block)
+    variance = max(spread**2, _of_normal(rows, mean)) / power**2
     count = 2 / max(variance, 1e-12)
-    count = min(max(count / (1 + _COST_SQUARE / count), _FEWEST_SQUARE), most)
-    low, high = (
-        math.sqrt(count / float(chi2.ppf(share, count)))
-        for share in (0.5 + 0.5 * confidence, 0.5 - 0.5 * confidence)
-    )
+    count = min(max(count / (1 + _COST / count), _FEWEST_SQUARE), most)
+    shares = np.array([0.5 - 0.5 * confidence, 0.5 + 0.5 * confidence])
+    low, high = power * count / chi2.ppf(shares[::-1], count)
+    lower, higher = np.quantile(_by_bands(rows, mean), shares)
     return Figure(
-        value=value, low=value * low, high=value * high, confidence=confidence, block=length,
-        independent=count,
+        value=value, low=math.sqrt(min(low, lower)), high=math.sqrt(max(high, higher)),
+        confidence=confidence, block=length, independent=min(count, float(rows.size)),
     )  # fmt: skip
 
 
@@ -175,14 +181,22 @@ def mean_figure(
     from scipy.stats import t
 
     rows = _rows(error, confidence)
-    length, spread, count = _of_mean(rows, block)
-    count = min(count, max(most, _FEWEST_MEAN))
-    value = float(rows.mean())
-    reach = float(t.ppf(0.5 + 0.5 * confidence, count - 1)) * spread
+    mean = _of_mean(rows, block)
+    count = min(mean.independent, max(most, _FEWEST_MEAN))
+    reach = float(t.ppf(0.5 + 0.5 * confidence, count - 1)) * mean.spread
     return Figure(
-        value=value, low=value - reach, high=value + reach, confidence=confidence, block=length,
-        independent=count,
+        value=mean.value, low=mean.value - reach, high=mean.value + reach, confidence=confidence,
+        block=mean.block, independent=count,
     )  # fmt: skip
+
+
+class _Mean(NamedTuple):
+    """A mean, its standard deviation, how many values tell it, and the length of blocks."""
+
+    value: float
+    spread: float
+    independent: float
+    block: int
 
 
 def _rows(error: npt.ArrayLike, confidence: float) -> Floats:
@@ -197,32 +211,33 @@ def _rows(error: npt.ArrayLike, confidence: float) -> Floats:
     return rows
 
 
-def _of_mean(rows: Floats, block: int | None) -> tuple[int, float, float]:
-    """Length of blocks, standard deviation of the mean, and how many values tell it."""
+def _of_mean(rows: Floats, block: int | None) -> _Mean:
+    """Mean of all errors and how far it may be from the true one."""
     from scipy.stats import f
 
     runs = rows.shape[0]
     values = rows.mean(axis=0)
+    value = float(values.mean())
     length, drawn = _drawn(values, block)
     deviation = float(values.std())
-    count = count_for_mean(values - values.mean())
+    count = count_for_mean(values - value)
     if drawn > 0:
         count = min(count, (deviation / drawn) ** 2)
-    count = max(count / (1 + _COST_MEAN / count), _FEWEST_MEAN)
+    count = max(count / (1 + _COST / count), _FEWEST_MEAN)
     spread = deviation / math.sqrt(count - 1)
     if runs > 1:
         between = float(rows.mean(axis=1).std(ddof=1)) / math.sqrt(runs)
         if between**2 > spread**2 * float(f.ppf(_BY_CHANCE, runs - 1, count - 1)):
-            return length, between, float(runs)
-    return length, spread, count
+            return _Mean(value, between, float(runs), length)
+    return _Mean(value, spread, count, length)
 
 
-def _of_normal(rows: Floats, block: int | None) -> float:
+def _of_normal(rows: Floats, mean: _Mean) -> float:
     """Variance of the mean square of errors if they are normal, however alike neighbours are."""
     runs = rows.shape[0]
     means = rows.mean(axis=1)
     shared = (rows - means[:, None]).mean(axis=0)
-    found = 4 * float(means.mean()) ** 2 * _of_mean(rows, block)[1] ** 2
+    found = 4 * (mean.value * mean.spread) ** 2
     found += 2 * float(np.mean(shared**2)) ** 2 / count_for_power(shared)
     if runs > 1:
         apart = rows - means[:, None] - shared
@@ -231,22 +246,39 @@ def _of_normal(rows: Floats, block: int | None) -> float:
     return found
 
 
+def _by_bands(rows: Floats, mean: _Mean) -> Floats:
+    """Mean squares that may be the true one, if waves of a band of wavelengths are alike."""
+    from scipy.fft import dct
+
+    runs, n = rows.shape
+    rng = np.random.default_rng(_SEED)
+    first = _LONGEST_WAVES * (2 ** np.arange(int(math.log2(n / _LONGEST_WAVES)) + 1) - 1)
+    waves = np.diff(np.append(first, n))
+    shared = rows.mean(axis=0)
+    powers = [np.square(dct(shared - shared.mean(), norm="ortho"))]
+    counts = [waves - (first == 0)]
+    if runs > 1:
+        powers.append(np.square(dct(rows - shared, norm="ortho")).mean(axis=0))
+        counts.append((runs - 1) * waves)
+    found = np.square(mean.value + mean.spread * rng.standard_t(mean.independent - 1, _REPEATS))
+    for power, count in zip(powers, counts, strict=True):
+        drawn = count / rng.chisquare(count, (_REPEATS, count.size))
+        found += drawn @ np.add.reduceat(power, first) / n
+    return np.asarray(found)
+
+
 def _drawn(values: Floats, block: int | None) -> tuple[int, float]:
-    """Length of blocks, and standard deviation of the mean."""
+    """Length of blocks, and standard deviation of the mean if blocks are drawn from anywhere."""
     n = values.size
     most = max(1, int(n / _FEWEST_BLOCKS))
     length = min(_block_length(values) if block is None else block, most)
     if length < 1:
         message = f"block must be at least 1, got {block}."
         raise ValueError(message)
-    rng = np.random.default_rng(_SEED)
-    doubled = np.concatenate([[0.0], np.cumsum(np.concatenate([values, values]))])
-    blocks = -(-n // length)
-    starts = rng.integers(0, n, (_REPEATS, blocks))
-    means = (doubled[starts + length] - doubled[starts]).mean(axis=1) / length
-    count = n / length
-    # a mean of `blocks` blocks, one of which stands for the rest; less the bias of few blocks
-    return length, float(means.std()) * math.sqrt(blocks / count) * math.sqrt(count / (count - 1))
+    around = np.concatenate([[0.0], np.cumsum(np.concatenate([values, values[:length]]))])
+    means = (around[length : length + n] - around[:n]) / length
+    # the bootstrap in closed form: n / length blocks, one of which stands for the mean
+    return length, float(means.std()) / math.sqrt(n / length - 1)
 
 
 def _block_length(values: Floats) -> int:
