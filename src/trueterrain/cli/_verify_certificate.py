@@ -179,7 +179,7 @@ def _figures(found: "Certified") -> Section:
         ),
         rows=intervals,
         caption=f"Intervals that hold the true value in {100 * confidence:g} % of repeats "
-        "(block bootstrap).",
+        "(the widest of block bootstrap, correlation, and power by wavelength).",
     )  # fmt: skip
     blocks: list[Block] = [table, uncertain]
     if doubts:
