@@ -20,7 +20,8 @@ _PAD = 4.0  # [pt] on both sides of a cell
 _STEP = 0.5  # [pt] by which the type of a wide table is made smaller
 _WORD = 70.0  # [pt] below which a column of words is not squeezed while type can be smaller
 _ROOM = 75.0  # [pt] for caption, head and a row or two, before a table begins
-_SHORT = 12  # rows of a table that is not broken over pages
+_TALL = 250.0  # [pt] up to which a table is not broken over pages, a third of one
+_MANY = 50  # rows that are certainly taller
 _SLACK = 0.5  # [pt] rounding, for which no word shall be broken
 
 
@@ -58,7 +59,9 @@ def table_flowables(block: dict[str, Any], width: float) -> list[Any]:
     size, groups = _fitted(columns, width)
     for group in groups:
         found += [_drawn(group, size, width), Spacer(0, 8)]
-    return [found] if len(block["rows"]) * len(groups) <= _SHORT else [CondPageBreak(_ROOM), *found]
+    if len(block["rows"]) <= _MANY and sum(one.wrap(width, _TALL)[1] for one in found) <= _TALL:
+        return [found]
+    return [CondPageBreak(_ROOM), *found]
 
 
 class _Column:

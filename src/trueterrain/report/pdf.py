@@ -215,6 +215,7 @@ def _block(block: Block, folder: Path, width: float, height: float) -> Iterator[
 
 
 def _together(flowables: list[Any]) -> Iterator[Any]:
+    """Keep lists on one page each."""
     from reportlab.platypus import KeepTogether
 
     yield from (KeepTogether(one) if isinstance(one, list) else one for one in flowables)
