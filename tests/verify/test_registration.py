@@ -13,6 +13,12 @@ SHIFT_TOLERANCE = 2e-4  # [m] heights of 0.1 mm on flanks of 0.8, some 25 of the
 OFFSET_TOLERANCE = 3e-5  # [m] noise of 0.1 mm over 300 heights
 TILT_TOLERANCE = 6e-5  # [rad] the same over 1.2 m
 NOISE = 1e-4  # [m]
+STRETCH_TOLERANCE = 2e-4  # [m/m] 0.1 mm on flanks of 0.8 and 0.4, 25 each, 0.6 m apart
+
+#: Two triangles on a plate: flanks tell where they lie, upright faces only to a sample [m].
+TRIANGLES = np.array(
+    [[0.0, 0.2, 0.25, 0.3, 0.8, 0.85, 0.9, LENGTH], [0.0, 0.0, 0.04, 0.0, 0.0, 0.02, 0.0, 0.0]]
+)
 
 
 def _measured(shift, offset, tilt, *, turned=False, seed=3, step=0.004):
@@ -40,6 +46,37 @@ def test_a_plate_beside_its_assumed_place_is_named_as_such_not_as_an_error_of_he
     np.testing.assert_allclose(found.shift + 0.505, 0.005, rtol=0, atol=SHIFT_TOLERANCE)
     assert found.residual < 1.3 * NOISE
     assert found.unregistered > 10 * found.residual
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("stretch", [0.0, 0.004, -0.0065])
+def test_a_way_that_is_measured_too_long_is_found_if_asked(stretch, turned):
+    x = np.arange(-2.0, 2.0, 0.004)
+    s = (x + 0.5) / (1 + stretch)
+    at = LENGTH - s if turned else s
+    noise = NOISE * np.random.default_rng(5).normal(size=x.size)
+    found = register(
+        x, np.interp(at, *TRIANGLES) + 0.01 * x - 2.0 + noise, make_profile(*TRIANGLES),
+        stretch=True,
+    )  # fmt: skip
+    assert found.reversed is turned
+    np.testing.assert_allclose(found.stretch, stretch, rtol=0, atol=STRETCH_TOLERANCE)
+    np.testing.assert_allclose(found.positions(x), at, rtol=0, atol=3 * SHIFT_TOLERANCE)
+    np.testing.assert_allclose(found.level(x), 0.01 * x - 2.0, rtol=0, atol=2 * TILT_TOLERANCE)
+    assert found.residual < 1.3 * NOISE
+
+
+def test_stretch_is_left_alone_unless_asked():
+    x, z = _measured(-0.5, -2.0, 0.01)
+    assert register(x * 1.004, z, machined()).stretch == 0.0
+
+
+def test_a_plate_is_taken_as_it_lies():
+    x, z = _measured(-0.5, -2.0, 0.01)
+    found = register(x, z, machined(), assumed=-0.52, search=0.0, stretch=True)
+    assert (found.shift, found.stretch) == (-0.52, 0.0)
+    assert found.unregistered > 10 * NOISE
+    np.testing.assert_allclose(found.offset, -2.0, rtol=0, atol=1e-3)  # flanks pull a little
 
 
 def test_saturated_returns_do_not_pull():

@@ -8,7 +8,7 @@ import xarray as xr
 from trueterrain.errors import CoverageError
 from trueterrain.kinds import make_surface
 from trueterrain.surface import node_coordinates
-from trueterrain.verify import ground_errors, true_ground
+from trueterrain.verify import exact_trajectory, ground_errors, true_ground
 
 ROUND_OFF = 1e-12  # [m] of heights of some metres
 SD = 0.003  # [m] of errors that are drawn
@@ -77,3 +77,40 @@ def test_the_truth_of_a_simulated_run_is_its_ground():
     truth = true_ground(xr.DataTree.from_dict({"/truth/ground": ground}))
     at = np.array([1.25]), np.array([-0.5])
     npt.assert_allclose(truth(*at), plane(*at), rtol=0, atol=ROUND_OFF)
+
+
+def body_of(time):
+    """Body that turns and tilts as it drives, with its rates."""
+    wave, rate = np.sin(2 * time), 2 * np.cos(2 * time)
+    values = {"east": 5 * time, "north": 0.3 * wave, "up": 0.01 * wave,
+              "roll": 0.02 * wave, "pitch": -0.03 * wave, "yaw": 0.5 * wave}  # fmt: skip
+    sizes = {"north": 0.3, "up": 0.01, "roll": 0.02, "pitch": -0.03, "yaw": 0.5}
+    rates = {f"{name}_rate": size * rate for name, size in sizes.items()}
+    columns = {**values, **rates, "east_rate": np.full_like(time, 5.0), "time": time}
+    return xr.Dataset({name: ("knot", column) for name, column in columns.items()})
+
+
+def test_the_exact_motion_is_that_of_the_knots():
+    time = 0.0005 * np.arange(4001)
+    body = body_of(time)
+    found = exact_trajectory(xr.DataTree.from_dict({"/truth/body": body}))
+    between = time[:-1] + 0.00025
+    poses = found.at(between)
+    true = body_of(between)
+    npt.assert_allclose(
+        poses.position, np.stack([true[name] for name in ("east", "north", "up")], axis=-1),
+        rtol=0, atol=1e-10,
+    )  # fmt: skip
+    angles = poses.rotation.as_euler("ZYX")
+    npt.assert_allclose(
+        angles, np.stack([true[name] for name in ("yaw", "pitch", "roll")], axis=-1),
+        rtol=0, atol=1e-9,
+    )  # fmt: skip
+    steps = (found.at(time[:-1]).rotation.inv() * found.at(time[1:]).rotation).as_rotvec() / 0.0005
+    npt.assert_allclose(poses.angular_velocity, steps, rtol=0, atol=1e-6)
+    assert not found.covariance.any()
+
+
+def test_real_runs_have_no_exact_motion():
+    with pytest.raises(CoverageError, match="holds no true motion"):
+        exact_trajectory(xr.DataTree.from_dict({"/scans": xr.Dataset()}))

@@ -19,9 +19,11 @@ Floats = npt.NDArray[np.float64]
 _STEP = 0.001  # [m] between the shifts that are tried first for every millimetre of the search
 _COARSE = 0.01  # [m] the same for long searches
 _LONG = 0.5  # [m] half range from which a search is long
-_PRECISE = 1e-6  # [m] to which the shift is found, [m/m] the stretch
+_PRECISE = 1e-6  # [m] to which the shift is found
+_NEARLY = 2e-5  # [m/m] to which the stretch is found, and [m] the shift meanwhile
 _STRETCH = 0.01  # [m/m] by which a way may be measured too long or too short
-_TURNS = 2  # of stretch and shift, one after the other; about the middle they hardly interfere
+_TRIED = 5  # stretches of either sign that are tried first
+_ASIDE = 3  # steps by which the shift may change with the stretch
 _HUBER = 1.345  # standard deviations beyond which a point weighs less
 _CUT = 3.0  # the same beyond which a point is an outlier
 _BOUND = 0.003  # [m] residual beyond which a point costs no more, as beside upright edges
@@ -191,8 +193,8 @@ def register(
     Shifts are tried one after the other; at each, offset and tilt are those of the smallest
     absolute deviations as Huber's weights find them, and the cost of a point is bounded, so that
     neither edges nor saturated returns pull (Huber 1964). The shift with the least cost is refined
-    by golden section, and so is the stretch about the middle of the plate. A shape that correlates
-    less than 0.7, or of another height, is no plate.
+    by golden section, and so is the stretch: at each, the shift is found again. A shape that
+    correlates less than 0.7, or of another height, is no plate.
 
     Examples
     --------
@@ -322,19 +324,28 @@ def _golden(fit: _Fit, low: float, high: float) -> float:
 def _stretched(fit: _Fit, shift: float) -> tuple[_Fit, float, float]:
     """The same plate with the length over which it is measured free, its shift, and the stretch."""
     cut = _bound(fit, shift)
-    longer, found = fit, 0.0
-    for _ in range(_TURNS):
-        middle = shift + 0.5 * longer.length
+    rises = np.abs(np.diff(fit.h))
+    # about the middle of its relief, stretch and shift hardly interfere
+    middle = float(rises @ (0.5 * (fit.s[1:] + fit.s[:-1])) / rises.sum())
 
-        def cost(stretch: float, middle: float = middle) -> float:
-            one = fit.stretched(stretch)
-            return one.cost(middle - 0.5 * one.length, cut, _ROUNDS)
+    def laid(stretch: float, rounds: int = _ROUNDS) -> tuple[float, float]:
+        """Least cost with a stretch, and its shift."""
+        one = fit.stretched(stretch)
 
-        found = _least(cost, -_STRETCH, _STRETCH)
-        longer = fit.stretched(found)
-        shift = middle - 0.5 * longer.length
-        shift = _golden(longer, shift - _STEP, shift + _STEP)
-    return longer, shift, found
+        def cost(where: float) -> float:
+            return one.cost(where, cut, rounds)
+
+        near = shift - stretch * middle + _STEP * np.arange(-_ASIDE, _ASIDE + 1)
+        best = min(near.tolist(), key=cost)
+        best = _least(cost, best - _STEP, best + _STEP, _NEARLY)
+        return cost(best), best
+
+    tried = np.linspace(-_STRETCH, _STRETCH, 2 * _TRIED + 1).tolist()
+    best = min(tried, key=lambda stretch: laid(stretch, 3)[0])
+    apart = _STRETCH / _TRIED
+    found = _least(lambda stretch: laid(stretch)[0], best - apart, best + apart, _NEARLY)
+    longer, shift = fit.stretched(found), laid(found)[1]
+    return longer, _golden(longer, shift - _STEP, shift + _STEP), found
 
 
 def _bound(fit: _Fit, shift: float) -> float:
@@ -342,12 +353,14 @@ def _bound(fit: _Fit, shift: float) -> float:
     return max(_CUT * _scale(fit.at(shift)[2]), _BOUND)
 
 
-def _least(cost: Callable[[float], float], low: float, high: float) -> float:
+def _least(
+    cost: Callable[[float], float], low: float, high: float, precise: float = _PRECISE
+) -> float:
     """Where a function of one minimum is least, by golden section."""
     ratio = 0.5 * (math.sqrt(5) - 1)
     a, b = high - ratio * (high - low), low + ratio * (high - low)
     cost_a, cost_b = cost(a), cost(b)
-    while high - low > _PRECISE:
+    while high - low > precise:
         if cost_a <= cost_b:
             high, b, cost_b = b, a, cost_a
             a = high - ratio * (high - low)
