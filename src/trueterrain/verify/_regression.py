@@ -6,8 +6,11 @@ import numpy as np
 import numpy.typing as npt
 
 from trueterrain.motion.clocks import long_run
+from trueterrain.verify.findings import CERTAIN
 
 Floats = npt.NDArray[np.float64]
+
+_BARTLETT = 1.5  # times rows over lags: degrees of freedom of a sum that his window smooths
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -71,7 +74,9 @@ def regress(marks: Floats, nuisance: Floats, error: Floats, *, lags: int) -> Est
     -------
     Estimate
         By least squares. The covariance is that of Newey and West (1987), and at least that of
-        errors without correlation: few samples make the former too small by chance.
+        errors without correlation: few samples make the former too small by chance. Few independent
+        errors know their own spread badly: it grows so that four standard deviations are as certain
+        as those of many, by Student's t.
 
     Examples
     --------
@@ -84,12 +89,32 @@ def regress(marks: Floats, nuisance: Floats, error: Floats, *, lags: int) -> Est
     inverse = np.linalg.inv(clean.T @ clean)
     value = inverse @ clean.T @ bare
     residual = bare - clean @ value
-    free = max(error.size - marks.shape[1] - nuisance.shape[1], 1)
+    unknowns = marks.shape[1] + nuisance.shape[1]
+    free = max(error.size - unknowns, 1)
     robust = inverse @ long_run(clean * residual[:, None], lags) @ inverse * (error.size / free)
     white = inverse * float(residual @ residual) / free
     diagonal = np.maximum(np.diag(robust), 0.0)
-    tiny = np.finfo(float).tiny
-    grown = np.sqrt(np.maximum(np.diag(white) / np.maximum(diagonal, tiny), 1.0))
     if not (diagonal > 0).all():
         return Estimate(value=value, covariance=white, residual=residual)
+    grown = np.sqrt(np.maximum(np.diag(white) / diagonal, 1.0))
+    known = min(_independent(residual) - unknowns, _BARTLETT * error.size / (lags + 1))
+    grown *= _student(max(known, 1.0))
     return Estimate(value=value, covariance=robust * np.outer(grown, grown), residual=residual)
+
+
+def _independent(residual: Floats) -> float:
+    """How many independent errors a residual amounts to, by its correlation up to its first end."""
+    from scipy.signal import correlate
+
+    power = float(residual @ residual)
+    alike = correlate(residual, residual, method="fft")[residual.size :] / max(power, 1e-300)
+    ends = np.flatnonzero(alike <= 0)
+    run = alike[: int(ends[0])] if ends.size else alike
+    return residual.size / (1.0 + 2.0 * float(run.sum()))
+
+
+def _student(free: float) -> float:
+    """What Student's t asks more than the normal distribution, at the certainty of a finding."""
+    from scipy.stats import norm, t
+
+    return float(t.isf(norm.sf(CERTAIN), free)) / CERTAIN
