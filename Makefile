@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: help demo test lint types bench study docs clean
+.PHONY: help demo test lint types bench study study-faults study-coverage docs clean
 
 help:
 	@echo "make demo   two lanes of Belgian block, from the recordings to a report: demo/"
@@ -13,6 +13,8 @@ help:
 	@echo "make types  static types"
 	@echo "make bench  speed, beside the peer in the same run"
 	@echo "make study  vehicles judge which reduction of the ground serves which use (minutes)"
+	@echo "make study-faults    faults of a profiler, injected: what the tests of accuracy find"
+	@echo "make study-coverage  how often intervals of the tests of accuracy hold the truth"
 	@echo "make docs   documentation: docs/_build/html/index.html"
 	@echo "make clean  remove the environment and everything that was built"
 
@@ -44,6 +46,12 @@ bench: $(INSTALLED)
 
 study: $(INSTALLED)
 	$(BIN)/python studies/response
+
+study-faults: $(INSTALLED)
+	$(BIN)/python studies/faults
+
+study-coverage: $(INSTALLED)
+	$(BIN)/python studies/coverage
 
 docs: $(INSTALLED)
 	rm -rf docs/reference/generated

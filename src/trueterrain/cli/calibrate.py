@@ -1,6 +1,5 @@
 """The command ``trueterrain calibrate``: how the scanner sits, from passes over the same ground."""
 
-import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
@@ -25,8 +24,6 @@ _FIELDS = {
     "scanner_rotation": (("roll", "pitch", "yaw"), "Roll, pitch, yaw", "rad"),
     "scanner_clock": (("clock",), "Clock", "s"),
 }
-# what a mounting by drawing and tape may be wrong by: angles [rad], arms [m], clock [s]
-_WRONG = {"angle": math.radians(0.5), "lever": 0.01, "clock": 0.001}
 _DIGITS = 9  # after the point that are written [rad, m, s]: far below any standard deviation
 
 
@@ -257,11 +254,11 @@ def _together(found: "Calibration") -> Iterator[str]:
 
 def _leaning(found: "Calibration") -> Iterator[str]:
     """By how much what is found leans on what is held, where that is more than its sd."""
-    from trueterrain.georeference._observable import in_units
+    from trueterrain.georeference._observable import in_units, measured_within
 
     for k, name in enumerate(found.parameters):
         for j, held in enumerate(found.held):
-            wrong = _WRONG.get(held.partition("_")[0], _WRONG["angle"])
+            wrong = measured_within(held)
             caused = float(found.sensitivity[k, j]) * wrong
             if abs(caused) > found.sd[k]:
                 yield (

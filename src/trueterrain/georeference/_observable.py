@@ -15,6 +15,9 @@ Floats = npt.NDArray[np.float64]
 #: Correlation from which on parameters are said to go together.
 TOGETHER = 0.7
 
+#: What a parameter that is held may be off by, by drawing and tape [rad, m, s].
+_MEASURED = {"angle": math.radians(0.5), "lever": 0.01, "clock": 0.001}
+
 _CURES = {
     "roll": "Drive over the same lane both ways.",
     "pitch": "Drive over a step both ways, and hold lever_x, which acts alike.",
@@ -87,6 +90,11 @@ def in_units(name: str, value: float) -> str:
     value *= scale
     digits = 1 - math.floor(math.log10(abs(value))) if value else 0
     return f"{value:.{max(digits, 0)}f} {unit}"
+
+
+def measured_within(name: str) -> float:
+    """What a parameter that is held may be off by, by drawing and tape [rad, m, s]."""
+    return _MEASURED.get(name.partition("_")[0], _MEASURED["angle"])
 
 
 def unit_of(name: str) -> tuple[str, float]:

@@ -14,7 +14,7 @@ import xarray as xr
 from trueterrain.errors import CoverageError, SchemaError
 from trueterrain.formats.run import Mounting
 from trueterrain.georeference import Calibration, CalibrationSettings
-from trueterrain.georeference._observable import in_units
+from trueterrain.georeference._observable import in_units, measured_within
 from trueterrain.motion import Trajectory
 from trueterrain.verify.findings import Finding, certain
 
@@ -22,7 +22,6 @@ from trueterrain.verify.findings import Finding, certain
 # a wheel hop of 1 mm at 10 Hz is as far elsewhere after the second.
 _LEAST_SCANNER_CLOCK, _LEAST_ACCELEROMETER_CLOCK = 2e-5, 1e-4  # [s]
 # what a mounting by drawing and tape may be wrong by where passes do not tell it
-_WRONG = {"angle": math.radians(0.5), "lever": 0.01, "clock": 0.001}  # [rad, m, s]
 _NAMES = {
     "roll": ("roll of the scanner", "rad", "tilts the ground across the way"),
     "pitch": ("pitch of the scanner", "rad", "moves the ground along the way, by the height"),
@@ -184,7 +183,7 @@ def _mounted(name: str, found: Calibration, declared: Mounting) -> Finding:
     off = float(found.value[at]) - _declared(declared, name)
     sd = float(found.sd[at])
     caused = {
-        held: abs(float(found.sensitivity[at, k])) * _wrong(held)
+        held: abs(float(found.sensitivity[at, k])) * measured_within(held)
         for k, held in enumerate(found.held)
     }
     if certain(off, sd) and not certain(off, sd, least=sum(caused.values())):
@@ -201,16 +200,12 @@ def _mounted(name: str, found: Calibration, declared: Mounting) -> Finding:
     ]  # fmt: skip
     words += [
         f"It leans on the {_NAMES[held][0]}, which is held: if that is wrong by "
-        f"{in_units(held, _wrong(held))}, this is by {in_units(name, by)}."
+        f"{in_units(held, measured_within(held))}, this is by {in_units(name, by)}."
         for held, by in caused.items()
         if by > sd
     ]
     meaning = " ".join(words)
     return Finding(name=title, value=off, sd=sd, unit=unit, detected=there, meaning=meaning)
-
-
-def _wrong(name: str) -> float:
-    return _WRONG.get(name.partition("_")[0], _WRONG["angle"])
 
 
 def _declared(mounting: Mounting, name: str) -> float:
