@@ -192,6 +192,12 @@ def test_a_fault_is_found_by_its_mark(declared, scale, mark, true):
     assert detected(found) - {"place of the plate"} == {mark}
 
 
+def test_marks_are_found_without_any_noise():
+    declared = {"scanner_clock": 0.001}
+    found = dynamic_test(driven(declared=declared, noise=0.0), machined(), motion(), DYNAMIC)
+    np.testing.assert_allclose(named(found)[MARKS[0]].value, -0.001, rtol=0, atol=2e-5)  # [s]
+
+
 def test_faults_are_told_apart_from_each_other():
     declared = {"scanner_clock": 0.0005, "scanner_position": (LEVER[0] + 0.02, 0.01, 0.5)}
     found = dynamic_test(driven(declared=declared), machined(), motion(), DYNAMIC)

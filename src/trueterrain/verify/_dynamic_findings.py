@@ -38,6 +38,7 @@ _SLOWEST = 0.4  # [Hz] from which on height is that of the accelerometers
 _DRIFT = 4.0  # terms of the drift for every second: what is slower than some 2 Hz
 _ALIKE = 0.1  # [s] over which errors of neighbours are alike
 _FEWEST = 40  # places away from edges
+_LEAST_NOISE = 1e-7  # [m] of what neighbours do not share, that is believed at least
 _NEAR = 0.9  # correlation of marks from which they are told apart badly
 _JOINT = 19.3  # chi-squared of two marks with the chance of four standard deviations of one
 
@@ -201,11 +202,9 @@ def marked(
     alike = round(_ALIKE / max(float(np.median(np.diff(time))), 1e-6))
     lags = min(max(alike, 1), time.size // 8)
     clean = {one.name: without(nuisance, marks[one.name]) for one in faults}
-    noise = float(np.std(np.diff(error))) / math.sqrt(2)  # what neighbours do not share
+    noise = max(float(np.std(np.diff(error))) / math.sqrt(2), _LEAST_NOISE)
     moved = [
-        one
-        for one in faults
-        if CERTAIN * noise < one.seen * float(np.linalg.norm(clean[one.name])) and noise > 0
+        one for one in faults if CERTAIN * noise < one.seen * float(np.linalg.norm(clean[one.name]))
     ]
     for one in faults:
         if one not in moved:
@@ -255,7 +254,7 @@ def _nuisance(time: Floats, on: npt.NDArray[np.bool_]) -> Floats:
     from numpy.polynomial.legendre import legvander
 
     span = float(time[-1] - time[0])
-    degree = max(2, math.ceil(_DRIFT * span))
+    degree = min(max(2, math.ceil(_DRIFT * span)), time.size // 8)
     columns = legvander(2 * (time - time[0]) / span - 1, degree)
     if on.all() or not on.any():
         return np.asarray(columns)
