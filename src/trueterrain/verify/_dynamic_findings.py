@@ -269,7 +269,7 @@ def _finding(moved: list[_Fault], at: int, fit: Estimate, high: float) -> Findin
         meaning = _meaning(one, value, high)
     elif sd * CERTAIN <= one.seen:
         least = _size(one, max(one.least, sd * CERTAIN))
-        meaning = f"The error bears no mark of one, or of less than {least}."
+        meaning = f"The error bears no mark of more than {least}."
     else:
         return unknown(one.name, one.unit, _weak(one))
     return Finding(
