@@ -292,8 +292,8 @@ def _assumed(made: Made) -> Section:
          "chosen: there beams are as far apart as swath over beams"],
         ["Stripes", f"{_MILLI * paint.width:g} mm every {_MILLI * paint.period:g} mm, reflectivity "
          f"{paint.stripe:g} on {paint.ground:g}", "chosen: for the published effect"],
-        ["Saturation and its bias",
-         f"{scanner.saturation:g} counts, {_MILLI * scanner.saturation_bias:g} mm at twice that",
+        ["Saturation, and how much too short ranges are",
+         f"{scanner.saturation:g} counts, {-_MILLI * scanner.saturation_bias:g} mm at twice",
          "chosen: for the published effect"],
         ["Noise of a range", f"{_MILLI * scanner.range_noise:g} mm", "assumed"],
         ["Drift of navigation, east and north", f"{_MILLI * navigation.horizontal_sd:g} mm over "
@@ -313,8 +313,8 @@ def _assumed(made: Made) -> Section:
         text="What is chosen was chosen so that the thesis's processing finds what the thesis "
         "published: that it does shows that such parameters exist, not that they were the "
         "thesis's. The order of the filters was chosen among three with the figures in sight, see "
-        "above. All else are the defaults of the virtual profiler: "
-        "`trueterrain init scene thesis-excited`.",
+        "above. All else are the defaults of the virtual profiler, as trueterrain init scene "
+        "thesis-excited prints them.",
     )
 
 

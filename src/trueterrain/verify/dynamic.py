@@ -29,6 +29,7 @@ Floats = npt.NDArray[np.float64]
 
 _CROSSED = 0.95  # share of the plate that must have heights
 _PLANE = 0.4  # of the height of the plate, by which a floor seems to depart from a plane at most
+_FINE = 0.002  # [m] cells by which the stretch is found
 _STRAIGHT = 0.05  # [m] by which the way over the plate may leave a straight line
 
 
@@ -218,7 +219,10 @@ def dynamic_test(
     path = trajectory.between(settings.begin, settings.end)
     with concerning(source) if source is not None else _nothing():
         strip = strip_of(run, path, settings)
-        cells = _cells(strip, settings.spacing)
+        # within cells of some length the flanks of arcs bend, which looks like a stretch
+        cells = _cells(
+            strip, min(_FINE, settings.spacing) if settings.stretch else settings.spacing
+        )
         found = register(
             cells["along"], cells["height"], machined,
             assumed=settings.assumed, search=settings.search, stretch=settings.stretch,
