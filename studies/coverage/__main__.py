@@ -14,9 +14,9 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 
 import numpy as np
-from repeats import drift, dynamic, static
 from scipy.stats import binom
 
+from repeats import drift, dynamic, static
 from trueterrain.verify._errors import Row
 
 PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "uncertainty.md"
