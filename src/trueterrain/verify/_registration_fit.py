@@ -6,6 +6,8 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from trueterrain.engine.robust import nmad
+
 Floats = npt.NDArray[np.float64]
 
 _STEP = 0.001  # [m] between the shifts that are tried first for every millimetre of the search
@@ -18,7 +20,6 @@ _TRIED = 5  # stretches of either sign that are tried first
 _ASIDE = 3  # steps by which the shift may change with the stretch
 _HUBER = 1.345  # standard deviations beyond which a point weighs less
 _BOUND = 0.003  # [m] residual beyond which a point costs no more, as beside upright edges
-_NMAD = 1.4826  # times the median absolute deviation is the standard deviation of normal errors
 _LEAST_SCALE = 5e-5  # [m] standard deviation that is believed at least
 _ROUNDS = 12  # of reweighting
 
@@ -162,4 +163,4 @@ def _least(
 
 def scale_of(residual: Floats) -> float:
     """Robust standard deviation of residuals [m]."""
-    return max(_NMAD * float(np.median(np.abs(residual - np.median(residual)))), _LEAST_SCALE)
+    return max(nmad(residual), _LEAST_SCALE)

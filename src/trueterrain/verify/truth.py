@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from trueterrain.engine.robust import MAD_TO_SD
 from trueterrain.errors import CoverageError
 from trueterrain.surface.evaluate import heights_at
 from trueterrain.surface.reference_line import grid_frame
@@ -21,7 +22,6 @@ Floats = npt.NDArray[np.float64]
 TrueHeight = Callable[[Floats, Floats], Floats]
 
 _ROWS = 512  # cross-sections that are compared at once
-_NMAD = 1.4826  # times the median absolute deviation is the standard deviation of normal errors
 
 
 def true_ground(run: xr.DataTree) -> TrueHeight:
@@ -174,6 +174,6 @@ def ground_errors(surface: xr.Dataset, truth: TrueHeight) -> dict[str, Any]:
         "median": median,
         "rms": float(np.sqrt(np.mean(errors**2))),
         "rms_about_median": float(np.sqrt(np.mean((errors - median) ** 2))),
-        "nmad": _NMAD * float(np.median(apart)),
+        "nmad": MAD_TO_SD * float(np.median(apart)),
         "p95": float(np.percentile(apart, 95)),
     }
