@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -12,7 +13,9 @@ from trueterrain.errors import CoverageError, FormatError, SchemaError
 from trueterrain.formats.run import Mounting, RunWriter
 from trueterrain.kinds import make_points, make_profile
 from trueterrain.motion import FusionSettings
+from trueterrain.verify._errors import Limits, Row
 from trueterrain.verify.certificate import certify, write_errors
+from trueterrain.verify.uncertainty import Figure
 
 RECOMPUTED = 1e-15  # [m] rounding of sums of some hundred errors
 LENGTH = 1500  # [m]
@@ -185,3 +188,15 @@ def test_points_are_no_profile(drift):
     trueterrain.write(points, drift.parent / "0.csv", force=True)
     with pytest.raises(SchemaError, match="must be a profile, but holds points"):
         certify("drift", drift)
+
+
+def test_caution_trusts_no_interval_of_few_independent_errors():
+    """However wide the limit: what is not known is not kept."""
+    wide = Figure(value=1e-3, low=5e-4, high=2e-3, confidence=0.95, block=9, independent=8.0)
+    row = Row(
+        test="one", rms=wide, off_edges=replace(wide, independent=30.0), distance=None,
+        maximum=2e-3, bias=wide, noise=None, registration=None, count=120,
+    )  # fmt: skip
+    limits = Limits(rms=1.0, off_edges=1.0, bias=1.0)
+    assert row.verdicts(limits) == {"rms": True, "off_edges": True, "bias": True}
+    assert row.verdicts(limits, cautious=True) == {"rms": False, "off_edges": True, "bias": False}

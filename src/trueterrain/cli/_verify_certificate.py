@@ -87,7 +87,8 @@ def _headline(found: "Certified") -> Iterator[Number]:
         kept = found.verdicts[name].get("rms")
         limit = found.test.limits.rms
         figure = result.row.rms
-        interval = f"{_MILLI * figure.low:.3f} to {_MILLI * figure.high:.3f} mm"
+        least = "" if figure.trusted else "at least "
+        interval = f"{least}{_MILLI * figure.low:.3f} to {_MILLI * figure.high:.3f} mm"
         yield Number(
             label=f"RMS, {name}", value=_MILLI * figure.value, unit="mm", digits=_DIGITS,
             verdict=None if kept is None else ("good" if kept else "bad"),
@@ -135,32 +136,14 @@ def _instruments(found: "Certified") -> Section:
 def _figures(found: "Certified") -> Section:
     columns = ("RMS", "Off edges", "Distance", "Maximum", "Bias", "Noise", "Registration")
     rows: list[list[str | float | None]] = []
-    intervals: list[list[str | float | None]] = []
-    doubts: list[str] = []
     for name, result in found.results.items():
-        row = result.row
-        figures = {
-            "RMS": row.rms, "off edges": row.off_edges, "distance": row.distance, "bias": row.bias,
-        }  # fmt: skip
-        lengths = {key: None if one is None else one.value for key, one in figures.items()}
-        order = [
-            lengths["RMS"], lengths["off edges"], lengths["distance"], row.maximum,
+        row, known = result.row, _with_intervals(result)
+        lengths = {key: one.value for key, one in known.items()}
+        order = (
+            lengths["RMS"], lengths.get("off edges"), lengths.get("distance"), row.maximum,
             lengths["bias"], row.noise, row.registration,
-        ]  # fmt: skip
+        )  # fmt: skip
         rows.append([name, *(_mm(value) for value in order), row.count])
-        intervals += [
-            [name, key, _mm(one.value), _mm(one.low), _mm(one.high)]
-            for key, one in figures.items()
-            if one is not None
-        ]
-        few = {key: one for key, one in figures.items() if one is not None and not one.trusted}
-        if few:
-            doubts.append(
-                f"{name}, {', '.join(few)}: of no more than "
-                f"{max(one.independent for one in few.values()):.0f} independent errors, which "
-                "tell little of others: the interval may be too narrow. Repeat the test, or "
-                "lengthen it; at edges, where single returns count most, judge by the others."
-            )
     table = Table(
         columns=(
             Column(label="Test"),
@@ -171,38 +154,70 @@ def _figures(found: "Certified") -> Section:
         caption="Off edges: RMS without what lies beside steep faces. "
         "Distance: RMS of the shortest distance from the machined line.",
     )
+    return Section(title="Figures", blocks=[table, *_intervals(found), *_limits(found)])
+
+
+def _with_intervals(result: "Result") -> "dict[str, Figure]":
+    """Figures of a test that have an interval."""
+    row = result.row
+    figures = {
+        "RMS": row.rms, "off edges": row.off_edges, "distance": row.distance, "bias": row.bias,
+    }  # fmt: skip
+    return {key: one for key, one in figures.items() if one is not None}
+
+
+def _intervals(found: "Certified") -> Iterator[Block]:
+    known = {name: _with_intervals(result) for name, result in found.results.items()}
     confidence = next(iter(found.results.values())).row.rms.confidence
-    uncertain = Table(
+    yield Table(
         columns=(
             Column(label="Test"), Column(label="Figure"),
             *(Column(label=one, unit="mm", digits=_DIGITS) for one in ("Value", "From", "To")),
+            Column(label="Independent errors", digits=0),
         ),
-        rows=intervals,
+        rows=[
+            [name, key, _mm(one.value), _mm(one.low), _mm(one.high), one.independent]
+            for name, figures in known.items()
+            for key, one in figures.items()
+        ],
         caption=f"Intervals that hold the true value in {100 * confidence:g} % of repeats "
         "(the widest of block bootstrap, correlation, and power by wavelength).",
     )  # fmt: skip
-    blocks: list[Block] = [table, uncertain]
+    few = {
+        name: {key: one for key, one in figures.items() if not one.trusted}
+        for name, figures in known.items()
+    }
+    doubts = [
+        f"{name}, {', '.join(figures)}: of no more than "
+        f"{max(one.independent for one in figures.values()):.0f} independent errors, which "
+        "tell little of others: the interval is at least so wide. Repeat the test, or "
+        "lengthen it; at edges, where single returns count most, judge by the others."
+        for name, figures in few.items()
+        if figures
+    ]
     if doubts:
-        blocks.append(Warnings(items=doubts))
+        yield Warnings(items=doubts)
+
+
+def _limits(found: "Certified") -> Iterator[Block]:
     kept = [
         (name, figure, one) for name, row in found.verdicts.items() for figure, one in row.items()
     ]
-    if kept:
-        which = "upper ends of the intervals" if found.test.cautious else "figures"
-        blocks.append(
-            Table(
-                columns=(
-                    Column(label="Test"), Column(label="Figure"), Column(label="Limit", unit="mm"),
-                ),
-                rows=[
-                    [name, figure.replace("_", " "), _mm(getattr(found.test.limits, figure))]
-                    for name, figure, _ in kept
-                ],
-                verdicts=["good" if one else "bad" for *_, one in kept],
-                caption=f"Limits that were given, against the {which}.",
-            )
-        )  # fmt: skip
-    return Section(title="Figures", blocks=blocks)
+    if not kept:
+        return
+    cautious = "upper ends of the intervals, which few independent errors do not tell"
+    yield Table(
+        columns=(
+            Column(label="Test"), Column(label="Figure"), Column(label="Limit", unit="mm"),
+        ),
+        rows=[
+            [name, figure.replace("_", " "), _mm(getattr(found.test.limits, figure))]
+            for name, figure, _ in kept
+        ],
+        verdicts=["good" if one else "bad" for *_, one in kept],
+        caption=f"Limits that were given, against the "
+        f"{cautious if found.test.cautious else 'figures'}.",
+    )  # fmt: skip
 
 
 def _row(name: str, result: "Result") -> Section:

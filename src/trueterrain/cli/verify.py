@@ -49,9 +49,10 @@ def verify(
     json
         Print result.json instead of a table: {"version", "settings", "inputs": [{"name",
         "sha256"}], "rows": [{"test", "rms", "off_edges", "distance", "maximum", "bias", "noise",
-        "registration", "count", "verdicts", ...}], "recorded", "doubts", "instruments": [{"name",
-        "value", "sd", "unit", "detected", "meaning"}], "passed"}, lengths in m; rms, off_edges,
-        distance and bias are {"value", "low", "high", "confidence"}. "passed" is null without
+        "registration", "count", "verdicts", "findings", "modes", "source", ...}], "recorded",
+        "doubts", "instruments": [{"name", "value", "sd", "unit", "detected", "meaning"}],
+        "passed"}, lengths in m; rms, off_edges, distance and bias are {"value", "low", "high",
+        "confidence", "independent", "trusted"}, findings like instruments. "passed" is null without
         limits. Of "table": {"version", "within", "order", "scenes", "rows": [{"test", "recordings",
         "published", "thesis", "reproduced", "ours", "orders", "registered", "as_it_lies",
         "as_it_lies_on_exact_way", "beside"}], "reflectivity", "reproduced"}.
@@ -118,6 +119,7 @@ def _thesis_table(config: Path | None, output: Path, *, json: bool, force: bool)
 def _table(found: "Certified") -> Iterator[str]:
     """Table as Table 3-1, then what keeps its limits and what does not."""
     from trueterrain.cli._verify_findings import in_words
+    from trueterrain.verify.uncertainty import ENOUGH
 
     header = [
         "test",
@@ -141,6 +143,8 @@ def _table(found: "Certified") -> Iterator[str]:
             ]
         )  # fmt: skip
     write_table(rows)
+    if any(cell.endswith("*") for row in rows for cell in row):
+        yield f"* of less than {ENOUGH:g} independent errors: the interval is at least so wide."
     for name, verdicts in found.verdicts.items():
         for figure, kept in verdicts.items():
             limit = _MILLI * getattr(found.test.limits, figure)
@@ -158,4 +162,5 @@ def _mm(value: float | None) -> str:
 def _with_interval(figure: Any) -> str:
     if figure is None:
         return "-"
-    return f"{_mm(figure.value)} ({_mm(figure.low)} to {_mm(figure.high)})"
+    mark = "" if figure.trusted else "*"
+    return f"{_mm(figure.value)} ({_mm(figure.low)} to {_mm(figure.high)}){mark}"

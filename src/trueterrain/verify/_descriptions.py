@@ -33,7 +33,8 @@ class Stated:
     "When it was recorded; written as 2026-03-12 it is compared with the times of the runs."
 
     cautious: bool = False
-    "Ask the upper ends of intervals to keep the limits, not the figures themselves."
+    """Ask the upper ends of intervals to keep the limits, not the figures themselves. An
+    interval of too few independent errors keeps none: over a plate, limit off_edges."""
 
     limits: Limits = field(default_factory=Limits)
     "What figures may be at most; without limits nothing is passed or failed."

@@ -94,21 +94,28 @@ class Row:
         limits : Limits
             What they may be at most.
         cautious : bool
-            Ask the upper ends of the intervals to keep the limits, not the figures.
+            Ask the upper ends of the intervals to keep the limits, not the figures. Intervals of
+            too few independent errors keep none.
 
         Returns
         -------
         dict of bool
             By name of the figure, of those with a limit.
         """
-        ends = max(abs(self.bias.low), abs(self.bias.high))
+
+        def judged(figure: Figure | None) -> float | None:
+            if figure is None:
+                return None
+            if not cautious:
+                return abs(figure.value)
+            return max(abs(figure.low), abs(figure.high)) if figure.trusted else None
+
         found = {
-            "rms": self.rms.high if cautious else self.rms.value,
-            "off_edges": self.off_edges
-            and (self.off_edges.high if cautious else self.off_edges.value),
-            "distance": self.distance and (self.distance.high if cautious else self.distance.value),
+            "rms": judged(self.rms),
+            "off_edges": judged(self.off_edges),
+            "distance": judged(self.distance),
             "maximum": self.maximum,
-            "bias": ends if cautious else abs(self.bias.value),
+            "bias": judged(self.bias),
             "noise": self.noise,
             "registration": self.registration,
         }
@@ -133,11 +140,12 @@ class Row:
         }
 
 
-def described(figure: Figure) -> dict[str, float]:
+def described(figure: Figure) -> dict[str, float | bool]:
     """A figure as plain numbers."""
     return {
         "value": figure.value, "low": figure.low, "high": figure.high,
         "confidence": figure.confidence, "independent": figure.independent,
+        "trusted": figure.trusted,
     }  # fmt: skip
 
 
