@@ -89,6 +89,16 @@ def test_saturated_returns_do_not_pull():
     assert found.outliers >= 45
 
 
+def test_gaps_as_wide_as_cleats_are_no_plate():
+    """Where both cleats would lie in gaps, hardly anything is left that could differ."""
+    x = np.arange(-2.0, 3.0, 0.004)
+    z = np.interp(x + 1.305, *TRIANGLES)
+    for gap in (0.75, 1.35):
+        z[np.abs(x - gap) < 0.045] = np.nan
+    found = register(x, z, make_profile(*TRIANGLES))
+    np.testing.assert_allclose(found.shift, -1.305, rtol=0, atol=SHIFT_TOLERANCE)
+
+
 def test_ground_without_a_plate_is_said_to_have_none():
     x = np.arange(-2.0, 2.0, 0.004)
     z = 0.001 * np.sin(9 * x)

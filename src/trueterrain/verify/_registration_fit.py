@@ -12,6 +12,7 @@ Floats = npt.NDArray[np.float64]
 
 _STEP = 0.001  # [m] between the shifts that are tried first for every millimetre of the search
 _COARSE = 0.01  # [m] the same for long searches
+_REFINED = 5  # of the best shifts of a long search that are looked at more closely
 _LONG = 0.5  # [m] half range from which a search is long
 _PRECISE = 1e-6  # [m] to which the shift is found
 _NEARLY = 2e-5  # [m/m] to which the stretch is found, and [m] the shift meanwhile
@@ -98,8 +99,12 @@ def best_shift(fit: Fit, shifts: Floats, *, refine: bool = True) -> tuple[float,
         return costs[best], float(shifts[best]), fit
     step = float(shifts[1] - shifts[0]) if shifts.size > 1 else _STEP
     if step > 2 * _STEP:
-        fine = float(shifts[best]) + np.arange(-step, step + _STEP, _STEP)
-        return best_shift(fit, fine)
+        # where much is missing little remains to differ: the coarse best need not be the best
+        around = np.concatenate([[math.inf], costs, [math.inf]])
+        lowest = np.flatnonzero((costs <= around[:-2]) & (costs <= around[2:]))
+        some = lowest[np.argsort(np.array(costs)[lowest], kind="stable")][:_REFINED]
+        near = np.arange(-step, step + _STEP, _STEP)
+        return min((best_shift(fit, shifts[at] + near) for at in some), key=lambda one: one[0])
     shift = _golden(fit, float(shifts[best]) - step, float(shifts[best]) + step)
     return costs[best], shift, fit
 
