@@ -83,8 +83,9 @@ def clock_findings(run: xr.DataTree, *, accelerometer_delay: float = 0.0) -> lis
         bound = " It is as true as the clock of the accelerometers, which is not told."
     else:
         clock, uncertainty = found.clock, found.sd
+        filtered = "" if accelerometer_delay else " The delay of their filter is part of it."
         first = _clock(names[0], clock - declared.accelerometer_clock, found.sd,
-                       _LEAST_ACCELEROMETER_CLOCK)  # fmt: skip
+                       _LEAST_ACCELEROMETER_CLOCK, filtered)  # fmt: skip
     try:
         seen = scanner_clock_from_bounce(
             run, accelerometer_clock=clock, accelerometer_delay=accelerometer_delay
