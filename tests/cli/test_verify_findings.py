@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from trueterrain.cli._verify_findings import findings_table, in_words, modes_table
+from trueterrain.cli._verify_findings import findings_blocks, in_words, modes_table
 from trueterrain.verify._modes import modes_of, source_of
 from trueterrain.verify.findings import Finding
 
@@ -13,17 +13,17 @@ def _finding(**parts):
     return Finding(**{"name": "clock", "unit": "s", "meaning": "It is late.", **parts})
 
 
-def test_what_was_found_is_marked():
+def test_what_was_found_is_said_in_words_too():
     findings = [
         _finding(value=0.001, sd=1e-5, detected=True),
         _finding(value=1e-6, sd=1e-5, detected=False),
         _finding(value=None, sd=None, detected=None),
     ]
-    table = findings_table(findings, marked=True)
-    assert list(table.verdicts) == ["bad", "good", None]
+    table, warnings = findings_blocks(findings)
+    assert list(warnings.items) == [in_words(findings[0])]
     assert [row[4] for row in table.rows] == ["found", "not found", "cannot be told"]
     assert [row[1] for row in table.rows][::2] == [1.0, None]  # [ms]
-    assert findings_table(findings).verdicts == ()
+    assert len(findings_blocks(findings[1:])) == 1
     assert in_words(findings[0]) == "clock: found, 1 ms (sd 0.01). It is late."
 
 

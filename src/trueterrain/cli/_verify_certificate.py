@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from trueterrain.cli._verify_findings import findings_table, modes_table
+from trueterrain.cli._verify_findings import findings_blocks, modes_table
 from trueterrain.report import (
     Block,
     Column,
@@ -128,9 +128,11 @@ def _instruments(found: "Certified") -> Section:
         "What is to be added to what the runs say of their clocks and of where the scanner sits. "
         "It was not applied: figures are those of the runs as they are."
     )
-    table = findings_table(found.instruments, caption="Found less stated, with four times its sd "
-                           "as the bound of what is there.")  # fmt: skip
-    return Section(title="Clocks and mounting", text=text, blocks=[table])
+    blocks = findings_blocks(
+        found.instruments,
+        caption="Found less stated, with four times its sd as the bound of what is there.",
+    )
+    return Section(title="Clocks and mounting", text=text, blocks=blocks)
 
 
 def _figures(found: "Certified") -> Section:
@@ -247,7 +249,7 @@ def _row(name: str, result: "Result") -> Section:
             _picture(rejection, f"How much body motion is rejected, at {result.speed:.2f} m/s.")
         )
         blocks.append(modes_table(result))
-    blocks.append(findings_table(result.findings, caption=_FOUND, marked=True))
+    blocks += findings_blocks(result.findings, caption=_FOUND)
     return Section(title=name[:1].upper() + name[1:], blocks=blocks)
 
 

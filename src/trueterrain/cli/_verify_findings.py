@@ -4,24 +4,20 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from trueterrain.report import Column, Table
+from trueterrain.report import Block, Column, Table, Warnings
 from trueterrain.verify.findings import Finding
 
 if TYPE_CHECKING:
-    from trueterrain.report.parts import Verdict
     from trueterrain.verify.dynamic import DynamicResult
 
 _UNITS = {"s": ("ms", 1e3), "rad": ("deg", math.degrees(1.0)), "m": ("mm", 1e3)}
 _DIGITS = 4  # of milliseconds, degrees and millimetres
 _WORDS = {True: "found", False: "not found", None: "cannot be told"}
-_MARKS: "dict[bool | None, Verdict | None]" = {True: "bad", False: "good", None: None}
 _PERCENT, _MILLI = 100, 1e3
 
 
-def findings_table(
-    findings: Sequence[Finding], *, caption: str = "", marked: bool = False
-) -> Table:
-    """Table of what was looked for.
+def findings_blocks(findings: Sequence[Finding], *, caption: str = "") -> list[Block]:
+    """Table of what was looked for, and what was found in words.
 
     Parameters
     ----------
@@ -29,15 +25,13 @@ def findings_table(
         What was looked for.
     caption : str
         What they have in common.
-    marked : bool
-        Mark what was found as bad, and what surely is not there as good.
 
     Returns
     -------
-    Table
+    list of Block
         Values in ms, deg and mm.
     """
-    return Table(
+    table = Table(
         columns=(
             Column(label="Looked for"), Column(label="Value", digits=_DIGITS),
             Column(label="sd", digits=_DIGITS), Column(label="Unit"), Column(label="There"),
@@ -49,8 +43,9 @@ def findings_table(
             for one in findings
         ],
         caption=caption,
-        verdicts=[_MARKS[one.detected] for one in findings] if marked else (),
     )  # fmt: skip
+    there = [in_words(one) for one in findings if one.detected]
+    return [table, Warnings(items=there)] if there else [table]
 
 
 def modes_table(result: "DynamicResult") -> Table:

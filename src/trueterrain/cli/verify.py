@@ -150,6 +150,11 @@ def _table(found: "Certified") -> Iterator[str]:
             limit = _MILLI * getattr(found.test.limits, figure)
             word = "passed" if kept else "FAILED"
             yield f"{name}: {figure} {word}, limit {limit:g} mm"
+    for name, result in found.results.items():
+        if source := getattr(result, "source", None):
+            yield f"{name}: {source}"
+        faults = getattr(result, "findings", ())
+        yield from (f"{name}: {in_words(one)}" for one in faults if one.detected)
     yield from (in_words(one) for one in found.instruments if one.detected is not False)
     if found.passed is None:
         yield "No limits were given: nothing is passed or failed."
