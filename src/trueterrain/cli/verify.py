@@ -95,7 +95,7 @@ def _thesis_table(config: Path | None, output: Path, *, json: bool, force: bool)
     from trueterrain.cli._verify_table import lines_of, make_table, remarks_on
     from trueterrain.cli._verify_table_page import report_of
     from trueterrain.engine import whole_folder
-    from trueterrain.report import write_report
+    from trueterrain.report import write_report, write_report_pdf
 
     if config is not None:
         message = f"verify table takes no description, got {config}."
@@ -106,14 +106,19 @@ def _thesis_table(config: Path | None, output: Path, *, json: bool, force: bool)
         document = made.describe()
         text = _json.dumps(document, indent=2, allow_nan=False)
         (folder / "result.json").write_text(text + "\n", encoding="utf-8", newline="\n")
-        write_report(report_of(made), folder / "table.html")
+        report = report_of(made)
+        write_report(report, folder / "table.html")
+        write_report_pdf(report, folder / "table.pdf")
     if json:
         out_json(document)
         return
     write_table(lines_of(made))
     for remark in remarks_on(made):
         out(remark)
-    note(f"{output / 'table.html'}: the table, its pictures, and what is assumed")
+    note(
+        f"{output / 'table.html'}: the table, its pictures, and what is assumed; table.pdf is the "
+        "same to print"
+    )
 
 
 def _table(found: "Certified") -> Iterator[str]:
