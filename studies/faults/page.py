@@ -61,7 +61,7 @@ def _table(tested: Sequence[Tested]) -> str:
             finding = looked_for(result, fault.finding)
             cells.append("–" if finding is None else _written(finding, with_word=True))
         rows.append([fault.name, fault.size, *cells])
-    return _lines(["injected", "", "static test", "dynamic test"], rows)
+    return _lines(["injected", "size", "static test", "dynamic test"], rows)
 
 
 def _modes(tested: Sequence[Tested]) -> str:
