@@ -75,13 +75,13 @@ class OutputError(TrueTerrainError):
 
 
 @contextmanager
-def concerning(path: str | Path) -> Iterator[None]:
+def concerning(path: str | Path | None) -> Iterator[None]:
     """Name a file in the errors of a block that do not name one themselves.
 
     Parameters
     ----------
-    path : str or Path
-        The file.
+    path : str, Path or None
+        The file; None for data that came from no file.
 
     Examples
     --------
@@ -95,5 +95,6 @@ def concerning(path: str | Path) -> Iterator[None]:
     try:
         yield
     except TrueTerrainError as error:
-        error.path = error.path or Path(path)
+        if path is not None:
+            error.path = error.path or Path(path)
         raise

@@ -217,7 +217,7 @@ def dynamic_test(
 
     source = None if isinstance(run, xr.DataTree) else Path(run)
     path = trajectory.between(settings.begin, settings.end)
-    with concerning(source) if source is not None else _nothing():
+    with concerning(source):
         strip = strip_of(run, path, settings)
         # within cells of some length the flanks of arcs bend, which looks like a stretch
         cells = _cells(
@@ -254,12 +254,6 @@ def dynamic_test(
         registered=registered(cells["along"], cells["height"], found, settings.assumed),
         parts=parts, speed=speed, rejection=rejection, modes=modes, findings=findings,
     )  # fmt: skip
-
-
-def _nothing() -> Any:
-    from contextlib import nullcontext
-
-    return nullcontext()
 
 
 def strip_of(

@@ -189,7 +189,7 @@ def static_test(
     for block in _first(tree, source, wanted):
         for one in sums:
             one.add(block)
-    with _about(source):
+    with concerning(source):
         return [
             _result(name, one, sums[0], turned, tree, machined, settings, wanted)
             for (name, _), one in zip(ways, sums, strict=True)
@@ -251,12 +251,6 @@ def _directions(mounting: Any, angle: Floats) -> Floats:
     turn = Rotation.from_euler("ZYX", mounting.scanner_rotation[::-1])
     beams = np.stack([np.zeros_like(angle), np.sin(angle), -np.cos(angle)], axis=-1)
     return np.asarray(turn.apply(beams)[:, 1:].T)
-
-
-def _about(source: Path | None) -> Any:
-    from contextlib import nullcontext
-
-    return nullcontext() if source is None else concerning(source)
 
 
 def _result(

@@ -9,7 +9,6 @@ together, with the range of the single ones.
 """
 
 from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -165,7 +164,7 @@ def thesis_static(
     # of a beam that is mostly left out, what remains is no mean scan
     good = count > 0.5 * tree["scans"].sizes["scan"]
     beam = np.arange(angle.size)
-    with _about(source):
+    with concerning(source):
         if not good.any():
             raise CoverageError("no beam has returns in most of the scans")
         mean = np.interp(beam, beam[good], total[good] / count[good])
@@ -221,7 +220,7 @@ def thesis_dynamic(
     """
     source = None if isinstance(run, xr.DataTree) else Path(run)
     path = trajectory.between(settings.begin, settings.end)
-    with _about(source):
+    with concerning(source):
         strip = strip_of(run, path, settings)
         return _over_places(
             name, *_grid(strip, settings.spacing), machined, places,
@@ -357,7 +356,3 @@ def _over_places(
             {key: ("s", values[order]) for key, values in columns.items()}, {"s": shown.s[order]}
         ),
     )
-
-
-def _about(source: Path | None) -> AbstractContextManager[None]:
-    return nullcontext() if source is None else concerning(source)
