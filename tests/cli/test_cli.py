@@ -108,3 +108,19 @@ def test_doctor_names_version_and_backends(run):
     assert finished.code == 0
     assert re.search(rf"trueterrain +{re.escape(__version__)}", finished.out)
     assert "LAZ backends" in finished.out
+
+
+@pytest.mark.parametrize(
+    ("command", "option"),
+    [
+        (("simulate", "kerb", "-o", "."), "--seed"),
+        (("grid", "r.zarr", "-o", "o.crg"), "--threads"),
+        (("profile", "s.crg", "-o", "p.erd"), "--minimum-count"),
+        (("compare", "a", "b"), "--trend"),
+    ],
+)
+def test_whole_numbers_are_not_rounded(run, command, option):
+    """A seed of 1.5 would be another one than the user thinks."""
+    finished = run(*command, option, "1.5")
+    assert (finished.code, finished.out) == (2, "")
+    assert f"{option}: must be a whole number, got '1.5'" in finished.err

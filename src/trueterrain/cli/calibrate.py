@@ -9,6 +9,7 @@ from cyclopts import Parameter
 from trueterrain.cli._console import note, out, out_json, progress_bar
 from trueterrain.cli._extent import Four
 from trueterrain.cli._motion import Method, motion_of, require_run
+from trueterrain.cli._numbers import WHOLE
 from trueterrain.errors import SchemaError
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ def calibrate(
     largest_angle_sd: float = 5e-4,
     largest_lever_sd: float = 3e-3,
     largest_clock_sd: float = 2e-4,
-    largest_rounds: int = 30,
+    largest_rounds: Annotated[int, WHOLE] = 30,
     floor: float | None = None,
     saturation: float | None = None,
     nearest: float = 0.0,

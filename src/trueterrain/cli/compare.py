@@ -10,6 +10,7 @@ from cyclopts import Parameter
 from trueterrain.cli._compare_profiles import ProfileComparison
 from trueterrain.cli._compare_surfaces import SurfaceComparison
 from trueterrain.cli._console import compiling_noted, out_json
+from trueterrain.cli._numbers import WHOLE
 from trueterrain.cli._profiles import draw, warn
 from trueterrain.cli._recordings import refuse_recording
 from trueterrain.errors import SchemaError
@@ -33,7 +34,7 @@ def compare(
     max_scale: float = 0.005,
     align_starts: bool = False,
     registration: Literal["distance", "shift", "none"] = "distance",
-    trend: int = 1,
+    trend: Annotated[int, WHOLE] = 1,
     repeatability: float = 0.92,
     accuracy: float = 0.90,
     distance_error: float | None = None,

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from trueterrain.cli._console import compiling_noted, note, out, out_json, processors, progress_bar
+from trueterrain.cli._numbers import WHOLE
 
 if TYPE_CHECKING:
     from trueterrain.simulate.scene import Scene
@@ -20,7 +21,7 @@ def demo(
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("demo"),
     length: float = 40.0,
-    seed: int = 2009,
+    seed: Annotated[int, WHOLE] = 2009,
     json: bool = False,
     force: bool = False,
 ) -> None:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from trueterrain.cli._console import note, out, out_json
+from trueterrain.cli._numbers import WHOLE
 
 if TYPE_CHECKING:
     from trueterrain.vehicle import FullCarParameters, Tyre
@@ -37,7 +38,7 @@ def event(
     base: float = 0.0,
     width_ratio: float | None = None,
     placement: Literal["across", "staggered", "one side"] | None = None,
-    events: int = 1,
+    events: Annotated[int, WHOLE] = 1,
     band: tuple[float, float] | None = None,
     laser: tuple[float, float] | None = None,
     output: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None,

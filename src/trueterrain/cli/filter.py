@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from trueterrain.cli._console import compiling_noted, note
+from trueterrain.cli._numbers import WHOLE
 from trueterrain.cli._profiles import read_profile, warn
 from trueterrain.errors import concerning
 
@@ -27,7 +28,7 @@ def filter(  # noqa: A001 - the name of the command
     kind: Kind = "butterworth",
     shortest: float | None = None,
     longest: float | None = None,
-    order: int | None = None,
+    order: Annotated[int | None, WHOLE] = None,
     force: bool = False,
 ) -> None:
     """Take waves out of profiles: low, high and band pass by wavelength, shifting nothing.

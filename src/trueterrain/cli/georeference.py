@@ -8,6 +8,7 @@ from cyclopts import Parameter
 
 from trueterrain.cli._console import note, out_json, progress_bar
 from trueterrain.cli._motion import Method, motion_of, require_run
+from trueterrain.cli._numbers import WHOLE
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -28,7 +29,7 @@ def georeference(
     furthest: float | None = None,
     weight: float = 0.0,
     range_noise: float = 0.0005,
-    lane: int | None = None,
+    lane: Annotated[int | None, WHOLE] = None,
     json: Annotated[bool, Parameter(negative="")] = False,
     force: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:

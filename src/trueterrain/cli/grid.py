@@ -9,6 +9,7 @@ from cyclopts import Parameter
 from trueterrain.cli._console import note, out_json, processors, progress_bar
 from trueterrain.cli._extent import Four, extent_of
 from trueterrain.cli._motion import Method, motion_of
+from trueterrain.cli._numbers import WHOLE
 from trueterrain.cli._recordings import kind_of_all
 from trueterrain.errors import SchemaError, concerning
 
@@ -42,7 +43,7 @@ def grid(
     radius: float = 0.0,
     power: float = 0.0,
     plain: Annotated[bool, Parameter(negative="")] = False,
-    minimum_count: int = 1,
+    minimum_count: Annotated[int, WHOLE] = 1,
     fill: float = 0.1,
     down_sample: tuple[int, int] | None = None,
     method: Method = "rts",
@@ -52,7 +53,7 @@ def grid(
     furthest: float | None = None,
     weight: float = 0.0,
     range_noise: float = 0.0005,
-    threads: int | None = None,
+    threads: Annotated[int | None, WHOLE] = None,
     crs: str | None = None,
     json: Annotated[bool, Parameter(negative="")] = False,
     force: Annotated[bool, Parameter(negative="")] = False,

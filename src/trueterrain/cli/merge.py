@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from trueterrain.cli._console import compiling_noted, note, out, out_json, processors, progress_bar
+from trueterrain.cli._numbers import WHOLE
 from trueterrain.cli._recordings import kind_of_all
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ def merge(
     spacing: float | None = None,
     split: Annotated[bool, Parameter(negative="")] = False,
     check: Annotated[bool, Parameter(negative="")] = False,
-    threads: int | None = None,
+    threads: Annotated[int | None, WHOLE] = None,
     crs: str | None = None,
     json: Annotated[bool, Parameter(negative="")] = False,
     force: Annotated[bool, Parameter(negative="")] = False,

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from trueterrain.cli._console import compiling_noted, note, progress_bar
+from trueterrain.cli._numbers import WHOLE
 from trueterrain.cli._recordings import refuse_recording
 from trueterrain.errors import CoverageError, concerning
 
@@ -44,7 +45,7 @@ def profile(
     resolution: float | None = None,
     bandwidth: float | None = None,
     level: bool = False,
-    minimum_count: int = 3,
+    minimum_count: Annotated[int, WHOLE] = 3,
     envelope: EnvelopeName | None = None,
     tyre: Literal["passenger", "truck"] | None = None,
     load: float | None = None,

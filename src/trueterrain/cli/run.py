@@ -7,6 +7,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from trueterrain.cli._console import compiling_noted, note, out, out_json, processors, progress_bar
+from trueterrain.cli._numbers import WHOLE
 
 
 def run(
@@ -14,7 +15,7 @@ def run(
     /,
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
-    threads: int | None = None,
+    threads: Annotated[int | None, WHOLE] = None,
     json: Annotated[bool, Parameter(negative="")] = False,
     force: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:

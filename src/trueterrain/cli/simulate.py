@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from trueterrain.cli._console import out, out_json, progress_bar
+from trueterrain.cli._numbers import WHOLE
 from trueterrain.errors import CoverageError, OutputError
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ def simulate(
     *,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     passes: Annotated[list[str] | None, Parameter(name="--pass", negative="")] = None,
-    seed: int | None = None,
+    seed: Annotated[int | None, WHOLE] = None,
     show_scenes: Annotated[bool, Parameter(name="--list", negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
     force: Annotated[bool, Parameter(negative="")] = False,
