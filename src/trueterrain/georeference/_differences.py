@@ -1,18 +1,21 @@
 """Differences between the passes, and the least squares that explain them."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from trueterrain.formats.run import Mounting
 from trueterrain.georeference._patches import NAMES, SHARED, MapGrid, Patches
+from trueterrain.georeference._wander import COMPONENTS, Wander
 
 Floats = npt.NDArray[np.float64]
 
 #: What is taken to be known of each parameter before: angles [rad], arms [m], clock [s].
 BROAD = np.array([0.1] * 3 + [1.0] * 3 + [0.1])
 
-_EAST = 3  # place of east among the errors of motion: roll, pitch, yaw, east, north
+_OFFSET = 1.0  # [m] of what is taken to be known of the offset of a pass
 _ROUNDS = 2  # in which weights follow what is left
 _HUBER = 2.0  # standard deviations beyond which a residual weighs less
 _TO_SD = 1.0 / 0.6745  # standard deviation over median of magnitudes
@@ -28,17 +31,18 @@ class Differences:
     "Height of each pass less the mean of the passes, shape (pass, cell) [m]; 0 where unseen."
 
     design: Floats
-    """Derivative by parameters, then by the offset of each pass but the first, then by errors of
-    motion, shape (pass, cell, k)."""
+    """Derivative of it by the parameters, then by the offset of each pass but the first, shape
+    (pass, cell, k)."""
 
-    sd: Floats
-    "What is known before of all these, standard deviations, shape (k,)."
+    effect: Floats
+    """Derivative of the height of each pass by the errors of its motion (east, north, up, roll,
+    pitch, yaw), shape (pass, cell, 6); 0 where unseen."""
 
-    moved: Floats
-    "By how much the passes were moved against errors of their motion already, shape (k,)."
+    time: Floats
+    "When each pass saw the cell, shape (pass, cell) [s]; any where unseen."
 
-    aside: npt.NDArray[np.intp]
-    "Pass and axis (east, north) of the last columns of the design, those that move passes aside."
+    there: npt.NDArray[np.bool_]
+    "Whether a pass saw it, shape (pass, cell)."
 
     slope: Floats
     "Magnitude of the slope, shape (cell,) [1]."
@@ -59,9 +63,20 @@ class Differences:
         """Independent differences of height."""
         return int(self.freedom.sum())
 
+    def less_mean(self, values: Floats) -> Floats:
+        """Values of shape (pass, cell, k), 0 where unseen, less the mean of the passes."""
+        return _less_mean(values, self.there, self.freedom + 1.0)
+
+
+def shared_times(seen: list[Patches]) -> list[Floats]:
+    """When each pass sees cells that another one sees too, NaN elsewhere [s]."""
+    valid = np.stack([np.isfinite(part.height) for part in seen])
+    shared = valid.sum(axis=0) >= 2
+    return [np.where(shared, part.time, np.nan) for part in seen]
+
 
 def differences(
-    seen: list[Patches], grid: MapGrid, cluster: float, motion_sd: Floats, moved: Floats
+    seen: list[Patches], grid: MapGrid, cluster: float, mounting: Mounting
 ) -> Differences | None:
     """Differences between passes; None if no ground is seen twice.
 
@@ -73,10 +88,8 @@ def differences(
         Its cells.
     cluster : float
         Size of the squares in which errors may be correlated [m].
-    motion_sd : numpy.ndarray, shape (pass, 5)
-        Standard deviations of roll, pitch, yaw [rad], east and north [m] of each pass as a whole.
-    moved : numpy.ndarray, shape (pass, 2)
-        By how much each pass was moved east and north already [m].
+    mounting : Mounting
+        Where the scanner is taken to sit.
 
     Returns
     -------
@@ -93,33 +106,59 @@ def differences(
     height = np.where(there, height[:, row, column], 0.0)
     slope = sum(np.where(there[p], part.slope[:, row, column], 0.0) for p, part in enumerate(seen))
     slope = np.asarray(slope) / count
-    moving = np.argwhere(motion_sd > 0)
-    moving = moving[np.argsort(moving[:, 1] >= _EAST, kind="stable")]
-    aside = moving[moving[:, 1] >= _EAST] - np.array([0, _EAST])
-    first = len(NAMES) + len(seen) - 1
-    design = np.zeros((len(seen), row.size, first + len(moving)))
+    turns = body_turns(mounting)
+    design = np.zeros((len(seen), row.size, len(NAMES) + len(seen) - 1))
+    effect = np.zeros((len(seen), row.size, COMPONENTS))
+    time = np.zeros_like(height)
     for p, part in enumerate(seen):
         by = part.shift[:, :, row, column]
         change = by[:, 2] - slope[0] * by[:, 0] - slope[1] * by[:, 1]
         design[p, :, : len(NAMES)] = np.where(there[p], change, 0.0).T
         if p:
             design[p, :, len(NAMES) + p - 1] = there[p]
-        # an angle of the body that is wrong does what that of the scanner does
-        effects = [*change[:3], *-slope]
-        for place in np.flatnonzero(moving[:, 0] == p):
-            design[p, :, first + place] = np.where(there[p], effects[moving[place, 1]], 0.0)
+        moved = np.concatenate([-slope, np.ones((1, row.size)), turns @ change])
+        effect[p] = np.where(there[p], moved, 0.0).T
+        time[p] = np.where(there[p], part.time[row, column], 0.0)
     size = max(1, round(cluster / grid.spacing))
     squares = -(-grid.shape[1] // size)
     return Differences(
         misfit=_less_mean(height[:, :, None], there, count)[:, :, 0],
         design=_less_mean(design, there, count),
-        sd=np.concatenate([BROAD, np.full(len(seen) - 1, 1.0), motion_sd[tuple(moving.T)]]),
-        moved=np.concatenate([np.zeros(design.shape[2] - len(aside)), moved[tuple(aside.T)]]),
-        aside=aside,
+        effect=effect, time=time, there=there,
         slope=np.hypot(*slope),
         freedom=count - 1.0,
         block=np.unique(row // size * squares + column // size, return_inverse=True)[1],
-    )
+    )  # fmt: skip
+
+
+def body_turns(mounting: Mounting) -> Floats:
+    """What turns of the body do, in terms of the parameters of the mounting.
+
+    A body that turns by a small angle turns the scanner as much, and carries it along on its arm.
+
+    Parameters
+    ----------
+    mounting : Mounting
+        Where the scanner sits.
+
+    Returns
+    -------
+    numpy.ndarray, shape (3, 7)
+        Changes of the parameters that do what a turn about each axis of the body does.
+
+    Examples
+    --------
+    >>> body_turns(Mounting(scanner_position=(-2.0, 0.0, 1.0)))[1]  # the nose down: the tail up
+    array([0., 1., 0., 1., 0., 2., 0.])
+    """
+    from scipy.spatial.transform import Rotation
+
+    angles = mounting.scanner_rotation
+    ahead = Rotation.from_euler("ZYX", angles[::-1]).as_matrix()[:, 0]
+    beside = [-np.sin(angles[2]), np.cos(angles[2]), 0.0]
+    axes = np.stack([ahead, beside, [0.0, 0.0, 1.0]], axis=1)
+    carried = np.cross(np.eye(3), mounting.scanner_position)
+    return np.concatenate([np.linalg.pinv(axes).T, carried, np.zeros((3, 1))], axis=1) + 0.0
 
 
 def _less_mean(values: Floats, there: npt.NDArray[np.bool_], count: Floats) -> Floats:
@@ -129,16 +168,20 @@ def _less_mean(values: Floats, there: npt.NDArray[np.bool_], count: Floats) -> F
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fit:
-    """Least squares of some of the parameters and of the offsets."""
+    """Least squares of some of the parameters, of the offsets, and of errors of the motion."""
 
     step: Floats
     "What is to be added to the parameters, then the offsets [their units]."
 
+    motion: Floats
+    "What is to be added to the errors of the motion, see `Wander`."
+
     normal: Floats
-    "Normal matrix of the same, weighted by the scatter of the differences."
+    "Normal matrix of all of these, weighted by the scatter of the differences."
 
     covariance: Floats
-    "Of the same, from the scatter of whole squares of ground."
+    """Of the parameters and offsets, from the scatter of whole squares of ground and from errors
+    of the motion at all times."""
 
     sensitivity: Floats
     "Change of the same by those parameters of all that are not chosen, shape (k, others)."
@@ -146,17 +189,25 @@ class Fit:
     residual: float
     "Root mean square of the differences that are left [m]."
 
-    raw: float
-    "The same before, less offsets in height [m]."
+    unknowns: float
+    "Unknowns that the differences tell: of what is known before, a share."
 
     @property
     def sd(self) -> Floats:
         """Standard deviations, the larger ones of those by cells and by whole squares."""
-        by_cells = np.diag(np.linalg.inv(self.normal / SHARED))
+        by_cells = np.diag(np.linalg.inv(self.normal / SHARED))[: self.step.size]
         return np.sqrt(np.maximum(by_cells, np.diag(self.covariance)))
 
 
-def fit(found: Differences, chosen: list[int], *, height_noise: float, reach: Floats) -> Fit:
+def fit(
+    found: Differences,
+    chosen: list[int],
+    wander: Wander,
+    moved: Floats,
+    *,
+    height_noise: float,
+    reach: Floats,
+) -> Fit:
     """Explain the differences.
 
     Parameters
@@ -165,6 +216,10 @@ def fit(found: Differences, chosen: list[int], *, height_noise: float, reach: Fl
         The differences.
     chosen : list of int
         Parameters to estimate, by their place in `NAMES`.
+    wander : Wander
+        Errors of the motion.
+    moved : numpy.ndarray, shape (wander.size,)
+        By how much the passes were moved against these already.
     height_noise : float
         Least standard deviation of a height [m].
     reach : numpy.ndarray, shape (7,)
@@ -173,51 +228,123 @@ def fit(found: Differences, chosen: list[int], *, height_noise: float, reach: Fl
     Returns
     -------
     Fit
-        Of the chosen parameters and all offsets.
+        Of the chosen parameters, all offsets and the errors of the motion.
     """
-    columns = [*chosen, *range(len(NAMES), found.design.shape[2])]
-    design, prior = found.design[:, :, columns], found.sd[columns] ** -2.0
-    scale = np.concatenate([reach[chosen], np.ones(len(columns) - len(chosen))])
-    left = levelled = _levelled(found)
+    plain = found.design.shape[2]
+    fixed = [*chosen, *range(len(NAMES), plain)]
+    columns = [*fixed, *range(plain, plain + wander.size)]
+    others = [index for index in range(len(NAMES)) if index not in chosen]
+    known = np.concatenate([BROAD, np.full(plain - len(NAMES), _OFFSET)])[fixed] ** -2.0
+    prior = np.zeros((len(columns), len(columns)))
+    prior[: len(fixed), : len(fixed)] = np.diag(known)
+    prior[len(fixed) :, len(fixed) :] = wander.precision
+    scale = np.concatenate([reach[chosen], np.ones(len(fixed) - len(chosen))])
+    before = prior[:, len(fixed) :] @ moved
+    left = levelled(found)
     for _ in range(_ROUNDS):
         weight = _weights(found, left, height_noise)
-        normal = np.einsum("pci,c,pcj->ij", design, weight, design, optimize=True)
-        normal += np.diag(SHARED * prior)
-        right = -np.einsum("pci,c,pc->i", design, weight, found.misfit, optimize=True)
-        right -= SHARED * prior * found.moved[columns]
-        step = _followed(normal / SHARED, right / SHARED, scale)
-        left = found.misfit + design @ step
-    others = [index for index in range(len(NAMES)) if index not in chosen]
-    mixed = np.einsum(
-        "pci,c,pcj->ij", design, weight, found.design[:, :, others], optimize=True
+        told, right = _equations(found, wander, weight)
+        normal = told[np.ix_(columns, columns)] + SHARED * prior
+        step = _followed(normal / SHARED, right[columns] / SHARED - before, scale)
+        left = found.misfit + _explained(found, fixed, wander, step[:, None])[:, :, 0]
+    inverse = np.linalg.inv(normal)
+    ours = inverse[:, : len(fixed)]
+    leverage = weight[:, None] * _explained(found, fixed, wander, ours)
+    unknowns = len(columns) - SHARED * float(np.sum(inverse * prior))
+    covariance = _scatter(found, leverage, left, unknowns)
+    covariance += wander.covariance(leverage, found.effect, found.time)
+    covariance += (SHARED * ours[: len(fixed)] * known) @ (SHARED * ours[: len(fixed)]).T
+    return Fit(
+        step=step[: len(fixed)], motion=step[len(fixed) :], normal=normal,
+        covariance=0.5 * (covariance + covariance.T),
+        sensitivity=(-inverse @ told[np.ix_(columns, others)])[: len(fixed)],
+        residual=rms(left, found), unknowns=unknowns,
     )  # fmt: skip
-    scores = np.einsum("pci,c,pc->ci", design, weight, left, optimize=True)
+
+
+def _equations(found: Differences, wander: Wander, weight: Floats) -> tuple[Floats, Floats]:
+    """Normal matrix and right side of all parameters, offsets and errors of the motion.
+
+    Cells that each pass sees in one piece of its broken line have a few unknowns in common.
+    """
+    plain = found.design.shape[2]
+    size = plain + wander.size
+    normal, right = np.zeros((size, size)), np.zeros(size)
+    for cells, columns, design in _pieces(found, wander):
+        flat = design.reshape(-1, columns.size)
+        weighted = (weight[cells, None] * design).reshape(flat.shape)
+        normal[np.ix_(columns, columns)] += weighted.T @ flat
+        right[columns] -= weighted.T @ found.misfit[:, cells].ravel()
+    return normal, right
+
+
+def _pieces(
+    found: Differences, wander: Wander
+) -> Iterator[tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], Floats]]:
+    """Cells of like pieces, their unknowns, and the derivatives by these, (pass, cell, k)."""
+    plain = found.design.shape[2]
+    if not wander.size:
+        yield np.arange(found.slope.size), np.arange(plain), found.design
+        return
+    places = [wander.place(p, time) for p, time in enumerate(found.time)]
+    key = np.zeros(found.slope.size, dtype=np.intp)
+    for knots, (piece, _) in zip(wander.knots, places, strict=True):
+        key = key * knots.size + piece
+    order = np.argsort(key, kind="stable")
+    for cells in np.split(order, np.flatnonzero(np.diff(key[order])) + 1):
+        columns, parts = [np.arange(plain)], []
+        for p, (piece, x) in enumerate(places):
+            columns.append(plain + wander.columns(p, int(piece[cells[0]])))
+            effect = found.effect[p][np.ix_(cells, wander.uncertain[p])]
+            late = x[cells, None] * effect
+            part = np.zeros((len(places), cells.size, 2 * effect.shape[1]))
+            part[p] = np.concatenate([effect - late, late], axis=1)
+            parts.append(part)
+        count = found.freedom[cells] + 1.0
+        motion = _less_mean(np.concatenate(parts, axis=2), found.there[:, cells], count)
+        design = np.concatenate([found.design[:, cells], motion], axis=2)
+        yield cells, np.concatenate(columns), design
+
+
+def _explained(found: Differences, fixed: list[int], wander: Wander, step: Floats) -> Floats:
+    """What steps of shape (unknown, m) do to the misfits, shape (pass, cell, m)."""
+    moved = found.design[:, :, fixed] @ step[: len(fixed)]
+    if wander.size:
+        moved += found.less_mean(wander.caused(step[len(fixed) :], found.effect, found.time))
+    return np.asarray(moved)
+
+
+def _scatter(found: Differences, leverage: Floats, left: Floats, unknowns: float) -> Floats:
+    """Covariance of what heights are summed to, from the scatter of whole squares of ground."""
+    scores = np.einsum("pci,pc->ci", leverage, left)
     blocks = found.squares
     summed = np.stack(
         [np.bincount(found.block, score, minlength=blocks) for score in scores.T], axis=1
     )
-    inverse = np.linalg.inv(normal)
-    scatter = summed.T @ summed * (blocks / max(blocks - len(columns), 1))
-    covariance = inverse @ (scatter + np.diag(SHARED**2 * prior)) @ inverse
-    return Fit(
-        step=step, normal=normal, covariance=0.5 * (covariance + covariance.T),
-        sensitivity=-inverse @ mixed, residual=_rms(left, found), raw=_rms(levelled, found),
-    )  # fmt: skip
+    return np.asarray(summed.T @ summed * (blocks / max(blocks - unknowns, 1.0)))
 
 
 def _followed(normal: Floats, right: Floats, scale: Floats) -> Floats:
-    """Solution along the directions that are known better than the scale."""
-    values, vectors = np.linalg.eigh(scale[:, None] * normal * scale)
-    sure = values > 1.0
-    return np.asarray(
-        scale * (vectors[:, sure] @ ((vectors[:, sure].T @ (scale * right)) / values[sure]))
+    """Solution along the directions that are known better than the scale.
+
+    The scale is that of the first unknowns; all others are known before.
+    """
+    first, rest = slice(scale.size), slice(scale.size, None)
+    carried = np.linalg.solve(
+        normal[rest, rest], np.column_stack([normal[rest, first], right[rest]])
     )
+    reduced = normal[first, first] - normal[first, rest] @ carried[:, :-1]
+    values, vectors = np.linalg.eigh(scale[:, None] * reduced * scale)
+    sure = values > 1.0
+    aim = scale * (right[first] - normal[first, rest] @ carried[:, -1])
+    step = scale * (vectors[:, sure] @ ((vectors[:, sure].T @ aim) / values[sure]))
+    return np.concatenate([step, carried[:, -1] - carried[:, :-1] @ step])
 
 
-def _levelled(found: Differences) -> Floats:
+def levelled(found: Differences) -> Floats:
     """Differences less the offset of each pass, found from the level half of the cells."""
     misfit = found.misfit
-    offsets = found.design[:, :, len(NAMES) : len(NAMES) + len(misfit) - 1]
+    offsets = found.design[:, :, len(NAMES) :]
     level = found.slope <= np.median(found.slope)
     for _ in range(2):
         normal = np.einsum("pci,pcj->ij", offsets[:, level], offsets[:, level], optimize=True)
@@ -244,5 +371,6 @@ def _weights(found: Differences, levelled: Floats, height_noise: float) -> Float
     return np.asarray(np.where(beyond > _HUBER, _HUBER / np.maximum(beyond, _HUBER), 1.0) / sd**2)
 
 
-def _rms(misfit: Floats, found: Differences) -> float:
+def rms(misfit: Floats, found: Differences) -> float:
+    """Root mean square of differences [m]."""
     return float(np.sqrt((misfit**2).sum() / found.freedom.sum()))

@@ -79,6 +79,9 @@ class Patches:
     shift: Floats
     "Derivative of east, north, up of the returns by the parameters, (7, 3, rows, columns)."
 
+    time: Floats
+    "Mean true time of the returns [s]."
+
 
 def patches(
     blocks: Iterable[xr.Dataset],
@@ -111,8 +114,8 @@ def patches(
         One per cell.
     """
     cells = grid.shape[0] * grid.shape[1]
-    sums = np.zeros((len(_PLANE) + 3 * len(NAMES), cells))
-    level = 0.0
+    sums = np.zeros((len(_PLANE) + 3 * len(NAMES) + 1, cells))
+    level, begin = 0.0, float(trajectory.time[0])
     geometry: ScanGeometry | None = None
     for block in blocks:
         if geometry is None:
@@ -120,12 +123,12 @@ def patches(
             level = float(trajectory.position[:, 2].mean())
         found = _returns(geometry, block, screening, fan)
         if found is not None:
-            _add(sums, *found, grid, level)
+            _add(sums, *found, grid, level, begin)
     whole: Floats = sums.reshape(-1, *grid.shape)
     count = _blurred(whole[0])
     # a fan is denser below the laser than beside it, which would shift what lies under the kernel
     even = _smoothed(whole / np.where(count > 0, count, 1.0), grid.spacing)
-    return _planes(even, count, grid.spacing, level)
+    return _planes(even, count, grid.spacing, level, begin)
 
 
 def extent(
@@ -157,8 +160,8 @@ def _returns(
     fan: float,
     *,
     derivatives: bool = True,
-) -> tuple[Floats, Floats, Floats] | None:
-    """Good returns (3, m), their derivatives (7, 3, m) and weights (m,); None without any."""
+) -> tuple[Floats, Floats, Floats, Floats] | None:
+    """Good returns (3, m), derivatives (7, 3, m), weights and true times (m,); None without any."""
     time = np.asarray(scans["time"], dtype=np.float64)
     covered = np.flatnonzero(geometry.covers(time))
     ranges = np.asarray(scans["range"], dtype=np.float64)[covered]
@@ -173,8 +176,9 @@ def _returns(
     sine, cosine = (np.broadcast_to(f(geometry.angle), good.shape)[good] for f in (np.sin, np.cos))
     beam = r * (sine * left - cosine * upward)
     points = scanner + beam
+    when = (time[covered, None] + (geometry.mounting.scanner_clock + geometry.delay))[good]
     if not derivatives:
-        return points, np.empty((7, 3, 0)), weights[good]
+        return points, np.empty((7, 3, 0)), weights[good], when
     forward = np.cross(left, upward, axis=0)
     turned = Rotation.from_euler("ZYX", geometry.mounting.scanner_rotation[::-1]).as_matrix()
     body = [row[0] * forward + row[1] * left + row[2] * upward for row in turned]
@@ -182,7 +186,7 @@ def _returns(
     pitch_axis = -math.sin(yaw) * body[0] + math.cos(yaw) * body[1]
     turns = [np.cross(axis, beam, axis=0) for axis in (forward, pitch_axis, body[2])]
     clock = speed + r * (sine * left_rate - cosine * upward_rate)
-    return points, np.stack([*turns, *body, clock]), weights[good]
+    return points, np.stack([*turns, *body, clock]), weights[good], when
 
 
 def _axes(
@@ -205,7 +209,14 @@ def _axes(
 
 
 def _add(
-    sums: Floats, points: Floats, by: Floats, weight: Floats, grid: MapGrid, level: float
+    sums: Floats,
+    points: Floats,
+    by: Floats,
+    weight: Floats,
+    time: Floats,
+    grid: MapGrid,
+    level: float,
+    begin: float,
 ) -> None:
     """Add returns to the sums of their cells, about the centres of these."""
     across = (points[0] - grid.west) / grid.spacing
@@ -220,7 +231,8 @@ def _add(
     plain = [w, w * x, w * y, w * x * x, w * x * y, w * y * y, w * z, w * x * z, w * y * z]
     for channel, values in enumerate(plain):
         sums[channel] += np.bincount(cell, values, minlength=sums.shape[1])
-    for channel, values in enumerate(by.reshape(-1, by.shape[2]), start=len(plain)):
+    more = [*by.reshape(-1, by.shape[2]), time - begin]
+    for channel, values in enumerate(more, start=len(plain)):
         sums[channel] += np.bincount(cell, w * values[inside], minlength=sums.shape[1])
 
 
@@ -265,10 +277,10 @@ def _moved(values: Floats, step: int, axis: int) -> Floats:
     return moved
 
 
-def _planes(sums: Floats, count: Floats, spacing: float, level: float) -> Patches:
+def _planes(sums: Floats, count: Floats, spacing: float, level: float, begin: float) -> Patches:
     shape = sums.shape[1:]
     height, slope = np.full(shape, np.nan), np.full((2, *shape), np.nan)
-    shift = np.full((len(NAMES), 3, *shape), np.nan)
+    shift, time = np.full((len(NAMES), 3, *shape), np.nan), np.full(shape, np.nan)
     n = np.where(sums[0] > 0, sums[0], np.nan)
     x, y = sums[1] / n, sums[2] / n
     good = count >= _FEWEST
@@ -281,5 +293,6 @@ def _planes(sums: Floats, count: Floats, spacing: float, level: float) -> Patche
     plane = np.linalg.solve(normal.reshape(-1, 3, 3), s[6:9].T[:, :, None])[:, :, 0]
     height[good] = plane[:, 0] + level
     slope[:, good] = plane[:, 1:].T
-    shift.reshape(-1, *shape)[:, good] = sums[len(_PLANE) :, good] / s[0]
-    return Patches(height=height, slope=slope, shift=shift)
+    shift.reshape(-1, *shape)[:, good] = sums[len(_PLANE) : -1, good] / s[0]
+    time[good] = sums[-1, good] / s[0] + begin
+    return Patches(height=height, slope=slope, shift=shift, time=time)

@@ -40,6 +40,14 @@ class CalibrationSettings:
     cluster: float = 0.5
     "Size of the squares of ground within which errors may be alike [m]."
 
+    drift_time: tuple[float, float] = (25.0, 60.0)
+    """Times after which errors of the motion are others: positions, then angles; the
+    autocorrelation of either is then 1/e [s]."""
+
+    drift_step: float = 0.25
+    """Time from knot to knot of the broken lines that follow these errors [s]; passes that see the
+    ground for longer than 24 of these have longer ones."""
+
     height_noise: float = 1e-4
     "Least standard deviation that the height of a cell is taken to have [m]."
 
@@ -67,11 +75,14 @@ class CalibrationSettings:
         if self.unobservable not in ("refuse", "hold"):
             message = f"unobservable must be refuse or hold, got {self.unobservable!r}."
             raise ValueError(message)
-        for name in ("spacing", "largest_angle", "cluster", "height_noise", "largest_angle_sd",
-                     "largest_lever_sd", "largest_clock_sd"):  # fmt: skip
+        for name in ("spacing", "largest_angle", "cluster", "drift_step", "height_noise",
+                     "largest_angle_sd", "largest_lever_sd", "largest_clock_sd"):  # fmt: skip
             if not 0 < getattr(self, name) < math.inf:
                 message = f"{name} must be greater than 0, got {getattr(self, name)}."
                 raise ValueError(message)
+        if len(self.drift_time) != 2 or not all(0 < time < math.inf for time in self.drift_time):
+            message = f"drift_time must be two times greater than 0, got {self.drift_time}."
+            raise ValueError(message)
         if self.largest_rounds < 1:
             message = f"largest_rounds must be at least 1, got {self.largest_rounds}."
             raise ValueError(message)

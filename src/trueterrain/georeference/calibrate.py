@@ -29,10 +29,19 @@ import xarray as xr
 from trueterrain.engine.progress import Progress, no_progress
 from trueterrain.errors import CoverageError
 from trueterrain.formats.run import Mounting
-from trueterrain.georeference._differences import Differences, Fit, differences, fit
+from trueterrain.georeference._differences import (
+    Differences,
+    Fit,
+    differences,
+    fit,
+    levelled,
+    rms,
+    shared_times,
+)
 from trueterrain.georeference._observable import Untold, refusal, uncertain, unobservable
 from trueterrain.georeference._patches import BLOCK, NAMES, MapGrid, extent, patches
 from trueterrain.georeference._settings import CalibrationSettings
+from trueterrain.georeference._wander import Wander
 from trueterrain.motion.trajectory import Trajectory
 
 __all__ = ["Calibration", "CalibrationSettings", "calibrate"]
@@ -184,10 +193,10 @@ def calibrate(
     passes = _Passes(runs, trajectories, settings, progress)
     chosen = [NAMES.index(name) for name in settings.parameters]
     area = settings.area or passes.area(start)
-    before = passes.seen(start, area, settings.spacing, np.zeros((len(runs), 2)))
+    before, wander = passes.first(start, area)
     rounds, held = 0, list[Untold]()
     while True:
-        found, last, result, more = _settle(passes, area, start, chosen, settings)
+        found, last, result, more = _settle(passes, area, wander, start, chosen, settings)
         rounds += more
         judged = result, chosen, settings.limits, len(runs)
         untold = unobservable(*judged) or uncertain(*judged)
@@ -198,17 +207,16 @@ def calibrate(
         if settings.unobservable == "refuse" or not kept:
             raise refusal(held)
         chosen = kept
-    if last.squares < _FEWEST * result.step.size:
+    if last.squares < _FEWEST * result.unknowns:
         raise CoverageError(
             f"the ground lies in {last.squares} squares of {settings.cluster:g} m, too few for the "
             "standard deviations",
             cure="Take smaller squares: cluster, or more ground.",
         )
     count = len(chosen)
-    before_fit = fit(before, chosen, height_noise=settings.height_noise, reach=settings.limits)
     return _calibration(
-        found, last, result, chosen, before=before_fit.raw, rounds=rounds, held=held,
-        offset=-result.step[count : count + len(runs) - 1],
+        found, last, result, chosen, before=rms(levelled(before), before), rounds=rounds,
+        held=held, offset=-result.step[count:],
     )  # fmt: skip
 
 
@@ -227,6 +235,7 @@ class _Passes:
         self._progress = progress
         self._looks = 0
         self._motion_sd = np.stack([_motion_sd(way) for way in trajectories])
+        self.wander: Wander | None = None
 
     @property
     def count(self) -> int:
@@ -248,14 +257,36 @@ class _Passes:
             raise _no_ground()
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
+    def first(
+        self, mounting: Mounting, area: tuple[float, float, float, float]
+    ) -> tuple[Differences, Wander]:
+        """Differences between the passes as they are, and how their motion may be wrong."""
+        s = self._settings
+        found, times = self._look(mounting, area, s.spacing, list(self._passes))
+        length = np.repeat(s.drift_time, 3)
+        return found, Wander.over(times, self._motion_sd, length, s.drift_step)
+
     def seen(
         self,
         mounting: Mounting,
         area: tuple[float, float, float, float],
         spacing: float,
+        wander: Wander,
         moved: Floats,
     ) -> Differences:
         """Differences between the passes, moved east and north, for a mounting."""
+        passes = [
+            (run, _aside(way, wander, p, moved)) for p, (run, way) in enumerate(self._passes)
+        ]
+        return self._look(mounting, area, spacing, passes)[0]
+
+    def _look(
+        self,
+        mounting: Mounting,
+        area: tuple[float, float, float, float],
+        spacing: float,
+        passes: list[tuple[xr.DataTree | str | Path, Trajectory]],
+    ) -> tuple[Differences, list[Floats]]:
         grid = MapGrid.over(area, spacing)
         if grid.shape[0] * grid.shape[1] > _LARGEST:
             raise CoverageError(
@@ -265,26 +296,26 @@ class _Passes:
         self._looks += 1
         self._progress(f"look {self._looks} at the ground", 0, None)
         used = (self._settings.screening, self._settings.largest_angle)
-        parts = [
-            patches(_blocks(run), _aside(way, by), mounting, grid, *used)
-            for (run, way), by in zip(self._passes, moved, strict=True)
-        ]
-        found = differences(parts, grid, self._settings.cluster, self._motion_sd, moved)
+        parts = [patches(_blocks(run), way, mounting, grid, *used) for run, way in passes]
+        found = differences(parts, grid, self._settings.cluster, mounting)
         if found is None:
             raise _no_ground()
-        return found
+        return found, shared_times(parts)
 
 
 def _motion_sd(way: Trajectory) -> Floats:
-    """Standard deviations of roll, pitch, yaw, east and north over a pass."""
+    """Standard deviations of east, north, up, roll, pitch and yaw over a pass."""
     variance = np.einsum("nii->ni", way.covariance).mean(axis=0)
     tilt = 0.5 * (variance[3] + variance[4])
-    return np.sqrt([tilt, tilt, variance[5], variance[0], variance[1]])
+    return np.sqrt([*variance[:3], tilt, tilt, variance[5]])
 
 
-def _aside(way: Trajectory, by: Floats) -> Trajectory:
-    """The motion, moved east and north."""
-    return replace(way, position=way.position + np.append(by, 0.0)) if by.any() else way
+def _aside(way: Trajectory, wander: Wander, p: int, moved: Floats) -> Trajectory:
+    """The motion of a pass, moved east and north."""
+    if not moved.any():
+        return way
+    by = [wander.line(p, moved, component, way.time) for component in (0, 1)]
+    return replace(way, position=way.position + np.stack([*by, np.zeros_like(by[0])], axis=1))
 
 
 def _no_ground() -> CoverageError:
@@ -322,6 +353,7 @@ def _common(runs: Sequence[xr.DataTree | str | Path]) -> Mounting:
 def _settle(
     passes: _Passes,
     area: tuple[float, float, float, float],
+    wander: Wander,
     mounting: Mounting,
     chosen: list[int],
     settings: CalibrationSettings,
@@ -332,12 +364,14 @@ def _settle(
     ground around a step is no plane.
     """
     rounds = 0
-    moved = np.zeros((passes.count, 2))
+    moved = np.zeros(wander.size)
     for coarse in _COARSE:
         while True:
-            seen = passes.seen(mounting, area, coarse * settings.spacing, moved)
+            seen = passes.seen(mounting, area, coarse * settings.spacing, wander, moved)
             reach = _BLIND * settings.limits
-            result = fit(seen, chosen, height_noise=settings.height_noise, reach=reach)
+            result = fit(
+                seen, chosen, wander, moved, height_noise=settings.height_noise, reach=reach
+            )
             step, sd = result.step[: len(chosen)], result.sd[: len(chosen)]
             if (np.abs(step) <= np.maximum(_SETTLED * sd, 1e-3 * settings.limits[chosen])).all():
                 break
@@ -351,7 +385,7 @@ def _settle(
                     cure="Start from a better mounting, or take larger cells: spacing.",
                 )
             mounting = _moved(mounting, chosen, step)
-            moved[tuple(seen.aside.T)] += result.step[result.step.size - len(seen.aside) :]
+            moved[wander.aside] += result.motion[wander.aside]
     return mounting, seen, result, rounds
 
 
