@@ -31,6 +31,7 @@ CLOSE = {
 }  # fmt: skip
 EXPLAINED = 0.1  # of an error that a wrong parameter causes: the problem is not quite linear
 HONEST = 0.4  # [1] of the root mean square of errors over their standard deviations
+LASTING = 1e5  # [s] of errors that do not change within a pass
 NOISE = 0.5e-3  # [m] of a range, as the scanner of the thesis has it
 
 
@@ -235,6 +236,8 @@ def test_arguments_without_sense_are_refused(passes):
         ({"unobservable": "guess"}, "refuse or hold"),
         ({"spacing": 0.0}, "spacing must be greater than 0"),
         ({"largest_rounds": 0}, "largest_rounds"),
+        ({"drift_time": (25.0, 0.0)}, "drift_time must be two times greater than 0"),
+        ({"drift_step": 0.0}, "drift_step must be greater than 0"),
         ({"area": (1.0, 0.0, 0.0, 1.0)}, "area must be"),
     ],
 )
@@ -246,12 +249,14 @@ def test_settings_without_sense_are_refused(settings, words):
 def test_errors_of_the_motion_count_as_the_motion_claims_them(passes):
     """Passes rolled and moved aside as a whole, by errors drawn from what they claim."""
     runs, ways, true = passes
-    sd = {"east": 0.010, "roll": 3e-4}  # [m], [rad]
-    covariance = np.diag([sd["east"] ** 2, 0, 0, sd["roll"] ** 2, sd["roll"] ** 2, 0])
+    sd = {"aside": 0.010, "roll": 3e-4}  # [m], [rad]
+    aside, tilt = sd["aside"] ** 2, sd["roll"] ** 2
+    covariance = np.diag([aside, aside, 0, tilt, tilt, 0])
     rng = np.random.default_rng(11)
     settings = CalibrationSettings(
-        parameters=("roll", "pitch"), largest_angle_sd=0.02, largest_rounds=60
-    )
+        parameters=("roll", "pitch"), largest_angle_sd=0.02, largest_rounds=60,
+        drift_time=(LASTING, LASTING),
+    )  # fmt: skip
     start = replace(true, scanner_rotation=(0.0, 0.0, true.scanner_rotation[2]))
     ratios = []
     for _ in range(4):
@@ -259,12 +264,13 @@ def test_errors_of_the_motion_count_as_the_motion_claims_them(passes):
         for way in ways:
             turn = Rotation.from_rotvec([sd["roll"] * rng.normal(), 0.0, 0.0])
             quaternion = (Rotation.from_quat(way.quaternion) * turn).as_quat()
-            aside = np.array([sd["east"] * rng.normal(), 0.0, 0.0])
+            aside = sd["aside"] * np.append(rng.normal(size=2), 0.0)
             whole = np.broadcast_to(covariance, (way.time.size, 6, 6))
             moved.append(replace(way, position=way.position + aside, quaternion=quaternion,
                                  covariance=whole))  # fmt: skip
         found = calibrate(runs, moved, mounting=start, settings=settings)
         ratios.append((found.value - values(true)[:2]) / found.sd)
-        # four passes are not better than the mean of their errors
-        assert found.sd[0] > 0.99 * sd["roll"] / 2
+        # four passes are not better than the mean of their errors, but for what a body that rolls
+        # of itself tells of them: a scanner that is carried aside by 0.4 mm then heaves by 2 um
+        assert 0.85 < found.sd[0] / (sd["roll"] / 2) < 1.05
     npt.assert_allclose(np.sqrt(np.mean(np.square(ratios))), 1.0, rtol=0, atol=HONEST)

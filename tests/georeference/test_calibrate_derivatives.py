@@ -73,9 +73,15 @@ def test_derivatives_are_those_of_georeferenced_points(span):
         (found,) = georeference([block], way, mounting)
         return np.stack([found[name].values for name in ("easting", "northing", "up")])
 
-    where, by, weight = _returns(ScanGeometry(way, ASKEW, angle, delay), block, Screening(), 1.0)
+    where, by, weight, when = _returns(
+        ScanGeometry(way, ASKEW, angle, delay), block, Screening(), 1.0
+    )
     npt.assert_allclose(where, points(ASKEW), rtol=0, atol=1e-12)
     assert (weight == 1).all()
+    clock = ASKEW.scanner_clock
+    npt.assert_allclose(
+        when, (block["time"].values[:, None] + clock + delay).ravel(), rtol=0, atol=1e-12
+    )
     for name, found in zip(NAMES, by, strict=True):
         ahead, behind = points(moved(ASKEW, name, STEP)), points(moved(ASKEW, name, -STEP))
         truth = (ahead - behind) / (2 * STEP)

@@ -25,8 +25,11 @@ from trueterrain.verify.instruments import boresight_findings, clock_findings
 
 SURE = 4.0  # standard deviations: less than 1 of 10,000 errors is larger
 HELD = 0.01  # [m] by which the runs state a wrong arm ahead, which passes do not tell
-# what beams that are common to all scans leave: see the tests of `trueterrain.georeference`
-CLOSE = {"roll": 1e-4, "lever_y": 1e-3, "clock": 5e-4}
+# [rad, m, s] by the yaw, which is wrong by 0.008 rad and held: 0.0088, 0.032 and 0.0054 of it
+LEANS = {"roll": 7e-5, "lever_y": 2.5e-4, "clock": 4.3e-5}
+ABOVE = 2.02  # [m] of the scanner above the ground
+# [rad] of the pitch by where a step lies between two scans, which is common to all of their beams
+BETWEEN = 1e-3
 
 
 def drifting(folder, text):
@@ -131,13 +134,13 @@ def test_the_mounting_is_found_and_what_is_not_told_has_its_reason(certified, pa
     scene = passes[1]
     found = {one.name: one for one in certified.instruments}
     true, stated = scene.mounting, scene.declared
-    for name, value, close in (
-        ("roll of the scanner", true.scanner_rotation[0], CLOSE["roll"]),
-        ("lever arm of the scanner, left", true.scanner_position[1], CLOSE["lever_y"]),
-        ("clock of the scanner, over the ground", true.scanner_clock, CLOSE["clock"]),
+    for name, value, leans in (
+        ("roll of the scanner", true.scanner_rotation[0], LEANS["roll"]),
+        ("lever arm of the scanner, left", true.scanner_position[1], LEANS["lever_y"]),
+        ("clock of the scanner, over the ground", true.scanner_clock, LEANS["clock"]),
     ):
         assert found[name].detected is True
-        atol = np.hypot(close, SURE * found[name].sd)
+        atol = leans + SURE * found[name].sd
         assert_allclose(found[name].value, value, rtol=0, atol=atol, err_msg=name)
     up = found["lever arm of the scanner, up"]
     assert (up.value, up.detected) == (None, None)
@@ -145,8 +148,9 @@ def test_the_mounting_is_found_and_what_is_not_told_has_its_reason(certified, pa
     assert stated.scanner_position[0] - true.scanner_position[0] == pytest.approx(-HELD)
     pitch = found["pitch of the scanner"]
     assert "leans on the lever arm of the scanner, forward, which is held" in pitch.meaning
-    # as much wrong as the arm that it leans on, which stands 1.2 m above the ground
-    assert_allclose(pitch.value - true.scanner_rotation[1], -HELD / 1.2, rtol=0, atol=4e-3)
+    # as much wrong as the arm that it leans on
+    wrong = pitch.value - true.scanner_rotation[1]
+    assert_allclose(wrong, -HELD / ABOVE, rtol=0, atol=np.hypot(BETWEEN, SURE * pitch.sd))
 
 
 def test_runs_that_share_no_ground_tell_nothing(passes, bounce):

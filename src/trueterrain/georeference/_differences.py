@@ -16,7 +16,7 @@ Floats = npt.NDArray[np.float64]
 BROAD = np.array([0.1] * 3 + [1.0] * 3 + [0.1])
 
 _OFFSET = 1.0  # [m] of what is taken to be known of the offset of a pass
-_ROUNDS = 2  # in which weights follow what is left
+_ROUNDS = 2  # in which weights follow what is left, and the wander of heights what is seen
 _HUBER = 2.0  # standard deviations beyond which a residual weighs less
 _TO_SD = 1.0 / 0.6745  # standard deviation over median of magnitudes
 _STEEP = 0.03  # share of the cells that are the steepest
@@ -189,6 +189,9 @@ class Fit:
     residual: float
     "Root mean square of the differences that are left [m]."
 
+    wander: Wander
+    "Errors of the motion as they were taken in the end."
+
     unknowns: float
     "Unknowns that the differences tell: of what is known before, a share."
 
@@ -237,17 +240,20 @@ def fit(
     known = np.concatenate([BROAD, np.full(plain - len(NAMES), _OFFSET)])[fixed] ** -2.0
     prior = np.zeros((len(columns), len(columns)))
     prior[: len(fixed), : len(fixed)] = np.diag(known)
-    prior[len(fixed) :, len(fixed) :] = wander.precision
     scale = np.concatenate([reach[chosen], np.ones(len(fixed) - len(chosen))])
-    before = prior[:, len(fixed) :] @ moved
     left = levelled(found)
-    for _ in range(_ROUNDS):
+    for last in np.arange(_ROUNDS) == _ROUNDS - 1:
+        prior[len(fixed) :, len(fixed) :] = wander.precision
+        before = prior[:, len(fixed) :] @ moved
         weight = _weights(found, left, height_noise)
         told, right = _equations(found, wander, weight)
         normal = told[np.ix_(columns, columns)] + SHARED * prior
         step = _followed(normal / SHARED, right[columns] / SHARED - before, scale)
         left = found.misfit + _explained(found, fixed, wander, step[:, None])[:, :, 0]
-    inverse = np.linalg.inv(normal)
+        inverse = np.linalg.inv(normal)
+        if not last and wander.size:
+            known_to = SHARED * inverse[len(fixed) :, len(fixed) :]
+            wander = wander.as_seen(step[len(fixed) :], known_to)
     ours = inverse[:, : len(fixed)]
     leverage = weight[:, None] * _explained(found, fixed, wander, ours)
     unknowns = len(columns) - SHARED * float(np.sum(inverse * prior))
@@ -258,7 +264,7 @@ def fit(
         step=step[: len(fixed)], motion=step[len(fixed) :], normal=normal,
         covariance=0.5 * (covariance + covariance.T),
         sensitivity=(-inverse @ told[np.ix_(columns, others)])[: len(fixed)],
-        residual=rms(left, found), unknowns=unknowns,
+        residual=rms(left, found), wander=wander, unknowns=unknowns,
     )  # fmt: skip
 
 

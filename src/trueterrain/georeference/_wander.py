@@ -9,12 +9,11 @@ Source: Maybeck (1979) "Stochastic models, estimation, and control", volume 1, s
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from scipy.signal import lfilter
 
 Floats = npt.NDArray[np.float64]
 
@@ -24,6 +23,9 @@ COMPONENTS = 6
 _MOST = 24  # pieces of the broken line of a pass
 _FINE = 0.005  # [s] in which the ground passes by less than a cell
 _FINEST = 50_000  # such steps of a pass
+_UP = 2  # place of the height among the components
+_LENGTHS = 0.1, 1e5  # [s] times of correlation of heights that are believed
+_NOTHING = 1e-4  # standard deviations that the height in the middle of a pass may be off
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,7 +33,7 @@ class Wander:
     """What is known of the errors of all passes, and the broken lines that stand for them.
 
     Unknowns are the values at the knots: pass by pass, of each of its components that is uncertain
-    at all, knot by knot.
+    at all, knot by knot. Heights count from the middle of the pass, whose height is its offset.
     """
 
     knots: tuple[Floats, ...]
@@ -105,11 +107,51 @@ class Wander:
                 diagonal = np.concatenate([[1.0], 1.0 / new])
                 diagonal[:-1] += np.exp(-2.0 * lag) / new
                 beside = -np.exp(-lag) / new
+                if component == _UP:
+                    diagonal[knots.size // 2] += _NOTHING**-2
                 chain = np.diag(diagonal) + np.diag(beside, 1) + np.diag(beside, -1)
                 at = self.first[p] + j * knots.size
                 part = slice(at, at + knots.size)
                 whole[part, part] = chain / self.sd[p, component] ** 2
         return whole
+
+    def as_seen(self, unknown: Floats, covariance: Floats) -> "Wander":
+        """The same with the time of correlation of heights as the ground tells it.
+
+        All of the ground tells how much the heights of passes move against each other from knot to
+        knot, and heights are rarely as restless as they are uncertain. The steps, squared, over
+        those of them that are told (MacKay 1992, "Bayesian interpolation", equation 4.10).
+
+        Parameters
+        ----------
+        unknown : numpy.ndarray, shape (size,)
+            Values at the knots.
+        covariance : numpy.ndarray, shape (size, size)
+            Covariance that they have.
+
+        Returns
+        -------
+        Wander
+            With another time of correlation of heights.
+        """
+        walked, told = 0.0, 0.0
+        for p, knots in enumerate(self.knots):
+            found = np.flatnonzero(self.uncertain[p] == _UP)
+            if not found.size:
+                continue
+            at = self.first[p] + int(found[0]) * knots.size + np.arange(knots.size)
+            part = covariance[np.ix_(at, at)]
+            spread = np.diag(part)[1:] + np.diag(part)[:-1] - 2.0 * np.diag(part, 1)
+            expected = -2.0 * self.sd[p, _UP] ** 2 * np.expm1(-np.diff(knots) / self.length[_UP])
+            walked += float(np.sum(np.diff(unknown[at]) ** 2 / expected))
+            told += float(np.sum(np.clip(1.0 - spread / expected, 0.0, 1.0)))
+        if not told:
+            return self
+        length = self.length.copy()
+        # the mean of what so few steps leave open, which is more than what is likeliest
+        likely = told / (told + 2.0) * told / max(walked, 1e-12)
+        length[_UP] = np.clip(length[_UP] * likely, *_LENGTHS)
+        return replace(self, length=length)
 
     def place(self, p: int, time: Floats) -> tuple[npt.NDArray[np.intp], Floats]:
         """Piece of the broken line of a pass, and how far within it, from 0 to 1."""
@@ -173,6 +215,8 @@ class Wander:
         numpy.ndarray, shape (m, m)
             Of the sums.
         """
+        from scipy.signal import lfilter
+
         m = leverage.shape[2]
         whole = np.zeros((m, m))
         for p, components in enumerate(self.uncertain):
@@ -185,6 +229,9 @@ class Wander:
                     np.bincount(at, effect[p, :, component] * column, minlength=count)
                     for column in leverage[p].T
                 ])  # fmt: skip
+                if component == _UP:
+                    middle = round((self.knots[p][self.knots[p].size // 2] - begin) / step)
+                    sums[:, middle] -= sums.sum(axis=1)
                 kept = math.exp(-step / self.length[component])
                 before = lfilter([0.0, kept], [1.0, -kept], sums, axis=1)
                 crossed = sums @ before.T

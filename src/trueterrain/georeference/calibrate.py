@@ -275,9 +275,7 @@ class _Passes:
         moved: Floats,
     ) -> Differences:
         """Differences between the passes, moved east and north, for a mounting."""
-        passes = [
-            (run, _aside(way, wander, p, moved)) for p, (run, way) in enumerate(self._passes)
-        ]
+        passes = [(run, _aside(way, wander, p, moved)) for p, (run, way) in enumerate(self._passes)]
         return self._look(mounting, area, spacing, passes)[0]
 
     def _look(
@@ -372,6 +370,7 @@ def _settle(
             result = fit(
                 seen, chosen, wander, moved, height_noise=settings.height_noise, reach=reach
             )
+            wander = result.wander
             step, sd = result.step[: len(chosen)], result.sd[: len(chosen)]
             if (np.abs(step) <= np.maximum(_SETTLED * sd, 1e-3 * settings.limits[chosen])).all():
                 break
