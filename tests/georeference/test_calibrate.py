@@ -259,7 +259,7 @@ def test_errors_of_the_motion_count_as_the_motion_claims_them(passes):
     )  # fmt: skip
     start = replace(true, scanner_rotation=(0.0, 0.0, true.scanner_rotation[2]))
     ratios = []
-    for _ in range(4):
+    for _ in range(12):
         moved = []
         for way in ways:
             turn = Rotation.from_rotvec([sd["roll"] * rng.normal(), 0.0, 0.0])
@@ -273,4 +273,7 @@ def test_errors_of_the_motion_count_as_the_motion_claims_them(passes):
         # four passes are not better than the mean of their errors, but for what a body that rolls
         # of itself tells of them: a scanner that is carried aside by 0.4 mm then heaves by 2 um
         assert 0.85 < found.sd[0] / (sd["roll"] / 2) < 1.05
-    npt.assert_allclose(np.sqrt(np.mean(np.square(ratios))), 1.0, rtol=0, atol=HONEST)
+    roll, pitch = np.sqrt(np.mean(np.square(ratios), axis=0))
+    npt.assert_allclose(roll, 1.0, rtol=0, atol=HONEST)
+    # passes in three lanes tell where they lie, and then the pitch but for noise, which is absent
+    assert pitch < 1.0 + HONEST

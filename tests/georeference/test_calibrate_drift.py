@@ -53,7 +53,7 @@ def drifting(way: Trajectory, seed: int, name: str) -> Trajectory:
     """A motion that is wrong by a first-order Gauss-Markov process, and claims as much."""
     rate = 1.0 / float(np.median(np.diff(way.time)))
     errors = np.concatenate([
-        GaussMarkov(rng=generator(seed, name, f"{time:g} s"), sd=SD[TIME == time],
+        GaussMarkov(rng=generator(seed, name, f"{time:g} s"), sd=SD[time == TIME],
                     correlation_time=time, rate=rate).next(way.time.size)
         for time in (25.0, 60.0)
     ], axis=1)  # fmt: skip

@@ -250,7 +250,7 @@ def fit(
         normal = told[np.ix_(columns, columns)] + SHARED * prior
         step = _followed(normal / SHARED, right[columns] / SHARED - before, scale)
         left = found.misfit + _explained(found, fixed, wander, step[:, None])[:, :, 0]
-        inverse = np.linalg.inv(normal)
+        inverse = np.asarray(np.linalg.inv(normal), dtype=np.float64)
         if not last and wander.size:
             known_to = SHARED * inverse[len(fixed) :, len(fixed) :]
             wander = wander.as_seen(step[len(fixed) :], known_to)

@@ -41,10 +41,10 @@ class CalibrationSettings:
     "Size of the squares of ground within which errors may be alike [m]."
 
     drift_time: tuple[float, float] = (25.0, 60.0)
-    """Times after which errors of the motion are others: positions, then angles; the
-    autocorrelation of either is then 1/e [s]."""
+    """Times after which errors of the motion, of positions and of angles, are others: the
+    autocorrelation is then 1/e [s]. That of heights is where it starts from; passes tell it."""
 
-    drift_step: float = 0.25
+    drift_step: float = 0.15
     """Time from knot to knot of the broken lines that follow these errors [s]; passes that see the
     ground for longer than 24 of these have longer ones."""
 

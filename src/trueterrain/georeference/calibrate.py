@@ -17,7 +17,7 @@ surfaces"; Skaloud and Lichti (2006) "Rigorous approach to bore-sight self-calib
 laser scanning"; Cameron, Gelbach and Miller (2011) for the covariance by clusters.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -29,17 +29,10 @@ import xarray as xr
 from trueterrain.engine.progress import Progress, no_progress
 from trueterrain.errors import CoverageError
 from trueterrain.formats.run import Mounting
-from trueterrain.georeference._differences import (
-    Differences,
-    Fit,
-    differences,
-    fit,
-    levelled,
-    rms,
-    shared_times,
-)
+from trueterrain.georeference._differences import Differences, Fit, fit, levelled, rms
 from trueterrain.georeference._observable import Untold, refusal, uncertain, unobservable
-from trueterrain.georeference._patches import BLOCK, NAMES, MapGrid, extent, patches
+from trueterrain.georeference._passes import Passes
+from trueterrain.georeference._patches import NAMES
 from trueterrain.georeference._settings import CalibrationSettings
 from trueterrain.georeference._wander import Wander
 from trueterrain.motion.trajectory import Trajectory
@@ -50,8 +43,8 @@ Floats = npt.NDArray[np.float64]
 
 _COARSE = (3.0, 1.0)  # cells of the rounds over the cells asked for
 _SETTLED = 0.1  # of its standard deviation by which a parameter may still move
-_LARGEST = 3_000_000  # cells
-_FEWEST = 2  # squares of ground for each unknown
+_FEWEST = 2.0  # squares of ground for each parameter and offset
+_LEAST = 1.25  # squares of ground for each unknown that is told, errors of the motion among them
 _BLIND = 10.0  # standard deviations asked for beyond which a direction is not followed
 
 
@@ -70,8 +63,10 @@ class Calibration:
 
     sd: Floats
     """Standard deviations [rad, m, s], from the scatter of the ground between the passes and from
-    what the trajectories claim of themselves, as errors that last for a whole pass; errors that
-    change within a pass are not among it. They hold if what is held is right."""
+    what the trajectories claim of themselves, as errors that wander within a pass (first-order
+    Gauss-Markov, as slow as `CalibrationSettings.drift_time` says; of heights, as the passes see
+    it). They hold if these claims and what is held are right, and if scans lie so closely that it
+    does not matter where a step lies between two of them."""
 
     correlation: Floats
     "Correlations, shape (parameter, parameter)."
@@ -93,7 +88,7 @@ class Calibration:
     "Of each of these: how uncertain it would be, what goes with it, and what would tell it."
 
     offset: Floats
-    "Height of each pass over the first [m]."
+    "Height of each pass over the first, each in the middle of what it sees [m]."
 
     offset_sd: Floats
     "Standard deviations of these [m]."
@@ -170,10 +165,11 @@ def calibrate(
     Notes
     -----
     Gauss-Newton least squares of the heights that the passes see in each cell, its own height being
-    an unknown, an offset in height of each pass, and errors of roll, pitch, yaw, east and north of
-    each as large as its trajectory claims. Cells weigh by the scatter that level and
-    steep ground show; outliers weigh less (Huber). Observable is what is known better than
-    `CalibrationSettings` asks for, if the errors of cells are what their scatter is.
+    an unknown, and an offset in height of each pass. Errors of its position and attitude are broken
+    lines in time, as large as its trajectory claims and as slow as `drift_time` says; how much its
+    height wanders is found. Cells weigh by the scatter that level and steep ground show; outliers
+    weigh less (Huber). Observable is what is known better than `CalibrationSettings` asks for, if
+    the errors of cells are what their scatter is.
 
     Examples
     --------
@@ -190,7 +186,7 @@ def calibrate(
         )
         raise ValueError(message)
     start = mounting or _common(runs)
-    passes = _Passes(runs, trajectories, settings, progress)
+    passes = Passes(runs, trajectories, settings, progress)
     chosen = [NAMES.index(name) for name in settings.parameters]
     area = settings.area or passes.area(start)
     before, wander = passes.first(start, area)
@@ -207,7 +203,7 @@ def calibrate(
         if settings.unobservable == "refuse" or not kept:
             raise refusal(held)
         chosen = kept
-    if last.squares < _FEWEST * result.unknowns:
+    if last.squares < max(_FEWEST * result.step.size, _LEAST * result.unknowns):
         raise CoverageError(
             f"the ground lies in {last.squares} squares of {settings.cluster:g} m, too few for the "
             "standard deviations",
@@ -218,115 +214,6 @@ def calibrate(
         found, last, result, chosen, before=rms(levelled(before), before), rounds=rounds,
         held=held, offset=-result.step[count:],
     )  # fmt: skip
-
-
-class _Passes:
-    """Runs with their motion."""
-
-    def __init__(
-        self,
-        runs: Sequence[xr.DataTree | str | Path],
-        trajectories: Sequence[Trajectory],
-        settings: CalibrationSettings,
-        progress: Progress,
-    ) -> None:
-        self._passes = list(zip(runs, trajectories, strict=True))
-        self._settings = settings
-        self._progress = progress
-        self._looks = 0
-        self._motion_sd = np.stack([_motion_sd(way) for way in trajectories])
-        self.wander: Wander | None = None
-
-    @property
-    def count(self) -> int:
-        """How many they are."""
-        return len(self._passes)
-
-    def area(self, mounting: Mounting) -> tuple[float, float, float, float]:
-        """Ground that at least two passes may share."""
-        used = (self._settings.screening, self._settings.largest_angle)
-        parts = [extent(_blocks(run), way, mounting, *used) for run, way in self._passes]
-        seen = np.array([part for part in parts if part is not None])
-        if len(seen) < 2:
-            raise CoverageError(
-                f"{len(seen)} of {len(parts)} passes have returns, two are needed", place="scans"
-            )
-        # what lies west of all eastern ends but one, and so on, is seen at least twice
-        low, high = np.sort(seen[:, :2], axis=0)[1], np.sort(seen[:, 2:], axis=0)[-2]
-        if not (low < high).all():
-            raise _no_ground()
-        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
-
-    def first(
-        self, mounting: Mounting, area: tuple[float, float, float, float]
-    ) -> tuple[Differences, Wander]:
-        """Differences between the passes as they are, and how their motion may be wrong."""
-        s = self._settings
-        found, times = self._look(mounting, area, s.spacing, list(self._passes))
-        length = np.repeat(s.drift_time, 3)
-        return found, Wander.over(times, self._motion_sd, length, s.drift_step)
-
-    def seen(
-        self,
-        mounting: Mounting,
-        area: tuple[float, float, float, float],
-        spacing: float,
-        wander: Wander,
-        moved: Floats,
-    ) -> Differences:
-        """Differences between the passes, moved east and north, for a mounting."""
-        passes = [(run, _aside(way, wander, p, moved)) for p, (run, way) in enumerate(self._passes)]
-        return self._look(mounting, area, spacing, passes)[0]
-
-    def _look(
-        self,
-        mounting: Mounting,
-        area: tuple[float, float, float, float],
-        spacing: float,
-        passes: list[tuple[xr.DataTree | str | Path, Trajectory]],
-    ) -> tuple[Differences, list[Floats]]:
-        grid = MapGrid.over(area, spacing)
-        if grid.shape[0] * grid.shape[1] > _LARGEST:
-            raise CoverageError(
-                f"the ground needs {grid.shape[0]} x {grid.shape[1]} cells, at most {_LARGEST}",
-                cure="Name an area around some steps, or take larger cells.",
-            )
-        self._looks += 1
-        self._progress(f"look {self._looks} at the ground", 0, None)
-        used = (self._settings.screening, self._settings.largest_angle)
-        parts = [patches(_blocks(run), way, mounting, grid, *used) for run, way in passes]
-        found = differences(parts, grid, self._settings.cluster, mounting)
-        if found is None:
-            raise _no_ground()
-        return found, shared_times(parts)
-
-
-def _motion_sd(way: Trajectory) -> Floats:
-    """Standard deviations of east, north, up, roll, pitch and yaw over a pass."""
-    variance = np.einsum("nii->ni", way.covariance).mean(axis=0)
-    tilt = 0.5 * (variance[3] + variance[4])
-    return np.sqrt([*variance[:3], tilt, tilt, variance[5]])
-
-
-def _aside(way: Trajectory, wander: Wander, p: int, moved: Floats) -> Trajectory:
-    """The motion of a pass, moved east and north."""
-    if not moved.any():
-        return way
-    by = [wander.line(p, moved, component, way.time) for component in (0, 1)]
-    return replace(way, position=way.position + np.stack([*by, np.zeros_like(by[0])], axis=1))
-
-
-def _no_ground() -> CoverageError:
-    return CoverageError(
-        "the passes share no ground in which returns lie closely enough",
-        cure="Take passes over the same ground, or larger cells: spacing.",
-    )
-
-
-def _blocks(run: xr.DataTree | str | Path) -> Iterator[xr.Dataset]:
-    from trueterrain.formats.run import scan_blocks
-
-    return scan_blocks(run, size=BLOCK)
 
 
 def _common(runs: Sequence[xr.DataTree | str | Path]) -> Mounting:
@@ -349,7 +236,7 @@ def _common(runs: Sequence[xr.DataTree | str | Path]) -> Mounting:
 
 
 def _settle(
-    passes: _Passes,
+    passes: Passes,
     area: tuple[float, float, float, float],
     wander: Wander,
     mounting: Mounting,
