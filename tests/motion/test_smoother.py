@@ -23,7 +23,7 @@ def model(n=40, parameters=2, seed=1):
         into_coordinate=0.1 * rng.standard_normal((n - 1, 3, parameters)),
         into_rate=rng.standard_normal((n - 1, 3, parameters)),
         noise=half @ np.swapaxes(half, 1, 2) + np.eye(3),
-        walk=np.array([0.1, 0.02]),
+        walk=np.linspace((0.1, 0.02), (0.01, 0.2), n - 1),
         decay=rng.uniform(0.8, 1.0, (n - 1, 3)),
         drift_noise=rng.uniform(0.01, 0.1, (n - 1, 3)),
         seen=np.stack([np.searchsorted(at, knots), np.searchsorted(at, knots, side="right")], 1),
@@ -43,7 +43,7 @@ def transition(m, k, size):
     q = np.zeros((size, size))
     q[:3, :3], q[3:6, 3:6] = m.noise[k] * h**3 / 3, m.noise[k] * h
     q[:3, 3:6] = q[3:6, :3] = m.noise[k] * h**2 / 2
-    q[6:-3, 6:-3] = np.diag(m.walk * h)
+    q[6:-3, 6:-3] = np.diag(m.walk[k] * h)
     q[-3:, -3:] = np.diag(m.drift_noise[k])
     return f, q
 

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from trueterrain.motion._complementary import Coordinates
 from trueterrain.motion._heave import lever
 from trueterrain.motion._inputs import Span, within
-from trueterrain.motion._way import Smooth
+from trueterrain.motion._way import Way
 from trueterrain.motion.trajectory import BRIDGED, EDGE, Trajectory
 
 Float = npt.NDArray[np.float64]
@@ -17,7 +17,7 @@ def trajectory_of(
     time: Float,
     coordinates: Coordinates,
     middle: Float,
-    way: Smooth,
+    way: Way,
     way_variance: Float,
     bridged: tuple[Span, ...],
     edge: tuple[float, float],
@@ -32,7 +32,7 @@ def trajectory_of(
         Height of a point of the body, roll and pitch.
     middle : numpy.ndarray, shape (3,)
         That point [m].
-    way : Smooth
+    way : Way
         East, north, yaw.
     way_variance : numpy.ndarray, shape (n, 3)
         Their variances [m^2, m^2, rad^2].

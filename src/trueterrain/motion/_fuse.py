@@ -7,6 +7,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.motion import _complementary as filters
+from trueterrain.motion._adaptive import AdaptiveWay
 from trueterrain.motion._assemble import trajectory_of
 from trueterrain.motion._complementary import Coordinates, Spectra
 from trueterrain.motion._heave import lever
@@ -14,7 +15,7 @@ from trueterrain.motion._inertial import Inertial, inertial_of, knots_without
 from trueterrain.motion._inputs import AccelerometerInput, NavigationInput, Span
 from trueterrain.motion._noise import LEAST, Noise, quietest, white_and_wander
 from trueterrain.motion._rts import Found, Sensors, smoothed_coordinates
-from trueterrain.motion._way import Smooth, bridge_variance
+from trueterrain.motion._way import Smooth, Way, bridge_variance
 from trueterrain.motion.fuse import DRIFT_TIME, FusedMotion, FusionSettings
 
 Float = npt.NDArray[np.float64]
@@ -22,6 +23,7 @@ Float = npt.NDArray[np.float64]
 _HEAVE = [2, 3, 4]  # up, roll, pitch among the components of navigation
 _WAY = [0, 1, 5]  # east, north, yaw
 _QUICK, _SLOW = 0.1, 1.0  # [s] windows for attitude, and longest for accelerations of the way
+_WINDOW = 0.2  # [s] in which the way is smoothed if it is not found from the run
 _DRIFT_TIMES = 0.1, 1e5  # [s] times of correlation of a drift that are believed
 _UNSURE = np.array([0.01, 0.01, 0.01])  # [m/s^2, rad/s^2] of errors of bias and scale over a gap
 _STRANGE = 2.0  # mean square of innovations over what is expected that is worth a word
@@ -36,7 +38,9 @@ class _Parts:
     sd: Float  # of navigation, reported or assumed, (epoch, 6)
     quick: Smooth  # up, roll, pitch as they are
     attitude: Smooth  # roll, pitch
-    way: Smooth  # east, north, yaw
+    near: Smooth  # east, north, yaw in a fixed window
+    window: float  # this [s]
+    way: Way  # east, north, yaw as they are stated
 
 
 def fused(
@@ -48,11 +52,14 @@ def fused(
 ) -> FusedMotion:
     """Motion from what was read."""
     sd = np.where(np.isfinite(navigation.sd), navigation.sd, settings.navigation_sd)
+    window = _WINDOW if settings.way_window is None else settings.way_window
+    near = Smooth(navigation, _WAY, window=window, slow=_SLOW)
+    adaptive = settings.method == "rts" and settings.way_window is None
     parts = _Parts(
-        navigation=navigation, settings=settings, sd=sd,
+        navigation=navigation, settings=settings, sd=sd, near=near, window=window,
         quick=Smooth(navigation, _HEAVE, window=0.0, slow=_SLOW),
         attitude=Smooth(navigation, _HEAVE[1:], window=_QUICK, slow=_QUICK),
-        way=Smooth(navigation, _WAY, window=settings.way_window, slow=_SLOW),
+        way=AdaptiveWay(navigation, sd) if adaptive else near,
     )  # fmt: skip
     problems = [*problems, *_gap_problems("navigation", navigation.gaps)]
     if sensors is None:
@@ -60,7 +67,7 @@ def fused(
     if sensors.dropped:
         problems.append(f"accelerometers: {sensors.dropped} samples are left out: not finite")
     gravity = gravity_at(run.attrs.get("origin")) if settings.gravity is None else settings.gravity
-    slow = Smooth(navigation, _WAY, window=settings.way_window, slow=_window(parts, sensors))
+    slow = Smooth(navigation, _WAY, window=window, slow=_window(parts, sensors))
     inertial = inertial_of(
         sensors, navigation, parts.attitude, slow, rate=settings.rate, gravity=gravity
     )
@@ -104,7 +111,7 @@ def _window(parts: _Parts, sensors: AccelerometerInput) -> float:
     A cubic over the window W passes noise up to 1.25 / W; an inclined accelerometer feels it.
     """
     navigation = parts.navigation
-    rough = navigation.pose[:, _WAY[:2]] - parts.way.value(navigation.time)[:, :2]
+    rough = navigation.pose[:, _WAY[:2]] - parts.near.value(navigation.time)[:, :2]
     density = np.sqrt(2 * navigation.step) * np.sqrt(np.mean(rough**2))
     incline = np.sqrt(np.mean(navigation.pose[:, 3:5] ** 2))
     own = np.mean([quietest(one, 1.0 / sensors.step) for one in sensors.force.T])
@@ -135,7 +142,7 @@ def _by_both(
     drift_sd = np.sqrt(np.maximum(parts.sd[:, _HEAVE] ** 2 - white**2, (0.1 * white) ** 2))
     drift_sd = _at(time, parts.navigation.time, drift_sd)
     found: Found | None = None
-    edge = (0.5 * settings.way_window, 0.5 * settings.way_window)
+    edge = (0.5 * parts.window, 0.5 * parts.window)
     if settings.method == "rts":
         turn = np.sqrt(np.mean(parts.attitude.second(parts.navigation.time) ** 2, axis=0))
         found = smoothed_coordinates(
@@ -335,11 +342,15 @@ def _finished(
     edge: tuple[float, float],
     problems: list[str],
 ) -> FusedMotion:
-    variance = _at(time, parts.navigation.time, parts.sd[:, _WAY] ** 2)
+    way = parts.way
+    if isinstance(way, AdaptiveWay):
+        variance = way.variance(time)
+    else:
+        variance = _at(time, parts.navigation.time, parts.sd[:, _WAY] ** 2)
     variance += _bridge(parts, time, _WAY)
     every = (*(("navigation", *gap) for gap in parts.navigation.gaps), *gaps)
     spans = tuple((begin, end) for _, begin, end in every)
-    trajectory = trajectory_of(time, found, middle, parts.way, variance, spans, edge)
+    trajectory = trajectory_of(time, found, middle, way, variance, spans, edge)
     return FusedMotion(
         trajectory=trajectory, method="navigation", noise=None, crossover=None, drift=None,
         bias=None, delay=None, surprise=None, gaps=every, problems=tuple(problems),

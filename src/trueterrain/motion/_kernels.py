@@ -96,8 +96,8 @@ def forward(
     covariance of each knot are kept in `states` and `covariances` from index 0, if these have room.
 
     step (knots-1,), known (knots-1, 6), into_... (knots-1, 3, parameters), noise (knots-1, 3, 3):
-    intensity of the white acceleration; walk (parameters,): variance per second; decay and
-    drift_noise (knots-1, 3); seen (knots, 2): first and last + 1 measurement of a knot; before
+    intensity of the white acceleration; walk (knots-1 or 1, parameters): variance per second; decay
+    and drift_noise (knots-1, 3); seen (knots, 2): first and last + 1 measurement of a knot; before
     (measurements,): time from the knot to the measurement; measured (measurements, 3), design
     (measurements, 3, 3): of the coordinates in what is measured; variance (measurements, 3).
     """  # fmt: skip
@@ -162,8 +162,9 @@ def forward(
                 p[3 + i, j] += q * t * t / 2.0
                 p[3 + i, 3 + j] += q * t
             p[n - 3 + i, n - 3 + i] += drift_noise[k, i]
-        for i in range(walk.size):
-            p[6 + i, 6 + i] += walk[i] * t
+        now = min(k, walk.shape[0] - 1)
+        for i in range(walk.shape[1]):
+            p[6 + i, 6 + i] += walk[now, i] * t
         _symmetric(p)
 
 
@@ -187,12 +188,16 @@ def backward(
     mean,
     covariance,
     apart,
+    pull,
 ):
     """From knot `last` - 1 to knot `first`; see `forward`.
 
     The adjoint (n,) and the information (n, n) come from the measurements after knot `last` - 1
     and are left as those after knot `first` - 1. Smoothed: mean (knots, n);
     covariance (knots, 3, 3) of the coordinates; apart (knots, 3), the variances of the drifts.
+    If `pull` (knots-1, n-6, 2) has room: for each step, the square of the adjoint of parameters and
+    drifts, and its expectation; their difference is twice the derivative of the log likelihood by
+    the variance that the step adds.
     """  # fmt: skip
     n = adjoint.size
     half = np.empty((n, n))
@@ -252,6 +257,10 @@ def backward(
                         information[i, j] += scale * h[i] * h[j] - row[i] * h[j] - h[i] * row[j]
         if k == 0:
             break
+        if pull.shape[0] > 0:
+            for i in range(6, n):
+                pull[k - 1, i - 6, 0] = adjoint[i] ** 2
+                pull[k - 1, i - 6, 1] = information[i, i]
         t = step[k - 1]
         a, b, d = into_coordinate[k - 1], into_rate[k - 1], decay[k - 1]
         moved[:, 0] = adjoint

@@ -150,8 +150,8 @@ def _model(
     once, twice = inertial.integrals(inertial.acceleration)
     into_coordinate, into_rate = _parameters(inertial, once, step)
     count = inertial.share.shape[1]
-    walk = np.zeros(2 * count + 1)
-    walk[:count] = sensors.bias_walk**2
+    walk = np.zeros((1, 2 * count + 1))
+    walk[0, :count] = sensors.bias_walk**2
     decay = np.exp(-step[:, None] / np.array(noise.drift_time))
     decay = np.minimum(decay, drift_sd[1:] / drift_sd[:-1])
     nearest = _nearest(time, navigation.time)

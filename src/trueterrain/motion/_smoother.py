@@ -33,7 +33,7 @@ class Model:
     "Two-sided density of the white acceleration of the coordinates, shape (n - 1, 3, 3)."
 
     walk: Float
-    "Variance of each parameter's random walk per second, shape (n_p,)."
+    "Variance of each parameter's random walk per second, shape (n - 1, n_p), or (1, n_p) always."
 
     decay: Float
     "What is left of each drift after a step, shape (n - 1, 3)."
@@ -76,8 +76,13 @@ class Smoothed:
     surprise: Float
     "Mean square of the innovations over their variance, of each measured coordinate, shape (3,)."
 
+    pull: Float
+    """For each step, how strongly measurements pull at parameters and drifts (square of the
+    adjoint), and how strongly they would by chance: twice the derivative of the log likelihood by
+    the variance that the step adds is their difference. Shape (n - 1, n_p + 3, 2), or empty."""
 
-def smooth(model: Model, state: Float, covariance: Float) -> Smoothed:
+
+def smooth(model: Model, state: Float, covariance: Float, *, pulls: bool = False) -> Smoothed:
     """State of a linear model at all knots, given all measurements.
 
     Parameters
@@ -88,6 +93,8 @@ def smooth(model: Model, state: Float, covariance: Float) -> Smoothed:
         Mean at the first knot before any measurement.
     covariance : numpy.ndarray, shape (6 + n_p + 3, 6 + n_p + 3)
         And its covariance.
+    pulls : bool
+        Whether `Smoothed.pull` is wanted.
 
     Returns
     -------
@@ -104,6 +111,7 @@ def smooth(model: Model, state: Float, covariance: Float) -> Smoothed:
     size = state.size
     mean, cov, drift = np.empty((n, size)), np.empty((n, 3, 3)), np.empty((n, 3))
     adjoint, information = np.zeros(size), np.zeros((size, size))
+    pull = np.empty((n - 1 if pulls else 0, size - 6, 2))
     surprise, count = np.zeros(3), 0
     for first, (x0, p0) in zip(starts[::-1], checkpoints[::-1], strict=True):
         last = min(int(first) + _PIECE, n)
@@ -114,13 +122,13 @@ def smooth(model: Model, state: Float, covariance: Float) -> Smoothed:
         _kernels.backward(
             int(first), last, adjoint, information, model.step, model.into_coordinate,
             model.into_rate, model.decay, model.seen, model.before, model.design, kept.states,
-            kept.covariances, kept.gains, kept.innovations, mean, cov, drift,
+            kept.covariances, kept.gains, kept.innovations, mean, cov, drift, pull,
         )  # fmt: skip
         surprise += (kept.innovations[:, :, 0] ** 2 / kept.innovations[:, :, 1]).sum(axis=0)
         count += len(kept.innovations)
     return Smoothed(
         mean=mean, covariance=cov, drift_variance=drift, parameter_covariance=end,
-        surprise=surprise / max(count, 1),
+        surprise=surprise / max(count, 1), pull=pull,
     )  # fmt: skip
 
 

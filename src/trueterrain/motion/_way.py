@@ -16,8 +16,34 @@ _ORDER = 3
 _UNEVEN = 1e-3  # steps by which epochs may lie off an even grid
 
 
-class Smooth:
-    """Smoothed series over time, and its derivatives.
+class Way:
+    """Series over time and their derivatives: cubics through values and rates at some times.
+
+    Parameters
+    ----------
+    time : numpy.ndarray, shape (n,)
+        Times, ascending [s].
+    values, rates : numpy.ndarray, shape (n, columns)
+        At these times.
+    """
+
+    def __init__(self, time: Float, values: Float, rates: Float) -> None:
+        from scipy.interpolate import CubicHermiteSpline
+
+        self._spline = CubicHermiteSpline(time, values, rates, axis=0)
+        self._rate = self._spline.derivative()
+
+    def value(self, time: Float) -> Float:
+        """Values, shape (m, columns)."""
+        return np.asarray(self._spline(time))
+
+    def rate(self, time: Float) -> Float:
+        """First derivatives, shape (m, columns)."""
+        return np.asarray(self._rate(time))
+
+
+class Smooth(Way):
+    """Series smoothed in a window that moves along.
 
     Parameters
     ----------
@@ -38,31 +64,18 @@ class Smooth:
         edges = np.flatnonzero(np.isin(navigation.time, [end for _, end in navigation.gaps]))
         for part in np.split(np.arange(navigation.time.size), edges):
             time = navigation.time[part]
-            grid, series = _even(time, navigation.pose[part][:, columns])
-            value, rate, _ = _fit(series, grid, window)
-            _, slow_rate, second = _fit(series, grid, slow)
+            grid, series = even(time, navigation.pose[part][:, columns])
+            value, rate, _ = fit(series, grid, window)
+            _, slow_rate, second = fit(series, grid, slow)
             if navigation.gaps:
                 rate[[0, -1]] = slow_rate[[0, -1]]
             times.append(grid)
             values.append(value)
             rates.append(rate)
             seconds.append(second)
-        from scipy.interpolate import CubicHermiteSpline
-
         self._time = np.concatenate(times)
         self._second = np.concatenate(seconds)
-        self._spline = CubicHermiteSpline(
-            self._time, np.concatenate(values), np.concatenate(rates), axis=0
-        )
-        self._rate = self._spline.derivative()
-
-    def value(self, time: Float) -> Float:
-        """Values, shape (m, columns)."""
-        return np.asarray(self._spline(time))
-
-    def rate(self, time: Float) -> Float:
-        """First derivatives, shape (m, columns)."""
-        return np.asarray(self._rate(time))
+        super().__init__(self._time, np.concatenate(values), np.concatenate(rates))
 
     def second(self, time: Float) -> Float:
         """Second derivatives of the slow fit, shape (m, columns)."""
@@ -102,7 +115,7 @@ def bridge_variance(time: Float, gaps: tuple[Span, ...], density: float) -> Floa
     return variance
 
 
-def _even(time: Float, values: Float) -> tuple[Float, Float]:
+def even(time: Float, values: Float) -> tuple[Float, Float]:
     """The same on an even grid."""
     grid = np.linspace(time[0], time[-1], time.size)
     step = grid[1] - grid[0]
@@ -113,7 +126,7 @@ def _even(time: Float, values: Float) -> tuple[Float, Float]:
     return grid, np.asarray(CubicSpline(time, values, axis=0)(grid))
 
 
-def _fit(values: Float, time: Float, window: float) -> tuple[Float, Float, Float]:
+def fit(values: Float, time: Float, window: float) -> tuple[Float, Float, Float]:
     """Value, first and second derivative of the polynomial fitted around each epoch."""
     step = (time[-1] - time[0]) / (time.size - 1)
     if window <= 2 * step:

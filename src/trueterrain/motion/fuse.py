@@ -63,9 +63,10 @@ class FusionSettings:
     order: int = 4
     "Order of their Butterworth filters."
 
-    way_window: float = 0.2
-    """Window in which east, north and yaw are smoothed [s]; some 2 s at a steady speed, which takes
-    the drift of navigation within it away."""
+    way_window: float | None = None
+    """Window in which east, north and yaw are smoothed [s]. By default rts smooths them as far as
+    the vehicle's own motion, found in the run, allows: over seconds at a steady speed; other
+    methods take 0.2 s."""
 
     accelerometer_delay: float = 0.0
     "Delay of the accelerometers' filter against aliases, besides their clock [s]."
@@ -121,7 +122,7 @@ class FusionSettings:
         for name in ("rate", "crossover", "way_window", "longest_gap", "bias_sd", "scale_sd",
                      "accelerometer_delay_sd"):  # fmt: skip
             value = getattr(self, name)
-            if not 0 < value < math.inf:
+            if value is not None and not 0 < value < math.inf:
                 message = f"{name} must be greater than 0, got {value}."
                 raise ValueError(message)
         if self.order < 1 or not self.crossover < 0.5 * self.rate:
