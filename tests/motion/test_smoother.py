@@ -1,12 +1,16 @@
 """The smoother against least squares over all states at once, which knows no recursion."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.stats import multivariate_normal
 
 from trueterrain.motion import _smoother
 from trueterrain.motion._smoother import Model, smooth
 
+SLOPE = 1e-6  # of differences of log likelihoods of some -100, over 2e-4: round-off
 ROUND_OFF = 1e-8  # of values near 1: the dense normal equations lose more digits than the filter
 
 
@@ -102,3 +106,48 @@ def test_pieces_do_not_matter(monkeypatch):
         assert (getattr(pieces, name) == getattr(whole, name)).all()
     # sums of pieces are added up in another order
     assert_allclose(pieces.surprise, whole.surprise, rtol=0, atol=1e-12)
+
+
+def log_likelihood(m, at, state, covariance):
+    """Of all measurements, whose joint covariance is written out."""
+    n, size = m.step.size + 1, state.size
+    means, joint = [state], np.zeros((n, n, size, size))
+    joint[0, 0] = covariance
+    for k in range(n - 1):
+        f, q = transition(m, k, size)
+        means.append(f @ means[-1] + np.concatenate([m.known[k], np.zeros(size - 6)]))
+        for j in range(k + 1):
+            joint[k + 1, j] = f @ joint[k, j]
+            joint[j, k + 1] = joint[k + 1, j].T
+        joint[k + 1, k + 1] = f @ joint[k, k] @ f.T + q
+    rows = np.zeros((at.size, 3, size))
+    rows[:, :, :3], rows[:, :, 3:6] = m.design, m.design * m.before[:, None, None]
+    rows[:, :, -3:] = np.eye(3)
+    seen = np.concatenate([h @ means[k] for h, k in zip(rows, at, strict=True)])
+    spread = np.block([[rows[i] @ joint[at[i], at[j]] @ rows[j].T for j in range(at.size)]
+                       for i in range(at.size)])  # fmt: skip
+    return multivariate_normal(seen, spread + np.diag(m.variance.ravel())).logpdf(
+        m.measured.ravel()
+    )
+
+
+def test_pull_is_the_derivative_of_the_likelihood():
+    m, at = model(n=30)
+    state, covariance = np.linspace(-1.0, 1.0, 11), np.diag(np.linspace(0.5, 2.0, 11))
+    pull = smooth(m, state, covariance, pulls=True).pull
+    assert smooth(m, state, covariance).pull.size == 0
+    for k, p in ((3, 0), (17, 1)):
+        ends = []
+        for change in (-1e-4, 1e-4):
+            walk = m.walk.copy()
+            walk[k, p] += change
+            ends.append(log_likelihood(replace(m, walk=walk), at, state, covariance))
+        slope = (ends[1] - ends[0]) / 2e-4 / m.step[k]
+        assert_allclose(0.5 * (pull[k, p, 0] - pull[k, p, 1]), slope, rtol=0, atol=SLOPE)
+    ends = []
+    for change in (-1e-4, 1e-4):
+        noise = m.drift_noise.copy()
+        noise[9, 2] += change
+        ends.append(log_likelihood(replace(m, drift_noise=noise), at, state, covariance))
+    slope = (ends[1] - ends[0]) / 2e-4
+    assert_allclose(0.5 * (pull[9, 4, 0] - pull[9, 4, 1]), slope, rtol=0, atol=SLOPE)

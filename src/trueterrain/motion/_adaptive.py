@@ -38,9 +38,11 @@ _DRIFT_TIME = np.array([25.0, 25.0, 60.0])  # [s] of correlation, at which the s
 _DRIFT_TIMES = 0.1, 1e5  # [s] that are believed
 
 # Two-sided densities of jerk along, across [m^2/s^5] and about the vertical axis [rad^2/s^5]: where
-# the search begins (a jerk of 5 m/s^3 that lasts 0.4 s), and the least, less than of any vehicle.
+# the search begins (a jerk of 5 m/s^3 that lasts 0.4 s); the least, less than that of any vehicle;
+# the most: full braking at once has 25 m^2/s^5, an epoch that is wrong much more.
 _BEGIN = np.array([10.0, 10.0, 1.0])
 _LEAST = np.array([1e-6, 1e-6, 1e-8])
+_MOST = np.array([100.0, 100.0, 10.0])
 _APART = 1.0  # [s] between the times at which an intensity is sought; linear between them
 _PRIOR = 1.0  # twice the negative power of the intensity in its prior
 _MEAN = 0.02  # [s] over which epochs are averaged for the search
@@ -57,7 +59,9 @@ _FIRST_ACCELERATION = np.array([5.0, 5.0, 2.0])  # [m/s^2, rad/s^2] that nothing
 class AdaptiveWay(Way):
     """East, north and yaw, smoothed as far as the motion of the vehicle allows.
 
-    Long gaps are bridged by the cubic through places and rates at both sides.
+    Long gaps are bridged by the cubic through places and rates at both sides. What is smooth is not
+    more certain: slow drift stays, and how slow it is only its quick part tells. So the standard
+    deviations of navigation are still those of its way.
 
     Parameters
     ----------
@@ -68,14 +72,12 @@ class AdaptiveWay(Way):
 
     Examples
     --------
-    >>> rng = np.random.default_rng(1)
     >>> time = np.arange(0.0, 20.0, 0.005)
-    >>> drift = np.cumsum(0.005 * np.sqrt(0.005) * rng.standard_normal(time.size))
     >>> pose = np.zeros((time.size, 6))
-    >>> pose[:, 0] = 10.0 * time + drift
+    >>> pose[:, 0] = 10.0 * time + 0.001 * np.random.default_rng(1).standard_normal(time.size)
     >>> navigation = NavigationInput(time=time, pose=pose, sd=pose, step=0.005, gaps=(), dropped=0)
     >>> way = AdaptiveWay(navigation, np.full((time.size, 6), 0.02))
-    >>> bool(np.abs(way.rate(time)[:, 0] - 10.0).max() < 0.01)
+    >>> bool(np.abs(way.rate(time)[:, 0] - 10.0).max() < 1e-3)
     True
     """
 
@@ -86,12 +88,8 @@ class AdaptiveWay(Way):
             _smoothed(navigation.time[at], navigation.pose[at][:, _WAY], sd[at][:, _WAY], white)
             for at in parts
         ]
-        self._time, values, rates, self._variance = map(np.concatenate, zip(*found, strict=True))
-        super().__init__(self._time, values, rates)
-
-    def variance(self, time: Float) -> Float:
-        """Variances of the three, drift included but not what gaps add, shape (m, 3)."""
-        return np.stack([np.interp(time, self._time, one) for one in self._variance.T], axis=1)
+        time, values, rates = map(np.concatenate, zip(*found, strict=True))
+        super().__init__(time, values, rates)
 
 
 def _parts(navigation: NavigationInput) -> list[npt.NDArray[np.intp]]:
@@ -111,12 +109,12 @@ def _white(navigation: NavigationInput, parts: list[npt.NDArray[np.intp]]) -> Fl
     return np.asarray(np.maximum(white, _LEAST_WHITE))
 
 
-def _smoothed(time: Float, pose: Float, sd: Float, white: Float) -> tuple[Float, ...]:
-    """Times, values, rates and variances of one part."""
+def _smoothed(time: Float, pose: Float, sd: Float, white: Float) -> tuple[Float, Float, Float]:
+    """Times, values and rates of one part."""
     grid, series = even(time, pose)
     if time[-1] - time[0] < _APART:
         values, rates, _ = fit(series, grid, _WINDOWS[0])
-        return grid, values, rates, sd**2
+        return grid, values, rates
     slow, rate, _ = fit(series, grid, _WINDOWS[1])
     epochs = _Epochs(
         time=time, pose=pose - pose[0], variance=np.tile(white**2, (time.size, 1)),
@@ -124,8 +122,7 @@ def _smoothed(time: Float, pose: Float, sd: Float, white: Float) -> tuple[Float,
         rate=rate[0],
     )  # fmt: skip
     knots, found = _filtered(epochs, _most_likely(_means(epochs)))
-    variance = np.maximum(np.einsum("nii->ni", found.covariance), 0.0)
-    return knots, found.mean[:, :3] + pose[0], found.mean[:, 3:6], variance
+    return knots, found.mean[:, :3] + pose[0], found.mean[:, 3:6]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -218,7 +215,7 @@ def _most_likely(epochs: _Epochs) -> _Motion:
         drift[:, :2] = drift[:, :2].sum(axis=1, keepdims=True)  # of east and north alike
         faster = np.maximum(drift[0] / drift[1], 1e-3)  # nothing pulls at what is the same always
         motion = replace(
-            motion, jerk=np.maximum(motion.jerk * ratio, _LEAST),
+            motion, jerk=np.clip(motion.jerk * ratio, _LEAST, _MOST),
             drift_time=np.clip(motion.drift_time / faster, *_DRIFT_TIMES),
         )  # fmt: skip
     return motion
@@ -237,7 +234,8 @@ def _filtered(epochs: _Epochs, motion: _Motion, *, pulls: bool = False) -> tuple
     turn[:, 0, 1] = -turn[:, 1, 0]
     turn[:, 2, 2] = 1.0
     sd = np.stack([np.interp(knots, epochs.time, one) for one in epochs.drift_sd.T], axis=1)
-    decay = np.minimum(np.exp(-step[:, None] / motion.drift_time), sd[1:] / sd[:-1])
+    # where navigation becomes better, an error that came with the worse is gone, the rest stays
+    decay = np.exp(-step[:, None] / motion.drift_time) * np.minimum(sd[1:] / sd[:-1], 1.0) ** 2
     model = Model(
         step=step,
         known=np.zeros((step.size, 6)),

@@ -342,15 +342,11 @@ def _finished(
     edge: tuple[float, float],
     problems: list[str],
 ) -> FusedMotion:
-    way = parts.way
-    if isinstance(way, AdaptiveWay):
-        variance = way.variance(time)
-    else:
-        variance = _at(time, parts.navigation.time, parts.sd[:, _WAY] ** 2)
+    variance = _at(time, parts.navigation.time, parts.sd[:, _WAY] ** 2)
     variance += _bridge(parts, time, _WAY)
     every = (*(("navigation", *gap) for gap in parts.navigation.gaps), *gaps)
     spans = tuple((begin, end) for _, begin, end in every)
-    trajectory = trajectory_of(time, found, middle, way, variance, spans, edge)
+    trajectory = trajectory_of(time, found, middle, parts.way, variance, spans, edge)
     return FusedMotion(
         trajectory=trajectory, method="navigation", noise=None, crossover=None, drift=None,
         bias=None, delay=None, surprise=None, gaps=every, problems=tuple(problems),
