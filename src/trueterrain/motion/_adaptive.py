@@ -13,8 +13,8 @@ measurements pull at what it lets move as hard as they do by chance. Most second
 then need next to no jerk, and are smoothed over long times; where the vehicle brakes, turns or
 sways, the smoother follows.
 
-Densities q of jerk have the prior 1 / sqrt(q), between that of an unknown amount (constant) and
-that of an unknown scale (1 / q): without it, chance gives half of all quiet seconds some jerk.
+Densities q of jerk have the prior 1 / q of an unknown scale (Jeffreys): each power of ten is as
+likely as the next. Without it, chance gives half of all quiet seconds some jerk.
 
 Sources: MacKay (1992), "Bayesian interpolation", for the iteration; Zhou et al. (2019), "MM
 algorithms for variance components models", for its slower form that never goes down.
@@ -43,8 +43,8 @@ _DRIFT_TIMES = 0.1, 1e5  # [s] that are believed
 _BEGIN = np.array([10.0, 10.0, 1.0])
 _LEAST = np.array([1e-6, 1e-6, 1e-8])
 _MOST = np.array([100.0, 100.0, 10.0])
-_APART = 1.0  # [s] between the times at which an intensity is sought; linear between them
-_PRIOR = 1.0  # twice the negative power of the intensity in its prior
+_APART = 1.0  # [s] from each density that is sought to the next; between them they are linear
+_FEWEST = 9.5  # epochs within that time, without which nothing is known of quick motion
 _MEAN = 0.02  # [s] over which epochs are averaged for the search
 _STEP = 0.05  # [s] longest from knot to knot
 _ROUNDS = 15  # of the search, after which nothing changes that matters
@@ -59,9 +59,11 @@ _FIRST_ACCELERATION = np.array([5.0, 5.0, 2.0])  # [m/s^2, rad/s^2] that nothing
 class AdaptiveWay(Way):
     """East, north and yaw, smoothed as far as the motion of the vehicle allows.
 
-    Long gaps are bridged by the cubic through places and rates at both sides. What is smooth is not
-    more certain: slow drift stays, and how slow it is only its quick part tells. So the standard
-    deviations of navigation are still those of its way.
+    Long gaps are bridged by the cubic through places and rates at both sides. Parts of less than a
+    second, and navigation of less than 10 Hz, are smoothed in a window of 0.2 s.
+
+    What is smooth is not more certain: slow drift stays, and how slow it is only its quick part
+    tells. So the standard deviations of navigation are still those of its way.
 
     Parameters
     ----------
@@ -112,7 +114,7 @@ def _white(navigation: NavigationInput, parts: list[npt.NDArray[np.intp]]) -> Fl
 def _smoothed(time: Float, pose: Float, sd: Float, white: Float) -> tuple[Float, Float, Float]:
     """Times, values and rates of one part."""
     grid, series = even(time, pose)
-    if time[-1] - time[0] < _APART:
+    if time[-1] - time[0] < _APART or _FEWEST * np.median(np.diff(time)) > _APART:
         values, rates, _ = fit(series, grid, _WINDOWS[0])
         return grid, values, rates
     slow, rate, _ = fit(series, grid, _WINDOWS[1])
@@ -202,14 +204,14 @@ def _means(epochs: _Epochs) -> _Epochs:
 def _most_likely(epochs: _Epochs) -> _Motion:
     """Intensities for which a part is most likely."""
     begin, end = epochs.time[[0, -1]]
-    time = np.linspace(begin, end, max(round((end - begin) / _APART), 1) + 1)
+    time = np.linspace(begin, end, max(int((end - begin) / _APART), 1) + 1)
     motion = _Motion(time=time, jerk=np.tile(_BEGIN, (time.size, 1)), drift_time=_DRIFT_TIME)
     for _ in range(_ROUNDS):
         knots, found = _filtered(epochs, motion, pulls=True)
         length = np.diff(knots)[:, None]
         middle = 0.5 * (knots[1:] + knots[:-1])
         pull, chance = found.pull[:, :, 0] * length, found.pull[:, :, 1] * length
-        prior = _PRIOR / (motion.jerk + _LEAST)
+        prior = 2.0 / (motion.jerk + _LEAST)  # twice the derivative of its logarithm
         ratio = motion.sums(middle, pull[:, :3]) / (motion.sums(middle, chance[:, :3]) + prior)
         drift = np.stack([pull[:, 3:].sum(axis=0), chance[:, 3:].sum(axis=0)])
         drift[:, :2] = drift[:, :2].sum(axis=1, keepdims=True)  # of east and north alike

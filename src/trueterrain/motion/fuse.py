@@ -12,10 +12,11 @@
                clock of the accelerometers, and the drift of navigation, as unknowns
 =============  ===================================================================================
 
-East, north and yaw come from navigation, smoothed without delay. An accelerometer that reads along
-z of the body feels gravity, centripetal and braking terms too; all are taken into account (see
-`trueterrain.motion._heave`). Three that are not in line tell height, roll and pitch, fewer the
-height alone.
+East, north and yaw come from navigation, smoothed without delay: by rts as far as the vehicle's own
+motion allows (see `trueterrain.motion._adaptive`), else in a fixed window. An accelerometer that
+reads along z of the body feels gravity, centripetal and braking terms too; all are taken into
+account (see `trueterrain.motion._heave`). Three that are not in line tell height, roll and pitch,
+fewer the height alone.
 
 Sources: H. Smith III (2009) section 2.3; Smyth and Wu (2007), Karamihas (2021) for the multi-rate
 filter with smoothing; Bierman (1973) for the form of the smoother.
