@@ -120,8 +120,8 @@ def _smoothed(time: Float, pose: Float, sd: Float, white: Float) -> tuple[Float,
     slow, rate, _ = fit(series, grid, _WINDOWS[1])
     epochs = _Epochs(
         time=time, pose=pose - pose[0], variance=np.tile(white**2, (time.size, 1)),
-        drift_sd=np.sqrt(np.maximum(sd**2 - white**2, (0.1 * white) ** 2)), heading=slow[:, 2],
-        rate=rate[0],
+        drift_sd=np.sqrt(np.maximum(np.median(sd, axis=0) ** 2 - white**2, (0.1 * white) ** 2)),
+        heading=slow[:, 2], rate=rate[0],
     )  # fmt: skip
     knots, found = _filtered(epochs, _most_likely(_means(epochs)))
     return knots, found.mean[:, :3] + pose[0], found.mean[:, 3:6]
@@ -141,7 +141,8 @@ class _Epochs:
     "Of their white noise, shape (m, 3)."
 
     drift_sd: Float
-    "Standard deviation of their drift, shape (m, 3)."
+    """Standard deviation of their drift, shape (3,). It may change, when satellites are lost, but
+    not how the drift wanders within seconds, which inertial sensors keep."""
 
     heading: Float
     "Roughly, shape (m,) [rad]."
@@ -196,8 +197,8 @@ def _means(epochs: _Epochs) -> _Epochs:
         return np.asarray((np.add.reduceat(values, starts).T / count).T, dtype=float)
 
     return replace(
-        epochs, time=mean(epochs.time), pose=mean(epochs.pose), drift_sd=mean(epochs.drift_sd),
-        variance=(mean(epochs.variance).T / count).T, heading=mean(epochs.heading),
+        epochs, time=mean(epochs.time), pose=mean(epochs.pose), heading=mean(epochs.heading),
+        variance=(mean(epochs.variance).T / count).T,
     )  # fmt: skip
 
 
@@ -235,9 +236,8 @@ def _filtered(epochs: _Epochs, motion: _Motion, *, pulls: bool = False) -> tuple
     turn[:, 1, 0] = np.sin(heading)
     turn[:, 0, 1] = -turn[:, 1, 0]
     turn[:, 2, 2] = 1.0
-    sd = np.stack([np.interp(knots, epochs.time, one) for one in epochs.drift_sd.T], axis=1)
-    # where navigation becomes better, an error that came with the worse is gone, the rest stays
-    decay = np.exp(-step[:, None] / motion.drift_time) * np.minimum(sd[1:] / sd[:-1], 1.0) ** 2
+    sd = epochs.drift_sd
+    decay = np.exp(-step[:, None] / motion.drift_time)
     model = Model(
         step=step,
         known=np.zeros((step.size, 6)),
@@ -246,15 +246,15 @@ def _filtered(epochs: _Epochs, motion: _Motion, *, pulls: bool = False) -> tuple
         noise=np.zeros((step.size, 3, 3)),
         walk=motion.at(middle),
         decay=decay,
-        drift_noise=np.maximum(sd[1:] ** 2 - (decay * sd[:-1]) ** 2, 0.0),
+        drift_noise=sd**2 * (1.0 - decay**2),
         seen=seen,
         before=np.zeros(epochs.time.size),
         measured=epochs.pose,
         design=np.tile(np.eye(3), (epochs.time.size, 1, 1)),
         variance=epochs.variance,
     )
-    first = np.hypot(sd[0], np.sqrt(epochs.variance[0]))
-    spread = np.concatenate([_FIRST * first, _FIRST_RATE, _FIRST_ACCELERATION, sd[0]])
+    first = np.hypot(sd, np.sqrt(epochs.variance[0]))
+    spread = np.concatenate([_FIRST * first, _FIRST_RATE, _FIRST_ACCELERATION, sd])
     state = np.zeros(spread.size)
     state[:3], state[3:6] = epochs.pose[0], epochs.rate
     return knots, smooth(model, state, np.diag(spread**2), pulls=pulls)
