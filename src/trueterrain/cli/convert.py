@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from trueterrain.cli._console import note, progress_bar
+from trueterrain.cli._lost import note_lost
 from trueterrain.cli._recordings import refuse_recording
 from trueterrain.errors import concerning
 
@@ -101,7 +102,7 @@ def convert(
         missing = int(data.height.size) - points.sizes["point"]
         without = f", {missing:,} nodes without height left out" if missing else ""
         note(f"{output}: {points.sizes['point']:,} points{without}")
-        _note_lost(points, output)
+        note_lost(points, output)
 
 
 def _convert_points(
@@ -114,7 +115,7 @@ def _convert_points(
         write(iter(counted))
     note(f"{output}: {counted.points:,} points")
     if counted.last is not None:
-        _note_lost(counted.last, output)
+        note_lost(counted.last, output)
 
 
 def _convert_profile(profile: "xr.Dataset", output: Path, write: Callable[[Any], Any]) -> None:
@@ -123,7 +124,7 @@ def _convert_profile(profile: "xr.Dataset", output: Path, write: Callable[[Any],
     several = f" of {tracks} tracks" if tracks > 1 else ""
     s = profile.s.values
     note(f"{output}: {s.size:,} samples{several} from {s[0]:g} to {s[-1]:g} m")
-    _note_lost(profile, output)
+    note_lost(profile, output)
 
 
 def _resampled(profile: "xr.Dataset", spacing: float, source: Path) -> "xr.Dataset":
@@ -150,7 +151,7 @@ def _convert_surface(surface: "xr.Dataset", output: Path, write: Callable[[Any],
     if filled:
         text += f"; nodes filled between heights, as the format allows no holes: {filled:,}"
     note(text)
-    _note_lost(surface, output)
+    note_lost(surface, output)
 
 
 class _Counted:
@@ -210,16 +211,3 @@ def _options(ending: str, units: str | None, scale: float | None) -> dict[str, A
             raise ValueError(message)
         options["scale"] = scale
     return options
-
-
-def _note_lost(data: "xr.Dataset", output: Path) -> None:
-    """Say what the format of the output cannot hold."""
-    kept = {
-        ".erd": ("height",),
-        ".crg": ("height", "easting", "northing", "heading", "elevation", "banking", "filled"),
-    }.get(output.suffix.lower())
-    lost = [str(name) for name in data.data_vars if kept is not None and name not in kept]
-    if data.attrs.get("crs") and output.suffix.lower() in (".csv", ".erd"):
-        lost.append("CRS")
-    if lost:
-        note(f"{output}: not kept, since the format cannot hold it: {', '.join(lost)}")

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from trueterrain.cli._console import compiling_noted, note
+from trueterrain.cli._lost import note_lost
 from trueterrain.cli._numbers import WHOLE
 from trueterrain.cli._profiles import read_profile, warn
 from trueterrain.errors import concerning
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
     from trueterrain.roughness import Filter
 
 Kind = Literal["butterworth", "moving-average", "250mm"]
-
-_POSITIONS = ("easting", "northing", "heading")  # which ERD cannot hold
 
 
 def filter(  # noqa: A001 - the name of the command
@@ -147,9 +146,4 @@ def _note_lost(profile: "xr.Dataset", result: "xr.Dataset", output: Path) -> Non
     of_heights = [str(name) for name in profile.data_vars if name not in result]
     if of_heights:
         note(f"{output}: not kept, since the heights are others now: {', '.join(of_heights)}")
-    ending = output.suffix.lower()
-    lost = [name for name in _POSITIONS if name in result and ending == ".erd"]
-    if result.attrs.get("crs") and ending in (".erd", ".csv"):
-        lost.append("CRS")
-    if lost:
-        note(f"{output}: not kept, since the format cannot hold it: {', '.join(lost)}")
+    note_lost(result, output)

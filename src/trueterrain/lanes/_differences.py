@@ -2,10 +2,9 @@
 
 from dataclasses import dataclass
 
-import numpy as np
 import numpy.typing as npt
 
-from trueterrain.engine.robust import nmad
+from trueterrain.surface.difference import HeightDifferences
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,18 +42,8 @@ class Agreement:
 
         Examples
         --------
-        >>> Agreement.of([0.001, 0.003, 0.002, np.nan])
+        >>> Agreement.of([0.001, 0.003, 0.002, float("nan")])
         Agreement(n=3, median=0.002, nmad=0.0014826, rmse=0.0021602, p95=0.0029)
         """
-        d = np.ravel(np.asarray(differences, dtype=float))
-        d = d[np.isfinite(d)]
-        if not d.size:
-            return cls(n=0, median=np.nan, nmad=np.nan, rmse=np.nan, p95=np.nan)
-        median = float(np.median(d))
-        return cls(
-            n=d.size,
-            median=median,
-            nmad=nmad(d),
-            rmse=float(np.sqrt(np.mean(d**2))),
-            p95=float(np.quantile(np.abs(d), 0.95)),
-        )
+        found = HeightDifferences.of(differences)
+        return cls(n=found.n, median=found.median, nmad=found.nmad, rmse=found.rms, p95=found.p95)

@@ -36,7 +36,7 @@ from trueterrain.surface.holes import fill_holes
 from trueterrain.surface.runs import Pass, grid_runs
 from trueterrain.surface.summary import summarise
 from trueterrain.survey._settings import ProfileSettings, RunSettings, Survey, lane_name
-from trueterrain.verify.truth import TrueHeight, ground_errors
+from trueterrain.verify.truth import TrueHeight, statistics_of
 
 _PARALLEL = 1.01  # by which one wheel path may be longer than the other
 _VIEWED = 0.05  # [m] spacing of the coarse surface that is kept to look at and to compare
@@ -369,7 +369,7 @@ def _against(
         if wanted.name in index
     }
     return {
-        "surface": ground_errors(surface, truth),
+        "surface": statistics_of(surface["height"].values - true),
         "iri": {name: float(value) for name, value in rated.items()},
     }
 

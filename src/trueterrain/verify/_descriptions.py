@@ -20,6 +20,9 @@ _PLATE = "plate.csv"
 class Stated:
     """What a certificate states of a test."""
 
+    kind: ClassVar[str]
+    "Name of the test."
+
     title: str = ""
     "Title of the certificate."
 

@@ -164,16 +164,43 @@ def ground_errors(surface: xr.Dataset, truth: TrueHeight) -> dict[str, Any]:
         )
         error = height[rows].values - truth(easting, northing)
         found.append(error[np.isfinite(error)])
-    errors = np.concatenate(found)
-    if not errors.size:
+    return statistics_of(np.concatenate(found))
+
+
+def statistics_of(errors: npt.ArrayLike) -> dict[str, Any]:
+    """Statistics of errors of heights, as `ground_errors` gives them.
+
+    Parameters
+    ----------
+    errors : array_like
+        Errors [m]; such as are not finite do not count.
+
+    Returns
+    -------
+    dict
+        See `ground_errors`.
+
+    Raises
+    ------
+    CoverageError
+        If there are none.
+
+    Examples
+    --------
+    >>> statistics_of([0.001, 0.002, 0.003, np.nan])["nodes"]
+    3
+    """
+    every = np.ravel(np.asarray(errors, dtype=np.float64))
+    known = every[np.isfinite(every)]
+    if not known.size:
         raise CoverageError("the true ground covers no node of the surface")
-    median = float(np.median(errors))
-    apart = np.abs(errors - median)
+    median = float(np.median(known))
+    apart = np.abs(known - median)
     return {
-        "nodes": int(errors.size),
+        "nodes": int(known.size),
         "median": median,
-        "rms": float(np.sqrt(np.mean(errors**2))),
-        "rms_about_median": float(np.sqrt(np.mean((errors - median) ** 2))),
+        "rms": float(np.sqrt(np.mean(known**2))),
+        "rms_about_median": float(np.sqrt(np.mean((known - median) ** 2))),
         "nmad": MAD_TO_SD * float(np.median(apart)),
         "p95": float(np.percentile(apart, 95)),
     }
