@@ -1,5 +1,7 @@
 """What a run holds, and what is wrong with it."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -7,11 +9,12 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.errors import TrueTerrainError
+from trueterrain.errors import SchemaError, TrueTerrainError
+from trueterrain.formats._zarr import damaged_chunks, stored_arrays
 from trueterrain.formats.navigation._records import IntervalTally
 from trueterrain.formats.run._open import open_tree, scan_blocks
 from trueterrain.formats.run._rules import group_of, row_blocks, rules_of, span_of
-from trueterrain.formats.run._schema import QUANTUM
+from trueterrain.formats.run._schema import QUANTUM, Mounting
 
 Floats = npt.NDArray[np.float64]
 
@@ -59,20 +62,25 @@ def describe(path: str | Path) -> dict[str, Any]:
     doubts: list[str] = []
     for name, dim in _TIMED.items():
         if _is_timed(tree, name, dim):
-            group = group_of(tree, name)
-            summary[name], found = _timing(group, name, dim)
-            doubts += found
+            with _noted(problems):
+                summary[name], found = _timing(group_of(tree, name), name, dim)
+                doubts += found
     if "scans" in summary:
-        doubts += _describe_scans(tree, summary, problems)
+        with _noted(problems):
+            doubts += _describe_scans(tree, summary)
     if "navigation" in summary:
-        doubts += _describe_way(tree, summary)
+        with _noted(problems):
+            doubts += _describe_way(tree, summary)
     if "accelerometers" in summary:
         summary["accelerometers"]["sensors"] = tree.children["accelerometers"].sizes.get(
             "sensor", 0
         )
     summary["clock_order"] = _clock_order(tree, summary)
     summary["truth"] = sorted(tree.children["truth"].children) if "truth" in tree.children else []
-    summary["problems"] = [*problems, *doubts]
+    # all else has been read by now
+    arrays = stored_arrays(path)
+    problems += damaged_chunks(arrays[name] for name in arrays if name.startswith("truth/"))
+    summary["problems"] = list(dict.fromkeys([*problems, *doubts]))
     return summary
 
 
@@ -92,22 +100,30 @@ def problems_of(tree: xr.DataTree, path: str | Path | None = None) -> list[str]:
         Messages as those of `check_run`, without the name of the file; a wrong layout hides what
         comes after it.
     """
-    found = []
+    found: list[str] = []
     for index, rule in enumerate(rules_of(tree, path)):
-        try:
+        with _noted(found):
             rule()
-        except TrueTerrainError as error:
-            cure = f". {error.cure}" if error.cure else ""
-            found.append(f"{error.place}: {error.problem}{cure}" if error.place else error.problem)
-            if index == 0:
-                break
+        if index == 0 and found:
+            break
     return found
+
+
+@contextmanager
+def _noted(problems: list[str]) -> Iterator[None]:
+    """Keep what is wrong with the data as a problem, and go on."""
+    try:
+        yield
+    except TrueTerrainError as error:
+        cure = f". {error.cure}" if error.cure else ""
+        problems.append(f"{error.place}: {error.problem}{cure}" if error.place else error.problem)
 
 
 def _is_timed(tree: xr.DataTree, name: str, dim: str) -> bool:
     if name not in tree.children or "time" not in group_of(tree, name):
         return False
-    return group_of(tree, name)["time"].dims == (dim,)
+    time = group_of(tree, name)["time"]
+    return time.dims == (dim,) and time.dtype.kind == "f"
 
 
 def _timing(group: xr.Dataset, name: str, dim: str) -> tuple[dict[str, Any], list[str]]:
@@ -123,7 +139,7 @@ def _timing(group: xr.Dataset, name: str, dim: str) -> tuple[dict[str, Any], lis
     return summary, doubts
 
 
-def _describe_scans(tree: xr.DataTree, summary: dict[str, Any], problems: list[str]) -> list[str]:
+def _describe_scans(tree: xr.DataTree, summary: dict[str, Any]) -> list[str]:
     scans, group = summary["scans"], group_of(tree, "scans")
     if "range" not in group or group["range"].dims != ("scan", "beam"):
         return []
@@ -131,18 +147,14 @@ def _describe_scans(tree: xr.DataTree, summary: dict[str, Any], problems: list[s
     if "angle" in group and group["angle"].size:
         scans["angle"] = [float(group["angle"].values.min()), float(group["angle"].values.max())]
     returns, empty, low, high = 0, 0, np.inf, -np.inf
-    try:
-        for block in scan_blocks(tree):
-            ranges = block["range"].values
-            is_return = np.isfinite(ranges)
-            per_scan = np.count_nonzero(is_return, axis=1)
-            returns += int(per_scan.sum())
-            empty += int(np.count_nonzero(per_scan == 0))
-            low = min(low, float(np.min(ranges, where=is_return, initial=np.inf)))
-            high = max(high, float(np.max(ranges, where=is_return, initial=-np.inf)))
-    except TrueTerrainError as error:
-        problems.append(str(error).rstrip("."))
-        return []
+    for block in scan_blocks(tree):
+        ranges = block["range"].values
+        is_return = np.isfinite(ranges)
+        per_scan = np.count_nonzero(is_return, axis=1)
+        returns += int(per_scan.sum())
+        empty += int(np.count_nonzero(per_scan == 0))
+        low = min(low, float(np.min(ranges, where=is_return, initial=np.inf)))
+        high = max(high, float(np.max(ranges, where=is_return, initial=-np.inf)))
     total = scans["count"] * scans["beams"]
     scans |= {
         "returns": returns,
@@ -203,12 +215,13 @@ def _steps(before: Floats, rows: Floats) -> tuple[float, float]:
 
 
 def _clock_order(tree: xr.DataTree, summary: dict[str, Any]) -> dict[str, list[list[Any]]]:
-    mounting = tree.attrs.get("mounting")
-    mounting = mounting if isinstance(mounting, dict) else {}
+    mounting = Mounting()
+    with suppress(SchemaError):  # which is among the problems
+        mounting = Mounting.from_attrs(tree.attrs.get("mounting"))
     spans = {}
     for name, dim in _TIMED.items():
         if name in summary and summary[name]["count"]:
-            clock = mounting.get(_CLOCKS.get(name, ""), 0.0)
+            clock = getattr(mounting, _CLOCKS.get(name, ""), 0.0)
             start, end = span_of(group_of(tree, name), dim)
             spans[name] = (start + clock, end + clock)
     return {

@@ -4,8 +4,17 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import xarray as xr
+from xarray.core import indexing
 
 from trueterrain.errors import FormatError
+from trueterrain.formats._zarr import (
+    ARRAYS,
+    damaged,
+    group_attrs,
+    group_names,
+    require_whole,
+    stored_arrays,
+)
 from trueterrain.formats.run._rules import check_layout, group_of
 
 #: Scans in a block, unless told otherwise.
@@ -15,8 +24,8 @@ BLOCK = 2000
 def open_run(path: str | Path) -> xr.DataTree:
     """Run from a store; values are read when they are asked for, chunk by chunk.
 
-    Attributes, groups, variables, dimensions and units are checked, values are not: see
-    `check_run`.
+    Attributes, groups, variables, dimensions and units are checked, and whether every chunk is
+    there; values are not: see `check_run`. A chunk that is damaged is an error when it is read.
 
     Parameters
     ----------
@@ -32,15 +41,15 @@ def open_run(path: str | Path) -> xr.DataTree:
     Raises
     ------
     FormatError
-        If it is no Zarr store, or damaged.
+        If it is no Zarr store, or damaged, naming the array that lacks chunks.
     SchemaError
         If it is no run.
     """
-    return check_layout(open_tree(path), path)
+    return check_layout(open_tree(path, whole=True), path)
 
 
-def open_tree(path: str | Path) -> xr.DataTree:
-    """Tree from a store, unchecked."""
+def open_tree(path: str | Path, *, whole: bool = False) -> xr.DataTree:
+    """Tree from a store whose arrays fit each other, and are whole if so asked; perhaps no run."""
     path = Path(path)
     if not path.exists():
         message = f"there is no run {path}"
@@ -50,19 +59,23 @@ def open_tree(path: str | Path) -> xr.DataTree:
             "is no Zarr 3 store: it holds no zarr.json", path=path,
             cure="Name the folder NAME.zarr of a run, or copy the whole folder again.",
         )  # fmt: skip
-    try:
-        tree = xr.open_datatree(
-            path,
-            engine="zarr",
-            chunks=None,
-            cache=False,
-            consolidated=False,
-            decode_times=False,
-            decode_timedelta=False,
-        )
-    except (ValueError, KeyError, OSError, TypeError) as error:
-        raise _damaged(path, error) from None
-    return tree
+    groups = {name: xr.Dataset(attrs=group_attrs(path, name)) for name in group_names(path)}
+    variables: dict[str, dict[str, xr.Variable]] = {name: {} for name in groups}
+    arrays = stored_arrays(path)
+    if whole:
+        require_whole(path, arrays)
+    groups[""].attrs.pop(ARRAYS, None)
+    for name, array in arrays.items():
+        group, _, short = name.rpartition("/")
+        lazy = indexing.LazilyIndexedArray(array)
+        variables[group][short] = xr.Variable(array.dims, lazy, array.attrs)
+    for name, attrs in groups.items():
+        try:
+            data = xr.Dataset(variables[name], attrs=attrs.attrs)
+            groups[name] = xr.decode_cf(data, decode_times=False, decode_timedelta=False)
+        except (ValueError, TypeError) as error:
+            raise damaged(path, f"group {name}", error) from None
+    return xr.DataTree.from_dict({name or "/": data for name, data in groups.items()})
 
 
 def scan_blocks(run: xr.DataTree | str | Path, size: int = BLOCK) -> Iterator[xr.Dataset]:
@@ -86,23 +99,13 @@ def scan_blocks(run: xr.DataTree | str | Path, size: int = BLOCK) -> Iterator[xr
     ValueError
         If `size` is less than 1.
     FormatError
-        If a chunk is damaged.
+        If a chunk is missing or damaged, naming array and chunk.
     """
     if size < 1:
         message = f"size must be at least 1 scan, got {size}."
         raise ValueError(message)
     tree = run if isinstance(run, xr.DataTree) else open_run(run)
     scans = group_of(tree, "scans")
-    source = None if isinstance(run, xr.DataTree) else run
     for start in range(0, scans.sizes["scan"], size):
-        try:
-            block = scans.isel(scan=slice(start, start + size)).load()
-        except (RuntimeError, ValueError, OSError) as error:
-            raise _damaged(source, error, place=f"scans from {start}") from None
+        block = scans.isel(scan=slice(start, start + size)).load()
         yield block.assign_attrs(first_scan=start)
-
-
-def _damaged(path: str | Path | None, error: Exception, *, place: str | None = None) -> FormatError:
-    return FormatError(
-        f"is damaged ({error})", path=path, place=place, cure="Copy the whole folder again."
-    )

@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.errors import FormatError, SchemaError
+from trueterrain.errors import SchemaError
+from trueterrain.formats._zarr import require_whole, stored_arrays
 from trueterrain.formats.navigation._frames import check_origin
 from trueterrain.formats.navigation._schema import (
     Clock,
@@ -99,7 +100,17 @@ def check_layout(tree: xr.DataTree, path: str | Path | None = None) -> xr.DataTr
     for name, schema in GROUPS.items():
         if name in tree.children:
             check_structure(group_of(tree, name), schema, path=path, place=name)
+            _check_types(group_of(tree, name), path, name)
     return tree
+
+
+def _check_types(data: xr.Dataset, path: str | Path | None, place: str) -> None:
+    for name, variable in data.variables.items():
+        if variable.dtype.kind not in ("fiu" if name == "intensity" else "f"):
+            raise SchemaError(
+                f"must hold floating-point numbers, got {variable.dtype}", path=path,
+                place=f"{place}, variable {name}", cure="Convert the values to float64.",
+            )  # fmt: skip
 
 
 def rules_of(tree: xr.DataTree, path: str | Path | None) -> Iterator[Callable[[], Any]]:
@@ -139,7 +150,7 @@ def check_attrs(tree: xr.DataTree, path: str | Path | None) -> None:
         )
     try:
         check_origin(attrs.get("origin", ()))
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise SchemaError(str(error), path=path, place="attribute origin") from None
     Mounting.from_attrs(attrs.get("mounting"), path=path)
 
@@ -163,21 +174,9 @@ def check_groups(tree: xr.DataTree, path: str | Path | None) -> None:
 
 
 def check_chunks(path: str | Path | None) -> None:
-    """No chunk of a store may be missing: it would read as no return, or NaN."""
-    if path is None or not Path(path).is_dir():
-        return
-    import zarr
-
-    root = zarr.open_group(Path(path), mode="r")
-    for name, array in sorted(root.members(max_depth=None)):
-        if isinstance(array, zarr.Array) and array.nchunks_initialized < array.nchunks:
-            lost = array.nchunks - array.nchunks_initialized
-            raise FormatError(
-                f"{lost} of {array.nchunks} chunks are missing",
-                path=path,
-                place=f"array {name}",
-                cure="Copy the whole folder again.",
-            )
+    """No array and no chunk of a store may be missing: other programs read zeros there."""
+    if path is not None and Path(path).is_dir():
+        require_whole(Path(path), stored_arrays(Path(path)))
 
 
 def check_scans(tree: xr.DataTree, path: str | Path | None) -> None:

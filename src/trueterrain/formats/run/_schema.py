@@ -137,5 +137,5 @@ class Mounting:
         }
         try:
             return cls(**plain)
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise SchemaError(str(error), path=path, place=place) from None

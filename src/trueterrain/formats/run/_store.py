@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import zarr
-from zarr.codecs import BloscCodec
 
 from trueterrain.errors import OutputError
+from trueterrain.formats._zarr import ARRAYS, fill_value, number_compressors
 from trueterrain.formats.run._schema import ROW_CHUNK
 
 _CHUNK_VALUES = 1_000_000  # values in a chunk of more than one dimension, at most
@@ -99,6 +99,7 @@ class GrowingStore:
     def __init__(self, path: Path, attrs: Mapping[str, Any]) -> None:
         self._root = zarr.create_group(path, zarr_format=3, attributes=dict(attrs))
         self._rows: dict[str, _Rows] = {}
+        self._needed: list[str] = []
 
     def names(self, group: str) -> set[str]:
         """Names of the growing arrays of a group."""
@@ -115,7 +116,7 @@ class GrowingStore:
     ) -> None:
         """Write an array at once."""
         chunk = max(1, min(values.shape[0], _rows_of(values.shape))) if values.ndim else 1
-        self._create(path, values.shape, chunk, values.dtype, dims, attrs, 0)[...] = values
+        self._create(path, values.shape, chunk, values.dtype, dims, attrs)[...] = values
 
     def grow(
         self,
@@ -125,7 +126,7 @@ class GrowingStore:
         attrs: Mapping[Any, Any],
         *,
         chunk: int | None = None,
-        fill: float = 0,
+        fill: float | None = None,
     ) -> None:
         """Make an array without rows, whose rows will be as those of `like`."""
         chunk = chunk or _rows_of(like.shape)
@@ -137,9 +138,10 @@ class GrowingStore:
         self._rows[path].append(rows)
 
     def close(self) -> None:
-        """Write the rows that still wait."""
+        """Write the rows that still wait, and list the arrays that were written."""
         for rows in self._rows.values():
             rows.close()
+        self._root.attrs[ARRAYS] = sorted(self._needed)
 
     def _create(
         self,
@@ -149,19 +151,21 @@ class GrowingStore:
         dtype: Any,
         dims: Sequence[Any],
         attrs: Mapping[Any, Any],
-        fill: float,
+        fill: float | None = None,
     ) -> zarr.Array[Any]:
         if np.dtype(dtype).kind not in "fiub":
             message = f"{path} must hold numbers, got {dtype}."
             raise ValueError(message)
+        if not path.startswith("truth/"):  # which may be taken away from a run
+            self._needed.append(path)
         chunks = (chunk, *(max(1, n) for n in shape[1:])) if shape else ()
         return self._root.create_array(
             path,
             shape=shape,
             chunks=chunks,
             dtype=dtype,
-            fill_value=np.dtype(dtype).type(fill),
-            compressors=[BloscCodec(cname="zstd", clevel=1, shuffle="bitshuffle")],
+            fill_value=fill_value(dtype) if fill is None else np.dtype(dtype).type(fill),
+            compressors=number_compressors(1, "bitshuffle"),
             dimension_names=[str(dim) for dim in dims],
             attributes=json.loads(json.dumps(dict(attrs), default=_plain)),
             chunk_key_encoding={"name": "default", "separator": "."},

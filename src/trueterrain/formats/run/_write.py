@@ -359,7 +359,7 @@ class RunWriter:
                 SCANS[name].dims,
                 attrs,
                 chunk=ROW_CHUNK if name == "time" else SCAN_CHUNK,
-                fill=attrs.get("_FillValue", 0),
+                fill=attrs.get("_FillValue"),
             )
 
     def _write_fixed(self, group: str, name: str, values: Array) -> None:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from trueterrain.formats._zarr import damaged_chunks
 from trueterrain.formats.store._layout import Stored, Values, opened
 from trueterrain.formats.store._read import read
 
@@ -12,7 +13,7 @@ _EVEN = 1e-6  # [m] within which steps are equal
 
 
 def describe(path: str | Path) -> dict[str, Any]:
-    """Summary of a store for ``trueterrain info``; of points and surfaces no values are read.
+    """Summary of a store for ``trueterrain info``; reads every chunk once to verify its checksum.
 
     Parameters
     ----------
@@ -30,16 +31,19 @@ def describe(path: str | Path) -> dict[str, Any]:
     Raises
     ------
     FormatError
-        If it is no such store, or arrays or chunks are missing.
+        If it is no such store, arrays or chunks are missing, or those are damaged without which
+        nothing can be said; other chunks that are damaged are among the problems.
     """
     stored = opened(path)
     summary: dict[str, Any] = {"format": "Zarr", "kind": stored.kind}
     files = (file for file in stored.path.rglob("*") if file.is_file())
     summary["bytes"] = sum(file.stat().st_size for file in files)
     summary["variables"] = [entry.name for entry in stored.entries if not entry.coordinate]
+    damage = damaged_chunks(stored.arrays.values())
     about = {"points": _points, "surface": _surface, "profile": _profile}[stored.kind]
     summary |= about(stored)
     summary["crs"] = str(stored.attrs.get("crs", ""))
+    summary["problems"] = damage + summary["problems"]
     summary["problems"] += [
         f"{name}: is no part of the store and is ignored" for name in stored.strange
     ]

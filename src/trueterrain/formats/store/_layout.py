@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +10,15 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 import zarr
-from zarr.codecs import BloscCodec, Crc32cCodec
 
 from trueterrain.errors import FormatError, SchemaError
+from trueterrain.formats._zarr import (
+    StoredArray,
+    damaged,
+    fill_value,
+    group_attrs,
+    number_compressors,
+)
 from trueterrain.formats.signature import kind_of_store
 from trueterrain.kinds import SCHEMA
 
@@ -25,10 +31,9 @@ SUMMARY = "summary"
 BOUNDS = f"{SUMMARY}/bounds"
 
 _TEXTS = "texts"  # attribute of an array of numbers that stand for texts
-_CURE = "Copy the whole folder again."
 
-# whatever the library raises over a store that is not as it was written
-ERRORS = (ValueError, KeyError, OSError, TypeError, RuntimeError, AttributeError, IndexError)
+# what a kind of data cannot be without
+_NEEDED = {"points": ("easting", "northing", "up"), "surface": ("height",), "profile": ("height",)}
 
 Values = npt.NDArray[Any]
 
@@ -45,6 +50,26 @@ class Entry:
 
 
 @dataclass(frozen=True, kw_only=True)
+class _PointStatistics:
+    count: int
+    extent: dict[str, tuple[float, float]]
+    time: tuple[float, float] | None
+    not_finite: int
+    lanes: dict[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _SurfaceStatistics:
+    extent: dict[str, tuple[float, float] | None]
+    missing: float
+
+
+_STATISTICS: dict[str, Any] = {
+    "points": _PointStatistics, "surface": _SurfaceStatistics, "profile": dict[str, Any],
+}  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
 class Stored:
     """A store that is open, and has been found to be whole."""
 
@@ -53,8 +78,8 @@ class Stored:
     attrs: dict[str, Any]
     entries: list[Entry]
     statistics: dict[str, Any]
-    arrays: dict[str, "zarr.Array[Any]"]
-    bounds: "zarr.Array[Any] | None"
+    arrays: dict[str, StoredArray]
+    bounds: StoredArray | None
     strange: list[str]
     "Names of arrays and groups that the summary does not know."
 
@@ -69,20 +94,13 @@ class Stored:
 
     def values(self, name: str, rows: slice = slice(None)) -> Values:
         """Values of an array, or rows of it."""
-        return self._values(self.arrays[name], f"array {name}", rows)
+        array = self.arrays[name]
+        return array.read(rows if array.shape else ...)
 
     def chunk_bounds(self) -> Values:
         """Bounds of each chunk of points, shape (chunk, 4) [m]."""
         assert self.bounds is not None
-        return self._values(self.bounds, f"array {BOUNDS}", slice(None))
-
-    def _values(self, array: "zarr.Array[Any]", place: str, rows: slice) -> Values:
-        try:
-            return np.asarray(array[rows] if array.ndim else array[...])
-        except ERRORS as error:
-            first, last, _ = rows.indices(array.shape[0] if array.ndim else 1)
-            where = f"{place}, rows {first} to {last - 1}"
-            raise damaged(self.path, where, _in_words(error)) from None
+        return self.bounds.read()
 
     def variable(self, entry: Entry, rows: slice = slice(None)) -> xr.Variable:
         """An array as it was before it was written."""
@@ -92,7 +110,7 @@ class Stored:
         if texts is not None:
             try:
                 values = np.array(texts, dtype=str)[values]
-            except (IndexError, ValueError):
+            except (IndexError, ValueError, TypeError):
                 raise damaged(self.path, f"array {entry.name}", "numbers without text") from None
         return xr.Variable(entry.dims, values, attrs)
 
@@ -133,9 +151,9 @@ def create_array(
         shape=shape,
         chunks=chunks,
         dtype=dtype,
-        fill_value=dtype.type(0),
+        fill_value=fill_value(dtype),
         # bytes of the same weight side by side: as quick as without, and half the size
-        compressors=[BloscCodec(cname="zstd", clevel=3, shuffle="shuffle"), Crc32cCodec()],
+        compressors=number_compressors(3, "shuffle"),
         dimension_names=[str(dim) for dim in dims],
         attributes=plain_attrs(attrs, f"variable {name}"),
         chunk_key_encoding={"name": "default", "separator": "."},
@@ -187,24 +205,14 @@ def opened(path: str | Path) -> Stored:
             "is a recorded run", path=path,
             cure="Open it with open_run, or grid it: `trueterrain grid`.",
         )  # fmt: skip
-    try:
-        root = zarr.open_group(path, mode="r")
-        attrs = dict(root.attrs)
-    except ERRORS as error:
-        raise damaged(path, "zarr.json", _in_words(error)) from None
+    attrs = group_attrs(path)
     if attrs.get("schema") != SCHEMA:
         raise FormatError(
             f"must be {SCHEMA}, got {attrs.get('schema')!r}", path=path, place="attribute schema",
             cure="If it is newer, update trueterrain.",
         )  # fmt: skip
-    try:
-        about = dict(root[SUMMARY].attrs)
-        entries = [Entry(**entry) for entry in about["variables"]]  # type: ignore[arg-type, union-attr]  # checked by TypeError
-        statistics = dict(about["statistics"])  # type: ignore[arg-type]  # so is this
-    except ERRORS as error:
-        raise damaged(path, f"group {SUMMARY}", _in_words(error)) from None
-    arrays = {entry.name: _array(root, entry.name, path, entry) for entry in entries}
-    known = {*arrays, SUMMARY}
+    entries, statistics = _summary(path, kind)
+    arrays = {entry.name: _array(path, entry) for entry in entries}
     return Stored(
         path=path,
         kind=kind,
@@ -212,47 +220,57 @@ def opened(path: str | Path) -> Stored:
         entries=entries,
         statistics=statistics,
         arrays=arrays,
-        bounds=_array(root, BOUNDS, path) if kind == "points" else None,
+        bounds=_bounds(path, arrays["easting"]) if kind == "points" else None,
         strange=sorted(part.name for part in path.iterdir() if part.is_dir()
-                       and part.name not in known),
+                       and part.name not in {*arrays, SUMMARY}),
     )  # fmt: skip
 
 
-def damaged(path: Path, place: str, how: str) -> FormatError:
-    """Error of a store that is not as it was written."""
-    return FormatError(f"is damaged ({how})", path=path, place=place, cure=_CURE)
+def _summary(path: Path, kind: str) -> tuple[list[Entry], dict[str, Any]]:
+    """What the summary says of the arrays, and its statistics."""
+    from pydantic import TypeAdapter, ValidationError
 
-
-def _array(
-    root: zarr.Group, name: str, path: Path, entry: Entry | None = None
-) -> "zarr.Array[Any]":
-    """Array of a store, whose chunks are all there."""
-    place = f"array {name}"
-    if not (path / name / "zarr.json").is_file():
-        raise FormatError("is missing", path=path, place=place, cure=_CURE)
+    place = f"group {SUMMARY}"
+    if not (path / SUMMARY / "zarr.json").is_file():
+        raise damaged(path, place, "it is missing")
+    about = group_attrs(path, SUMMARY)
     try:
-        array = root[name]
-        found = array.nchunks_initialized  # type: ignore[union-attr]  # a group has none: an error
-    except ERRORS as error:
-        raise damaged(path, place, _in_words(error)) from None
-    assert isinstance(array, zarr.Array)
-    if entry is not None:
-        names = getattr(array.metadata, "dimension_names", None) or ()
-        is_ = (list(names), list(array.shape), str(array.dtype))
-        was = (entry.dims, entry.shape, entry.dtype)
-        if is_ != was:
-            how = " instead of ".join(f"{d} {s} {t}" for d, s, t in (is_, was))
-            raise damaged(path, place, how)
-    if found < array.nchunks:
-        raise FormatError(
-            f"{array.nchunks - found} of {array.nchunks} chunks are missing", path=path,
-            place=place, cure=_CURE,
-        )  # fmt: skip
+        variables, statistics = (json.dumps(about.get(n)) for n in ("variables", "statistics"))
+        entries = TypeAdapter(list[Entry]).validate_json(variables, strict=True)
+        TypeAdapter(_STATISTICS[kind]).validate_json(statistics, strict=True)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise damaged(path, place, f"{where}: {first['msg']}") from None
+    names = [entry.name for entry in entries]
+    wrong = [name for name in _NEEDED[kind] if name not in names]
+    wrong += [name for name in names if names.count(name) > 1 or not name.isidentifier()]
+    if wrong:
+        raise damaged(path, place, f"array {wrong[0]!r} is not listed once")
+    return entries, dict(about["statistics"])
+
+
+def _array(path: Path, entry: Entry) -> StoredArray:
+    """Array of a store, as the summary describes it, whose chunks are all there."""
+    array = StoredArray(path, entry.name)
+    is_ = (list(array.dims), list(array.shape), str(array.dtype))
+    was = (entry.dims, entry.shape, entry.dtype)
+    if is_ != was:
+        how = " instead of ".join(f"{d} {s} {t}" for d, s, t in (is_, was))
+        raise damaged(path, f"array {entry.name}", how)
+    array.require_chunks()
     return array
 
 
-def _in_words(error: Exception) -> str:
-    return " ".join(str(error).split()).rstrip(".")[:120] or type(error).__name__
+def _bounds(path: Path, points: StoredArray) -> StoredArray:
+    """Bounds of the chunks of points."""
+    bounds = StoredArray(path, BOUNDS)
+    chunks = -(-points.shape[0] // CHUNK)
+    if bounds.shape != (chunks, 4):
+        how = f"shape {list(bounds.shape)} instead of {[chunks, 4]}"
+        raise damaged(path, f"array {BOUNDS}", how)
+    bounds.require_chunks()
+    return bounds
 
 
 def _plain(value: Any) -> Any:

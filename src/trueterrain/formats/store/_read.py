@@ -8,7 +8,8 @@ import numpy as np
 import xarray as xr
 
 from trueterrain.errors import CoverageError, FormatError, SchemaError
-from trueterrain.formats.store._layout import CHUNK, Stored, Values, damaged, opened, rows_of
+from trueterrain.formats._zarr import damaged
+from trueterrain.formats.store._layout import CHUNK, Stored, Values, opened, rows_of
 from trueterrain.kinds import check_points, check_profile, check_surface
 
 BLOCK = 1_000_000  # points
