@@ -1,10 +1,13 @@
 """What a file is, by its first bytes: an ending is only a claim."""
 
+import csv
 import json
 import re
+import stat
 import string
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 from trueterrain.errors import FormatError
 from trueterrain.formats.navigation._recognise import is_sbet, is_smrmsg
@@ -50,6 +53,12 @@ _COLUMN = re.compile(r"(s|height|easting|northing|up|x|y|z)(\W.*|_.*)?$")
 # what the attribute "kind" of our Zarr groups begins with, and what may follow
 _OURS = "trueterrain/"
 _STORED = ("points", "surface", "profile", "run")
+
+# what a path may lead to instead of a file
+_NO_FILES = {
+    stat.S_ISDIR: "a folder", stat.S_ISFIFO: "a pipe", stat.S_ISSOCK: "a socket",
+    stat.S_ISCHR: "a device", stat.S_ISBLK: "a device",
+}  # fmt: skip
 
 # formats that turn up beside ours and deserve to be called by their name
 _FOREIGN = {
@@ -104,7 +113,7 @@ def recognise(path: str | Path) -> Format:
     path = Path(path)
     if path.is_dir():
         return RUN if kind_of_store(path) == "run" else STORE
-    with path.open("rb") as stream:
+    with open_regular(path) as stream:
         start = stream.read(_SAMPLE)
     found = _binary(start) or _records(start, path.stat().st_size) or _text(start)
     if found is None:
@@ -116,6 +125,39 @@ def recognise(path: str | Path) -> Format:
             cure=_cure(start),
         )
     return found
+
+
+def open_regular(path: str | Path) -> BinaryIO:
+    """Open a file to read its bytes; pipes, sockets, devices and folders are refused.
+
+    Reading seeks, and a pipe would be waited for: for ever if nobody writes.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, or a link to it.
+
+    Returns
+    -------
+    file object
+        Open, at the first byte.
+
+    Raises
+    ------
+    FormatError
+        If it is anything else than a file.
+    FileNotFoundError
+        If there is nothing.
+    """
+    path = Path(path)
+    mode = path.stat().st_mode
+    if not stat.S_ISREG(mode):
+        kind = next((name for test, name in _NO_FILES.items() if test(mode)), "no file")
+        raise FormatError(
+            f"is {kind}, not a file", path=path,
+            cure="Name the files in it." if stat.S_ISDIR(mode) else "Write it to a file first.",
+        )  # fmt: skip
+    return path.open("rb")
 
 
 def kind_of_store(path: str | Path) -> str:
@@ -146,7 +188,7 @@ def kind_of_store(path: str | Path) -> str:
         raise _no_store(path)
     try:
         about = json.loads((path / "zarr.json").read_text(encoding="utf-8"))
-    except ValueError as error:  # no JSON, or no UTF-8
+    except (ValueError, RecursionError) as error:  # no JSON, or no UTF-8
         raise FormatError(
             f"is damaged ({error})", path=path, place="zarr.json",
             cure="Copy the whole folder again.",
@@ -244,6 +286,26 @@ def separator_of(line: str) -> str | None:
         if separator in line:
             return separator
     return None
+
+
+def split_fields(line: str, separator: str | None, path: str | Path) -> list[str]:
+    """Fields of a line of text; a field may be quoted.
+
+    Raises
+    ------
+    FormatError
+        If a field is longer than any number or name, or a quote is not closed.
+    """
+    if separator is None:
+        return line.split()
+    try:
+        rows = csv.reader([line.rstrip("\n")], delimiter=separator, skipinitialspace=True)
+        return next(rows)
+    except csv.Error as error:
+        raise FormatError(
+            f"cannot be split into fields ({error})", path=path,
+            place=f"line that begins with {line[:40]!r}", cure="Export it again as plain CSV.",
+        ) from None  # fmt: skip
 
 
 def _is_number(word: str) -> bool:

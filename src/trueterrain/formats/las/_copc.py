@@ -1,5 +1,6 @@
 """Parts of COPC files: only the nodes of the octree that touch what is asked for are read."""
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import numpy.typing as npt
 from laspy.copc import Bounds as Box
 from laspy.copc import CopcInfoVlr, CopcReader, load_octree_for_query
 
-from trueterrain.formats.las._open import Bounds, damage_named
+from trueterrain.formats.las._open import Bounds, Chunk, damage_named, read_chunk_table
 
 _LARGEST = 2**31 - 1  # of the integers that LAS keeps coordinates in
 
@@ -28,13 +29,21 @@ def query(path: Path, bounds: Bounds, size: int, selection: Any) -> Iterator[Any
     """
     with damage_named(path, "COPC header"):
         reader = CopcReader.open(path, decompression_selection=selection)
-    with reader:
+    with reader, damage_named(path, "COPC"):
         header = reader.header
+        _require_cube(reader)
+        held = set(read_chunk_table(path, header, reader.laszip_vlr))
         west, south, east, north = bounds
         low = _integers(header, np.array([west, south, -np.inf]), np.floor)
         high = _integers(header, np.array([east, north, np.inf]), np.ceil)
         with damage_named(path, "COPC hierarchy"):
             nodes = _nodes(reader, low, high, None)
+            for node in nodes:
+                # room is made for as many bytes and points as a node announces
+                chunk = Chunk(node.offset, node.byte_size, node.point_count)
+                if chunk not in held:
+                    message = f"{node.key} is no chunk of the file: {chunk}"
+                    raise ValueError(message)
         for level in sorted({node.key.level for node in nodes}):
             yield from _parts(reader, path, low, high, level, size)
 
@@ -83,13 +92,40 @@ def _nodes(
     reader: Any, low: npt.NDArray[np.int64], high: npt.NDArray[np.int64], level: int | None
 ) -> list[Any]:
     nodes = load_octree_for_query(
-        reader.source,
+        _Pages(reader.source),
         reader.copc_info,
         reader.root_page,
         query_bounds=_box(reader.header, low, high),
         level_range=None if level is None else range(level, level + 1),
     )
     return [node for node in nodes if node.point_count > 0]
+
+
+class _Pages:
+    """Source of the pages of the hierarchy, which may announce any size and lead to themselves."""
+
+    def __init__(self, source: Any) -> None:
+        self._source = source
+        self._left = source.seek(0, os.SEEK_END)
+
+    def seek(self, offset: int) -> None:
+        self._source.seek(offset)
+
+    def read(self, size: int) -> bytes:
+        if not 0 < size <= self._left:
+            message = f"a page of {size} bytes, where {self._left} can be"
+            raise ValueError(message)
+        self._left -= size
+        page: bytes = self._source.read(size)
+        return page
+
+
+def _require_cube(reader: Any) -> None:
+    """The cube of the octree must be one."""
+    info = reader.copc_info
+    if not (np.isfinite(info.center).all() and 0 < info.halfsize < np.inf):
+        message = f"a cube of {2 * info.halfsize} m around {info.center}"
+        raise ValueError(message)
 
 
 def _box(header: Any, low: npt.NDArray[np.int64], high: npt.NDArray[np.int64]) -> Any:

@@ -5,12 +5,16 @@ import os
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import accumulate
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 import laspy
+import lazrs
+import numpy as np
 
-from trueterrain.errors import FormatError
+from trueterrain.errors import FormatError, TrueTerrainError
+from trueterrain.formats.signature import open_regular
 
 # laspy logs what it raises as well; without a handler that ends up on stderr
 logging.getLogger("laspy").addHandler(logging.NullHandler())
@@ -23,9 +27,19 @@ _WITH_EVLRS = 4  # minor version from which on there are extended records
 _POINTER = 8  # [bytes] in front of compressed points: where the table of chunks begins
 _VERSION = 4  # [bytes] at the start of that table, in front of the count of chunks
 
-# what laspy and lazrs raise on damaged files; pyo3 panics are no Exception and handled by name
-_DAMAGE = (laspy.LaspyException, RuntimeError, ValueError, LookupError, OverflowError, EOFError,
-           MemoryError, AssertionError, TypeError)  # fmt: skip
+_ITEMS = struct.Struct("<12xI16xH")  # of the record of the compression: points in a chunk, items
+_ITEM = struct.Struct("<HH2x")  # kind and size
+_LAYERS = {10: 9, 11: 1, 12: 2, 13: 1}  # of the kinds of items that are compressed in layers
+_BYTES = 14  # kind of the extra bytes, which have a layer each
+_LARGEST_CHUNK = 1 << 20  # points for which there is room in any case
+
+
+class Chunk(NamedTuple):
+    """Compressed points as the table of chunks describes them."""
+
+    start: int
+    size: int  # [bytes]
+    points: int
 
 
 class _Record(NamedTuple):
@@ -55,7 +69,8 @@ def opened(path: str | Path, selection: Any = None) -> Iterator[Any]:
         if header.point_count and not header.are_points_compressed:
             _require_all_points(path, header, size)
         elif header.point_count:
-            _require_chunk_table(path, header, size)
+            read_chunk_table(path, header)
+        _require_scales(path, header)
         yield reader
 
 
@@ -64,9 +79,9 @@ def damage_named(path: Path, place: str) -> Iterator[None]:
     """Turn what laspy and lazrs raise on damaged files into a FormatError with a place."""
     try:
         yield
-    except FormatError:
+    except (TrueTerrainError, FileNotFoundError, PermissionError):
         raise
-    except _DAMAGE as error:
+    except Exception as error:  # of any kind, and pyo3 panics are not even that
         raise FormatError(
             f"cannot be read ({error})", path=path, place=place, cure=_EXPORT
         ) from None
@@ -99,7 +114,7 @@ def chunks(reader: Any, path: Path, size: int) -> Iterator[Any]:
 
 
 def _require_las(path: Path) -> int:
-    with path.open("rb") as stream:
+    with open_regular(path) as stream:
         start = stream.read(247)
         size = stream.seek(0, 2)
         if start[:4] != b"LASF":
@@ -159,35 +174,118 @@ def _require_all_points(path: Path, header: Any, size: int) -> None:
         )
 
 
-def _require_chunk_table(path: Path, header: Any, size: int) -> None:
-    if not header.vlrs.get("LasZipVlr"):
+def _require_scales(path: Path, header: Any) -> None:
+    for name, values in (("scales", header.scales), ("offsets", header.offsets)):
+        if not (np.isfinite(values).all() and (name == "offsets" or (values != 0).all())):
+            rule = "must be finite" + ("" if name == "offsets" else " and not 0")
+            found = ", ".join(f"{value:g}" for value in values)
+            raise FormatError(
+                f"{name} of the coordinates {rule}, got {found}", path=path, place="header",
+                cure=_EXPORT,
+            )  # fmt: skip
+
+
+def read_chunk_table(path: Path, header: Any, record: Any = None) -> list[Chunk]:
+    """Chunks of compressed points, none of which asks for more than the file holds.
+
+    lazrs makes room for whatever chunks, layers and the table of chunks announce, and ends the
+    process if there is not enough. The record of the compression is that of the header.
+    """
+    records = header.vlrs.get("LasZipVlr") if record is None else [record]
+    if not records:
         raise FormatError(
             "the record that describes the compression is missing",
             path=path,
             place="header",
             cure=_EXPORT,
         )
-    with path.open("rb") as stream:
+    about, first = records[0].record_data, header.offset_to_point_data + _POINTER
+    with path.open("rb") as stream, damage_named(path, "table of chunks"):
+        end = _table_start(path, stream, header)
+        layers = _require_items(path, about, header)
         stream.seek(header.offset_to_point_data)
-        table = int.from_bytes(stream.read(_POINTER), "little", signed=True)
-        if table == -1:  # writers that cannot seek leave the pointer in the last bytes
-            stream.seek(-_POINTER, os.SEEK_END)
-            table = int.from_bytes(stream.read(_POINTER), "little", signed=True)
-        if not header.offset_to_point_data < table < size:
+        found = lazrs.read_chunk_table(stream, lazrs.LazVlr(about))
+        per_chunk, _ = _ITEMS.unpack_from(about)
+        is_fixed = not lazrs.LazVlr(about).uses_variable_size_chunks()
+        starts = [first, *(first + total for total in accumulate(size for _, size in found))]
+        chunks = [
+            Chunk(start, size, per_chunk if is_fixed else points)
+            for start, (points, size) in zip(starts, found, strict=False)
+        ]
+        largest = max(header.point_count, _LARGEST_CHUNK)
+        for number, chunk in enumerate(chunks, start=1):
+            if chunk.start + chunk.size > end:
+                how = f"should end at byte {chunk.start + chunk.size}, but they end at byte {end}"
+            elif not 0 < chunk.points <= largest:
+                how = f"announces {chunk.points} points, the file {header.point_count}"
+            elif layers and (needed := _layered_size(stream, chunk, header, layers)) > chunk.size:
+                how = f"has {chunk.size} bytes, but its layers announce {needed}"
+            else:
+                continue
             raise FormatError(
-                f"ends at byte {size}, but its table of chunks should begin at byte {table}",
+                f"chunk {number} of {len(chunks)} {how}", path=path,
+                place=f"byte {chunk.start}", cure=_EXPORT,
+            )  # fmt: skip
+        held = sum(chunk.points for chunk in chunks)
+        if held < header.point_count:
+            raise FormatError(
+                f"must hold the {header.point_count} points that its header announces, but its "
+                f"chunks have {held}",
                 path=path,
-                place=f"byte {size}",
+                place="table of chunks",
                 cure=_EXPORT,
             )
-        stream.seek(table + _VERSION)
-        chunks = int.from_bytes(stream.read(4), "little")
-    # lazrs makes room for all of them, and ends the process if there is not enough; every chunk
-    # holds one whole point at least
-    if chunks * header.point_format.size > size:
+    return chunks
+
+
+def _table_start(path: Path, stream: BinaryIO, header: Any) -> int:
+    """Byte at which the table of chunks begins."""
+    size = stream.seek(0, os.SEEK_END)
+    stream.seek(header.offset_to_point_data)
+    table = int.from_bytes(stream.read(_POINTER), "little", signed=True)
+    if table == -1:  # writers that cannot seek leave the pointer in the last bytes
+        stream.seek(-_POINTER, os.SEEK_END)
+        table = int.from_bytes(stream.read(_POINTER), "little", signed=True)
+    if not header.offset_to_point_data < table < size:
+        raise FormatError(
+            f"ends at byte {size}, but its table of chunks should begin at byte {table}",
+            path=path,
+            place=f"byte {size}",
+            cure=_EXPORT,
+        )
+    stream.seek(table + _VERSION)
+    chunks = int.from_bytes(stream.read(4), "little")
+    if chunks * header.point_format.size > size:  # each holds one whole point at least
         raise FormatError(
             f"cannot hold the {chunks} chunks of points that it announces in {size} bytes",
             path=path,
             place=f"byte {table}",
             cure=_EXPORT,
         )
+    return table
+
+
+def _require_items(path: Path, about: bytes, header: Any) -> int:
+    """Layers in each chunk, if points are compressed in layers; the items must make a point."""
+    _, count = _ITEMS.unpack_from(about)
+    items = [_ITEM.unpack_from(about, _ITEMS.size + i * _ITEM.size) for i in range(count)]
+    size = sum(size for _, size in items)
+    if size != header.point_format.size:
+        raise FormatError(
+            f"must describe points of {header.point_format.size} bytes, but its items have {size}",
+            path=path,
+            place="record of the compression",
+            cure=_EXPORT,
+        )
+    return sum(size if kind == _BYTES else _LAYERS.get(kind, 0) for kind, size in items)
+
+
+def _layered_size(stream: BinaryIO, chunk: Chunk, header: Any, layers: int) -> int:
+    """Bytes that a chunk needs: its first point, the count of points, sizes of layers, layers."""
+    head = int(header.point_format.size) + 4 + 4 * layers
+    stream.seek(chunk.start)
+    start = stream.read(head)
+    if len(start) < head:
+        return head
+    sizes = np.frombuffer(start, dtype="<u4", offset=head - 4 * layers)
+    return head + int(sizes.sum(dtype=np.int64))
