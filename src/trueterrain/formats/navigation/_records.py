@@ -1,5 +1,6 @@
 """Files that are nothing but records of doubles: SBET and SMRMSG."""
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import numpy.typing as npt
 
 from trueterrain.errors import FormatError
 from trueterrain.formats.navigation._schema import Clock
+from trueterrain.formats.signature import open_regular
 
 Floats = npt.NDArray[np.float64]
 
@@ -18,19 +20,44 @@ WEEK = 604_800.0
 BLOCK = 1 << 16  # records
 
 
-def mapped(path: Path, fields: int, name: str) -> npt.NDArray[np.float64]:
-    """Records of a file, shape (record, field), mapped into memory and not yet read."""
-    size, record = path.stat().st_size, 8 * fields
-    if size == 0:
-        raise FormatError("is empty", path=path, cure="Copy or export it again.")
-    if size % record:
-        raise FormatError(
-            f"has {size} bytes, which is no multiple of the {record} bytes of a {name} record",
-            path=path,
-            place=f"record {size // record + 1}",
-            cure=f"The file was cut off, or is no {name} file; copy or export it again.",
-        )
-    return np.memmap(path, dtype="<f8", mode="r").reshape(-1, fields)
+def file_records(
+    path: Path, fields: int, name: str, size: int = BLOCK
+) -> Iterator[tuple[int, Floats]]:
+    """Number of the first record and the fields (field, record) of block after block of a file.
+
+    They are read, never mapped into memory: a file that is cut meanwhile is an error, and does not
+    end the process.
+    """
+    if size < 1:
+        message = f"size must be at least 1 record, got {size}."
+        raise ValueError(message)
+    record = 8 * fields
+    with open_regular(path) as stream:
+        held = stream.seek(0, os.SEEK_END)
+        if held == 0:
+            raise FormatError("is empty", path=path, cure="Copy or export it again.")
+        if held % record:
+            raise FormatError(
+                f"has {held} bytes, which is no multiple of the {record} bytes of a {name} record",
+                path=path,
+                place=f"record {held // record + 1}",
+                cure=f"The file was cut off, or is no {name} file; copy or export it again.",
+            )
+        stream.seek(0)
+        for first in range(0, held // record, size):
+            wanted = min(size, held // record - first)
+            content = stream.read(wanted * record)
+            if len(content) < wanted * record:
+                raise FormatError(
+                    f"had {held} bytes when reading began, and was cut since",
+                    path=path,
+                    place=f"record {first + len(content) // record + 1}",
+                    cure="Read it when it is whole.",
+                )
+            yield (
+                first,
+                np.array(np.frombuffer(content, dtype="<f8").reshape(-1, fields).T, order="C"),
+            )
 
 
 class WeekClock:
@@ -53,15 +80,6 @@ class WeekClock:
         self._clock.check(continuous)
         self._last, self._weeks = float(time[-1]), int(weeks[-1])
         return continuous
-
-
-def record_blocks(records: npt.NDArray[np.float64], size: int) -> Iterator[tuple[int, Floats]]:
-    """Number of the first record and the fields (field, record) of block after block."""
-    if size < 1:
-        message = f"size must be at least 1 record, got {size}."
-        raise ValueError(message)
-    for start in range(0, len(records), size):
-        yield start, np.array(records[start : start + size].T)
 
 
 def refuse(

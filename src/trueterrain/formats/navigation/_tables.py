@@ -1,6 +1,5 @@
 """Columns of numbers by name, from CSV or Parquet, some rows at a time."""
 
-import csv
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -10,9 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.errors import FormatError, TrueTerrainError
+from trueterrain.errors import FormatError
 from trueterrain.formats.navigation._schema import suggestion
-from trueterrain.formats.signature import separator_of
+from trueterrain.formats.signature import open_regular, separator_of, split_fields
+from trueterrain.formats.table._parquet import import_pyarrow, parquet_damage_named
 
 Floats = npt.NDArray[np.float64]
 
@@ -102,7 +102,7 @@ class _Table:
 
 
 def _open(path: Path) -> _Table:
-    with path.open("rb") as stream:
+    with open_regular(path) as stream:
         start = stream.read(4)
     if start == b"PAR1":
         return _open_parquet(path)
@@ -117,7 +117,7 @@ def _open(path: Path) -> _Table:
             "is binary, not a table", path=path, cure="See with `trueterrain info` what it is."
         )
     separator = separator_of(line)
-    columns = tuple(name.strip() for name in _split(line, separator))
+    columns = tuple(name.strip() for name in split_fields(line, separator, path))
     if all(_number(name) is not None for name in columns):
         raise FormatError(
             "begins with numbers, not with the names of the columns",
@@ -168,7 +168,7 @@ def _explain(table: _Table, indices: dict[int, str]) -> None:
         for number, line in enumerate(stream, start=1):
             if number <= table.header or not _is_content(line):
                 continue
-            cells = _split(line, table.separator)
+            cells = split_fields(line, table.separator, table.path)
             if len(cells) != len(table.columns):
                 raise FormatError(
                     f"has {len(cells)} of {len(table.columns)} fields",
@@ -179,7 +179,7 @@ def _explain(table: _Table, indices: dict[int, str]) -> None:
             for index, name in indices.items():
                 if cells[index].strip() not in _GAPS and _number(cells[index]) is None:
                     raise FormatError(
-                        f"must be a number, got {cells[index]!r}",
+                        f"must be a number, got {cells[index][:80]!r}",
                         path=table.path,
                         place=f"line {number}, column {name!r}",
                         cure="Correct the line, or export the file again.",
@@ -187,27 +187,18 @@ def _explain(table: _Table, indices: dict[int, str]) -> None:
 
 
 def _open_parquet(path: Path) -> _Table:
-    try:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-    except ImportError:
-        raise TrueTerrainError(
-            "Parquet needs the package pyarrow",
-            path=path,
-            cure="Install it with `pip install trueterrain[parquet]`, or use CSV.",
-        ) from None
-    try:
-        file = pq.ParquetFile(path)
-    except (pa.ArrowException, OSError) as error:
-        raise _damaged(path, error) from None
-    return _Table(path=path, columns=tuple(file.schema_arrow.names), file=file)
+    _, pq = import_pyarrow(path)
+    with parquet_damage_named(path):
+        file = pq.ParquetFile(path, page_checksum_verification=True)
+        return _Table(path=path, columns=tuple(file.schema_arrow.names), file=file)
 
 
 def _parquet_blocks(table: _Table, names: list[str], size: int) -> Iterator[dict[str, Floats]]:
     import pyarrow as pa
 
     for name in names:
-        kind = table.file.schema_arrow.field(name).type
+        with parquet_damage_named(table.path):  # of two columns of one name
+            kind = table.file.schema_arrow.field(name).type
         if not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
             raise FormatError(
                 f"must hold numbers, got {kind}",
@@ -215,30 +206,18 @@ def _parquet_blocks(table: _Table, names: list[str], size: int) -> Iterator[dict
                 place=f"column {name!r}",
                 cure="Convert the column to float64.",
             )
-    try:
-        for batch in table.file.iter_batches(batch_size=size, columns=names):
+    with parquet_damage_named(table.path):
+        rows = table.file.metadata.num_rows
+        batches = table.file.iter_batches(batch_size=min(size, max(1, rows)), columns=names)
+        for batch in batches:
             yield {
                 name: batch.column(name).cast(pa.float64()).to_numpy(zero_copy_only=False)
                 for name in names
             }
-    except (pa.ArrowException, OSError) as error:
-        raise _damaged(table.path, error) from None
-
-
-def _damaged(path: Path, error: Exception) -> FormatError:
-    return FormatError(
-        f"is damaged or cut off ({error})", path=path, cure="Copy or export it again."
-    )
 
 
 def _is_content(line: str) -> bool:
     return bool(line.strip()) and not line.startswith("#")
-
-
-def _split(line: str, separator: str | None) -> list[str]:
-    if separator is None:
-        return line.split()
-    return next(csv.reader([line.rstrip("\n")], delimiter=separator, skipinitialspace=True))
 
 
 def _number(text: str) -> float | None:

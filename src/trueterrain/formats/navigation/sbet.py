@@ -32,8 +32,7 @@ from trueterrain.formats.navigation._records import (
     Floats,
     IntervalTally,
     WeekClock,
-    mapped,
-    record_blocks,
+    file_records,
     refuse,
 )
 from trueterrain.formats.navigation._schema import EpochRules, check_length, navigation_of
@@ -118,11 +117,10 @@ def blocks(
         As by `read`; damage is found when it is reached.
     """
     path = Path(path)
-    records = mapped(path, FIELDS, "SBET")
     clock, rules = WeekClock(path), EpochRules(path=path)
     turns = Turns()
     place = None if origin is None else check_origin(origin)
-    for first, fields in record_blocks(records, size):
+    for first, fields in file_records(path, FIELDS, "SBET", size):
         _check(path, fields, first)
         time = clock.continued(fields[0])
         latitude, longitude, height, roll, pitch = fields[[1, 2, 3, 7, 8]]
@@ -167,7 +165,7 @@ def describe(path: str | Path) -> dict[str, Any]:
     clock, tally = WeekClock(path), IntervalTally()
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     fastest, latest = 0.0, 0.0
-    for first, fields in record_blocks(mapped(path, FIELDS, "SBET"), BLOCK):
+    for first, fields in file_records(path, FIELDS, "SBET"):
         _check(path, fields, first)
         tally.add(clock.continued(fields[0]))
         place = np.stack([np.rad2deg(fields[2]), np.rad2deg(fields[1]), fields[3]])

@@ -16,11 +16,9 @@ import xarray as xr
 from trueterrain import provenance
 from trueterrain.errors import CoverageError
 from trueterrain.formats.navigation._records import (
-    BLOCK,
     IntervalTally,
     WeekClock,
-    mapped,
-    record_blocks,
+    file_records,
     refuse,
 )
 from trueterrain.formats.navigation._schema import ACCURACY, NAVIGATION
@@ -62,20 +60,20 @@ def read(path: str | Path) -> xr.Dataset:
         If time does not run forward.
     """
     path = Path(path)
-    records = mapped(path, FIELDS, "SMRMSG")
     clock = WeekClock(path)
-    times, columns = [], {name: np.empty(len(records)) for name in _SD}
-    for first, fields in record_blocks(records, BLOCK):
+    times: list[Any] = []
+    columns: dict[str, list[Any]] = {name: [] for name in _SD}
+    for first, fields in file_records(path, FIELDS, "SMRMSG"):
         times.append(clock.continued(fields[0]))
         for name, (index, factor) in _SD.items():
             values = fields[index]
             bad = ~(np.isfinite(values) & (values >= 0))
             rule = "must be finite and not negative"
             refuse(path, name, rule, values, bad, first, "It may be no SMRMSG file.")
-            columns[name][first : first + values.size] = values * factor
+            columns[name].append(values * factor)
     variables: dict[str, Any] = {"time": ("epoch", np.concatenate(times), {"units": "s"})}
-    for name, values in columns.items():
-        variables[name] = ("epoch", values, {"units": NAVIGATION[name].units})
+    for name, parts in columns.items():
+        variables[name] = ("epoch", np.concatenate(parts), {"units": NAVIGATION[name].units})
     data = xr.Dataset(variables, attrs={"time_reference": "gps"})
     return provenance.add_step(data, "read", parameters={"format": "SMRMSG"}, inputs=[path])
 

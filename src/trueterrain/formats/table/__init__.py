@@ -25,6 +25,7 @@ import xarray as xr
 
 from trueterrain import provenance
 from trueterrain.errors import FormatError
+from trueterrain.formats.signature import open_regular
 from trueterrain.formats.table._build import build_points, build_profile
 from trueterrain.formats.table._columns import Column, Layout
 from trueterrain.formats.table._describe import describe_points, describe_profile
@@ -217,7 +218,7 @@ class _Source:
 
 
 def _open(path: Path, *, kind: str | None = None) -> _Source:
-    with path.open("rb") as stream:
+    with open_regular(path) as stream:
         is_parquet = stream.read(4) == b"PAR1"
     if is_parquet:
         file, layout, attrs = open_parquet(path, kind=kind)

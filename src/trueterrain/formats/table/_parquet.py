@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from trueterrain.formats.table._columns import Layout, layout_of
 from trueterrain.formats.table._text import Values
 
 _METADATA = b"trueterrain"  # key under which CRS and provenance are kept
+_ROWS = 1_000_000  # that are read at a time
 _CURE = "Install it with `pip install trueterrain[parquet]`, or use CSV."
 
 
@@ -27,19 +29,30 @@ def import_pyarrow(path: Path) -> tuple[Any, Any]:
 
 def open_parquet(path: Path, *, kind: str | None = None) -> tuple[Any, Layout, dict[str, Any]]:
     """Open a file; returns pyarrow's file, the meaning of its columns, and our metadata."""
-    pa, pq = import_pyarrow(path)
-    try:
-        file = pq.ParquetFile(path)
+    _, pq = import_pyarrow(path)
+    with parquet_damage_named(path):
+        file = pq.ParquetFile(path, page_checksum_verification=True)
         names = file.schema_arrow.names
-    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
-        if isinstance(error, FileNotFoundError):
-            raise
-        raise _damaged(path, error) from None
-    if file.metadata.num_rows == 0:
+        rows = file.metadata.num_rows
+        kept = json.loads((file.schema_arrow.metadata or {}).get(_METADATA, b"{}"))
+        attrs = dict(kept)
+    if rows == 0:
         raise FormatError("has no rows", path=path, cure="Export it again.")
-    layout = layout_of(names, path, kind=kind)
-    kept = (file.schema_arrow.metadata or {}).get(_METADATA, b"{}")
-    return file, layout, json.loads(kept)
+    return file, layout_of(names, path, kind=kind), attrs
+
+
+@contextmanager
+def parquet_damage_named(path: Path) -> Iterator[None]:
+    """Turn what pyarrow raises on damaged files into a FormatError."""
+    try:
+        yield
+    except (TrueTerrainError, FileNotFoundError, PermissionError):
+        raise
+    except Exception as error:  # of any kind
+        words = " ".join(str(error).split()).rstrip(".")[:160] or type(error).__name__
+        raise FormatError(
+            f"is damaged or cut off ({words})", path=path, cure="Copy or export it again."
+        ) from None
 
 
 def parquet_blocks(
@@ -48,10 +61,10 @@ def parquet_blocks(
     """Columns in SI, at most `size` rows at a time."""
     pa, _ = import_pyarrow(path)
     labels = file.schema_arrow.names
-    row = 0
-    try:
+    row, rows = 0, file.metadata.num_rows
+    with parquet_damage_named(path):
         for batch in file.iter_batches(
-            batch_size=size or max(1, file.metadata.num_rows),
+            batch_size=min(size or _ROWS, max(1, rows)),
             columns=[labels[column.index] for column in layout.columns],
         ):
             values: Values = {}
@@ -64,8 +77,9 @@ def parquet_blocks(
                     _check(layout, column, values[column], row, path)
             yield values
             row += batch.num_rows
-    except (pa.ArrowException, OSError) as error:
-        raise _damaged(path, error) from None
+        if row != rows:
+            message = f"{row} rows instead of {rows}"
+            raise ValueError(message)
 
 
 def _numbers(pa: Any, array: Any, label: str, path: Path) -> Any:
@@ -89,12 +103,6 @@ def _check(layout: Layout, column: Any, values: Any, row: int, path: Path) -> No
             place=f"row {row + first + 1}, column {column.label!r}",
             cure="Remove the row, or fill in the number.",
         )
-
-
-def _damaged(path: Path, error: Exception) -> FormatError:
-    return FormatError(
-        f"is damaged or cut off ({error})", path=path, cure="Copy or export it again."
-    )
 
 
 class ParquetWriter:

@@ -1,6 +1,5 @@
 """Tables as text: fast where the text is good, exact about the line where it is not."""
 
-import csv
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from trueterrain.errors import FormatError
-from trueterrain.formats.signature import separator_of
+from trueterrain.formats.signature import open_regular, separator_of, split_fields
 from trueterrain.formats.table._columns import Column, Layout, layout_of, layout_without_header
 
 Values = dict[Column, npt.NDArray[np.float64] | npt.NDArray[np.str_]]
@@ -45,7 +44,7 @@ def open_text(path: Path, *, kind: str | None = None) -> TextTable:
     if number == 0:
         raise FormatError("is empty", path=path, place="line 1", cure="Copy or export it again.")
     separator = separator_of(line)
-    labels = _split(line, separator)
+    labels = split_fields(line, separator, path)
     if all(_number(label) is not None for label in labels):
         layout, first = layout_without_header(len(labels), path, kind=kind), number
     else:
@@ -138,7 +137,7 @@ def _check_cell(table: TextTable, number: int, column: Column, text: str) -> Non
         if _number(text.replace(",", ".")) is not None:
             cure = "Write numbers with a decimal point, not a comma."
         raise FormatError(
-            f"must be a number, got {text!r}", path=table.path, place=place, cure=cure
+            f"must be a number, got {text[:80]!r}", path=table.path, place=place, cure=cure
         )
     if math.isinf(value) or (math.isnan(value) and table.layout.must_be_finite(column)):
         raise FormatError(
@@ -162,7 +161,7 @@ def numbered_rows(table: TextTable) -> Iterator[tuple[int, list[str]]]:
     with table.path.open(encoding=table.encoding, errors="replace", newline=None) as stream:
         for number, line in enumerate(stream, start=1):
             if number >= table.first and _is_content(line):
-                yield number, _split(line, table.separator)
+                yield number, split_fields(line, table.separator, table.path)
 
 
 def _check_last_line(table: TextTable) -> None:
@@ -171,7 +170,8 @@ def _check_last_line(table: TextTable) -> None:
         stream.seek(max(0, size - _TAIL))
         tail = stream.read().decode(table.encoding, errors="replace")
     lines = [line for line in tail.splitlines() if _is_content(line)]
-    found = len(_split(lines[-1], table.separator)) if lines else table.fields
+    last = split_fields(lines[-1], table.separator, table.path) if lines else []
+    found = len(last) or table.fields
     if found != table.fields:
         number = sum(1 for _ in numbered_rows(table))
         raise _wrong_count(table, line_of_row(table, number - 1), found)
@@ -187,7 +187,7 @@ def _wrong_count(table: TextTable, number: int, found: int) -> FormatError:
 
 
 def _encoding(path: Path) -> str:
-    with path.open("rb") as stream:
+    with open_regular(path) as stream:
         while block := stream.read(1 << 20):
             if b"\0" in block:
                 raise FormatError(
@@ -211,12 +211,6 @@ def _encoding(path: Path) -> str:
 
 def _is_content(line: str) -> bool:
     return bool(line.strip()) and not line.startswith("#")
-
-
-def _split(line: str, separator: str | None) -> list[str]:
-    if separator is None:
-        return line.split()
-    return next(csv.reader([line.rstrip("\n")], delimiter=separator, skipinitialspace=True))
 
 
 def _number(text: str) -> float | None:
