@@ -16,7 +16,10 @@ or ``"run"``) and ``mounting``, and these groups:
 
 Beam by beam, a return was measured at ``time + delay + mounting["scanner_clock"]``, true time.
 Everything is chunked along time. Ranges are kept in steps of 0.1 mm, two bytes each; all times and
-the navigation are kept exactly.
+the navigation are kept exactly. Chunks carry a checksum, and the attribute ``arrays`` lists what
+must be there: a run that lacks an array or a chunk is not opened, and a chunk that is damaged is an
+error when it is read. Runs of earlier versions have neither checksums nor list, and are opened if
+no chunk is missing.
 
 `RunWriter` writes a run block by block, `open_run` opens it lazily, `scan_blocks` reads its scans,
 `check_run` says what is wrong with it, `import_run` makes one from flat files.
