@@ -34,19 +34,18 @@ Values = npt.NDArray[Any]
 _CURE = "Copy the whole folder again."
 _LARGEST_CHUNK = 2**31 - 1  # [bytes] that the compressor takes
 _AT_ONCE = 1 << 25  # [bytes] that are read at a time to verify an array
-_CHECKSUM = 4  # [bytes] behind a chunk
 _HEADER = struct.Struct("<4xIII")  # of Blosc: bytes, bytes of a block, compressed bytes
 _CHUNK_NAME = re.compile(r"(c|\d+)([./]\d+)*")
 _CF_NUMBERS = ("scale_factor", "add_offset", "_FillValue", "missing_value")
 
 
-def number_compressors(level: int, shuffle: str) -> list[Any]:
+def make_compressors(level: int, shuffle: str) -> list[Any]:
     """Codecs of every array that is written: compressed, with a checksum."""
     blosc = BloscCodec(cname="zstd", clevel=level, shuffle=shuffle)  # type: ignore[arg-type]
     return [blosc, Crc32cCodec()]
 
 
-def fill_value(dtype: Any) -> Any:
+def choose_fill_value(dtype: Any) -> Any:
     """Value of chunks that are missing for readers that do not look for them: no number, if any."""
     kind = np.dtype(dtype)
     return kind.type(np.nan if kind.kind == "f" else 0)
@@ -130,8 +129,13 @@ class StoredArray(BackendArray):
         outer = any(isinstance(part, np.ndarray | list) for part in parts)
         try:
             return np.asarray(self._array.oindex[key] if outer else self._array[key])
+        except MemoryError:  # the chunks are there: it is the part that is too large
+            raise
         except Exception as error:  # of any kind over chunks that are damaged
-            raise self._named(error, parts) from None
+            found = self._named(error, parts)
+            if found is None:  # none is: the index lies outside
+                raise
+            raise found from None
 
     def verify_chunks(self) -> None:
         """Read every chunk once, some at a time; raise a FormatError at the first that is damaged.
@@ -225,7 +229,7 @@ class StoredArray(BackendArray):
     def _chunk_name(self, index: tuple[int, ...]) -> str:
         return self._array.metadata.encode_chunk_key(index)
 
-    def _named(self, error: Exception, parts: tuple[Any, ...]) -> FormatError:
+    def _named(self, error: Exception, parts: tuple[Any, ...]) -> FormatError | None:
         """Error with the name of the first chunk that cannot be read by itself."""
         for index in self._touched(parts):
             part = tuple(
@@ -237,7 +241,7 @@ class StoredArray(BackendArray):
             except Exception as of_chunk:  # as before
                 place = f"{self._place}, chunk {self._chunk_name(index)}"
                 return damaged(self._path, place, of_chunk)
-        return damaged(self._path, self._place, error)
+        return None if isinstance(error, IndexError) else damaged(self._path, self._place, error)
 
     def _touched(self, parts: tuple[Any, ...]) -> Iterator[tuple[int, ...]]:
         """Indices of the chunks that a part touches."""
@@ -270,7 +274,7 @@ def _index_of(number: int, counts: list[int]) -> tuple[int, ...]:
     return tuple(reversed(index))
 
 
-def damaged_chunks(arrays: Iterable[StoredArray]) -> list[str]:
+def find_damaged_chunks(arrays: Iterable[StoredArray]) -> list[str]:
     """Arrays that cannot be read, one line each, after every chunk was read."""
     found = []
     for array in arrays:
@@ -283,7 +287,7 @@ def damaged_chunks(arrays: Iterable[StoredArray]) -> list[str]:
 
 def require_whole(path: Path, arrays: Mapping[str, StoredArray]) -> None:
     """Raise a FormatError if an array that the store lists is missing, or a chunk of any."""
-    listed = group_attrs(path).get(ARRAYS, [])
+    listed = read_group_attrs(path).get(ARRAYS, [])
     for name in listed if isinstance(listed, list) else [ARRAYS]:
         if name not in arrays:
             raise FormatError("is missing", path=path, place=f"array {name}", cure=_CURE)
@@ -291,12 +295,12 @@ def require_whole(path: Path, arrays: Mapping[str, StoredArray]) -> None:
         array.require_chunks()
 
 
-def stored_arrays(path: Path) -> dict[str, StoredArray]:
+def open_arrays(path: Path) -> dict[str, StoredArray]:
     """Arrays of a store by their path in it."""
     return {name: StoredArray(path, name) for name in _named_nodes(path, "array")}
 
 
-def group_attrs(path: Path, name: str = "") -> dict[str, Any]:
+def read_group_attrs(path: Path, name: str = "") -> dict[str, Any]:
     """Attributes of a group of a store."""
     about = _metadata(path, name)
     attrs = about.get("attributes", {})
@@ -305,25 +309,40 @@ def group_attrs(path: Path, name: str = "") -> dict[str, Any]:
     return attrs
 
 
-def group_names(path: Path) -> list[str]:
+def find_groups(path: Path) -> list[str]:
     """Paths of the groups in a store; the first is the store itself, named by nothing."""
     return _named_nodes(path, "group")
 
 
 def _named_nodes(path: Path, kind: str) -> list[str]:
     found = []
-    for folder, inner, files in os.walk(path):
+    for folder, inner, files in os.walk(path, onerror=_raise_error):
         inner.sort()
+        name = Path(folder).relative_to(path).as_posix().removeprefix(".")
         if "zarr.json" not in files:
             inner.clear()
+            if any(_is_of_store(file) for file in _files(Path(folder))):
+                raise damaged(path, _place_of(name), "it is missing")
             continue
-        name = Path(folder).relative_to(path).as_posix().removeprefix(".")
-        about = _metadata(path, name)
-        if about.get("node_type") == kind:
-            found.append(name)
-        elif about.get("node_type") not in ("group", "array"):
+        node = _metadata(path, name).get("node_type")
+        if node not in ("group", "array"):
             raise damaged(path, _place_of(name), "it describes neither a group nor an array")
+        if node == kind:
+            found.append(name)
+        if node == "array":
+            inner.clear()
     return found
+
+
+def _raise_error(error: OSError) -> None:
+    """Say that a folder cannot be read, instead of going on without it."""
+    raise error
+
+
+def _is_of_store(file: str) -> bool:
+    """Whether a file is one of those that make a group or an array."""
+    last = file.rpartition("/")[2]
+    return last == "zarr.json" or _CHUNK_NAME.fullmatch(last) is not None
 
 
 def _metadata(path: Path, name: str) -> Mapping[str, Any]:

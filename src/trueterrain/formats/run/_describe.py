@@ -10,7 +10,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.errors import SchemaError, TrueTerrainError
-from trueterrain.formats._zarr import damaged_chunks, stored_arrays
+from trueterrain.formats._zarr import find_damaged_chunks, open_arrays
 from trueterrain.formats.navigation._records import IntervalTally
 from trueterrain.formats.run._open import open_tree, scan_blocks
 from trueterrain.formats.run._rules import group_of, row_blocks, rules_of, span_of
@@ -78,8 +78,8 @@ def describe(path: str | Path) -> dict[str, Any]:
     summary["clock_order"] = _clock_order(tree, summary)
     summary["truth"] = sorted(tree.children["truth"].children) if "truth" in tree.children else []
     # all else has been read by now
-    arrays = stored_arrays(path)
-    problems += damaged_chunks(arrays[name] for name in arrays if name.startswith("truth/"))
+    arrays = open_arrays(path)
+    problems += find_damaged_chunks(arrays[name] for name in arrays if name.startswith("truth/"))
     summary["problems"] = list(dict.fromkeys([*problems, *doubts]))
     return summary
 

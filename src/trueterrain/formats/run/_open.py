@@ -10,10 +10,10 @@ from trueterrain.errors import FormatError
 from trueterrain.formats._zarr import (
     ARRAYS,
     damaged,
-    group_attrs,
-    group_names,
+    find_groups,
+    open_arrays,
+    read_group_attrs,
     require_whole,
-    stored_arrays,
 )
 from trueterrain.formats.run._rules import check_layout, group_of
 
@@ -59,9 +59,9 @@ def open_tree(path: str | Path, *, whole: bool = False) -> xr.DataTree:
             "is no Zarr 3 store: it holds no zarr.json", path=path,
             cure="Name the folder NAME.zarr of a run, or copy the whole folder again.",
         )  # fmt: skip
-    groups = {name: xr.Dataset(attrs=group_attrs(path, name)) for name in group_names(path)}
+    groups = {name: xr.Dataset(attrs=read_group_attrs(path, name)) for name in find_groups(path)}
     variables: dict[str, dict[str, xr.Variable]] = {name: {} for name in groups}
-    arrays = stored_arrays(path)
+    arrays = open_arrays(path)
     if whole:
         require_whole(path, arrays)
     groups[""].attrs.pop(ARRAYS, None)

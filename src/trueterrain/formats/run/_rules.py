@@ -9,7 +9,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.errors import SchemaError
-from trueterrain.formats._zarr import require_whole, stored_arrays
+from trueterrain.formats._zarr import open_arrays, require_whole
 from trueterrain.formats.navigation._frames import check_origin
 from trueterrain.formats.navigation._schema import (
     Clock,
@@ -176,7 +176,7 @@ def check_groups(tree: xr.DataTree, path: str | Path | None) -> None:
 def check_chunks(path: str | Path | None) -> None:
     """No array and no chunk of a store may be missing: other programs read zeros there."""
     if path is not None and Path(path).is_dir():
-        require_whole(Path(path), stored_arrays(Path(path)))
+        require_whole(Path(path), open_arrays(Path(path)))
 
 
 def check_scans(tree: xr.DataTree, path: str | Path | None) -> None:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 import zarr
 
 from trueterrain.errors import OutputError
-from trueterrain.formats._zarr import ARRAYS, fill_value, number_compressors
+from trueterrain.formats._zarr import ARRAYS, choose_fill_value, make_compressors
 from trueterrain.formats.run._schema import ROW_CHUNK
 
 _CHUNK_VALUES = 1_000_000  # values in a chunk of more than one dimension, at most
@@ -164,8 +164,8 @@ class GrowingStore:
             shape=shape,
             chunks=chunks,
             dtype=dtype,
-            fill_value=fill_value(dtype) if fill is None else np.dtype(dtype).type(fill),
-            compressors=number_compressors(1, "bitshuffle"),
+            fill_value=choose_fill_value(dtype) if fill is None else np.dtype(dtype).type(fill),
+            compressors=make_compressors(1, "bitshuffle"),
             dimension_names=[str(dim) for dim in dims],
             attributes=json.loads(json.dumps(dict(attrs), default=_plain)),
             chunk_key_encoding={"name": "default", "separator": "."},

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from trueterrain.formats._zarr import damaged_chunks
+from trueterrain.formats._zarr import find_damaged_chunks
 from trueterrain.formats.store._layout import Stored, Values, opened
 from trueterrain.formats.store._read import read
 
@@ -39,7 +39,7 @@ def describe(path: str | Path) -> dict[str, Any]:
     files = (file for file in stored.path.rglob("*") if file.is_file())
     summary["bytes"] = sum(file.stat().st_size for file in files)
     summary["variables"] = [entry.name for entry in stored.entries if not entry.coordinate]
-    damage = damaged_chunks(stored.arrays.values())
+    damage = find_damaged_chunks(stored.arrays.values())
     about = {"points": _points, "surface": _surface, "profile": _profile}[stored.kind]
     summary |= about(stored)
     summary["crs"] = str(stored.attrs.get("crs", ""))

@@ -14,10 +14,10 @@ import zarr
 from trueterrain.errors import FormatError, SchemaError
 from trueterrain.formats._zarr import (
     StoredArray,
+    choose_fill_value,
     damaged,
-    fill_value,
-    group_attrs,
-    number_compressors,
+    make_compressors,
+    read_group_attrs,
 )
 from trueterrain.formats.signature import kind_of_store
 from trueterrain.kinds import SCHEMA
@@ -151,9 +151,9 @@ def create_array(
         shape=shape,
         chunks=chunks,
         dtype=dtype,
-        fill_value=fill_value(dtype),
+        fill_value=choose_fill_value(dtype),
         # bytes of the same weight side by side: as quick as without, and half the size
-        compressors=number_compressors(3, "shuffle"),
+        compressors=make_compressors(3, "shuffle"),
         dimension_names=[str(dim) for dim in dims],
         attributes=plain_attrs(attrs, f"variable {name}"),
         chunk_key_encoding={"name": "default", "separator": "."},
@@ -205,7 +205,7 @@ def opened(path: str | Path) -> Stored:
             "is a recorded run", path=path,
             cure="Open it with open_run, or grid it: `trueterrain grid`.",
         )  # fmt: skip
-    attrs = group_attrs(path)
+    attrs = read_group_attrs(path)
     if attrs.get("schema") != SCHEMA:
         raise FormatError(
             f"must be {SCHEMA}, got {attrs.get('schema')!r}", path=path, place="attribute schema",
@@ -233,7 +233,7 @@ def _summary(path: Path, kind: str) -> tuple[list[Entry], dict[str, Any]]:
     place = f"group {SUMMARY}"
     if not (path / SUMMARY / "zarr.json").is_file():
         raise damaged(path, place, "it is missing")
-    about = group_attrs(path, SUMMARY)
+    about = read_group_attrs(path, SUMMARY)
     try:
         variables, statistics = (json.dumps(about.get(n)) for n in ("variables", "statistics"))
         entries = TypeAdapter(list[Entry]).validate_json(variables, strict=True)
