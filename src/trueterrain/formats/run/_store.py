@@ -13,6 +13,7 @@ import numpy.typing as npt
 import zarr
 from zarr.codecs import BloscCodec
 
+from trueterrain.engine import Checksums, refuse_full_disk
 from trueterrain.errors import OutputError
 from trueterrain.formats.run._schema import ROW_CHUNK
 
@@ -52,6 +53,9 @@ def whole_store(path: Path, *, force: bool) -> Iterator[Path]:
             path.replace(old)
         temporary.replace(path)
         shutil.rmtree(old, ignore_errors=True)
+    except OSError as error:
+        refuse_full_disk(error, path)
+        raise
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 
@@ -97,6 +101,7 @@ class GrowingStore:
     """
 
     def __init__(self, path: Path, attrs: Mapping[str, Any]) -> None:
+        self._path = path
         self._root = zarr.create_group(path, zarr_format=3, attributes=dict(attrs))
         self._rows: dict[str, _Rows] = {}
 
@@ -137,9 +142,10 @@ class GrowingStore:
         self._rows[path].append(rows)
 
     def close(self) -> None:
-        """Write the rows that still wait."""
+        """Write the rows that still wait, and read all of them back."""
         for rows in self._rows.values():
             rows.close()
+            rows.require_same(self._path)
 
     def _create(
         self,
@@ -179,6 +185,7 @@ class _Rows:
         self._waiting = np.empty((self._chunk, *array.shape[1:]), dtype=array.dtype)
         self._filled = 0
         self._written = 0
+        self._checksums = Checksums()
 
     def append(self, values: Array) -> None:
         """Append rows; whole chunks are written, the rest waits."""
@@ -206,6 +213,14 @@ class _Rows:
         self._array.resize((end, *self._array.shape[1:]))
         self._array[self._written : end] = rows
         self._written = end
+        self._checksums.add(self._array.path, rows)
+
+    def require_same(self, store: Path) -> None:
+        """Raise if the array does not hold what was written."""
+        found = Checksums()
+        for start in range(0, self._written, self._chunk):
+            found.add(self._array.path, self._array[start : start + self._chunk])
+        found.require_same(self._checksums, store)
 
 
 def _rows_of(shape: tuple[int, ...]) -> int:
