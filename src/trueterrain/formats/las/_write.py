@@ -19,6 +19,7 @@ from trueterrain.formats.las._read import SECONDS_OF_WEEK
 from trueterrain.kinds import check_points
 
 _POINT_FORMAT = 6
+_COARSEST = 0.1  # [m] steps of coordinates; coarser ones leave no ground to measure
 _LARGEST = 2**31 - 1  # of the integers that LAS keeps coordinates in
 _LARGEST_UINT16 = 2**16 - 1
 _LARGEST_RECORD = 2**16 - 1  # [bytes] of a variable length record
@@ -54,7 +55,8 @@ def write(
     Raises
     ------
     ValueError
-        If `scale` is not greater than 0, or the name ends with .copc.laz or neither .las nor .laz.
+        If `scale` is not greater than 0 and at most 0.1 m, or the name ends with .copc.laz or
+        neither .las nor .laz.
     SchemaError
         If coordinates are not finite or lie too far apart for the scale, or lanes and intensities
         are no whole numbers from 0 to 65535.
@@ -77,8 +79,8 @@ def write(
     """
     path = Path(path)
     _check_name(path)
-    if not scale > 0:
-        message = f"scale must be greater than 0 m, got {scale}."
+    if not 0 < scale <= _COARSEST:
+        message = f"scale must be greater than 0 m and at most {_COARSEST:g} m, got {scale:g} m."
         raise ValueError(message)
     with whole_output(path, force=force) as temporary:
         parts = chain([points]) if isinstance(points, xr.Dataset) else points
