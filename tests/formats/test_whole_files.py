@@ -121,7 +121,7 @@ READ_BACK = {
 def test_a_byte_that_is_not_what_was_written(tmp_path, monkeypatch, name):
     write, data = WRITERS[name]
     damaged_before(monkeypatch, *READ_BACK[name])
-    with pytest.raises(OutputError, match="was not written whole"):
+    with pytest.raises(OutputError, match=f"/{name}: was not written whole"):
         write(data, tmp_path / name)
     assert list(tmp_path.iterdir()) == []
 
@@ -137,6 +137,16 @@ def test_a_chunk_that_is_not_what_was_written(tmp_path, monkeypatch, name):
 
     monkeypatch.setattr(zarr.Array, "__setitem__", put_otherwise)
     write, data = WRITERS[name]
-    with pytest.raises(OutputError, match="was not written whole"):
+    with pytest.raises(OutputError, match=f"/{name}: was not written whole"):
         write(data, tmp_path / name)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["points.las", "points.zarr", "points.csv"])
+def test_numbers_in_the_byte_order_of_another_machine(tmp_path, name):
+    """What libraries turn to the order of this machine is the same number."""
+    write, points = WRITERS[name]
+    turned = points.copy()
+    for axis in ("easting", "northing", "up"):
+        turned[axis] = turned[axis].astype(">f8")
+    write(turned, tmp_path / name)

@@ -44,10 +44,12 @@ class Checksums:
         name : str
             What they are, such as the name of a column.
         values : array_like or bytes
-            The values, which count as they lie in memory.
+            The values, which count by their bytes in memory, in the order of the machine.
         """
         if not isinstance(values, bytes):
-            values = np.ascontiguousarray(values).reshape(-1).view(np.uint8)
+            array = np.asarray(values)
+            array = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("="))
+            values = array.reshape(-1).view(np.uint8)
         size, checksum = self._sums.get(name, (0, 0))
         self._sums[name] = (size + len(values), zlib.crc32(values, checksum))
 

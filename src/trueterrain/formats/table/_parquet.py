@@ -121,7 +121,8 @@ class ParquetWriter:
         if self._writer is None:
             schema = table.schema.with_metadata(self._metadata)
             self._writer = self._pq.ParquetWriter(self._path, schema)
-        self._writer.write_table(table.cast(self._writer.schema))
+        table = table.cast(self._writer.schema)
+        self._writer.write_table(table)
         for batch in table.to_batches():
             _add_columns(self._written, batch)
 
