@@ -203,6 +203,7 @@ def test_inputs_that_do_not_fit_are_one_line(run, recorded, tmp_path):
         (("georeference", tmp_path / "c.csv", "-o", tmp_path / "a.laz"), "must be a recorded run"),
         (("georeference", path, "-o", tmp_path / "a.laz", "--crs", "EPSG:4326"), "projected"),
         (("georeference", path, "-o", tmp_path / "a.laz", "--crs", "EPSG:7415"), "without heights"),
+        (("georeference", path, "-o", tmp_path / "a.laz", "--crs", "EPSG:3857"), "scale factor"),
         (("georeference", path, "-o", tmp_path / "a.crg"), "can be written to"),
         (("georeference", path, "-o", tmp_path / "a.laz", "--furthest", 0.5), "no return in"),
     ):

@@ -269,8 +269,9 @@ def test_bad_names_and_arguments_of_write(tmp_path):
         las.write(points, tmp_path / "p.copc.laz")
     with pytest.raises(ValueError, match=r"must end with \.las or \.laz"):
         las.write(points, tmp_path / "p.xyz")
-    with pytest.raises(ValueError, match="scale must be greater than 0"):
-        las.write(points, tmp_path / "p.laz", scale=0)
+    for scale in (0.0, -0.001, 0.2, 1e300, np.inf, np.nan):
+        with pytest.raises(ValueError, match=r"scale must be greater than 0 m and at most 0\.1 m"):
+            las.write(points, tmp_path / "p.laz", scale=scale)
     with pytest.raises(CoverageError, match="no points"):
         las.write(iter([]), tmp_path / "p.laz")
     with pytest.raises(SchemaError, match="attribute crs"):

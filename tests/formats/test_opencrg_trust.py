@@ -8,19 +8,22 @@ import numpy.testing as npt
 import pycrg
 import pytest
 import xarray as xr
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
 from trueterrain.errors import OutputError
 from trueterrain.formats import opencrg
-from trueterrain.formats.opencrg import _blocks, _stream, _verify, _write
+from trueterrain.formats.opencrg import _blocks, _rules, _stream, _verify, _write
 from trueterrain.formats.opencrg._holes import patched
 from trueterrain.formats.opencrg._median import median
 from trueterrain.kinds import make_surface
 
 ROWS, COLUMNS = 60, 9
+STEP_OF_TEXT = 5e-8  # [m] rounding of heights below 1 m in LRFI: a sign, a point and 7 digits
+HEIGHT_OF_FLOAT32 = 2e-6  # [m] of heights up to 2 m, and of what is interpolated between them
+BESIDE = 1e-5  # [m] beside a node, far enough that heights there differ by more than that
 
 
 def road(*, even=True, banked=True, sloped=True, edges=True, holes=False, rows=ROWS):
@@ -382,6 +385,71 @@ def test_patches_are_seen_from_everywhere(rows, columns):
     whole = lazy.height[:].values
     assert np.isfinite(whole.reshape(-1)[holes]).all()
     npt.assert_array_equal(lazy.height[rows, columns], whole[rows][..., columns])
+
+
+@st.composite
+def sections(draw, most=420):
+    """Long sections on multiples of 1 mm, at equal distances or not, fewer or more than 200."""
+    count = draw(st.integers(2, most))
+    step = draw(st.integers(1, 30))
+    places = step * np.arange(count)
+    if draw(st.booleans()):
+        generator = np.random.default_rng(draw(st.integers(0, 99)))
+        places = np.sort(generator.choice(step * count, count, replace=False))
+    return np.round((places - draw(st.integers(0, 2000))) / 1000, 3)
+
+
+@settings(max_examples=80, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(sections(), st.data())
+def test_every_size_is_written(tmp_path, monkeypatch, v, given):
+    """Roads of any width and length, on either side of all limits of blocks, copies and checks."""
+    fmt = given.draw(st.sampled_from(["KRBI", "KDBI", "LRFI", "LDFI"]))
+    rows = given.draw(st.integers(2, 40 if fmt in ("KRBI", "KDBI") else 4))
+    u = 0.01 * np.arange(rows)
+    noise = np.random.default_rng(v.size).normal(0, 5e-4, (rows, v.size))  # [m] neighbours differ
+    if given.draw(st.booleans()):
+        noise[::2, 0] = np.nan
+    surface = make_surface(noise, u=u, v=v, easting=u, northing=np.zeros(rows))
+    size = 4 if fmt == "KRBI" else 8
+    with monkeypatch.context() as limits:
+        limits.setattr(_verify, "_MOST_BYTES", given.draw(st.integers(1, size * noise.size + 1000)))
+        limits.setattr(_verify, "_MOST_CELLS", given.draw(st.integers(1, 2 * noise.size)))
+        limits.setattr(_blocks, "_NODES", given.draw(st.integers(1, 2 * noise.size)))
+        limits.setattr(_write, "_SAMPLE", given.draw(st.integers(1, 2 * noise.size)))
+        path = tmp_path / "road.crg"
+        if _rules.overlooked_sections(v).any():
+            with pytest.raises(OutputError, match="must be equally spaced or at least"):
+                opencrg.write(surface, path, fmt=fmt, force=True)
+            return
+        opencrg.write(surface, path, fmt=fmt, force=True)
+    npt.assert_allclose(opencrg.read(path).height, noise, rtol=0, atol=STEP_OF_TEXT)
+
+
+@settings(max_examples=80, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(sections(most=260))
+def test_overlooked_sections_are_those_of_the_c_api(tmp_path, v):
+    """The C-API finds wrong heights where the rule names sections, and none where it does not."""
+    height = np.random.default_rng(v.size).uniform(1, 2, (2, v.size))
+    height[:, ::2] *= -1  # neighbours differ by 2 m or more
+    pycrg.write(tmp_path / "road.crg", height, 0.01, v, mods={})
+    places = np.concatenate([np.linspace(v[0], v[-1], 5000), v[:-1] + BESIDE, v[1:] - BESIDE])
+    with pycrg.RoadSurface.open(tmp_path / "road.crg", apply_modifiers=False) as crg:
+        found = crg.uv_to_z_many(np.zeros(places.size), places)
+    wrong = np.abs(found - np.interp(places, v, height[0])) > HEIGHT_OF_FLOAT32
+    overlooked = _rules.overlooked_sections(v)
+    assert overlooked.any() or not wrong.any()
+    # little or nothing is wrong behind one that lies at the end of a step of the table
+    steps = (v - v[0]) / (v[-1] - v[0]) * 199
+    at_end = (np.ceil(steps) - steps) * (v[-1] - v[0]) / 199 < 2 * BESIDE
+    assert wrong.any() or not (overlooked & ~at_end).any()
+
+
+def test_sections_that_the_c_api_overlooks_are_a_doubt(tmp_path):
+    """A file of other programs, whose heights programs with the C library get wrong."""
+    v = np.delete(0.01 * np.arange(381) - 1.9, 7)
+    pycrg.write(tmp_path / "road.crg", np.zeros((3, v.size)), 0.01, v, mods={})
+    (found,) = opencrg.describe(tmp_path / "road.crg")["problems"]
+    assert found.startswith("the distance between long sections is not the same and at v = -1.87 m")
 
 
 def test_cells_for_the_c_api_lie_in_all_columns():

@@ -69,6 +69,17 @@ def test_round_trip(tmp_path, fmt, banked, sloped, v):
     npt.assert_array_equal(written.height, road.height)
 
 
+@pytest.mark.parametrize("fmt", FORMATS)
+@pytest.mark.parametrize("largest", [1e-12, 1e-5, 9e-4, 0.002, 0.02, 0.2, 0.9, 20.0, 3000.0])
+def test_heights_of_any_size_are_written(tmp_path, fmt, largest):
+    """Above a line that is level: of either sign, from nothing to a mountain."""
+    height = largest * np.random.default_rng(1).uniform(-1, 1, (5, 7))
+    height -= np.median(height)
+    opencrg.write(straight_road(height), tmp_path / "road.crg", fmt=fmt)
+    rounding = HEIGHT[fmt] * max(1, 10 * largest)  # digits are lost in proportion
+    npt.assert_allclose(opencrg.read(tmp_path / "road.crg").height, height, rtol=0, atol=rounding)
+
+
 def test_the_c_api_finds_the_road_where_it_was(tmp_path):
     """Off the reference line, where a lost edge or banking would show."""
     road = curved_road(offset=421.75)

@@ -57,7 +57,8 @@ def convert(
         Coordinate reference system of the input, e.g. EPSG:25832, if its file does not say or is
         wrong. Nothing is transformed.
     scale
-        Step that coordinates are rounded to in LAS and LAZ files [m]; by default 0.0001.
+        Step that coordinates are rounded to in LAS and LAZ files [m], at most 0.1; by default
+        0.0001.
     spacing
         Profiles: distance of the samples to write, from the first one on, straight between those
         of the input [m]; by default as they are. Waves shorter than twice of it should be taken out

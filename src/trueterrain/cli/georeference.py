@@ -53,7 +53,8 @@ def georeference(
         "zero-phase", "thesis", or "navigation" alone.
     crs
         Projected system of the points, e.g. EPSG:32632, with ellipsoidal heights; by default they
-        stay in the local frame of the run: east, north, up of its origin.
+        stay in the local frame of the run: east, north, up of its origin. One that changes lengths
+        by more than 0.35 % at the place is refused.
     floor
         Intensity under which a return is doubtful [counts].
     saturation
@@ -90,6 +91,8 @@ def georeference(
     require_run(run)
     formats.require_writable(output, force=force, inputs=[run])
     tree = open_run(run)
+    if crs is not None:
+        check_crs(crs, tree.attrs["origin"])
     trajectory = motion_of(run, method)
     blocks = points_of(
         run, trajectory, screening=screening, range_noise=range_noise, lane=lane

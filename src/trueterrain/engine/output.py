@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from trueterrain.engine.readback import refuse_full_disk
 from trueterrain.errors import OutputError
 
 
@@ -49,6 +50,9 @@ def whole_output(path: str | Path, *, force: bool = False) -> Iterator[Path]:
         with temporary.open("rb") as stream:
             os.fsync(stream.fileno())
         temporary.replace(path)
+    except OSError as error:
+        refuse_full_disk(error, path)
+        raise
     finally:
         with suppress(FileNotFoundError):
             temporary.unlink()
@@ -107,6 +111,9 @@ def whole_folder(path: str | Path, *, force: bool = False) -> Iterator[Path]:
             if (path / file.name).is_dir():
                 shutil.rmtree(path / file.name)
             file.replace(path / file.name)
+    except OSError as error:
+        refuse_full_disk(error, path)
+        raise
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 

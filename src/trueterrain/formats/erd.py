@@ -16,6 +16,7 @@ import json
 import re
 import warnings
 from collections.abc import Iterable
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain import provenance
-from trueterrain.engine import whole_output
+from trueterrain.engine import Checksums, whole_output
 from trueterrain.errors import FormatError, SchemaError
 from trueterrain.formats._doubts import profile_doubts
 from trueterrain.formats._erd_text import COLUMNS, SIGNATURE, TEXT, UNITS, Header, load
@@ -106,7 +107,7 @@ def write(profile: xr.Dataset, path: str | Path, *, force: bool = False, units: 
     SchemaError
         If the spacing is not equal or a height is NaN.
     OutputError
-        If the file exists and `force` is false.
+        If the file exists and `force` is false, or is not whole when it is read back.
 
     Examples
     --------
@@ -126,12 +127,16 @@ def write(profile: xr.Dataset, path: str | Path, *, force: bool = False, units: 
     height = np.atleast_2d(profile.height.values)
     _require_finite(height, names, profile.s.values)
     lines = _header_lines(profile, names, step, units)
-    with (
-        whole_output(path, force=force) as temporary,
-        temporary.open("w", encoding="utf-8", newline="\n") as stream,
-    ):
-        stream.writelines(line + "\n" for line in lines)
+    with BytesIO() as stream:
+        stream.writelines(f"{line}\n".encode() for line in lines)
         np.savetxt(stream, height.T / UNITS[units], fmt=f"%.{_DECIMALS[units]}f")
+        text = stream.getvalue()
+    written, found = Checksums(), Checksums()
+    written.add("text", text)
+    with whole_output(path, force=force) as temporary:
+        temporary.write_bytes(text)
+        found.add_file("text", temporary)
+        found.require_same(written, path)
 
 
 def describe(path: str | Path) -> dict[str, Any]:

@@ -19,7 +19,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain import provenance
-from trueterrain.engine import require_writable, whole_output
+from trueterrain.engine import Checksums, not_whole, require_writable, whole_output
 from trueterrain.errors import FormatError, OutputError, TrueTerrainError
 from trueterrain.formats.crs import parse_crs
 from trueterrain.kinds import check_surface, make_surface
@@ -140,8 +140,8 @@ def write(
     ValueError
         If `dtype` is neither of the two.
     OutputError
-        If the surface is no map, not equally spaced or not in metres, or if the file exists and
-        `force` is false.
+        If the surface is no map, not equally spaced or not in metres, if the file exists and
+        `force` is false, or if it is not whole when it is read back.
     TrueTerrainError
         If rasterio is not installed.
 
@@ -170,15 +170,31 @@ def write(
     check_surface(surface)
     profile = _profile(surface, path, rasterio) | {"dtype": dtype}
     names = ["height", *(name for name in _OPTIONAL if name in surface)]
-    with (
-        whole_output(path, force=force) as temporary,
-        rasterio.open(temporary, "w", count=len(names), **profile) as target,
-    ):
+    written = Checksums()
+    with whole_output(path, force=force) as temporary:
+        try:
+            with rasterio.open(temporary, "w", count=len(names), **profile) as target:
+                for band, name in enumerate(names, start=1):
+                    values = surface[name].values[::-1].astype(dtype)
+                    written.add(name, values)
+                    target.write(values, band)
+                    target.set_band_description(band, name)
+                    target.set_band_unit(band, _OPTIONAL.get(name, "m"))
+                target.update_tags(**{_HISTORY: json.dumps(provenance.steps(surface))})
+            # GDAL does not say so if the disk is full when it closes a file
+            _require_same(temporary, names, written, path)
+        except rasterio.errors.RasterioError as error:
+            raise not_whole(path, _reason(error)) from error
+        except FormatError as error:
+            raise not_whole(path, "it cannot be read back") from error
+
+
+def _require_same(temporary: Path, names: list[str], written: Checksums, path: Path) -> None:
+    found = Checksums()
+    with _opened(temporary) as source:
         for band, name in enumerate(names, start=1):
-            target.write(surface[name].values[::-1].astype(dtype), band)
-            target.set_band_description(band, name)
-            target.set_band_unit(band, _OPTIONAL.get(name, "m"))
-        target.update_tags(**{_HISTORY: json.dumps(provenance.steps(surface))})
+            found.add(name, source.read(band))
+    found.require_same(written, path)
 
 
 def _rasterio(path: Path) -> Any:
@@ -203,12 +219,15 @@ def _opened(path: Path) -> Iterator[Any]:
             with rasterio.open(path, driver="GTiff") as source:
                 yield source
     except (rasterio.errors.RasterioError, UnicodeDecodeError) as error:
-        reason = " ".join(str(error.__cause__ or error).split()).rstrip(".")
         raise FormatError(
-            f"is no whole GeoTIFF file: {reason}",
+            f"is no whole GeoTIFF file: {_reason(error)}",
             path=path,
             cure="The file is cut off, damaged or of another kind: copy or export it again.",
         ) from error
+
+
+def _reason(error: Exception) -> str:
+    return " ".join(str(error.__cause__ or error).split()).rstrip(".")
 
 
 def _surface(source: Any, path: Path) -> xr.Dataset:

@@ -6,18 +6,20 @@ from pathlib import Path
 from typing import Any
 
 import laspy
+import lazrs
 import numpy as np
 import xarray as xr
 from laspy.vlrs.known import WktCoordinateSystemVlr
 
 from trueterrain._version import __version__
-from trueterrain.engine import whole_output
+from trueterrain.engine import Checksums, not_whole, whole_output
 from trueterrain.errors import CoverageError, SchemaError
 from trueterrain.formats.las._crs import wkt_of
 from trueterrain.formats.las._read import SECONDS_OF_WEEK
 from trueterrain.kinds import check_points
 
 _POINT_FORMAT = 6
+_COARSEST = 0.1  # [m] steps of coordinates; coarser ones leave no ground to measure
 _LARGEST = 2**31 - 1  # of the integers that LAS keeps coordinates in
 _LARGEST_UINT16 = 2**16 - 1
 _LARGEST_RECORD = 2**16 - 1  # [bytes] of a variable length record
@@ -53,14 +55,15 @@ def write(
     Raises
     ------
     ValueError
-        If `scale` is not greater than 0, or the name ends with .copc.laz or neither .las nor .laz.
+        If `scale` is not greater than 0 and at most 0.1 m, or the name ends with .copc.laz or
+        neither .las nor .laz.
     SchemaError
         If coordinates are not finite or lie too far apart for the scale, or lanes and intensities
         are no whole numbers from 0 to 65535.
     CoverageError
         If there are no points.
     OutputError
-        If the file exists and `force` is false.
+        If the file exists and `force` is false, or is not whole when it is read back.
 
     Examples
     --------
@@ -76,8 +79,8 @@ def write(
     """
     path = Path(path)
     _check_name(path)
-    if not scale > 0:
-        message = f"scale must be greater than 0 m, got {scale}."
+    if not 0 < scale <= _COARSEST:
+        message = f"scale must be greater than 0 m and at most {_COARSEST:g} m, got {scale:g} m."
         raise ValueError(message)
     with whole_output(path, force=force) as temporary:
         parts = chain([points]) if isinstance(points, xr.Dataset) else points
@@ -88,14 +91,34 @@ def write(
         names = list(first.data_vars)
         compress = path.suffix.lower() == ".laz"
         done = 0
-        with laspy.open(temporary, mode="w", header=header, do_compress=compress) as writer:
-            for part in chain([first], parts):
-                if list(check_points(part, path=path).data_vars) != names:
-                    raise _different(part, names, path)
-                for start in range(0, part.sizes["point"], _ROWS):
-                    rows = part.isel(point=slice(start, start + _ROWS))
-                    writer.write_points(_record(rows, header, done, path))
-                    done += rows.sizes["point"]
+        written = Checksums()
+        try:
+            with (
+                temporary.open("wb+") as stream,  # laspy would leave it open if the disk is full
+                laspy.open(
+                    stream, mode="w", header=header, do_compress=compress, closefd=False
+                ) as writer,
+            ):
+                for part in chain([first], parts):
+                    if list(check_points(part, path=path).data_vars) != names:
+                        raise _different(part, names, path)
+                    for start in range(0, part.sizes["point"], _ROWS):
+                        rows = part.isel(point=slice(start, start + _ROWS))
+                        record = _record(rows, header, done, path)
+                        written.add("points", record.array)
+                        writer.write_points(record)
+                        done += rows.sizes["point"]
+            _require_same(temporary, written, path)
+        except (lazrs.LazrsError, laspy.errors.LaspyException) as error:
+            raise not_whole(path, str(error)) from error
+
+
+def _require_same(temporary: Path, written: Checksums, path: Path) -> None:
+    found = Checksums()
+    with laspy.open(temporary) as reader:
+        for record in reader.chunk_iterator(_ROWS):
+            found.add("points", record.array)
+    found.require_same(written, path)
 
 
 def _header(first: xr.Dataset, scale: float, path: Path) -> Any:

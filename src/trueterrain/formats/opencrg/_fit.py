@@ -100,6 +100,18 @@ def _snapped_offsets(v: Floats, path: Path) -> Floats:
             place=f"axis v, node {twice[0]}",
             cure="Grid the surface with a spacing of 1 mm or more.",
         )
+    hidden = np.flatnonzero(_rules.overlooked_sections(snapped))
+    if hidden.size:
+        width = snapped[-1] - snapped[0]
+        raise OutputError(
+            f"nodes must be equally spaced or at least {width / _rules.LOOKED_UP:.3g} m apart (the "
+            f"width divided by {_rules.LOOKED_UP}), else programs with the ASAM C library find "
+            f"wrong heights between them, got {snapped[hidden[0] - 1]:.3f} m and "
+            f"{snapped[hidden[0]]:.3f} m",
+            path=path,
+            place=f"axis v, node {hidden[0]}",
+            cure="Grid the surface with equal spacing across.",
+        )
     return np.asarray(snapped)
 
 

@@ -16,6 +16,8 @@ Mask = npt.NDArray[np.bool_]
 MILLIMETRE = 1e-3  # [m] positions are multiples of it
 TOLERANCE = 1e-4  # [m] by which a position may miss one, and a chord its length
 STEEPEST = 1.0  # [m/m]
+LOOKED_UP = 199  # [steps] across the road, of the table in which the C-API looks sections up
+_AT_STEP = 1e-6  # [steps] by which a long section at the end of a step may miss it
 
 
 def curvature(easting: Floats, northing: Floats, increment: float) -> Floats:
@@ -40,6 +42,25 @@ def interior_holes(height: Floats) -> Mask:
 def off_grid(positions: Floats) -> Mask:
     """Positions that are no multiple of 1 mm."""
     return np.asarray(np.abs(positions - np.round(positions / MILLIMETRE) * MILLIMETRE) > TOLERANCE)
+
+
+def is_even(v: Floats) -> bool:
+    """Whether the distance between long sections is the same, as pycrg decides it."""
+    even = np.linspace(v[0], v[-1], v.size)
+    return bool(np.abs(v - even).max() <= 1e-9 * max(1.0, v[-1] - v[0]))
+
+
+def overlooked_sections(v: Floats) -> Mask:
+    """Long sections behind which the C-API finds wrong heights, up to the next one.
+
+    Sections at unequal distances are looked up in a table of 199 equal steps, and of several within
+    one step the last is overlooked.
+    """
+    if is_even(v):
+        return np.zeros(v.size, dtype=bool)
+    step = np.ceil((v[:-1] - v[0]) / (v[-1] - v[0]) * LOOKED_UP - _AT_STEP)
+    shared = np.concatenate([[False], np.diff(step) == 0, [False]])
+    return np.asarray(shared & ~np.roll(shared, -1))
 
 
 def doubts(header: Header, surface: xr.Dataset, kappa: Floats) -> list[str]:
@@ -75,6 +96,12 @@ def _position_doubts(header: Header, surface: xr.Dataset) -> list[str]:
         wrong = values[off_grid(values)]
         if wrong.size:
             found.append(f"{name} must be a multiple of 1 mm, got {wrong[0]:g} m")
+    hidden = v[overlooked_sections(v)]
+    if hidden.size:
+        found.append(
+            f"the distance between long sections is not the same and at v = {hidden[0]:g} m less "
+            f"than 1/{LOOKED_UP} of the width: programs with the C library find wrong heights there"
+        )
     if "reference_line_end_u" not in header.road:
         found.append("REFERENCE_LINE_END_U is missing: a lost end of the file cannot be noticed")
     return found

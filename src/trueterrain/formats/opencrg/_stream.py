@@ -24,7 +24,8 @@ from trueterrain.formats.opencrg._payload import Numbers
 Floats = npt.NDArray[np.float64]
 
 _END = b"$" * 72 + b"\n"  # of the header
-_INCREMENT = re.compile(rb"^long_section_v_increment .*\n", re.MULTILINE)
+_LEFT = re.compile(rb"^long_section_v_left .*\n", re.MULTILINE)
+_INCREMENT = re.compile(rb"^long_section_v_increment .*\n", re.MULTILINE)  # follows _LEFT, if any
 _SECTIONS = re.compile(rb"(?:^D:long section .*\n)+", re.MULTILINE)
 _RECORD = 80  # [bytes]
 
@@ -70,9 +71,10 @@ def with_sections(header: bytes, v: Floats, fmt: str, path: Path) -> bytes:
     # free text may look like anything, so it stays apart
     end_of_text = header.index(b"\n$\n")
     text, rest = header[:end_of_text], header[end_of_text:]
-    for lines in (_INCREMENT, _SECTIONS):
-        rest = lines.sub(b"".join(lines.findall(example)), rest)
-    return text + rest
+    increment, sections = (b"".join(lines.findall(example)) for lines in (_INCREMENT, _SECTIONS))
+    rest = _INCREMENT.sub(b"", rest)
+    rest = _LEFT.sub(lambda left: left.group() + increment, rest)
+    return text + _SECTIONS.sub(sections, rest)
 
 
 def write_whole(road: xr.Dataset, flat: FlatRoad, path: Path, keywords: Mapping[str, Any]) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import zarr
 
+from trueterrain.engine import Checksums, refuse_full_disk
 from trueterrain.errors import OutputError
 from trueterrain.formats._zarr import ARRAYS, choose_fill_value, make_compressors
 from trueterrain.formats.run._schema import ROW_CHUNK
@@ -52,6 +53,9 @@ def whole_store(path: Path, *, force: bool) -> Iterator[Path]:
             path.replace(old)
         temporary.replace(path)
         shutil.rmtree(old, ignore_errors=True)
+    except OSError as error:
+        refuse_full_disk(error, path)
+        raise
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 
@@ -100,6 +104,8 @@ class GrowingStore:
         self._root = zarr.create_group(path, zarr_format=3, attributes=dict(attrs))
         self._rows: dict[str, _Rows] = {}
         self._needed: list[str] = []
+        self._arrays: list[zarr.Array[Any]] = []
+        self._written = Checksums()
 
     def names(self, group: str) -> set[str]:
         """Names of the growing arrays of a group."""
@@ -116,7 +122,9 @@ class GrowingStore:
     ) -> None:
         """Write an array at once."""
         chunk = max(1, min(values.shape[0], _rows_of(values.shape))) if values.ndim else 1
-        self._create(path, values.shape, chunk, values.dtype, dims, attrs)[...] = values
+        array = self._create(path, values.shape, chunk, values.dtype, dims, attrs)
+        array[...] = values
+        self._written.add(array.path, values)
 
     def grow(
         self,
@@ -131,17 +139,26 @@ class GrowingStore:
         """Make an array without rows, whose rows will be as those of `like`."""
         chunk = chunk or _rows_of(like.shape)
         shape = (0, *like.shape[1:])
-        self._rows[path] = _Rows(self._create(path, shape, chunk, like.dtype, dims, attrs, fill))
+        array = self._create(path, shape, chunk, like.dtype, dims, attrs, fill)
+        self._rows[path] = _Rows(array, self._written)
 
     def append(self, path: str, rows: Array) -> None:
         """Append rows to an array."""
         self._rows[path].append(rows)
 
-    def close(self) -> None:
-        """Write the rows that still wait, and list the arrays that were written."""
+    def close(self, path: Path) -> None:
+        """Write the rows that still wait, and read all back; errors name the path of the output."""
         for rows in self._rows.values():
             rows.close()
         self._root.attrs[ARRAYS] = sorted(self._needed)
+        found = Checksums()
+        for array in self._arrays:
+            if array.ndim == 0:
+                found.add(array.path, array[...])
+                continue
+            for start in range(0, array.shape[0], array.chunks[0]):
+                found.add(array.path, array[start : start + array.chunks[0]])
+        found.require_same(self._written, path)
 
     def _create(
         self,
@@ -159,7 +176,7 @@ class GrowingStore:
         if not path.startswith("truth/"):  # which may be taken away from a run
             self._needed.append(path)
         chunks = (chunk, *(max(1, n) for n in shape[1:])) if shape else ()
-        return self._root.create_array(
+        array = self._root.create_array(
             path,
             shape=shape,
             chunks=chunks,
@@ -172,17 +189,20 @@ class GrowingStore:
             # so that a chunk that is missing is known to be lost
             config={"write_empty_chunks": True},
         )
+        self._arrays.append(array)
+        return array
 
 
 class _Rows:
     """Rows of an array, written whole chunk by whole chunk."""
 
-    def __init__(self, array: zarr.Array[Any]) -> None:
+    def __init__(self, array: zarr.Array[Any], written: Checksums) -> None:
         self._array = array
         self._chunk = array.chunks[0]
         self._waiting = np.empty((self._chunk, *array.shape[1:]), dtype=array.dtype)
         self._filled = 0
         self._written = 0
+        self._checksums = written
 
     def append(self, values: Array) -> None:
         """Append rows; whole chunks are written, the rest waits."""
@@ -210,6 +230,7 @@ class _Rows:
         self._array.resize((end, *self._array.shape[1:]))
         self._array[self._written : end] = rows
         self._written = end
+        self._checksums.add(self._array.path, np.asarray(rows, dtype=self._array.dtype))
 
 
 def _rows_of(shape: tuple[int, ...]) -> int:

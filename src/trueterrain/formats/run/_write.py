@@ -171,7 +171,7 @@ class RunWriter:
             self._stack.__exit__(kind, error, trace)
             return
         with self._stack:
-            store.close()
+            store.close(self._path)
             self._check()
 
     @property

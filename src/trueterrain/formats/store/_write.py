@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 import zarr
 
+from trueterrain.engine import Checksums
 from trueterrain.errors import CoverageError, SchemaError
 from trueterrain.formats.store._layout import (
     BOUNDS,
@@ -56,7 +57,8 @@ def write(
     CoverageError
         If there are no points to write.
     OutputError
-        If there is something already, and `force` is false or it is something else.
+        If there is something already, and `force` is false or it is something else, or if the
+        store is not whole when it is read back.
 
     Examples
     --------
@@ -79,10 +81,10 @@ def write(
             return
         assert isinstance(data, xr.Dataset)
         check = check_surface if kind == "surface" else check_profile
-        _write_whole(check(data, path=path), kind, temporary)
+        _write_whole(check(data, path=path), kind, temporary, path)
 
 
-def _write_whole(data: xr.Dataset, kind: str, target: Path) -> None:
+def _write_whole(data: xr.Dataset, kind: str, target: Path, path: Path) -> None:
     """Variable by variable, some chunks at a time."""
     root = create_group(target, data.attrs)
     rows = rows_of(kind, data.sizes)
@@ -90,7 +92,7 @@ def _write_whole(data: xr.Dataset, kind: str, target: Path) -> None:
     entries = []
     for name, variable in data.variables.items():
         seen = tally.add if tally is not None and name == "height" else None
-        array = _write_variable(root, str(name), variable, rows, seen)
+        array = _write_variable(root, str(name), variable, rows, seen, path)
         entries.append(_entry(str(name), array, variable.dims, coordinate=name in data.coords))
     write_summary(root, entries, {} if tally is None else tally.statistics())
 
@@ -101,23 +103,33 @@ def _write_variable(
     variable: xr.Variable,
     rows: str,
     seen: Callable[[Values], None] | None,
+    path: Path,
 ) -> "zarr.Array[Any]":
     numbers, attrs = as_numbers(variable)
     array = create_array(
         root, name, dims=variable.dims, shape=variable.shape, dtype=numbers.dtype, attrs=attrs,
         rows=rows,
     )  # fmt: skip
+    written, found = Checksums(), Checksums()
     if rows not in variable.dims:
-        array[...] = np.asarray(numbers.values)
+        values = np.asarray(numbers.values)
+        array[...] = values
+        written.add(name, values)
+        found.add(name, array[...])
+        found.require_same(written, path)
         return array
     axis = variable.dims.index(rows)
     step = _AT_ONCE * array.chunks[axis]
     for start in range(0, variable.shape[axis], step):
         part = slice(start, start + step)
         values = np.asarray(numbers.isel({rows: part}).values)
-        array[(*[slice(None)] * axis, part)] = values
+        place = (*[slice(None)] * axis, part)
+        array[place] = values
+        written.add(name, values)
+        found.add(name, array[place])
         if seen is not None:
             seen(values)
+    found.require_same(written, path)
     return array
 
 
@@ -126,6 +138,7 @@ def _write_points(blocks: Iterable[xr.Dataset], target: Path, path: Path) -> Non
     tally = PointTally()
     root: zarr.Group | None = None
     arrays: dict[str, zarr.Array[Any]] = {}
+    written, found = Checksums(), Checksums()
     for columns in _whole_chunks(map(taken.columns, blocks)):
         if root is None:
             root = create_group(target, taken.attrs)
@@ -141,8 +154,11 @@ def _write_points(blocks: Iterable[xr.Dataset], target: Path, path: Path) -> Non
         for name, array in arrays.items():
             array.resize((tally.count,))
             array[start : tally.count] = columns[name]
+            written.add(name, columns[name])
+            found.add(name, array[start : tally.count])
     if root is None:
         raise CoverageError("there are no points to write", path=path)
+    found.require_same(written, path)
     root.attrs.put(plain_attrs(taken.attrs, "the dataset"))
     bounds = tally.bounds()
     create_array(

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from trueterrain.engine import Checksums, not_whole
 from trueterrain.errors import FormatError, TrueTerrainError
 from trueterrain.formats.table._columns import Layout, layout_of
 from trueterrain.formats.table._text import Values
@@ -113,6 +114,7 @@ class ParquetWriter:
         self._path = temporary
         self._metadata = {_METADATA: json.dumps(metadata).encode()}
         self._writer: Any = None
+        self._written = Checksums()
 
     def __enter__(self) -> "ParquetWriter":
         return self
@@ -127,4 +129,27 @@ class ParquetWriter:
         if self._writer is None:
             schema = table.schema.with_metadata(self._metadata)
             self._writer = self._pq.ParquetWriter(self._path, schema)
-        self._writer.write_table(table.cast(self._writer.schema))
+        table = table.cast(self._writer.schema)
+        self._writer.write_table(table)
+        for batch in table.to_batches():
+            _add_columns(self._written, batch)
+
+    def require_same(self, path: Path) -> None:
+        """Raise if the file does not hold what was written."""
+        found = Checksums()
+        try:
+            with self._pq.ParquetFile(self._path) as file:
+                for batch in file.iter_batches():
+                    _add_columns(found, batch)
+        except (self._pa.ArrowException, OSError) as error:
+            raise not_whole(path, str(error)) from error
+        found.require_same(self._written, path)
+
+
+def _add_columns(checksums: Checksums, batch: Any) -> None:
+    for name in batch.schema.names:
+        values = batch.column(name).to_numpy(zero_copy_only=False)
+        if values.dtype == object:  # text
+            checksums.add(name, "".join(f"{text}\n" for text in values).encode())
+        else:
+            checksums.add(name, values)

@@ -4,13 +4,13 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from itertools import chain
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, BinaryIO
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
-from trueterrain.engine import whole_output
+from trueterrain.engine import Checksums, whole_output
 from trueterrain.errors import CoverageError, SchemaError
 from trueterrain.formats.table._parquet import ParquetWriter
 from trueterrain.kinds import check_points, check_profile, kind_of
@@ -44,7 +44,7 @@ def write(
     CoverageError
         If there are no points to write.
     OutputError
-        If the file exists and `force` is false.
+        If the file exists and `force` is false, or is not whole when it is read back.
 
     Examples
     --------
@@ -79,15 +79,17 @@ def write(
                     )
                 names = list(columns)
                 writer.add(columns)
+        writer.require_same(path)
 
 
 class _CsvWriter:
     def __init__(self, temporary: Path) -> None:
         self._path = temporary
-        self._stream: TextIO
+        self._written = Checksums()
+        self._stream: BinaryIO
 
     def __enter__(self) -> "_CsvWriter":
-        self._stream = self._path.open("w", encoding="utf-8", newline="")
+        self._stream = self._path.open("wb")
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -96,7 +98,14 @@ class _CsvWriter:
     def add(self, columns: dict[str, Any]) -> None:
         header = self._stream.tell() == 0
         frame = pd.DataFrame(columns)  # floats are written with as many digits as they need
-        frame.to_csv(self._stream, header=header, index=False, na_rep="nan", lineterminator="\n")
+        text = frame.to_csv(header=header, index=False, na_rep="nan", lineterminator="\n").encode()
+        self._written.add("text", text)
+        self._stream.write(text)
+
+    def require_same(self, path: Path) -> None:
+        found = Checksums()
+        found.add_file("text", self._path)
+        found.require_same(self._written, path)
 
 
 def _writer(
