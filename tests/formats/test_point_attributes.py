@@ -37,7 +37,7 @@ def write_las(path, point_format, *, size=500, largest=2**64):
     header.add_extra_dims([
         *(laspy.ExtraBytesParams(f"plain {kind}", kind) for kind in plain),
         laspy.ExtraBytesParams("Reflectance", "i2", "dB", scales=[0.01], offsets=[-20.0]),
-        laspy.ExtraBytesParams("normal", "3f4"),
+        laspy.ExtraBytesParams("a direction with a name too long", "3f4"),
         laspy.ExtraBytesParams("sd", "f4"),
     ])  # fmt: skip
     content = laspy.LasData(header)
@@ -72,7 +72,7 @@ def columns(path):
         if values.ndim == 1:
             found[dimension.name] = values
         else:
-            found |= {f"{dimension.name}_{i}": values[:, i] for i in range(values.shape[1])}
+            found |= {f"{dimension.name[:29]}_{i}": values[:, i] for i in range(values.shape[1])}
     if "scan_angle_rank" in found:
         found["scan_angle"] = found.pop("scan_angle_rank") / 0.006
     return found

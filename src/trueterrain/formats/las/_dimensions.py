@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from trueterrain.errors import SchemaError
-from trueterrain.kinds import COORDINATES, EXTRA, RETURN_ATTRIBUTES
+from trueterrain.kinds import EXTRA, RETURN_ATTRIBUTES
 
 ANGLE_STEP = np.deg2rad(0.006)  # [rad] of the scan angle from point format 6 on
 _LARGEST_ANGLE = 30_000  # [steps] 180 deg
@@ -165,12 +165,14 @@ def _extra(point_format: Any) -> dict[str, tuple[str, int | None]]:
         elif dimension.num_elements == 1:
             found[variable] = (name, None)
         else:
-            found |= {f"{variable}_{i}": (name, i) for i in range(dimension.num_elements)}
+            # room for the number in a name of 32 bytes
+            parts = range(dimension.num_elements)
+            found |= {f"{variable[: len(EXTRA) + _LONGEST_NAME - 3]}_{i}": (name, i) for i in parts}
     return found
 
 
 def _check_label(label: str, name: str, point_format: int, path: Path) -> None:
-    taken = {*laspy.PointFormat(point_format).dimension_names, *COORDINATES, "x", "y", "z", "sd"}
+    taken = {*laspy.PointFormat(point_format).dimension_names, "x", "y", "z", "sd"}
     problem = ""
     if label in taken or not label:
         problem = f"would be extra bytes of the name {label!r}, which means something else in LAS"

@@ -20,7 +20,7 @@ _UNITS = {
 _NAMES = (*_UNITS, "intensity", "lane", "count", "track")
 _ALIASES = {
     "station": "s", "distance": "s", "x": "easting", "y": "northing",
-    "z": "up", "elevation": "up", "altitude": "up", "class": "classification",
+    "z": "up", "elevation": "up", "altitude": "up",
 }  # fmt: skip
 _PER_TRACK = ("height", "easting", "northing", "heading", "sd", "count")
 
