@@ -145,5 +145,6 @@ def test_info_says_metres_and_what_is_assumed(tmp_path):
     found = las.describe(tmp_path / "p.las")
     npt.assert_allclose(found["extent"]["easting"], np.array([x.min(), x.max()]) * SURVEY_FOOT)
     npt.assert_allclose(found["scale"], 0.01 * SURVEY_FOOT)
+    assert found["crs_name"] == "NAD83 / North Carolina"
     assert found["units"].startswith("converted from US survey foot to metres")
     assert any("names no unit of heights" in problem for problem in found["problems"])

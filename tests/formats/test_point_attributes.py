@@ -264,6 +264,13 @@ def test_a_filter_is_a_table_of_settings():
     assert parse_settings(PointFilter, {"returns": 2}) == PointFilter(returns=2)
 
 
+def test_gaps_among_classes_are_no_class(tmp_path):
+    (tmp_path / "p.csv").write_text("x,y,z,classification\n0,0,1,2\n1,0,1,nan\n2,0,1,6\n")
+    assert formats.info(tmp_path / "p.csv")["classes"] == {"2": 1, "6": 1}
+    (only,) = formats.point_blocks(tmp_path / "p.csv", only=PointFilter(classes=(2,)))
+    assert only.sizes["point"] == 1
+
+
 @pytest.mark.parametrize("ending", [".las", ".zarr", ".parquet", ".csv"])
 def test_info_counts_classes_and_returns(returns, tmp_path, ending):
     path = tmp_path / f"p{ending}"

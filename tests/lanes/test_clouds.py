@@ -388,9 +388,13 @@ def test_points_keep_what_they_came_with(tmp_path):
         for axis in ("easting", "northing"):
             assert_allclose(after[axis], before[axis], rtol=0, atol=1e-9)  # [m] float64
         assert max(after.attrs["coordinate_scale"]) <= ROUNDING  # of corrected heights
+    # merged once more, the first numbers stay
+    _, corrected = merge_clouds(cloud_lanes([tmp_path / "b.laz", tmp_path / "a.laz"]), SETTINGS)
+    again = np.concatenate([block.extra_source for block in corrected["a"]()])
+    assert_array_equal(again, formats.open(tmp_path / "in" / "a.laz").lane)
 
 
-def test_classes_that_are_no_ground_are_told_and_left_out(tmp_path):
+def test_classes_that_are_no_ground_are_named_and_left_out(tmp_path):
     roofs, grounds = {}, 0
     for name, one in zip("ab", pair(), strict=True):
         roof = one.easting.values % 3.0 < 1.0
@@ -399,8 +403,8 @@ def test_classes_that_are_no_ground_are_told_and_left_out(tmp_path):
         grounds += int(np.count_nonzero(~roof))
     files = written(tmp_path, **roofs)
     merging, _ = merge_clouds(cloud_lanes(files), replace(SETTINGS, method="grid"))
-    told = f"building (6) {96_000 - grounds:,}; take the ground alone: --class 2"
-    assert any(told in one for one in merging.problems)
+    named = f"building (6) {96_000 - grounds:,}; take the ground alone: --class 2"
+    assert any(named in one for one in merging.problems)
     lanes = cloud_lanes(files, only=PointFilter(classes=(2,)))
     merging, corrected = merge_clouds(lanes, SETTINGS)
     assert not any("no ground" in one for one in merging.problems)

@@ -174,7 +174,7 @@ def grid(
     _check_times(begin, end, kind, inputs)
     only = point_filter(classes, returns)
     if only is not None and kind == "run":
-        message = "--class and --return choose points; the returns of runs are screened by others."
+        message = "--class and --return are for points; returns of runs: --floor, --nearest, ..."
         raise ValueError(message)
     formats.require_writable(output, force=force, inputs=[*inputs, *([path] if path else [])])
     workers = processors() if threads is None else threads

@@ -246,4 +246,5 @@ def _counted(values: Any) -> Iterator[tuple[float, int]]:
         found = np.flatnonzero(numbers)
         yield from zip(found.tolist(), numbers[found].tolist(), strict=True)
         return
+    values = values[np.isfinite(values)]
     yield from zip(*(one.tolist() for one in np.unique(values, return_counts=True)), strict=True)

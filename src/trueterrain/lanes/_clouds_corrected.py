@@ -61,10 +61,16 @@ class CorrectedLane:
             found = self._by_network(block)
         known = (*self.lane.variables, "sd")
         found = found[[one for one in found.data_vars if one in known]]
-        if "lane" in found and self.lane.numbers != (self.lane.label,):
+        if self._renumbered:
             found = found.rename(lane=_FORMER)
         number = np.full(block.sizes["point"], self.lane.label, np.int64)
         return _in_finer_steps(found.assign(lane=("point", number, {"units": "1"})))
+
+    @property
+    def _renumbered(self) -> bool:
+        """Whether numbers of its points are lost; those before an earlier merging are kept."""
+        known = self.lane.variables
+        return "lane" in known and _FORMER not in known and self.lane.numbers != (self.lane.label,)
 
     def _by_network(self, block: xr.Dataset) -> xr.Dataset:
         adjustment = self.merging.adjustment
@@ -118,7 +124,7 @@ class CorrectedClouds(Mapping[str, CorrectedLane]):
         """
         lanes = [one.lane for one in self._lanes.values()]
         same = set.intersection(*({*lane.variables} for lane in lanes)) | {"lane", "sd"}
-        if all("lane" in lane.variables and lane.numbers != (lane.label,) for lane in lanes):
+        if all(one._renumbered for one in self._lanes.values()):
             same.add(_FORMER)
         for lane, block in blocks_of(lanes, variables):
             found = self._lanes[lane.name].corrected(block)

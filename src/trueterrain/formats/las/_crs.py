@@ -26,6 +26,7 @@ _EPSG_CODES = range(1024, 32767)
 _LINEAR_UNITS = {
     9001: ("metre", 1.0), 9002: ("foot", 0.3048), 9003: ("US survey foot", 1200 / 3937),
 }  # fmt: skip
+_NO_HEIGHTS = "the CRS names no unit of heights: taken to be the same; if not, name a compound CRS"
 _SAME_UNIT = 1e-9  # within which two units are equal; both kinds of feet differ by 2e-6
 
 
@@ -111,10 +112,8 @@ def _reference(crs: pyproj.CRS, doubts: list[str]) -> Reference:
     if obstacle or (units := units_of(crs)).metres:
         return found
     assumed = "" if crs.is_compound or len(crs.axis_info) > 2 else _NO_HEIGHTS
-    return replace(found, crs=crs_in_metres(crs), units=units, assumed=assumed)
-
-
-_NO_HEIGHTS = "the CRS names no unit of heights: taken to be the same; if not, name a compound CRS"
+    metric = crs_in_metres(crs)
+    return replace(found, crs=metric, name=parse_crs(metric).name, units=units, assumed=assumed)
 
 
 def _obstacle(crs: pyproj.CRS) -> str:
