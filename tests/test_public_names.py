@@ -25,6 +25,7 @@ PUBLIC = {
     "OutputError",
     "Percentile",
     "Plane",
+    "PointFilter",
     "PsdOptions",
     "Rectangle",
     "RideNumberOptions",

@@ -36,7 +36,7 @@ from trueterrain.errors import (
 )
 
 if TYPE_CHECKING:
-    from trueterrain.formats import info, open, point_blocks, write  # noqa: A004 - tt.open(...)
+    from trueterrain.formats import PointFilter, info, open, point_blocks, write  # noqa: A004 - tt.open(...)
     from trueterrain.formats.run import check_run, import_run, open_run
     from trueterrain.kinds import make_points, make_profile, make_surface
     from trueterrain.profile import (
@@ -94,7 +94,7 @@ if TYPE_CHECKING:
 
 # each public name and the room it lives in: a room is imported when its first name is used
 _ROOMS = {
-    "trueterrain.formats": ("info", "open", "point_blocks", "write"),
+    "trueterrain.formats": ("PointFilter", "info", "open", "point_blocks", "write"),
     "trueterrain.formats.run": ("check_run", "import_run", "open_run"),
     "trueterrain.kinds": ("make_points", "make_profile", "make_surface"),
     "trueterrain.profile": (
@@ -170,6 +170,7 @@ __all__ = [
     "OutputError",
     "Percentile",
     "Plane",
+    "PointFilter",
     "PsdOptions",
     "Rectangle",
     "RideNumberOptions",

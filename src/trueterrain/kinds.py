@@ -7,7 +7,8 @@ from arrays, ``check_...`` says which variable breaks which rule.
 kind        dimensions                  variables [m] unless noted
 ==========  ==========================  =======================================================
 Points      point                       easting, northing, up; optional time [s], intensity,
-                                        lane, sd
+                                        lane (point source), sd, those of `RETURN_ATTRIBUTES`,
+                                        and ``extra_NAME``: extra bytes of LAS, as they are
 Surface     u, v (along, across a       height; reference line along u: easting, northing,
             reference line)             heading [rad], elevation; optional banking [m/m],
                                         count, sd, filled
@@ -37,10 +38,26 @@ SCHEMA = 1
 _UNITS = {
     "easting": "m", "northing": "m", "up": "m", "height": "m", "elevation": "m", "sd": "m",
     "heading": "rad", "banking": "m/m", "u": "m", "v": "m", "s": "m", "time": "s",
-    "intensity": "1", "lane": "1", "count": "1", "filled": "1",
+    "intensity": "1", "lane": "1", "count": "1", "filled": "1", "scan_angle": "rad",
 }  # fmt: skip
 
-_POINTS_OPTIONAL = ("time", "intensity", "lane", "sd")
+#: What LAS keeps of a return beside place, time, intensity and point source, and its type there.
+#: Names are those of LAS 1.4, colours are 16 bits, ``scan_angle`` is in rad.
+RETURN_ATTRIBUTES = {
+    "return_number": "u1", "number_of_returns": "u1", "classification": "u1",
+    "scan_angle": "f4", "user_data": "u1", "scanner_channel": "u1",
+    "scan_direction_flag": "u1", "edge_of_flight_line": "u1",
+    "synthetic": "u1", "key_point": "u1", "withheld": "u1", "overlap": "u1",
+    "red": "u2", "green": "u2", "blue": "u2", "nir": "u2",
+}  # fmt: skip
+
+#: Begin of the names of variables that hold extra bytes of LAS files.
+EXTRA = "extra_"
+
+#: Variables that every set of points has.
+COORDINATES = ("easting", "northing", "up")
+
+_POINTS_OPTIONAL = ("time", "intensity", "lane", "sd", *RETURN_ATTRIBUTES)
 _SURFACE_OPTIONAL = ("count", "sd", "filled")
 _PROFILE_OPTIONAL = ("easting", "northing", "heading", "sd", "count")
 _REFERENCE_LINE = ("easting", "northing", "heading", "elevation")
@@ -60,7 +77,8 @@ def make_points(
     crs : str
         Coordinate reference system: an EPSG code or WKT; empty if it is not known.
     **optional : array_like, shape (point,)
-        ``time`` [s], ``intensity``, ``lane``, ``sd`` [m].
+        ``time`` [s], ``intensity``, ``lane``, ``sd`` [m], those of `RETURN_ATTRIBUTES`, and
+        ``extra_NAME``.
 
     Returns
     -------
@@ -210,8 +228,10 @@ def check_points(data: xr.Dataset, *, path: str | Path | None = None) -> xr.Data
     SchemaError
         Naming the file, the variable and the rule.
     """
-    _require(data, ("easting", "northing", "up"), ("point",), path)
-    _forbid_others(data, ("easting", "northing", "up", *_POINTS_OPTIONAL), path)
+    _require(data, COORDINATES, ("point",), path)
+    known = (*COORDINATES, *_POINTS_OPTIONAL)
+    extra = (str(name) for name in data.data_vars if str(name).startswith(EXTRA))
+    _forbid_others(data, (*known, *extra), path)
     return data
 
 

@@ -142,21 +142,18 @@ def test_geocentric_coordinates_are_refused_unless_named_otherwise(data):
     assert any("geocentric" in problem for problem in las.describe(path)["problems"])
 
 
-@pytest.mark.parametrize(
-    ("code", "unit"), [(4326, "degrees"), (2225, "US survey foot"), (2992, "foot"), (8767, "foot")]
-)
-def test_feet_and_degrees_are_refused(tmp_path, code, unit):
+def test_degrees_are_refused(tmp_path):
     path = tmp_path / "p.las"
     header = laspy.LasHeader(version="1.4", point_format=6)
-    header.add_crs(pyproj.CRS.from_epsg(code))
+    header.add_crs(pyproj.CRS.from_epsg(4326))
     lasdata = laspy.LasData(header)
     lasdata.x, lasdata.y, lasdata.z = [1.0, 2.0], [3.0, 4.0], [5.0, 6.0]
     lasdata.write(path)
     with pytest.raises(FormatError) as caught:
         las.read(path)
-    assert unit in str(caught.value)
+    assert "degrees" in str(caught.value)
     assert "--crs" in str(caught.value)
-    assert any(unit in problem for problem in las.describe(path)["problems"])
+    assert any("degrees" in problem for problem in las.describe(path)["problems"])
     npt.assert_array_equal(las.read(path, crs="EPSG:25832").easting, [1, 2])
 
 

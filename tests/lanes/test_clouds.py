@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from trueterrain import formats
 from trueterrain.errors import CoverageError, SchemaError, TrueTerrainError
+from trueterrain.formats import PointFilter
 from trueterrain.kinds import make_points
 from trueterrain.lanes import CellOptions, cells_of_points
 from trueterrain.lanes.clouds import (
@@ -188,7 +189,7 @@ def test_files_are_read_once_for_all_of_their_lanes(tmp_path, monkeypatch):
     monkeypatch.setattr(formats, "point_blocks", lambda *a, **k: read.append(a) or blocks(*a, **k))
     assert sum(block.sizes["point"] for block in corrected.blocks()) == 96_000
     assert len(read) == 1
-    cells_of_clouds([path])
+    cells_of_clouds(cloud_lanes([path]))
     assert len(read) == 3  # the second time to look what there is
 
 
@@ -363,6 +364,55 @@ def test_what_not_all_lanes_know_is_left_out(tmp_path):
     assert "intensity" not in names[0]
 
 
+def test_points_keep_what_they_came_with(tmp_path):
+    """Nothing but heights, their sd and a number that was not the lane's own is changed."""
+    rng = np.random.default_rng(2)
+    given = {}
+    for name, one in zip("ab", pair(), strict=True):
+        kinds = {"classification": 32, "return_number": 4, "user_data": 256, "red": 65536}
+        more = {key: rng.integers(1, most, 48_000) for key, most in kinds.items()}
+        more |= {"extra_Deviation": rng.integers(0, 9, 48_000), "lane": rng.integers(4, 6, 48_000)}
+        given[name] = one.assign({key: ("point", values) for key, values in more.items()})
+    given["a"] = given["a"].assign(nir=("point", np.full(48_000, 5)))
+    given["a"].attrs |= {"coordinate_scale": [0.00025] * 3, "coordinate_offset": [0.0] * 3}
+    _, corrected = merge_clouds(cloud_lanes(written(tmp_path / "in", **given)), SETTINGS)
+    for name, label in (("a", 1), ("b", 2)):
+        formats.write(iter(corrected[name]()), tmp_path / f"{name}.laz")
+        before = formats.open(tmp_path / "in" / f"{name}.laz")
+        after = formats.open(tmp_path / f"{name}.laz")
+        assert set(after.data_vars) == {*before.data_vars, "sd", "extra_source"}
+        assert_array_equal(after.extra_source, before.lane)
+        assert (after.lane == label).all()
+        for variable in set(before.data_vars) - {"easting", "northing", "up", "lane"}:
+            assert_array_equal(after[variable], before[variable], err_msg=variable)
+        for axis in ("easting", "northing"):
+            assert_allclose(after[axis], before[axis], rtol=0, atol=1e-9)  # [m] float64
+        assert max(after.attrs["coordinate_scale"]) <= ROUNDING  # of corrected heights
+    # merged once more, the first numbers stay
+    _, corrected = merge_clouds(cloud_lanes([tmp_path / "b.laz", tmp_path / "a.laz"]), SETTINGS)
+    again = np.concatenate([block.extra_source for block in corrected["a"]()])
+    assert_array_equal(again, formats.open(tmp_path / "in" / "a.laz").lane)
+
+
+def test_classes_that_are_no_ground_are_named_and_left_out(tmp_path):
+    roofs, grounds = {}, 0
+    for name, one in zip("ab", pair(), strict=True):
+        roof = one.easting.values % 3.0 < 1.0
+        classes = np.where(roof, 6, 2)
+        roofs[name] = one.assign(up=one.up + 4.0 * roof, classification=("point", classes))
+        grounds += int(np.count_nonzero(~roof))
+    files = written(tmp_path, **roofs)
+    merging, _ = merge_clouds(cloud_lanes(files), replace(SETTINGS, method="grid"))
+    named = f"building (6) {96_000 - grounds:,}; take the ground alone: --class 2"
+    assert any(named in one for one in merging.problems)
+    lanes = cloud_lanes(files, only=PointFilter(classes=(2,)))
+    merging, corrected = merge_clouds(lanes, SETTINGS)
+    assert not any("no ground" in one for one in merging.problems)
+    points = list(corrected.blocks())
+    assert sum(block.sizes["point"] for block in points) == grounds
+    assert all((block.classification == 2).all() for block in points)
+
+
 def test_lanes_that_share_no_ground_are_refused(tmp_path):
     a, b = cloud("a"), cloud("b", right=50.0)
     lanes = cloud_lanes(written(tmp_path, a=a, b=b))
@@ -500,7 +550,7 @@ def test_a_method_that_does_harm_says_so(data):
 
 def test_cells_of_clouds_are_those_that_are_compared(data):
     path = data / STRIPS / "las_with_origin_dsmMarker.laz"
-    cells, size = cells_of_clouds([path])
+    cells, size = cells_of_clouds(cloud_lanes([path]))
     assert size == 1.0
     (found,) = compared(cells)
     (known,) = compared(cells_of_points(formats.point_blocks(path), CellOptions(size=1.0)))

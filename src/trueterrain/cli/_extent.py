@@ -25,10 +25,9 @@ def extent_of(file: Path, crs: str | None) -> Four:
     from trueterrain import formats
 
     if formats.recognise(file).module == "las":
-        import laspy
+        from trueterrain.formats import las
 
-        with laspy.open(file) as reader:
-            low, high = reader.header.mins, reader.header.maxs
+        _, (low, high) = las.header_of(file, crs)
         if np.isfinite([*low, *high]).all() and (low[:2] <= high[:2]).all():
             return float(low[0]), float(low[1]), float(high[0]), float(high[1])
     if formats.recognise(file).module == "store":
@@ -37,7 +36,7 @@ def extent_of(file: Path, crs: str | None) -> Four:
             (west, east), (south, north) = extent["easting"], extent["northing"]
             return west, south, east, north
     edges = [np.inf, np.inf, -np.inf, -np.inf]
-    for block in formats.point_blocks(file, crs=crs):
+    for block in formats.point_blocks(file, crs=crs, variables=()):
         for axis, name in enumerate(("easting", "northing")):
             edges[axis] = min(edges[axis], float(block[name].min()))
             edges[axis + 2] = max(edges[axis + 2], float(block[name].max()))

@@ -18,5 +18,7 @@ def note_lost(data: "xr.Dataset", output: Path) -> None:
     lost = [str(name) for name in data.data_vars if kept is not None and name not in kept]
     if data.attrs.get("crs") and output.suffix.lower() in (".csv", ".erd"):
         lost.append("CRS")
+    if data.attrs.get("not_read"):
+        note(f"{output}: not kept, since it is not read: {data.attrs['not_read']}")
     if lost:
         note(f"{output}: not kept, since the format cannot hold it: {', '.join(lost)}")

@@ -8,6 +8,13 @@ from cyclopts import Parameter
 
 from trueterrain.cli._console import note, progress_bar
 from trueterrain.cli._lost import note_lost
+from trueterrain.cli._points import (
+    Classes,
+    Returns,
+    note_conversion,
+    point_filter,
+    require_points,
+)
 from trueterrain.cli._recordings import refuse_recording
 from trueterrain.errors import concerning
 
@@ -15,6 +22,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from trueterrain.engine import Progress
+    from trueterrain.formats import PointFilter
 
 _SURFACES = (".crg", ".tif", ".tiff")
 _PROFILES = (".erd",)
@@ -34,6 +42,8 @@ def convert(
     crs: str | None = None,
     scale: float | None = None,
     spacing: float | None = None,
+    classes: Classes = None,
+    returns: Returns = None,
     force: bool = False,
 ) -> None:
     """Convert surfaces, points and profiles between file formats.
@@ -55,14 +65,18 @@ def convert(
         Unit of the heights in an ERD file; by default m.
     crs
         Coordinate reference system of the input, e.g. EPSG:25832, if its file does not say or is
-        wrong. Nothing is transformed.
+        wrong. Nothing is transformed, but feet of a point cloud become metres.
     scale
         Step that coordinates are rounded to in LAS and LAZ files [m], at most 0.1; by default
-        0.0001.
+        0.0001, or the steps of the input where these are finer or no multiple of it.
     spacing
         Profiles: distance of the samples to write, from the first one on, straight between those
         of the input [m]; by default as they are. Waves shorter than twice of it should be taken out
         first: trueterrain filter.
+    classes
+        Classes of the points to take, e.g. 2,11 (ground and road surface); by default all.
+    returns
+        Return of each pulse to take of the points: last, first or its number; by default all.
     force
         Replace the output if it exists: a file, or a store of points, a surface or a profile.
     """
@@ -77,6 +91,8 @@ def convert(
     if spacing is not None and kind != "profile":
         message = f"--spacing is for profiles, got {source}, which holds {kind}."
         raise ValueError(message)
+    only = point_filter(classes, returns)
+    require_points(only, source, kind)
     if crs is not None:
         parse_crs(crs)
     formats.require_writable(output, force=force, inputs=[source])
@@ -85,7 +101,7 @@ def convert(
         return formats.write(data, output, force=force, **options)
 
     if kind == "points":
-        _convert_points(source, output, crs, write)
+        _convert_points(source, output, crs, only, write)
         return
     data = formats.open(source)
     data = data if crs is None else data.assign_attrs(crs=crs)
@@ -107,12 +123,17 @@ def convert(
 
 
 def _convert_points(
-    source: Path, output: Path, crs: str | None, write: Callable[[Any], Any]
+    source: Path,
+    output: Path,
+    crs: str | None,
+    only: "PointFilter | None",
+    write: Callable[[Any], Any],
 ) -> None:
     from trueterrain import formats
 
+    note_conversion([source], crs)
     with progress_bar() as progress:
-        counted = _Counted(formats.point_blocks(source, crs=crs), progress)
+        counted = _Counted(formats.point_blocks(source, crs=crs, only=only), progress)
         write(iter(counted))
     note(f"{output}: {counted.points:,} points")
     if counted.last is not None:

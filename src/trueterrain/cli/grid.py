@@ -10,6 +10,7 @@ from trueterrain.cli._console import note, out_json, processors, progress_bar
 from trueterrain.cli._extent import Four, extent_of
 from trueterrain.cli._motion import Method, motion_of
 from trueterrain.cli._numbers import WHOLE
+from trueterrain.cli._points import Classes, Returns, note_conversion, point_filter
 from trueterrain.cli._recordings import kind_of_all
 from trueterrain.errors import SchemaError, concerning
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from trueterrain.engine import Progress
+    from trueterrain.formats import PointFilter
     from trueterrain.surface.grid import GridOptions
     from trueterrain.surface.placement import Placement
 
@@ -55,6 +57,8 @@ def grid(
     range_noise: float = 0.0005,
     threads: Annotated[int | None, WHOLE] = None,
     crs: str | None = None,
+    classes: Classes = None,
+    returns: Returns = None,
     json: Annotated[bool, Parameter(negative="")] = False,
     force: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
@@ -131,10 +135,14 @@ def grid(
         on it.
     crs
         Coordinate reference system of points whose files name none or a wrong one. Nothing is
-        transformed.
+        transformed, but feet become metres.
+    classes
+        Classes of the points to take, e.g. 2,11 (ground and road surface); by default all.
+    returns
+        Return of each pulse to take of the points: last, first or its number; by default all.
     json
         Print one JSON document {"output", "size", "spacing", "nodes", "count", "sd", "returns",
-        "holes", "down_sample"}.
+        "holes", "down_sample", "problems"}.
     force
         Replace the output if it exists: a file, or a store of points, a surface or a profile.
     """
@@ -164,6 +172,10 @@ def grid(
         mixed="Grid runs and points apart, or georeference the runs first.",
     )  # fmt: skip
     _check_times(begin, end, kind, inputs)
+    only = point_filter(classes, returns)
+    if only is not None and kind == "run":
+        message = "--class and --return are for points; returns of runs: --floor, --nearest, ..."
+        raise ValueError(message)
     formats.require_writable(output, force=force, inputs=[*inputs, *([path] if path else [])])
     workers = processors() if threads is None else threads
     with progress_bar() as progress:
@@ -178,7 +190,7 @@ def grid(
                 progress=progress,
             )  # fmt: skip
         else:
-            surface, counts = _grid_points(inputs, where, options, crs, workers, progress)
+            surface, counts = _grid_points(inputs, where, options, crs, only, workers, progress)
     surface, holes = fill_holes(trimmed(surface), Filling(largest=fill), in_place=True)
     loss = None
     if down_sample is not None:
@@ -190,9 +202,12 @@ def grid(
     parameters = {"stores": stores, "options": options, "holes": holes, "down_sample": loss}
     if kind == "run":
         parameters |= {"begin": begin, "end": end}
+    if only is not None:
+        parameters["only"] = only
     surface = provenance.add_step(surface, "grid", parameters=parameters, inputs=files)
     formats.write(surface, output, force=force)
-    report = _report(output, surface, counts, holes, loss)
+    problems = counts.pop("problems", [])
+    report = _report(output, surface, counts, holes, loss) | {"problems": problems}
     if json:
         out_json(report)
     else:
@@ -205,20 +220,25 @@ def _grid_points(
     where: "Placement",
     options: "GridOptions",
     crs: str | None,
+    only: "PointFilter | None",
     threads: int,
     progress: "Progress",
 ) -> "tuple[xr.Dataset, dict[str, Any]]":
     from trueterrain.formats.crs import parse_crs
+    from trueterrain.formats.point_filter import doubt_of_classes
     from trueterrain.surface.grid import grid_points
 
     if crs is not None:
         parse_crs(crs)
-    blocks = _Blocks(files, crs, progress)
+    note_conversion(files, crs)
+    blocks = _Blocks(files, crs, only, progress)
     surface = grid_points(
         blocks, where.of_points([extent_of(file, crs) for file in files]), options, threads=threads
     )
     outside = int(surface.attrs.pop("outside"))
-    return surface, {"used": blocks.points - outside, "outside": outside}
+    doubt = doubt_of_classes(blocks.counts.classes)
+    counts = {"used": blocks.points - outside, "outside": outside}
+    return surface, counts | {"problems": [doubt] if doubt else []}
 
 
 def _check_times(begin: float | None, end: float | None, kind: str, inputs: list[Path]) -> None:
@@ -232,20 +252,30 @@ def _check_times(begin: float | None, end: float | None, kind: str, inputs: list
 class _Blocks:
     """Points of files, as often as they are wanted."""
 
-    def __init__(self, files: list[Path], crs: str | None, progress: "Progress") -> None:
+    def __init__(
+        self, files: list[Path], crs: str | None, only: "PointFilter | None", progress: "Progress"
+    ) -> None:
+        from trueterrain.formats.point_filter import ReturnCounts, classes_needed
+
         self._files = files
         self._crs = crs
+        self._only = only
+        self._variables = ("sd", *classes_needed(only))
         self._progress = progress
         self.points = 0
+        self.counts = ReturnCounts()
 
     def __iter__(self) -> "Iterator[xr.Dataset]":
         from trueterrain import formats
+        from trueterrain.formats.point_filter import ReturnCounts
 
-        self.points = 0
+        self.points, self.counts = 0, ReturnCounts()
         first: str | None = None
         for file in self._files:
             with concerning(file):
-                for block in formats.point_blocks(file, crs=self._crs):
+                for block in formats.point_blocks(
+                    file, crs=self._crs, variables=self._variables, only=self._only
+                ):
                     found = str(block.attrs.get("crs", ""))
                     first = found if first is None else first
                     if found != first:
@@ -256,6 +286,7 @@ class _Blocks:
                         )
                     yield block
                     self.points += block.sizes["point"]
+                    self.counts.add(block)
                     self._progress(f"{self.points:,} points", 0, None)
 
 
@@ -311,3 +342,4 @@ def _in_words(report: dict[str, Any]) -> "Iterator[str]":
             f"coarser by {loss['rms'] * 1000:.3g} mm rms, {loss['largest'] * 1000:.3g} mm at most; "
             f"{loss['kept']:.2%} of the content is left"
         )
+    yield from (f"warning: {problem}" for problem in report["problems"])

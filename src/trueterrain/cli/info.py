@@ -139,6 +139,9 @@ def _value(key: str, value: Any, summary: dict[str, Any]) -> str:
         return f"{100 * value:.3g} % of the nodes" if value else "none of the nodes"
     if key == "size":
         return " x ".join(f"{number:,}" for number in value)
+    if key == "classes":
+        texts = [f"{_class(name)}: {count:,}" for name, count in value.items()]
+        return "; ".join(texts)
     if isinstance(value, dict):
         texts = [
             f"{name}: {_plain(item)}{unit}" for name, item in value.items() if item is not None
@@ -151,6 +154,13 @@ def _value(key: str, value: Any, summary: dict[str, Any]) -> str:
         texts = texts[:1] if len(set(texts)) == 1 and unit else texts
         return ", ".join(_shortened(texts)) + unit
     return _cut(_plain(value)) + unit
+
+
+def _class(number: str) -> str:
+    from trueterrain.formats.point_filter import CLASS_NAMES
+
+    name = CLASS_NAMES.get(int(float(number)))
+    return f"{number} {name}" if name else number
 
 
 def _shortened(texts: list[str]) -> list[str]:

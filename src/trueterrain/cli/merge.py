@@ -7,12 +7,14 @@ from cyclopts import Parameter
 
 from trueterrain.cli._console import compiling_noted, note, out, out_json, processors, progress_bar
 from trueterrain.cli._numbers import WHOLE
+from trueterrain.cli._points import Classes, Returns, note_conversion, point_filter
 from trueterrain.cli._recordings import kind_of_all
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from trueterrain.engine import Progress
+    from trueterrain.formats import PointFilter
     from trueterrain.lanes.cells import LaneCells
     from trueterrain.lanes.merge import MergeSettings
     from trueterrain.survey import Survey
@@ -36,6 +38,8 @@ def merge(
     check: Annotated[bool, Parameter(negative="")] = False,
     threads: Annotated[int | None, WHOLE] = None,
     crs: str | None = None,
+    classes: Classes = None,
+    returns: Returns = None,
     json: Annotated[bool, Parameter(negative="")] = False,
     force: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
@@ -83,7 +87,11 @@ def merge(
         Threads that work at once; by default one for each processor. Results do not depend on it.
     crs
         Coordinate reference system of points whose files name none or a wrong one. Nothing is
-        transformed.
+        transformed, but feet become metres.
+    classes
+        Classes of the points to take, e.g. 2,11 (ground and road surface); by default all.
+    returns
+        Return of each pulse to take of the points: last, first or its number; by default all.
     json
         Print result.json instead of a summary.
     force
@@ -98,9 +106,15 @@ def merge(
         mixed="Merge runs and points apart, or georeference the runs first.",
     )  # fmt: skip
     runs = kind == "run"
+    only = point_filter(classes, returns)
+    if runs and only is not None:
+        message = "--class and --return choose points, got recorded runs."
+        raise ValueError(message)
+    if not runs:
+        note_conversion(inputs, crs)
     settings = _settings(method, fix, control, path, limit, cell, check=check)
     if check:
-        _check(inputs, settings, runs, split, crs, cell, output, json=json, force=force)
+        _check(inputs, settings, runs, split, crs, cell, only, output, json=json, force=force)
         return
     assert output is not None
     workers = processors() if threads is None else threads
@@ -117,7 +131,7 @@ def merge(
             from trueterrain.survey import merge_point_clouds
 
             numbers = merge_point_clouds(
-                inputs, output, settings, split=split or None, crs=crs, cell=cell,
+                inputs, output, settings, split=split or None, crs=crs, only=only, cell=cell,
                 spacing=spacing, force=force, threads=workers, progress=progress,
             ).numbers  # fmt: skip
     if json:
@@ -197,6 +211,7 @@ def _check(
     split: bool,
     crs: str | None,
     cell: float | None,
+    only: "PointFilter | None",
     output: Path | None,
     *,
     json: bool,
@@ -206,7 +221,7 @@ def _check(
     from trueterrain.survey import check_agreement, check_report
 
     with compiling_noted(), progress_bar() as progress:
-        cells, size = _cells(inputs, settings, runs, split, crs, cell, progress)
+        cells, size = _cells(inputs, settings, runs, split, crs, cell, only, progress)
         found = check_agreement(cells, limit=settings.limit, size=size)
     if output is not None:
         from trueterrain.engine import whole_folder
@@ -235,15 +250,17 @@ def _cells(
     split: bool,
     crs: str | None,
     cell: float | None,
+    only: "PointFilter | None",
     progress: "Progress",
 ) -> "tuple[list[LaneCells], float]":
     """Cells of all passes, and their size [m]."""
     if not runs:
-        from trueterrain.lanes.clouds import cells_of_clouds
+        from trueterrain.lanes.clouds import cells_of_clouds, cloud_lanes, doubt_of_lanes
 
-        return cells_of_clouds(
-            inputs, settings, split=split or None, crs=crs, cell=cell, progress=progress
-        )
+        lanes = cloud_lanes(inputs, split=split or None, crs=crs, only=only, progress=progress)
+        for doubt in doubt_of_lanes(lanes):
+            note(f"warning: {doubt}")
+        return cells_of_clouds(lanes, settings, cell=cell, progress=progress)
     from trueterrain.lanes.runs import cells_of_passes
     from trueterrain.survey import lane_name, survey_of
     from trueterrain.survey._lane import find_run

@@ -6,10 +6,19 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from trueterrain.cli._console import note
+from trueterrain.cli._points import (
+    Classes,
+    Returns,
+    note_conversion,
+    point_filter,
+    require_points,
+)
 from trueterrain.errors import FormatError
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from trueterrain.formats import PointFilter
 
 _SECOND = 1.0  # [s] of ranges that are shown from a time on
 _SEGMENT = 4.0  # [s] of the segments of a spectrum: a resolution of 0.4 Hz
@@ -32,6 +41,8 @@ def plot(
     at: float | None = None,
     frame: Literal["grid", "ground"] = "grid",
     resolution: float = 160.0,
+    classes: Classes = None,
+    returns: Returns = None,
     force: bool = False,
 ) -> None:
     """Draw a surface, a point cloud, profiles, a recorded run, or navigation.
@@ -59,6 +70,10 @@ def plot(
         it, or over the ground.
     resolution
         Resolution of a PNG picture [dots per inch].
+    classes
+        Classes of the points to draw, e.g. 2,11 (ground and road surface); by default all.
+    returns
+        Return of each pulse to draw of the points: last, first or its number; by default all.
     force
         Replace the output if it exists.
     """
@@ -72,12 +87,14 @@ def plot(
     if kind != "run" and (show is not None or at is not None):
         message = f"{file}: --show and --at are for runs, this is {kind}."
         raise ValueError(message)
+    only = point_filter(classes, returns)
+    require_points(only, file, kind)
     if kind == "run":
         drawn = _runs(files, show, at)
     elif kind == "navigation":
         drawn = _way(file)
     else:
-        drawn = _data(files, frame)
+        drawn = _data(files, frame, only)
     figures.save(drawn, output, force=force, resolution=resolution)
     note(f"{output}: written")
 
@@ -129,16 +146,19 @@ def _check_together(kinds: dict[Path, str]) -> None:
         raise ValueError(message)
 
 
-def _data(files: tuple[Path, ...], frame: Literal["grid", "ground"]) -> Any:
+def _data(
+    files: tuple[Path, ...], frame: Literal["grid", "ground"], only: "PointFilter | None"
+) -> Any:
     """Surface, points or profiles."""
     from trueterrain import figures, formats
     from trueterrain.kinds import kind_of
 
-    first = formats.open(files[0])
+    first = formats.open(files[0], only=only)
     match kind_of(first):
         case "surface":
             return figures.surface_map(first, frame=frame)
         case "points":
+            note_conversion(files[:1])
             return figures.points_map(first)
         case _:
             others = {path.name: formats.open(path) for path in files[1:]}

@@ -7,6 +7,14 @@ from cyclopts import Parameter
 
 from trueterrain.cli._console import compiling_noted, note, progress_bar
 from trueterrain.cli._numbers import WHOLE
+from trueterrain.cli._points import (
+    Classes,
+    PointsAlong,
+    Returns,
+    note_conversion,
+    point_filter,
+    require_points,
+)
 from trueterrain.cli._recordings import refuse_recording
 from trueterrain.errors import CoverageError, concerning
 
@@ -14,6 +22,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from trueterrain.engine.progress import Progress
+    from trueterrain.formats import PointFilter
     from trueterrain.profile import EnvelopeOptions, ProfileOptions, SearchArea, WheelPath
     from trueterrain.profile.extract import Ground
 
@@ -52,6 +61,8 @@ def profile(
     thin: Literal["error", "nan"] = "error",
     units: Literal["m", "mm", "ft", "in"] | None = None,
     crs: str | None = None,
+    classes: Classes = None,
+    returns: Returns = None,
     force: bool = False,
 ) -> None:
     """Extract the profile that a tyre feels along a path.
@@ -120,13 +131,19 @@ def profile(
         Unit of the heights in an ERD file; by default m.
     crs
         Coordinate reference system of the ground, e.g. EPSG:25832, if its file names none or a
-        wrong one. Nothing is transformed.
+        wrong one. Nothing is transformed, but feet of a point cloud become metres.
+    classes
+        Classes of the points to take, e.g. 2,11 (ground and road surface); by default all.
+    returns
+        Return of each pulse to take of the points: last, first or its number; by default all.
     force
         Replace the output if it exists.
     """
     from trueterrain import formats, provenance
+    from trueterrain.formats.point_filter import doubt_of_classes
     from trueterrain.profile import EnvelopeOptions, ProfileOptions
 
+    only = point_filter(classes, returns)
     options = ProfileOptions(
         statistic=statistic, radius=radius, patch=patch, ellipse=ellipse, percent=percent,
         skip=skip, average=average, power=power, resolution=resolution, bandwidth=bandwidth,
@@ -145,17 +162,25 @@ def profile(
     formats.require_writable(output, force=force, inputs=inputs)
     written = _writing(output, units)
     ways = offset, line, path
+    doubt = ""
     with concerning(surface), compiling_noted(), progress_bar() as progress:
-        if rolling is not None and formats.kind_of_file(surface) == "profile":
+        kind = formats.kind_of_file(surface)
+        require_points(only, surface, kind)
+        if rolling is not None and kind == "profile":
             on_line = _profile_as_ground(surface, ways, crs)
             result = _felt(on_line, None, options, rolling, progress)
         else:
             area = options.search_area()
-            ground, travelled = _ground_and_path(surface, *ways, spacing, area, crs)
+            ground, travelled = _ground_and_path(surface, *ways, spacing, area, crs, only)
             result = _felt(ground, travelled, options, rolling, progress)
-    result = provenance.add_step(result, "profile", inputs=inputs)
+            if isinstance(ground, PointsAlong):
+                doubt = doubt_of_classes(ground.classes)
+    parameters = {} if only is None else {"only": only}
+    result = provenance.add_step(result, "profile", parameters=parameters, inputs=inputs)
     formats.write(result, output, force=force, **written)
     _summarise(result, output)
+    if doubt:
+        note(f"warning: {surface}: {doubt}")
 
 
 def _felt(
@@ -216,10 +241,12 @@ def _ground_and_path(
     spacing: float,
     area: "SearchArea",
     crs: str | None,
+    only: "PointFilter | None",
 ) -> "tuple[Ground, WheelPath]":
     """Read the ground and lay the path over it; a cloud stays on disk until it is needed."""
     from trueterrain import formats
     from trueterrain.formats.crs import parse_crs
+    from trueterrain.formats.point_filter import classes_needed
     from trueterrain.formats.table import read_waypoints
     from trueterrain.profile import offset_path, straight_path, waypoint_path
     from trueterrain.profile.area import reach
@@ -261,7 +288,11 @@ def _ground_and_path(
         travelled.easting.max() + margin,
         travelled.northing.max() + margin,
     )
-    return formats.point_blocks(surface, bounds=bounds, crs=crs), travelled
+    note_conversion([surface], crs)
+    blocks = formats.point_blocks(
+        surface, bounds=bounds, crs=crs, variables=classes_needed(only), only=only
+    )
+    return PointsAlong(blocks, travelled, margin), travelled
 
 
 def _surface(path: Path, crs: str | None) -> "xr.Dataset":

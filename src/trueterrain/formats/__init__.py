@@ -5,12 +5,13 @@ Each format is a module with ``read``, ``write`` and ``describe``, imported when
 """
 
 import importlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from trueterrain.errors import FormatError, concerning
+from trueterrain.errors import CoverageError, FormatError, concerning
+from trueterrain.formats.point_filter import PointFilter, ReturnCounts
 from trueterrain.formats.signature import Format, ending_matches, recognise
 
 if TYPE_CHECKING:
@@ -18,10 +19,13 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Format",
+    "PointFilter",
+    "conversion_of",
     "info",
     "kind_of_file",
     "open",
     "point_blocks",
+    "point_variables",
     "recognise",
     "require_writable",
     "write",
@@ -41,13 +45,18 @@ _WRITERS = {
 }  # fmt: skip
 
 
-def open(path: str | Path) -> "xr.Dataset":  # noqa: A001 - called as trueterrain.formats.open
+def open(  # noqa: A001 - called as trueterrain.formats.open
+    path: str | Path, *, only: PointFilter | None = None
+) -> "xr.Dataset":
     """Read a file of any known format.
 
     Parameters
     ----------
     path : str or Path
         CRG, GeoTIFF, LAS, LAZ, COPC, ERD, CSV or Parquet file, or a Zarr store.
+    only : PointFilter, optional
+        Which points of a cloud are taken; by default all. Of other kinds of data, nothing else is
+        allowed.
 
     Returns
     -------
@@ -57,10 +66,16 @@ def open(path: str | Path) -> "xr.Dataset":  # noqa: A001 - called as trueterrai
     Raises
     ------
     FormatError
-        If the format is unknown or the file is damaged.
+        If the format is unknown or the file is damaged, or holds no points that could be chosen.
+    CoverageError
+        If no point is taken.
     """
     data: xr.Dataset = _module(recognise(path).module).read(path)
-    return data
+    if only is None or not only.variables:
+        return data
+    if "point" not in data.dims:
+        raise _no_points(path)
+    return next(_taken(iter([data]), only, path))
 
 
 def info(path: str | Path) -> dict[str, Any]:
@@ -208,6 +223,8 @@ def point_blocks(
     bounds: tuple[float, float, float, float] | None = None,
     size: int = BLOCK,
     crs: str | None = None,
+    variables: Collection[str] | None = None,
+    only: PointFilter | None = None,
 ) -> "Iterator[xr.Dataset]":
     """Points of a file block by block, never the whole file at once.
 
@@ -222,6 +239,11 @@ def point_blocks(
         Largest number of points in a block.
     crs : str, optional
         EPSG code or WKT to take instead of what the file says.
+    variables : collection of str, optional
+        Variables to read beside the coordinates, as far as the file has them; by default all. The
+        fewer, the faster.
+    only : PointFilter, optional
+        Which points are taken; by default all.
 
     Yields
     ------
@@ -231,17 +253,120 @@ def point_blocks(
     Raises
     ------
     FormatError
+        If the file is damaged, holds no points, or lacks what they are chosen by.
+    CoverageError
+        If there are points (within the bounds), but none of them is taken.
+    """
+    module = _points_module(path)
+    chosen = () if only is None else only.variables
+    if only is not None and chosen:
+        with concerning(path):
+            only.require(module.point_variables(path))
+    if crs is not None and not hasattr(module, "header_of"):
+        crs = _crs_in_metres(crs)
+    read = variables if variables is None else {*variables, *chosen}
+    blocks = module.blocks(path, bounds=bounds, size=size, crs=crs, variables=read)
+    if only is None or not chosen:
+        yield from blocks
+        return
+    surplus = () if variables is None else set(chosen) - set(variables)
+    for block in _taken(blocks, only, path):
+        yield block.drop_vars(surplus)
+
+
+def point_variables(path: str | Path) -> tuple[str, ...]:
+    """Variables beside the coordinates that points of a file have; the points are not read.
+
+    Parameters
+    ----------
+    path : str or Path
+        LAS, LAZ, COPC, CSV or Parquet file, or Zarr store, of points.
+
+    Returns
+    -------
+    tuple of str
+        Names, as `point_blocks` takes them.
+
+    Raises
+    ------
+    FormatError
         If the file is damaged or holds no points.
     """
-    found = recognise(path)
-    module = _module(found.module)
-    if not hasattr(module, "blocks"):
-        raise FormatError(
-            f"holds no points, its format is {found.name}",
-            path=path,
-            cure="Convert it to points first: `trueterrain convert`.",
+    found: tuple[str, ...] = _points_module(path).point_variables(path)
+    return found
+
+
+def conversion_of(path: str | Path, crs: str | None = None) -> str:
+    """How coordinates of a point cloud in feet become metres when they are read, in words.
+
+    Parameters
+    ----------
+    path : str or Path
+        Any file.
+    crs : str, optional
+        EPSG code or WKT to take instead of what the file says.
+
+    Returns
+    -------
+    str
+        Empty if they are metres, or the format has no CRS with units of its own.
+    """
+    module = _module(recognise(path).module)
+    if hasattr(module, "header_of"):
+        return str(module.header_of(path, crs)[0].conversion)
+    if crs is not None and _crs_in_metres(crs) != crs:
+        return "taken in metres or the units of its columns; its CRS becomes the one in metres"
+    return ""
+
+
+def _crs_in_metres(crs: str) -> str:
+    """CRS for points that are in metres, whatever the axes of the one that is named."""
+    from trueterrain.formats.crs import crs_in_metres, parse_crs, units_of
+
+    parsed = parse_crs(crs)
+    if parsed.is_geographic or parsed.is_geocentric or units_of(parsed).metres:
+        return crs
+    return crs_in_metres(parsed)
+
+
+def _taken(
+    blocks: "Iterator[xr.Dataset]", only: PointFilter, path: str | Path
+) -> "Iterator[xr.Dataset]":
+    """Points that are taken; an error that says what there is if there are none."""
+    counts, seen, taken = ReturnCounts(), 0, 0
+    for block in blocks:
+        with concerning(path):
+            part = only.apply(block)
+        seen += block.sizes["point"]
+        taken += part.sizes["point"]
+        if part.sizes["point"]:
+            yield part
+        elif not taken:
+            counts.add(block)
+    if seen and not taken:
+        found = "; ".join(
+            f"{key} " + ", ".join(f"{name}: {number:,}" for name, number in by.items())
+            for key, by in counts.counts().items()
         )
-    yield from module.blocks(path, bounds=bounds, size=size, crs=crs)
+        raise CoverageError(
+            f"none of {seen:,} points is of {only}; there are {found}", path=path,
+            cure="Choose other classes or returns (--class, --return).",
+        )  # fmt: skip
+
+
+def _points_module(path: str | Path) -> ModuleType:
+    module = _module(recognise(path).module)
+    if not hasattr(module, "point_variables"):
+        raise _no_points(path)
+    return module
+
+
+def _no_points(path: str | Path) -> FormatError:
+    return FormatError(
+        f"holds no points, its format is {recognise(path).name}",
+        path=path,
+        cure="Convert it to points first: `trueterrain convert`.",
+    )
 
 
 def kind_of_file(path: str | Path) -> str:

@@ -1,6 +1,6 @@
 """Lanes of point clouds as they come out of a merging: corrected while they are read."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,10 @@ from trueterrain.lanes.apply import corrected_points
 from trueterrain.lanes.discontinuity import correct
 from trueterrain.lanes.merge import Merging
 from trueterrain.lanes.reference_path import ReferencePath
+
+_STEP = 1e-4  # [m] of corrected coordinates at most
+_ROUND_OFF = 1e-6  # of a whole number of steps
+_FORMER = "extra_source"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,9 +34,6 @@ class CorrectedLane:
     path: Path | None
     "Where the pass was at its times, or stations."
 
-    variables: tuple[str, ...]
-    "Variables that all lanes have."
-
     def __call__(self) -> Iterator[xr.Dataset]:
         """Blocks of its corrected points."""
         for block in self.lane():
@@ -49,17 +50,27 @@ class CorrectedLane:
         Returns
         -------
         xarray.Dataset
-            With the variables that all lanes have, ``lane`` that tells them apart, and by the
-            method network ``sd``: that of the correction, and that of the points if they had one.
+            With all their variables, ``lane`` that tells passes apart, and by the method network
+            ``sd``: that of the correction, and that of the points if they had one. Where ``lane``
+            is another number than before, the former one is in ``extra_source``.
         """
         found, name = block, self.lane.name
         if self.merging.alignment is not None:
             found = correct(block, self.merging.alignment, name)
         elif self.merging.adjustment is not None:
             found = self._by_network(block)
+        known = (*self.lane.variables, "sd")
+        found = found[[one for one in found.data_vars if one in known]]
+        if self._renumbered:
+            found = found.rename(lane=_FORMER)
         number = np.full(block.sizes["point"], self.lane.label, np.int64)
-        found = found[[one for one in found.data_vars if one in (*self.variables, "sd")]]
-        return found.assign(lane=("point", number, {"units": "1"}))
+        return _in_finer_steps(found.assign(lane=("point", number, {"units": "1"})))
+
+    @property
+    def _renumbered(self) -> bool:
+        """Whether numbers of its points are lost; those before an earlier merging are kept."""
+        known = self.lane.variables
+        return "lane" in known and _FORMER not in known and self.lane.numbers != (self.lane.label,)
 
     def _by_network(self, block: xr.Dataset) -> xr.Dataset:
         adjustment = self.merging.adjustment
@@ -98,16 +109,35 @@ class CorrectedClouds(Mapping[str, CorrectedLane]):
         """How many there are."""
         return len(self._lanes)
 
-    def blocks(self) -> Iterator[xr.Dataset]:
+    def blocks(self, variables: Collection[str] | None = None) -> Iterator[xr.Dataset]:
         """Points of all lanes, corrected, each file read once.
+
+        Parameters
+        ----------
+        variables : collection of str, optional
+            Variables that are read; by default all that all lanes have.
 
         Yields
         ------
         xarray.Dataset
             Points, all with the same variables, so that they can be written to one file.
         """
-        for lane, block in blocks_of([one.lane for one in self._lanes.values()]):
-            yield self._lanes[lane.name].corrected(block)
+        lanes = [one.lane for one in self._lanes.values()]
+        same = set.intersection(*({*lane.variables} for lane in lanes)) | {"lane", "sd"}
+        if all(one._renumbered for one in self._lanes.values()):
+            same.add(_FORMER)
+        for lane, block in blocks_of(lanes, variables):
+            found = self._lanes[lane.name].corrected(block)
+            yield found.drop_vars([name for name in found.data_vars if name not in same])
+
+
+def _in_finer_steps(points: xr.Dataset) -> xr.Dataset:
+    """Points whose steps of coordinates are fine enough for a correction, and hold what was."""
+    scale = points.attrs.get("coordinate_scale")
+    if scale is None:
+        return points
+    finer = [step / max(1.0, np.ceil(step / _STEP - _ROUND_OFF)) for step in scale]
+    return points.assign_attrs(coordinate_scale=finer)
 
 
 def with_time(block: xr.Dataset, station: ReferencePath | None) -> xr.Dataset:

@@ -11,9 +11,16 @@ import xarray as xr
 from trueterrain import formats
 from trueterrain.engine.progress import Progress, no_progress
 from trueterrain.errors import CoverageError, SchemaError, concerning
+from trueterrain.formats import PointFilter
+from trueterrain.formats.point_filter import ReturnCounts, classes_needed
+from trueterrain.kinds import COORDINATES
 from trueterrain.lanes._discontinuity_sparse import SparseSums
 
 WEEK = 604_800.0  # [s]
+
+#: Variables beside coordinates that tell to which pass a point belongs, and when it was seen.
+HEIGHTS = ("time", "lane")
+
 _CELL = 1.0  # [m] side of the squares in which points are counted
 _REMNANT = 0.005  # share of the points of a file below which a number in it is no pass
 _PER_CELL = 15.0  # points that a cell should have of each pass
@@ -37,8 +44,14 @@ class CloudLane:
     label: int
     "What ``lane`` becomes: a number that no other pass has."
 
+    numbers: tuple[int, ...]
+    "All numbers (point_source_id) of its points."
+
     override: str | None
     "Coordinate reference system that is taken instead of what the files say."
+
+    only: PointFilter | None
+    "Which points of the files are taken."
 
     crs: str
     "Coordinate reference system; empty if it is not known."
@@ -57,6 +70,9 @@ class CloudLane:
 
     variables: tuple[str, ...]
     "Variables that all of its points have."
+
+    classes: Mapping[str, int]
+    "Points by class, where they are classified and classes were not chosen."
 
     doubts: tuple[str, ...]
     "What is doubtful about it, in words."
@@ -79,6 +95,11 @@ class CloudLane:
         for _, block in blocks_of([self]):
             yield block
 
+    def heights(self) -> Iterator[xr.Dataset]:
+        """Blocks of its points with coordinates and time alone: read faster."""
+        for _, block in blocks_of([self], HEIGHTS):
+            yield block
+
     def part(self, block: xr.Dataset) -> xr.Dataset:
         """Its points among those of a block, without those whose time says nothing."""
         mine = np.ones(block.sizes["point"], np.bool_)
@@ -90,13 +111,17 @@ class CloudLane:
         return block if mine.all() else block.isel(point=np.flatnonzero(mine))
 
 
-def blocks_of(lanes: Collection[CloudLane]) -> Iterator[tuple[CloudLane, xr.Dataset]]:
+def blocks_of(
+    lanes: Collection[CloudLane], variables: Collection[str] | None = None
+) -> Iterator[tuple[CloudLane, xr.Dataset]]:
     """Points of several lanes, block by block, each file read once.
 
     Parameters
     ----------
     lanes : collection of CloudLane
         The lanes.
+    variables : collection of str, optional
+        Variables that are read; by default all.
 
     Yields
     ------
@@ -107,7 +132,9 @@ def blocks_of(lanes: Collection[CloudLane]) -> Iterator[tuple[CloudLane, xr.Data
     """
     for file in dict.fromkeys(file for lane in lanes for file in lane.files):
         mine = [lane for lane in lanes if file in lane.files]
-        for block in formats.point_blocks(file, crs=mine[0].override):
+        for block in formats.point_blocks(
+            file, crs=mine[0].override, variables=variables, only=mine[0].only
+        ):
             for lane in mine:
                 part = lane.part(block)
                 if part.sizes["point"]:
@@ -119,6 +146,7 @@ def cloud_lanes(
     *,
     split: bool | None = None,
     crs: str | None = None,
+    only: PointFilter | None = None,
     progress: Progress = no_progress,
 ) -> dict[str, CloudLane]:
     """Lanes in point clouds: each file one, or told apart by the number of their points.
@@ -132,6 +160,8 @@ def cloud_lanes(
         be given; by default where there is one file.
     crs : str, optional
         EPSG code or WKT to take instead of what the files say.
+    only : PointFilter, optional
+        Which points are taken; by default all.
     progress : callable, optional
         Called with a task, the amount done and the total.
 
@@ -175,7 +205,7 @@ def cloud_lanes(
     looks: dict[Path, dict[int, _Look]] = {}
     for number, path in enumerate(paths):
         progress("look at clouds", number, len(paths))
-        looks[path] = _looked(path, crs)
+        looks[path] = _looked(path, crs, only)
     progress("look at clouds", len(paths), len(paths))
     _require_one_crs({path: next(iter(found.values())).crs for path, found in looks.items()})
     if split:
@@ -183,13 +213,13 @@ def cloud_lanes(
         for path, found in looks.items():
             for number, look in found.items():
                 by_number.setdefault(number, {})[path] = look
-        only = len(by_number) == 1
+        single = len(by_number) == 1
         found_lanes = [
-            _lane(paths[0].stem if only else str(number), number, number, parts, crs)
+            _lane(paths[0].stem if single else str(number), number, number, parts, crs, only)
             for number, parts in sorted(by_number.items())
         ]
     else:
-        found_lanes = _one_each(looks, crs)
+        found_lanes = _one_each(looks, crs, only)
     return {lane.name: lane for lane in found_lanes}
 
 
@@ -224,7 +254,11 @@ class _Look:
     """What a first look at some points finds."""
 
     crs: str
+    numbers: tuple[int, ...]
     variables: tuple[str, ...]
+    lost: frozenset[str] = frozenset()
+    "Variables that only some of the points have."
+    classes: ReturnCounts = field(default_factory=ReturnCounts)
     count: int = 0
     untimed: int = 0
     zeros: int = 0
@@ -238,7 +272,7 @@ class _Look:
         """Count points of a block."""
         x, y = block["easting"].values, block["northing"].values
         self.count += x.size
-        self.variables = tuple(name for name in self.variables if name in block)
+        self.classes.add(block)
         good = np.isfinite(x) & np.isfinite(y)
         if good.any():
             place = np.stack([x[good], y[good]])
@@ -281,11 +315,13 @@ def _greatest(one: tuple[float, float], other: npt.NDArray[np.float64]) -> tuple
     return max(one[0], float(other[0])), max(one[1], float(other[1]))
 
 
-def _looked(path: Path, crs: str | None) -> dict[int, _Look]:
+def _looked(path: Path, crs: str | None, only: PointFilter | None) -> dict[int, _Look]:
     """What a file holds of each number."""
     found: dict[int, _Look] = {}
+    needed = (*HEIGHTS, *classes_needed(only))
     with concerning(path):
-        for block in formats.point_blocks(path, crs=crs):
+        known = (*COORDINATES, *formats.point_variables(path))
+        for block in formats.point_blocks(path, crs=crs, variables=needed, only=only):
             lane = block["lane"].values if "lane" in block else np.zeros(block.sizes["point"])
             for number in np.unique(lane):
                 mine = np.flatnonzero(lane == number)
@@ -294,7 +330,8 @@ def _looked(path: Path, crs: str | None) -> dict[int, _Look]:
                     int(number),
                     _Look(
                         crs=str(block.attrs.get("crs", "")),
-                        variables=tuple(str(name) for name in block.data_vars),
+                        numbers=(int(number),),
+                        variables=known,
                     ),
                 )
                 look.add(part)
@@ -318,7 +355,9 @@ def _said(crs: str) -> str:
     return repr(crs if len(crs) < 40 else crs[:36] + " ...") if crs else "unknown"
 
 
-def _one_each(looks: Mapping[Path, dict[int, _Look]], crs: str | None) -> list[CloudLane]:
+def _one_each(
+    looks: Mapping[Path, dict[int, _Look]], crs: str | None, only: PointFilter | None
+) -> list[CloudLane]:
     """One lane of each file."""
     stems = [path.stem for path in looks]
     names = {
@@ -344,16 +383,22 @@ def _one_each(looks: Mapping[Path, dict[int, _Look]], crs: str | None) -> list[C
                 "are taken for one: let the number tell them apart"
             )
         label = next(iter(found)) if kept else order
-        lanes.append(_lane(names[path], None, label, {path: whole}, crs, doubts))
+        lanes.append(_lane(names[path], None, label, {path: whole}, crs, only, doubts))
     return lanes
 
 
 def _together(looks: Sequence[_Look]) -> _Look:
     """What several looks found."""
     first = looks[0]
-    whole = _Look(crs=first.crs, variables=first.variables)
+    whole = _Look(
+        crs=first.crs, variables=first.variables,
+        numbers=tuple(sorted({number for look in looks for number in look.numbers})),
+    )  # fmt: skip
     for look in looks:
+        some = {*whole.variables} ^ {*look.variables}
+        whole.lost |= look.lost | some
         whole.variables = tuple(name for name in whole.variables if name in look.variables)
+        whole.classes.merge(look.classes)
         whole.count += look.count
         whole.untimed += look.untimed
         whole.zeros += look.zeros
@@ -371,18 +416,23 @@ def _lane(
     label: int,
     parts: Mapping[Path, _Look],
     crs: str | None,
+    only: PointFilter | None,
     doubts: Sequence[str] = (),
 ) -> CloudLane:
     whole = _together(list(parts.values()))
     times = whole.times
     found = list(doubts)
+    if whole.lost:
+        lost = ", ".join(sorted(whole.lost))
+        found.append(f"{name}: {lost} are left out, since not all of its files have them")
     if times is not None:
         dropped = whole.untimed + (whole.zeros if whole.zeros_missing else 0)
         if dropped:
             found.append(f"{name}: {dropped} of {whole.count} points have no time and are left out")
             whole.count -= dropped
     return CloudLane(
-        name=name, files=tuple(parts), number=number, label=label, override=crs, crs=whole.crs,
+        name=name, files=tuple(parts), number=number, numbers=whole.numbers, label=label,
+        override=crs, only=only, crs=whole.crs, classes=whole.classes.classes,
         count=whole.count, area=whole.squares.sums()[0].size * _CELL**2,
         extent=(*whole.low, *whole.high), time=times, variables=whole.variables,
         doubts=tuple(found),

@@ -34,7 +34,7 @@ def station_path(lane: CloudLane, options: CellOptions) -> ReferencePath:
         Straight along its principal axis if it fills half of the rectangle around it, else along
         its middle, curved or closed.
     """
-    cells = coarse.occupied_cells(lane, options.size, name=lane.name)
+    cells = coarse.occupied_cells(lane.heights, options.size, name=lane.name)
     straight, share = _axis(cells)
     if share >= _FULL:
         return straight

@@ -4,9 +4,8 @@ A lane is a file, or the points of one number (point_source_id) in one file or i
 cells is kept of it: points stream by, and come out corrected block by block.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from pathlib import Path as FilePath
 
 import numpy as np
 import xarray as xr
@@ -14,8 +13,10 @@ import xarray as xr
 from trueterrain import provenance
 from trueterrain.engine.progress import Progress, no_progress
 from trueterrain.errors import CoverageError, TrueTerrainError, concerning
+from trueterrain.formats.point_filter import doubt_of_classes
 from trueterrain.lanes._clouds_corrected import CorrectedClouds, CorrectedLane, with_time
 from trueterrain.lanes._clouds_lanes import (
+    HEIGHTS,
     WEEK,
     CloudLane,
     blocks_of,
@@ -36,7 +37,7 @@ from trueterrain.surface.grid import GridOptions, grid_points
 
 __all__ = [
     "CloudLane", "CorrectedClouds", "CorrectedLane", "cells_of_clouds", "cloud_lanes",
-    "merge_clouds", "merged_surface", "suggested_cell", "with_cells",
+    "doubt_of_lanes", "merge_clouds", "merged_surface", "suggested_cell", "with_cells",
 ]  # fmt: skip
 
 _CLUSTER, _BLOCK = 3.0, 5.0  # cells, sides of squares of ground whose errors are alike or held back
@@ -139,22 +140,22 @@ def merge_clouds(
     merging = merge_cells(
         cells, settings, control=control, progress=progress,
         align=lambda: align_lanes(
-            kept, settings.discontinuity, paths=path, fix=next(iter(settings.fixed), None),
-            progress=progress,
+            {name: lane.heights for name, lane in kept.items()}, settings.discontinuity,
+            paths=path, fix=next(iter(settings.fixed), None), progress=progress,
         ),
     )  # fmt: skip
     doubts = [doubt for lane in lanes.values() for doubt in lane.doubts]
-    doubts += [*left_out, *_of_time(kept, untimed if timed else [], path), *_doubts_of(merging)]
+    doubts += [
+        *doubt_of_lanes(lanes),
+        *left_out,
+        *_of_time(kept, untimed if timed else [], path),
+        *_doubts_of(merging),
+    ]
     merging = replace(merging, problems=(*doubts, *merging.problems))
-    variables = tuple(
-        name for name in ("easting", "northing", "up", "time", "intensity", "sd")
-        if all(name in lane.variables for lane in kept.values())
-    )  # fmt: skip
     return merging, CorrectedClouds(
         {
             name: CorrectedLane(
                 lane=lane, merging=merging, station=ways[name], path=paths[name],
-                variables=variables,
             )
             for name, lane in kept.items()
         }
@@ -162,11 +163,9 @@ def merge_clouds(
 
 
 def cells_of_clouds(
-    files: Sequence[str | FilePath],
+    lanes: Mapping[str, CloudLane],
     settings: MergeSettings = MergeSettings(),
     *,
-    split: bool | None = None,
-    crs: str | None = None,
     cell: float | None = None,
     progress: Progress = no_progress,
 ) -> tuple[list[LaneCells], float]:
@@ -174,14 +173,10 @@ def cells_of_clouds(
 
     Parameters
     ----------
-    files : sequence of str or Path
-        LAS, LAZ, COPC, CSV or Parquet files, or Zarr stores, of points.
+    lanes : mapping of str to CloudLane
+        From `cloud_lanes`.
     settings : MergeSettings
         Which cells are used.
-    split : bool, optional
-        Whether point_source_id tells passes apart; by default where there is one file.
-    crs : str, optional
-        EPSG code or WKT to take instead of what the files say.
     cell : float, optional
         Size of the cells [m]; by default what suits the points.
     progress : callable, optional
@@ -198,16 +193,34 @@ def cells_of_clouds(
     ------
     CoverageError
         If no lane has enough cells.
-    SchemaError
-        If files have different coordinate reference systems.
     FormatError
         If a file is damaged.
     """
-    lanes = cloud_lanes(files, split=split, crs=crs, progress=progress)
     settings = with_cells(settings, cell or suggested_cell(lanes))
     ways = dict.fromkeys(lanes)
     cells, _ = _cells(lanes, ways, settings, progress, timed=False)
     return cells, settings.cells.size
+
+
+def doubt_of_lanes(lanes: Mapping[str, CloudLane]) -> list[str]:
+    """What is no ground among the points of all lanes, in words.
+
+    Parameters
+    ----------
+    lanes : mapping of str to CloudLane
+        From `cloud_lanes`.
+
+    Returns
+    -------
+    list of str
+        One line, or none.
+    """
+    total: dict[str, int] = {}
+    for lane in lanes.values():
+        for name, number in lane.classes.items():
+            total[name] = total.get(name, 0) + number
+    doubt = doubt_of_classes(total)
+    return [doubt] if doubt else []
 
 
 def with_cells(settings: MergeSettings, size: float) -> MergeSettings:
@@ -293,7 +306,7 @@ def merged_surface(
         """Blocks that can be gone through several times."""
 
         def __iter__(self) -> Iterator[xr.Dataset]:
-            return corrected.blocks()
+            return corrected.blocks((*HEIGHTS, "sd"))
 
     surface = grid_points(Again(), grid, options, threads=threads)
     files = sorted({file for one in corrected.values() for file in one.lane.files})
@@ -319,7 +332,7 @@ def _cells(
     """Cells of the lanes that have enough of them, and what is left out."""
     sums = {name: CellSums(settings.cells) for name in lanes}
     total, done = sum(lane.count for lane in lanes.values()), 0
-    for lane, block in blocks_of(list(lanes.values())):
+    for lane, block in blocks_of(list(lanes.values()), HEIGHTS):
         progress("cells of lanes", done, total)
         with concerning(lane.files[0]):
             columns = {name: block[name].values for name in ("easting", "northing", "up")}

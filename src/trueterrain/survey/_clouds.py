@@ -9,6 +9,7 @@ from trueterrain._version import __version__
 from trueterrain.engine import no_progress, whole_folder
 from trueterrain.engine.plain import finite
 from trueterrain.engine.progress import Progress
+from trueterrain.formats import PointFilter
 from trueterrain.lanes.clouds import (
     CloudLane,
     CorrectedClouds,
@@ -38,6 +39,7 @@ def merge_point_clouds(
     *,
     split: bool | None = None,
     crs: str | None = None,
+    only: PointFilter | None = None,
     cell: float | None = None,
     spacing: float | None = None,
     force: bool = False,
@@ -58,6 +60,8 @@ def merge_point_clouds(
         Whether point source ids tell passes apart; by default where there is one file.
     crs : str, optional
         Coordinate reference system, if files name none or a wrong one.
+    only : PointFilter, optional
+        Which points are taken; by default all.
     cell : float, optional
         Size of the cells in which passes are compared [m]; by default what the density allows.
     spacing : float, optional
@@ -87,7 +91,7 @@ def merge_point_clouds(
     """
     from trueterrain.report import write_report
 
-    lanes = cloud_lanes(files, split=split, crs=crs, progress=progress)
+    lanes = cloud_lanes(files, split=split, crs=crs, only=only, progress=progress)
     settings = with_cells(settings, cell or suggested_cell(lanes))
     with whole_folder(folder, force=force) as temporary:
         merging, corrected = merge_clouds(lanes, settings, progress=progress)

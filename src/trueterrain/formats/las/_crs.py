@@ -1,29 +1,33 @@
 """Coordinate reference systems of LAS files: WKT records, GeoTIFF keys, or nothing."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import pyproj
 from pyproj.exceptions import CRSError
 
-from trueterrain.formats.crs import parse_crs
+from trueterrain.formats.crs import Units, crs_in_metres, parse_crs, units_of
 
 _PROJECTION = "LASF_Projection"
 _WKT_RECORD, _GEOTIFF_RECORD = 2112, 34735
 
 # keys of GeoTIFF 1.1
-_MODEL, _CITATION, _GEODETIC, _PROJECTED, _UNITS, _VERTICAL_UNITS = (
+_MODEL, _CITATION, _GEODETIC, _PROJECTED, _UNITS, _VERTICAL, _VERTICAL_UNITS = (
     1024,
     1026,
     2048,
     3072,
     3076,
+    4096,
     4099,
 )
 _GEOCENTRIC_MODEL = 3
-_METRE = 9001
 _EPSG_CODES = range(1024, 32767)
-_LINEAR_UNITS = {9002: "feet", 9003: "US survey feet"}
+_LINEAR_UNITS = {
+    9001: ("metre", 1.0), 9002: ("foot", 0.3048), 9003: ("US survey foot", 1200 / 3937),
+}  # fmt: skip
+_NO_HEIGHTS = "the CRS names no unit of heights: taken to be the same; if not, name a compound CRS"
+_SAME_UNIT = 1e-9  # within which two units are equal; both kinds of feet differ by 2e-6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,16 +35,30 @@ class Reference:
     """What a file says about the ground that its coordinates refer to."""
 
     crs: str = ""
-    "EPSG code, or WKT if no code fits; empty if unknown."
+    "EPSG code, or WKT if no code fits, with axes in metres; empty if unknown."
 
     name: str = ""
     "Name for people."
 
+    units: Units = field(default_factory=Units)
+    "Units of the coordinates in the file."
+
+    assumed: str = ""
+    "What the file does not say about its units; empty if it says all."
+
     obstacle: str = ""
-    "Why the coordinates are not easting, northing, up in metres; empty if they are."
+    "Why the coordinates are not easting, northing, up; empty if they are."
 
     doubts: tuple[str, ...] = ()
     "What is wrong with the record itself."
+
+    @property
+    def conversion(self) -> str:
+        """How lengths become metres, in words; empty if they are."""
+        if self.units.metres or self.obstacle:
+            return ""
+        text = f"converted from {self.units} to metres"
+        return f"{text} ({self.assumed})" if self.assumed else text
 
 
 def reference_of(header: Any) -> Reference:
@@ -50,18 +68,18 @@ def reference_of(header: Any) -> Reference:
         records += header.evlrs.get_by_id(_PROJECTION)
     by_id = {record.record_id: record for record in records}
     doubts = []
-    crs, unit = None, ""
+    crs, keys = None, dict[int, int]()
     if wkt := getattr(by_id.get(_WKT_RECORD), "string", ""):
         try:
             crs = pyproj.CRS.from_wkt(wkt)
         except CRSError:
             doubts.append("the WKT record cannot be understood")
     if crs is None and _GEOTIFF_RECORD in by_id:
-        crs, unit, more = _from_geotiff(by_id)
+        crs, keys, more = _from_geotiff(by_id)
         doubts += more
     if crs is None:
         return Reference(doubts=("the CRS is missing", *doubts))
-    return _reference(crs, unit, doubts)
+    return _by_keys(_reference(crs, doubts), keys)
 
 
 def reference_named(crs: str) -> Reference:
@@ -72,7 +90,7 @@ def reference_named(crs: str) -> Reference:
     ValueError
         If the name means nothing.
     """
-    return _reference(parse_crs(crs), "", [])
+    return _reference(parse_crs(crs), [])
 
 
 def wkt_of(crs: str) -> str:
@@ -84,44 +102,71 @@ def wkt_of(crs: str) -> str:
         return str(parsed.to_wkt())
 
 
-def _reference(crs: pyproj.CRS, unit: str, doubts: list[str]) -> Reference:
+def _reference(crs: pyproj.CRS, doubts: list[str]) -> Reference:
+    obstacle = _obstacle(crs)
     code = crs.to_epsg(min_confidence=100)
-    return Reference(
-        crs=f"EPSG:{code}" if code else crs.to_wkt(),
-        name=crs.name,
-        obstacle=unit or _obstacle(crs),
+    found = Reference(
+        crs=f"EPSG:{code}" if code else crs.to_wkt(), name=crs.name, obstacle=obstacle,
         doubts=tuple(doubts),
-    )
+    )  # fmt: skip
+    if obstacle or (units := units_of(crs)).metres:
+        return found
+    assumed = "" if crs.is_compound or len(crs.axis_info) > 2 else _NO_HEIGHTS
+    metric = crs_in_metres(crs)
+    return replace(found, crs=metric, name=parse_crs(metric).name, units=units, assumed=assumed)
 
 
 def _obstacle(crs: pyproj.CRS) -> str:
     if crs.is_geocentric:
         return "geocentric x, y, z"
-    if crs.is_geographic:
-        return "degrees"
-    if crs.is_engineering:
-        return ""
-    units = {axis.unit_name for axis in crs.axis_info if axis.unit_conversion_factor != 1}
-    return " and ".join(sorted(units))
+    return "degrees" if crs.is_geographic else ""
 
 
-def _from_geotiff(by_id: dict[int, Any]) -> tuple[pyproj.CRS | None, str, list[str]]:
+def _by_keys(reference: Reference, keys: dict[int, int]) -> Reference:
+    """Reference with the units that GeoTIFF keys name beside a code."""
+    if reference.obstacle or not keys:
+        return reference
+    across, up = (_LINEAR_UNITS.get(keys.get(key, 0)) for key in (_UNITS, _VERTICAL_UNITS))
+    units = reference.units
+    if across is not None and abs(across[1] - units.horizontal) > _SAME_UNIT:
+        return replace(
+            reference, obstacle=f"in {across[0]} by the GeoTIFF key 3076 (unit of length), but in "
+            f"{units.names[0]} by the CRS that the keys name",
+        )  # fmt: skip
+    if up is None and keys.get(_VERTICAL) in _EPSG_CODES:
+        up = _unit_of_heights(keys[_VERTICAL])
+    if up is None:
+        return reference
+    names = (units.names[0], up[0])
+    return replace(reference, units=replace(units, vertical=up[1], names=names), assumed="")
+
+
+def _unit_of_heights(code: int) -> tuple[str, float] | None:
+    try:
+        axis = pyproj.CRS.from_epsg(code).axis_info[-1]
+    except CRSError:
+        return None
+    return (axis.unit_name, axis.unit_conversion_factor) if axis.direction == "up" else None
+
+
+def _from_geotiff(
+    by_id: dict[int, Any],
+) -> tuple[pyproj.CRS | None, dict[int, int], list[str]]:
     keys = {key.id: key for key in getattr(by_id[_GEOTIFF_RECORD], "geo_keys", [])}
     values = {number: key.value_offset for number, key in keys.items()}
     codes = (_PROJECTED, _GEODETIC)
     code = next((values[k] for k in codes if values.get(k) in _EPSG_CODES), None)
     if values.get(_MODEL) == _GEOCENTRIC_MODEL:
-        return pyproj.CRS.from_epsg(4978), "", []
-    units = [values.get(key, _METRE) for key in (_UNITS, _VERTICAL_UNITS)]
-    unit = next((_LINEAR_UNITS[number] for number in units if number in _LINEAR_UNITS), "")
+        return pyproj.CRS.from_epsg(4978), {}, []
     try:
         if code is not None:
-            return pyproj.CRS.from_epsg(code), unit, []
+            return pyproj.CRS.from_epsg(code), values, []
         citation = _citation(keys, by_id)
         named = pyproj.CRS.from_user_input(citation)
     except CRSError:
-        return None, "", ["the GeoTIFF keys name no CRS that is known"]
-    return named, unit, [f"the GeoTIFF keys hold no EPSG code; {citation!r} is taken by its name"]
+        return None, {}, ["the GeoTIFF keys name no CRS that is known"]
+    doubt = f"the GeoTIFF keys hold no EPSG code; {citation!r} is taken by its name"
+    return named, values, [doubt]
 
 
 def _citation(keys: dict[int, Any], by_id: dict[int, Any]) -> str:

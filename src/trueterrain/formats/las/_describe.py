@@ -12,6 +12,7 @@ from trueterrain.formats.las._crs import Reference, reference_of
 from trueterrain.formats.las._duplicates import DuplicateCounter
 from trueterrain.formats.las._open import chunks, opened
 from trueterrain.formats.las._read import ADJUSTED, BLOCK, time_kind, times_of
+from trueterrain.kinds import COORDINATES
 
 _SELECTION = laspy.DecompressionSelection
 _FIELDS = (
@@ -84,7 +85,8 @@ def describe(path: str | Path) -> dict[str, Any]:
     -------
     dict
         ``format``, ``kind``, ``version``, ``point_format``, ``count``, ``extent`` [m], ``scale``
-        [m], ``offset`` [m], ``crs``, ``crs_name``, ``time`` [s], ``density`` [1/m²],
+        [m], ``offset`` [m], ``crs`` (in metres), ``crs_name``, ``units`` (how reading converts
+        those of the file; empty if they are metres), ``time`` [s], ``density`` [1/m²],
         ``point_source_ids``, ``returns`` and ``classes`` with their counts, ``extra`` (names of
         the extra bytes), ``software`` and ``problems``; everything can be written as JSON.
 
@@ -107,11 +109,12 @@ def describe(path: str | Path) -> dict[str, Any]:
         "version": str(header.version),
         "point_format": header.point_format.id,
         "count": tally.count,
-        "extent": _extent(tally),
-        "scale": [float(scale) for scale in header.scales],
-        "offset": [float(offset) for offset in header.offsets],
+        "extent": _extent(tally, reference),
+        "scale": (header.scales * np.array(reference.units.factors)).tolist(),
+        "offset": (header.offsets * np.array(reference.units.factors)).tolist(),
         "crs": reference.crs,
         "crs_name": reference.name,
+        "units": reference.conversion,
         "time": _time(tally, header),
         "density": _density(tally, reference),
         "point_source_ids": _counts(tally.sources),
@@ -123,14 +126,11 @@ def describe(path: str | Path) -> dict[str, Any]:
     }
 
 
-def _extent(tally: Tally) -> dict[str, list[float]] | None:
+def _extent(tally: Tally, reference: Reference) -> dict[str, list[float]] | None:
     if not tally.count:
         return None
-    names = ("easting", "northing", "up")
-    return {
-        name: [float(low), float(high)]
-        for name, low, high in zip(names, tally.low, tally.high, strict=True)
-    }
+    ends = zip(COORDINATES, tally.low, tally.high, reference.units.factors, strict=True)
+    return {name: [float(low * unit), float(high * unit)] for name, low, high, unit in ends}
 
 
 def _time(tally: Tally, header: Any) -> dict[str, Any] | None:
@@ -153,7 +153,7 @@ def _date(time: float) -> str | None:
 
 
 def _density(tally: Tally, reference: Reference) -> float | None:
-    width, length = (tally.high - tally.low)[:2]
+    width, length = (tally.high - tally.low)[:2] * reference.units.horizontal
     if reference.obstacle or not tally.count or not width * length > 0:
         return None
     return float(tally.count / (width * length))

@@ -22,9 +22,10 @@ def problems_of(header: Any, reference: Reference, tally: "Tally") -> list[str]:
         return ["there are no points", *reference.doubts]
     return [
         *_about_crs(reference),
+        *_about_waves(header),
         *_about_time(header, tally),
         *_about_sources(tally.sources, tally.count),
-        *_about_places(header, tally),
+        *_about_places(header, reference, tally),
     ]
 
 
@@ -32,10 +33,17 @@ def _about_crs(reference: Reference) -> list[str]:
     problems = list(reference.doubts)
     if reference.obstacle:
         problems.append(
-            f"coordinates are {reference.obstacle}, not easting, northing, up in metres: "
-            "reading refuses them"
+            f"coordinates are {reference.obstacle}, not easting, northing, up: reading refuses them"
         )
+    if reference.assumed:
+        problems.append(reference.assumed)
     return problems
+
+
+def _about_waves(header: Any) -> list[str]:
+    if "wavepacket_index" in header.point_format.dimension_names:
+        return ["wave packets are not read"]
+    return []
 
 
 def _about_time(header: Any, tally: "Tally") -> list[str]:
@@ -91,15 +99,15 @@ def _about_sources(sources: Any, count: int) -> list[str]:
     return problems
 
 
-def _about_places(header: Any, tally: "Tally") -> list[str]:
+def _about_places(header: Any, reference: Reference, tally: "Tally") -> list[str]:
     problems = []
     repeated = tally.duplicates.count
     if repeated:
         about = "" if tally.duplicates.exact else "about "
         problems.append(f"{about}{repeated} of {tally.count} points lie exactly where another lies")
-    scale = float(max(header.scales))
+    scale = float(max(header.scales * np.array(reference.units.factors)))
     if scale > _COARSE:
-        problems.append(f"coordinates are rounded to {scale:g} m: too coarse for millimetres")
+        problems.append(f"coordinates are rounded to {scale:.6g} m: too coarse for millimetres")
     errors = np.abs(np.stack([header.mins - tally.low, header.maxs - tally.high]))
     if (errors > _LARGEST_EXTENT_ERROR * header.scales).any():
         most = f"by up to {errors.max():.6g} m"

@@ -1,13 +1,12 @@
 """Points from LAS, LAZ and COPC, block by block."""
 
 import json
-from collections.abc import Generator, Iterator
+from collections.abc import Collection, Generator, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-import laspy
 import numpy as np
 import xarray as xr
 
@@ -15,6 +14,12 @@ from trueterrain import provenance
 from trueterrain.errors import CoverageError, FormatError
 from trueterrain.formats.las import _copc
 from trueterrain.formats.las._crs import Reference, reference_named, reference_of
+from trueterrain.formats.las._dimensions import (
+    attrs_of,
+    selection_of,
+    values_of,
+    variables_of,
+)
 from trueterrain.formats.las._open import Bounds, chunks, opened
 from trueterrain.kinds import make_points
 
@@ -24,19 +29,17 @@ SECONDS_OF_WEEK = 604_800.0  # [s]
 ADJUSTED = 1e9  # [s] adjusted standard GPS time = seconds since 1980-01-06 minus this
 _OFFSET_UNIT = 1e6  # [s] unit of the time offset of LAS 1.5
 
-_SELECTION = laspy.DecompressionSelection
-_FIELDS = (
-    _SELECTION.XY_RETURNS_CHANNEL | _SELECTION.Z | _SELECTION.GPS_TIME | _SELECTION.INTENSITY
-    | _SELECTION.POINT_SOURCE_ID | _SELECTION.ALL_EXTRA_BYTES
-)  # fmt: skip
-
 
 def read(path: str | Path, *, bounds: Bounds | None = None, crs: str | None = None) -> xr.Dataset:
     """Points of a LAS, LAZ or COPC file.
 
-    ``time`` is the GPS time, ``lane`` the point source id, ``sd`` the extra bytes of that name.
-    ``attrs["gps_time_kind"]`` is ``"adjusted standard"`` or ``"week seconds"``: as the file says,
-    unless its values cannot be seconds of a week.
+    ``time`` is the GPS time, ``lane`` the point source id, ``sd`` the extra bytes of that name; all
+    other dimensions have the names of `trueterrain.kinds.RETURN_ATTRIBUTES`, other extra bytes
+    ``extra_NAME``. Wave packets are not read (``attrs["not_read"]``). Feet become metres, and the
+    CRS one in metres.
+    ``attrs["coordinate_scale"]`` and ``["coordinate_offset"]`` are the steps that coordinates were
+    rounded to, and their origin [m]. ``attrs["gps_time_kind"]`` is ``"adjusted standard"`` or
+    ``"week seconds"``: as the file says, unless its values cannot be seconds of a week.
 
     Parameters
     ----------
@@ -55,13 +58,13 @@ def read(path: str | Path, *, bounds: Bounds | None = None, crs: str | None = No
     Raises
     ------
     FormatError
-        If the file is damaged, or its coordinates are feet, degrees or geocentric.
+        If the file is damaged, or its coordinates are degrees or geocentric.
     CoverageError
         If there are no points (within the bounds).
     ValueError
         If `crs` or `bounds` mean nothing.
     """
-    parts = list(_stream(path, bounds, BLOCK, crs))
+    parts = list(_stream(path, bounds, BLOCK, crs, None))
     if not parts:
         place = "" if bounds is None else " within the bounds"
         raise CoverageError(f"there are no points{place}", path=path)
@@ -72,6 +75,8 @@ def read(path: str | Path, *, bounds: Bounds | None = None, crs: str | None = No
     points = make_points(
         columns.pop("easting"), columns.pop("northing"), columns.pop("up"), **columns
     )
+    for name in names:
+        points[name].attrs = parts[0][name].attrs
     points = points.assign_attrs(parts[0].attrs)
     parameters = {"format": "LAS", "bounds": bounds, "crs": crs}
     return provenance.add_step(points, "read", parameters=parameters, inputs=[path])
@@ -83,6 +88,7 @@ def blocks(
     bounds: Bounds | None = None,
     size: int = BLOCK,
     crs: str | None = None,
+    variables: Collection[str] | None = None,
 ) -> Iterator[xr.Dataset]:
     """Points of a LAS, LAZ or COPC file block by block, never the whole file at once.
 
@@ -100,6 +106,9 @@ def blocks(
         Largest number of points in a block.
     crs : str, optional
         EPSG code or WKT to take instead of what the file says.
+    variables : collection of str, optional
+        Variables to read beside the coordinates, as far as the file has them; by default all.
+        Compressed points are read faster the fewer there are.
 
     Yields
     ------
@@ -116,14 +125,69 @@ def blocks(
     if size < 1:
         message = f"size must be at least 1 point, got {size}."
         raise ValueError(message)
-    yield from _ahead(_with_history(path, bounds, size, crs))
+    yield from _ahead(_with_history(path, bounds, size, crs, variables))
+
+
+def point_variables(path: str | Path) -> tuple[str, ...]:
+    """Variables beside the coordinates that points of a file have, by its header alone.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+
+    Returns
+    -------
+    tuple of str
+        Names.
+
+    Raises
+    ------
+    FormatError
+        If the header is damaged.
+    """
+    with opened(path) as reader:
+        return variables_of(reader.header.point_format)
+
+
+def header_of(path: str | Path, crs: str | None = None) -> tuple[Reference, Any]:
+    """Reference and extent of a file by its header alone.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    crs : str, optional
+        EPSG code or WKT to take instead of what the file says.
+
+    Returns
+    -------
+    reference : Reference
+        What its coordinates refer to.
+    extent : numpy.ndarray, shape (2, 3)
+        Least and greatest easting, northing, up, as the header says [m].
+
+    Raises
+    ------
+    FormatError
+        If the header is damaged, or coordinates are degrees or geocentric.
+    """
+    with opened(path) as reader:
+        override = None if crs is None else reference_named(crs)
+        reference = _reference(reader.header, Path(path), override)
+        factors = np.array(reference.units.factors)
+        return reference, np.stack([reader.header.mins, reader.header.maxs]) * factors
 
 
 def _with_history(
-    path: str | Path, bounds: Bounds | None, size: int, crs: str | None
+    path: str | Path,
+    bounds: Bounds | None,
+    size: int,
+    crs: str | None,
+    variables: Collection[str] | None,
 ) -> Generator[xr.Dataset, None, None]:
     history: str | None = None
-    for block in _stream(path, bounds, size, crs):
+    for block in _stream(path, bounds, size, crs, variables):
         if history is None:
             parameters = {"format": "LAS", "bounds": bounds, "crs": crs}
             # the hash of the whole file would cost more than the part that is read
@@ -144,22 +208,31 @@ def _ahead(items: Generator[xr.Dataset, None, None]) -> Iterator[xr.Dataset]:
 
 
 def _stream(
-    path: str | Path, bounds: Bounds | None, size: int, crs: str | None
+    path: str | Path,
+    bounds: Bounds | None,
+    size: int,
+    crs: str | None,
+    variables: Collection[str] | None,
 ) -> Iterator[xr.Dataset]:
     path = Path(path)
     _check_bounds(bounds)
-    override = None if crs is None else reference_named(crs)
-    with opened(path, _FIELDS) as reader:
+    reference, names, selection = _wanted(path, crs, variables)
+    factors = reference.units.factors
+    with opened(path, selection) as reader:
         header = reader.header
-        reference = override or reference_of(header)
-        _require_metres(reference, path)
         attrs: dict[str, Any] = {"crs": reference.crs, **_history(header)}
+        attrs["coordinate_scale"] = (np.asarray(header.scales) * factors).tolist()
+        attrs["coordinate_offset"] = (np.asarray(header.offsets) * factors).tolist()
+        if "wavepacket_index" in header.point_format.dimension_names:
+            attrs["not_read"] = "wave packets"
         if bounds is not None and _copc.is_copc(header):
-            records = _copc.query(path, bounds, size, _FIELDS)
+            across = factors[0]
+            west, south, east, north = (edge / across for edge in bounds)
+            records = _copc.query(path, (west, south, east, north), size, selection)
         else:
             records = chunks(reader, path, size)
         for record in records:
-            points = _points(record, header)
+            points = _points(record, header, names, factors)
             if points.sizes["point"] and "gps_time_kind" not in attrs and "time" in points:
                 attrs["gps_time_kind"] = time_kind(header, points.time.values)
             points = points.assign_attrs(attrs)
@@ -167,6 +240,18 @@ def _stream(
                 points = _cut(points, bounds)
             if points.sizes["point"]:
                 yield points
+
+
+def _wanted(
+    path: Path, crs: str | None, variables: Collection[str] | None
+) -> tuple[Reference, list[str], Any]:
+    """Reference of a file, variables to read, and what to decompress for them."""
+    override = None if crs is None else reference_named(crs)
+    with opened(path) as reader:
+        reference = _reference(reader.header, path, override)
+        point_format = reader.header.point_format
+        names = [n for n in variables_of(point_format) if variables is None or n in variables]
+        return reference, names, selection_of(point_format, names)
 
 
 def time_kind(header: Any, time: Any) -> str:
@@ -188,22 +273,24 @@ def times_of(record: Any, header: Any) -> Any:
     return time
 
 
-def _points(record: Any, header: Any) -> xr.Dataset:
+def _points(
+    record: Any, header: Any, names: list[str], factors: tuple[float, float, float]
+) -> xr.Dataset:
     east, north, up = (
         np.multiply(record[name], scale) for name, scale in zip("XYZ", header.scales, strict=True)
     )
-    for axis, offset in zip((east, north, up), header.offsets, strict=True):
+    for axis, offset, factor in zip((east, north, up), header.offsets, factors, strict=True):
         axis += offset
-    optional: dict[str, Any] = {
-        "intensity": np.array(record["intensity"]),
-        "lane": np.array(record["point_source_id"]),
+        if factor != 1.0:
+            axis *= factor
+    optional = {
+        name: times_of(record, header) if name == "time" else values_of(record, name)
+        for name in names
     }
-    time = times_of(record, header)
-    if time is not None:
-        optional["time"] = time
-    if "sd" in record.point_format.extra_dimension_names:
-        optional["sd"] = np.array(record["sd"], dtype=np.float64)
-    return make_points(east, north, up, **optional)
+    points = make_points(east, north, up, **optional)
+    for name in names:
+        points[name].attrs |= attrs_of(record.point_format, name)
+    return points
 
 
 def _cut(points: xr.Dataset, bounds: Bounds) -> xr.Dataset:
@@ -225,16 +312,18 @@ def _check_bounds(bounds: Bounds | None) -> None:
         raise ValueError(message)
 
 
-def _require_metres(reference: Reference, path: Path) -> None:
+def _reference(header: Any, path: Path, override: Reference | None) -> Reference:
+    reference = override or reference_of(header)
     if reference.obstacle:
         raise FormatError(
-            f"coordinates must be easting, northing and up in metres, but are "
-            f"{reference.obstacle} ({reference.name})",
+            f"coordinates must be easting, northing and up, but are {reference.obstacle} "
+            f"({reference.name})",
             path=path,
             place="CRS of the header",
-            cure="Transform the file to a projected CRS in metres, or name the true CRS "
-            "(crs=..., --crs) if the header is wrong.",
+            cure="Transform the file to a projected CRS, or name the true CRS (crs=..., --crs) "
+            "if the header is wrong.",
         )
+    return reference
 
 
 def _history(header: Any) -> dict[str, str]:

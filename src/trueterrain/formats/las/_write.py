@@ -15,11 +15,19 @@ from trueterrain._version import __version__
 from trueterrain.engine import Checksums, not_whole, whole_output
 from trueterrain.errors import CoverageError, SchemaError
 from trueterrain.formats.las._crs import wkt_of
+from trueterrain.formats.las._dimensions import (
+    extra_parameters,
+    point_format_of,
+    put_attributes,
+    whole_numbers,
+)
 from trueterrain.formats.las._read import SECONDS_OF_WEEK
-from trueterrain.kinds import check_points
+from trueterrain.kinds import COORDINATES, check_points
 
-_POINT_FORMAT = 6
 _COARSEST = 0.1  # [m] steps of coordinates; coarser ones leave no ground to measure
+_STEP = 0.0001  # [m] that coordinates are rounded to, unless they were to something finer
+_LATTICE = 1e-6  # by which a multiple of a step may differ from a whole number, as a fraction
+_WHOLE_STEPS = 1e-3  # [steps] by which an offset may: float64 holds 6e6 m to 1e-5 steps of 0.1 mm
 _LARGEST = 2**31 - 1  # of the integers that LAS keeps coordinates in
 _LARGEST_UINT16 = 2**16 - 1
 _LARGEST_RECORD = 2**16 - 1  # [bytes] of a variable length record
@@ -33,13 +41,14 @@ def write(
     path: str | Path,
     *,
     force: bool = False,
-    scale: float = 0.0001,
+    scale: float | None = None,
 ) -> None:
-    """Write points as LAS 1.4, point format 6; compressed if the name ends with .laz.
+    """Write points as LAS 1.4, point format 6 (7 or 8 with colours); compressed as .laz.
 
-    ``lane`` becomes the point source id, ``time`` the GPS time, ``sd`` extra bytes (float32). The
-    CRS is written as WKT, the provenance as a record of user ``trueterrain``. The offset is a
-    whole number of metres near the first block of points.
+    ``lane`` becomes the point source id, ``time`` the GPS time, ``sd`` extra bytes (float32), and
+    so do variables ``extra_NAME``, in their own type. The CRS is written as WKT, the provenance as
+    a record of user ``trueterrain``. The offset is a whole number of metres near the first block
+    of points, unless coordinates that were rounded to steps would not fit to it.
 
     Parameters
     ----------
@@ -49,8 +58,9 @@ def write(
         Where the file shall be.
     force : bool
         Replace a file that is there already.
-    scale : float
-        Step that coordinates are rounded to [m].
+    scale : float, optional
+        Step that coordinates are rounded to [m]; by default 0.0001, or the steps that they came
+        with (``attrs["coordinate_scale"]``) where these are finer or no multiple of it.
 
     Raises
     ------
@@ -58,8 +68,8 @@ def write(
         If `scale` is not greater than 0 and at most 0.1 m, or the name ends with .copc.laz or
         neither .las nor .laz.
     SchemaError
-        If coordinates are not finite or lie too far apart for the scale, or lanes and intensities
-        are no whole numbers from 0 to 65535.
+        If coordinates are not finite or lie too far apart for the scale, or lanes, intensities and
+        other attributes are no whole numbers that LAS has room for.
     CoverageError
         If there are no points.
     OutputError
@@ -79,7 +89,7 @@ def write(
     """
     path = Path(path)
     _check_name(path)
-    if not 0 < scale <= _COARSEST:
+    if scale is not None and not 0 < scale <= _COARSEST:
         message = f"scale must be greater than 0 m and at most {_COARSEST:g} m, got {scale:g} m."
         raise ValueError(message)
     with whole_output(path, force=force) as temporary:
@@ -121,11 +131,13 @@ def _require_same(temporary: Path, written: Checksums, path: Path) -> None:
     found.require_same(written, path)
 
 
-def _header(first: xr.Dataset, scale: float, path: Path) -> Any:
-    header = laspy.LasHeader(version="1.4", point_format=_POINT_FORMAT)
+def _header(first: xr.Dataset, scale: float | None, path: Path) -> Any:
+    point_format = point_format_of(first)
+    header = laspy.LasHeader(version="1.4", point_format=point_format)
     header.generating_software = f"trueterrain {__version__}"
-    header.scales = np.full(3, scale)
-    header.offsets = np.array([_middle(first, n, path) for n in ("easting", "northing", "up")])
+    axes = [_lattice(first, axis, scale, path) for axis in range(3)]
+    header.scales = np.array([step for step, _ in axes])
+    header.offsets = np.array([offset for _, offset in axes])
     header.global_encoding.wkt = True  # the standard asks for it, whether there is a WKT or not
     header.global_encoding.gps_time_type = laspy.header.GpsTimeType(_kind(first))
     if crs := first.attrs.get("crs"):
@@ -136,11 +148,26 @@ def _header(first: xr.Dataset, scale: float, path: Path) -> Any:
     history = first.attrs.get("provenance", "").encode()
     if 0 < len(history) <= _LARGEST_RECORD:
         header.vlrs.append(laspy.VLR("trueterrain", 1, "provenance, JSON", history))
-    if "sd" in first:
-        header.add_extra_dim(
-            laspy.ExtraBytesParams("sd", np.float32, description="standard deviation [m]")
-        )
+    if extra := extra_parameters(first, point_format, path):
+        header.add_extra_dims(extra)
     return header
+
+
+def _lattice(points: xr.Dataset, axis: int, scale: float | None, path: Path) -> tuple[float, float]:
+    """Step and offset of an axis [m], by which steps that coordinates came with are kept."""
+    middle = _middle(points, COORDINATES[axis], path)
+    scales = points.attrs.get("coordinate_scale")
+    origins = points.attrs.get("coordinate_offset")
+    if scales is None or origins is None:
+        return scale or _STEP, middle
+    was, origin = float(scales[axis]), float(origins[axis])
+    ratio = was / _STEP
+    fits = not was > 0 or (ratio > 0.5 and abs(ratio - np.rint(ratio)) < _LATTICE * ratio)
+    step = scale or (_STEP if fits else was)
+    apart = (middle - origin) / step
+    if scale is not None or abs(apart - np.rint(apart)) < _WHOLE_STEPS:
+        return step, middle
+    return step, origin if abs(apart) < _LARGEST / 2 else float(origin + step * np.rint(apart))
 
 
 def _middle(points: xr.Dataset, name: str, path: Path) -> float:
@@ -167,17 +194,13 @@ def _record(points: xr.Dataset, header: Any, done: int, path: Path) -> Any:
         record["XYZ"[axis]] = steps
     for name, field in _WHOLE.items():
         if name in points:
-            record[field] = _whole(points, name, done, path)
+            record[field] = whole_numbers(points[name].values, name, 0, _LARGEST_UINT16, done, path)
     if "time" in points:
         time = points.time.values
         if not np.isfinite(time).all():
             raise _not_finite(time, "time", done, path)
         record["gps_time"] = time
-    if "sd" in points:
-        record["sd"] = points.sd.values.astype(np.float32)
-    single = np.ones(points.sizes["point"], dtype=np.uint8)
-    record["return_number"] = single
-    record["number_of_returns"] = single
+    put_attributes(record, points, done, path)
     return record
 
 
@@ -199,21 +222,6 @@ def _steps(
             cure="Write with a coarser scale (scale=0.001), or one file per region.",
         )
     return steps.astype(np.int32)
-
-
-def _whole(points: xr.Dataset, name: str, done: int, path: Path) -> Any:
-    values = points[name].values
-    bad = ~((values >= 0) & (values <= _LARGEST_UINT16) & (values == np.rint(values)))
-    if bad.any():
-        first = int(np.flatnonzero(bad)[0])
-        raise SchemaError(
-            f"must hold whole numbers from 0 to {_LARGEST_UINT16}, got {values[first]} at point "
-            f"{done + first + 1}",
-            path=path,
-            place=f"variable {name}",
-            cure="Scale and round the values, or drop the variable.",
-        )
-    return values.astype(np.uint16)
 
 
 def _not_finite(values: Any, name: str, done: int, path: Path) -> SchemaError:

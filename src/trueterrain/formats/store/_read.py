@@ -1,6 +1,7 @@
 """Points, surfaces and profiles from stores."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import xarray as xr
 from trueterrain.errors import CoverageError, FormatError, SchemaError
 from trueterrain.formats._zarr import damaged
 from trueterrain.formats.store._layout import CHUNK, Stored, Values, opened, rows_of
-from trueterrain.kinds import check_points, check_profile, check_surface
+from trueterrain.kinds import COORDINATES, check_points, check_profile, check_surface
 
 BLOCK = 1_000_000  # points
 
@@ -56,6 +57,7 @@ def blocks(
     bounds: Bounds | None = None,
     size: int = BLOCK,
     crs: str | None = None,
+    variables: Collection[str] | None = None,
 ) -> Iterator[xr.Dataset]:
     """Points of a store block by block, in their order, never all at once.
 
@@ -71,6 +73,8 @@ def blocks(
         Largest number of points in a block; multiples of 250 000 are read fastest.
     crs : str, optional
         EPSG code or WKT to take instead of what the store says.
+    variables : collection of str, optional
+        Variables to read beside the coordinates, as far as the store has them; by default all.
 
     Yields
     ------
@@ -88,12 +92,11 @@ def blocks(
         message = f"size must be at least 1 point, got {size}."
         raise ValueError(message)
     _check_bounds(bounds)
-    stored = opened(path)
-    if stored.kind != "points":
-        raise FormatError(
-            f"holds no points but a {stored.kind}", path=path,
-            cure="Convert a surface to points first: `trueterrain convert`.",
-        )  # fmt: skip
+    stored = _opened_points(path)
+    if variables is not None:
+        wanted = {*COORDINATES, *variables}
+        entries = [one for one in stored.entries if one.coordinate or one.name in wanted]
+        stored = replace(stored, entries=entries)
     touched = None if bounds is None else _touched(stored.chunk_bounds(), bounds)
     for start in range(0, stored.sizes["point"], size):
         rows = slice(start, min(start + size, stored.sizes["point"]))
@@ -106,6 +109,38 @@ def blocks(
             points = _cut(points, bounds)
         if points.sizes["point"]:
             yield points if crs is None else points.assign_attrs(crs=crs)
+
+
+def point_variables(path: str | Path) -> tuple[str, ...]:
+    """Variables beside the coordinates that a store of points has.
+
+    Parameters
+    ----------
+    path : str or Path
+        Folder ``NAME.zarr``.
+
+    Returns
+    -------
+    tuple of str
+        Names.
+
+    Raises
+    ------
+    FormatError
+        If it is no store of points, or damaged.
+    """
+    entries = _opened_points(path).entries
+    return tuple(one.name for one in entries if one.name not in COORDINATES)
+
+
+def _opened_points(path: str | Path) -> Stored:
+    stored = opened(path)
+    if stored.kind != "points":
+        raise FormatError(
+            f"holds no points but a {stored.kind}", path=path,
+            cure="Convert a surface to points first: `trueterrain convert`.",
+        )  # fmt: skip
+    return stored
 
 
 def _dataset(stored: Stored, dim: str, rows: slice) -> xr.Dataset:

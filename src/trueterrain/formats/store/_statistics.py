@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from trueterrain.formats.point_filter import ReturnCounts
 from trueterrain.formats.store._layout import CHUNK, Values
 
 _PLACE = ("easting", "northing")
@@ -21,6 +22,7 @@ class PointTally:
         self._spans = {name: [np.inf, -np.inf] for name in _SPANS}
         self._not_finite = 0
         self._lanes: dict[str, int] = {}
+        self._returns = ReturnCounts()
 
     def add(self, columns: dict[str, Values]) -> None:
         """Count points that begin with a chunk."""
@@ -37,6 +39,7 @@ class PointTally:
                 self._spans[name] = [min(span[0], low), max(span[1], high)]
         finite = np.isfinite(place[0]) & np.isfinite(place[1]) & np.isfinite(columns["up"])
         self._not_finite += int(np.count_nonzero(~finite))
+        self._returns.add(columns)
         if "lane" in columns and len(self._lanes) <= _MOST_LANES:
             for lane, number in zip(*np.unique(columns["lane"], return_counts=True), strict=True):
                 name = f"{lane.item():.15g}"
@@ -54,7 +57,7 @@ class PointTally:
         found["not_finite"] = self._not_finite
         if 0 < len(self._lanes) <= _MOST_LANES:
             found["lanes"] = self._lanes
-        return found
+        return found | self._returns.counts()
 
 
 class SurfaceTally:

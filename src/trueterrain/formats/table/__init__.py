@@ -3,7 +3,8 @@
 =======  ========================================================================================
 profile  ``s,easting,northing,height,sd,count``; ``s`` and ``height`` are enough. Several tracks
          either in rows, with a column ``track``, or side by side: ``height_left,height_right``
-points   ``easting,northing,up`` (or ``x,y,z``); optional ``time``, ``intensity``, ``lane``, ``sd``
+points   ``easting,northing,up`` (or ``x,y,z``); optional ``time``, ``intensity``, ``lane``, ``sd``,
+         ``classification`` and the other `trueterrain.kinds.RETURN_ATTRIBUTES`, ``extra_NAME``
 path     ``easting,northing`` (or ``x,y``): waypoints in order, see `read_waypoints`
 =======  ========================================================================================
 
@@ -14,7 +15,7 @@ numbers are ``s height`` and three are ``easting northing up``. Lines that begin
 Text keeps every bit of the numbers, but neither CRS nor provenance; Parquet keeps them as well.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,8 +33,9 @@ from trueterrain.formats.table._describe import describe_points, describe_profil
 from trueterrain.formats.table._parquet import open_parquet, parquet_blocks
 from trueterrain.formats.table._text import Values, line_of_row, open_text, text_blocks
 from trueterrain.formats.table._write import write
+from trueterrain.kinds import COORDINATES
 
-__all__ = ["blocks", "describe", "kind", "read", "read_waypoints", "write"]
+__all__ = ["blocks", "describe", "kind", "point_variables", "read", "read_waypoints", "write"]
 
 _BLOCK = 1_000_000  # rows at a time
 
@@ -69,6 +71,7 @@ def blocks(
     bounds: tuple[float, float, float, float] | None = None,
     size: int = _BLOCK,
     crs: str | None = None,
+    variables: Collection[str] | None = None,
 ) -> Iterator[xr.Dataset]:
     """Points of a table block by block, never the whole file at once.
 
@@ -82,6 +85,8 @@ def blocks(
         Largest number of points in a block.
     crs : str, optional
         EPSG code or WKT to take instead of what the file says.
+    variables : collection of str, optional
+        Variables to take beside the coordinates, as far as the table has them; by default all.
 
     Yields
     ------
@@ -93,6 +98,44 @@ def blocks(
     FormatError
         As by `read`, or if the table holds no points.
     """
+    source = _open_points(path)
+    attrs = source.attrs if crs is None else source.attrs | {"crs": crs}
+    for values in source.blocks(size):
+        taken = {
+            column: array
+            for column, array in values.items()
+            if variables is None or column.name in {*COORDINATES, *variables}
+        }
+        points = build_points(taken).assign_attrs(attrs)
+        if bounds is not None:
+            points = _cut(points, bounds)
+        if points.sizes["point"]:
+            yield points
+
+
+def point_variables(path: str | Path) -> tuple[str, ...]:
+    """Variables beside the coordinates that points of a table have, by its header alone.
+
+    Parameters
+    ----------
+    path : str or Path
+        Text or Parquet file of points.
+
+    Returns
+    -------
+    tuple of str
+        Names.
+
+    Raises
+    ------
+    FormatError
+        As by `read`, or if the table holds no points.
+    """
+    columns = _open_points(path).layout.columns
+    return tuple(column.name for column in columns if column.name not in COORDINATES)
+
+
+def _open_points(path: str | Path) -> "_Source":
     source = _open(Path(path))
     if source.layout.kind != "points":
         raise FormatError(
@@ -101,13 +144,7 @@ def blocks(
             place="header",
             cure="Name the columns easting, northing, up.",
         )
-    attrs = source.attrs if crs is None else source.attrs | {"crs": crs}
-    for values in source.blocks(size):
-        points = build_points(values).assign_attrs(attrs)
-        if bounds is not None:
-            points = _cut(points, bounds)
-        if points.sizes["point"]:
-            yield points
+    return source
 
 
 def read_waypoints(path: str | Path) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:

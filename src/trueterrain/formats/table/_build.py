@@ -11,9 +11,11 @@ import xarray as xr
 from trueterrain.errors import FormatError
 from trueterrain.formats.table._columns import Layout
 from trueterrain.formats.table._text import Values
-from trueterrain.kinds import make_points, make_profile
+from trueterrain.kinds import RETURN_ATTRIBUTES, make_points, make_profile
 
-_WHOLE_NUMBERS = ("lane", "count", "intensity")
+_WHOLE_NUMBERS = (
+    "lane", "count", "intensity", *(n for n, kind in RETURN_ATTRIBUTES.items() if kind[0] == "u"),
+)  # fmt: skip
 
 Place = Callable[[int], str]
 

@@ -7,11 +7,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from trueterrain.errors import FormatError
+from trueterrain.kinds import EXTRA, RETURN_ATTRIBUTES
 
 _LENGTHS = {"m": 1.0, "mm": 0.001, "cm": 0.01, "km": 1000.0, "in": 0.0254, "ft": 0.3048}
+_ANGLES = {"rad": 1.0, "deg": math.pi / 180}
 _UNITS = {
     **dict.fromkeys(("s", "easting", "northing", "up", "height", "sd"), _LENGTHS),
-    "heading": {"rad": 1.0, "deg": math.pi / 180},
+    "heading": _ANGLES,
+    "scan_angle": _ANGLES,
     "time": {"s": 1.0},
 }
 _NAMES = (*_UNITS, "intensity", "lane", "count", "track")
@@ -22,7 +25,16 @@ _ALIASES = {
 _PER_TRACK = ("height", "easting", "northing", "heading", "sd", "count")
 
 _KEPT = {
-    "points": ("easting", "northing", "up", "time", "intensity", "lane", "sd"),
+    "points": (
+        "easting",
+        "northing",
+        "up",
+        "time",
+        "intensity",
+        "lane",
+        "sd",
+        *RETURN_ATTRIBUTES,
+    ),
     "profile": ("track", "s", "easting", "northing", "height", "heading", "sd", "count"),
     "path": ("easting", "northing"),
 }
@@ -78,7 +90,10 @@ def layout_of(labels: list[str], path: str | Path, *, kind: str | None = None) -
         columns = [_named_for(kind, column, names) for column in columns]
     if kind is None or not {column.name for column in columns}.issuperset(_REQUIRED[kind]):
         raise _missing(labels, names, kind, path)
-    kept = [column for column in columns if column.name in _KEPT[kind]]
+    kept = [
+        column for column in columns
+        if column.name in _KEPT[kind] or (kind == "points" and column.name.startswith(EXTRA))
+    ]  # fmt: skip
     # easting_left belongs to height_left; where there is no height_left it belongs to nothing
     tracks = {column.track for column in kept if column.name == "height"} or {None}
     kept = [column for column in kept if column.track in tracks or column.name in ("s", "track")]
@@ -112,9 +127,11 @@ def _parse(index: int, label: str, path: str | Path) -> Column | None:
     text = label.strip().strip('"')
     bracket = re.fullmatch(r"(.+?)\s*[\[(]\s*(.*?)\s*[\])]", text)
     words, unit = (bracket[1], bracket[2].lower()) if bracket else (text, "")
-    head, *rest = words.split("_")
+    head, *rest = _split_words(words)
     name = _ALIASES.get(head.lower(), head.lower())
-    if name not in _NAMES:
+    if name.startswith(EXTRA):
+        return Column(index=index, label=text, name=text)
+    if name not in (*_NAMES, *RETURN_ATTRIBUTES):
         return None
     units = _UNITS.get(name, {})
     if not unit and rest and rest[-1].lower() in units:
@@ -131,6 +148,17 @@ def _parse(index: int, label: str, path: str | Path) -> Column | None:
     scale = units.get(unit, 1.0)
     track = "_".join(rest) or None
     return Column(index=index, label=text, name=name, track=track, scale=scale)
+
+
+def _split_words(words: str) -> list[str]:
+    """Name of a column, and what stands behind it: track, unit."""
+    if words.startswith(EXTRA):
+        return [words]
+    known = [name for name in RETURN_ATTRIBUTES if f"{words.lower()}_".startswith(f"{name}_")]
+    if not known:
+        return words.split("_")
+    name = max(known, key=len)
+    return [name, *words[len(name) :].split("_")[1:]]
 
 
 def _kind_of(names: set[str]) -> str | None:

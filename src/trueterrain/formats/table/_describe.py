@@ -7,6 +7,7 @@ import numpy as np
 import xarray as xr
 
 from trueterrain.formats._doubts import profile_doubts
+from trueterrain.formats.point_filter import ReturnCounts
 from trueterrain.formats.table._text import Values
 
 _EQUAL = 1e-3  # spacings that differ by less than this fraction count as equal, as for ERD
@@ -36,10 +37,12 @@ def describe_points(blocks: Iterator[Values]) -> dict[str, Any]:
     """Count, extent, lanes and problems of points or waypoints, block by block."""
     extent: dict[str, list[float]] = {}
     lanes: dict[str, int] = {}
+    returns = ReturnCounts()
     count = 0
     for values in blocks:
         named = {column.name: array for column, array in values.items()}
         count += named["easting"].size
+        returns.add(named)
         for name in ("easting", "northing", "up", "time"):
             if name in named:
                 low, high = extent.get(name, [np.inf, -np.inf])
@@ -55,4 +58,4 @@ def describe_points(blocks: Iterator[Values]) -> dict[str, Any]:
         summary["time"] = {"kind": "unknown", "start": start, "end": end}
     if lanes:
         summary["lanes"] = lanes
-    return summary
+    return summary | returns.counts()

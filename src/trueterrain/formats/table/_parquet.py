@@ -12,6 +12,7 @@ from trueterrain.engine import Checksums, not_whole
 from trueterrain.errors import FormatError, TrueTerrainError
 from trueterrain.formats.table._columns import Layout, layout_of
 from trueterrain.formats.table._text import Values
+from trueterrain.kinds import EXTRA
 
 _METADATA = b"trueterrain"  # key under which CRS and provenance are kept
 _ROWS = 1_000_000  # that are read at a time
@@ -74,7 +75,8 @@ def parquet_blocks(
                 if column.name == "track":
                     values[column] = np.array(array.to_pylist(), dtype=str)
                 else:
-                    values[column] = _numbers(pa, array, column.label, path) * column.scale
+                    numbers = _numbers(pa, array, column.label, path)
+                    values[column] = numbers if column.scale == 1.0 else numbers * column.scale
                     _check(layout, column, values[column], row, path)
             yield values
             row += batch.num_rows
@@ -91,7 +93,9 @@ def _numbers(pa: Any, array: Any, label: str, path: Path) -> Any:
             place=f"column {label!r}",
             cure="Convert the column to float64.",
         )
-    return array.cast(pa.float64()).to_numpy(zero_copy_only=False)
+    # extra bytes keep their type, since float64 does not hold 64-bit integers
+    keep = label.startswith(EXTRA) and not array.null_count
+    return (array if keep else array.cast(pa.float64())).to_numpy(zero_copy_only=False)
 
 
 def _check(layout: Layout, column: Any, values: Any, row: int, path: Path) -> None:

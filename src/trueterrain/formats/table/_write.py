@@ -13,11 +13,20 @@ import xarray as xr
 from trueterrain.engine import Checksums, whole_output
 from trueterrain.errors import CoverageError, SchemaError
 from trueterrain.formats.table._parquet import ParquetWriter
-from trueterrain.kinds import check_points, check_profile, kind_of
+from trueterrain.kinds import (
+    COORDINATES,
+    EXTRA,
+    RETURN_ATTRIBUTES,
+    check_points,
+    check_profile,
+    kind_of,
+)
 
-_POINTS = ("easting", "northing", "up", "time", "intensity", "lane", "sd")
+_POINTS = (*COORDINATES, "time", "intensity", "lane", "sd", *RETURN_ATTRIBUTES)
 _PROFILE = ("easting", "northing", "height", "sd", "count", "heading")
-_ATTRS = ("crs", "provenance", "gps_time_kind")  # kept in Parquet
+_ATTRS = (  # kept in Parquet
+    "crs", "provenance", "gps_time_kind", "coordinate_scale", "coordinate_offset",
+)  # fmt: skip
 _ROWS = 1_000_000  # written at a time
 
 
@@ -125,7 +134,8 @@ def _columns(data: xr.Dataset) -> Iterator[dict[str, Any]]:
         check_points(data)
         for start in range(0, data.sizes["point"], _ROWS):
             rows = slice(start, start + _ROWS)
-            yield {name: data[name].values[rows] for name in _POINTS if name in data}
+            extra = (str(name) for name in data.data_vars if str(name).startswith(EXTRA))
+            yield {name: data[name].values[rows] for name in (*_POINTS, *extra) if name in data}
         return
     check_profile(data)
     if "track" not in data.dims:
