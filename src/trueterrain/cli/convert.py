@@ -63,7 +63,7 @@ def convert(
         of the input [m]; by default as they are. Waves shorter than twice of it should be taken out
         first: trueterrain filter.
     force
-        Replace the output if it exists: a file, or a store of points, a surface or a profile.
+        Replace the output if it exists: a file, or a store of the same kind of data.
     """
     from trueterrain import formats
     from trueterrain.formats.crs import parse_crs
@@ -78,7 +78,7 @@ def convert(
         raise ValueError(message)
     if crs is not None:
         parse_crs(crs)
-    formats.require_writable(output, force=force, inputs=[source])
+    formats.require_writable(output, force=force, inputs=[source], kind=kind)
 
     def write(data: Any) -> Any:
         return formats.write(data, output, force=force, **options)

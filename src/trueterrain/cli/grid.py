@@ -136,7 +136,7 @@ def grid(
         Print one JSON document {"output", "size", "spacing", "nodes", "count", "sd", "returns",
         "holes", "down_sample"}.
     force
-        Replace the output if it exists: a file, or a store of points, a surface or a profile.
+        Replace the output if it exists: a file, or a surface in a store.
     """
     from trueterrain import formats, provenance
     from trueterrain.georeference import Screening
@@ -164,7 +164,9 @@ def grid(
         mixed="Grid runs and points apart, or georeference the runs first.",
     )  # fmt: skip
     _check_times(begin, end, kind, inputs)
-    formats.require_writable(output, force=force, inputs=[*inputs, *([path] if path else [])])
+    formats.require_writable(
+        output, force=force, inputs=[*inputs, *([path] if path else [])], kind="surface"
+    )
     workers = processors() if threads is None else threads
     with progress_bar() as progress:
         if kind == "run":

@@ -142,7 +142,7 @@ def profile(
         message = "--tyre and --load are for --envelope."
         raise ValueError(message)
     inputs = [surface, *([path] if path else [])]
-    formats.require_writable(output, force=force, inputs=inputs)
+    formats.require_writable(output, force=force, inputs=inputs, kind="profile")
     written = _writing(output, units)
     ways = offset, line, path
     with concerning(surface), compiling_noted(), progress_bar() as progress:

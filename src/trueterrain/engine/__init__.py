@@ -1,6 +1,20 @@
 """How work is carried out: whole outputs or none, progress, blocks."""
 
-from trueterrain.engine.output import require_writable, whole_folder, whole_output
+from trueterrain.engine.output import (
+    require_writable,
+    whole_folder,
+    whole_output,
+    whole_store,
+    whole_stores,
+)
 from trueterrain.engine.progress import Progress, no_progress
 
-__all__ = ["Progress", "no_progress", "require_writable", "whole_folder", "whole_output"]
+__all__ = [
+    "Progress",
+    "no_progress",
+    "require_writable",
+    "whole_folder",
+    "whole_output",
+    "whole_store",
+    "whole_stores",
+]
