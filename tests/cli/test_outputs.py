@@ -21,7 +21,7 @@ REFUSED = [
     ("lie within another store", "convert p.csv -o one.zarr/p.erd"),
     ("lie within another store", "convert p.csv -o one.zarr/scans/p.zarr"),
     ("holds in.laz", "convert cloud.csv -o road.zarr"),
-    ("holds inner.zarr/zarr.json", "convert cloud.csv -o outer.zarr"),
+    ("holds inner.zarr/", "convert cloud.csv -o outer.zarr"),
     ("is a surface in a store", "convert cloud.csv -o surface.zarr"),
     ("is a recorded run", "convert cloud.csv -o one.zarr"),
     ("is an input as well", "filter p.csv --shortest 1 -o p.csv"),
