@@ -304,6 +304,17 @@ def test_a_move_that_fails_is_completed_by_the_next_call(tmp_path, monkeypatch):
     assert "old" not in seen(tmp_path).values()
 
 
+def test_a_manifest_that_names_files_of_others_removes_none(tmp_path):
+    (tmp_path / "mine.txt").write_text("mine")
+    write(CASES["folder"], tmp_path, "old")
+    manifest = tmp_path / "a" / "manifest.json"
+    manifest.write_text(manifest.read_text().replace("old.crg", "../mine.txt"))
+    assert missing_files(tmp_path / "a") == ["manifest.json"]
+    with pytest.raises(OutputError, match="which no manifest"):
+        write(CASES["folder"], tmp_path, "new", force=True)
+    assert (tmp_path / "mine.txt").read_text() == "mine"
+
+
 def test_only_what_the_same_command_wrote_is_replaced(tmp_path):
     folder = tmp_path / "a"
     folder.mkdir()

@@ -57,6 +57,8 @@ def read_manifest(folder: Path) -> dict[str, Any] | None:
         if about["kind"] != _KIND:
             return None
         files = {str(one["name"]): dict(one) for one in about["files"]}
+        if any(Path(name).is_absolute() or ".." in Path(name).parts for name in files):
+            return None  # names files of others
         return {"result": str(about["result"]), "files": files}
     except (OSError, ValueError, TypeError, KeyError):
         return None
