@@ -377,7 +377,7 @@ def test_files_are_as_large_as_is_said(read):
         factor = {"B": 1, "kB": 1e3, "MB": 1e6}[unit]
         actual = (read.folder / name).stat().st_size / factor
         assert_allclose(float(value), actual, rtol=0, atol=0.5 * 10.0**-digits * (1 + 1e-6))
-    named = {name for name, *_ in rows} | {"certificate.html", "certificate.pdf"}
+    named = {name for name, *_ in rows} | {"certificate.html", "certificate.pdf", "manifest.json"}
     assert named == {path.name for path in read.folder.iterdir()}
 
 

@@ -202,7 +202,7 @@ def test_every_kind_goes_through_a_store_unchanged(run, profile, road, data, tmp
     """What comes out of a store is what would have come out without it."""
     cloud = data / "scanning" / "strips" / "faceraster_2strips_20m.laz"
     for source, ending in ((profile, "csv"), (road, "crg"), (road, "laz"), (cloud, "laz")):
-        store = tmp_path / "a.zarr"
+        store = tmp_path / f"{source.stem}.zarr"
         finished = run("convert", source, "-o", store, "--force")
         assert finished.code == 0, finished.err
         assert "not kept" not in finished.err
@@ -223,8 +223,8 @@ def test_stores_of_every_kind_are_shown(run, profile, road, tmp_path):
         (road, ("Zarr, surface", "41 x 11", "0.665 % of the nodes", "100 to 104 m (4 m)")),
         (tmp_path / "points.csv", ("Zarr, points", "1: 1; 2: 1", "0 to 2 m (2 m)")),
     ):
-        store = tmp_path / "a.zarr"
-        assert run("convert", source, "-o", store, "--crs", "EPSG:25832", "--force").code == 0
+        store = tmp_path / f"{source.stem}.zarr"
+        assert run("convert", source, "-o", store, "--crs", "EPSG:25832").code == 0
         text = run("info", store).out
         for part in (*parts, "EPSG:25832", "no problems found"):
             assert part in text, part

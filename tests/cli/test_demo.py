@@ -34,7 +34,8 @@ def test_the_demo_writes_what_it_says_and_says_what_is_true(run, tmp_path):
     assert finished.code == 0, finished.err
     numbers = json.loads(finished.out)
     results = tmp_path / "demo" / "results"
-    assert {path.name for path in results.iterdir()} == FILES == set(numbers["files"])
+    assert set(numbers["files"]) == FILES
+    assert {path.name for path in results.iterdir()} == {*FILES, "manifest.json"}
     result = json.loads((results / "result.json").read_text())
     assert result == {key: numbers[key] for key in result}
     (lane,) = numbers["lanes"]

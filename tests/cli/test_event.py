@@ -113,7 +113,7 @@ def test_files(run, tmp_path):
     finished = run("event", "design", "--vehicle", "van", "-o", folder)
     assert finished.code == 0
     names = {"drawing.svg", "event.pdf", "event.html", "event.json"}
-    assert {path.name for path in folder.iterdir()} == names
+    assert {path.name for path in folder.iterdir()} == {*names, "manifest.json"}
     assert (folder / "event.pdf").read_bytes().count(b"/Type /Page ") == 1
     page = (folder / "event.html").read_text(encoding="utf-8")
     assert "no wheel in hop touches both edges" in page

@@ -11,7 +11,7 @@ import numpy.testing as npt
 import pytest
 
 from trueterrain import formats, provenance
-from trueterrain.kinds import make_points
+from trueterrain.kinds import make_points, make_surface
 from trueterrain.simulate.raster import Raster
 from trueterrain.simulate.scene import read_scene, record_scene, set_stage
 from trueterrain.surface import node_coordinates
@@ -273,23 +273,28 @@ def test_a_run_becomes_a_road_in_a_store(run, recorded, tmp_path):
     assert run("convert", tmp_path / "road.zarr", "-o", tmp_path / "nodes.laz").code == 0
 
 
-def test_nothing_but_products_is_replaced_by_a_store(run, recorded, tmp_path):
+def test_nothing_but_a_surface_is_replaced_by_one_in_a_store(run, recorded, tmp_path):
     path, _ = recorded
     copy = shutil.copytree(path, tmp_path / "other.zarr")
     formats.write(make_points([0, 1], [0, 1], [0, 1]), tmp_path / "p.zarr")
-    for output, options, words in (
-        ("p.zarr", (), "exists already and is not overwritten"),
-        ("other.zarr", ("--force",), "is a recorded run, which is never replaced"),
+    formats.write(
+        make_surface(np.zeros((2, 2)), easting=[0, 1], northing=[0, 1]), tmp_path / "s.zarr"
+    )
+    for command, output, options, words in (
+        ("grid", "p.zarr", (), "exists already and is not overwritten"),
+        ("grid", "p.zarr", ("--force",), "is points in a store, which is never replaced"),
+        ("georeference", "s.zarr", ("--force",), "is a surface in a store, which is never"),
+        ("grid", "other.zarr", ("--force",), "is a recorded run, which is never replaced"),
+        ("georeference", "other.zarr", ("--force",), "is a recorded run, which is never replaced"),
     ):
-        for command in ("grid", "georeference"):
-            finished = run(command, path, "-o", tmp_path / output, *options)
-            assert finished.code == 2
-            assert words in finished.err
+        finished = run(command, path, "-o", tmp_path / output, *options)
+        assert finished.code == 2
+        assert words in finished.err
     finished = run("grid", copy, "-o", copy, "--force")
     assert "is an input as well" in finished.err
-    finished = run("grid", path, "--spacing", 0.1, "-o", tmp_path / "p.zarr", "--force")
+    finished = run("grid", path, "--spacing", 0.1, "-o", tmp_path / "s.zarr", "--force")
     assert finished.code == 0, finished.err
-    assert formats.kind_of_file(tmp_path / "p.zarr") == "surface"
+    assert formats.open(tmp_path / "s.zarr").height.size > 4
 
 
 def test_runs_are_told_to_be_gridded_first(run, recorded, tmp_path):

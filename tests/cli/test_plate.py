@@ -42,7 +42,7 @@ def test_files(run, tmp_path):
     finished = run("plate", "design", "--cleats", "rectangle", "triangle", "-o", folder)
     assert finished.code == 0
     names = {"drawing.svg", "drawing.pdf", "profile.csv", "plate.html", "plate.json"}
-    assert {path.name for path in folder.iterdir()} == names
+    assert {path.name for path in folder.iterdir()} == {*names, "manifest.json"}
     read = trueterrain.open(folder / "profile.csv")
     from trueterrain.verify.plate import design_plate
 

@@ -127,8 +127,8 @@ def test_the_folder_is_made_but_not_the_one_above(run, scene, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "small.toml"]
 
 
-@pytest.mark.parametrize(("stopped", "left"), [("there", []), ("back", ["small-there.zarr"])])
-def test_ctrl_c_leaves_nothing_half_written(run, scene, runs, monkeypatch, stopped, left):
+@pytest.mark.parametrize("stopped", ["there", "back"])
+def test_ctrl_c_leaves_nothing_half_written(run, scene, runs, monkeypatch, stopped):
     @contextmanager
     def bar():
         def show(name, done, total):
@@ -141,7 +141,7 @@ def test_ctrl_c_leaves_nothing_half_written(run, scene, runs, monkeypatch, stopp
     finished = run("simulate", scene, "-o", runs)
     assert finished.code == 130
     assert finished.err == "trueterrain: stopped; nothing was left half written\n"
-    assert [path.name for path in runs.iterdir()] == left if left else not runs.exists()
+    assert not runs.exists()
 
 
 def test_wheels_beside_the_ground_are_one_line(run, tmp_path, runs):

@@ -3,6 +3,7 @@
 import pytest
 
 from trueterrain.engine import require_writable, whole_folder, whole_output
+from trueterrain.engine.manifest import missing_files
 from trueterrain.errors import OutputError
 
 
@@ -71,6 +72,7 @@ def test_a_folder_of_outputs_appears_when_it_is_whole(tmp_path):
         (folder / "a.txt").write_text("a")
         assert not (tmp_path / "out").exists()
     assert (tmp_path / "out" / "a.txt").read_text() == "a"
+    assert missing_files(tmp_path / "out") == []
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
@@ -92,5 +94,6 @@ def test_a_full_folder_is_not_written_into_without_force(tmp_path):
         pass
     with whole_folder(tmp_path / "out", force=True) as folder:
         (folder / "a.txt").write_text("a")
-    # force replaces files of the same name and leaves all others alone
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["a.txt", "mine.txt"]
+    # force replaces the files of an earlier result and leaves all others alone
+    names = sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert names == ["a.txt", "manifest.json", "mine.txt"]

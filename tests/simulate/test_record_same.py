@@ -179,7 +179,7 @@ def test_an_existing_run_is_refused_before_any_pass_is_driven(tmp_path):
     passes = tuple(Drive(name=name, start=3.0, length=1.5, speed=FAST) for name in "ab")
     there = tmp_path / "curve-b.zarr"
     there.mkdir()
-    (there / "zarr.json").write_text("{}")
+    (there / "zarr.json").write_text('{"attributes": {"kind": "trueterrain/run"}}')
     with pytest.raises(OutputError, match=r"curve-b\.zarr: exists already"):
         record_scene(scene(passes=passes), tmp_path, progress=refuse)
     assert list(tmp_path.iterdir()) == [there]

@@ -14,6 +14,7 @@ import numpy.testing as npt
 import pytest
 
 import trueterrain as tt
+from trueterrain.engine.manifest import missing_files
 from trueterrain.errors import CoverageError, FormatError, OutputError, SchemaError
 from trueterrain.formats.run import open_run
 from trueterrain.motion import fuse
@@ -81,7 +82,8 @@ def test_everything_is_written(found):
     )  # fmt: skip
     expected = {f"{lane}{kind}" for lane in (one, other) for kind in kinds}
     assert set(found.files) == expected | {"report.html", "result.json"}
-    assert {path.name for path in found.folder.iterdir()} == set(found.files)
+    assert {path.name for path in found.folder.iterdir()} == {*found.files, "manifest.json"}
+    assert missing_files(found.folder) == []
     assert json.loads((found.folder / "result.json").read_text()) == found.numbers
 
 
@@ -325,7 +327,7 @@ def test_a_killed_survey_leaves_nothing_half_written_and_starts_again(runs, tmp_
         str(tmp_path / "out"),
     ]  # fmt: skip
     with subprocess.Popen(arguments, stderr=subprocess.PIPE, text=True) as program:
-        while not [path for path in tmp_path.iterdir() if ".part." in path.name]:
+        while not list(tmp_path.glob(".out.*")):
             assert program.poll() is None
         os.kill(program.pid, sent)
         program.wait()
@@ -334,4 +336,5 @@ def test_a_killed_survey_leaves_nothing_half_written_and_starts_again(runs, tmp_
     if sent == signal.SIGTERM:
         assert [path.name for path in tmp_path.iterdir()] == ["survey.toml"]
     subprocess.run(arguments, check=True, capture_output=True)
-    assert (Path(arguments[-1]) / "report.html").exists()
+    assert missing_files(Path(arguments[-1])) == []
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["out", "survey.toml"]

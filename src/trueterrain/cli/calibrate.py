@@ -128,7 +128,7 @@ def calibrate(
     force
         Replace the output if it exists.
     """
-    from trueterrain.engine.output import require_writable
+    from trueterrain.engine import require_writable
     from trueterrain.georeference import CalibrationSettings, Screening
     from trueterrain.georeference import calibrate as calibrated
     from trueterrain.surface.runs import require_one_frame
@@ -271,7 +271,7 @@ def _leaning(found: "Calibration") -> Iterator[str]:
 def _write(output: Path, found: "Calibration", runs: list[Path], *, force: bool) -> None:
     """Write the mounting as the table that a survey takes."""
     from trueterrain import __version__
-    from trueterrain.engine.output import whole_output
+    from trueterrain.engine import whole_output
 
     lines = [
         f"# Mounting of the scanner by calibration (trueterrain {__version__}) from",

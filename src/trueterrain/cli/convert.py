@@ -78,7 +78,7 @@ def convert(
     returns
         Return of each pulse to take of the points: last, first or its number; by default all.
     force
-        Replace the output if it exists: a file, or a store of points, a surface or a profile.
+        Replace the output if it exists: a file, or a store of the same kind of data.
     """
     from trueterrain import formats
     from trueterrain.formats.crs import parse_crs
@@ -95,7 +95,7 @@ def convert(
     require_points(only, source, kind)
     if crs is not None:
         parse_crs(crs)
-    formats.require_writable(output, force=force, inputs=[source])
+    formats.require_writable(output, force=force, inputs=[source], kind=kind)
 
     def write(data: Any) -> Any:
         return formats.write(data, output, force=force, **options)

@@ -45,7 +45,7 @@ def demo(
     json
         Print results/result.json instead of a summary, with "folder" and "files" added.
     force
-        Write into a folder that holds files already.
+        Replace an earlier result of the same command in the folder; other files in it stay.
     """
     from trueterrain.cli.run import in_words
     from trueterrain.engine import whole_folder
@@ -55,7 +55,9 @@ def demo(
 
     scene = _scene(length, seed)
     with (
-        whole_folder(output, force=force) as folder,
+        whole_folder(
+            output, result="demo", force=force, names=("runs", "survey.toml", "results")
+        ) as folder,
         compiling_noted(),
         progress_bar() as progress,
     ):

@@ -109,7 +109,7 @@ def event(
         Print one JSON document: {"design", "vehicle", "predicted", "cut_list", "speeds", "doubts",
         "files"}; lengths in m, angles in rad.
     force
-        Write into a folder that holds files already.
+        Replace an earlier result of the same command in the folder; other files in it stay.
     """
     del action
     from dataclasses import asdict
@@ -149,7 +149,10 @@ def event(
         "files": [],
     }
     if output is not None:
-        document["files"] = _write(output, document, design, moved, car, words, force=force)
+        read = [vehicle] if vehicle.lower().endswith(".toml") else []
+        document["files"] = _write(
+            output, document, design, moved, car, words, inputs=read, force=force
+        )
     if json:
         out_json(document)
     else:
@@ -314,6 +317,7 @@ def _write(
     car: "FullCarParameters",
     words: dict[str, list[str]],
     *,
+    inputs: list[str],
     force: bool,
 ) -> list[str]:
     import json
@@ -322,7 +326,7 @@ def _write(
     from trueterrain.engine import whole_folder
     from trueterrain.verify.event import cut_list
 
-    with whole_folder(folder, force=force) as temporary:
+    with whole_folder(folder, result="event", force=force, inputs=inputs) as temporary:
         names = write_page(temporary, design, cut_list(design), moved, car, words)
         text = json.dumps(document, indent=2, allow_nan=False)
         (temporary / "event.json").write_text(text + "\n", encoding="utf-8")

@@ -64,7 +64,7 @@ def filter(  # noqa: A001 - the name of the command
 
     by = _chosen(kind, shortest, longest, order)
     formats.writer_of("profile", output)
-    formats.require_writable(output, force=force, inputs=[file])
+    formats.require_writable(output, force=force, inputs=[file], kind="profile")
     profile = read_profile(file)
     with concerning(file), compiling_noted():
         result = filter_profile(profile, by)

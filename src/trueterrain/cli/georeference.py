@@ -89,7 +89,7 @@ def georeference(
     if crs is not None:
         check_crs(crs)
     require_run(run)
-    formats.require_writable(output, force=force, inputs=[run])
+    formats.require_writable(output, force=force, inputs=[run], kind="points")
     tree = open_run(run)
     if crs is not None:
         check_crs(crs, tree.attrs["origin"])

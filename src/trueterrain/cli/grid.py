@@ -144,7 +144,7 @@ def grid(
         Print one JSON document {"output", "size", "spacing", "nodes", "count", "sd", "returns",
         "holes", "down_sample", "problems"}.
     force
-        Replace the output if it exists: a file, or a store of points, a surface or a profile.
+        Replace the output if it exists: a file, or a surface in a store.
     """
     from trueterrain import formats, provenance
     from trueterrain.georeference import Screening
@@ -176,7 +176,9 @@ def grid(
     if only is not None and kind == "run":
         message = "--class and --return are for points; returns of runs: --floor, --nearest, ..."
         raise ValueError(message)
-    formats.require_writable(output, force=force, inputs=[*inputs, *([path] if path else [])])
+    formats.require_writable(
+        output, force=force, inputs=[*inputs, *([path] if path else [])], kind="surface"
+    )
     workers = processors() if threads is None else threads
     with progress_bar() as progress:
         if kind == "run":

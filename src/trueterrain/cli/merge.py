@@ -95,7 +95,7 @@ def merge(
     json
         Print result.json instead of a summary.
     force
-        Write into a folder that holds files already; those of the same name are replaced.
+        Replace an earlier result of the same command in the folder; other files in it stay.
     """
     if output is None and not check:
         message = "name the folder for the results: --output DIR (only --check goes without)."
@@ -217,16 +217,17 @@ def _check(
     json: bool,
     force: bool,
 ) -> None:
+    from trueterrain.engine import require_writable, whole_folder
     from trueterrain.report import write_report
-    from trueterrain.survey import check_agreement, check_report
+    from trueterrain.survey import RESULT, check_agreement, check_report
 
+    if output is not None:
+        require_writable(output, force=force, inputs=inputs, replaces="folder")
     with compiling_noted(), progress_bar() as progress:
         cells, size = _cells(inputs, settings, runs, split, crs, cell, only, progress)
         found = check_agreement(cells, limit=settings.limit, size=size)
     if output is not None:
-        from trueterrain.engine import whole_folder
-
-        with whole_folder(output, force=force) as folder:
+        with whole_folder(output, result=RESULT, force=force, inputs=inputs) as folder:
             names = ", ".join(path.name for path in inputs)
             write_report(check_report(found, title=names), folder / "report.html")
     if json:

@@ -89,7 +89,7 @@ def plate(
         Print one JSON document: {"design", "view": {"returns", "shadows", "edges", "bands",
         "doubts"}, "files"}; lengths in m, masses in kg, angles in rad.
     force
-        Write into a folder that holds files already.
+        Replace an earlier result of the same command in the folder; other files in it stay.
     """
     del action
     from dataclasses import asdict
@@ -181,7 +181,7 @@ def _write(
 
     drawing = _drawing(design)
     names = ["drawing.svg", "drawing.pdf", "profile.csv", "plate.html", "plate.json"]
-    with whole_folder(folder, force=force) as temporary:
+    with whole_folder(folder, result="plate", force=force) as temporary:
         figures.save(drawing, temporary / names[0])
         figures.save(drawing, temporary / names[1])
         write_machined(design, temporary / names[2])

@@ -159,7 +159,7 @@ def profile(
         message = "--tyre and --load are for --envelope."
         raise ValueError(message)
     inputs = [surface, *([path] if path else [])]
-    formats.require_writable(output, force=force, inputs=inputs)
+    formats.require_writable(output, force=force, inputs=inputs, kind="profile")
     written = _writing(output, units)
     ways = offset, line, path
     doubt = ""

@@ -39,11 +39,13 @@ def run(
     json
         Print result.json instead of a summary, with "folder" and "files" added.
     force
-        Write into a folder that holds files already; those of the same name are replaced.
+        Replace an earlier result of the same command in the folder; other files in it stay.
     """
+    from trueterrain.engine import require_writable
     from trueterrain.survey import read_survey, run_survey
     from trueterrain.verify.truth import truth_of
 
+    require_writable(output, force=force, inputs=[survey], replaces="folder")
     settings = read_survey(survey)
     with compiling_noted(), progress_bar() as progress:
         found = run_survey(

@@ -1,7 +1,5 @@
 """The command ``trueterrain simulate``: recorded runs whose truth is known."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,7 +7,7 @@ from cyclopts import Parameter
 
 from trueterrain.cli._console import out, out_json, progress_bar
 from trueterrain.cli._numbers import WHOLE
-from trueterrain.errors import CoverageError, OutputError
+from trueterrain.errors import CoverageError
 
 if TYPE_CHECKING:
     from trueterrain.simulate.body import Motion
@@ -30,8 +28,8 @@ def simulate(
     """Drive a virtual profiler over known ground and record what its instruments see.
 
     Each pass of the scene becomes one run, SCENE-PASS.zarr: scans, navigation and accelerometers
-    with all their errors, and the truth. The same scene and seed give the same runs. A run appears
-    when it is whole. `trueterrain init scene` prints a scene to begin with.
+    with all their errors, and the truth. The same scene and seed give the same runs. They appear
+    together when the last is whole. `trueterrain init scene` prints a scene to begin with.
 
     Example: `trueterrain simulate belgian-two-lanes -o runs`
 
@@ -51,7 +49,7 @@ def simulate(
         Print one JSON document {"scene", "title", "seed", "runs": [{"pass", "path", "scans",
         "beams", "seconds", "bytes"}]}; with --list [{"name", "title", "passes"}].
     force
-        Replace runs that exist.
+        Replace recorded runs that exist.
     """
     if show_scenes:
         _list(json)
@@ -62,18 +60,23 @@ def simulate(
     if output is None:
         message = "name the folder for the runs: --output DIR."
         raise ValueError(message)
+    from trueterrain.engine import whole_stores
+
     drives, stage = _stage(scene, passes or [], seed)
     todo = [
-        (number, drive, stage.motion(drive), output / f"{stage.scene.name}-{drive.name}.zarr")
+        (number, drive, stage.motion(drive), f"{stage.scene.name}-{drive.name}.zarr")
         for number, drive in drives
     ]
     runs = []
-    with _folder(output, [target for *_, target in todo], force=force):
-        for number, drive, motion, target in todo:
-            _record(stage, drive, motion, target, number=number, force=force)
-            runs.append(_summary(drive, motion, target))
-            if not json:
-                out(_in_words(runs[-1], max(len(str(path)) for *_, path in todo)))
+    with whole_stores(
+        output, [name for *_, name in todo], ("run",), force=force, inputs=_inputs(stage)
+    ) as folder:
+        for number, drive, motion, name in todo:
+            _record(stage, drive, motion, folder / name, number=number)
+            runs.append(_summary(drive, motion, folder / name, output / name))
+    if not json:
+        for run in runs:
+            out(_in_words(run, max(len(run["path"]) for run in runs)))
     if json:
         settings = stage.scene
         out_json(
@@ -120,37 +123,20 @@ def _chosen(scene: "Scene", name: str, passes: list[str]) -> "list[tuple[int, Dr
     return [(n, drive) for n, drive in enumerate(scene.passes) if drive.name in (passes or known)]
 
 
-@contextmanager
-def _folder(folder: Path, targets: list[Path], *, force: bool) -> Iterator[None]:
-    """Make the folder if all runs may be written there; leave none behind that is empty."""
-    from trueterrain.formats.run._store import require_store_writable
-
-    if folder.exists() and not folder.is_dir():
-        raise OutputError("is a file, not a folder", path=folder, cure="Name a folder.")
-    if not folder.absolute().parent.is_dir():
-        raise OutputError(
-            f"the folder {folder.parent} does not exist", path=folder, cure="Create it first."
-        )
-    made = not folder.exists()
-    folder.mkdir(exist_ok=True)
-    try:
-        for target in targets:
-            require_store_writable(target, force=force)
-        yield
-    finally:
-        if made:
-            with suppress(OSError):  # it is not empty
-                folder.rmdir()
+def _inputs(stage: "Stage") -> list[Path]:
+    """Files that a scene is made from: its own, and measured ground beside it."""
+    if stage.path is None:
+        return []
+    grounds = [part["file"] for part in stage.scene.ground if "file" in part]
+    return [stage.path, *(stage.path.parent / name for name in grounds)]
 
 
-def _record(
-    stage: "Stage", drive: "Drive", motion: "Motion", target: Path, *, number: int, force: bool
-) -> None:
+def _record(stage: "Stage", drive: "Drive", motion: "Motion", target: Path, *, number: int) -> None:
     from trueterrain.simulate.scene import record_pass
 
     with progress_bar() as progress:
         try:
-            record_pass(stage, drive, motion, target, number=number, force=force, progress=progress)
+            record_pass(stage, drive, motion, target, number=number, progress=progress)
         except CoverageError as error:
             where = f"pass {drive.name}" + (f", {error.place}" if error.place else "")
             raise CoverageError(
@@ -158,17 +144,17 @@ def _record(
             ) from None
 
 
-def _summary(drive: "Drive", motion: "Motion", target: Path) -> dict[str, Any]:
+def _summary(drive: "Drive", motion: "Motion", written: Path, target: Path) -> dict[str, Any]:
     from trueterrain.formats.run import open_run
 
-    sizes = open_run(target)["scans"].sizes
+    sizes = open_run(written)["scans"].sizes
     return {
         "pass": drive.name,
         "path": str(target),
         "scans": sizes["scan"],
         "beams": sizes["beam"],
         "seconds": motion.duration,
-        "bytes": sum(file.stat().st_size for file in target.rglob("*") if file.is_file()),
+        "bytes": sum(file.stat().st_size for file in written.rglob("*") if file.is_file()),
     }
 
 

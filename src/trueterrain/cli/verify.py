@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from trueterrain.verify.certificate import Certified
 
 _MILLI = 1e3
+_RESULT, _NAMES = "verify", ("certificate.html", "certificate.pdf", "result.json")
 
 
 def verify(
@@ -57,7 +58,7 @@ def verify(
         "published", "thesis", "reproduced", "ours", "orders", "registered", "as_it_lies",
         "as_it_lies_on_exact_way", "beside"}], "reflectivity", "reproduced"}.
     force
-        Write into a folder that holds files already; those of the same name are replaced.
+        Replace an earlier result of the same command in the folder; other files in it stay.
     """
     if test == "table":
         _thesis_table(config, output, json=json, force=force)
@@ -68,9 +69,11 @@ def verify(
     from trueterrain.cli._verify_certificate import certificate_of
     from trueterrain.engine import whole_folder
     from trueterrain.report import write_report, write_report_pdf
-    from trueterrain.verify.certificate import certify, write_errors
+    from trueterrain.verify.certificate import certify, input_files, write_errors
 
-    with whole_folder(output, force=force) as folder:
+    with whole_folder(
+        output, result=_RESULT, force=force, inputs=input_files(test, config), names=_NAMES
+    ) as folder:
         found = certify(test, config)
         document = found.describe()
         files = write_errors(found, folder)
@@ -100,7 +103,7 @@ def _thesis_table(config: Path | None, output: Path, *, json: bool, force: bool)
     if config is not None:
         message = f"verify table takes no description, got {config}."
         raise ValueError(message)
-    with whole_folder(output, force=force) as folder:
+    with whole_folder(output, result=_RESULT, force=force) as folder:
         with progress_bar() as progress:
             made = make_table(progress)
         document = made.describe()

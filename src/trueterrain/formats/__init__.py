@@ -124,7 +124,7 @@ def write(
     path : str or Path
         Where the file shall be, or the store.
     force : bool
-        Replace a file that is there already, or a store of points, a surface or a profile.
+        Replace a file that is there already, or a store of the same kind of data.
     **options
         Passed to the format's own ``write``.
 
@@ -149,7 +149,11 @@ def write(
 
 
 def require_writable(
-    path: str | Path, *, force: bool = False, inputs: Iterable[str | Path] = ()
+    path: str | Path,
+    *,
+    force: bool = False,
+    inputs: Iterable[str | Path] = (),
+    kind: str | None = None,
 ) -> None:
     """Raise if an output, file or store, may not be written, before the work for it begins.
 
@@ -158,10 +162,13 @@ def require_writable(
     path : str or Path
         Where the output shall be; a name that ends with .zarr is that of a store.
     force : bool
-        Whether what is there already may be replaced: a file by a file, and points, a surface or a
-        profile in a store by a store.
+        Whether what is there already may be replaced: a file by a file, a store by a store of the
+        same kind.
     inputs : iterable of str or Path
-        Files and stores that the work reads; none of them is replaced, not even with `force`.
+        Files and stores that the work reads; the output is none of them, holds none and lies in
+        none, not even with `force`.
+    kind : str, optional
+        ``"points"``, ``"surface"`` or ``"profile"``: what will be written; by default any of them.
 
     Raises
     ------
@@ -174,12 +181,13 @@ def require_writable(
     Traceback (most recent call last):
     trueterrain.errors.OutputError: nowhere/points.zarr: the folder nowhere does not exist. ...
     """
-    if Path(path).suffix.lower() == ".zarr":
-        _module("store").require_replaceable(path, force=force, inputs=inputs)
-        return
     from trueterrain import engine
 
-    engine.require_writable(path, force=force, inputs=inputs)
+    store = Path(path).suffix.lower() == ".zarr"
+    kinds = tuple(_WRITERS) if kind is None else (kind,)
+    engine.require_writable(
+        path, force=force, inputs=inputs, replaces=kinds if store else "file"
+    )  # fmt: skip
 
 
 def writer_of(kind: str, path: str | Path) -> str:

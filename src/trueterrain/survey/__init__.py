@@ -1,6 +1,6 @@
 """The whole chain from one file of settings: runs become ground, profiles and a report."""
 
-from trueterrain.survey._chain import SurveyResult, run_survey
+from trueterrain.survey._chain import RESULT, SurveyResult, run_survey
 from trueterrain.survey._check import check_agreement, check_report
 from trueterrain.survey._clouds import merge_point_clouds
 from trueterrain.survey._settings import (
@@ -17,6 +17,7 @@ from trueterrain.survey._settings import (
 )
 
 __all__ = [
+    "RESULT",
     "MountingOverride",
     "OutputSettings",
     "ProfileSettings",

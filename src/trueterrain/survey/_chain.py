@@ -26,6 +26,9 @@ from trueterrain.verify.truth import TrueHeight
 
 Floats = npt.NDArray[np.float64]
 
+#: Kind of a result that `run` and `merge` write, and files that are in each.
+RESULT, REPORTED = "survey", ("report.html", "result.json")
+
 _FEW = 100  # nodes that two lanes must share for a comparison
 
 
@@ -66,7 +69,7 @@ def run_survey(
     folder : str or Path
         Where the files shall be.
     force : bool
-        Write into a folder that holds files already.
+        Replace an earlier result in the folder; other files in it stay.
     threads : int
         Threads that grid at once; results do not depend on it.
     truth : callable, optional
@@ -89,13 +92,15 @@ def run_survey(
     CoverageError
         If a run has no motion or its returns lie beside the grid.
     OutputError
-        If the folder is not empty and `force` is false.
+        If the folder is not empty and `force` is false, or as by `whole_folder`.
     """
     from trueterrain.report import write_report
     from trueterrain.survey._report import report_of
 
     require_one_frame([Path(run.path) for run in survey.runs])
-    with whole_folder(folder, force=force) as temporary:
+    with whole_folder(
+        folder, result=RESULT, force=force, inputs=_inputs(survey), names=REPORTED
+    ) as temporary:
         pictures = Pictures(temporary if survey.outputs.pictures else None)
         runs = [find_run(survey, run, progress) for run in survey.runs]
         before, (runs, merging) = runs, _merged(survey, runs, threads, progress)
@@ -137,6 +142,15 @@ def run_survey(
         pictures.close()
         written = tuple(sorted(file.name for file in temporary.iterdir()))
     return SurveyResult(folder=Path(folder), files=written, numbers=numbers)
+
+
+def _inputs(survey: Survey) -> list[str]:
+    """All that a survey reads."""
+    merging = survey.lanes
+    others = [survey.grid.path, *(one.path for one in survey.profiles)]
+    if merging is not None:
+        others += [merging.path, merging.control]
+    return [*(run.path for run in survey.runs), *(path for path in others if path)]
 
 
 def _merged(

@@ -24,7 +24,7 @@ from trueterrain.report import File, Files, Picture, Report, Section, SurfaceVie
 from trueterrain.surface.grid import GridOptions, trimmed
 from trueterrain.surface.placement import Placement
 from trueterrain.surface.summary import summarise
-from trueterrain.survey._chain import SurveyResult
+from trueterrain.survey._chain import REPORTED, RESULT, SurveyResult
 from trueterrain.survey._pictures import Pictures
 from trueterrain.survey._report_merge import merge_headline, merge_section
 from trueterrain.survey._report_parts import columns, millimetres
@@ -67,7 +67,7 @@ def merge_point_clouds(
     spacing : float, optional
         Spacing of the surface [m]; by default that of the cells.
     force : bool
-        Write into a folder that holds files already.
+        Replace an earlier result in the folder; other files in it stay.
     threads : int
         Threads that grid at once.
     progress : callable, optional
@@ -87,13 +87,16 @@ def merge_point_clouds(
     FormatError
         If a file is damaged.
     OutputError
-        If the folder is not empty and `force` is false.
+        If the folder is not empty and `force` is false, or as by `whole_folder`.
     """
     from trueterrain.report import write_report
 
     lanes = cloud_lanes(files, split=split, crs=crs, only=only, progress=progress)
     settings = with_cells(settings, cell or suggested_cell(lanes))
-    with whole_folder(folder, force=force) as temporary:
+    others = [path for path in (settings.path, settings.control) if path]
+    with whole_folder(
+        folder, result=RESULT, force=force, inputs=[*files, *others], names=REPORTED
+    ) as temporary:
         merging, corrected = merge_clouds(lanes, settings, progress=progress)
         pictures = Pictures(temporary)
         pictures.of_merging(merging, [], settings.cells.size)

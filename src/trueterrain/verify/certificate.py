@@ -33,7 +33,7 @@ from trueterrain.verify.static import StaticResult, static_test
 
 __all__ = [
     "Certified", "DriftTest", "DynamicTest", "Result", "Stated", "StaticTest", "certify",
-    "description_template", "fusion_of", "write_errors",
+    "description_template", "fusion_of", "input_files", "write_errors",
 ]  # fmt: skip
 
 Result = StaticResult | DynamicResult | DriftResult
@@ -123,11 +123,8 @@ def certify(kind: str, config: str | Path) -> Certified:
     CoverageError
         As by the tests.
     """
-    if kind not in KINDS:
-        message = f"kind must be one of {', '.join(KINDS)}, got {kind!r}."
-        raise ValueError(message)
     config = Path(config)
-    test = read_settings(KINDS[kind], config)
+    test = _read(kind, config)
     folder = config.parent
     clock = None if test.clock is None else folder / test.clock
     boresight = [folder / path for path in test.boresight]
@@ -155,6 +152,40 @@ def certify(kind: str, config: str | Path) -> Certified:
         test=test, results=results, inputs=tuple(describe_input(path) for path in files),
         instruments=tuple(_instruments(test, clock, boresight)), recorded=tuple(times),
     )  # fmt: skip
+
+
+def input_files(kind: str, config: str | Path) -> list[Path]:
+    """Files and runs that a test reads, its description among them.
+
+    Parameters
+    ----------
+    kind : str
+        static, dynamic or drift.
+    config : str or Path
+        Its description, a TOML file.
+
+    Returns
+    -------
+    list of Path
+        Whether they exist or not.
+
+    Raises
+    ------
+    ValueError
+        If the kind is unknown.
+    FormatError
+        If the description is damaged or breaks a rule.
+    """
+    config = Path(config)
+    test = _read(kind, config)
+    names = [test.clock, *test.boresight]
+    if isinstance(test, StaticTest):
+        names += [test.run, test.machined]
+    elif isinstance(test, DynamicTest):
+        names += [*test.runs.values(), test.machined]
+    elif isinstance(test, DriftTest):
+        names += [*test.profiles, test.reference]
+    return [config, *(config.parent / name for name in names if name is not None)]
 
 
 def write_errors(found: Certified, folder: Path) -> list[tuple[str, str]]:
@@ -187,6 +218,13 @@ def write_errors(found: Certified, folder: Path) -> list[tuple[str, str]]:
             files.append((f"growth-{slug}.csv", f"growth of the errors of {name}"))
             _write_table(result.growth, "distance", folder / files[-1][0])
     return files
+
+
+def _read(kind: str, config: Path) -> Stated:
+    if kind not in KINDS:
+        message = f"kind must be one of {', '.join(KINDS)}, got {kind!r}."
+        raise ValueError(message)
+    return read_settings(KINDS[kind], config)
 
 
 def _static(test: StaticTest, run: Path, machined: xr.Dataset) -> dict[str, Result]:

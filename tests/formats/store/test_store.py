@@ -113,8 +113,9 @@ def test_xarray_alone_opens_the_same(tmp_path, name):
 def test_a_real_road_and_a_real_cloud(data, tmp_path):
     for source in ("opencrg/asam/belgian_block.crg", "scanning/strips/faceraster_2strips_20m.laz"):
         before = formats.open(data / source)
-        formats.write(before, tmp_path / "a.zarr", force=True)
-        xr.testing.assert_identical(formats.open(tmp_path / "a.zarr"), before)
+        target = tmp_path / f"{source.rpartition('/')[2]}.zarr"
+        formats.write(before, target)
+        xr.testing.assert_identical(formats.open(target), before)
 
 
 def test_what_cannot_be_kept_is_refused(tmp_path):
@@ -159,7 +160,7 @@ def test_points_are_written_as_they_come(tmp_path, monkeypatch, small_chunks):
     def parts():
         for number in range(50):
             yield cloud(60, seed=number)
-        (temporary,) = tmp_path.iterdir()
+        (temporary,) = tmp_path.glob("*/new/a.zarr")
         held.append(zarr.open_group(temporary, mode="r")["up"].shape[0])
 
     formats.write(parts(), tmp_path / "a.zarr")
@@ -380,10 +381,10 @@ def test_a_store_that_breaks_the_rules_of_its_kind_is_damaged(tmp_path):
 
 
 def test_every_array_of_a_surface_and_a_profile_is_watched(tmp_path):
-    for data in (road(), profiles()):
-        formats.write(data, tmp_path / "a.zarr", force=True)
+    for kind, data in (("surface", road()), ("profile", profiles())):
+        formats.write(data, tmp_path / f"{kind}.zarr")
         for name in map(str, data.variables):
-            broken = shutil.copytree(tmp_path / "a.zarr", tmp_path / f"{name}.zarr")
+            broken = shutil.copytree(tmp_path / f"{kind}.zarr", tmp_path / f"{name}.zarr")
             (chunk,) = (broken / name).glob("c*")
             spoil(chunk)
             with pytest.raises(FormatError, match=f"array {name}"):
@@ -418,7 +419,7 @@ def test_foreign_folders_are_called_by_their_name(tmp_path):
 # --- outputs --------------------------------------------------------------------------------------
 
 
-def test_force_replaces_only_points_surfaces_and_profiles(tmp_path):
+def test_force_replaces_only_a_store_of_the_same_kind(tmp_path):
     kept = {"foreign": {"title": "none"}, "run": {"kind": "trueterrain/run"}}
     for name, attrs in kept.items():
         zarr.create_group(tmp_path / f"{name}.zarr", attributes=attrs)
@@ -432,8 +433,10 @@ def test_force_replaces_only_points_surfaces_and_profiles(tmp_path):
     formats.write(road(), tmp_path / "a.zarr")
     with pytest.raises(OutputError, match="exists already"):
         formats.write(cloud(5), tmp_path / "a.zarr")
-    formats.write(cloud(5), tmp_path / "a.zarr", force=True)
-    xr.testing.assert_identical(formats.open(tmp_path / "a.zarr"), cloud(5))
+    with pytest.raises(OutputError, match="is a surface in a store, which is never replaced"):
+        formats.write(cloud(5), tmp_path / "a.zarr", force=True)
+    formats.write(road().isel(u=slice(3)), tmp_path / "a.zarr", force=True)
+    xr.testing.assert_identical(formats.open(tmp_path / "a.zarr"), road().isel(u=slice(3)))
     assert len(list(tmp_path.iterdir())) == 5
 
 

@@ -1,10 +1,7 @@
-"""A Zarr store whose arrays grow row by row, and which appears when it is whole."""
+"""A Zarr store whose arrays grow row by row."""
 
 import json
-import shutil
-import uuid
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,85 +9,13 @@ import numpy as np
 import numpy.typing as npt
 import zarr
 
-from trueterrain.engine import Checksums, refuse_full_disk
-from trueterrain.errors import OutputError
+from trueterrain.engine import Checksums
 from trueterrain.formats._zarr import ARRAYS, choose_fill_value, make_compressors
 from trueterrain.formats.run._schema import ROW_CHUNK
 
 _CHUNK_VALUES = 1_000_000  # values in a chunk of more than one dimension, at most
 
 Array = npt.NDArray[Any]
-
-
-@contextmanager
-def whole_store(path: Path, *, force: bool) -> Iterator[Path]:
-    """Write a store under a temporary name and rename it when the block ends without error.
-
-    Parameters
-    ----------
-    path : Path
-        Where the store shall be: a folder ``NAME.zarr``.
-    force : bool
-        Replace a store that is there already.
-
-    Yields
-    ------
-    Path
-        Temporary name beside `path`.
-
-    Raises
-    ------
-    OutputError
-        As by `require_store_writable`.
-    """
-    require_store_writable(path, force=force)
-    temporary = path.absolute().with_name(f".{uuid.uuid4().hex[:8]}.part.{path.name}")
-    try:
-        yield temporary
-        require_store_writable(path, force=force)
-        old = temporary.with_suffix(".old")
-        if path.exists():
-            path.replace(old)
-        temporary.replace(path)
-        shutil.rmtree(old, ignore_errors=True)
-    except OSError as error:
-        refuse_full_disk(error, path)
-        raise
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
-
-
-def require_store_writable(path: Path, *, force: bool) -> None:
-    """Raise if a store may not be written, before the work for it begins.
-
-    Raises
-    ------
-    ValueError
-        If the name does not end with .zarr.
-    OutputError
-        If it exists and `force` is false, if it is no Zarr store, or if its folder does not exist.
-    """
-    if path.suffix != ".zarr":
-        message = f"path must end with .zarr, got {str(path)!r}."
-        raise ValueError(message)
-    if not path.absolute().parent.is_dir():
-        raise OutputError(
-            f"the folder {path.parent} does not exist", path=path, cure="Create it first."
-        )
-    if not path.exists():
-        return
-    if not force:
-        raise OutputError(
-            "exists already and is not overwritten",
-            path=path,
-            cure="Choose another name, or add --force (force=True).",
-        )
-    if not (path / "zarr.json").is_file():
-        raise OutputError(
-            "is no Zarr store, and nothing else is replaced by one",
-            path=path,
-            cure="Choose another name.",
-        )
 
 
 class GrowingStore:

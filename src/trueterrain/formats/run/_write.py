@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from trueterrain.engine import require_writable, whole_store
 from trueterrain.errors import FormatError, SchemaError
 from trueterrain.formats.navigation._frames import check_origin
 from trueterrain.formats.navigation._schema import (
@@ -32,7 +33,7 @@ from trueterrain.formats.run._schema import (
     TIME_REFERENCES,
     Mounting,
 )
-from trueterrain.formats.run._store import GrowingStore, require_store_writable, whole_store
+from trueterrain.formats.run._store import GrowingStore
 from trueterrain.formats.run._values import (
     fan_of,
     fill_of,
@@ -124,7 +125,7 @@ class RunWriter:
         force: bool = False,
     ) -> None:
         self._path, self._force = Path(path), force
-        require_store_writable(self._path, force=force)
+        require_writable(self._path, force=force, replaces=("run",))
         if time_reference not in TIME_REFERENCES:
             message = f"time_reference must be one of {TIME_REFERENCES}, got {time_reference!r}."
             raise ValueError(message)
@@ -153,7 +154,7 @@ class RunWriter:
 
     def __enter__(self) -> "RunWriter":
         with ExitStack() as stack:
-            temporary = stack.enter_context(whole_store(self._path, force=self._force))
+            temporary = stack.enter_context(whole_store(self._path, ("run",), force=self._force))
             self._temporary, self._opened = temporary, GrowingStore(temporary, self._attrs)
             for group, data in self._truth.items():
                 self._append_truth(group, data, dim=None)

@@ -18,10 +18,7 @@ whole; arrays and chunks that are lost or damaged later are found when it is rea
 
 from trueterrain.formats.signature import kind_of_store as kind
 from trueterrain.formats.store._describe import describe
-from trueterrain.formats.store._output import require_replaceable
 from trueterrain.formats.store._read import blocks, point_variables, read
 from trueterrain.formats.store._write import write
 
-__all__ = [
-    "blocks", "describe", "kind", "point_variables", "read", "require_replaceable", "write",
-]  # fmt: skip
+__all__ = ["blocks", "describe", "kind", "point_variables", "read", "write"]

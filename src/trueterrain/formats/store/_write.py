@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 import zarr
 
-from trueterrain.engine import Checksums
+from trueterrain.engine import Checksums, whole_store
 from trueterrain.errors import CoverageError, SchemaError
 from trueterrain.formats.store._layout import (
     BOUNDS,
@@ -22,7 +22,6 @@ from trueterrain.formats.store._layout import (
     rows_of,
     write_summary,
 )
-from trueterrain.formats.store._output import whole
 from trueterrain.formats.store._statistics import PointTally, SurfaceTally
 from trueterrain.kinds import check_points, check_profile, check_surface, kind_of
 
@@ -74,7 +73,7 @@ def write(
     """
     path = Path(path)
     kind = kind_of(data) if isinstance(data, xr.Dataset) else "points"
-    with whole(path, force=force) as temporary:
+    with whole_store(path, (kind,), force=force) as temporary:
         if kind == "points":
             blocks = [data] if isinstance(data, xr.Dataset) else data
             _write_points(blocks, temporary, path)

@@ -10,9 +10,8 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.engine.progress import Progress, no_progress
+from trueterrain.engine import Progress, no_progress, require_writable, whole_stores
 from trueterrain.formats.run import Mounting, RunWriter
-from trueterrain.formats.run._store import require_store_writable
 from trueterrain.kinds import make_surface
 from trueterrain.provenance import add_step
 from trueterrain.simulate.accelerometers import AccelerometerStream
@@ -50,7 +49,7 @@ def record_scene(
     force: bool = False,
     progress: Progress = no_progress,
 ) -> list[Path]:
-    """Record all passes of a scene.
+    """Record all passes of a scene; their runs appear together.
 
     Parameters
     ----------
@@ -79,13 +78,14 @@ def record_scene(
     """
     targets = [Path(folder) / f"{scene.name}-{drive.name}.zarr" for drive in scene.passes]
     for target in targets:
-        require_store_writable(target, force=force)
+        require_writable(target, force=force, replaces=("run",))
     stage = set_stage(scene, path=path)
     motions = [stage.motion(drive) for drive in scene.passes]  # all are possible, or none is driven
-    for number, (drive, motion, target) in enumerate(
-        zip(scene.passes, motions, targets, strict=True)
-    ):
-        record_pass(stage, drive, motion, target, number=number, force=force, progress=progress)
+    with whole_stores(folder, [target.name for target in targets], ("run",), force=force) as whole:
+        for number, (drive, motion, target) in enumerate(
+            zip(scene.passes, motions, targets, strict=True)
+        ):
+            record_pass(stage, drive, motion, whole / target.name, number=number, progress=progress)
     return targets
 
 
