@@ -134,7 +134,11 @@ def _value(key: str, value: Any, summary: dict[str, Any]) -> str:
     unit = f" {_UNITS[key]}" if key in _UNITS else ""
     if key == "crs":
         name = summary.get("crs_name", "")
-        return _cut(f"{value} ({name})" if name and not value.startswith("PROJ") else name or value)
+        return _cut(
+            f"{value} ({name})"
+            if name and not value.startswith(("PROJ", "COMPOUND"))
+            else name or value
+        )
     if key == "missing":
         return f"{100 * value:.3g} % of the nodes" if value else "none of the nodes"
     if key == "size":
