@@ -58,12 +58,11 @@ def prepare_streams() -> None:
 
 def abandon_streams() -> None:
     """Let stdout and stderr go nowhere: python would complain at exit of what they do not take."""
-    nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
         except OSError:
-            os.dup2(nowhere, stream.fileno())
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 @contextmanager

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 from cyclopts import Parameter, Token
 
-_SMALLEST, _LARGEST = 1e-12, 1e12  # of any length, time, angle or count: squares stay exact
+_SMALLEST, _LARGEST = 1e-12, 1e12  # of any length, time or angle: their squares stay in range
+_MOST = 2**63 - 1  # of what is counted, and of seeds: a whole number of 64 bits
 
 
 def _whole(_type: object, tokens: Sequence[Token]) -> int:
@@ -37,6 +38,9 @@ def require_usable(_type: object, value: object) -> None:
     if isinstance(value, tuple | list):
         for one in value:
             require_usable(_type, one)
-    elif isinstance(value, int | float) and not (value == 0 or _SMALLEST <= abs(value) <= _LARGEST):
+    elif isinstance(value, int) and abs(value) > _MOST:
+        message = f"must be at most {_MOST} in size, got {value}."
+        raise ValueError(message)
+    elif isinstance(value, float) and not (value == 0 or _SMALLEST <= abs(value) <= _LARGEST):
         message = f"must be 0, or from {_SMALLEST:g} to {_LARGEST:g} in size, got {value}."
         raise ValueError(message)

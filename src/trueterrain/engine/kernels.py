@@ -108,7 +108,7 @@ class KernelCache(NullCache):  # type: ignore[misc]  # numba has no types
             return None
         try:
             return self._files.load_overload(sig, target_context)
-        except Exception:
+        except Exception:  # unpickling a damaged file raises whatever its bytes say
             self.flush()
             return None
 
@@ -133,7 +133,7 @@ class KernelCache(NullCache):  # type: ignore[misc]  # numba has no types
 
 def _warn_once(reason: str) -> None:
     """Say that kernels are not kept, at the first kernel in each process."""
-    global _warned
+    global _warned  # numba resets what python remembers of warnings, at each kernel
     message = (
         f"compiled kernels are not kept ({reason}), so every start compiles them anew. "
         "Set NUMBA_CACHE_DIR to a folder that can be written."
