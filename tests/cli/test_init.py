@@ -62,13 +62,27 @@ def test_named_profiles_are_filled_in_and_verified(run, profiles, tmp_path, monk
     assert json.loads(finished.out)["rows"][0]["count"] == 2402
 
 
-def test_named_runs_are_filled_in(run, tmp_path):
-    for name in ("calm.zarr", "excited.zarr"):
-        (tmp_path / name).mkdir()
-    calm, excited = tmp_path / "calm.zarr", tmp_path / "excited.zarr"
-    read = tomllib.loads(run("init", "dynamic", calm, excited).out)
-    assert read["runs"] == {"calm": str(calm), "excited": str(excited)}
-    assert tomllib.loads(run("init", "static", calm).out)["run"] == str(calm)
+def test_named_runs_are_filled_in(run, recorded):
+    stand, drive = recorded / "stand-run.zarr", recorded / "drive-run.zarr"
+    read = tomllib.loads(run("init", "dynamic", stand, drive).out)
+    assert read["runs"] == {"stand-run": str(stand), "drive-run": str(drive)}
+    assert tomllib.loads(run("init", "static", stand).out)["run"] == str(stand)
+
+
+@pytest.mark.parametrize("what", ["survey", "static", "dynamic", "drift"])
+@pytest.mark.parametrize("file", ["none.zarr", "points.csv", "profile.csv", "notes.txt"])
+def test_settings_are_of_files_that_fit(run, tmp_path, monkeypatch, what, file):
+    """Else `run` or `verify` fails later, on settings that were printed with exit code 0."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "points.csv").write_text("easting,northing,up\n0,0,0\n1,0,0\n")
+    (tmp_path / "profile.csv").write_text("s,height\n0,0\n1,0\n")
+    (tmp_path / "notes.txt").write_text("buy lumber\n")
+    (tmp_path / "other.csv").write_text("s,height\n0,0\n1,0\n")
+    fits = what == "drift" and file == "profile.csv"
+    finished = run("init", what, *(["other.csv"] if what == "drift" else []), file)
+    assert finished.code == (0 if fits else 2)
+    assert bool(finished.out) is fits
+    assert fits or file in finished.err
 
 
 @pytest.mark.parametrize(

@@ -61,7 +61,7 @@ def test_files(run, tmp_path):
         (("--reflectivity", "2"), "the reflectivity of surface 1 must be from 0 to 1"),
         (("--carried", "0"), "carried must be greater than 0 kg"),
         (("--laser-height", "0"), "height must be finite and greater than 0 m"),
-        (("--tolerance", "-1"), "tolerance must be finite and greater than 0 m"),
+        (("--tolerance", "-1"), "tolerance must be greater than 0 m and at most 10 m"),
     ],
 )
 def test_bad_arguments(run, arguments, message):

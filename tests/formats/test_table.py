@@ -127,6 +127,22 @@ def test_headers_name_units(tmp_path, text, s, height):
     npt.assert_allclose(profile.height, height, **ROUND_OFF)
 
 
+FORMULAS = ("=1+2", "+1-2", "-cmd", "@sum", "\tx", "'=1", "''+a", "=HYPERLINK(1)")
+
+
+@pytest.mark.parametrize("ending", [".csv", ".parquet"])
+def test_no_track_is_a_formula_to_a_spreadsheet(tmp_path, ending):
+    """Names come from files of others; a cell that begins so is run when the file is opened."""
+    names = [*FORMULAS, "left", "-0.75", "+1e3", "'quoted'"]
+    written = make_profile([0, 1], np.zeros((len(names), 2)), tracks=names)
+    path = tmp_path / f"p{ending}"
+    table.write(written, path)
+    assert list(table.read(path).track.values) == names
+    if ending == ".csv":
+        cells = {line.split(",")[0].strip('"') for line in path.read_text().splitlines()[1:]}
+        assert {cell for cell in cells if cell[0] in "=+-@\t"} == {"-0.75", "+1e3"}
+
+
 def test_tracks_side_by_side(tmp_path):
     text = "s,height_left,height_right wheel [mm],sd_left\n0,1,2000,5\n1,3,4000,6\n"
     profile = table.read(write_text(tmp_path, text))

@@ -240,7 +240,7 @@ def test_beams_from_left_to_right_see_the_same():
     [
         (lambda: PlateCleat(shape="ellipse"), "shape must be one of rectangle, semicircle"),
         (lambda: PlateCleat(shape="edge", rise=0.0), "width and rise must be greater than 0 m"),
-        (lambda: PlateDesign(thickness=math.inf), "thickness must be finite"),
+        (lambda: PlateDesign(thickness=math.inf), "thickness must be greater than 0 m"),
         (lambda: PlateDesign(cleats=()), "cleats and bands must each hold"),
         (lambda: PlateDesign(bands=(("white", 1.2),)), "reflectivity of white must be from 0 to 1"),
         (lambda: design_plate(length=0.8), "begins 94 mm before the end of the rim"),

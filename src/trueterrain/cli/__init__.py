@@ -3,16 +3,17 @@
 Exit codes: 0 done, 2 bad input or arguments (one line on stderr; ``--debug`` adds the traceback).
 """
 
-import os
 import signal
 import sys
 import threading
 import warnings
+from contextlib import suppress
 
 import cyclopts
 
 from trueterrain._version import __version__
-from trueterrain.cli._console import in_words
+from trueterrain.cli._console import abandon_streams, in_words, note, prepare_streams
+from trueterrain.cli._numbers import require_usable
 from trueterrain.errors import TrueTerrainError
 
 # exit codes by which shells name a program that nobody listened to any more, or that was ended
@@ -61,7 +62,7 @@ def command_line(called: str | None = None) -> cyclopts.App:
     app = cyclopts.App(
         name="trueterrain",
         version=__version__,
-        default_parameter=cyclopts.Parameter(negative=()),
+        default_parameter=cyclopts.Parameter(negative=(), validator=require_usable),
         suppress_keyboard_interrupt=False,  # main says what became of the output
         help="Ground you can trust: from measured terrain to the profile a tyre feels.",
         help_epilogue="`trueterrain COMMAND --help` shows options, units and defaults. "
@@ -81,6 +82,7 @@ def main(arguments: list[str] | None = None) -> None:
     arguments : list of str, optional
         Arguments after the program's name; default those of the process.
     """
+    prepare_streams()
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     debug = "--debug" in arguments
     arguments = [argument for argument in arguments if argument != "--debug"]
@@ -92,22 +94,26 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         command_line(called)(arguments, exit_on_error=False, print_error=False)
         sys.stdout.flush()
-    except BrokenPipeError:
-        # whoever reads the output has seen enough, as `head` does; what is left goes nowhere, since
-        # python would complain about it at exit
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(_PIPE_CLOSED)
+    except BrokenPipeError:  # whoever reads the output has seen enough, as `head` does
+        _exit(_PIPE_CLOSED)
     except (
         TrueTerrainError, ValueError, OSError, MemoryError, cyclopts.CycloptsError
     ) as error:  # fmt: skip
         if debug:
             raise
-        sys.stderr.write(f"trueterrain: error: {in_words(error)}\n")
-        sys.exit(2)
+        _exit(2, f"trueterrain: error: {in_words(error)}")
     except KeyboardInterrupt:
-        sys.stderr.write("trueterrain: stopped; nothing was left half written\n")
-        sys.exit(130)
+        _exit(130, "trueterrain: stopped; nothing was left half written")
+
+
+def _exit(code: int, text: str = "") -> None:
+    """Exit with a last word, if anybody hears it."""
+    with suppress(OSError):
+        if text:
+            note(text)
+    abandon_streams()
+    sys.exit(code)
 
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
-    sys.stderr.write(f"trueterrain: warning: {' '.join(str(message).split())}\n")
+    note(f"trueterrain: warning: {' '.join(str(message).split())}")

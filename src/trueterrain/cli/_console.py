@@ -1,18 +1,22 @@
 """How commands speak: results on stdout, everything else on stderr."""
 
 import json
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from trueterrain.engine.plain import finite
+from trueterrain.engine.plain import finite, printable
 from trueterrain.engine.progress import Progress
+
+_MOST_THREADS = 1024  # no machine works with more at once
+_NARROWEST = 20  # [characters] of a terminal that help is set for
 
 
 def out(text: str = "") -> None:
     """Write one line of the result to stdout."""
-    sys.stdout.write(text + "\n")
+    sys.stdout.write(printable(text) + "\n")
 
 
 def out_json(document: Any) -> None:
@@ -33,7 +37,32 @@ def in_words(error: Exception) -> str:
 
 def note(text: str) -> None:
     """Tell the user something that is not the result, on stderr."""
-    sys.stderr.write(text + "\n")
+    sys.stderr.write(printable(text) + "\n")
+
+
+def prepare_streams() -> None:
+    """Make stdout and stderr take any text, whatever they are, and give help a width.
+
+    What is closed swallows what is written; what the encoding lacks is written as an escape.
+    """
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:  # closed by whoever started the program
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: PTH123, SIM115
+        elif hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")
+    columns = os.environ.get("COLUMNS")
+    if columns is not None and (not columns.isdecimal() or int(columns) < _NARROWEST):
+        del os.environ["COLUMNS"]
+
+
+def abandon_streams() -> None:
+    """Let stdout and stderr go nowhere: python would complain at exit of what they do not take."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 @contextmanager
@@ -60,7 +89,7 @@ def progress_bar() -> Iterator[Progress]:
 
     console = Console(stderr=True)
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),  # names of runs stand in it
         BarColumn(),
         TextColumn("{task.percentage:>3.0f} %"),
         Rate(),
@@ -72,10 +101,20 @@ def progress_bar() -> Iterator[Progress]:
 
         def show(task: str, done: float, total: float | None) -> None:
             if task not in tasks:
-                tasks[task] = bars.add_task(task, total=total)
+                tasks[task] = bars.add_task(printable(task), total=total)
             bars.update(tasks[task], completed=done, total=total)
 
         yield show
+
+
+def worker_threads(asked: int | None) -> int:
+    """How many threads work at once: as asked for, else one for each processor."""
+    if asked is None:
+        return processors()
+    if not 1 <= asked <= _MOST_THREADS:
+        message = f"threads must be from 1 to {_MOST_THREADS}, got {asked}."
+        raise ValueError(message)
+    return asked
 
 
 def processors() -> int:

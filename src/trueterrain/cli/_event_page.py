@@ -131,8 +131,8 @@ def _page(
         for sentence in sentences:
             lines += textwrap.wrap(sentence, 122, initial_indent="- ", subsequent_indent="  ")
         lines.append("")
-    text.text(0, 1, "\n".join(lines), va="top", fontsize=7.5, linespacing=1.35)
-    figure.suptitle(_title(design), fontsize="large")
+    written = text.text(0, 1, "\n".join(lines), va="top", fontsize=7.5, linespacing=1.35)
+    figures.draw_names([written, figure.suptitle(_title(design), fontsize="large")])
     page: Figure = figure
     return page
 

@@ -88,7 +88,7 @@ def draw(
     figure = plt.figure(figsize=(_WIDTH, sum(heights)), layout="constrained")
     parts = figure.subfigures(len(panels), 1, squeeze=False, height_ratios=heights)[:, 0]
     for title, part, column in zip(titles, parts, panels, strict=True):
-        part.suptitle(title, fontsize="medium")
+        figures.head_figure(part, title)
         for panel, ax in zip(column, part.subplots(len(column), squeeze=False)[:, 0], strict=True):
             panel(ax)
     figures.save(figure, output, force=force)

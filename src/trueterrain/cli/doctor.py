@@ -25,6 +25,8 @@ def doctor(*, json: bool = False) -> None:
     import laspy
     import numba
 
+    from trueterrain.engine.kernels import cache_folder
+
     found: dict[str, Any] = {
         "trueterrain": __version__,
         "python": platform.python_version(),
@@ -32,7 +34,7 @@ def doctor(*, json: bool = False) -> None:
         "cores": os.cpu_count(),
         "threads": numba.config.NUMBA_NUM_THREADS,
         "LAZ backends": [backend.name for backend in laspy.LazBackend.detect_available()],
-        "kernel cache": numba.config.CACHE_DIR or "beside the package",
+        "kernel cache": str(cache_folder() or "none: no folder can be written"),
         "packages": {name: _version(name) for name in _PACKAGES},
     }
     if json:

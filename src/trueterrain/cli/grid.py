@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import note, out_json, processors, progress_bar
+from trueterrain.cli._console import note, out_json, progress_bar, worker_threads
 from trueterrain.cli._extent import Four, extent_of
 from trueterrain.cli._motion import Method, motion_of
 from trueterrain.cli._numbers import WHOLE
@@ -179,7 +179,7 @@ def grid(
     formats.require_writable(
         output, force=force, inputs=[*inputs, *([path] if path else [])], kind="surface"
     )
-    workers = processors() if threads is None else threads
+    workers = worker_threads(threads)
     with progress_bar() as progress:
         if kind == "run":
             from trueterrain.surface.runs import Pass, grid_runs

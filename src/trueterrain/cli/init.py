@@ -1,8 +1,10 @@
 """The command ``trueterrain init``: settings to begin with."""
 
+from pathlib import Path
 from typing import Literal
 
 from trueterrain.cli._console import out
+from trueterrain.errors import SchemaError
 
 
 def init(what: Literal["survey", "scene", "static", "dynamic", "drift"], /, *names: str) -> None:
@@ -36,7 +38,20 @@ def init(what: Literal["survey", "scene", "static", "dynamic", "drift"], /, *nam
         from trueterrain.verify.certificate import description_template
 
         text = description_template(what, names)
+    if what != "scene":
+        for name in names:
+            _require_kind(Path(name), "profile" if what == "drift" else "run")
     out(text.rstrip("\n"))
+
+
+def _require_kind(path: Path, kind: str) -> None:
+    """Raise unless a file is there and holds what the settings are for."""
+    from trueterrain import formats
+
+    found = formats.kind_of_file(path)
+    if found != kind:
+        cure = {"run": "Name the folder NAME.zarr of a run.", "profile": "Extract profiles first."}
+        raise SchemaError(f"must be a {kind}, but is {found}", path=path, cure=cure[kind])
 
 
 def _survey(runs: tuple[str, ...]) -> str:

@@ -5,7 +5,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import compiling_noted, note, out, out_json, processors, progress_bar
+from trueterrain.cli._console import (
+    compiling_noted,
+    note,
+    out,
+    out_json,
+    progress_bar,
+    worker_threads,
+)
 from trueterrain.cli._numbers import WHOLE
 from trueterrain.cli._points import Classes, Returns, note_conversion, point_filter
 from trueterrain.cli._recordings import kind_of_all
@@ -112,12 +119,12 @@ def merge(
         raise ValueError(message)
     if not runs:
         note_conversion(inputs, crs)
+    workers = worker_threads(threads)
     settings = _settings(method, fix, control, path, limit, cell, check=check)
     if check:
         _check(inputs, settings, runs, split, crs, cell, only, output, json=json, force=force)
         return
     assert output is not None
-    workers = processors() if threads is None else threads
     with compiling_noted(), progress_bar() as progress:
         if runs:
             from trueterrain.survey import run_survey

@@ -180,7 +180,7 @@ def _way(path: Path) -> Any:
     )
     figures.navigation_plan(data, ax=above)
     figures.navigation_heights(data, ax=below)
-    figure.suptitle(path.name, fontsize="medium")
+    figures.head_figure(figure, path.name)
     return figure
 
 
@@ -211,7 +211,7 @@ def _runs(files: tuple[Path, ...], show: str | None, at: float | None) -> Any:
             drawn = figures.navigation_errors({path.stem: run for path, run in runs.items()})
     if len(files) == 1:
         whole = drawn if hasattr(drawn, "suptitle") else drawn.get_figure(root=True)
-        whole.suptitle(run.attrs["name"], fontsize="medium")
+        figures.head_figure(whole, run.attrs["name"])
     return drawn
 
 

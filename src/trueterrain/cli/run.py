@@ -1,13 +1,22 @@
 """The command ``trueterrain run``: the whole chain from one file of settings."""
 
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import compiling_noted, note, out, out_json, processors, progress_bar
+from trueterrain.cli._console import (
+    compiling_noted,
+    note,
+    out,
+    out_json,
+    progress_bar,
+    worker_threads,
+)
 from trueterrain.cli._numbers import WHOLE
+from trueterrain.cli._profiles import warn
 
 
 def run(
@@ -23,7 +32,8 @@ def run(
 
     Each run becomes a lane: its motion is found, it is gridded with a standard deviation for each
     height, profiles are taken and rated. Where lanes overlap, their heights are compared. All files
-    appear together at the end, or none does; a stopped run can be started again.
+    appear together at the end, or none does; a stopped run can be started again. The exit code is 1
+    if no lane has one of the profiles.
 
     Example: `trueterrain init survey left.zarr right.zarr > survey.toml`, then
     `trueterrain run survey.toml -o out`
@@ -49,15 +59,20 @@ def run(
     settings = read_survey(survey)
     with compiling_noted(), progress_bar() as progress:
         found = run_survey(
-            settings, output, force=force, threads=threads or processors(),
+            settings, output, force=force, threads=worker_threads(threads),
             truth=truth_of, progress=progress,
         )  # fmt: skip
     if json:
         out_json({**found.numbers, "folder": str(output), "files": list(found.files)})
-        return
-    for line in in_words(found.numbers):
-        out(line)
-    note(f"{output / 'report.html'}: the report")
+    else:
+        for line in in_words(found.numbers):
+            out(line)
+        note(f"{output / 'report.html'}: the report")
+    taken = {profile["name"] for lane in found.numbers["lanes"] for profile in lane["profiles"]}
+    missing = [profile.name for profile in settings.profiles if profile.name not in taken]
+    if missing:
+        warn(f"no lane has the profile {', '.join(missing)}; the report says why under each lane")
+        sys.exit(1)
 
 
 def in_words(numbers: dict[str, Any]) -> Iterator[str]:

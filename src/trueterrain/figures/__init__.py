@@ -27,6 +27,7 @@ from trueterrain.figures.lanes_discontinuity import discontinuity_vectors, lane_
 from trueterrain.figures.lanes_map import discrepancy_map, lane_overlap
 from trueterrain.figures.lanes_seam import seam_steps
 from trueterrain.figures.motion import body_motion, laser_displacement
+from trueterrain.figures.names import draw_names, head_figure
 from trueterrain.figures.navigation import navigation_heights, navigation_plan
 from trueterrain.figures.output import require_picture, save
 from trueterrain.figures.parallel import parallel_profiles
@@ -66,11 +67,13 @@ __all__ = [
     "difference_map",
     "discontinuity_vectors",
     "discrepancy_map",
+    "draw_names",
     "drift_errors",
     "drift_growth",
     "event_plan",
     "event_side",
     "event_waves",
+    "head_figure",
     "hop_gain",
     "iri_segments",
     "lane_correction",

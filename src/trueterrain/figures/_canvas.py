@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from trueterrain.figures.names import draw_names
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
@@ -126,10 +128,11 @@ def degree_axis(axis: Any, name: str) -> None:
 
 def note(ax: "Axes", text: str) -> None:
     """Short remark above the right end of the axes."""
-    ax.annotate(
+    remark = ax.annotate(
         text, (1, 1), (0, 4), xycoords="axes fraction", textcoords="offset points",
         ha="right", va="bottom", fontsize="small", color=_QUIET,
     )  # fmt: skip
+    draw_names([remark])
 
 
 def note_exaggeration(ax: "Axes") -> None:
@@ -162,11 +165,12 @@ def legend_above(ax: "Axes", columns: int = 4, *, notes: bool = True) -> None:
     if not handles:
         return
     raised = ScaledTranslation(0, (_ROW if notes else _GAP) / 72, ax.figure.dpi_scale_trans)
-    ax.legend(
+    legend = ax.legend(
         handles, labels, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.0,
         bbox_transform=ax.transAxes + raised, frameon=False, ncols=min(columns, len(handles)),
         fontsize="small", handlelength=1.5, columnspacing=1.3,
     )  # fmt: skip
+    draw_names(legend.get_texts())
 
 
 def draw_path(ax: "Axes", x: npt.ArrayLike, y: npt.ArrayLike, label: str = "path") -> None:

@@ -5,7 +5,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
+from trueterrain.engine.plain import printable
 from trueterrain.figures import _canvas
+from trueterrain.figures.names import draw_names
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -109,7 +111,9 @@ def agreement_matrix(
     rating = one["rating"].values
     count = rating.shape[0]
     reference = found.attrs.get("reference")
-    names = [f"{name} *" if name == reference else str(name) for name in one["first"].values]
+    names = [
+        printable(f"{name} *" if name == reference else str(name)) for name in one["first"].values
+    ]
     side = float(np.clip(0.62 * count + 1.6, 3.4, 9.0))
     ax = _canvas.axes_or_new(ax, width=side + 1.0, height=side)
     apart = np.where(np.eye(count, dtype=bool), np.nan, rating)
@@ -124,6 +128,7 @@ def agreement_matrix(
         )  # fmt: skip
     ax.set_xticks(range(count), names, rotation=30 if max(map(len, names)) > 6 else 0)
     ax.set_yticks(range(count), names)
+    draw_names([*ax.get_xticklabels(), *ax.get_yticklabels()])
     ax.tick_params(length=0)
     ax.spines[:].set_visible(False)
     _canvas.colour_bar(image, ax, _canvas.Scale(factor=100.0, unit="%"), "Rating")

@@ -8,10 +8,11 @@ after the middle of the piece) of the position of the scanner, of its left and o
 import math
 
 import numpy as np
-from numba import njit
+
+from trueterrain.engine.kernels import compile_kernel
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _log(w, x, y, z):
     """Rotation vector of a unit quaternion."""
     if w < 0.0:
@@ -25,7 +26,7 @@ def _log(w, x, y, z):
     return c * x, c * y, c * z
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _exp(x, y, z):
     """Quaternion (w, x, y, z) of a rotation vector."""
     t2 = x * x + y * y + z * z
@@ -39,7 +40,7 @@ def _exp(x, y, z):
     return w, s * x, s * y, s * z
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _multiply(a, b):
     return (
         a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
@@ -49,12 +50,12 @@ def _multiply(a, b):
     )
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _cross(ax, ay, az, bx, by, bz):
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _turned(q, x, y, z):
     """Vector turned by a unit quaternion."""
     w, a, b, c = q
@@ -64,7 +65,7 @@ def _turned(q, x, y, z):
     return x + w * tx + ux, y + w * ty + uy, z + w * tz + uz
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def turns(quaternion, angular_velocity, turn, rate):
     """Rotation vector from each knot to the next, and its derivative at the next."""
     for k in range(turn.shape[0]):
@@ -85,7 +86,7 @@ def turns(quaternion, angular_velocity, turn, rate):
         rate[k, 2] = wz + 0.5 * uz + c * vz
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _knot(knots, at, hint):
     """Interval [knots[k], knots[k + 1]) that holds a time."""
     last = knots.size - 2
@@ -101,13 +102,13 @@ def _knot(knots, at, hint):
     return low
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _hermite(x, p0, p1, a, b):
     d = p1 - p0
     return p0 + x * (a + x * (3.0 * d - 2.0 * a - b + x * (a + b - 2.0 * d)))
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _pose(at, k, knots, position, velocity, quaternion, angular_velocity, turn, rate, where):
     """Position into `where`, and the attitude, of one time in the interval k."""
     step = knots[k + 1] - knots[k]
@@ -126,7 +127,7 @@ def _pose(at, k, knots, position, velocity, quaternion, angular_velocity, turn, 
     return _multiply(begin, by)
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _quadratic(q, v, a, b, out, row):
     """Coefficients of q exp(a x + b x²) v up to x², into out[:, row : row + 3]."""
     ax, ay, az = _cross(a[0], a[1], a[2], v[0], v[1], v[2])
@@ -141,7 +142,7 @@ def _quadratic(q, v, a, b, out, row):
         out[c, row + 2] = third[c]
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def expand(
     time, half, knots, position, velocity, quaternion, angular_velocity, turn, rate, covariance,
     knot_flag, lever, left, upward, out, body, variance, flag,
@@ -191,7 +192,7 @@ def expand(
             flag[n] |= knot_flag[m]
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def returns(
     expansion, body, variance, first, beam, ranges, weight, range_variance, points, sd
 ):  # fmt: skip

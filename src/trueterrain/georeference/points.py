@@ -21,6 +21,7 @@ Floats = npt.NDArray[np.float64]
 #: Scans in a block, unless told otherwise.
 BLOCK = 2000
 
+_LAST_LANE = 65535  # of a point source id, which is what a lane becomes in LAS
 _COUNTS = ("scans", "scans_uncovered", "returns", "missing", "doubtful", "bridged")
 
 
@@ -98,6 +99,9 @@ def georeference(
     """
     if not range_noise >= 0:
         message = f"range_noise must be at least 0 m, got {range_noise}."
+        raise ValueError(message)
+    if lane is not None and not 0 <= lane <= _LAST_LANE:
+        message = f"lane must be from 0 to {_LAST_LANE}, got {lane}."
         raise ValueError(message)
     mounting, blocks, source = _opened(scans, mounting, block)
     return _points(

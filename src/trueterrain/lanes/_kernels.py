@@ -9,10 +9,11 @@ B-spline: in an *interval* between two knots four of its coefficients count. Wit
 import math
 
 import numpy as np
-from numba import njit
+
+from trueterrain.engine.kernels import compile_kernel
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def basis(time, begin, spacing, intervals, first, interval, weights):
     """Interval of each time, and the weights of its four coefficients."""
     for i in range(time.size):
@@ -27,7 +28,7 @@ def basis(time, begin, spacing, intervals, first, interval, weights):
         weights[i, 3] = x * x * x / 6.0
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def pairs_of(start, interval, intervals):
     """Pairs of intervals that cells have in common, as lists: head, next, first and second."""
     head = np.full(intervals, -1, np.int64)
@@ -60,7 +61,7 @@ def pairs_of(start, interval, intervals):
     return head, after[:used].copy(), one[:used].copy(), two[:used].copy()
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def assemble(
     start, use, interval, weights, factor, weight, height, head, after, two, blocks, right
 ):  # fmt: skip
@@ -124,7 +125,7 @@ def assemble(
     return square, freedom
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def scatter(blocks, one, two, unknown, slot, elements):
     """Add blocks of pairs to the elements of a matrix, offsets with them; `slot` is their place.
 
@@ -157,7 +158,7 @@ def scatter(blocks, one, two, unknown, slot, elements):
                 at += 1
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def scatter_plain(blocks, one, two, unknown, slot, elements):
     """Add blocks of pairs to the elements of a matrix that has no offsets."""
     size = blocks.shape[1]
@@ -171,7 +172,7 @@ def scatter_plain(blocks, one, two, unknown, slot, elements):
                 at += 1
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def corrections(interval, weights, factor, coefficients, out):
     """Correction at each entry; coefficients are (interval, 4 k), offsets included."""
     for i in range(interval.size):
@@ -185,7 +186,7 @@ def corrections(interval, weights, factor, coefficients, out):
         out[i] = total
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def residuals(start, height, weight, out, share):
     """Heights less the weighted mean of their cell, and 1 less the share of each in that mean.
 
@@ -205,7 +206,7 @@ def residuals(start, height, weight, out, share):
                 share[i] = 0.0
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def outlyingness(start, height, variance, usable, out):
     """Heights less the middle height of their cell, over their standard deviations.
 
@@ -240,7 +241,7 @@ def outlyingness(start, height, variance, usable, out):
                 out[i] = (height[i] - middle) / math.sqrt(variance[i] + mean_variance / (n * n))
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def entry_pairs(start, one, two):
     """Pairs of the entries of each cell."""
     found = 0
@@ -251,7 +252,7 @@ def entry_pairs(start, one, two):
                 found += 1
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def compress(row, column, size):
     """Pattern of the lower half of a matrix: pointers, rows, and the element of each place.
 
@@ -295,7 +296,7 @@ def compress(row, column, size):
     return pointers, rows[:used].copy(), slot
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def add_right(right, unknown, out):
     """Right sides of intervals to those of the unknowns, offsets with them."""
     size = right.shape[1]
@@ -305,7 +306,7 @@ def add_right(right, unknown, out):
             out[unknown[a, size + m // 4]] += right[a, m]
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def symbolic(pointers, rows):
     """Pattern of the Cholesky factor of a symmetric matrix, of which the lower half is given."""
     n = pointers.size - 1
@@ -344,7 +345,7 @@ def symbolic(pointers, rows):
     return begin, out[:used].copy()
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def factorise(pointers, rows, values, begin, pattern, factor):
     """Cholesky factor, column by column from those to its left; the first column that fails, or -1.
 
@@ -385,7 +386,7 @@ def factorise(pointers, rows, values, begin, pattern, factor):
     return -1
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def solve(begin, pattern, factor, x):
     """Solve with the factor and its transpose, in place."""
     n = begin.size - 1
@@ -400,7 +401,7 @@ def solve(begin, pattern, factor, x):
         x[j] = total / factor[begin[j]]
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def selected_inverse(begin, pattern, factor, inverse):
     """Those elements of the inverse that lie in the pattern of the factor (Takahashi et al.)."""
     n = begin.size - 1
@@ -429,7 +430,7 @@ def selected_inverse(begin, pattern, factor, inverse):
         inverse[first] = own / diagonal
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def add_points(x, y, z, t, size, per_step, per_time, parts, bin_length, keys, sums, table, used):
     """Points into cells, by a table of their keys; stops before the table is too full.
 
@@ -478,7 +479,7 @@ def add_points(x, y, z, t, size, per_step, per_time, parts, bin_length, keys, su
     return x.size, used
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def rehash(keys, used, table):
     """Fill an empty table with the keys that there are."""
     mask = np.int64(table.size - 1)
@@ -492,7 +493,7 @@ def rehash(keys, used, table):
         table[at] = k
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def join_visits(keys, sums, gap):
     """Add sums of a cell that follow each other within a gap of time; returns how many are left.
 
@@ -512,7 +513,7 @@ def join_visits(keys, sums, gap):
     return left
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def cell_means(
     start, interval, weights, factor, weight, height, head, two, after, covariance, mean, variance
 ):  # fmt: skip

@@ -7,6 +7,8 @@ import numpy as np
 
 from trueterrain.lanes.spline import COMPONENTS, Order
 
+_LARGEST_CELL = 100.0  # [m] a plane fits no ground beyond
+
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
@@ -192,6 +194,9 @@ class CellOptions:
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
                 message = f"{name} must be greater than 0, got {getattr(self, name)}."
                 raise ValueError(message)
+        if self.size > _LARGEST_CELL:
+            message = f"size must be at most {_LARGEST_CELL:g} m, got {self.size}."
+            raise ValueError(message)
         if self.scans < 0:
             message = f"scans must be at least 0, got {self.scans}."
             raise ValueError(message)

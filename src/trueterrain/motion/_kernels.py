@@ -11,11 +11,12 @@ The smoother is that of Rauch, Tung and Striebel in the form of Bryson and Frazi
 which gives the same and needs no inverse.
 """
 
-import numba
 import numpy as np
 
+from trueterrain.engine.kernels import compile_kernel
 
-@numba.njit(cache=True, nogil=True)
+
+@compile_kernel
 def _forward_product(matrix, step, into_coordinate, into_rate, decay, out):
     """F times a matrix (n, columns)."""
     n, columns = matrix.shape
@@ -37,7 +38,7 @@ def _forward_product(matrix, step, into_coordinate, into_rate, decay, out):
             out[n - 3 + j, c] = decay[j] * matrix[n - 3 + j, c]
 
 
-@numba.njit(cache=True, nogil=True)
+@compile_kernel
 def _backward_product(matrix, step, into_coordinate, into_rate, decay, out):
     """F transposed times a matrix (n, columns)."""
     n, columns = matrix.shape
@@ -56,7 +57,7 @@ def _backward_product(matrix, step, into_coordinate, into_rate, decay, out):
                 out[6 + p, c] += a * matrix[j, c] + b * matrix[3 + j, c]
 
 
-@numba.njit(cache=True, nogil=True)
+@compile_kernel
 def _symmetric(matrix):
     for r in range(matrix.shape[0]):
         for c in range(r):
@@ -65,7 +66,7 @@ def _symmetric(matrix):
             matrix[c, r] = mean
 
 
-@numba.njit(cache=True, nogil=True)
+@compile_kernel
 def forward(
     first,
     last,
@@ -168,7 +169,7 @@ def forward(
         _symmetric(p)
 
 
-@numba.njit(cache=True, nogil=True)
+@compile_kernel
 def backward(
     first,
     last,

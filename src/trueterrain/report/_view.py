@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from trueterrain.figures import draw_names
 from trueterrain.kinds import check_profile, check_surface
 from trueterrain.report import _picture
 from trueterrain.report._surface import Blocks, reduce_surface, round_below
@@ -257,7 +258,11 @@ def _seen_from_above(view: SurfaceView, blocks: Blocks) -> Any:
             east, north = xy_to_uv(grid_frame(view.surface), east, north)
         ax.plot(bases[0].of(east), bases[1].of(north), color=colour, linewidth=1.5, label=name)
     if view.lines:
-        figure.legend(loc="outside upper left", frameon=False, ncols=4, fontsize="small")
+        draw_names(
+            figure.legend(
+                loc="outside upper left", frameon=False, ncols=4, fontsize="small"
+            ).get_texts()
+        )
     ax.set_aspect(stretch)
     ax.set_xlabel(bases[0].label(names[0]))
     ax.set_ylabel(bases[1].label(names[1]))

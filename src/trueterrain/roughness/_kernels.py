@@ -5,7 +5,7 @@
 
 import math
 
-from numba import njit
+from trueterrain.engine.kernels import compile_kernel
 
 # A Taylor series of exp(A t) is summed while the bound of its next term exceeds this [1]: below it,
 # terms are lost in the rounding of the sum
@@ -16,7 +16,7 @@ _NEGLIGIBLE = 1e-17
 _LONGEST = 2.0
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _exact_step(x0, x1, x2, x3, slope, duration, car):
     """State after a step of constant slope: the Taylor series of the exponential, applied to x."""
     tyre, spring, damper, body_spring, body_damper, rate = car
@@ -53,7 +53,7 @@ def _exact_step(x0, x1, x2, x3, slope, duration, car):
     return x0, x1, x2, x3
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def unequal_response(station, height, speed, car, state, out):
     """Write the output at the end of each step into `out`, shape (len(station) - 1,)."""
     x0, x1, x2, x3 = state[0], state[1], state[2], state[3]
@@ -64,7 +64,7 @@ def unequal_response(station, height, speed, car, state, out):
         out[i] = x2 - x0
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def equal_response(height, base, scale, S, p, state, out):
     """Write the output at the end of each step into `out`; the slope spans `base` samples."""
     s00, s01, s02, s03 = S[0, 0], S[0, 1], S[0, 2], S[0, 3]
@@ -84,12 +84,12 @@ def equal_response(height, base, scale, S, p, state, out):
         out[i] = x2 - x0
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _amount(output, squared):
     return output * output if squared else abs(output)
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def equal_sums(height, base, scale, S, p, duration, car, state, squared, edges, sums):
     """Sum abs(output), or its square, over all steps, and between edges into `sums`; in steps.
 
@@ -134,7 +134,7 @@ def equal_sums(height, base, scale, S, p, duration, car, state, squared, edges, 
     return total
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def mean_of_samples(station, height, half, out):
     """Write the mean of the heights within `half` of each station, both ends included."""
     count = station.size
@@ -150,7 +150,7 @@ def mean_of_samples(station, height, half, out):
         out[i] = height[i] + total / (j - low)
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _integral(station, height, begin, end, cell, datum):
     """Integral of the straight-line profile less `datum`, and the cell in which it ended."""
     total = 0.0
@@ -168,7 +168,7 @@ def _integral(station, height, begin, end, cell, datum):
     return total, cell
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def mean_of_lines(station, height, length, first, out):
     """Write the mean of the straight-line profile over `length` around stations first, first+1, ...
 
@@ -191,7 +191,7 @@ def mean_of_lines(station, height, length, first, out):
         out[i] = mean
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def largest_deviation(station, step):
     """Largest distance of a station from where equal steps would put it."""
     largest = 0.0

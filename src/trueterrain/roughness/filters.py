@@ -26,6 +26,7 @@ __all__ = ["FILTER_250_MM", "Butterworth", "Filter", "MovingAverage", "filter_pr
 Array = npt.NDArray[np.float64]
 
 _SPACING_TOLERANCE = 1e-3  # [steps] as for the car, see IriOptions
+_MOST_ORDER = 50
 _SETTLED = 1e-4  # [1] of its start, to which the answer of a filter falls within the mirrored ends
 
 
@@ -118,12 +119,13 @@ class Butterworth(Filter):
     """
 
     order: int = 3
-    "Order of each of the two runs."
+    "Order of each of the two runs, at most 50: steeper ones ring over the whole profile."
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if isinstance(self.order, bool) or self.order != int(self.order) or self.order < 1:
-            message = f"order must be a whole number of at least 1, got {self.order}"
+        known = not isinstance(self.order, bool) and 1 <= self.order <= _MOST_ORDER
+        if not known or self.order != int(self.order):
+            message = f"order must be a whole number from 1 to {_MOST_ORDER}, got {self.order}"
             raise ValueError(message)
 
     def filtered(self, station: Array, height: Array) -> Array:

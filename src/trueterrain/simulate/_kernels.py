@@ -3,13 +3,15 @@
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
+
+from trueterrain.engine.kernels import compile_kernel
 
 _BELOW = 1e-12  # [m] a beam this little below a cell's edge enters it from above all the same
 _ABOVE = 1e-9  # [m] along a ray, before it comes as low as the highest node: far above round-off
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@compile_kernel(parallel=True)
 def beams(
     time, knot_start, knot_step, coefficients, lever, mounting, angle, delay,
     origin, direction, forward,
@@ -55,7 +57,7 @@ def beams(
                     forward[n, b, 0], forward[n, b, 1], forward[n, b, 2] = gx, gy, qz
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _first(
     ox, oy, oz, dx, dy, dz, furthest, spacing, first, index, height, block_top, tile_top, cells,
     block,
@@ -180,7 +182,7 @@ def _first(
     return math.nan, math.nan, math.nan, tile_x, tile_y
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@compile_kernel(parallel=True)
 def cast(
     origin, direction, forward, spot, furthest, spacing, first, index, height, block_top, tile_top,
     cells, block, distance, slope, missing,
@@ -221,7 +223,7 @@ def cast(
         distance[n] = math.nan if math.isnan(middle) else total / met
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@compile_kernel(parallel=True)
 def receive(
     true_range, direction, slope, bright, speckle, noise, loss,
     nominal, gain, intensity_noise, floor, saturation, saturation_bias, range_noise, quantum,

@@ -6,13 +6,14 @@ a run of strips, a *bucket* a square of ground that lists the blocks whose boxes
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from trueterrain.engine.kernels import compile_kernel
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def fill_buckets(
     boxes: Floats, origin_x: float, origin_y: float, size: float, columns: int, rows: int
 ) -> tuple[Integers, npt.NDArray[np.int32]]:
@@ -42,7 +43,7 @@ def fill_buckets(
     return starts, items
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def to_xy(
     nodes: Floats, px: Floats, py: Floats, nx: Floats, ny: Floats,
     u: Floats, v: Floats, x: Floats, y: Floats,
@@ -61,7 +62,7 @@ def to_xy(
         y[k] += (t - a) * (py[i + 1] - py[i])
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def to_uv(
     nodes: Floats, px: Floats, py: Floats, nx: Floats, ny: Floats,
     v_right: float, v_left: float, edge: float,
@@ -107,7 +108,7 @@ def to_uv(
                     hint = i
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def bilinear(
     u_nodes: Floats, v_nodes: Floats, height: Floats, snap: float,
     u: Floats, v: Floats, z: Floats,
@@ -139,7 +140,7 @@ def bilinear(
         z[k] = total
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _interval(nodes: Floats, at: float, hint: int, last: int) -> int:
     """Interval [nodes[i], nodes[i + 1]) that holds `at`, the end intervals beyond the ends."""
     if nodes[hint] <= at < nodes[hint + 1]:
@@ -157,7 +158,7 @@ def _interval(nodes: Floats, at: float, hint: int, last: int) -> int:
     return low
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _weight(low: float, high: float, at: float, snap: float) -> float:
     """Weight of the upper node: exactly 0 or 1 within `snap` of a node."""
     if at - low <= snap:
@@ -167,13 +168,13 @@ def _weight(low: float, high: float, at: float, snap: float) -> float:
     return (at - low) / (high - low)
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _side(px: Floats, py: Floats, nx: Floats, ny: Floats, i: int, x: float, y: float) -> float:
     """Positive if the point lies ahead of the cross-section through node i."""
     return float((x - px[i]) * ny[i] - (y - py[i]) * nx[i])
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _strip_in_block(
     px: Floats, py: Floats, nx: Floats, ny: Floats, first: int, end: int, hint: int,
     x: float, y: float,
@@ -199,7 +200,7 @@ def _strip_in_block(
     return low
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _in_strip(
     px: Floats, py: Floats, nx: Floats, ny: Floats, i: int, edge: float, x: float, y: float
 ) -> tuple[float, float]:
@@ -222,7 +223,7 @@ def _in_strip(
     return min(max((along - begin) / (finish - begin), 0.0), 1.0), across
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def missing_runs(cells: Floats) -> npt.NDArray[np.int32]:
     """Row, begin and end of cells without a finite value side by side, row by row."""
     runs = np.empty((0, 3), np.int32)
@@ -245,7 +246,7 @@ def missing_runs(cells: Floats) -> npt.NDArray[np.int32]:
     return runs
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def connect_runs(runs: npt.NDArray[np.int32]) -> tuple[npt.NDArray[np.int32], int]:
     """Number of the set that each run belongs to, by its first run, and how many sets there are."""
     number = np.arange(runs.shape[0]).astype(np.int32)
@@ -271,7 +272,7 @@ def connect_runs(runs: npt.NDArray[np.int32]) -> tuple[npt.NDArray[np.int32], in
     return number, count
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _root(number: npt.NDArray[np.int32], k: int) -> int:
     """First run of the set of a run."""
     while number[k] != k:
@@ -280,7 +281,7 @@ def _root(number: npt.NDArray[np.int32], k: int) -> int:
     return k
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def measure_holes(
     runs: npt.NDArray[np.int32], hole: npt.NDArray[np.int32],
     low: Integers, high: Integers, nodes: Integers,

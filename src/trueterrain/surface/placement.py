@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 Four = tuple[float, float, float, float]
 
+_MOST_SMOOTHING = 1000.0  # [m] beyond, a line keeps nothing of a road
+
 
 @dataclass(frozen=True, kw_only=True)
 class Placement:
@@ -68,6 +70,9 @@ class Placement:
             raise ValueError(message)
         if self.as_map and (self.line or self.path):
             message = "line and path make a surface along a line, not a map: write .crg or .zarr."
+            raise ValueError(message)
+        if not 0 <= self.smoothing <= _MOST_SMOOTHING:
+            message = f"smoothing must be from 0 to {_MOST_SMOOTHING:g} m, got {self.smoothing}."
             raise ValueError(message)
 
     def of_runs(self, passes: "Sequence[Pass]") -> Grid:

@@ -1,9 +1,9 @@
 """Loops of the time response and of the contact patch; arguments are checked by the callers."""
 
-from numba import njit
+from trueterrain.engine.kernels import compile_kernel
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def advance(gains, state, before, heights, out):
     """Write displacement, velocity and acceleration after each step into `out`, shape (N, 3n).
 
@@ -33,7 +33,7 @@ def advance(gains, state, before, heights, out):
             current[j] = out[k, j]
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def weighted_means(strip, weights, line, out):
     """Mean across of `strip` into `line`, shape (along,), its weighted sums along into `out`."""
     along, across = strip.shape

@@ -149,6 +149,10 @@ def cross_event(
     found = modes(model)
     own = moved.velocity @ (model.mass @ found.undamped_shape.T)
     kinetic = dict(zip(found.names, (own**2).sum(axis=0).tolist(), strict=True))
+    total = sum(kinetic.values())
+    if not total > 0:
+        message = "height must move the vehicle, but its cleats are too small to do so."
+        raise ValueError(message)
     parted = {
         name: sum(value for mode, value in kinetic.items() if mode.endswith(name))
         for name in _MODES
@@ -159,7 +163,7 @@ def cross_event(
         displacement=moved.displacement,
         laser=moved.displacement[:, :3] @ lever,
         laser_acceleration=moved.acceleration[:, :3] @ lever,
-        energy={name: value / sum(kinetic.values()) for name, value in parted.items()},
+        energy={name: value / total for name, value in parted.items()},
     )
 
 

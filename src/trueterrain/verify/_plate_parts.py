@@ -15,6 +15,8 @@ CleatShape = Literal["rectangle", "semicircle", "triangle", "edge"]
 #: Densities [kg/m³] of what plates are made of.
 DENSITIES = {"aluminium": 2700.0, "steel": 7850.0}
 
+_LARGEST = 1.0  # [m] of a cleat on a plate that two people carry
+_LARGEST = 10.0  # [m] of a plate and what stands on it
 _FACE = 1e-6  # [m] along the profile from the foot of an upright face to its top
 _CHORD = 1e-6  # [m] by which a polygon may depart from an arc
 EDGE_RISE = 0.015  # [m] of the bar with sharp edges
@@ -54,8 +56,11 @@ class PlateCleat:
         if self.shape not in get_args(CleatShape):
             message = f"shape must be one of {', '.join(get_args(CleatShape))}, got {self.shape!r}."
             raise ValueError(message)
-        if not (0 < self.width < math.inf and 0 < self.rise < math.inf):
-            message = f"width and rise must be greater than 0 m, got {self.width} and {self.rise}."
+        if not (0 < self.width <= _LARGEST and 0 < self.rise <= _LARGEST):
+            message = (
+                f"width and rise must be greater than 0 m and at most {_LARGEST:g} m, got "
+                f"{self.width} and {self.rise}."
+            )
             raise ValueError(message)
 
     @property
@@ -130,8 +135,10 @@ class PlateDesign:
         """Check the values, and that the cleats fit."""
         for name in ("length", "width", "thickness", "pitch", "hole", "tolerance"):
             value = getattr(self, name)
-            if not 0 < value < math.inf:
-                message = f"{name} must be finite and greater than 0 m, got {value}."
+            if not 0 < value <= _LARGEST:
+                message = (
+                    f"{name} must be greater than 0 m and at most {_LARGEST:g} m, got {value}."
+                )
                 raise ValueError(message)
         if not self.cleats or not self.bands:
             message = "cleats and bands must each hold at least one."

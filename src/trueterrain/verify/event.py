@@ -63,6 +63,7 @@ WidthRule = Literal["both edges", "most hop", "given"]
 Placement = Literal["across", "staggered", "one side"]
 
 _THESIS_LENGTH = 2.44  # [m] 8 feet, a sheet of plywood
+_LONGEST = 1000.0  # [m] of an event, beyond any proving ground's lumber
 _MOST_CLEATS = 200
 _MOST_HOP = 0.5  # [1] w / a at which the first harmonic of the cleats is greatest
 
@@ -289,7 +290,7 @@ def design_event(
     elif model == "base-excited" and not _touches_both_edges(inputs):
         width_ratio, rule = _MOST_HOP, "most hop"
     sizes = _sizes(inputs, length, model, width_ratio)
-    return EventDesign(
+    design = EventDesign(
         model=model,
         target=target,
         placement=placement,
@@ -305,6 +306,13 @@ def design_event(
         width_rule=rule,
         tolerances=_carried(inputs, length, model, width_ratio),
     )
+    if design.extent > _LONGEST:
+        message = (
+            f"the event must be at most {_LONGEST:g} m long, got {design.extent:g} m; choose a "
+            "shorter length or fewer events."
+        )
+        raise ValueError(message)
+    return design
 
 
 def _length(inputs: EventInputs, model: HopModel, target: Target) -> float:

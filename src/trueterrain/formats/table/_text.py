@@ -11,6 +11,7 @@ import pandas as pd
 
 from trueterrain.errors import FormatError
 from trueterrain.formats.signature import open_regular, separator_of, split_fields
+from trueterrain.formats.table._cells import bare_texts
 from trueterrain.formats.table._columns import Column, Layout, layout_of, layout_without_header
 
 Values = dict[Column, npt.NDArray[np.float64] | npt.NDArray[np.str_]]
@@ -91,7 +92,7 @@ def text_blocks(table: TextTable, size: int | None = None) -> Iterator[Values]:
                     _explain(table)
                     explained = True  # the whole file has been gone through
                 yield {
-                    c: array.astype(str) if c.name == "track" else array * c.scale
+                    c: bare_texts(array.astype(str)) if c.name == "track" else array * c.scale
                     for c, array in values.items()
                 }
     except pd.errors.EmptyDataError:

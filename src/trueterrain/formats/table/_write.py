@@ -12,6 +12,7 @@ import xarray as xr
 
 from trueterrain.engine import Checksums, whole_output
 from trueterrain.errors import CoverageError, SchemaError
+from trueterrain.formats.table._cells import guard_text
 from trueterrain.formats.table._parquet import ParquetWriter
 from trueterrain.kinds import (
     COORDINATES,
@@ -107,6 +108,8 @@ class _CsvWriter:
     def add(self, columns: dict[str, Any]) -> None:
         header = self._stream.tell() == 0
         frame = pd.DataFrame(columns)  # floats are written with as many digits as they need
+        if "track" in frame:
+            frame["track"] = frame["track"].map(guard_text)
         text = frame.to_csv(header=header, index=False, na_rep="nan", lineterminator="\n").encode()
         self._written.add("text", text)
         self._stream.write(text)

@@ -3,10 +3,12 @@
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
+
+from trueterrain.engine.kernels import compile_kernel
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@compile_kernel(parallel=True)
 def cam_heights(
     strip, top, group, lines, first, stride, step, lead, drop, slope, behind, ahead, shift,
     half_length, half_height, order, height, gradient,
@@ -55,7 +57,7 @@ def cam_heights(
             gradient[i, c] = at
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def section_forces(ground, begin, end, x_begin, step, hub, radius, decay, tension, work):
     """Vertical and forward force on the hub [N] and energy [J] of one section of a tyre.
 
@@ -118,7 +120,7 @@ def section_forces(ground, begin, end, x_begin, step, hub, radius, decay, tensio
     return up, forward, energy
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def tyre_forces(strip, begin, end, x_begin, step, hub, radius, decay, tension, work):
     """Vertical and forward force on the hub [N] and energy [J], of all sections together."""
     up = forward = energy = 0.0
@@ -132,7 +134,7 @@ def tyre_forces(strip, begin, end, x_begin, step, hub, radius, decay, tension, w
     return up, forward, energy
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@compile_kernel(parallel=True)
 def hub_heights(
     strip, first, stride, step, radius, decay, tension, load, deflection, tolerance, iterations,
     height, slope,

@@ -7,13 +7,15 @@ one path point is the length of its slice, so that all threads write apart from 
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
+
+from trueterrain.engine.kernels import compile_kernel
 
 _EMPTY = -1
 
 
 # inlined, so that the compiler takes the choice of the shape out of the loops: a third faster
-@njit(cache=True, nogil=True, inline="always")
+@compile_kernel(inline="always")
 def _is_inside(shape, half, cos, sin, px, py):
     """Whether a search area holds the point (px, py) from its middle; discs need no turning."""
     if shape == 0 and half[0] == half[1]:
@@ -24,7 +26,7 @@ def _is_inside(shape, half, cos, sin, px, py):
     return abs(a) <= half[0] and abs(b) <= half[1]
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _slot(keys, key):
     """Slot of a key in an open addressed hash table, or the empty one where it would be."""
     mask = keys.size - 1
@@ -34,7 +36,7 @@ def _slot(keys, key):
     return slot
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@compile_kernel(parallel=True)
 def gather_grid(
     origin, normal, v, height, at, row, heading, shape, half, reach, start, dx, dy, z
 ):  # fmt: skip
@@ -87,7 +89,7 @@ def gather_grid(
     return counts, at_edge
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def number_cells(column, row, columns, cells_per_metre, reach, at, low, keys, numbers):
     """Number the cells that the search areas touch, in path order, in a hash table.
 
@@ -112,7 +114,7 @@ def number_cells(column, row, columns, cells_per_metre, reach, at, low, keys, nu
     return quantity
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@compile_kernel(parallel=True)
 def find_cells(
     easting, northing, up, low, high, columns, cells_per_metre, coarse, coarse_scale, keys, numbers
 ):
@@ -133,7 +135,7 @@ def find_cells(
     return found
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def sort_into_cells(cell, quantity):
     """Counting sort: where each cell begins, and the points in the order of their cells."""
     begin = np.zeros(quantity + 1, np.int64)
@@ -149,7 +151,7 @@ def sort_into_cells(cell, quantity):
     return begin, order
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@compile_kernel(parallel=True)
 def gather_scattered(
     points, begin, low, columns, cells_per_metre, keys, numbers, at, heading, shape, half, reach,
     start, dx, dy, z,
@@ -181,7 +183,7 @@ def gather_scattered(
     return counts
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@compile_kernel(parallel=True)
 def level(start, dx, dy, z, step, tolerance, iterations):
     """Take the slope out of each search area: z - b dx - c dy of a robust plane a + b dx + c dy.
 
@@ -253,7 +255,7 @@ def level(start, dx, dy, z, step, tolerance, iterations):
             z[first + m] = h[m] - (b * x[m] + c * y[m])
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@compile_kernel(parallel=True)
 def sort_heights(start, dx, dy, z, distance):
     """Sort each slice by height, equal heights by distance: the order of the input is forgotten.
 

@@ -6,10 +6,12 @@
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
+
+from trueterrain.engine.kernels import compile_kernel
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@compile_kernel(parallel=True)
 def mean(start, z):
     """Mean and its standard error s / sqrt(n)."""
     value, sd = np.full(start.size - 1, np.nan), np.full(start.size - 1, np.nan)
@@ -30,7 +32,7 @@ def mean(start, z):
     return value, sd
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@compile_kernel(parallel=True)
 def quantile(start, z, probability, weights, weights_begin):
     """Sample quantile (linear between order statistics) and its Maritz-Jarrett standard error.
 
@@ -60,7 +62,7 @@ def quantile(start, z, probability, weights, weights_begin):
     return value, sd
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@compile_kernel(parallel=True)
 def window(start, z, low, high):
     """Mean of the ranks between two shares of the heights, and its winsorised standard error."""
     value, sd = np.full(start.size - 1, np.nan), np.full(start.size - 1, np.nan)
@@ -94,7 +96,7 @@ def window(start, z, low, high):
     return value, sd
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _height_at_share(z, first, last, share):
     """Height below which a share of the heights lies; each stands at the middle of its rank."""
     position = min(max(share * (last - first) - 0.5, 0.0), last - first - 1.0)
@@ -103,7 +105,7 @@ def _height_at_share(z, first, last, share):
     return low + (position - below) * (z[first + below + 1] - low)
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@compile_kernel(parallel=True)
 def weighted_mean(start, z, distance, power, core):
     """Inverse-distance weighted mean, and the root of n sum w^2 / (sum w)^2."""
     value, growth = np.full(start.size - 1, np.nan), np.full(start.size - 1, np.nan)
@@ -122,7 +124,7 @@ def weighted_mean(start, z, distance, power, core):
     return value, growth
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@compile_kernel(parallel=True)
 def weighted_median(start, z, distance, power, core):
     """Inverse-distance weighted median, and the root of n sum w^2 / (sum w)^2.
 
@@ -155,7 +157,7 @@ def weighted_median(start, z, distance, power, core):
     return value, growth
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@compile_kernel(parallel=True)
 def continued_quantile(start, z, probability, resolution, same, gap):
     """Quantile of quantised heights whose CPF is continued by PCHIP, and its standard error.
 
@@ -194,7 +196,7 @@ def continued_quantile(start, z, probability, resolution, same, gap):
     return value, sd
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _continued(edge, share, knots, probability):
     """Height at which the PCHIP through the knots reaches a probability, and its step's share."""
     piece = 0
@@ -238,7 +240,7 @@ def _continued(edge, share, knots, probability):
     return edge[piece] + 0.5 * (low + high) * width, mass
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@compile_kernel(parallel=True)
 def steepest(start, z, bandwidth, smallest, steps, tie):
     """Height where the smoothed CPF is steepest: the mode of a triweight kernel density.
 
@@ -308,7 +310,7 @@ def steepest(start, z, bandwidth, smallest, steps, tie):
     return value, sd, used
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _scatter(z, first, last):
     """Standard deviation, and that of a normal density with the same quarters if it is less."""
     n = last - first
@@ -322,7 +324,7 @@ def _scatter(z, first, last):
     return scatter, min(scatter, quarters / 1.349)
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _density(z, first, last, x, h):
     """Sum of triweight kernels at x, up to a factor."""
     total = 0.0
@@ -335,7 +337,7 @@ def _density(z, first, last, x, h):
     return total
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _mode(z, first, last, low, high, h):
     """Place between two heights where the density stops to rise."""
     for _ in range(60):

@@ -11,6 +11,8 @@ from trueterrain.profile.distribution import (
     HeightDistributions,
 )
 
+_FINEST = 1e-9  # [m] of a step of heights: what doubles still tell apart at thousands of metres
+
 
 @dataclass(frozen=True, kw_only=True)
 class Percentile:
@@ -38,8 +40,10 @@ class Percentile:
         if not 0 <= self.percent <= 100:
             message = f"percent must be from 0 to 100, got {self.percent}."
             raise ValueError(message)
-        if self.resolution is not None and not 0 < self.resolution < float("inf"):
-            message = f"resolution must be greater than 0 m, got {self.resolution}."
+        if self.resolution is not None and not _FINEST <= self.resolution < float("inf"):
+            message = (
+                f"resolution must be finite and at least {_FINEST:g} m, got {self.resolution}."
+            )
             raise ValueError(message)
 
     def estimate(self, distributions: HeightDistributions) -> tuple[Float, Float]:

@@ -1,9 +1,9 @@
 """Loop over the samples that two signals share; arguments are checked by the callers."""
 
-from numba import njit
+from trueterrain.engine.kernels import compile_kernel
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def products(a, begin, coefficients, step, place, stride, sums):
     """Add to `sums` all products of 1, b, b', x b' and a, shape (5, 5), its upper half.
 

@@ -2,11 +2,13 @@
 
 import math
 
-import numba
 import numpy as np
+from numba import prange
+
+from trueterrain.engine.kernels import compile_kernel
 
 
-@numba.njit(cache=True, nogil=True)
+@compile_kernel
 def _piece(knots, time, guess):
     """Last knot at or before a time, and never the last of all."""
     last = knots.size - 2
@@ -18,7 +20,7 @@ def _piece(knots, time, guess):
     return k
 
 
-@numba.njit(cache=True, nogil=True)
+@compile_kernel
 def _quintic(x, step, per_step, k, c, pose, rate, acceleration):
     """Value, first and second derivative of component c after knot k, at the share x of a step."""
     p0, p1 = pose[k, c], pose[k + 1, c]
@@ -36,13 +38,13 @@ def _quintic(x, step, per_step, k, c, pose, rate, acceleration):
     return value, first, second
 
 
-@numba.njit(cache=True, nogil=True, parallel=True)
+@compile_kernel(parallel=True)
 def specific_force(times, knots, pose, rate, acceleration, positions, axes, gravity):
     """Specific force [m/s^2] of each sensor at each time, shape (time, sensor)."""
     n, sensors = times.size, positions.shape[0]
     force = np.empty((n, sensors))
     per_second = (knots.size - 1) / (knots[-1] - knots[0])
-    for i in numba.prange(n):
+    for i in prange(n):
         time = times[i]
         k = _piece(knots, time, int((time - knots[0]) * per_second))
         step = knots[k + 1] - knots[k]

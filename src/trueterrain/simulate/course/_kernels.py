@@ -8,14 +8,16 @@ its length.
 import math
 
 import numpy as np
-from numba import njit, prange
+from numba import prange
+
+from trueterrain.engine.kernels import compile_kernel
 
 _ROUNDS = 30  # Newton's method needs about 4
 _CLOSE = 1e-13  # [1] of the length of a piece, at which it stops
 _FLATTEST = 0.05  # [1] least slope that it believes: it is negative beyond the centre of curvature
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def place(station, begin, length, x, y, heading, bend, twist, a, b, open_ended, out):
     """Write easting, northing, heading, curvature and its slope at each station into `out`."""
     last = length.size - 1
@@ -44,7 +46,7 @@ def place(station, begin, length, x, y, heading, bend, twist, a, b, open_ended, 
         out[n, 4] = twist[j]
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _nearest_on(px, py, j, length, x, y, heading, bend, twist, a, b):
     """Length along piece j, squared distance and offset of the point on it nearest to (px, py)."""
     c, d = math.cos(heading[j]), math.sin(heading[j])
@@ -73,7 +75,7 @@ def _nearest_on(px, py, j, length, x, y, heading, bend, twist, a, b):
     return t * whole, gx * gx + gy * gy, v
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@compile_kernel(parallel=True)
 def project(
     px, py, begin, length, x, y, heading, bend, twist, a, b,
     middle_x, middle_y, first, group_x, group_y, group_reach, open_ended, u, v,

@@ -11,7 +11,9 @@ from typing import NamedTuple, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit, prange
+from numba import prange
+
+from trueterrain.engine.kernels import compile_kernel
 
 Floats = npt.NDArray[np.float64]
 _Function = TypeVar("_Function", bound=Callable[..., object])
@@ -19,12 +21,12 @@ _Function = TypeVar("_Function", bound=Callable[..., object])
 
 def _kernel(function: _Function) -> _Function:
     """Compile a loop, and keep its type."""
-    return cast("_Function", njit(cache=True, nogil=True)(function))
+    return cast("_Function", compile_kernel(function))
 
 
 def _parallel_kernel(function: _Function) -> _Function:
     """Compile a loop over points that runs on all cores, and keep its type."""
-    return cast("_Function", njit(cache=True, nogil=True, parallel=True)(function))
+    return cast("_Function", compile_kernel(function, parallel=True))
 
 
 # Constants of splitmix64 (Steele, Lea, Flood 2014, "Fast splittable pseudorandom number

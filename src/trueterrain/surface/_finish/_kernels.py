@@ -3,13 +3,14 @@
 import math
 
 import numpy as np
-from numba import njit
+
+from trueterrain.engine.kernels import compile_kernel
 
 #: Cells to either side whose scatter is pooled.
 REACH = 2
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compile_kernel(error_model="numpy")
 def moments(count, totals, squares, step, mean, deviation):
     """Mean of each cell, and the sum of squared deviations from it; NaN where none is."""
     for i in range(count.shape[0]):
@@ -35,7 +36,7 @@ def moments(count, totals, squares, step, mean, deviation):
             deviation[i, j] = max(around - rest * (rest / n), 0.0) * (step * step)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compile_kernel(error_model="numpy")
 def _slope(before, here, after, steeper):
     """Mean of the steps to both sides, no steeper than so many times the gentler one."""
     a, b = here - before, after - here
@@ -50,7 +51,7 @@ def _slope(before, here, after, steeper):
     return min(max(middle, -limit), limit)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compile_kernel(error_model="numpy")
 def slopes(height, steeper, ahead, left):
     """Slopes per cell along both axes."""
     rows, columns = height.shape
@@ -67,7 +68,7 @@ def slopes(height, steeper, ahead, left):
             )  # fmt: skip
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compile_kernel(error_model="numpy")
 def level(mean, count, alongs, acrosses, parts, ahead, left, height):
     """Means brought from the mean place of the returns to the nodes."""
     for i in range(mean.shape[0]):
@@ -81,7 +82,7 @@ def level(mean, count, alongs, acrosses, parts, ahead, left, height):
             )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compile_kernel(error_model="numpy")
 def scatter(deviation, count, weight, between, ahead, left, levelled, total, free):
     """What is left of squared deviations without slope and passes, and its degrees of freedom."""
     passes = between.size > 0
@@ -99,7 +100,7 @@ def scatter(deviation, count, weight, between, ahead, left, levelled, total, fre
                 total[i, j] = max(rest, 0.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compile_kernel(error_model="numpy")
 def box(values, row, out):
     """Sums over the cells around, `REACH` to either side, added in an order of their own.
 
@@ -119,7 +120,7 @@ def box(values, row, out):
             out[i, j] = total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compile_kernel(error_model="numpy")
 def pool(total, free, least, single):
     """Variance of a single return, not less than `least`; NaN if neither tells it."""
     for i in range(total.shape[0]):
@@ -130,7 +131,7 @@ def pool(total, free, least, single):
             single[i, j] = found
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compile_kernel(error_model="numpy")
 def conclude(
     value, single, n, effective, pose, ahead, left, sideways, along, across, spread, least, first,
     height, sd, count,
@@ -152,7 +153,7 @@ def conclude(
             sd[i, j] = math.sqrt(spread * single[k, j] / effective[k, j] + from_pose)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compile_kernel(error_model="numpy")
 def search(
     mean, count, alongs, acrosses, parts, ahead, left, weight, levelled, found, n, effective,
     slope_ahead, slope_left,

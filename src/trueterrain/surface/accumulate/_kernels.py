@@ -8,13 +8,14 @@ mean, is small, and right modulo 2^64.
 import math
 
 import numpy as np
-from numba import njit
+
+from trueterrain.engine.kernels import compile_kernel
 
 #: Whole numbers as which least and greatest heights are kept: 0 stands for none.
 MIDDLE = 1 << 30
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _place(expansion, beam, ranges, scale, begin, end, where):
     """Places of the returns of one piece of a scan, axis by axis."""
     x1, x2 = beam[1, begin:end], beam[2, begin:end]
@@ -33,7 +34,7 @@ def _place(expansion, beam, ranges, scale, begin, end, where):
             to[b] = (p0 + p1 * x1[b] + p2 * x2[b]) + raw[b] * scale * ahead
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def scans(
     begin, end, expansion, first, beam, ranges, scale, missing, nearest, furthest,
     intensity, floor, saturation, good, doubtful,
@@ -180,7 +181,7 @@ def scans(
     tally[3] += high
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def poses(body, variance, pieces, px, py, nx, ny, hint, unit, sums):
     """Variances of scans from the pose in the middle of each, into the sums of rows."""
     last = sums.shape[0] - 1
@@ -193,7 +194,7 @@ def poses(body, variance, pieces, px, py, nx, ny, hint, unit, sums):
         )  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _add_pose(at, c, px, py, nx, ny, unit, row):
     """Variance of a height at offset v from the pose, as a + b v + c v², into the sums of a row."""
     x0, x1 = py - at[1], ny
@@ -210,7 +211,7 @@ def _add_pose(at, c, px, py, nx, ny, unit, row):
     row[4] += 1
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def variances(coefficient, v, out):
     """A + b v + c v², at least 0."""
     for i in range(out.shape[0]):
@@ -219,7 +220,7 @@ def variances(coefficient, v, out):
             out[i, j] = max(a + v[j] * (b + v[j] * c), 0.0)
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _strip(px, py, nx, ny, i, x, y):
     """Strip that holds a place, looked for from strip i on."""
     last = px.size - 2
@@ -230,7 +231,7 @@ def _strip(px, py, nx, ny, i, x, y):
     return i
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def reach(
     expansion, pieces, piece, beam, furthest, px, py, nx, ny, dx, dy, hint, right, left, spare,
     low, high,
@@ -265,7 +266,7 @@ def reach(
         high[n] = max(min(last + spare, rows - 1), 0)
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def points(
     begin, end, u, v, z, sd, first_u, per_along, rows, v_right, per_across, columns, per_step,
     parts, furthest_height, variance_unit, first_row, touched, count, totals, squares, lows, highs,
@@ -317,7 +318,7 @@ def points(
     tally[3] += high
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def merge(count, totals, squares, lows, highs, alongs, acrosses, variances, touched, other):
     """Add the sums of another accumulator, row by row where it has any, and leave zeros there."""
     columns = count.size // touched.size
@@ -344,7 +345,7 @@ def merge(count, totals, squares, lows, highs, alongs, acrosses, variances, touc
         _clear(row, columns, other)
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def clear(sums):
     """Leave zeros in an accumulator, row by row where it has any sums."""
     columns = sums[0].size // sums[8].size
@@ -353,7 +354,7 @@ def clear(sums):
             _clear(row, columns, sums)
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def _clear(row, columns, sums):
     count, totals, squares, lows, highs, alongs, acrosses, variances, touched = sums
     begin, end = row * columns, (row + 1) * columns
@@ -371,7 +372,7 @@ def _clear(row, columns, sums):
     touched[row] = False
 
 
-@njit(cache=True, nogil=True)
+@compile_kernel
 def quantiles(values, ends, share, out):
     """Quantile of the heights of each cell, between two of them by their shares; sorts them."""
     begin = 0

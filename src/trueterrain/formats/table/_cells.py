@@ -1,0 +1,28 @@
+"""Text in cells of CSV: what a spreadsheet would run as a formula is kept as text."""
+
+import re
+
+import numpy as np
+import numpy.typing as npt
+
+# a spreadsheet takes a cell that begins so for a formula; an apostrophe before it makes it text
+_FORMULA = re.compile(r"'*[=+\-@\t\r]")
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+
+
+def guard_text(text: str) -> str:
+    """Text as it stands in a cell: with an apostrophe before what would be a formula.
+
+    Examples
+    --------
+    >>> guard_text("=1+2"), guard_text("-0.75"), guard_text("left")
+    ("'=1+2", '-0.75', 'left')
+    """
+    return f"'{text}" if _FORMULA.match(text) and not _NUMBER.fullmatch(text) else text
+
+
+def bare_texts(cells: npt.NDArray[np.str_]) -> npt.NDArray[np.str_]:
+    """Texts without the apostrophe that `guard_text` put before them."""
+    names, place = np.unique(cells, return_inverse=True)
+    bare = [name[1:] if name[:1] == "'" and _FORMULA.match(name) else name for name in names]
+    return np.array(bare, dtype=np.str_)[place]

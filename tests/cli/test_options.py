@@ -1,0 +1,147 @@
+"""Every number that a command takes: what cannot be is one line and exit code 2, no traceback."""
+
+import types
+import typing
+
+import numpy as np
+import pytest
+
+import trueterrain as tt
+from trueterrain.cli import command_line
+from trueterrain.kinds import make_points, make_profile
+from trueterrain.simulate.scene import read_scene, record_scene
+
+SCENE = """
+name = "drive"
+raster = 0.02
+scanner = {beams = 31, rate = 100.0, swath = 0.3}
+course = {kind = "straight", length = 6.0}
+vehicle = {model = "rigid", waves = [{component = "up", amplitude = 0.01, frequency = 3.0}]}
+passes = [{name = "run", speed = {kind = "constant", speed = 5.0}}]
+"""
+CALLS = {
+    "calibrate": ["run.zarr", "run2.zarr"],
+    "compare": ["a.csv", "b.csv"],
+    "convert": ["a.csv", "-o", "OUT.erd"],
+    "demo": ["-o", "a.csv"],
+    "evenness": ["a.csv"],
+    "event": ["design"],
+    "filter": ["a.csv", "-o", "OUT.csv", "--shortest", "1"],
+    "georeference": ["run.zarr", "-o", "OUT.las"],
+    "grid": ["p.csv", "-o", "OUT.tif", "--spacing", "0.2"],
+    "iri": ["a.csv"],
+    "merge": ["p.csv", "q.csv", "--check"],
+    "plate": ["design"],
+    "plot": ["a.csv", "-o", "OUT.png"],
+    "profile": ["road.crg", "--offset", "0", "-o", "OUT.erd"],
+    "psd": ["a.csv"],
+    "rn": ["a.csv"],
+    "run": ["survey.toml", "-o", "OUT"],
+    "simulate": ["none.toml", "-o", "OUT"],
+}
+NO_NUMBERS = {"doctor", "info", "init", "verify"}
+NEVER = ("nan", "inf", "-inf", "1e300", "1e-300", "", "abc")  # refused before anything is read
+PERHAPS = ("0", "-1")  # for the command to judge
+MANY = ("70000", str(2**63 - 1))  # of whole numbers
+
+
+def numbers_of(hint: object) -> list[type | None]:
+    """Kinds of the numbers that an option takes, None for a word beside them."""
+    if hint in (int, float):
+        return [hint]
+    parts = [part for part in typing.get_args(hint) if part is not types.NoneType]
+    match typing.get_origin(hint):
+        case typing.Annotated:
+            return numbers_of(parts[0])
+        case typing.Union | types.UnionType:
+            return max((numbers_of(part) for part in parts), key=len, default=[])
+        case origin if origin in (tuple, list):
+            parts = [part for part in parts if part is not Ellipsis]
+            kinds = [(numbers_of(part) or [None]) for part in parts]
+            flat = [kind for one in kinds for kind in one]
+            return flat if any(flat) else []
+    return []
+
+
+def numeric_options(command: str) -> list[tuple[str, list[type | None]]]:
+    """Options of a command that take numbers."""
+    options = command_line()[command].assemble_argument_collection(parse_docstring=False)
+    found = [(option.name, numbers_of(option.hint)) for option in options]
+    return [(name, kinds) for name, kinds in found if kinds and name.startswith("--")]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Small inputs of every kind."""
+    folder = tmp_path_factory.mktemp("inputs")
+    (folder / "scene.toml").write_text(SCENE)
+    (run,) = record_scene(read_scene(folder / "scene.toml")[0], folder)
+    run.rename(folder / "run.zarr")
+    (folder / "run2.zarr").symlink_to(folder / "run.zarr")
+    (folder / "survey.toml").write_text('[[runs]]\npath = "run.zarr"\n')
+    rng = np.random.default_rng(5)
+    tt.write(tt.sample_road(tt.BelgianBlock(seed=1), length=1.0, width=0.5), folder / "road.crg")
+    s = 0.1 * np.arange(300.0)
+    height = 0.001 * np.cumsum(rng.normal(size=s.size))
+    for name in ("a", "b"):
+        tt.write(make_profile(s, height), folder / f"{name}.csv")
+    for name in ("p", "q"):
+        east, north = rng.uniform(0, 2, (2, 1000))
+        tt.write(make_points(east, north, 0.01 * np.sin(east)), folder / f"{name}.csv")
+    return folder
+
+
+def test_every_command_is_called():
+    listed = {name for name in command_line() if not name.startswith("-")}
+    assert listed == set(CALLS) | NO_NUMBERS
+    assert all(numeric_options(command) for command in CALLS)
+    assert not any(numeric_options(command) for command in NO_NUMBERS)
+
+
+@pytest.mark.filterwarnings("default")
+@pytest.mark.parametrize("command", CALLS)
+def test_no_number_ends_in_a_traceback(run, command, folder, tmp_path, monkeypatch):
+    monkeypatch.chdir(folder)
+    count = 0
+    for option, kinds in numeric_options(command):
+        for place, kind in enumerate(kinds):
+            if kind is None:
+                continue
+            for value in (*NEVER, *PERHAPS, *(MANY if kind is int else ())):
+                values = ["one" if other is None else "1" for other in kinds]
+                values[place] = value
+                count += 1
+                call = [part.replace("OUT", str(tmp_path / f"{count}")) for part in CALLS[command]]
+                if option in call:
+                    del call[call.index(option) : call.index(option) + 2]
+                finished = run(command, *call, option, *values)
+                asked = f"{command} {option} {' '.join(values)}"
+                assert finished.code in ((2,) if value in NEVER else (0, 2)), asked
+                assert value not in NEVER or option in finished.err, asked
+                if finished.code == 2:
+                    assert not finished.out, asked
+                    assert finished.err.splitlines()[-1].startswith("trueterrain: error: "), asked
+
+
+@pytest.mark.parametrize(
+    ("arguments", "rule"),
+    [
+        (["event", "design", "--length", "70000"], "at most 1000 m long"),
+        (["event", "design", "--wheelbase", "70000"], "at most 1000 m long"),
+        (["event", "design", "--width-ratio", "1e-9"], "must move the vehicle"),
+        (["plate", "design", "--length", "70000"], "at most 10 m"),
+        (["plate", "design", "--rise", "70000"], "at most 10 m"),
+        (["merge", "p.csv", "q.csv", "--check", "--cell", "70000"], "at most 100 m"),
+        (["grid", "p.csv", "-o", "o.tif", "--smoothing", "70000"], "from 0 to 1000 m"),
+        (["filter", "a.csv", "-o", "o.csv", "--order", "51", "--shortest", "1"], "from 1 to 50"),
+        (["profile", "road.crg", "--offset", "0", "-o", "o.erd", "--resolution", "1e-11"], "1e-09"),
+        (["georeference", "run.zarr", "-o", "o.las", "--lane", "65536"], "from 0 to 65535"),
+    ],
+)  # fmt: skip
+def test_sizes_that_no_machine_could_hold_are_refused_at_once(
+    run, folder, monkeypatch, arguments, rule
+):
+    monkeypatch.chdir(folder)
+    finished = run(*arguments)
+    assert (finished.code, finished.out) == (2, "")
+    assert rule in finished.err
