@@ -10,7 +10,7 @@ from trueterrain.cli._numbers import WHOLE
 from trueterrain.cli._recordings import kind_of_all
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from trueterrain.engine import Progress
     from trueterrain.lanes.cells import LaneCells
@@ -32,6 +32,8 @@ def merge(
     limit: float = 0.002,
     cell: float | None = None,
     spacing: float | None = None,
+    max_iterations: Annotated[int | None, WHOLE] = None,
+    relative_tolerance: float | None = None,
     split: Annotated[bool, Parameter(negative="")] = False,
     check: Annotated[bool, Parameter(negative="")] = False,
     threads: Annotated[int | None, WHOLE] = None,
@@ -75,10 +77,16 @@ def merge(
     spacing
         Distance between the nodes of the merged surface [m]; by default 0.01 for runs, and the
         cells for clouds.
+    max_iterations
+        Iterations in which the network adjustment must converge; by default 300.
+    relative_tolerance
+        Change of the corrections, in their standard deviations, from which on they have converged;
+        by default 0.01.
     split
         Point source ids tell passes apart in several files as well, such as tiles of one survey.
     check
-        Say whether the passes agree, and correct nothing; --output then is optional.
+        Say whether the passes agree, and correct nothing; --output then is optional. The exit code
+        is 1 if two passes differ by more than the limit, or one shares no ground with another.
     threads
         Threads that work at once; by default one for each processor. Results do not depend on it.
     crs
@@ -98,7 +106,8 @@ def merge(
         mixed="Merge runs and points apart, or georeference the runs first.",
     )  # fmt: skip
     runs = kind == "run"
-    settings = _settings(method, fix, control, path, limit, cell, check=check)
+    iteration = {"max_iterations": max_iterations, "relative_tolerance": relative_tolerance}
+    settings = _settings(method, fix, control, path, limit, cell, iteration, check=check)
     if check:
         _check(inputs, settings, runs, split, crs, cell, output, json=json, force=force)
         return
@@ -164,6 +173,7 @@ def _settings(
     path: Path | None,
     limit: float,
     cell: float | None,
+    iteration: "Mapping[str, Any]",
     *,
     check: bool,
 ) -> "MergeSettings":
@@ -175,6 +185,8 @@ def _settings(
         method="grid" if check else method, fixed=tuple(fix or ()), limit=limit,
         control=None if control is None else str(control), path=None if path is None else str(path),
     )  # fmt: skip
+    given = {name: value for name, value in iteration.items() if value is not None}
+    settings = replace(settings, network=replace(settings.network, **given))
     if cell is None:
         return settings
     return replace(settings, cells=replace(settings.cells, size=cell))

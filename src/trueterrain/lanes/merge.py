@@ -176,7 +176,7 @@ def merge_cells(
     ValueError
         If the method needs `align` and it is not given, or names are wrong.
     TrueTerrainError
-        If the adjustment does not settle.
+        If the adjustment does not converge.
 
     Examples
     --------
@@ -342,7 +342,7 @@ def _network_summary(adjustment: Adjustment) -> dict[str, Any]:
         "rejected": len(adjustment.rejected),
         "noise_floor": adjustment.noise_floor,
         "left": adjustment.left,
-        "rounds": adjustment.rounds,
+        "iterations": adjustment.iterations,
         "corrections": [
             {
                 "pass": one.name, "components": list(one.components),
