@@ -1,5 +1,6 @@
 """The command ``trueterrain merge``: passes over the same ground brought into agreement."""
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -218,8 +219,8 @@ def _check(
     from trueterrain.survey import check_agreement, check_report
 
     with compiling_noted(), progress_bar() as progress:
-        cells, size = _cells(inputs, settings, runs, split, crs, cell, progress)
-        found = check_agreement(cells, limit=settings.limit, size=size)
+        cells, size, problems = _cells(inputs, settings, runs, split, crs, cell, progress)
+        found = check_agreement(cells, limit=settings.limit, size=size, problems=problems)
     if output is not None:
         from trueterrain.engine import whole_folder
 
@@ -228,16 +229,26 @@ def _check(
             write_report(check_report(found, title=names), folder / "report.html")
     if json:
         out_json(found)
-        return
+    else:
+        for line in _check_in_words(found):
+            out(line)
+    if not found["agree"]:
+        sys.stdout.flush()  # while main still minds a reader that has gone
+        sys.exit(1)
+
+
+def _check_in_words(found: dict[str, Any]) -> "Iterator[str]":
+    """What a check has found, line by line."""
     for pair in found["pairs"]:
         word = "agree" if pair["agree"] else "do NOT agree"
-        out(
+        yield (
             f"{pair['first']} and {pair['second']} {word}: 95 % of {pair['n']:,} cells differ by "
             f"up to {1e3 * pair['p95']:.2f} mm (median {1e3 * pair['median']:+.2f} mm), limit "
             f"{1e3 * found['limit']:g} mm"
         )
     for name in found["alone"]:
-        out(f"{name} shares no ground with another pass: nothing can be said")
+        yield f"{name} shares no ground with another pass: nothing can be said"
+    yield from found["problems"]
 
 
 def _cells(
@@ -248,8 +259,8 @@ def _cells(
     crs: str | None,
     cell: float | None,
     progress: "Progress",
-) -> "tuple[list[LaneCells], float]":
-    """Cells of all passes, and their size [m]."""
+) -> "tuple[list[LaneCells], float, list[str]]":
+    """Cells of all passes, their size [m], and problems."""
     if not runs:
         from trueterrain.lanes.clouds import cells_of_clouds
 
@@ -262,4 +273,4 @@ def _cells(
 
     survey = survey_of(inputs)
     found = {lane_name(run): find_run(survey, run, progress).taken for run in survey.runs}
-    return cells_of_passes(found, settings, progress=progress), settings.cells.size
+    return cells_of_passes(found, settings, progress=progress), settings.cells.size, []

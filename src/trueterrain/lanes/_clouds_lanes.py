@@ -183,11 +183,15 @@ def cloud_lanes(
         for path, found in looks.items():
             for number, look in found.items():
                 by_number.setdefault(number, {})[path] = look
+        without_source = _without_source(by_number)
         only = len(by_number) == 1
         found_lanes = [
-            _lane(paths[0].stem if only else str(number), number, number, parts, crs)
-            for number, parts in sorted(by_number.items())
-        ]
+            _lane(
+                paths[0].stem if only else str(number), number, number, by_number[number], crs,
+                without_source if number == min(by_number) else (),
+            )
+            for number in sorted(by_number)
+        ]  # fmt: skip
     else:
         found_lanes = _one_each(looks, crs)
     return {lane.name: lane for lane in found_lanes}
@@ -301,6 +305,23 @@ def _looked(path: Path, crs: str | None) -> dict[int, _Look]:
         if not found:
             raise CoverageError("holds no points", path=path, cure="Leave it out.")
     return found
+
+
+def _without_source(by_number: dict[int, dict[Path, _Look]]) -> list[str]:
+    """Take number 0 out if it is no pass, and say so.
+
+    In LAS files 0 says that a point has no source; points that were made up have neither source nor
+    time.
+    """
+    none = by_number.get(0, {})
+    others = [look for number in by_number if number for look in by_number[number].values()]
+    if not none or not others or any(look.times for look in none.values()):
+        return []
+    if any(look.times is None for look in others):
+        return []
+    del by_number[0]
+    count = sum(look.count for look in none.values())
+    return [f"{count} points of source 0 are left out: they have no time, so they are no pass"]
 
 
 def _require_one_crs(known: Mapping[Path, str]) -> None:
