@@ -348,6 +348,11 @@ def test_points_of_no_source_and_no_time_are_no_pass(tmp_path):
     assert list(corrected) == ["11", "12"]
     assert merging.problems[0].startswith("4800 points of source 0 are left out")
     assert merging.pairs[0].held_back.rmse < 1e-3  # [m] as without them
+    (alone,) = cloud_lanes(
+        written(tmp_path / "two", made_up=points.isel(point=points.lane.values == 0),
+                road=points.isel(point=points.lane.values == 11)), split=True,
+    ).values()  # fmt: skip
+    assert (alone.name, alone.number) == ("road", 11)  # by the file that holds it
     timed = points.assign(time=points.time + 1.0 + 0.001 * np.arange(points.sizes["point"]))
     assert list(cloud_lanes(written(tmp_path / "t", road=timed))) == ["0", "11", "12"]
 

@@ -187,7 +187,8 @@ def cloud_lanes(
         only = len(by_number) == 1
         found_lanes = [
             _lane(
-                paths[0].stem if only else str(number), number, number, by_number[number], crs,
+                next(iter(by_number[number])).stem if only else str(number),
+                number, number, by_number[number], crs,
                 without_source if number == min(by_number) else (),
             )
             for number in sorted(by_number)
