@@ -66,7 +66,7 @@ def test_runs_are_merged_and_said_to_agree(run, runs, tmp_path):
 
 def test_a_check_touches_nothing(run, runs, tmp_path):
     finished = run("merge", *runs, "--check", "--json")
-    assert finished.code == 0, finished.err
+    assert finished.code == 1, finished.err
     found = json.loads(finished.out)
     assert not found["agree"]
     assert found["pairs"][0]["p95"] > found["limit"] == 0.002
@@ -153,3 +153,76 @@ def test_an_output_is_needed_unless_it_is_a_check(run, runs):
     finished = run("merge", *runs)
     assert finished.code == 2
     assert "--output" in finished.err
+
+
+METHODS = [("--check",), *(("--method", name) for name in ("network", "discontinuity", "grid"))]
+
+
+@pytest.mark.parametrize("options", METHODS, ids=lambda options: options[-1])
+@pytest.mark.parametrize(
+    "files", [("pont",), ("68",), ("68", "faceraster_2strips_20m")], ids="+".join
+)
+def test_real_strips_are_merged_or_refused_in_one_line(run, data, tmp_path, files, options):
+    """Strips in pieces, beside points that were made up: no statistic ends the command."""
+    strips = data / "scanning" / "strips"
+    finished = run(
+        "merge", *(strips / f"{name}.laz" for name in files), "--split", *options,
+        "-o", tmp_path / "out", "--json",
+    )  # fmt: skip
+    if files == ("68",):  # 1000 points on 4 km²
+        assert (finished.code, finished.out) == (2, "")
+        assert "68 is left out: it has no cell" in finished.err
+        assert finished.err.count("\n") == 1
+        return
+    assert finished.code == (1 if options == ("--check",) else 0), finished.err
+    found = json.loads(finished.out)
+    found = found.get("merge", found)
+    (pair,) = found["pairs"]
+    assert {pair["first"], pair["second"]} == (
+        {"310", "401"} if "pont" in files else {"305", "306"}
+    )
+    assert any(
+        "points of source 0 are left out" in problem or problem.startswith("0 is left out")
+        for problem in found["problems"]
+    )
+
+
+@pytest.mark.parametrize("together", [None, (), ("--split",)])
+def test_a_check_of_all_strips_finishes(run, data, together):
+    """Each file, and all of one reference system at once: tiles that do not overlap as well."""
+    files = sorted((data / "scanning" / "strips").glob("*.laz"))
+    inputs = [[path] for path in files]
+    if together is not None:
+        inputs = [[path for path in files if not path.name.startswith("St_Barth")]]
+    for some in inputs:
+        finished = run("merge", *some, "--check", *(together or ()))
+        if finished.code == 2:  # one strip, or too few points in a cell
+            assert len(some) == 1
+            assert finished.err.count("\n") == 1
+            assert (
+                "one pass" in finished.err
+                or "two passes" in finished.err
+                or "two lanes" in finished.err
+            )
+        else:
+            assert finished.code == 1, finished.err
+            assert "do NOT agree" in finished.out or "shares no ground" in finished.out
+
+
+def test_passes_that_agree_leave_the_exit_code_0(run, clouds):
+    files = [clouds / "south.laz", clouds / "north.laz"]
+    assert run("merge", *files, "--check", "--limit", 10 * APART).code == 0
+    finished = run("merge", *files, "--check", "--limit", APART / 2)
+    assert finished.code == 1
+    assert "do NOT agree" in finished.out
+
+
+def test_iterations_and_tolerance_are_options(run, clouds, tmp_path):
+    files = [clouds / "south.laz", clouds / "north.laz", "-o", tmp_path / "out"]
+    finished = run("merge", *files, "--max-iterations", 1)
+    assert finished.code == 2
+    assert "did not converge in 1 iterations: the correction of" in finished.err
+    assert not (tmp_path / "out").exists()
+    finished = run("merge", *files, "--relative-tolerance", 0)
+    assert finished.code == 2
+    assert "relative_tolerance must be greater than 0" in finished.err

@@ -322,12 +322,40 @@ def test_times_of_different_kinds_are_told(tmp_path):
     assert merging.pairs[0].held_back.rmse < 1e-3  # [m] as with one kind
 
 
-def test_one_lane_with_times_of_two_kinds_is_refused(tmp_path):
-    a, b = (numbered(one) for one in pair())
-    b = b.assign(time=b.time - START + 345_678.0)
-    lanes = cloud_lanes(written(tmp_path, a=a, b=b), split=True)
-    with pytest.raises(TrueTerrainError, match=r"lane a: its times run from 3\.457e\+05|345778"):
-        merge_clouds(lanes, SETTINGS)
+def test_lanes_with_times_of_more_than_a_week_are_left_out(tmp_path):
+    """Alone they are refused; beside others they end nothing."""
+    two = numbered(*pair()).isel(point=slice(0, None, 3))
+    two["lane"][:] = 7  # one number for two flights, the second in seconds of the week
+    mixed = two.assign(time=two.time.where(two.time < START + 50, two.time - START + 345_678.0))
+    with pytest.raises(CoverageError, match=r"mixed is left out: its times run from .*a week"):
+        merge_clouds(cloud_lanes(written(tmp_path / "one", mixed=mixed)), SETTINGS)
+    a, b = pair()
+    lanes = cloud_lanes(written(tmp_path / "three", a=a, b=b, mixed=mixed), split=False)
+    merging, corrected = merge_clouds(lanes, SETTINGS)
+    assert list(corrected) == ["a", "b"]
+    assert any("mixed is left out" in problem for problem in merging.problems)
+    assert merging.pairs[0].held_back.rmse < 1e-3  # [m] as without it
+    _, by_station = merge_clouds(lanes, replace(SETTINGS, method="grid"))
+    assert "mixed" in by_station  # where time does not matter
+
+
+def test_points_of_no_source_and_no_time_are_no_pass(tmp_path):
+    """In a file of numbered passes they are left out; times of the others stay in use."""
+    made_up = cloud("a", density=40).assign(time=("point", np.zeros(4800), {"units": "s"}))
+    points = numbered(*pair(), made_up)
+    points["lane"][points.lane == 13] = 0
+    lanes = cloud_lanes(written(tmp_path, road=points))
+    merging, corrected = merge_clouds(lanes, SETTINGS)
+    assert list(corrected) == ["11", "12"]
+    assert merging.problems[0].startswith("4800 points of source 0 are left out")
+    assert merging.pairs[0].held_back.rmse < 1e-3  # [m] as without them
+    (alone,) = cloud_lanes(
+        written(tmp_path / "two", made_up=points.isel(point=points.lane.values == 0),
+                road=points.isel(point=points.lane.values == 11)), split=True,
+    ).values()  # fmt: skip
+    assert (alone.name, alone.number) == ("road", 11)  # by the file that holds it
+    timed = points.assign(time=points.time + 1.0 + 0.001 * np.arange(points.sizes["point"]))
+    assert list(cloud_lanes(written(tmp_path / "t", road=timed))) == ["0", "11", "12"]
 
 
 def test_points_without_time_among_others_are_left_out(tmp_path):
@@ -550,8 +578,8 @@ def test_a_method_that_does_harm_says_so(data):
 
 def test_cells_of_clouds_are_those_that_are_compared(data):
     path = data / STRIPS / "las_with_origin_dsmMarker.laz"
-    cells, size = cells_of_clouds(cloud_lanes([path]))
-    assert size == 1.0
+    cells, size, problems = cells_of_clouds(cloud_lanes([path]))
+    assert (size, problems) == (1.0, [])
     (found,) = compared(cells)
     (known,) = compared(cells_of_points(formats.point_blocks(path), CellOptions(size=1.0)))
     assert found.before == known.before

@@ -44,7 +44,7 @@ def seam_of(passes):
     """Steps at the edges of the overlaps, seen anew [m]."""
     cells = cells_of_passes(passes)
     none = {one.name: np.zeros(len(one)) for one in cells}
-    return [seam.before.median for seam in seams_of(cells, none, 0.1)]
+    return [seam.before.median for seam in seams_of(cells, none, 0.1)[0]]
 
 
 def errors_of(passes):

@@ -1,5 +1,6 @@
 """The adjustment of many passes, on cells whose truth is known."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -8,12 +9,17 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from trueterrain.errors import CoverageError, TrueTerrainError
 from trueterrain.lanes import NetworkSettings, adjust, lane_cells
+from trueterrain.lanes._choose import broad
+from trueterrain.lanes._problem import share
+from trueterrain.lanes._system import build
 from trueterrain.simulate.noise import SecondOrderGaussMarkov
 
 SPEED = 10.0  # [m/s]
 SIZE = 0.5  # [m] of a cell
 NOISE = 1e-3  # [m] of a cell's height
 SAME = 1e-9  # [m] rounding of the solver
+NO_SD = np.zeros((2, 0))  # of a navigation that says none
+LEFT_TO_GO = 0.3  # [1] standard deviations, of the sum of all steps after one of 0.01
 PLAIN = NetworkSettings(components=("height",), knot_spacing=(1.0, 0.5, 0.25))
 #: weights by variance alone: plain least squares
 LEAST_SQUARES = replace(PLAIN, huber=1e3, tukey=1e6)
@@ -375,11 +381,79 @@ def test_names_must_be_unique_and_known():
         found.correction("c")
 
 
-def test_an_adjustment_that_does_not_settle_is_an_error():
+def test_an_adjustment_that_does_not_converge_names_the_pass_and_the_place():
+    """The pass with gross errors in one stretch is the one that still moves, and there."""
     road = Road()
-    lanes = [road.drive(name, road.wander()) for name in "ab"]
-    with pytest.raises(TrueTerrainError, match="did not settle: after 1 rounds"):
-        adjust(lanes, settings=replace(PLAIN, most_rounds=1))
+    lanes = [road.drive(name) for name in "abc"]
+    beyond = np.where(np.abs(lanes[1].easting - 200) < 20, 1.0, 0.0)  # [m] no ground of the others
+    lanes[1] = replace(lanes[1], height=lanes[1].height + beyond)
+    with pytest.raises(TrueTerrainError, match="did not converge in 1 iterations") as error:
+        adjust(lanes, settings=replace(PLAIN, max_iterations=1))
+    found = re.search(
+        r"correction of (\w+) still changes by .* at easting ([\d.]+)", str(error.value)
+    )
+    assert found is not None
+    assert found[1] == "b"
+    assert abs(float(found[2]) - 200) < 20
+    assert "--max-iterations" in str(error.value)
+
+
+def rough_network(seed):
+    """Two to six passes of few cells with drift, gross errors in up to most cells, wrong variances.
+
+    Of the first 150, 14 did not converge in 60 iterations of plain steps with a noise floor that
+    follows them: they crept, or went back and forth, those of seeds 17 and 70 in 1000 as well.
+    """
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(30, 400))
+    cell, noise = np.arange(n), 10 ** rng.uniform(-4, -1.5)
+    ground, speed, lanes = rng.normal(0, 0.1, n), rng.uniform(2, 50), []
+    for number in range(int(rng.integers(2, 7))):
+        seen = rng.random(n) < rng.uniform(0.3, 1)
+        if number > 1:
+            begin, end = np.sort(rng.integers(0, n, 2))
+            seen &= ((cell >= begin) & (cell < end)) | (end - begin < 10)
+        if seen.sum() < 5:
+            seen[:] = True
+        height = ground + rng.normal(0, noise, n) * np.where(rng.random(n) < 0.1, 10, 1)
+        height += rng.normal(0, 0.05) + rng.normal(0, 0.05) * np.sin(cell / rng.uniform(3, 80))
+        wrong = rng.random(n) < rng.choice([0, 0.01, 0.2, 0.5, 0.9])
+        height += wrong * rng.choice([0.1, 1, 4]) * rng.choice([rng.normal(0, 1, n), np.ones(n)])
+        at, back = cell[seen], rng.random() < 0.5
+        lanes.append(
+            lane_cells(
+                f"p{number}", at, (n - at if back else at) / speed, height[seen],
+                variance=noise**2 * rng.choice([1, 0.01]), easting=0.5 * at,
+                offset=rng.uniform(-1, 1, at.size),
+            )
+        )  # fmt: skip
+    return lanes
+
+
+def robust_fit(seed, settings):
+    """Corrections of such a network, and by how many of their sd another set differs from them."""
+    shared = share(rough_network(seed), (), ())
+    components = ("height", "roll") if seed % 2 else ("height",)
+    system = build(shared, components, (1.0, 0.25, 0.1)[seed % 3], [NO_SD] * len(shared.names))
+    found = broad(system, settings)
+    return found, lambda other: np.linalg.norm(
+        system.in_deviations(found.solution, other.solution.x - found.solution.x)
+    )
+
+
+def test_the_adjustment_converges_whatever_the_errors():
+    iterations = [robust_fit(seed, NetworkSettings())[0].iterations for seed in range(150)]
+    assert np.median(iterations) < 20
+    loose = NetworkSettings(relative_tolerance=1.0)
+    assert robust_fit(17, loose)[0].iterations < iterations[17]
+
+
+@pytest.mark.parametrize("seed", range(0, 30, 3))
+def test_where_it_stops_is_where_it_converges_to(seed):
+    """Held against the same with tolerances that leave nothing to go."""
+    exact = NetworkSettings(relative_tolerance=1e-9, tolerance=1e-12, max_iterations=5000)
+    _, difference = robust_fit(seed, exact)
+    assert difference(robust_fit(seed, NetworkSettings())[0]) < LEFT_TO_GO
 
 
 @pytest.mark.parametrize(

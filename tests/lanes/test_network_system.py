@@ -125,6 +125,25 @@ def test_covariance_is_that_of_the_full_inverse(observed):
         assert_allclose(found[pair], expected, rtol=0, atol=1e-7 * np.abs(expected).max())
 
 
+def test_no_correction_changes_by_more_of_its_sd_than_the_whole_change(observed):
+    """The bound by which the adjustment says that it has converged, and where it is reached."""
+    shared, weight = observed
+    system = build(shared, ("height", "roll"), 2.0, [np.zeros((2, 0))] * 3)
+    equations = system.equations(weight, np.ones(shared.cells, bool))
+    found = system.solve(equations, system.known(PRIOR))
+    dense = Dense(system, weight)
+    covariance = dense.project @ dense.inverse @ dense.project.T
+    rng = np.random.default_rng(6)
+    for row in (*np.eye(system.size), *rng.normal(size=(20, system.size))):
+        row = row @ dense.project
+        sd = np.sqrt(row @ covariance @ row)
+        change = dense.project @ rng.normal(size=system.size)
+        assert abs(row @ change) <= np.linalg.norm(system.in_deviations(found, change)) * sd
+        steepest = covariance @ row  # the change that reaches the bound
+        whole = np.linalg.norm(system.in_deviations(found, steepest))
+        assert_allclose(row @ steepest, whole * sd, rtol=1e-4)  # the datum weighs 1e8: its rounding
+
+
 def test_equations_of_parts_add_up(observed):
     shared, weight = observed
     system = build(shared, ("height",), 1.0, [np.zeros((2, 0))] * 3)

@@ -6,6 +6,8 @@ import pytest
 
 from trueterrain.errors import CoverageError
 from trueterrain.kinds import make_points
+from trueterrain.lanes._discontinuity_seam import SharedCells
+from trueterrain.lanes._discontinuity_sparse import pack
 from trueterrain.lanes.overlap import OccupiedCells, Overlap, occupied_cells, overlap_of
 from trueterrain.lanes.reference_path import (
     ReferencePath,
@@ -189,7 +191,9 @@ def test_overlaps_without_length_are_refused() -> None:
         cells_along(lambda s, v: (s, v), 0, 0.3, -0.3, 2.0),
         cells_along(lambda s, v: (s, v), 0, 0.3, -2.0, -0.15),
     )
-    with pytest.raises(CoverageError, match="overlap of first and second: has no length"):
+    with pytest.raises(
+        CoverageError, match=r"overlap of first and second: has no middle .* shorter than"
+    ):
         centre_reference(speck, spacing=1.0)
 
 
@@ -217,8 +221,71 @@ def test_overlaps_without_length_are_refused() -> None:
             ),
             "aside must hold",
         ),
+        (lambda: waypoint_reference([0, 9, 0.1], [0, 0, 0.1], spacing=2.5), "must be smooth"),
     ],
 )
 def test_paths_that_make_no_sense_are_refused(call, message) -> None:
     with pytest.raises(ValueError, match=message):
         call()
+
+
+def scattered(rng, n):
+    return rng.integers(0, 4000, (2, n))
+
+
+def in_a_box(rng, n):
+    return rng.integers(0, rng.integers(1, 60, (2, 1)), (2, n))
+
+
+def in_three_pieces(rng, n):
+    return rng.integers(0, 8, (2, 3 * n)) + np.repeat([0, 1, 2], n) * rng.integers(0, 900, (2, 1))
+
+
+def random_walk(rng, n):
+    return np.cumsum(rng.integers(-1, 2, (2, n)), axis=1)
+
+
+def ring(rng, n):
+    angle = np.linspace(0, 2 * np.pi, 4 * n)
+    return np.floor(rng.uniform(2, 40) * np.stack([np.cos(angle), np.sin(angle)]))
+
+
+def spiral(rng, n):
+    angle = np.arange(4 * n) * rng.uniform(0.02, 0.3)
+    return np.floor(angle * np.stack([np.cos(angle), np.sin(angle)]))
+
+
+def three_legs(rng, n):
+    t, none = np.arange(n), np.zeros(n)
+    return np.stack([np.concatenate([t, none, t]), np.concatenate([none, t, t])])
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize(
+    "shape", [scattered, in_a_box, in_three_pieces, random_walk, ring, spiral, three_legs]
+)
+def test_an_overlap_of_any_shape_has_a_path_or_says_why_not(shape, seed) -> None:
+    """Cells of real overlaps lie in pieces, rings and single cells; nothing else may come of them.
+
+    A path that is found tells stations of all cells, and steps at the edges.
+    """
+    rng = np.random.default_rng(seed)
+    key = np.unique(pack(*np.asarray(shape(rng, int(rng.integers(1, 250))), np.int64)))
+    cell = float(rng.choice([0.1, 0.25, 1.0, 2.0]))
+    few, many = (
+        OccupiedCells(cell=cell, key=key, count=np.full(key.size, n), total=0 * key) for n in (5, 6)
+    )
+    overlap = Overlap(lanes=("a", "b"), cells=(few, many), key=key)
+    problem = ""
+    try:
+        path = centre_reference(
+            overlap, spacing=2.5 * cell, smoothing=(20 + 80 * (seed % 2)) * cell
+        )
+    except CoverageError as error:
+        problem = error.problem
+    else:
+        cells = SharedCells(overlap)
+        assert np.isfinite(path.locate(*cells.centres).offset).all()
+        cells.seam(np.zeros((2, key.size)), path, 1.0, 3 * cell)
+        overlap_edges(overlap, keep_to_middle(overlap, path))
+    assert not problem or problem.startswith("has no middle to lay a reference path along")

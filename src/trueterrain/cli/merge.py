@@ -1,5 +1,6 @@
 """The command ``trueterrain merge``: passes over the same ground brought into agreement."""
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -18,7 +19,7 @@ from trueterrain.cli._points import Classes, Returns, note_conversion, point_fil
 from trueterrain.cli._recordings import kind_of_all
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from trueterrain.engine import Progress
     from trueterrain.formats import PointFilter
@@ -41,6 +42,8 @@ def merge(
     limit: float = 0.002,
     cell: float | None = None,
     spacing: float | None = None,
+    max_iterations: Annotated[int | None, WHOLE] = None,
+    relative_tolerance: float | None = None,
     split: Annotated[bool, Parameter(negative="")] = False,
     check: Annotated[bool, Parameter(negative="")] = False,
     threads: Annotated[int | None, WHOLE] = None,
@@ -86,10 +89,16 @@ def merge(
     spacing
         Distance between the nodes of the merged surface [m]; by default 0.01 for runs, and the
         cells for clouds.
+    max_iterations
+        Iterations in which the network adjustment must converge; by default 300.
+    relative_tolerance
+        Change of the corrections, in their standard deviations, from which on they have converged;
+        by default 0.01.
     split
         Point source ids tell passes apart in several files as well, such as tiles of one survey.
     check
-        Say whether the passes agree, and correct nothing; --output then is optional.
+        Say whether the passes agree, and correct nothing; --output then is optional. The exit code
+        is 1 if two passes differ by more than the limit, or one shares no ground with another.
     threads
         Threads that work at once; by default one for each processor. Results do not depend on it.
     crs
@@ -120,7 +129,8 @@ def merge(
     if not runs:
         note_conversion(inputs, crs)
     workers = worker_threads(threads)
-    settings = _settings(method, fix, control, path, limit, cell, check=check)
+    iteration = {"max_iterations": max_iterations, "relative_tolerance": relative_tolerance}
+    settings = _settings(method, fix, control, path, limit, cell, iteration, check=check)
     if check:
         _check(inputs, settings, runs, split, crs, cell, only, output, json=json, force=force)
         return
@@ -185,6 +195,7 @@ def _settings(
     path: Path | None,
     limit: float,
     cell: float | None,
+    iteration: "Mapping[str, Any]",
     *,
     check: bool,
 ) -> "MergeSettings":
@@ -196,6 +207,8 @@ def _settings(
         method="grid" if check else method, fixed=tuple(fix or ()), limit=limit,
         control=None if control is None else str(control), path=None if path is None else str(path),
     )  # fmt: skip
+    given = {name: value for name, value in iteration.items() if value is not None}
+    settings = replace(settings, network=replace(settings.network, **given))
     if cell is None:
         return settings
     return replace(settings, cells=replace(settings.cells, size=cell))
@@ -231,24 +244,34 @@ def _check(
     if output is not None:
         require_writable(output, force=force, inputs=inputs, replaces="folder")
     with compiling_noted(), progress_bar() as progress:
-        cells, size = _cells(inputs, settings, runs, split, crs, cell, only, progress)
-        found = check_agreement(cells, limit=settings.limit, size=size)
+        cells, size, problems = _cells(inputs, settings, runs, split, crs, cell, only, progress)
+        found = check_agreement(cells, limit=settings.limit, size=size, problems=problems)
     if output is not None:
         with whole_folder(output, result=RESULT, force=force, inputs=inputs) as folder:
             names = ", ".join(path.name for path in inputs)
             write_report(check_report(found, title=names), folder / "report.html")
     if json:
         out_json(found)
-        return
+    else:
+        for line in _check_in_words(found):
+            out(line)
+    if not found["agree"]:
+        sys.stdout.flush()  # while main still minds a reader that has gone
+        sys.exit(1)
+
+
+def _check_in_words(found: dict[str, Any]) -> "Iterator[str]":
+    """What a check has found, line by line."""
     for pair in found["pairs"]:
         word = "agree" if pair["agree"] else "do NOT agree"
-        out(
+        yield (
             f"{pair['first']} and {pair['second']} {word}: 95 % of {pair['n']:,} cells differ by "
             f"up to {1e3 * pair['p95']:.2f} mm (median {1e3 * pair['median']:+.2f} mm), limit "
             f"{1e3 * found['limit']:g} mm"
         )
     for name in found["alone"]:
-        out(f"{name} shares no ground with another pass: nothing can be said")
+        yield f"{name} shares no ground with another pass: nothing can be said"
+    yield from found["problems"]
 
 
 def _cells(
@@ -260,8 +283,8 @@ def _cells(
     cell: float | None,
     only: "PointFilter | None",
     progress: "Progress",
-) -> "tuple[list[LaneCells], float]":
-    """Cells of all passes, and their size [m]."""
+) -> "tuple[list[LaneCells], float, list[str]]":
+    """Cells of all passes, their size [m], and problems."""
     if not runs:
         from trueterrain.lanes.clouds import cells_of_clouds, cloud_lanes, doubt_of_lanes
 
@@ -275,4 +298,4 @@ def _cells(
 
     survey = survey_of(inputs)
     found = {lane_name(run): find_run(survey, run, progress).taken for run in survey.runs}
-    return cells_of_passes(found, settings, progress=progress), settings.cells.size
+    return cells_of_passes(found, settings, progress=progress), settings.cells.size, []

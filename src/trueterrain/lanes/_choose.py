@@ -16,7 +16,7 @@ from trueterrain.lanes._equations import Equations, Prior
 from trueterrain.lanes._problem import Shared, hashed
 from trueterrain.lanes._settings import NetworkSettings, Trial
 from trueterrain.lanes._system import System, build
-from trueterrain.lanes._weights import Fitted, residuals, settle
+from trueterrain.lanes._weights import Fitted, fit_corrections, residuals
 from trueterrain.lanes.spline import Wander
 
 Floats = npt.NDArray[np.float64]
@@ -290,10 +290,7 @@ def broad(system: System, settings: NetworkSettings) -> Fitted:
         extra_strength=settings.extra_strengths[-1] if settings.extra_strengths else 0.0,
     )  # fmt: skip
     anything = priors(loose, settings)
-    return settle(
-        system, anything, bound=settings.huber, tolerance=settings.tolerance,
-        most=settings.most_rounds,
-    )  # fmt: skip
+    return fit_corrections(system, anything, settings)
 
 
 def parts_of(system: System, folds: Folds, weight: Floats) -> tuple[Equations, list[Equations]]:

@@ -213,9 +213,18 @@ def cloud_lanes(
         for path, found in looks.items():
             for number, look in found.items():
                 by_number.setdefault(number, {})[path] = look
+        without_source = _without_source(by_number)
         single = len(by_number) == 1
         found_lanes = [
-            _lane(paths[0].stem if single else str(number), number, number, parts, crs, only)
+            _lane(
+                next(iter(parts)).stem if single else str(number),
+                number,
+                number,
+                parts,
+                crs,
+                only,
+                without_source if number == min(by_number) else (),
+            )
             for number, parts in sorted(by_number.items())
         ]
     else:
@@ -338,6 +347,23 @@ def _looked(path: Path, crs: str | None, only: PointFilter | None) -> dict[int, 
         if not found:
             raise CoverageError("holds no points", path=path, cure="Leave it out.")
     return found
+
+
+def _without_source(by_number: dict[int, dict[Path, _Look]]) -> list[str]:
+    """Take number 0 out if it is no pass, and say so.
+
+    In LAS files 0 says that a point has no source; points that were made up have neither source nor
+    time.
+    """
+    none = by_number.get(0, {})
+    others = [look for number in by_number if number for look in by_number[number].values()]
+    if not none or not others or any(look.times for look in none.values()):
+        return []
+    if any(look.times is None for look in others):
+        return []
+    del by_number[0]
+    count = sum(look.count for look in none.values())
+    return [f"{count} points of source 0 are left out: they have no time, so they are no pass"]
 
 
 def _require_one_crs(known: Mapping[Path, str]) -> None:

@@ -194,6 +194,9 @@ def _levels(key: Integers, cell: float) -> tuple[Floats, float, bool]:
         reached = np.isfinite(away)
         away, at = away[reached], at[reached]
     length = float(away.max())
+    if not length > 0:
+        message = f"its largest piece is one cell of {cell:g} m"
+        raise ValueError(message)
     width = away.size / max(length, 1.0)
     count = max(int(length / max(2.0, width)), _LEVELS)
     level = np.minimum((away / (length + 1e-9) * count).astype(np.int64), count - 1)

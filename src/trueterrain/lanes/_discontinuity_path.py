@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from trueterrain.errors import SchemaError
 from trueterrain.kinds import make_surface
 from trueterrain.lanes._discontinuity_sparse import Flags, Floats
 from trueterrain.surface.reference_line import GridFrame, grid_frame, xy_to_uv
@@ -76,6 +77,12 @@ class ReferencePath:
         if not 0 < self.spacing < np.inf:
             message = f"spacing must be greater than 0 m, got {self.spacing}."
             raise ValueError(message)
+        if self.centre is None:
+            try:
+                _ = self._wide
+            except SchemaError as error:
+                message = f"a reference path must be smooth: {error.place}, {error.problem}."
+                raise ValueError(message) from None
 
     @property
     def station(self) -> Floats:

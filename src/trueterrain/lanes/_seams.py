@@ -7,13 +7,13 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.errors import CoverageError
+from trueterrain.errors import TrueTerrainError
 from trueterrain.lanes import overlap as coarse
 from trueterrain.lanes._discontinuity_seam import Seam, SharedCells
 from trueterrain.lanes._discontinuity_sparse import pack
 from trueterrain.lanes.cells import LaneCells
 from trueterrain.lanes.overlap import Overlap, overlap_of
-from trueterrain.lanes.reference_path import centre_reference
+from trueterrain.lanes.reference_path import ReferencePath, centre_reference
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -38,7 +38,7 @@ class SeamAgreement:
 
 def seams_of(
     cells: Sequence[LaneCells], added: Mapping[str, Floats], size: float
-) -> list[SeamAgreement]:
+) -> tuple[list[SeamAgreement], list[str]]:
     """Steps at the edges of all overlaps.
 
     Parameters
@@ -52,27 +52,33 @@ def seams_of(
 
     Returns
     -------
-    list of SeamAgreement
-        Of the overlaps that have a length.
+    seams : list of SeamAgreement
+        Of the overlaps that a path can follow.
+    left_out : list of str
+        Of the others: which they are, and why there is no seam, in words.
     """
     lanes = {one.name: (_once(one), one) for one in cells}
-    found = []
+    found, left_out = [], []
     for pair in combinations(sorted(lanes), 2):
         first, second = (_as_overlap_cells(*lanes[name], size) for name in pair)
-        overlap = overlap_of(first, second, lanes=pair)
-        seam = _seam(overlap, lanes, added) if overlap else None
-        if seam is not None:
-            found.append(seam)
-    return found
+        try:
+            overlap = overlap_of(first, second, lanes=pair)
+            if overlap is None:
+                continue
+            path = centre_reference(overlap)
+        except TrueTerrainError as error:  # the merging does without
+            left_out.append(f"no seam of {pair[0]} and {pair[1]}: the overlap {error.problem}")
+            continue
+        found.append(_seam(overlap, path, lanes, added))
+    return found, left_out
 
 
 def _seam(
-    overlap: Overlap, lanes: Mapping[str, tuple[Integers, LaneCells]], added: Mapping[str, Floats]
-) -> SeamAgreement | None:
-    try:
-        path = centre_reference(overlap)
-    except CoverageError:
-        return None  # an overlap of a few cells has no edges
+    overlap: Overlap,
+    path: ReferencePath,
+    lanes: Mapping[str, tuple[Integers, LaneCells]],
+    added: Mapping[str, Floats],
+) -> SeamAgreement:
     shared = SharedCells(overlap)
     key = coarse.cell_keys(*shared.centres, overlap.cell)
     taken = []

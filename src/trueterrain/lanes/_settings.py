@@ -95,11 +95,14 @@ class NetworkSettings:
     least_cells: float = 20.0
     "Cells that a knot interval must have in the mean, or its spacing is not tried."
 
-    tolerance: float = 1e-5
-    "Change of the corrections below which they are taken as settled [m]."
+    relative_tolerance: float = 0.01
+    "Change of the corrections from which on they have converged, in their standard deviations [1]."
 
-    most_rounds: int = 60
-    "Most rounds until they settle."
+    tolerance: float = 1e-5
+    "Change of the corrections from which on they have converged, however sure they are [m]."
+
+    max_iterations: int = 300
+    "Iterations in which they must converge."
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -118,7 +121,7 @@ class NetworkSettings:
             raise ValueError(message)
         for name in (
             "roll_sd", "pitch_sd", "shift_sd", "huber", "tukey", "block",
-            "cluster", "least_cells", "tolerance",
+            "cluster", "least_cells", "relative_tolerance", "tolerance",
         ):  # fmt: skip
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
                 message = f"{name} must be greater than 0, got {getattr(self, name)}."
@@ -133,8 +136,8 @@ class NetworkSettings:
         if not self.orders or not set(self.orders) <= {"first", "second"}:
             message = f"orders must be first, second or both, got {self.orders}."
             raise ValueError(message)
-        if self.folds < 2 or self.most_rounds < 1 or self.sample < 1:
-            message = "folds must be at least 2, most_rounds and sample at least 1."
+        if self.folds < 2 or self.max_iterations < 1 or self.sample < 1:
+            message = "folds must be at least 2, max_iterations and sample at least 1."
             raise ValueError(message)
 
     @property

@@ -112,6 +112,28 @@ class Factor:
         _kernels.solve(self.pattern.begin, self.pattern.fill, self.values, x)
         return x[order]
 
+    def whiten(self, values: Floats) -> Floats:
+        """Values times the transposed factor.
+
+        Of errors whose covariance is the inverse of the matrix that makes independent ones with
+        variance 1.
+
+        Parameters
+        ----------
+        values : numpy.ndarray, shape (n,)
+            Values of the unknowns.
+
+        Returns
+        -------
+        numpy.ndarray, shape (n,)
+            In the order of elimination.
+        """
+        ordered = np.empty(values.size)
+        ordered[self.pattern.order] = values
+        return np.add.reduceat(
+            self.values * ordered[self.pattern.fill], self.pattern.begin[:-1]
+        )  # fmt: skip
+
     def inverse_at(self, row: Integers, column: Integers) -> Floats:
         """Elements of the inverse where the factor has elements.
 

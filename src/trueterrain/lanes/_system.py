@@ -149,7 +149,7 @@ class System:
         for datum in self._datums:
             x[datum.offsets] -= datum.mean_of(x)
         return Solution(
-            factor=factor, x=x, coefficients=self._coefficients(x),
+            factor=factor, x=x, coefficients=self.coefficients(x),
             log_likelihood=0.5 * likelihood,
         )  # fmt: skip
 
@@ -158,6 +158,27 @@ class System:
         out = np.empty(self.interval.size)
         _kernels.corrections(self.interval, self.weights, self.factor, coefficients, out)
         return out
+
+    def in_deviations(self, solution: Solution, change: Floats) -> Floats:
+        """Change of the unknowns in standard deviations.
+
+        Parameters
+        ----------
+        solution : Solution
+            Solved equations, which say how sure the unknowns are.
+        change : numpy.ndarray, shape (n,)
+            Change of the unknowns.
+
+        Returns
+        -------
+        numpy.ndarray, shape (n,)
+            Independent parts of it. By the root of the sum of their squares no correction, and no
+            sum or difference of corrections, changes by more of its own standard deviation.
+        """
+        change = change.copy()
+        for datum in self._datums:  # heights as a whole are as the equations hold them
+            change[datum.offsets] -= change[datum.offsets[0]]
+        return solution.factor.whiten(change)
 
     def covariance(self, solution: Solution) -> Floats:
         """Covariance of the coefficients of pairs of intervals, offsets included.
@@ -186,7 +207,7 @@ class System:
             right = np.zeros(self.size)
             right[datum.unknowns] = datum.weights
             with_mean = solution.factor.solve(right)
-            each = self._coefficients(with_mean)
+            each = self.coefficients(with_mean)
             mine = np.isin(self.unknown[:, size], datum.offsets)
             pairs = np.flatnonzero(mine[one])
             found[pairs, :4] -= each[two[pairs], None, :]
@@ -223,7 +244,8 @@ class System:
         begin = rows[0, : 4 * k : 4]
         return begin[:, None] + np.arange(rows.shape[0] + 3), rows[0, 4 * k :]
 
-    def _coefficients(self, x: Floats) -> Floats:
+    def coefficients(self, x: Floats) -> Floats:
+        """Coefficients of each interval, offsets included, by some unknowns."""
         k = len(self.components)
         each = x[self.unknown]
         return each[:, : 4 * k] + np.repeat(each[:, 4 * k :], 4, axis=1)

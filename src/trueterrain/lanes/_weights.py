@@ -10,6 +10,7 @@ from trueterrain.errors import TrueTerrainError
 from trueterrain.lanes import _kernels
 from trueterrain.lanes._equations import Equations, Known, Prior, Solution
 from trueterrain.lanes._problem import Shared
+from trueterrain.lanes._settings import NetworkSettings
 from trueterrain.lanes._system import System
 
 Floats = npt.NDArray[np.float64]
@@ -17,8 +18,10 @@ Integers = npt.NDArray[np.int64]
 
 _MEDIAN_OF_SQUARE = 0.45493642311957283  # of a standard normal variable, squared
 _SOME = 20_000  # cells that tell what is usual
-_SETTLED = 5e-4  # change of the floor below which it is kept
+_STEADY = 5e-4  # change of the floor below which it is kept
 _PARTS = 8  # of a knot interval in which a pass is taken to err by the same
+_FLOORS = 10  # iterations in which the floor follows
+_LENGTHENED, _DAMPED = 4.0, 0.9  # most of the distance between two solutions to go on, or back
 _STEPS = 3  # in which what is far away is left out
 
 
@@ -30,7 +33,7 @@ class Fitted:
     "The corrections."
 
     equations: Equations
-    "Normal equations of the last round."
+    "Normal equations of the last iteration."
 
     correction: Floats
     "Correction of the height of each entry, shape (n,) [m]."
@@ -44,20 +47,14 @@ class Fitted:
     weight: Floats
     "Weight of each entry, shape (n,) [1/m²]."
 
-    rounds: int
-    "Rounds that were needed."
+    iterations: int
+    "Iterations that were needed."
 
 
-def settle(
-    system: System,
-    prior: Mapping[str, Prior],
-    *,
-    bound: float,
-    tolerance: float,
-    most: int,
-    start: Floats | None = None,
+def fit_corrections(
+    system: System, prior: Mapping[str, Prior], settings: NetworkSettings
 ) -> Fitted:
-    """Adjust with Huber's weights, which follow what is left, until nothing changes any more.
+    """Adjust with Huber's weights, which follow the residuals, until corrections converge.
 
     Parameters
     ----------
@@ -65,48 +62,86 @@ def settle(
         The unknowns.
     prior : mapping of str to Prior
         What is known of each component before.
-    bound : float
-        Standard deviations beyond which a cell weighs less.
-    tolerance : float
-        Change of the corrections below which they are taken as settled [m].
-    most : int
-        Most rounds.
-    start : numpy.ndarray, shape (n,), optional
-        Corrections of the entries to start from [m].
+    settings : NetworkSettings
+        Where Huber's weights begin to fall, and when corrections have converged.
 
     Returns
     -------
     Fitted
-        Where it settled.
+        Where they converged.
 
     Raises
     ------
     TrueTerrainError
-        If it does not settle.
+        If they do not.
+
+    Notes
+    -----
+    The noise floor, which is the scale of the weights, follows the corrections until it stays, or
+    for some iterations: two floors that lead to each other would never end. From then on the step
+    after a solution is that of Anderson's acceleration with one solution before: it damps steps
+    that go back and forth, and lengthens those that creep, as where a few gross errors hold many
+    weights. Corrections have converged if none changes by more than a fraction of its own standard
+    deviation, or by more than a length that is of no use.
     """
     shared = system.shared
-    correction = np.zeros(shared.lane.size) if start is None else start
     known = system.known(prior)
-    floor, still, change = np.inf, False, np.inf
-    for done in range(1, most + 1):
+    x = np.zeros(system.size)
+    floor, fixed = np.inf, False
+    before: tuple[Floats, Floats] | None = None  # solution, and step that led to it
+    for iteration in range(1, settings.max_iterations + 1):
+        correction = system.corrections(system.coefficients(x))
         height = shared.entries.height + correction
-        if not still:
+        if not fixed:
             found = noise_floor(shared, height)
-            still = abs(found - floor) <= 4.0 * _SETTLED * found
-            floor = found
+            fixed = abs(found - floor) <= 4.0 * _STEADY * found or iteration >= _FLOORS
+            floor, before = found, None
         variance = shared.entries.variance + floor**2
         away = np.empty(height.size)
         _kernels.outlyingness(shared.start, height, variance, shared.usable, away)
-        robustness = bound / np.maximum(np.abs(away), bound)
-        fitted = _solved(system, known, robustness, variance, floor, done)
-        change = float(np.abs(fitted.correction - correction).max())
-        correction = fitted.correction
-        if still and change <= tolerance:
+        robustness = settings.huber / np.maximum(np.abs(away), settings.huber)
+        fitted = _solved(system, known, robustness, variance, floor, iteration)
+        step = fitted.solution.x - x
+        moved = np.abs(fitted.correction - correction)
+        parts = system.in_deviations(fitted.solution, step)
+        change = float(np.sqrt((parts**2).sum()))
+        if fixed and (moved.max() <= settings.tolerance or change <= settings.relative_tolerance):
             return fitted
-    raise TrueTerrainError(
-        f"the adjustment did not settle: after {most} rounds corrections still change by "
-        f"{change * 1e3:.3g} mm",
-        cure="Look for passes that are not of the same ground, or allow more rounds.",
+        x = fitted.solution.x
+        if before is not None:
+            back = _part_back(parts, system.in_deviations(fitted.solution, before[1]))
+            x = x - back * (x - before[0])
+        before = fitted.solution.x, step
+    raise _not_converged(shared, moved, change, settings)
+
+
+def _part_back(now: Floats, before: Floats) -> float:
+    """Part of the distance to the solution before by which to go back; on, if it is negative."""
+    turn = now - before
+    square = float(turn @ turn)
+    if square == 0:
+        return 0.0
+    # steps that grow are not lengthened
+    furthest = 0.0 if now @ now > before @ before else -_LENGTHENED
+    return float(np.clip(now @ turn / square, furthest, _DAMPED))
+
+
+def _not_converged(
+    shared: Shared, moved: Floats, change: float, settings: NetworkSettings
+) -> TrueTerrainError:
+    worst = int(np.argmax(moved))
+    moving = np.unique(shared.lane[moved > settings.tolerance])
+    names = dict.fromkeys(shared.names[k] for k in (shared.lane[worst], *moving))
+    name, entries = next(iter(names)), shared.entries
+    others = f" (of {', '.join(list(names)[1:])} by less)" if len(names) > 1 else ""
+    return TrueTerrainError(
+        f"the adjustment did not converge in {settings.max_iterations} iterations: the correction "
+        f"of {name} still changes by {1e3 * moved[worst]:.3g} mm at easting "
+        f"{entries.easting[worst]:.1f} m and northing {entries.northing[worst]:.1f} m{others}; all "
+        f"together by up to {change:.2g} standard deviations, more than the relative tolerance of "
+        f"{settings.relative_tolerance:g}",
+        cure=f"Leave {name} out if it is not of the same ground, or raise max_iterations "
+        "or relative_tolerance (--max-iterations, --relative-tolerance).",
     )
 
 
@@ -174,7 +209,7 @@ def reject(
             shared.usable * (1.0 - beyond) ** 2,
             variance * factor,
             before.floor,
-            before.rounds,
+            before.iterations,
         )
     return fitted
 
@@ -272,14 +307,14 @@ def _solved(
     robustness: Floats,
     variance: Floats,
     floor: float,
-    rounds: int,
+    iterations: int,
 ) -> Fitted:
     weight = robustness / variance
     equations = system.equations(weight, np.ones(system.shared.cells, bool))
     solution = system.solve(equations, known)
     return Fitted(
         solution=solution, equations=equations, robustness=robustness, floor=floor, weight=weight,
-        correction=system.corrections(solution.coefficients), rounds=rounds,
+        correction=system.corrections(solution.coefficients), iterations=iterations,
     )  # fmt: skip
 
 
@@ -319,7 +354,7 @@ def noise_floor(shared: Shared, height: Floats, guess: float = 1e-3) -> float:
         return low
     while excess(high) > 0:
         low, high = high, 2.0 * high
-    while high - low > _SETTLED * high:
+    while high - low > _STEADY * high:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if excess(middle) > 0 else (low, middle)
     return high

@@ -12,7 +12,7 @@ import xarray as xr
 
 from trueterrain import provenance
 from trueterrain.engine.progress import Progress, no_progress
-from trueterrain.errors import CoverageError, TrueTerrainError, concerning
+from trueterrain.errors import CoverageError, concerning
 from trueterrain.formats.point_filter import doubt_of_classes
 from trueterrain.lanes._clouds_corrected import CorrectedClouds, CorrectedLane, with_time
 from trueterrain.lanes._clouds_lanes import (
@@ -77,12 +77,12 @@ def merge_clouds(
     Raises
     ------
     CoverageError
-        If no cell is seen by two lanes, no lane has enough cells, an overlap is too thin for the
-        method, or two lanes hold the same points.
+        If no cell is seen by two lanes, fewer than two lanes have enough cells, or times of one
+        pass, an overlap is too thin for the method, or two lanes hold the same points.
     SchemaError
         If coordinates are not finite.
     TrueTerrainError
-        If the times of a lane run over more than a week, or the adjustment does not settle.
+        If the adjustment does not converge.
 
     Notes
     -----
@@ -115,13 +115,14 @@ def merge_clouds(
     lanes = {name: lanes[name] for name in sorted(lanes)}
     path = path or reference_path(settings)
     untimed = [name for name, lane in lanes.items() if lane.time is None]
+    doubts = [doubt for lane in lanes.values() for doubt in lane.doubts]
     ways: dict[str, ReferencePath | None] = dict.fromkeys(lanes)
     timed = settings.method == "network"
     if timed and untimed:
         ways = {name: path or station_path(lane, settings.cells) for name, lane in lanes.items()}
     elif timed:
-        for lane in lanes.values():
-            _require_one_flight(lane)
+        lanes, too_long = _of_one_flight(lanes)
+        doubts += too_long
     cells, left_out = _cells(lanes, ways, settings, progress, timed=timed)
     kept = {one.name: lanes[one.name] for one in cells}
     paths: dict[str, Path | None] = dict.fromkeys(kept)
@@ -144,7 +145,6 @@ def merge_clouds(
             paths=path, fix=next(iter(settings.fixed), None), progress=progress,
         ),
     )  # fmt: skip
-    doubts = [doubt for lane in lanes.values() for doubt in lane.doubts]
     doubts += [
         *doubt_of_lanes(lanes),
         *left_out,
@@ -168,7 +168,7 @@ def cells_of_clouds(
     *,
     cell: float | None = None,
     progress: Progress = no_progress,
-) -> tuple[list[LaneCells], float]:
+) -> tuple[list[LaneCells], float, list[str]]:
     """Cells that each lane of point clouds saw, to compare them as they are.
 
     Parameters
@@ -188,18 +188,21 @@ def cells_of_clouds(
         Of all lanes with enough of them, without times.
     size : float
         Size of the cells [m].
+    problems : list of str
+        Lanes that were left out, and what else is flagged, in words.
 
     Raises
     ------
     CoverageError
-        If no lane has enough cells.
+        If fewer than two lanes have enough cells.
     FormatError
         If a file is damaged.
     """
     settings = with_cells(settings, cell or suggested_cell(lanes))
     ways = dict.fromkeys(lanes)
-    cells, _ = _cells(lanes, ways, settings, progress, timed=False)
-    return cells, settings.cells.size
+    cells, left_out = _cells(lanes, ways, settings, progress, timed=False)
+    doubts = [doubt for lane in lanes.values() for doubt in lane.doubts]
+    return cells, settings.cells.size, [*doubts, *left_out]
 
 
 def doubt_of_lanes(lanes: Mapping[str, CloudLane]) -> list[str]:
@@ -367,15 +370,25 @@ def _cells(
     return found, left_out
 
 
-def _require_one_flight(lane: CloudLane) -> None:
-    if lane.time is not None and lane.time[1] - lane.time[0] > WEEK:
-        raise TrueTerrainError(
-            f"its times run from {lane.time[0]:.9g} s to {lane.time[1]:.9g} s, longer than a week, "
-            "so it is no single pass",
-            place=f"lane {lane.name}",
+def _of_one_flight(lanes: Mapping[str, CloudLane]) -> tuple[dict[str, CloudLane], list[str]]:
+    """Lanes whose times can be those of one pass, and what is said of the others."""
+    kept: dict[str, CloudLane] = {}
+    left_out: list[str] = []
+    for name, lane in lanes.items():
+        if lane.time is None or lane.time[1] - lane.time[0] <= WEEK:
+            kept[name] = lane
+            continue
+        left_out.append(
+            f"{name} is left out: its times run from {lane.time[0]:.9g} s to {lane.time[1]:.9g} s, "
+            "longer than a week, so it is no single pass"
+        )
+    if len(kept) < min(2, len(lanes)):
+        raise CoverageError(
+            f"fewer than two lanes have the times of one pass: {'; '.join(left_out)}",
             cure="Bring all times into one kind and give each flight a number of its own, or take "
             "the method discontinuity, which goes by station.",
         )
+    return kept, left_out
 
 
 def _of_time(

@@ -176,7 +176,7 @@ def merge_cells(
     ValueError
         If the method needs `align` and it is not given, or names are wrong.
     TrueTerrainError
-        If the adjustment does not settle.
+        If the adjustment does not converge.
 
     Examples
     --------
@@ -212,10 +212,10 @@ def merge_cells(
         }
     progress("compare passes", 0, None)
     pairs = tuple(adjustment.pairs) if adjustment else tuple(compared(cells, added))
+    seams, no_seams = seams_of(cells, added, settings.cells.size)
     found = Merging(
         method=settings.method, names=tuple(sorted(one.name for one in cells)), pairs=pairs,
-        seams=tuple(seams_of(cells, added, settings.cells.size)), adjustment=adjustment,
-        alignment=alignment, problems=(),
+        seams=tuple(seams), adjustment=adjustment, alignment=alignment, problems=tuple(no_seams),
     )  # fmt: skip
     return _with_problems(found, settings, cells)
 
@@ -286,7 +286,7 @@ def _by_network(cells: Sequence[LaneCells], adjustment: Adjustment) -> dict[str,
 
 
 def _with_problems(found: Merging, settings: MergeSettings, cells: Sequence[LaneCells]) -> Merging:
-    problems: list[str] = []
+    problems = list(found.problems)
     paired = {name for pair in found.pairs for name in (pair.first, pair.second)}
     problems += [
         f"{name} shares no ground with another pass, so nothing ties it"
@@ -342,7 +342,7 @@ def _network_summary(adjustment: Adjustment) -> dict[str, Any]:
         "rejected": len(adjustment.rejected),
         "noise_floor": adjustment.noise_floor,
         "left": adjustment.left,
-        "rounds": adjustment.rounds,
+        "iterations": adjustment.iterations,
         "corrections": [
             {
                 "pass": one.name, "components": list(one.components),

@@ -44,10 +44,10 @@ from trueterrain.lanes._system import System, build
 from trueterrain.lanes._weights import (
     Fitted,
     clustering,
+    fit_corrections,
     gross_errors,
     left_over,
     reject,
-    settle,
     spread,
 )
 from trueterrain.lanes.cells import LaneCells
@@ -154,8 +154,8 @@ class Adjustment:
     left: float
     "Standard deviation that corrections leave: what cells of a square still have in common [m]."
 
-    rounds: int
-    "Rounds until weights and corrections had settled."
+    iterations: int
+    "Iterations until weights and corrections had converged."
 
     settings: NetworkSettings
     "What was asked for."
@@ -241,7 +241,7 @@ def adjust(
     CoverageError
         If no cell is seen by two passes, or twice by one.
     TrueTerrainError
-        If the adjustment does not settle.
+        If the adjustment does not converge.
 
     Notes
     -----
@@ -253,7 +253,7 @@ def adjust(
     well, by their standard error, the stiffest is taken. That says what passes differ by. What they
     have in common no pass can tell; standard deviations take it to be as large as what they differ
     by and what the navigation claims, pooled by their degrees of freedom. Weights are Huber's until
-    all has settled, then Tukey's for a few steps, which leave out what moved between the passes.
+    all has converged, then Tukey's for a few steps, which leave out what moved between the passes.
 
     Examples
     --------
@@ -282,9 +282,7 @@ def adjust(
     progress("adjust", 0, None)
     system = build(shared, chosen.components, chosen.knot_spacing, lanes_sd)
     prior = priors(chosen, settings)
-    start = settle(
-        system, prior, bound=settings.huber, tolerance=settings.tolerance, most=settings.most_rounds
-    )
+    start = fit_corrections(system, prior, settings)
     factor = clustering(shared, start, settings.cluster)
     fitted = reject(system, prior, start, bound=settings.tukey, factor=factor)
     left = left_over(system, fitted)
@@ -308,7 +306,7 @@ def adjust(
         pairs=tuple(pairs), closures=tuple(closures_of(pairs)),
         rejected=_rejected(shared, fitted, ground), ground=ground,
         trials=tuple(search.trials), chosen=chosen, noise_floor=fitted.floor,
-        clustering=factor, left=left, rounds=fitted.rounds, settings=settings,
+        clustering=factor, left=left, iterations=fitted.iterations, settings=settings,
     )  # fmt: skip
 
 

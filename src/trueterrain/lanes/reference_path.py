@@ -212,7 +212,8 @@ def centre_reference(
     ValueError
         If a number is not greater than 0.
     CoverageError
-        If the overlap is shorter than two spacings.
+        If the overlap is shorter than two spacings, or its shape has no middle that a path could
+        follow, such as scattered pieces.
 
     Notes
     -----
@@ -240,7 +241,7 @@ def centre_reference(
         return waypoint_reference(easting, northing, spacing=spacing, closed=closed)
     except ValueError as error:
         raise CoverageError(
-            f"has no length to lay a reference path along: {error}",
+            f"has no middle to lay a reference path along: {str(error).rstrip('.')}",
             place=f"overlap of {overlap.lanes[0]} and {overlap.lanes[1]}",
             cure="Give a line or waypoints, a finer spacing, or finer cells.",
         ) from None

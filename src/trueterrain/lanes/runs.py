@@ -63,7 +63,7 @@ def merge_runs(
     SchemaError
         If control points have no standard deviations.
     TrueTerrainError
-        If the adjustment does not settle.
+        If the adjustment does not converge.
     """
     if settings.network.correlation_time is None and drift_time is not None:
         network = replace(settings.network, correlation_time=drift_time)

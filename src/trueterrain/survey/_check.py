@@ -10,11 +10,13 @@ from trueterrain._version import __version__
 from trueterrain.lanes._seams import seams_of
 from trueterrain.lanes.cells import LaneCells
 from trueterrain.lanes.merge import compared, require_different
-from trueterrain.report import Block, Number, Report, Section, Table, Text, Verdict
+from trueterrain.report import Block, Number, Report, Section, Table, Text, Verdict, Warnings
 from trueterrain.survey._report_parts import columns, millimetres
 
 
-def check_agreement(cells: Sequence[LaneCells], *, limit: float, size: float) -> dict[str, Any]:
+def check_agreement(
+    cells: Sequence[LaneCells], *, limit: float, size: float, problems: Sequence[str] = ()
+) -> dict[str, Any]:
     """Differences of passes where they overlap, and whether they keep a limit.
 
     Parameters
@@ -25,12 +27,15 @@ def check_agreement(cells: Sequence[LaneCells], *, limit: float, size: float) ->
         Difference of height that 95 % of the cells may have [m].
     size : float
         Size of the cells [m].
+    problems : sequence of str
+        What is known before, in words, such as passes that were left out.
 
     Returns
     -------
     dict
         ``agree``, ``limit`` [m], ``pairs`` with ``n``, ``median``, ``nmad``, ``rmse``, ``p95`` [m]
-        and ``agree``; ``seams`` [m]; ``alone``: passes without ground in common with another.
+        and ``agree``; ``seams`` [m]; ``alone``: passes without ground in common with another;
+        ``problems``: passes and seams that were left out, and what else is flagged, in words.
 
     Raises
     ------
@@ -40,7 +45,7 @@ def check_agreement(cells: Sequence[LaneCells], *, limit: float, size: float) ->
     require_different(cells)
     pairs = compared(cells)
     none = {one.name: np.zeros(len(one)) for one in cells}
-    seams = seams_of(cells, none, size)
+    seams, no_seams = seams_of(cells, none, size)
     paired = {name for pair in pairs for name in (pair.first, pair.second)}
     alone = sorted({one.name for one in cells} - paired)
     found = [
@@ -61,6 +66,7 @@ def check_agreement(cells: Sequence[LaneCells], *, limit: float, size: float) ->
             {"lanes": list(seam.lanes), "median": seam.before.median} for seam in seams
         ],
         "alone": alone,
+        "problems": [*problems, *no_seams],
     }  # fmt: skip
 
 
@@ -118,6 +124,8 @@ def check_report(found: dict[str, Any], *, title: str) -> Report:
                 "sees the same ground."
             )
         )
+    if found["problems"]:
+        blocks.append(Warnings(items=found["problems"]))
     worst = max(found["pairs"], key=lambda pair: float(pair["p95"]))
     headline = (
         Number(

@@ -103,7 +103,7 @@ def merge_point_clouds(
         written = [*_clouds(corrected, temporary, progress)]
         progress("surface", 0, None)
         placement = Placement(spacing=spacing or settings.cells.size)
-        grid = placement.of_points([lane.extent for lane in lanes.values()])
+        grid = placement.of_points([one.lane.extent for one in corrected.values()])
         surface = trimmed(merged_surface(corrected, grid, GridOptions(), threads=threads))
         formats.write(surface, temporary / f"{_SURFACE}.tif")
         written.append((f"{_SURFACE}.tif", "the merged surface"))
