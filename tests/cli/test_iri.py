@@ -333,7 +333,7 @@ def test_a_window_that_averages_nothing_is_told(capsys, tmp_path):
 
 def test_feet_declared_as_metres_are_questioned(capsys, tmp_path):
     s = 0.1 * np.arange(2000)
-    table.write(make_profile(s, 0.08 * s / 0.3048), tmp_path / "feet.csv")
+    table.write(make_profile(s, 0.08 * s / 0.3048 + rough(2000, 3)), tmp_path / "feet.csv")
     message = warned(capsys, tmp_path / "feet.csv")
     assert message == (
         f"trueterrain: warning: {tmp_path / 'feet.csv'}: track profile: "
