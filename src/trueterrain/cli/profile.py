@@ -7,6 +7,7 @@ from cyclopts import Parameter
 
 from trueterrain.cli._console import compiling_noted, note, progress_bar
 from trueterrain.cli._numbers import WHOLE
+from trueterrain.cli._profiles import warn
 from trueterrain.cli._recordings import refuse_recording
 from trueterrain.errors import CoverageError, concerning
 
@@ -78,7 +79,7 @@ def profile(
     spacing
         Arc length between path points [m].
     radius
-        Radius of the disc that is searched around each path point [m]; by default 0.025.
+        Radius of the disc that is searched around each path point [m]; by default 0.025, at most 1.
     patch
         Search a rectangle aligned with the path instead: length and width [m].
     ellipse
@@ -126,12 +127,15 @@ def profile(
     """
     from trueterrain import formats, provenance
     from trueterrain.profile import EnvelopeOptions, ProfileOptions
+    from trueterrain.profile.area import area_doubt
 
     options = ProfileOptions(
         statistic=statistic, radius=radius, patch=patch, ellipse=ellipse, percent=percent,
         skip=skip, average=average, power=power, resolution=resolution, bandwidth=bandwidth,
         level=level, minimum_count=minimum_count, thin=thin,
     )  # fmt: skip
+    if (doubt := area_doubt(options.search_area())) is not None:
+        warn(f"{doubt}.")
     rolling = None
     if envelope is not None:
         if options != ProfileOptions(thin=thin):

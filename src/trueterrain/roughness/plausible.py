@@ -23,7 +23,7 @@ _STEEPEST = 0.2  # [m/m] over that length; roads are built up to about 0.12
 _ROUGHEST = 200.0
 _ROUGHEST_ROAD = 30.0  # [m/km] where nobody named the unit: Sayers's scale of roads ends at 20
 _SMOOTHEST = 0.1  # [m/km] new roads have 0.5 and more
-_FELT = 1.2  # [m] the shortest wave that the golden car feels; a shorter profile can well be straight
+_FELT = 1.2  # [m] the shortest wave that the golden car feels; a shorter profile may be straight
 
 _UNIT = "are its heights in metres, not in feet or millimetres?"
 _SMOOTHED = "was it smoothed away by a search area or a filter, or is its unit larger than a metre?"

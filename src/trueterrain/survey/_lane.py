@@ -26,9 +26,10 @@ from trueterrain.profile import (
     tyre_profile,
     waypoint_path,
 )
-from trueterrain.profile.area import reach
+from trueterrain.profile.area import area_doubt, reach
 from trueterrain.profile.envelope import tyre_envelope
-from trueterrain.roughness import iri
+from trueterrain.roughness import doubts, iri
+from trueterrain.roughness.plausible import rating_doubts
 from trueterrain.surface.coarse import down_sample
 from trueterrain.surface.evaluate import heights_at, node_coordinates, surface_to_points
 from trueterrain.surface.grid import trimmed
@@ -109,14 +110,14 @@ def find_run(survey: Survey, run: RunSettings, progress: Progress) -> Run:
         tree = open_run(path)
         mounting = run.mounting.over(mounting_of(tree, path=path))
         motion = fuse(tree, settings=survey.motion)
-        doubts = [*motion.problems, *scan_problems(tree, motion.trajectory)]
+        problems = [*motion.problems, *scan_problems(tree, motion.trajectory)]
         trajectory = motion.trajectory.between(run.begin, run.end)
     numbers = {
         "name": name,
         **_of_run(tree, path, trajectory),
         "mounting": asdict(mounting),
         "motion": motion.summary(),
-        "problems": doubts,
+        "problems": problems,
     }
     taken = Pass(path=path, trajectory=trajectory, mounting=mounting)
     return Run(name=name, motion=motion, taken=taken, numbers=numbers)
@@ -260,6 +261,8 @@ def _profiles(
             found[wanted.name] = taken_along(surface, wanted)
         except CoverageError as error:
             problems.append(f"profile {wanted.name} of {lane} is left out: {error}")
+        if (doubt := area_doubt(wanted.tyre.search_area())) is not None:
+            problems.append(f"profile {wanted.name}: {doubt}")
     return found, problems
 
 
@@ -322,7 +325,7 @@ def _profile_files(
 def _rated(
     survey: Survey, profiles: dict[str, xr.Dataset]
 ) -> tuple[dict[str, xr.Dataset], list[str]]:
-    """Roughness of profiles, and why others have none."""
+    """Roughness of profiles, what is doubtful about it, and why others have none."""
     found, problems = {}, []
     for name, profile in profiles.items():
         try:
@@ -331,6 +334,11 @@ def _rated(
             )
         except (CoverageError, ValueError) as error:
             problems.append(f"profile {name} is not rated: {error}")
+            continue
+        problems += doubts(profile.assign_attrs(track=name))
+        problems += [
+            f"profile {name}: {doubt}" for doubt in rating_doubts(profile, survey.roughness.iri)
+        ]
     return found, problems
 
 
