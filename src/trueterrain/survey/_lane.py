@@ -191,7 +191,7 @@ def measure_lane(
             {**_of_profile(profile, index.get(one)), "name": one}
             for one, profile in profiles.items()
         ],
-        "wheel_paths": _wheel_paths(survey, profiles),
+        "wheel_paths": list(_wheel_paths(survey, profiles, index)),
         "truth": None if truth is None else _against(survey, surface, truth, index),
         "problems": [*_problems(tally, holes), *left_out, *unrated],
         "files": [file for file, _ in files],
@@ -336,17 +336,25 @@ def _rated(
             problems.append(f"profile {name} is not rated: {error}")
             continue
         problems += doubts(profile.assign_attrs(track=name))
-        problems += [
-            f"profile {name}: {doubt}" for doubt in rating_doubts(profile, survey.roughness.iri)
-        ]
+        unsure = rating_doubts(profile, survey.roughness.iri)
+        problems += [f"profile {name}: {doubt}" for doubt in unsure]
     return found, problems
 
 
-def _wheel_paths(survey: Survey, profiles: dict[str, xr.Dataset]) -> dict[str, float] | None:
-    """MRI and HRI of the profiles named left and right, where both are there [m/km]."""
-    if not {"left", "right"} <= set(profiles):
-        return None
-    left, right = profiles["left"], profiles["right"]
+def _wheel_paths(
+    survey: Survey, profiles: dict[str, xr.Dataset], index: dict[str, xr.Dataset]
+) -> Iterator[dict[str, Any]]:
+    """MRI and HRI [m/km] of rated profiles whose names differ in left and right at their end."""
+    for left in index:
+        right = left.removesuffix("left") + "right"
+        if left.endswith("left") and right in index:
+            mri = 0.5 * float(index[left].iri[0] + index[right].iri[0])
+            hri = _half_car(survey, profiles[left], profiles[right])
+            yield {"left": left, "right": right, "mri": mri, "hri": hri}
+
+
+def _half_car(survey: Survey, left: xr.Dataset, right: xr.Dataset) -> float | None:
+    """HRI of two wheel paths [m/km], None if they are not parallel."""
     step = float(left.s[1] - left.s[0])
     numbers = [np.rint(profile.s.values / step).astype(int) for profile in (left, right)]
     both, at_left, at_right = np.intersect1d(*numbers, return_indices=True)
@@ -357,10 +365,9 @@ def _wheel_paths(survey: Survey, profiles: dict[str, xr.Dataset]) -> dict[str, f
     heights = np.stack([left.height.values[at_left], right.height.values[at_right]])
     tracks = make_profile(both * step, heights, tracks=["left", "right"])
     try:
-        index = iri(tracks, options=survey.roughness.iri)
+        return float(iri(tracks, options=survey.roughness.iri).hri)
     except (CoverageError, ValueError):
-        return None  # each of them is said to be unrated already
-    return {"mri": float(index.mri), "hri": float(index.hri)}
+        return None  # too short where both are
 
 
 def _against(
