@@ -89,8 +89,8 @@ def rating_doubts(profile: xr.Dataset, options: CarOptions) -> list[str]:
     Returns
     -------
     list of str
-        Empty if samples are close enough, and the moving average before the car changes something
-        or is not wanted.
+        Empty if samples are close enough, or too far apart to be rated at all, and the moving
+        average before the car changes something or is not wanted.
 
     Examples
     --------
@@ -104,6 +104,9 @@ def rating_doubts(profile: xr.Dataset, options: CarOptions) -> list[str]:
     station = np.asarray(profile["s"], dtype=float)
     if station.size < 2:
         return []
+    largest = float(np.diff(station).max())
+    if largest > options.max_spacing * (1 + ROUNDING):
+        return []
     found = []
     if _is_idle(station, options):
         spacing = float(station[-1] - station[0]) / (station.size - 1)
@@ -111,7 +114,6 @@ def rating_doubts(profile: xr.Dataset, options: CarOptions) -> list[str]:
             f"the window {options.window} of {options.window_length:g} m averages nothing "
             f"at a spacing of {spacing:.4g} m"
         )
-    largest = float(np.diff(station).max())
     if largest > options.accurate_spacing * (1 + ROUNDING):
         found.append(
             f"samples are up to {largest:.4g} m apart; the index is accurate to "
