@@ -47,12 +47,13 @@ def open(path: str | Path) -> "xr.Dataset":  # noqa: A001 - called as trueterrai
     Parameters
     ----------
     path : str or Path
-        CRG, GeoTIFF, LAS, LAZ, COPC, ERD, CSV or Parquet file, or a Zarr store.
+        CRG, GeoTIFF, LAS, LAZ, COPC, ERD, CSV or Parquet file, or a Zarr store; or navigation.
 
     Returns
     -------
     xarray.Dataset
-        Points, Surface or Profile, see `trueterrain.kinds`.
+        Points, Surface or Profile, see `trueterrain.kinds`, or navigation, see
+        `trueterrain.formats.navigation`.
 
     Raises
     ------
@@ -270,6 +271,8 @@ def kind_of_file(path: str | Path) -> str:
         "erd": "profile",
         "run": "run",
         "navigation.sbet": "navigation",
+        "navigation.boreas": "navigation",
+        "navigation.columns": "navigation",
         "navigation.smrmsg": "accuracy",
     }
     module = recognise(path).module

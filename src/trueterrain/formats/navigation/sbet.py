@@ -1,17 +1,19 @@
-"""SBET: the smoothed best estimate of trajectory of Applanix POSPac.
+"""SBET: the smoothed best estimate of trajectory of Applanix POSPac, in bytes or as text.
 
 136 bytes per record, 17 little-endian doubles without any header: seconds of the GPS week,
 latitude, longitude [rad], ellipsoidal height [m], three velocities in the wander frame [m/s], roll,
 pitch, platform heading, wander angle [rad], three specific forces [m/s²] and three angular rates
 [rad/s] of the body. The body is forward-right-down. The true heading is the platform heading less
 the wander angle; the velocities are along the x axis of the wander frame (wander angle west of
-north), its y axis (to the left of x) and up. The file names neither datum nor week.
+north), its y axis (to the left of x) and up. The file names neither datum nor week. As text, it has
+the same 17 numbers in each line, divided by blanks, tabs, semicolons or commas.
 
 Sources: POSPac MMS user guide as reproduced by the LiDAR360 manual ("OUT File"); the sign of the
 wander angle and the axes of the velocities were found in measured files.
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,7 @@ import numpy as np
 import xarray as xr
 
 from trueterrain import provenance
+from trueterrain.formats._text_head import find_head
 from trueterrain.formats.navigation._frames import (
     Origin,
     Turns,
@@ -26,6 +29,7 @@ from trueterrain.formats.navigation._frames import (
     enu_of_geodetic,
     iso8855_of_ned,
 )
+from trueterrain.formats.navigation._recognise import is_sbet_text
 from trueterrain.formats.navigation._records import (
     BLOCK,
     WEEK,
@@ -37,6 +41,7 @@ from trueterrain.formats.navigation._records import (
     refuse,
 )
 from trueterrain.formats.navigation._schema import EpochRules, check_length, navigation_of
+from trueterrain.formats.navigation._tables import table_blocks
 
 FIELDS = 17
 
@@ -118,7 +123,7 @@ def blocks(
         As by `read`; damage is found when it is reached.
     """
     path = Path(path)
-    records = mapped(path, FIELDS, "SBET")
+    records = _records(path)
     clock, rules = WeekClock(path), EpochRules(path=path)
     turns = Turns()
     place = None if origin is None else check_origin(origin)
@@ -167,7 +172,7 @@ def describe(path: str | Path) -> dict[str, Any]:
     clock, tally = WeekClock(path), IntervalTally()
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     fastest, latest = 0.0, 0.0
-    for first, fields in record_blocks(mapped(path, FIELDS, "SBET"), BLOCK):
+    for first, fields in record_blocks(_records(path), BLOCK):
         _check(path, fields, first)
         tally.add(clock.continued(fields[0]))
         place = np.stack([np.rad2deg(fields[2]), np.rad2deg(fields[1]), fields[3]])
@@ -190,6 +195,17 @@ def describe(path: str | Path) -> dict[str, Any]:
         "crs": "",
         "problems": problems,
     }
+
+
+def _records(path: Path) -> Floats:
+    """Records of a file, of bytes or as text, shape (record, field)."""
+    with path.open("rb") as stream:
+        head = find_head([stream.readline().decode("latin-1")], lambda _: False)
+    if head is None or not is_sbet_text(head.labels):
+        return mapped(path, FIELDS, "SBET")
+    names = [str(number) for number in range(1, FIELDS + 1)]
+    parts = table_blocks(path, names, head=replace(head, labels=tuple(names), named=True))
+    return np.concatenate([np.stack([part[name] for name in names], axis=1) for part in parts])
 
 
 def _check(path: Path, fields: Floats, first: int) -> None:
