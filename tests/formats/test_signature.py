@@ -143,7 +143,8 @@ def test_an_sbet_as_text_is_the_same_navigation(tmp_path, separator):
     records[:, 1], records[:, 2] = 0.66 + 1e-8 * np.arange(300), -2.08
     records[:, 3], records[:, 9], records[:, 10] = 691.6, 0.3, 0.01
     records[:, 7:9] = 0.02 * np.sin(records[:, :1])
-    np.savetxt(tmp_path / "sbet.txt", records, delimiter=separator, fmt="%.17g")
+    title = "made by sbet2text"
+    np.savetxt(tmp_path / "sbet.txt", records, delimiter=separator, fmt="%.17g", header=title)
     records.astype("<f8").tofile(tmp_path / "sbet.out")
     assert formats.recognise(tmp_path / "sbet.txt").name == "SBET as text"
     text, binary = (formats.open(tmp_path / f"sbet.{ending}") for ending in ("txt", "out"))
@@ -151,7 +152,7 @@ def test_an_sbet_as_text_is_the_same_navigation(tmp_path, separator):
         npt.assert_array_equal(text[name], binary[name])
     assert formats.info(tmp_path / "sbet.txt")["problems"] == []
     (tmp_path / "cut.txt").write_text((tmp_path / "sbet.txt").read_text()[:-30])
-    with pytest.raises(FormatError, match=r"line 300: has \d+ of 17 fields"):
+    with pytest.raises(FormatError, match=r"line 301: has \d+ of 17 fields"):
         formats.open(tmp_path / "cut.txt")
 
 

@@ -58,7 +58,7 @@ FORMATS = (
 )  # fmt: skip
 
 # names that head the columns of our own tables, with any unit or track behind them
-_COLUMN = re.compile(r"(s|station|distance|height|easting|northing|up|x|y|z)(\W.*|_.*)?$")
+_COLUMN = re.compile(r"(s|height|easting|northing|up|x|y|z)(\W.*|_.*)?$")
 
 # what the attribute "kind" of our Zarr groups begins with, and what may follow
 _OURS = "trueterrain/"

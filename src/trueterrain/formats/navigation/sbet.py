@@ -45,6 +45,7 @@ from trueterrain.formats.navigation._tables import table_blocks
 
 FIELDS = 17
 
+_SAMPLE = 1 << 16  # [bytes] in which a text shows its first record
 _HIGHEST = 100_000.0  # [m] of a height that can be one: the edge of space
 _SWAPPED = "If the bytes stand in the wrong order, or it is no SBET file, export it again."
 
@@ -200,7 +201,8 @@ def describe(path: str | Path) -> dict[str, Any]:
 def _records(path: Path) -> Floats:
     """Records of a file, of bytes or as text, shape (record, field)."""
     with path.open("rb") as stream:
-        head = find_head([stream.readline().decode("latin-1")], lambda _: False)
+        start = stream.read(_SAMPLE).decode("latin-1").splitlines()
+    head = find_head(start, lambda _: False)
     if head is None or not is_sbet_text(head.labels):
         return mapped(path, FIELDS, "SBET")
     names = [str(number) for number in range(1, FIELDS + 1)]
