@@ -10,6 +10,7 @@ import pytest
 from trueterrain import provenance
 from trueterrain.errors import CoverageError, FormatError, SchemaError, TrueTerrainError
 from trueterrain.formats import recognise, table
+from trueterrain.formats.navigation._tables import table_columns
 from trueterrain.kinds import ASSUMED, make_points, make_profile, make_surface
 
 ROUND_OFF = {"rtol": 0, "atol": 1e-12}  # [m] the truth is exact in decimal
@@ -191,6 +192,14 @@ def test_titles_separators_and_decimal_commas(tmp_path, titles, header, separato
     data = table.read(path)
     found = [data.s, data.height, data.sd] if header else [data.easting, data.northing, data.up]
     npt.assert_array_equal(np.stack(found, axis=1), rows)
+
+
+@pytest.mark.parametrize("gap", ["", "NA", "nan", "null", "late"])
+def test_names_before_rows_with_gaps_are_names(tmp_path, gap):
+    path = write_text(tmp_path, f"Run 7\nt,a,b\n0,{gap},1\n1,2,3\n2,3,4\n")
+    assert table_columns(path) == ["t", "a", "b"]
+    path = write_text(tmp_path, f"Run 7\ns,height,remark\n0,1,{gap}\n1,2,3\n2,3,4\n")
+    npt.assert_array_equal(table.read(path).height, [1, 2, 3])
 
 
 def test_names_of_columns_may_stand_in_a_comment(tmp_path):

@@ -33,8 +33,9 @@ def find_head(lines: Iterable[str], understood: Callable[[list[str]], bool]) -> 
     r"""Head of a table in text.
 
     Titles may stand before the names of the columns. The names are the first line that is
-    understood, or else the line before the first two lines of as many numbers; without such a line
-    the table has no names. A comment (#) right before the data counts if it is understood.
+    understood. Without such a line, they are the last one without a number before the first two
+    lines of numbers alone, if it has as many fields as these; else the table has no names. A
+    comment (#) right before the data counts if it is understood.
 
     Parameters
     ----------
@@ -70,8 +71,17 @@ def find_head(lines: Iterable[str], understood: Callable[[list[str]], bool]) -> 
     first, line = rows[data]
     separator, decimal = _signs_of_numbers(line) or (None, ".")
     fields = split_line(line, separator)
-    if data and len(split_line(rows[data - 1][1], separator)) == len(fields):
-        return _named(rows, data - 1)
+    # rows with gaps may stand between the names and the first row of numbers alone
+    before = []
+    for at in reversed(range(data)):
+        words = split_line(rows[at][1], separator)
+        if len(words) != len(fields):
+            break
+        before.append(at)
+        if not any(map(_is_number, words)):
+            break
+    if before:
+        return _named(rows, before[-1])
     comment = next((line for n, line in reversed(content) if n < first), "")
     labels = split_line(comment.lstrip("# "), separator_of(comment))
     if len(labels) == len(fields) and understood(labels):
