@@ -35,6 +35,9 @@ from trueterrain.errors import SchemaError
 #: Version of the schemas below.
 SCHEMA = 1
 
+#: Attribute of data whose file names no unit: a sentence that says what was taken for it.
+ASSUMED = "assumed"
+
 _UNITS = {
     "easting": "m", "northing": "m", "up": "m", "height": "m", "elevation": "m", "sd": "m",
     "heading": "rad", "banking": "m/m", "u": "m", "v": "m", "s": "m", "time": "s",

@@ -136,14 +136,16 @@ def test_scale(run, tmp_path):
 def test_profile_at_equal_spacing(run, tmp_path):
     """What filters and spectra ask for, if samples are unequally spaced."""
     s = np.sort(np.random.default_rng(5).uniform(0, 50, 2000))
-    formats.write(make_profile(s, 0.01 * s), tmp_path / "uneven.csv")
+    height = 0.01 * np.sin(s)
+    formats.write(make_profile(s, height), tmp_path / "uneven.csv")
     refused(run("psd", tmp_path / "uneven.csv", "--lowest", 0.1), "trueterrain convert --spacing")
     finished = run("convert", tmp_path / "uneven.csv", "-o", tmp_path / "p.erd", "--spacing", 0.05)
     assert finished.code == 0, finished.err
     assert "waves shorter than 0.1 m pass for longer ones" in finished.err
     even = formats.open(tmp_path / "p.erd")
     np.testing.assert_allclose(np.diff(even.s), 0.05, rtol=0, atol=1e-6)  # [m] as ERD rounds
-    np.testing.assert_allclose(even.height.squeeze(), 0.01 * even.s, rtol=0, atol=1e-6)
+    between = np.interp(even.s, s, height)
+    np.testing.assert_allclose(even.height.squeeze(), between, rtol=0, atol=1e-6)
     assert run("psd", tmp_path / "p.erd", "--lowest", 0.1).code == 0
 
 
@@ -248,3 +250,11 @@ def test_stores_that_are_foreign_or_damaged_are_one_line(run, profile, tmp_path)
         run("convert", profile, "-o", tmp_path / "foreign.zarr", "--force"), "is never replaced"
     )
     refused(run("convert", profile, "-o", tmp_path / "a.zarr" / "b.zarr"), "within another store")
+
+
+def test_units_that_nobody_named_are_warned_of(run, tmp_path):
+    np.savetxt(tmp_path / "inches.csv", [[0.0, 0.1], [9.84, 0.2], [19.68, 0.1]], delimiter=",")
+    finished = run("convert", tmp_path / "inches.csv", "-o", tmp_path / "p.zarr")
+    assert finished.code == 0
+    assert "taken as s, height in metres, every 9.84 m over 19.68 m" in finished.err
+    assert "such as s [in],height [in]" in finished.err

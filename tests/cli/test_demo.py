@@ -44,6 +44,16 @@ def test_the_demo_writes_what_it_says_and_says_what_is_true(run, tmp_path):
         written = tt.open(results / f"{NAME}-{profile['name']}.csv")
         assert float(tt.iri(written).iri[0]) == pytest.approx(profile["iri"], rel=1e-12)
         assert profile["iri"] == pytest.approx(lane["truth"]["iri"][profile["name"]], rel=NEAR)
+    iri = {profile["name"]: profile["iri"] for profile in lane["profiles"]}
+    pairs = [("left-lane-left", "left-lane-right"), ("right-lane-left", "right-lane-right")]
+    assert [(pair["left"], pair["right"]) for pair in lane["wheel_paths"]] == pairs
+    report = (results / "report.html").read_text()
+    for (left, right), pair in zip(pairs, lane["wheel_paths"], strict=True):
+        mean = 0.5 * (iri[left] + iri[right])
+        assert pair["mri"] == pytest.approx(mean, rel=1e-12)
+        assert f"wheel paths {left} and {right}" in report
+    assert "mean of 6 profiles" not in report
+    assert not [problem for problem in lane["problems"] if "in metres" in problem]
     (seam,) = numbers["merge"]["seams"]
     assert seam["after"] < SEAM < 0.1 * seam["before"]
 

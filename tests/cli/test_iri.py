@@ -333,7 +333,7 @@ def test_a_window_that_averages_nothing_is_told(capsys, tmp_path):
 
 def test_feet_declared_as_metres_are_questioned(capsys, tmp_path):
     s = 0.1 * np.arange(2000)
-    table.write(make_profile(s, 0.08 * s / 0.3048), tmp_path / "feet.csv")
+    table.write(make_profile(s, 0.08 * s / 0.3048 + rough(2000, 3)), tmp_path / "feet.csv")
     message = warned(capsys, tmp_path / "feet.csv")
     assert message == (
         f"trueterrain: warning: {tmp_path / 'feet.csv'}: track profile: "
@@ -357,3 +357,24 @@ def test_wheel_paths_of_different_lengths_are_refused(capsys, tmp_path):
 )
 def test_bad_thresholds_and_classes(capsys, erd_file, arguments, message):
     assert message in refused(capsys, erd_file, *arguments)
+
+
+@pytest.mark.parametrize("inches", [3.0, 6.0])
+def test_inches_that_nobody_named_are_not_rated_in_silence(capsys, tmp_path, inches):
+    """Their IRI was 6.67 m/km for 1.51."""
+    metres = 0.0254 * inches * np.arange(1000)
+    rows = np.column_stack([metres, rough(1000, 3)]) / 0.0254
+    np.savetxt(tmp_path / "bare.csv", rows, delimiter=",")
+    with pytest.raises(SystemExit) as stop:
+        main(["iri", str(tmp_path / "bare.csv")])
+    assert stop.value.code == 2
+    message = capsys.readouterr().err
+    assert "taken as s, height in metres" in message
+    assert "if the stations are not in metres, name their unit" in message
+    np.savetxt(
+        tmp_path / "named.csv", rows, delimiter=",", header="s [in],height [in]", comments=""
+    )
+    table.write(make_profile(metres, rough(1000, 3)), tmp_path / "metres.csv")
+    found = run(capsys, tmp_path / "named.csv", tmp_path / "metres.csv", "--json")
+    one, other = (document["tracks"][0]["iri"] for document in json.loads(found))
+    assert_allclose(one, other, rtol=1e-9, atol=0)

@@ -311,3 +311,11 @@ def test_stores_give_the_same_profile_and_hold_it(run, tmp_path):
     assert "exists already and is not overwritten" in refused.err
     refused = run("profile", tmp_path / "p.zarr", *line, "-o", tmp_path / "q.zarr")
     assert "is a profile already" in refused.err
+
+
+def test_a_radius_in_millimetres_is_refused_and_a_wide_one_warned_of(run, road, tmp_path):
+    asked = ("profile", road, "--offset", 0, "-o", tmp_path / "p.csv", "--radius")
+    one_line(run(*asked, 25), "radius must be at most 1 m", "got 25; is it in millimetres?")
+    wide = run(*asked, 0.4)
+    assert wide.code == 0
+    assert "warning: the search area is 0.8 m long and 0.8 m wide" in wide.err

@@ -15,7 +15,7 @@ WRITTEN = 1e-5  # [1] heights in the files are rounded to 1e-9 m
 
 @pytest.fixture
 def two():
-    s = 0.1 * np.arange(2501)
+    s = 0.05 * np.arange(5001)
     height = np.cumsum(np.random.default_rng(1).standard_normal((2, s.size)), axis=1) * 2e-4
     return make_profile(s, height, tracks=["left", "right"])
 
@@ -88,10 +88,22 @@ def test_picture(run, erd_file, tmp_path):
 
 
 def test_a_window_that_averages_nothing_is_told(run, tmp_path):
-    erd.write(make_profile(0.25 * np.arange(500), np.zeros(500)), tmp_path / "coarse.erd")
-    finished = run("rn", tmp_path / "coarse.erd")
+    erd.write(make_profile(0.15 * np.arange(500), np.zeros(500)), tmp_path / "coarse.erd")
+    finished = run("rn", tmp_path / "coarse.erd", "--window", "centred")
     assert finished.code == 0
-    assert "averages nothing at a spacing of 0.25 m." in finished.err
+    assert "averages nothing at a spacing of 0.15 m." in finished.err
+    assert "samples are up to 0.15 m apart; the index is accurate to 0.05 m" in finished.err
+
+
+@pytest.mark.parametrize("command", ["iri", "rn"])
+@pytest.mark.parametrize("spacing", [0.7, 2.0, 50.0])
+def test_coarse_profiles_are_refused(run, tmp_path, command, spacing):
+    """A wave of 3.1 m rated 16.1, 3.4 and 0.0 m/km at these spacings."""
+    s = spacing * np.arange(300)
+    table.write(make_profile(s, 0.01 * np.sin(2 * np.pi * s / 3.1)), tmp_path / "coarse.csv")
+    finished = run(command, tmp_path / "coarse.csv")
+    assert (finished.code, finished.out) == (2, "")
+    assert f"has samples {spacing:g} m apart, which must be at most" in finished.err
 
 
 @pytest.mark.parametrize(

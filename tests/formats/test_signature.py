@@ -37,7 +37,8 @@ def road():
         ("scanning/strips/faceraster_2strips_20m.laz", "LAZ"),
         ("scanning/georeference/leeward/points.las", "LAS"),
         ("profiles/michalsorel_iri/profile_1.txt", "CSV"),
-        ("scanning/trajectories/boreas-2021-08-05-13-34.lidar_poses.csv", "CSV"),
+        ("scanning/trajectories/boreas-2021-08-05-13-34.lidar_poses.csv", "Boreas poses"),
+        ("motion/smsfusion/coning_sculling_sim_highfreq_20251218A.csv", "Navigation table"),
         ("motion/smsfusion/ains_ahrs_imu.parquet", "Parquet"),
     ],
 )
@@ -107,6 +108,52 @@ def test_open_gives_the_right_kind(data, tmp_path):
 def test_kind_of_tables(tmp_path, text, kind):
     (tmp_path / "t.csv").write_text(text)
     assert formats.kind_of_file(tmp_path / "t.csv") == kind
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        "GPSTime,easting,northing,altitude,vel_east,vel_north,vel_up,roll,pitch,heading",
+        "time,east,north,up,roll,pitch,yaw",
+        "TIME, DISTANCE, EASTING, NORTHING, ELLIPSOID HEIGHT, ROLL, PITCH, HEADING",
+        "GpsTime,Y,X,Z,Roll,Pitch,PlatformHeading,WanderAngle",
+        "GPS Time (s),Lat (deg),Lon (deg),H-Ell (m),Roll (deg),Pitch (deg),Azimuth (deg)",
+        "Time_s,PosX_m,PosY_m,PosZ_m,Roll_rad,Pitch_rad,Yaw_rad",
+    ],
+)
+@pytest.mark.parametrize("titles", ["", "POSPac MMS export\nproject: road A1; 12 Nov\n"])
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_columns_of_navigation_are_no_points(tmp_path, names, titles, separator):
+    labels = [name.strip() for name in names.split(",")]
+    rows = [[f"{0.5 * row + column:.1f}" for column in range(len(labels))] for row in range(4)]
+    lines = [separator.join(row) for row in [labels, *rows]]
+    (tmp_path / "n.txt").write_text(titles + "\n".join(lines))
+    assert formats.kind_of_file(tmp_path / "n.txt") == "navigation"
+    summary = formats.info(tmp_path / "n.txt")
+    assert (summary["kind"], summary["count"]) == ("navigation", 4)
+    assert summary["rate"] == pytest.approx(2.0 if summary["format"] != "Boreas poses" else 2e6)
+    json.dumps(summary)
+
+
+@pytest.mark.parametrize("separator", [" ", "\t", ",", ";"])
+def test_an_sbet_as_text_is_the_same_navigation(tmp_path, separator):
+    """17 numbers without names, as decoders of SBET print them."""
+    records = np.zeros((300, 17))
+    records[:, 0] = 400_825.0 + 0.005 * np.arange(300)
+    records[:, 1], records[:, 2] = 0.66 + 1e-8 * np.arange(300), -2.08
+    records[:, 3], records[:, 9], records[:, 10] = 691.6, 0.3, 0.01
+    records[:, 7:9] = 0.02 * np.sin(records[:, :1])
+    title = "made by sbet2text"
+    np.savetxt(tmp_path / "sbet.txt", records, delimiter=separator, fmt="%.17g", header=title)
+    records.astype("<f8").tofile(tmp_path / "sbet.out")
+    assert formats.recognise(tmp_path / "sbet.txt").name == "SBET as text"
+    text, binary = (formats.open(tmp_path / f"sbet.{ending}") for ending in ("txt", "out"))
+    for name in binary.data_vars:
+        npt.assert_array_equal(text[name], binary[name])
+    assert formats.info(tmp_path / "sbet.txt")["problems"] == []
+    (tmp_path / "cut.txt").write_text((tmp_path / "sbet.txt").read_text()[:-30])
+    with pytest.raises(FormatError, match=r"line 301: has \d+ of 17 fields"):
+        formats.open(tmp_path / "cut.txt")
 
 
 def test_info_adds_name_size_and_a_wrong_ending(tmp_path, profile):

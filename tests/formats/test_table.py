@@ -9,8 +9,9 @@ import pytest
 
 from trueterrain import provenance
 from trueterrain.errors import CoverageError, FormatError, SchemaError, TrueTerrainError
-from trueterrain.formats import table
-from trueterrain.kinds import make_points, make_profile, make_surface
+from trueterrain.formats import recognise, table
+from trueterrain.formats.navigation._tables import table_columns
+from trueterrain.kinds import ASSUMED, make_points, make_profile, make_surface
 
 ROUND_OFF = {"rtol": 0, "atol": 1e-12}  # [m] the truth is exact in decimal
 ENDINGS = ["csv", "parquet"]
@@ -143,6 +144,105 @@ def test_no_track_is_a_formula_to_a_spreadsheet(tmp_path, ending):
         assert {cell for cell in cells if cell[0] in "=+-@\t"} == {"-0.75", "+1e3"}
 
 
+@pytest.mark.parametrize("station", ["s", "station", "Distance", "s [m]", "chainage (m)"])
+@pytest.mark.parametrize(
+    ("left", "right", "names", "scale"),
+    [
+        ("left", "right", ["left", "right"], 1.0),
+        ("Left [mm]", "Right [mm]", ["Left", "Right"], 0.001),
+        ("left_in", "right_in", ["left", "right"], 0.0254),
+        ("LElev (inch)", "RElev (inch)", ["LElev", "RElev"], 0.0254),
+        ("L elevation ft", "R elevation ft", ["L", "R"], 0.3048),
+        ("left wheel path mm", "right wheel path mm", ["left", "right"], 0.001),
+        ("track 1", "track 2", ["track 1", "track 2"], 1.0),
+        ("height_left", "height_right", ["left", "right"], 1.0),
+    ],
+)
+def test_tracks_under_their_own_names(tmp_path, station, left, right, names, scale):
+    text = f"{station},{left},speed,{right}\n0,1,9,2\n0.5,3,9,4\n"
+    profile = table.read(write_text(tmp_path, text))
+    assert list(profile.track.values) == names
+    npt.assert_allclose(profile.s, [0, 0.5], **ROUND_OFF)
+    npt.assert_allclose(profile.height, [[scale, 3 * scale], [2 * scale, 4 * scale]], **ROUND_OFF)
+
+
+@pytest.mark.parametrize("unit", ["in", "inch", "inches", "ft", "feet", "mm", "cm", "usft", "m"])
+@pytest.mark.parametrize("label", ["{} [{}]", "{} ({})", "{}_{}", "{} {}"])
+def test_units_are_read_however_they_stand(tmp_path, unit, label):
+    metres = {
+        "in": 0.0254, "inch": 0.0254, "inches": 0.0254, "ft": 0.3048, "feet": 0.3048, "mm": 1e-3,
+        "cm": 1e-2, "usft": 1200 / 3937, "m": 1.0,
+    }[unit]  # fmt: skip
+    header = ",".join(label.format(name, unit) for name in ("s", "height"))
+    profile = table.read(write_text(tmp_path, f"{header}\n0,1\n2,3\n"))
+    npt.assert_allclose(profile.s, [0, 2 * metres], **ROUND_OFF)
+    npt.assert_allclose(profile.height, [metres, 3 * metres], **ROUND_OFF)
+
+
+TITLES = ["", "Road A1, left wheel path, 2024\n", "Measured in May\nby: XY; car 7; 12,5 C\n\n",
+          "# made by hand\n", "Road A1\n1 of 2\n"]  # fmt: skip
+
+
+@pytest.mark.parametrize("titles", TITLES)
+@pytest.mark.parametrize("header", ["s|height|sd", "Station (m)|Elevation|sd", "", "p|q|r"])
+@pytest.mark.parametrize(
+    ("separator", "decimal"),
+    [(",", "."), (";", "."), (";", ","), ("\t", "."), ("\t", ","), (" ", "."), (" ", ",")],
+)
+def test_titles_separators_and_decimal_commas(tmp_path, titles, header, separator, decimal):
+    if separator == " " and "(" in header:
+        header = "station|elevation|sd"  # a blank divides names as well
+    rows = np.array([[478.25, 0.125, 0.5], [478.5, -0.25, 0.5], [478.75, 1e-3, 0.5]])
+    lines = [header, *("|".join(f"{value:.4f}" for value in row) for row in rows)]
+    lines = [lines[0], *(line.replace(".", decimal) for line in lines[1:])]
+    text = titles + "\n".join(lines).replace("|", separator) + "\n"
+    path = write_text(tmp_path, text)
+    assert recognise(path).name == "CSV"
+    # a line of as many words as there are numbers behind it names columns, if not those known
+    before = header or (titles.strip().splitlines() or [""])[-1].replace("|", separator)
+    count = len(before.replace("|", separator).split(None if separator == " " else separator))
+    if header.startswith("p") or (not header and count == 3 and before[0] != "#"):
+        with pytest.raises(FormatError, match=r"needs columns .* got "):
+            table.read(path)
+        return
+    data = table.read(path)
+    found = [data.s, data.height, data.sd] if header else [data.easting, data.northing, data.up]
+    npt.assert_array_equal(np.stack(found, axis=1), rows)
+
+
+@pytest.mark.parametrize("gap", ["", "NA", "nan", "null", "late"])
+def test_names_before_rows_with_gaps_are_names(tmp_path, gap):
+    path = write_text(tmp_path, f"Run 7\nt,a,b\n0,{gap},1\n1,2,3\n2,3,4\n")
+    assert table_columns(path) == ["t", "a", "b"]
+    path = write_text(tmp_path, f"Run 7\ns,height,remark\n0,1,{gap}\n1,2,3\n2,3,4\n")
+    npt.assert_array_equal(table.read(path).height, [1, 2, 3])
+
+
+def test_names_of_columns_may_stand_in_a_comment(tmp_path):
+    np.savetxt(tmp_path / "t.txt", [[0, 1], [1, 2]], header="s height_mm")
+    profile = table.read(tmp_path / "t.txt")
+    npt.assert_allclose(profile.height, [0.001, 0.002], **ROUND_OFF)
+    assert ASSUMED not in profile.attrs
+
+
+@pytest.mark.parametrize("spacing", [0.25, 1.0, 3.0, 9.84])
+def test_units_that_nobody_named_are_not_taken_in_silence(tmp_path, spacing):
+    """Inches without a header gave an IRI of 6.67 m/km for 1.51."""
+    rows = np.column_stack([spacing * np.arange(200), np.zeros(200)])
+    np.savetxt(tmp_path / "t.csv", rows, delimiter=",")
+    (sentence,) = [
+        problem for problem in table.describe(tmp_path / "t.csv")["problems"] if "names" in problem
+    ]
+    assert sentence == table.read(tmp_path / "t.csv").attrs[ASSUMED]
+    assert "taken as s, height in metres, every" in sentence
+    assert "such as s [in],height [in]" in sentence
+    assert ("are they inches or feet?" in sentence) == (spacing > 0.305)
+    named = tmp_path / "named.csv"
+    np.savetxt(named, rows, delimiter=",", header="s [in],height [in]", comments="")
+    assert ASSUMED not in table.read(named).attrs
+    assert not [problem for problem in table.describe(named)["problems"] if "names" in problem]
+
+
 def test_tracks_side_by_side(tmp_path):
     text = "s,height_left,height_right wheel [mm],sd_left\n0,1,2000,5\n1,3,4000,6\n"
     profile = table.read(write_text(tmp_path, text))
@@ -170,7 +270,8 @@ def test_latin_text_in_other_columns(tmp_path):
         ("s,heigth\n0,1\n", "header", "s and height", "'heigth' to 'height'"),
         ("a,b\n0,1\n", "header", "got a, b", "Add the column"),
         ("s,height\n0,1\n1,two\n2,3\n", "line 3, column 'height'", "'two'", "Correct"),
-        ("s;height\n0;1\n1;2,5\n", "line 3, column 'height'", "'2,5'", "decimal point"),
+        ("s;height\n0;1.5\n1;2,5\n", "line 2, column 'height'", "'1.5'", "or all with a comma"),
+        ("s,lft,rgt\n0,1,2\n", "header", "got s, lft, rgt", "height_left, height_right"),
         ("s,height\n0,1\nnan,2\n", "line 3, column 's'", "'nan'", "Remove"),
         ("s,height\n0,1\n1,inf\n", "line 3, column 'height'", "'inf'", "Remove"),
         ("s,height\n0,1\n\n2,1\n1,1\n", "line 5", "1 m follows 2 m", "Sort"),

@@ -10,12 +10,13 @@ from trueterrain.kinds import make_points, make_surface
 from trueterrain.profile import (
     Disc,
     Ellipse,
+    ProfileOptions,
     Rectangle,
     WheelPath,
     height_distributions,
     straight_path,
 )
-from trueterrain.profile.area import EDGE_TOLERANCE, reach
+from trueterrain.profile.area import EDGE_TOLERANCE, area_doubt, reach
 
 UTM = (512_345.0, 5_512_345.0)  # [m] easting and northing of central Europe
 AREAS = [Disc(), Disc(radius=0.0213), Ellipse(length=0.09, width=0.04)]
@@ -152,3 +153,29 @@ def test_the_default_is_the_disc_of_the_thesis():
     assert Disc().half_axes == (0.025, 0.025)
     assert Rectangle(length=0.2, width=0.1).half_axes == (0.1, 0.05)
     assert Ellipse(length=0.2, width=0.1).half_axes == (0.1, 0.05)
+
+
+@pytest.mark.parametrize("millimetres", [5, 25, 150])
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda size: Disc(radius=size),
+        lambda size: Ellipse(length=size, width=0.1),
+        lambda size: Rectangle(length=0.1, width=size),
+        lambda size: ProfileOptions(radius=size),
+        lambda size: ProfileOptions(patch=(size, 0.1)),
+        lambda size: ProfileOptions(ellipse=(0.1, size)),
+    ],
+)
+def test_areas_in_millimetres_are_refused(make, millimetres):
+    """25 m of ground in each search area made a flat profile, whose IRI was 0.000."""
+    with pytest.raises(ValueError, match=rf"at most [12] m, .*got {millimetres}; is it in millim"):
+        make(float(millimetres))
+    make(millimetres / 1000)
+
+
+def test_areas_larger_than_contact_patches_are_doubted():
+    assert [area_doubt(area) for area in AREAS] == [None] * len(AREAS)
+    assert area_doubt(Rectangle(length=0.3, width=0.5)) is None
+    for area in (Disc(radius=0.26), Disc(radius=1.0), Rectangle(length=0.1, width=2.0)):
+        assert "shorter waves are lost" in area_doubt(area)

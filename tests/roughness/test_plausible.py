@@ -5,9 +5,9 @@ import pytest
 
 from trueterrain.errors import CoverageError
 from trueterrain.formats import open as open_file
-from trueterrain.kinds import make_profile
-from trueterrain.roughness import IriOptions, RideNumberOptions, doubts
-from trueterrain.roughness.plausible import idle_window
+from trueterrain.kinds import ASSUMED, make_profile
+from trueterrain.roughness import IriOptions, RideNumberOptions, doubts, iri, ride_number
+from trueterrain.roughness.plausible import rating_doubts
 from trueterrain.simulate.ground import BelgianBlock, Road
 
 S = 0.1 * np.arange(3000)
@@ -27,6 +27,32 @@ def test_roads_are_not_questioned(road_class):
 
 def test_belgian_block_is_not_questioned():
     assert doubts(make_profile(S, BelgianBlock(seed=1).height(S, 0 * S))) == []
+
+
+@pytest.mark.parametrize(
+    "name", ["asam/belgian_block.crg", "chrono/Horstwalde.crg",
+             "chrono/detrended_rms_course_4in.crg"],
+)  # fmt: skip
+def test_measured_courses_are_not_questioned(data, name):
+    surface = open_file(data / "opencrg" / name)
+    for v in (0.5, -0.5):
+        line = surface.height.sel(v=v, method="nearest")
+        known = np.isfinite(line.values)
+        assert doubts(make_profile(surface.u.values[known], line.values[known])) == []
+
+
+@pytest.mark.parametrize("height", [0.0 * S, 0.06 * S, 1e-3 * hilly("A")])
+def test_grounds_without_roughness_are_questioned(height):
+    """Smoothed away, or kilometres that pass for metres: the index would be 0.000."""
+    (doubt,) = doubts(make_profile(S, height))
+    assert doubt.startswith("track profile: is smoother than any road, 0.0")
+
+
+def test_without_a_unit_the_scale_of_roads_is_the_limit():
+    block = make_profile(S, 2 * BelgianBlock(seed=1).height(S, 0 * S))
+    (first, second) = doubts(block.assign_attrs({ASSUMED: "has no header"}))
+    assert first == "has no header"
+    assert "is rougher than roads are" in second
 
 
 def test_feet_declared_as_metres_are_questioned():
@@ -74,13 +100,60 @@ def test_missing_heights_are_an_error():
 @pytest.mark.parametrize("kind", [IriOptions, RideNumberOptions])
 def test_windows_that_average_nothing_are_known(kind, spacing, window, idle):
     profile = make_profile(spacing * np.arange(50), np.zeros(50))
-    sentence = idle_window(profile, kind(window=window))
-    assert (sentence is not None) == idle
-    if sentence is not None:
-        assert sentence == (
-            f"the window {window} of 0.25 m averages nothing at a spacing of {spacing:g} m"
-        )
+    options = kind(window=window, max_spacing=0.61)
+    found = [doubt for doubt in rating_doubts(profile, options) if "window" in doubt]
+    sentence = f"the window {window} of 0.25 m averages nothing at a spacing of {spacing:g} m"
+    assert found == [sentence] * idle
 
 
 def test_one_sample_has_no_window():
-    assert idle_window(make_profile([0.0], [0.0]), IriOptions()) is None
+    assert rating_doubts(make_profile([0.0], [0.0]), IriOptions()) == []
+
+
+WAVES = 0.001 * np.random.default_rng(4).standard_normal(4000).cumsum()  # [m] at 0.1 m
+
+
+@pytest.mark.parametrize(
+    ("kind", "index", "spacing", "outcome"),
+    [
+        (IriOptions, iri, 0.305, "accurate"),
+        (IriOptions, iri, 0.31, "warned"),
+        (IriOptions, iri, 0.6096, "warned"),  # 2 ft
+        (IriOptions, iri, 0.62, "refused"),
+        (RideNumberOptions, ride_number, 0.05, "accurate"),
+        (RideNumberOptions, ride_number, 0.06, "warned"),
+        (RideNumberOptions, ride_number, 0.1524, "warned"),  # 6 in
+        (RideNumberOptions, ride_number, 0.17, "refused"),
+    ],
+)
+def test_indices_need_samples_that_show_what_the_car_feels(kind, index, spacing, outcome):
+    s = np.append(0.05 * np.arange(400), 19.95 + spacing * np.arange(1, 400))  # coarse from 20 m on
+    profile = make_profile(s, np.interp(s, 0.1 * np.arange(4000), WAVES))
+    options = kind(window="exact")
+    found = [doubt for doubt in rating_doubts(profile, options) if "apart" in doubt]
+    assert bool(found) == (outcome == "warned")
+    if outcome == "refused":
+        with pytest.raises(CoverageError, match=r"s = 19\.95 m: has samples .* m apart"):
+            index(profile, options=options)
+    else:
+        index(profile, options=options)
+
+
+#: Largest error of the IRI at the largest accurate spacing [1]: 2 % of Class 1 of ASTM E1364, and
+#: what one sample of a road of waviness 2 adds to it.
+ACCURATE = 0.04
+
+
+def test_the_index_is_accurate_to_the_spacing_that_is_said_to_be():
+    step = 0.01
+    s = step * np.arange(100_000)
+    height = Road(road_class="B", seed=5).height(s, 0 * s)
+    fine = float(iri(make_profile(s, height)).iri[0])
+    for every in (10, 25, 30):  # up to 0.3 m
+        coarse = float(iri(make_profile(s[::every], height[::every])).iri[0])
+        assert abs(coarse / fine - 1) < ACCURATE
+
+
+def test_a_window_in_millimetres_is_refused():
+    with pytest.raises(ValueError, match=r"window_length must be at most 1 m, got 250; is it in m"):
+        IriOptions(window_length=250.0)

@@ -41,13 +41,12 @@ def read_profile(path: Path) -> "xr.Dataset":
     return data
 
 
-def warn_of_idle_window(path: Path, profile: "xr.Dataset", options: "CarOptions") -> None:
-    """Say if the moving average before the car changes nothing."""
-    from trueterrain.roughness.plausible import idle_window
+def warn_of_rating(path: Path, profile: "xr.Dataset", options: "CarOptions") -> None:
+    """Say what makes an index of a profile inaccurate."""
+    from trueterrain.roughness.plausible import rating_doubts
 
-    sentence = idle_window(profile, options)
-    if sentence is not None:
-        warn(f"{path}: {sentence}.")
+    for doubt in rating_doubts(profile, options):
+        warn(f"{path}: {doubt}.")
 
 
 def warn(text: str) -> None:

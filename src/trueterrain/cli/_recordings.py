@@ -100,12 +100,15 @@ def _run(summary: Mapping[str, Any]) -> Rows:
 
 def _navigation(summary: Mapping[str, Any]) -> Rows:
     yield "epochs", _timing(summary, "")
-    for name, (low, high) in summary["extent"].items():
-        if name == "height":
-            yield name, f"{low:.3f} to {high:.3f} m"
-        else:
+    if "columns" in summary:
+        yield "columns", ", ".join(summary["columns"])
+    for name, (low, high) in summary.get("extent", {}).items():
+        if name in ("longitude", "latitude"):
             yield name, f"{low:.7f} to {high:.7f} deg"
-    yield "speed", f"up to {summary['speed']:.2f} m/s"
+        else:
+            yield name, f"{low:.3f} to {high:.3f} m"
+    if "speed" in summary:
+        yield "speed", f"up to {summary['speed']:.2f} m/s"
     yield from _listed("gaps", list(_gaps(summary)) or ["none"])
     yield "CRS", summary["crs"] or "unknown"
 

@@ -92,10 +92,9 @@ def _figures(made: Made) -> Section:
     for row in made.rows:
         published, (low, high) = row.published, row.ends(lambda found: found.single)
         least, most = row.ends(lambda found: found.largest)
-        most_published = None if published.maximum is None else _MILLI * published.maximum
         thesis.append(
             [row.test, published_of(row), *(_MILLI * one for one in (row.thesis_rms, low, high)),
-             most_published, _MILLI * least, _MILLI * most]
+             _MILLI * published.maximum, _MILLI * least, _MILLI * most]
         )  # fmt: skip
         rms, *others = (together(row.ours, one) for one in ("rms", "off_edges", "distance"))
         lengths = [rms.value, rms.low, rms.high, *(one.value for one in others), greatest(row)]
@@ -183,7 +182,7 @@ def _errors(made: Made) -> Section:
         ({"all returns": every.ours[0], "screened": screened.ours[0]}, "The same by ours."),
         (
             {"thesis's processing": smooth.thesis[0], "ours": smooth.ours[0]},
-            "Without excitation, as in Fig. 3-22; the first of the recordings.",
+            "Without excitation; the first of the recordings.",
         ),
         (
             {"thesis's processing": excited.thesis[0], "ours": excited.ours[0]},

@@ -15,6 +15,7 @@ from trueterrain.cli._points import (
     point_filter,
     require_points,
 )
+from trueterrain.cli._profiles import warn
 from trueterrain.cli._recordings import refuse_recording
 from trueterrain.errors import concerning
 
@@ -141,6 +142,10 @@ def _convert_points(
 
 
 def _convert_profile(profile: "xr.Dataset", output: Path, write: Callable[[Any], Any]) -> None:
+    from trueterrain.kinds import ASSUMED
+
+    if ASSUMED in profile.attrs:
+        warn(f"its file {profile.attrs[ASSUMED]}.")
     write(profile)
     tracks = profile.sizes.get("track", 1)
     several = f" of {tracks} tracks" if tracks > 1 else ""

@@ -12,7 +12,7 @@ from trueterrain.cli._profiles import (
     draw,
     explain_run,
     read_profile,
-    warn_of_idle_window,
+    warn_of_rating,
     worst_stretches,
     write_table,
 )
@@ -177,7 +177,7 @@ def _rate(
     from trueterrain import roughness
 
     profile = read_profile(path)
-    warn_of_idle_window(path, profile, options)
+    warn_of_rating(path, profile, options)
     sliding = too_rough = shares = None
     with concerning(path):
         index = roughness.iri(

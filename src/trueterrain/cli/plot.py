@@ -25,12 +25,6 @@ _SEGMENT = 4.0  # [s] of the segments of a spectrum: a resolution of 0.4 Hz
 _SHOWN = (0.25, 100.0)  # [Hz] of a spectrum
 _PEAKS = {"ride": (0.8, 3.0), "hop": (8.0, 16.0)}  # [Hz] between which vehicles have their modes
 
-# columns by which a table is navigation, and the reader of it
-_NAVIGATION = {
-    "read_boreas": {"GPSTime", "easting", "northing", "altitude", "roll", "pitch", "heading"},
-    "read_columns": {"time", "east", "north", "up", "roll", "pitch", "yaw"},
-}
-
 
 def plot(
     file: Path,
@@ -102,7 +96,7 @@ def plot(
 def _kind(path: Path) -> str:
     from trueterrain import formats
 
-    if _navigation_reader(path) is not None:
+    if _is_parquet_of_navigation(path):
         return "navigation"
     kind = formats.kind_of_file(path)
     if kind in ("accuracy", "path"):
@@ -115,22 +109,15 @@ def _kind(path: Path) -> str:
     return kind
 
 
-def _navigation_reader(path: Path) -> str | None:
-    """Name of the function that reads a file as navigation, if it is such."""
+def _is_parquet_of_navigation(path: Path) -> bool:
     from trueterrain import formats
 
-    module = formats.recognise(path).module
-    if module == "navigation.sbet":
-        return "read_sbet"
-    if module != "table":
-        return None
+    if formats.recognise(path).name != "Parquet":
+        return False
+    from trueterrain.formats.navigation._recognise import is_navigation
     from trueterrain.formats.navigation._tables import table_columns
 
-    try:
-        columns = set(table_columns(path))
-    except FormatError:  # profiles and points need no header
-        return None
-    return next((reader for reader, needed in _NAVIGATION.items() if needed <= columns), None)
+    return is_navigation(table_columns(path))
 
 
 def _check_together(kinds: dict[Path, str]) -> None:
@@ -169,12 +156,11 @@ def _way(path: Path) -> Any:
     """Navigation from above, and its heights."""
     import matplotlib.pyplot as plt
 
-    from trueterrain import figures
+    from trueterrain import figures, formats
     from trueterrain.formats import navigation
 
-    reader = _navigation_reader(path)
-    assert reader is not None
-    data: xr.Dataset = getattr(navigation, reader)(path)
+    read = navigation.read_columns if _is_parquet_of_navigation(path) else formats.open
+    data: xr.Dataset = read(path)
     figure, (above, below) = plt.subplots(
         2, 1, figsize=(8, 8), layout="constrained", height_ratios=(5, 2)
     )

@@ -15,6 +15,7 @@ from trueterrain.cli._points import (
     point_filter,
     require_points,
 )
+from trueterrain.cli._profiles import warn
 from trueterrain.cli._recordings import refuse_recording
 from trueterrain.errors import CoverageError, concerning
 
@@ -89,7 +90,7 @@ def profile(
     spacing
         Arc length between path points [m].
     radius
-        Radius of the disc that is searched around each path point [m]; by default 0.025.
+        Radius of the disc that is searched around each path point [m]; by default 0.025, at most 1.
     patch
         Search a rectangle aligned with the path instead: length and width [m].
     ellipse
@@ -142,6 +143,7 @@ def profile(
     from trueterrain import formats, provenance
     from trueterrain.formats.point_filter import doubt_of_classes
     from trueterrain.profile import EnvelopeOptions, ProfileOptions
+    from trueterrain.profile.area import area_doubt
 
     only = point_filter(classes, returns)
     options = ProfileOptions(
@@ -149,6 +151,8 @@ def profile(
         skip=skip, average=average, power=power, resolution=resolution, bandwidth=bandwidth,
         level=level, minimum_count=minimum_count, thin=thin,
     )  # fmt: skip
+    if (doubt := area_doubt(options.search_area())) is not None:
+        warn(f"{doubt}.")
     rolling = None
     if envelope is not None:
         if options != ProfileOptions(thin=thin):

@@ -10,7 +10,7 @@ from trueterrain.cli._profiles import (
     draw,
     explain_run,
     read_profile,
-    warn_of_idle_window,
+    warn_of_rating,
     write_table,
 )
 from trueterrain.errors import concerning
@@ -102,7 +102,7 @@ def _rate(
     from trueterrain import roughness
 
     profile = read_profile(path)
-    warn_of_idle_window(path, profile, options)
+    warn_of_rating(path, profile, options)
     with concerning(path):
         return roughness.ride_number(
             profile, options=options, segment=segment, wheel_paths=wheel_paths

@@ -112,6 +112,8 @@ def in_words(numbers: dict[str, Any]) -> Iterator[str]:
             if lane["truth"]:
                 text += f", of the true ground {lane['truth']['iri'][profile['name']]:.2f} m/km"
             yield text
+        for pair in lane["wheel_paths"]:
+            yield f"  {pair['left']} and {pair['right']}: MRI {pair['mri']:.2f} m/km"
         doubts = [problem for name in lane["runs"] for problem in runs[name]["problems"]]
         for problem in (*doubts, *lane["problems"]):
             yield f"  doubtful: {problem}"

@@ -20,7 +20,7 @@ _STYLES = ("-", "--", "-.", ":")
 def vehicle_gain(
     gains: Curves, *, modes: Mapping[str, float] | None = None, ax: "Axes | None" = None
 ) -> "Axes":
-    """Motion of body and wheel over that of the ground (in the manner of Fig. 3-2 of Smith 2009).
+    """Motion of body and wheel over that of the ground, against frequency.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Search areas over the ground they search (in the manner of thesis Figs. 5-3 and 5-5)."""
+"""Search areas over the ground they search (in the manner of thesis Fig. 5-3)."""
 
 from typing import TYPE_CHECKING, Any
 

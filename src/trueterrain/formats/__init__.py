@@ -53,7 +53,7 @@ def open(  # noqa: A001 - called as trueterrain.formats.open
     Parameters
     ----------
     path : str or Path
-        CRG, GeoTIFF, LAS, LAZ, COPC, ERD, CSV or Parquet file, or a Zarr store.
+        CRG, GeoTIFF, LAS, LAZ, COPC, ERD, CSV or Parquet file, or a Zarr store; or navigation.
     only : PointFilter, optional
         Which points of a cloud are taken; by default all. Of other kinds of data, nothing else is
         allowed.
@@ -61,7 +61,8 @@ def open(  # noqa: A001 - called as trueterrain.formats.open
     Returns
     -------
     xarray.Dataset
-        Points, Surface or Profile, see `trueterrain.kinds`.
+        Points, Surface or Profile, see `trueterrain.kinds`, or navigation, see
+        `trueterrain.formats.navigation`.
 
     Raises
     ------
@@ -403,6 +404,8 @@ def kind_of_file(path: str | Path) -> str:
         "erd": "profile",
         "run": "run",
         "navigation.sbet": "navigation",
+        "navigation.boreas": "navigation",
+        "navigation.columns": "navigation",
         "navigation.smrmsg": "accuracy",
     }
     module = recognise(path).module

@@ -1,6 +1,5 @@
 """What a file is, by its first bytes: an ending is only a claim."""
 
-import csv
 import json
 import re
 import stat
@@ -10,7 +9,14 @@ from pathlib import Path
 from typing import BinaryIO
 
 from trueterrain.errors import FormatError
-from trueterrain.formats.navigation._recognise import is_sbet, is_smrmsg
+from trueterrain.formats._text_head import Head, find_head, number_of, split_line
+from trueterrain.formats.navigation._recognise import (
+    is_boreas,
+    is_navigation,
+    is_sbet,
+    is_sbet_text,
+    is_smrmsg,
+)
 
 _SAMPLE = 1 << 16  # [bytes] enough to see the first section of any header
 
@@ -44,8 +50,14 @@ STORE = Format(name="Zarr", module="store", endings=(".zarr",), compressed=True)
 RUN = Format(name="Run", module="run", endings=(".zarr",), compressed=True)
 SBET = Format(name="SBET", module="navigation.sbet", endings=(".out", ".sbet"))
 SMRMSG = Format(name="SMRMSG", module="navigation.smrmsg", endings=(".out", ".smrmsg"))
+SBET_TEXT = Format(name="SBET as text", module="navigation.sbet", endings=CSV.endings)
+BOREAS = Format(name="Boreas poses", module="navigation.boreas", endings=CSV.endings)
+NAVIGATION = Format(name="Navigation table", module="navigation.columns", endings=CSV.endings)
 
-FORMATS = (CRG, GEOTIFF, LAS, LAZ, COPC, ERD, CSV, PARQUET, STORE, RUN, SBET, SMRMSG)
+FORMATS = (
+    CRG, GEOTIFF, LAS, LAZ, COPC, ERD, CSV, PARQUET, STORE, RUN, SBET, SMRMSG, SBET_TEXT, BOREAS,
+    NAVIGATION,
+)  # fmt: skip
 
 # names that head the columns of our own tables, with any unit or track behind them
 _COLUMN = re.compile(r"(s|height|easting|northing|up|x|y|z)(\W.*|_.*)?$")
@@ -259,61 +271,37 @@ def _text(start: bytes) -> Format | None:
     lines = start.decode("latin-1").replace("\r", "\n").split("\n")
     if any(line.startswith(("$CT", "$ROAD_CRG", "$KD_DEFINITION")) for line in lines):
         return CRG
-    return CSV if _is_table(start) else None
+    return _table(start)
 
 
-def _is_table(start: bytes) -> bool:
+def _table(start: bytes) -> Format | None:
     text = _as_text(start)
-    if text is None:
-        return False
-    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
-    if not lines:
-        return False
-    separator = separator_of(lines[0])
-    names = [name.strip().lower() for name in lines[0].split(separator)]
-    if all(_is_number(name) for name in names):
-        return len(names) > 1
-    if len(names) > 1 and any(_COLUMN.match(name) for name in names):
-        return True
-    # another header: numbers must follow it, else it is prose
-    row = lines[1].split(separator) if len(lines) > 1 else []
-    return len(row) == len(names) > 1 and _is_number(row[0])
-
-
-def separator_of(line: str) -> str | None:
-    """Separator of the columns of a line of text; None stands for blanks."""
-    for separator in ("\t", ";", ","):
-        if separator in line:
-            return separator
-    return None
-
-
-def split_fields(line: str, separator: str | None, path: str | Path) -> list[str]:
-    """Fields of a line of text; a field may be quoted.
-
-    Raises
-    ------
-    FormatError
-        If a field is longer than any number or name, or a quote is not closed.
-    """
-    if separator is None:
-        return line.split()
     try:
-        rows = csv.reader([line.rstrip("\n")], delimiter=separator, skipinitialspace=True)
-        return next(rows)
-    except csv.Error as error:
-        raise FormatError(
-            f"cannot be split into fields ({error})", path=path,
-            place=f"line that begins with {line[:40]!r}", cure="Export it again as plain CSV.",
-        ) from None  # fmt: skip
+        head = None if text is None else find_head(text.splitlines(), _are_columns)
+    except FormatError:  # a field that is no number and no name
+        return CSV
+    if text is None or head is None or len(head.labels) < 2:
+        return None
+    names, row = list(head.labels), _first_row(text, head)
+    if not head.named:
+        return SBET_TEXT if is_sbet_text(row) else CSV
+    if is_boreas(names):
+        return BOREAS
+    if is_navigation(names):
+        return NAVIGATION
+    # columns of another kind: numbers must follow their names, else it is prose
+    numbered = len(row) == len(names) and number_of(row[0], head.decimal) is not None
+    return CSV if numbered or _are_columns(names) else None
 
 
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
+def _are_columns(names: list[str]) -> bool:
+    return any(_COLUMN.match(name.strip().lower()) for name in names) or is_navigation(names)
+
+
+def _first_row(text: str, head: Head) -> list[str]:
+    lines = text.splitlines()[head.first - 1 :]
+    line = next((one for one in lines if one.strip() and not one.startswith("#")), "")
+    return split_line(line, head.separator)
 
 
 def _as_text(start: bytes) -> str | None:

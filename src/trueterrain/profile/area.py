@@ -7,6 +7,9 @@ from enum import IntEnum
 #: the edge is not lost to the round-off of coordinates of thousands of kilometres.
 EDGE_TOLERANCE = 1e-8
 
+_LARGEST = 2.0  # [m] the largest tyres, of mining trucks, are 1.5 m wide, and their patch as long
+_LARGE = 0.5  # [m] the contact patch of a truck's tyre is about 0.3 m long and wide
+
 
 class Shape(IntEnum):
     """Shapes as the kernels know them."""
@@ -24,7 +27,7 @@ class Disc:
 
     def __post_init__(self) -> None:
         """Check the radius."""
-        _require_positive("radius", self.radius)
+        _require_size("radius", self.radius, _LARGEST / 2)
 
     @property
     def half_axes(self) -> tuple[float, float]:
@@ -49,8 +52,8 @@ class Ellipse:
 
     def __post_init__(self) -> None:
         """Check the extents."""
-        _require_positive("length", self.length)
-        _require_positive("width", self.width)
+        _require_size("length", self.length, _LARGEST)
+        _require_size("width", self.width, _LARGEST)
 
     @property
     def half_axes(self) -> tuple[float, float]:
@@ -75,8 +78,8 @@ class Rectangle:
 
     def __post_init__(self) -> None:
         """Check the extents."""
-        _require_positive("length", self.length)
-        _require_positive("width", self.width)
+        _require_size("length", self.length, _LARGEST)
+        _require_size("width", self.width, _LARGEST)
 
     @property
     def half_axes(self) -> tuple[float, float]:
@@ -111,7 +114,45 @@ def reach(area: SearchArea) -> float:
     return max(along, across) + EDGE_TOLERANCE
 
 
+def area_doubt(area: SearchArea) -> str | None:
+    """Why a search area is no contact patch of a tyre on a road, None if it can be.
+
+    Parameters
+    ----------
+    area : Disc, Ellipse or Rectangle
+        The search area.
+
+    Returns
+    -------
+    str or None
+        One sentence if it is longer or wider than 0.5 m.
+
+    Examples
+    --------
+    >>> print(area_doubt(Disc(radius=0.5)))
+    the search area is 1 m long and 1 m wide, ... shorter waves are lost
+    >>> area_doubt(Disc())
+    """
+    along, across = (2 * half for half in area.half_axes)
+    if max(along, across) <= _LARGE:
+        return None
+    return (
+        f"the search area is {along:g} m long and {across:g} m wide, the contact patch of a "
+        "truck's tyre about 0.3 m: shorter waves are lost"
+    )
+
+
 def _require_positive(name: str, value: float) -> None:
     if not 0 < value < float("inf"):
         message = f"{name} must be greater than 0 m, got {value}."
+        raise ValueError(message)
+
+
+def _require_size(name: str, value: float, largest: float) -> None:
+    _require_positive(name, value)
+    if value > largest:
+        message = (
+            f"{name} must be at most {largest:g} m, since no tyre's contact patch is longer or "
+            f"wider than {_LARGEST:g} m, got {value:g}; is it in millimetres?"
+        )
         raise ValueError(message)

@@ -62,7 +62,7 @@ class ProfileOptions:
     is the bare line, without a search area."""
 
     radius: float | None = None
-    "Radius of the disc that is searched around each path point [m]; by default 0.025."
+    "Radius of the disc that is searched around each path point [m]; by default 0.025, at most 1."
 
     patch: tuple[float, float] | None = None
     "Search a rectangle aligned with the path instead: length and width [m]."

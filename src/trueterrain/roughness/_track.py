@@ -3,7 +3,7 @@
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, ClassVar, Literal, NamedTuple, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,8 @@ _START_TIME = 0.5  # [s]
 # Share of a step that station and dx may be off by rounding [1]: 0.25/0.1 must round up whether dx
 # is 0.1 or 0.09999999999, and a segment that ends at a sample must not divide the step before it
 _ROUNDING = 1e-6
+
+_LONGEST_WINDOW = 1.0  # [m] of the moving average; a longer one takes out what the cars feel
 
 Window = Literal["sayers", "centred", "exact", "none"]
 Start = Literal["11m", "0.5s", "level"]
@@ -48,13 +50,26 @@ class CarOptions(ABC):
     spacing_tolerance: float = 1e-3
     "Largest distance of a station from equal spacing that still counts as equal [steps]."
 
+    max_spacing: float
+    """Largest distance between samples that is rated [m]: half the shortest wave to which the car
+    responds with half of its largest gain. Shorter waves are lost, or pass for longer ones."""
+
+    accurate_spacing: ClassVar[float]
+    "Largest distance between samples that leaves the index accurate [m]."
+
     car: QuarterCar
     "Parameters of the car."
 
     def __post_init__(self) -> None:
         _require_known("window", self.window, Window)
-        for name, unit in (("window_length", " m"), ("speed", " m/s")):
+        for name, unit in (("window_length", " m"), ("max_spacing", " m"), ("speed", " m/s")):
             require_positive(name, getattr(self, name), unit)
+        if self.window_length > _LONGEST_WINDOW:
+            message = (
+                f"window_length must be at most {_LONGEST_WINDOW:g} m, got {self.window_length:g}; "
+                "is it in metres?"
+            )
+            raise ValueError(message)
         if not 0 <= self.spacing_tolerance < 0.5:
             message = f"spacing_tolerance must be within 0 and 0.5, got {self.spacing_tolerance}"
             raise ValueError(message)
@@ -95,6 +110,14 @@ class IriOptions(CarOptions):
     """Slope with which the car starts: "11m" (chord of the first 11 m, divided by one sample more
     than it spans, as in the program; on unequal spacing by its own length), "0.5s" (chord of the
     first 0.5 s, which are 11.11 m at 80 km/h), or "level" (0)."""
+
+    max_spacing: float = 0.61
+    """Largest distance between samples that is rated [m]: half of 1.2 m, the shortest wave to which
+    the golden car responds with half of its largest gain; 2 ft, Class 2 of ASTM E1364."""
+
+    accurate_spacing: ClassVar[float] = 0.305
+    """Largest distance between samples that leaves the index accurate [m]: 1 ft, Class 1 of ASTM
+    E1364, which stands for 2 % (on roads of waviness 2, up to 3 % were found)."""
 
     car: QuarterCar = field(default_factory=QuarterCar)
     "Parameters of the car."
@@ -166,6 +189,7 @@ def drive(station: Array, height: Array, options: CarOptions) -> Drive:
     """Apply window and start to the heights of one track."""
     if station.size < 2:
         raise _too_short(station)
+    _refuse_coarse(station, options.max_spacing)
     step = equal_step(station, options.spacing_tolerance)
     slope = _start_slope(station, height, step, options.lead)
     base = 1
@@ -228,6 +252,20 @@ def equal_step(station: Array, tolerance: float) -> float | None:
 def nearest_integer(value: float) -> int:
     """Round as Fortran's NINT does, halves up, also if they carry rounding."""
     return math.floor(value + 0.5 + _ROUNDING)
+
+
+def _refuse_coarse(station: Array, largest: float) -> None:
+    gaps = np.diff(station)
+    coarse = np.flatnonzero(gaps > largest * (1 + _ROUNDING))
+    if coarse.size:
+        at = int(coarse[0])
+        raise CoverageError(
+            f"has samples {gaps[at]:.4g} m apart, which must be at most {largest:g} m: half the "
+            "shortest wave that the car feels",
+            place=f"s = {station[at]:.6g} m",
+            cure="Sample the ground more finely; if the stations are not in metres, name their "
+            "unit.",
+        )
 
 
 def _too_short(station: Array) -> CoverageError:

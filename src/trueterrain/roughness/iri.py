@@ -67,7 +67,8 @@ def iri(
     SchemaError
         If `profile` is not a Profile, or its spacing is unequal and the window needs it equal.
     CoverageError
-        If a height is not finite, or the profile is too short.
+        If a height is not finite, or the profile is too short or has samples farther apart than
+        ``options.max_spacing``.
 
     Notes
     -----
@@ -158,7 +159,8 @@ def continuous_iri(
     SchemaError
         If `profile` is not a Profile, or its spacing is unequal and the window needs it equal.
     CoverageError
-        If a height is not finite, or the profile is shorter than `length`.
+        If a height is not finite, the profile is shorter than `length`, or has samples farther
+        apart than ``options.max_spacing``.
 
     Notes
     -----

@@ -5,11 +5,12 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.errors import TrueTerrainError
+from trueterrain.kinds import ASSUMED
 from trueterrain.roughness._rate import rate
 from trueterrain.roughness._track import CarOptions, IriOptions, equal_step, nearest_integer
-from trueterrain.roughness._tracks import cut, tracks
+from trueterrain.roughness._tracks import ROUNDING, cut, tracks
 
-__all__ = ["doubts", "idle_window"]
+__all__ = ["doubts", "rating_doubts"]
 
 Array = npt.NDArray[np.float64]
 
@@ -17,9 +18,15 @@ _HIGHEST = 9000.0  # [m] no ground is farther from sea level
 _GRADE_LENGTH = 100.0  # [m] over which a grade is taken
 _LEAST_LENGTH = 10.0  # [m] below, a kerb or a ramp makes a grade
 _STEEPEST = 0.2  # [m/m] over that length; roads are built up to about 0.12
-_ROUGHEST = 30.0  # [m/km] Sayers's scale of roads ends at about 20, Belgian block has about 25
+# [m/km] Measured Belgian block has 85, courses for off-road vehicles up to 62, and the smoothest
+# road, 0.5 m/km, would have 500 if its millimetres passed for metres.
+_ROUGHEST = 200.0
+_ROUGHEST_ROAD = 30.0  # [m/km] where nobody named the unit: Sayers's scale of roads ends at 20
+_SMOOTHEST = 0.1  # [m/km] new roads have 0.5 and more
+_FELT = 1.2  # [m] the shortest wave that the golden car feels; a shorter profile may be straight
 
-_CURE = "are its heights in metres, not in feet or millimetres?"
+_UNIT = "are its heights in metres, not in feet or millimetres?"
+_SMOOTHED = "was it smoothed away by a search area or a filter, or is its unit larger than a metre?"
 
 
 def doubts(profile: xr.Dataset) -> list[str]:
@@ -33,8 +40,9 @@ def doubts(profile: xr.Dataset) -> list[str]:
     Returns
     -------
     list of str
-        Empty if nothing is: no height beyond 9000 m, no grade over 0.2 along 100 m, no IRI (without
-        moving average) over 30 m/km.
+        Empty if nothing is: a unit that its file names, no height beyond 9000 m, no grade over 0.2
+        along 100 m, and an IRI (without moving average) from 0.1 to 200 m/km, or to 30 m/km if the
+        file names no unit.
 
     Raises
     ------
@@ -46,27 +54,30 @@ def doubts(profile: xr.Dataset) -> list[str]:
     Notes
     -----
     Heights in feet that pass for metres are 3.28 times too large, and so are grades and indices:
-    on a flat, smooth road that remains plausible, and is not found.
+    on a flat, smooth road that remains plausible, and is not found. Nor are inches: a road of
+    2 m/km then has the index of Belgian block.
 
     Examples
     --------
     >>> from trueterrain.kinds import make_profile
     >>> s = np.arange(0.0, 200.0, 0.1)
-    >>> doubts(make_profile(s, 0.08 * s))
+    >>> doubts(make_profile(s, 0.08 * s + 0.005 * np.sin(s)))
     []
-    >>> print(doubts(make_profile(s, 0.08 * s / 0.3048))[0])
+    >>> print(doubts(make_profile(s, 0.08 * s / 0.3048 + 0.005 * np.sin(s)))[0])
     track profile: climbs 0.26 m/m over 100 m; are its heights in metres, not in feet or ...
     """
     station, heights, names = tracks(profile)
-    return [
-        f"track {name}: {doubt}; {_CURE}"
+    assumed = profile.attrs.get(ASSUMED)
+    roughest = _ROUGHEST_ROAD if assumed else _ROUGHEST
+    return [str(assumed)] * bool(assumed) + [
+        f"track {name}: {doubt}"
         for name, height in zip(names, heights, strict=True)
-        for doubt in _doubts(station, height)
+        for doubt in _doubts(station, height, roughest)
     ]
 
 
-def idle_window(profile: xr.Dataset, options: CarOptions) -> str | None:
-    """Why the moving average before the car changes nothing, or None if it does or is not wanted.
+def rating_doubts(profile: xr.Dataset, options: CarOptions) -> list[str]:
+    """What makes an index of a profile inaccurate, one sentence each.
 
     Parameters
     ----------
@@ -77,48 +88,66 @@ def idle_window(profile: xr.Dataset, options: CarOptions) -> str | None:
 
     Returns
     -------
-    str or None
-        One sentence.
+    list of str
+        Empty if samples are close enough, or too far apart to be rated at all, and the moving
+        average before the car changes something or is not wanted.
 
     Examples
     --------
     >>> from trueterrain.kinds import make_profile
-    >>> coarse = make_profile([0.0, 0.25, 0.5], [0.0, 0.0, 0.0])
-    >>> print(idle_window(coarse, IriOptions()))
-    the window sayers of 0.25 m averages nothing at a spacing of 0.25 m
+    >>> coarse = make_profile([0.0, 0.4, 0.8], [0.0, 0.0, 0.0])
+    >>> for doubt in rating_doubts(coarse, IriOptions()):
+    ...     print(doubt)
+    the window sayers of 0.25 m averages nothing at a spacing of 0.4 m
+    samples are up to 0.4 m apart; the index is accurate to 0.305 m, and rated to 0.61 m
     """
     station = np.asarray(profile["s"], dtype=float)
     if station.size < 2:
-        return None
-    length, idle = options.window_length, False
+        return []
+    largest = float(np.diff(station).max())
+    if largest > options.max_spacing * (1 + ROUNDING):
+        return []
+    found = []
+    if _is_idle(station, options):
+        spacing = float(station[-1] - station[0]) / (station.size - 1)
+        found.append(
+            f"the window {options.window} of {options.window_length:g} m averages nothing "
+            f"at a spacing of {spacing:.4g} m"
+        )
+    if largest > options.accurate_spacing * (1 + ROUNDING):
+        found.append(
+            f"samples are up to {largest:.4g} m apart; the index is accurate to "
+            f"{options.accurate_spacing:g} m, and rated to {options.max_spacing:g} m"
+        )
+    return found
+
+
+def _is_idle(station: Array, options: CarOptions) -> bool:
+    """Whether the moving average before the car changes nothing, though it is wanted."""
+    length = options.window_length
     if options.window == "sayers":
         step = equal_step(station, options.spacing_tolerance)
-        idle = step is not None and nearest_integer(length / step) <= 1
-    elif options.window == "centred":
-        idle = float(np.diff(station).min()) > 0.5 * length
-    spacing = float(station[-1] - station[0]) / (station.size - 1)
-    sentence = (
-        f"the window {options.window} of {length:g} m averages nothing "
-        f"at a spacing of {spacing:.4g} m"
-    )
-    return sentence if idle else None
+        return step is not None and nearest_integer(length / step) <= 1
+    return options.window == "centred" and float(np.diff(station).min()) > 0.5 * length
 
 
-def _doubts(station: Array, height: Array) -> list[str]:
+def _doubts(station: Array, height: Array, roughest: float) -> list[str]:
     found = []
     farthest = float(np.abs(height).max())
     if farthest > _HIGHEST:
-        found.append(f"has heights up to {farthest:.6g} m from sea level")
+        found.append(f"has heights up to {farthest:.6g} m from sea level; {_UNIT}")
     grade, length = _steepest(station, height)
     if grade > _STEEPEST:
-        found.append(f"climbs {grade:.2g} m/m over {length:g} m")
+        found.append(f"climbs {grade:.2g} m/m over {length:g} m; {_UNIT}")
     try:
         options = IriOptions(window="none", start="0.5s")
         roughness = 1000.0 * rate(station, height, options, cut(station, None))[0]
     except TrueTerrainError:
-        return found  # too short to be rated, which whoever rates it will say
-    if roughness > _ROUGHEST:
-        found.append(f"is rougher than roads are, {roughness:.3g} m/km")
+        return found  # too short or too coarse to be rated, which whoever rates it will say
+    if roughness > roughest:
+        found.append(f"is rougher than roads are, {roughness:.3g} m/km; {_UNIT}")
+    if roughness < _SMOOTHEST and station[-1] - station[0] > _FELT:
+        found.append(f"is smoother than any road, {roughness:.3f} m/km; {_SMOOTHED}")
     return found
 
 

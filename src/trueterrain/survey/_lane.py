@@ -26,9 +26,10 @@ from trueterrain.profile import (
     tyre_profile,
     waypoint_path,
 )
-from trueterrain.profile.area import reach
+from trueterrain.profile.area import area_doubt, reach
 from trueterrain.profile.envelope import tyre_envelope
-from trueterrain.roughness import iri
+from trueterrain.roughness import doubts, iri
+from trueterrain.roughness.plausible import rating_doubts
 from trueterrain.surface.coarse import down_sample
 from trueterrain.surface.evaluate import heights_at, node_coordinates, surface_to_points
 from trueterrain.surface.grid import trimmed
@@ -109,14 +110,14 @@ def find_run(survey: Survey, run: RunSettings, progress: Progress) -> Run:
         tree = open_run(path)
         mounting = run.mounting.over(mounting_of(tree, path=path))
         motion = fuse(tree, settings=survey.motion)
-        doubts = [*motion.problems, *scan_problems(tree, motion.trajectory)]
+        problems = [*motion.problems, *scan_problems(tree, motion.trajectory)]
         trajectory = motion.trajectory.between(run.begin, run.end)
     numbers = {
         "name": name,
         **_of_run(tree, path, trajectory),
         "mounting": asdict(mounting),
         "motion": motion.summary(),
-        "problems": doubts,
+        "problems": problems,
     }
     taken = Pass(path=path, trajectory=trajectory, mounting=mounting)
     return Run(name=name, motion=motion, taken=taken, numbers=numbers)
@@ -190,7 +191,7 @@ def measure_lane(
             {**_of_profile(profile, index.get(one)), "name": one}
             for one, profile in profiles.items()
         ],
-        "wheel_paths": _wheel_paths(survey, profiles),
+        "wheel_paths": list(_wheel_paths(survey, profiles, index)),
         "truth": None if truth is None else _against(survey, surface, truth, index),
         "problems": [*_problems(tally, holes), *left_out, *unrated],
         "files": [file for file, _ in files],
@@ -260,6 +261,8 @@ def _profiles(
             found[wanted.name] = taken_along(surface, wanted)
         except CoverageError as error:
             problems.append(f"profile {wanted.name} of {lane} is left out: {error}")
+        if (doubt := area_doubt(wanted.tyre.search_area())) is not None:
+            problems.append(f"profile {wanted.name}: {doubt}")
     return found, problems
 
 
@@ -322,7 +325,7 @@ def _profile_files(
 def _rated(
     survey: Survey, profiles: dict[str, xr.Dataset]
 ) -> tuple[dict[str, xr.Dataset], list[str]]:
-    """Roughness of profiles, and why others have none."""
+    """Roughness of profiles, what is doubtful about it, and why others have none."""
     found, problems = {}, []
     for name, profile in profiles.items():
         try:
@@ -331,14 +334,27 @@ def _rated(
             )
         except (CoverageError, ValueError) as error:
             problems.append(f"profile {name} is not rated: {error}")
+            continue
+        problems += doubts(profile.assign_attrs(track=name))
+        unsure = rating_doubts(profile, survey.roughness.iri)
+        problems += [f"profile {name}: {doubt}" for doubt in unsure]
     return found, problems
 
 
-def _wheel_paths(survey: Survey, profiles: dict[str, xr.Dataset]) -> dict[str, float] | None:
-    """MRI and HRI of the profiles named left and right, where both are there [m/km]."""
-    if not {"left", "right"} <= set(profiles):
-        return None
-    left, right = profiles["left"], profiles["right"]
+def _wheel_paths(
+    survey: Survey, profiles: dict[str, xr.Dataset], index: dict[str, xr.Dataset]
+) -> Iterator[dict[str, Any]]:
+    """MRI and HRI [m/km] of rated profiles whose names differ in left and right at their end."""
+    for left in index:
+        right = left.removesuffix("left") + "right"
+        if left.endswith("left") and right in index:
+            mri = 0.5 * float(index[left].iri[0] + index[right].iri[0])
+            hri = _half_car(survey, profiles[left], profiles[right])
+            yield {"left": left, "right": right, "mri": mri, "hri": hri}
+
+
+def _half_car(survey: Survey, left: xr.Dataset, right: xr.Dataset) -> float | None:
+    """HRI of two wheel paths [m/km], None if they are not parallel."""
     step = float(left.s[1] - left.s[0])
     numbers = [np.rint(profile.s.values / step).astype(int) for profile in (left, right)]
     both, at_left, at_right = np.intersect1d(*numbers, return_indices=True)
@@ -349,10 +365,9 @@ def _wheel_paths(survey: Survey, profiles: dict[str, xr.Dataset]) -> dict[str, f
     heights = np.stack([left.height.values[at_left], right.height.values[at_right]])
     tracks = make_profile(both * step, heights, tracks=["left", "right"])
     try:
-        index = iri(tracks, options=survey.roughness.iri)
+        return float(iri(tracks, options=survey.roughness.iri).hri)
     except (CoverageError, ValueError):
-        return None  # each of them is said to be unrated already
-    return {"mri": float(index.mri), "hri": float(index.hri)}
+        return None  # too short where both are
 
 
 def _against(

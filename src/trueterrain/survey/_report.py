@@ -108,13 +108,25 @@ def _headline(
             value=1000 * max(truth["nmad"] for truth in truths), unit="mm", digits=2,
             note="NMAD against the true ground" + _worst(len(lanes)),
         )  # fmt: skip
-    rated = [profile for lane in each for profile in lane["profiles"] if profile["iri"]]
-    if rated:
-        values = [profile["iri"] for profile in rated]
+    yield from _roughness(each)
+
+
+def _roughness(lanes: list[dict[str, Any]]) -> Iterator[Number]:
+    """MRI of each pair of wheel paths; without any, the IRI of each profile."""
+    several = len(lanes) > 1
+    pairs = [(lane["name"], pair) for lane in lanes for pair in lane["wheel_paths"]]
+    for lane, pair in pairs:
         yield Number(
-            label="IRI", value=sum(values) / len(values), unit="m/km", digits=2,
-            note=f"mean of {_count(len(values), 'profile')}",
+            label="MRI", value=pair["mri"], unit="m/km", digits=2,
+            note=f"wheel paths {pair['left']} and {pair['right']}" + f" of {lane}" * several,
         )  # fmt: skip
+    if pairs:
+        return
+    for lane in lanes:
+        for profile in lane["profiles"]:
+            if profile["iri"] is not None:
+                note = f"profile {profile['name']}" + f" of {lane['name']}" * several
+                yield Number(label="IRI", value=profile["iri"], unit="m/km", digits=2, note=note)
 
 
 def _ground(lanes: list[Lane], pictures: Pictures) -> Section:
@@ -265,16 +277,18 @@ def _profiles(survey: Survey, lanes: list[Lane], pictures: Pictures) -> Section 
         )
     ]  # fmt: skip
     both = [
-        (lane.name, lane.numbers["wheel_paths"]["mri"], lane.numbers["wheel_paths"]["hri"])
+        (lane.name, *(pair[name] for name in ("left", "right", "mri", "hri")))
         for lane in lanes
-        if lane.numbers["wheel_paths"]
+        for pair in lane.numbers["wheel_paths"]
     ]
     if both:
         blocks.append(
             Table(
-                columns=columns("Lane; MRI [m/km] .2; HRI [m/km] .2"),
+                columns=columns("Lane; Left; Right; MRI [m/km] .2; HRI [m/km] .2"),
                 rows=both,
-                caption="Mean and half-car roughness index of the wheel paths left and right.",
+                caption="Mean and half-car roughness index of two wheel paths: of profiles whose "
+                "names differ in left and right at their end. The second needs paths that are "
+                "equally long.",
             )
         )  # fmt: skip
     segments = [

@@ -1,7 +1,25 @@
-"""Whether bytes can be an SBET or SMRMSG file: neither has a header to go by."""
+"""Whether bytes can be an SBET or SMRMSG file, or columns of text those of navigation."""
 
 import math
+import re
 import struct
+from collections.abc import Sequence
+
+#: Columns of Boreas poses that are needed.
+BOREAS_COLUMNS = (
+    "GPSTime", "easting", "northing", "altitude", "vel_east", "vel_north", "vel_up",
+    "roll", "pitch", "heading",
+)  # fmt: skip
+
+#: What a column of time is called: GPS time, Time_s, SOW, seconds of week, t.
+TIME = re.compile(r"(gps|utc|unix)?[ _]?(time|sow|sec(ond)?s|timestamp)|t$", re.IGNORECASE)
+_NAMED = (
+    TIME,
+    re.compile(r"e(ast)?(ing)?$|e(ast)?(ing)?[^a-z]|lat|pos|x$|x[^a-z]", re.IGNORECASE),
+    *(re.compile(rf"(platform|true|sbet)?[ _]?({name})", re.IGNORECASE)
+      for name in ("roll", "pitch", "yaw|heading|azimuth")),
+)  # fmt: skip
+_SBET_FIELDS = 17
 
 _WEEK = 604_800.0  # [s]
 _HIGHEST = 100_000.0  # [m]
@@ -31,7 +49,7 @@ def is_sbet(start: bytes, size: int) -> bool:
     >>> is_sbet(b"\0" * 136, 136)
     False
     """
-    records = _records(start, size, 17)
+    records = _records(start, size, _SBET_FIELDS)
     return bool(records) and all(map(_can_be_sbet, records)) and _forward(records)
 
 
@@ -57,6 +75,70 @@ def is_smrmsg(start: bytes, size: int) -> bool:
     """
     records = _records(start, size, 10)
     return bool(records) and all(map(_can_be_smrmsg, records)) and _forward(records)
+
+
+def is_sbet_text(fields: Sequence[str]) -> bool:
+    """Whether a line of text can be a record of an SBET.
+
+    Parameters
+    ----------
+    fields : sequence of str
+        Its fields.
+
+    Returns
+    -------
+    bool
+        True if they are 17 numbers that can be such.
+
+    Examples
+    --------
+    >>> is_sbet_text("400825.0 0.66 -2.08 691.6 0 0 0 0 0 0 0 0 0 0 0 0 0".split())
+    True
+    """
+    try:
+        record = tuple(float(field) for field in fields)
+    except ValueError:
+        return False
+    return len(record) == _SBET_FIELDS and _can_be_sbet(record)
+
+
+def is_boreas(names: Sequence[str]) -> bool:
+    """Whether the columns of a table are those of Boreas poses.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names of the columns.
+
+    Returns
+    -------
+    bool
+        True if none is missing.
+    """
+    return set(BOREAS_COLUMNS) <= {name.strip() for name in names}
+
+
+def is_navigation(names: Sequence[str]) -> bool:
+    """Whether the columns of a table are those of navigation, however they are called.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names of the columns.
+
+    Returns
+    -------
+    bool
+        True if there is a time, a position, roll, pitch, and a yaw angle or heading.
+
+    Examples
+    --------
+    >>> is_navigation(["GPS Time (s)", "Lat", "Lon", "Roll", "Pitch", "Platform Heading"])
+    True
+    >>> is_navigation(["x", "y", "z", "time"])
+    False
+    """
+    return all(any(kind.match(name.strip()) for name in names) for kind in _NAMED)
 
 
 def _records(start: bytes, size: int, fields: int) -> list[tuple[float, ...]]:

@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.errors import FormatError
+from trueterrain.errors import FormatError, concerning
+from trueterrain.formats._text_head import Head, find_head, number_of, split_line
+from trueterrain.formats.navigation._recognise import is_navigation
 from trueterrain.formats.navigation._schema import suggestion
-from trueterrain.formats.signature import open_regular, separator_of, split_fields
+from trueterrain.formats.signature import open_regular
 from trueterrain.formats.table._parquet import import_pyarrow, parquet_damage_named
 
 Floats = npt.NDArray[np.float64]
@@ -50,7 +52,7 @@ def table_whole(path: str | Path, names: Sequence[str]) -> dict[str, Floats]:
 
 
 def table_blocks(
-    path: str | Path, names: Sequence[str], size: int = ROWS
+    path: str | Path, names: Sequence[str], size: int = ROWS, *, head: Head | None = None
 ) -> Iterator[dict[str, Floats]]:
     """Columns of a table, some rows at a time.
 
@@ -62,6 +64,8 @@ def table_blocks(
         Columns to read.
     size : int
         Largest number of rows at a time.
+    head : Head, optional
+        Head of a text that names no columns.
 
     Yields
     ------
@@ -73,7 +77,7 @@ def table_blocks(
     FormatError
         Naming line and column: a missing column, a cell that is no number, a line of other length.
     """
-    table = _open(Path(path))
+    table = _open(Path(path)) if head is None else _text_table(Path(path), head)
     for name in names:
         if name not in table.columns:
             raise FormatError(
@@ -97,7 +101,8 @@ class _Table:
     path: Path
     columns: tuple[str, ...]
     separator: str | None = None  # of text; None: blanks
-    header: int = 0  # line of the header, from 1
+    decimal: str = "."  # sign, of text
+    header: int = 0  # lines before the data
     file: Any = None  # of Parquet
 
 
@@ -106,26 +111,29 @@ def _open(path: Path) -> _Table:
         start = stream.read(4)
     if start == b"PAR1":
         return _open_parquet(path)
-    with path.open(encoding="utf-8-sig", errors="replace", newline=None) as text:
-        number, line = next(
-            ((n, line) for n, line in enumerate(text, start=1) if _is_content(line)), (0, "")
-        )
-    if not number:
+    with path.open(encoding="utf-8-sig", errors="replace", newline=None) as text, concerning(path):
+        head = find_head(text, is_navigation)
+    if head is None:
         raise FormatError("is empty", path=path, place="line 1", cure="Copy or export it again.")
-    if "\0" in line:
+    if any("\0" in name for name in head.labels):
         raise FormatError(
             "is binary, not a table", path=path, cure="See with `trueterrain info` what it is."
         )
-    separator = separator_of(line)
-    columns = tuple(name.strip() for name in split_fields(line, separator, path))
-    if all(_number(name) is not None for name in columns):
+    if not head.named:
         raise FormatError(
             "begins with numbers, not with the names of the columns",
             path=path,
-            place=f"line {number}",
+            place=f"line {head.first}",
             cure="Add a first line with the names.",
         )
-    return _Table(path=path, columns=columns, separator=separator, header=number)
+    return _text_table(path, head)
+
+
+def _text_table(path: Path, head: Head) -> _Table:
+    return _Table(
+        path=path, columns=tuple(name.strip() for name in head.labels), separator=head.separator,
+        decimal=head.decimal, header=head.first - 1,
+    )  # fmt: skip
 
 
 def _text_blocks(table: _Table, names: list[str], size: int) -> Iterator[dict[str, Floats]]:
@@ -138,9 +146,9 @@ def _text_blocks(table: _Table, names: list[str], size: int) -> Iterator[dict[st
     try:
         with pd.read_csv(
             table.path, sep=table.separator or _PANDAS, header=None, skiprows=table.header,
-            dtype=dtypes, chunksize=size, encoding="utf-8-sig", encoding_errors="replace",
-            keep_default_na=False, na_values=list(_GAPS), skipinitialspace=True,
-            skip_blank_lines=True, comment="#", **_exact(pd.__version__),
+            dtype=dtypes, decimal=table.decimal, chunksize=size, encoding="utf-8-sig",
+            encoding_errors="replace", keep_default_na=False, na_values=list(_GAPS),
+            skipinitialspace=True, skip_blank_lines=True, comment="#", **_exact(pd.__version__),
         ) as reader:  # fmt: skip
             for frame in reader:
                 if frame.shape[1] != len(table.columns) or frame.iloc[:, -1].isna().any():
@@ -168,7 +176,7 @@ def _explain(table: _Table, indices: dict[int, str]) -> None:
         for number, line in enumerate(stream, start=1):
             if number <= table.header or not _is_content(line):
                 continue
-            cells = split_fields(line, table.separator, table.path)
+            cells = split_line(line, table.separator, table.path)
             if len(cells) != len(table.columns):
                 raise FormatError(
                     f"has {len(cells)} of {len(table.columns)} fields",
@@ -177,7 +185,10 @@ def _explain(table: _Table, indices: dict[int, str]) -> None:
                     cure="Complete or remove the line; if it is the last, the file was cut off.",
                 )
             for index, name in indices.items():
-                if cells[index].strip() not in _GAPS and _number(cells[index]) is None:
+                if (
+                    cells[index].strip() not in _GAPS
+                    and _number(cells[index], table.decimal) is None
+                ):
                     raise FormatError(
                         f"must be a number, got {cells[index][:80]!r}",
                         path=table.path,
@@ -220,9 +231,6 @@ def _is_content(line: str) -> bool:
     return bool(line.strip()) and not line.startswith("#")
 
 
-def _number(text: str) -> float | None:
-    try:
-        value = float(text)
-    except ValueError:
-        return None
-    return None if math.isinf(value) else value
+def _number(text: str, decimal: str) -> float | None:
+    value = number_of(text, decimal)
+    return None if value is None or math.isinf(value) else value

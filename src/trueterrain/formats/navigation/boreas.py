@@ -26,6 +26,7 @@ import xarray as xr
 from trueterrain import provenance
 from trueterrain.errors import FormatError
 from trueterrain.formats.navigation._frames import Turns
+from trueterrain.formats.navigation._recognise import BOREAS_COLUMNS
 from trueterrain.formats.navigation._records import Floats, IntervalTally
 from trueterrain.formats.navigation._schema import check_navigation, navigation_of
 from trueterrain.formats.navigation._tables import table_columns, table_whole
@@ -34,10 +35,6 @@ from trueterrain.formats.navigation._tables import table_columns, table_whole
 #: of the difference between heading and course above 5 m/s (-46.78 and -46.82 deg).
 LIDAR_YAW = float(np.deg2rad(-46.80))
 
-_COLUMNS = (
-    "GPSTime", "easting", "northing", "altitude", "vel_east", "vel_north", "vel_up",
-    "roll", "pitch", "heading",
-)  # fmt: skip
 _MICROSECOND = 1e-6  # [s]
 
 
@@ -104,7 +101,8 @@ def describe(path: str | Path) -> dict[str, Any]:
     -------
     dict
         ``format``, ``kind``, ``count``, ``time`` [s], ``rate`` [1/s], ``jitter`` [s], ``gaps``,
-        ``extent`` [m], ``speed`` [m/s] and ``problems``; everything can be written as JSON.
+        ``extent`` [m], ``speed`` [m/s], ``crs`` (the file names none) and
+        ``problems``; everything can be written as JSON.
 
     Raises
     ------
@@ -125,13 +123,14 @@ def describe(path: str | Path) -> dict[str, Any]:
             for name, ours in named.items()
         },
         "speed": float(speed.max()),
+        "crs": "",
         "problems": tally.problems("navigation"),
     }
 
 
 def _columns_of(path: Path) -> dict[str, Floats]:
     found = table_columns(path)
-    missing = [name for name in _COLUMNS if name not in found]
+    missing = [name for name in BOREAS_COLUMNS if name not in found]
     if missing:
         raise FormatError(
             f"is no file of Boreas poses: it lacks the columns {', '.join(missing)}",
@@ -139,4 +138,4 @@ def _columns_of(path: Path) -> dict[str, Floats]:
             place="header",
             cure="Name the columns of another table with Columns and read_columns.",
         )
-    return table_whole(path, list(_COLUMNS))
+    return table_whole(path, list(BOREAS_COLUMNS))

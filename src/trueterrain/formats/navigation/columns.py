@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -16,9 +17,10 @@ from trueterrain.formats.navigation._frames import (
     enu_of_geodetic,
     iso8855_of_ned,
 )
-from trueterrain.formats.navigation._records import Floats
+from trueterrain.formats.navigation._recognise import TIME
+from trueterrain.formats.navigation._records import Floats, IntervalTally
 from trueterrain.formats.navigation._schema import EpochRules, check_length, navigation_of
-from trueterrain.formats.navigation._tables import ROWS, table_blocks
+from trueterrain.formats.navigation._tables import ROWS, table_blocks, table_columns
 
 _SD = ("sd_east", "sd_north", "sd_up", "sd_roll", "sd_pitch", "sd_yaw")
 _ANGLES = ("roll", "pitch", "yaw", "heading", "sd_roll", "sd_pitch", "sd_yaw")
@@ -231,6 +233,47 @@ def blocks(
         block = navigation_of(named, **attrs)
         rules.check(block)
         yield block
+
+
+def describe(path: str | Path) -> dict[str, Any]:
+    """Summary of a table of navigation for ``trueterrain info``.
+
+    Parameters
+    ----------
+    path : str or Path
+        CSV or Parquet file whose columns are those of navigation, however they are called.
+
+    Returns
+    -------
+    dict
+        ``format``, ``kind``, ``columns``, ``count``, ``time`` (in the unit of the file), ``rate``,
+        ``jitter``, ``gaps``, ``crs`` (the file names none) and ``problems``; everything can be
+        written as JSON.
+
+    Raises
+    ------
+    FormatError
+        If the file is damaged.
+    """
+    names = table_columns(path)
+    time = next(name for name in names if TIME.match(name.strip()))
+    tally = IntervalTally()
+    for block in table_blocks(path, [time]):
+        tally.add(block[time])
+    problems = tally.problems("navigation")
+    if not set(OURS.used().values()) <= set(names):
+        problems.append(
+            "its columns, units and signs are not known: name them with `Columns`, or in the "
+            "description of an import"
+        )
+    return {
+        "format": "Navigation table",
+        "kind": "navigation",
+        "columns": names,
+        **tally.summary(),
+        "crs": "",
+        "problems": problems,
+    }
 
 
 def _pose(values: dict[str, Floats], place: Origin | None) -> dict[str, Floats]:

@@ -1,17 +1,19 @@
-"""SBET: the smoothed best estimate of trajectory of Applanix POSPac.
+"""SBET: the smoothed best estimate of trajectory of Applanix POSPac, in bytes or as text.
 
 136 bytes per record, 17 little-endian doubles without any header: seconds of the GPS week,
 latitude, longitude [rad], ellipsoidal height [m], three velocities in the wander frame [m/s], roll,
 pitch, platform heading, wander angle [rad], three specific forces [m/s²] and three angular rates
 [rad/s] of the body. The body is forward-right-down. The true heading is the platform heading less
 the wander angle; the velocities are along the x axis of the wander frame (wander angle west of
-north), its y axis (to the left of x) and up. The file names neither datum nor week.
+north), its y axis (to the left of x) and up. The file names neither datum nor week. As text, it has
+the same 17 numbers in each line, divided by blanks, tabs, semicolons or commas.
 
 Sources: POSPac MMS user guide as reproduced by the LiDAR360 manual ("OUT File"); the sign of the
 wander angle and the axes of the velocities were found in measured files.
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,8 @@ import numpy as np
 import xarray as xr
 
 from trueterrain import provenance
+from trueterrain.errors import FormatError
+from trueterrain.formats._text_head import Head, find_head
 from trueterrain.formats.navigation._frames import (
     Origin,
     Turns,
@@ -26,6 +30,7 @@ from trueterrain.formats.navigation._frames import (
     enu_of_geodetic,
     iso8855_of_ned,
 )
+from trueterrain.formats.navigation._recognise import is_sbet_text
 from trueterrain.formats.navigation._records import (
     BLOCK,
     WEEK,
@@ -36,9 +41,12 @@ from trueterrain.formats.navigation._records import (
     refuse,
 )
 from trueterrain.formats.navigation._schema import EpochRules, check_length, navigation_of
+from trueterrain.formats.navigation._tables import table_blocks
+from trueterrain.formats.signature import open_regular
 
 FIELDS = 17
 
+_SAMPLE = 1 << 16  # [bytes] in which a text shows its first record
 _HIGHEST = 100_000.0  # [m] of a height that can be one: the edge of space
 _SWAPPED = "If the bytes stand in the wrong order, or it is no SBET file, export it again."
 
@@ -120,7 +128,7 @@ def blocks(
     clock, rules = WeekClock(path), EpochRules(path=path)
     turns = Turns()
     place = None if origin is None else check_origin(origin)
-    for first, fields in file_records(path, FIELDS, "SBET", size):
+    for first, fields in _records(path, size):
         _check(path, fields, first)
         time = clock.continued(fields[0])
         latitude, longitude, height, roll, pitch = fields[[1, 2, 3, 7, 8]]
@@ -165,7 +173,7 @@ def describe(path: str | Path) -> dict[str, Any]:
     clock, tally = WeekClock(path), IntervalTally()
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     fastest, latest = 0.0, 0.0
-    for first, fields in file_records(path, FIELDS, "SBET"):
+    for first, fields in _records(path):
         _check(path, fields, first)
         tally.add(clock.continued(fields[0]))
         place = np.stack([np.rad2deg(fields[2]), np.rad2deg(fields[1]), fields[3]])
@@ -188,6 +196,33 @@ def describe(path: str | Path) -> dict[str, Any]:
         "crs": "",
         "problems": problems,
     }
+
+
+def _records(path: Path, size: int = BLOCK) -> Iterator[tuple[int, Floats]]:
+    """First number and fields, shape (field, n), of records some at a time, in bytes or as text."""
+    head = _text_head(path)
+    if head is None:
+        yield from file_records(path, FIELDS, "SBET", size)
+        return
+    names = [str(number) for number in range(1, FIELDS + 1)]
+    first = 0
+    for part in table_blocks(
+        path, names, size, head=replace(head, labels=tuple(names), named=True)
+    ):
+        fields = np.stack([part[name] for name in names])
+        yield first, fields
+        first += fields.shape[1]
+
+
+def _text_head(path: Path) -> Head | None:
+    """Head of an SBET as text; None if it is in bytes."""
+    with open_regular(path) as stream:
+        start = stream.read(_SAMPLE).decode("latin-1").splitlines()
+    try:
+        head = find_head(start, lambda _: False)
+    except FormatError:
+        return None
+    return None if head is None or not is_sbet_text(head.labels) else head
 
 
 def _check(path: Path, fields: Floats, first: int) -> None:

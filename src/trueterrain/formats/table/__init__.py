@@ -8,9 +8,12 @@ points   ``easting,northing,up`` (or ``x,y,z``); optional ``time``, ``intensity`
 path     ``easting,northing`` (or ``x,y``): waypoints in order, see `read_waypoints`
 =======  ========================================================================================
 
-Lengths are metres unless the header names another unit: ``height [mm]``, ``s_ft``, ``height_in``.
-Columns are separated by commas, semicolons, tabs or blanks. Without a header, two columns of
-numbers are ``s height`` and three are ``easting northing up``. Lines that begin with # are skipped.
+Tracks may also stand under their names: ``s,left,right``, ``station,track 1,track 2 [mm]``. Lengths
+are metres unless the header names another unit: ``height [mm]``, ``s_ft``, ``height inch``. Columns
+are separated by commas, semicolons, tabs or blanks; with the last three, numbers may have decimal
+commas. Titles before the header and lines that begin with # are skipped. Without a header, two
+columns of numbers are ``s height`` and three are ``easting northing up``, in metres: ``info`` says
+so, and commands that rate profiles warn of it.
 
 Text keeps every bit of the numbers, but neither CRS nor provenance; Parquet keeps them as well.
 """
@@ -33,11 +36,12 @@ from trueterrain.formats.table._describe import describe_points, describe_profil
 from trueterrain.formats.table._parquet import open_parquet, parquet_blocks
 from trueterrain.formats.table._text import Values, line_of_row, open_text, text_blocks
 from trueterrain.formats.table._write import write
-from trueterrain.kinds import COORDINATES
+from trueterrain.kinds import ASSUMED, COORDINATES
 
 __all__ = ["blocks", "describe", "kind", "point_variables", "read", "read_waypoints", "write"]
 
 _BLOCK = 1_000_000  # rows at a time
+_USUAL = 0.305  # [m] between samples of a profile; profilers take 0.025 to 0.305 m (1 ft)
 
 
 def read(path: str | Path) -> xr.Dataset:
@@ -61,6 +65,8 @@ def read(path: str | Path) -> xr.Dataset:
     """
     source = _open(Path(path))
     data = _whole(source).assign_attrs(source.attrs)
+    if source.assumed:
+        data = data.assign_attrs({ASSUMED: _assumption(source, data)})
     parameters = {"format": source.format}
     return provenance.add_step(data, "read", parameters=parameters, inputs=[path])
 
@@ -231,10 +237,14 @@ def describe(path: str | Path) -> dict[str, Any]:
     source = _open(Path(path))
     summary: dict[str, Any] = {"format": source.format, "kind": source.layout.kind}
     summary["columns"] = [column.label for column in source.layout.columns]
+    profile = None
     if source.layout.kind == "profile":
-        summary |= describe_profile(_whole(source))
+        profile = _whole(source)
+        summary |= describe_profile(profile)
     else:
         summary |= describe_points(source.blocks(_BLOCK))
+    if source.assumed:
+        summary["problems"].append(_assumption(source, profile))
     summary["crs"] = source.attrs.get("crs", "")
     if source.layout.ignored:
         problem = f"columns that are not understood: {', '.join(source.layout.ignored)}"
@@ -250,6 +260,7 @@ class _Source:
     format: str
     layout: Layout
     attrs: dict[str, Any]
+    assumed: bool  # whether the columns and their units were guessed, since none is named
     blocks: Callable[[int | None], Iterator[Values]]
     place: Callable[[int], str]  # where in the file a row stands
 
@@ -264,6 +275,7 @@ def _open(path: Path, *, kind: str | None = None) -> _Source:
             format="Parquet",
             layout=layout,
             attrs=attrs,
+            assumed=False,
             blocks=lambda size: parquet_blocks(path, file, layout, size),
             place=lambda row: f"row {row + 1}",
         )
@@ -273,9 +285,24 @@ def _open(path: Path, *, kind: str | None = None) -> _Source:
         format="CSV",
         layout=table.layout,
         attrs={},
+        assumed=not table.named,
         blocks=lambda size: text_blocks(table, size),
         place=lambda row: f"line {line_of_row(table, row)}",
     )
+
+
+def _assumption(source: _Source, data: xr.Dataset | None) -> str:
+    """What was taken for granted of a table that names no columns."""
+    names = [column.name for column in source.layout.columns]
+    text = f"has no names of columns: they are taken as {', '.join(names)} in metres"
+    if data is not None and "s" in data.dims and data.sizes["s"] > 1:
+        s = data["s"].values
+        spacing = float(np.median(np.diff(s)))
+        text += f", every {spacing:.4g} m over {s[-1] - s[0]:.6g} m"
+        if spacing > _USUAL:
+            text += " (no profiler's spacing: are they inches or feet?)"
+    example = ",".join(f"{name} [in]" for name in names)
+    return f"{text}; name them and their units in a first line, such as {example}"
 
 
 def _whole(source: _Source) -> xr.Dataset:

@@ -9,8 +9,14 @@ from pathlib import Path
 from trueterrain.errors import FormatError
 from trueterrain.kinds import EXTRA, RETURN_ATTRIBUTES
 
-_LENGTHS = {"m": 1.0, "mm": 0.001, "cm": 0.01, "km": 1000.0, "in": 0.0254, "ft": 0.3048}
 _ANGLES = {"rad": 1.0, "deg": math.pi / 180}
+_LENGTHS = {
+    "m": 1.0, "metre": 1.0, "metres": 1.0, "meter": 1.0, "meters": 1.0,
+    "mm": 0.001, "millimetre": 0.001, "millimetres": 0.001, "millimeter": 0.001,
+    "millimeters": 0.001, "cm": 0.01, "km": 1000.0,
+    "in": 0.0254, "inch": 0.0254, "inches": 0.0254, "mil": 2.54e-5, "mils": 2.54e-5,
+    "ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "usft": 1200 / 3937, "us-ft": 1200 / 3937,
+}  # fmt: skip
 _UNITS = {
     **dict.fromkeys(("s", "easting", "northing", "up", "height", "sd"), _LENGTHS),
     "heading": _ANGLES,
@@ -19,10 +25,16 @@ _UNITS = {
 }
 _NAMES = (*_UNITS, "intensity", "lane", "count", "track")
 _ALIASES = {
-    "station": "s", "distance": "s", "x": "easting", "y": "northing",
+    "station": "s", "distance": "s", "chainage": "s", "x": "easting", "y": "northing",
     "z": "up", "elevation": "up", "altitude": "up",
 }  # fmt: skip
 _PER_TRACK = ("height", "easting", "northing", "heading", "sd", "count")
+
+# names of tracks that need no word for height, and words that may stand beside them
+_TRACK = re.compile(
+    r"left|right|cent(er|re)|middle|[lrc]|[lrc]wp|[lrc]elev\.?|(track|line|laser|sensor)\d+"
+)
+_FILLING = ("height", "elevation", "elev", "z", "profile", "wheel", "path", "wheelpath", "wp")
 
 _KEPT = {
     "points": (
@@ -82,8 +94,7 @@ class Layout:
 
 def layout_of(labels: list[str], path: str | Path, *, kind: str | None = None) -> Layout:
     """Meaning of a table by the labels of its columns; `kind` asks for a certain one."""
-    understood = [_parse(index, label, path) for index, label in enumerate(labels)]
-    columns = [column for column in understood if column is not None]
+    columns = _columns_of(labels, path)
     names = {column.name for column in columns}
     kind = kind or _kind_of(names)
     if kind is not None:
@@ -101,6 +112,15 @@ def layout_of(labels: list[str], path: str | Path, *, kind: str | None = None) -
     used = {column.index for column in kept}
     ignored = tuple(label for index, label in enumerate(labels) if index not in used)
     return Layout(kind=kind, columns=tuple(kept), ignored=ignored)
+
+
+def names_columns(labels: list[str]) -> bool:
+    """Whether labels are the names of the columns of points, a profile or a path."""
+    try:
+        columns = _columns_of(labels, "")
+    except FormatError:  # a unit that is not known stands behind a name that is
+        return True
+    return _kind_of({column.name for column in columns}) is not None
 
 
 def layout_without_header(count: int, path: str | Path, *, kind: str | None = None) -> Layout:
@@ -123,21 +143,59 @@ def layout_without_header(count: int, path: str | Path, *, kind: str | None = No
     return Layout(kind=kind, columns=tuple(columns), ignored=ignored)
 
 
+def _columns_of(labels: list[str], path: str | Path) -> list[Column]:
+    understood = [_parse(index, label, path) for index, label in enumerate(labels)]
+    columns = [column for column in understood if column is not None]
+    names = {column.name for column in columns}
+    if "s" in names and not names & {"height", "up", "track"}:
+        tracks = [_parse_track(index, label, path) for index, label in enumerate(labels)]
+        columns += [column for column in tracks if column is not None]
+    return sorted(columns, key=lambda column: column.index)
+
+
 def _parse(index: int, label: str, path: str | Path) -> Column | None:
-    text = label.strip().strip('"')
-    bracket = re.fullmatch(r"(.+?)\s*[\[(]\s*(.*?)\s*[\])]", text)
-    words, unit = (bracket[1], bracket[2].lower()) if bracket else (text, "")
+    words, unit = _words_and_unit(label)
     head, *rest = _split_words(words)
+    if head.lower() not in (*_ALIASES, *_NAMES, *RETURN_ATTRIBUTES) and " " in head:  # height mm
+        head, *rest = words.split()
     name = _ALIASES.get(head.lower(), head.lower())
     if name.startswith(EXTRA):
-        return Column(index=index, label=text, name=text)
+        return Column(index=index, label=words, name=words)
     if name not in (*_NAMES, *RETURN_ATTRIBUTES):
         return None
     units = _UNITS.get(name, {})
     if not unit and rest and rest[-1].lower() in units:
         unit = rest.pop().lower()
+        if rest and rest[-1].lower() == "in":  # height in mm
+            rest.pop()
     if rest and name not in (*_PER_TRACK, "up"):
         return None
+    track = "_".join(rest) or None
+    return _column(index, label, name, unit, path, track=track)
+
+
+def _parse_track(index: int, label: str, path: str | Path) -> Column | None:
+    """Heights of a track that stand under its name alone: left, right [mm], track 1."""
+    words, unit = _words_and_unit(label)
+    parts = re.split(r"[\s_]+", words)
+    if not unit and len(parts) > 1 and parts[-1].lower() in _LENGTHS:
+        unit = parts.pop().lower()
+    named = [part for part in parts if part.lower() not in _FILLING]
+    if not _TRACK.fullmatch("".join(named).lower()):
+        return None
+    return _column(index, label, "height", unit, path, track=" ".join(named))
+
+
+def _words_and_unit(label: str) -> tuple[str, str]:
+    text = label.strip().strip('"')
+    bracket = re.fullmatch(r"(.+?)\s*[\[(]\s*(.*?)\s*[\])]", text)
+    return (bracket[1], bracket[2].lower()) if bracket else (text, "")
+
+
+def _column(
+    index: int, label: str, name: str, unit: str, path: str | Path, *, track: str | None
+) -> Column:
+    units = _UNITS.get(name, {})
     if unit and unit not in units and units:
         raise FormatError(
             f"has the unit {unit!r}; known are {', '.join(units)}",
@@ -145,8 +203,8 @@ def _parse(index: int, label: str, path: str | Path) -> Column | None:
             place=f"column {label!r}",
             cure="Convert the column, or correct its unit.",
         )
+    text = label.strip().strip('"')
     scale = units.get(unit, 1.0)
-    track = "_".join(rest) or None
     return Column(index=index, label=text, name=name, track=track, scale=scale)
 
 
@@ -197,6 +255,10 @@ def _missing(labels: list[str], names: set[str], kind: str | None, path: str | P
             break
     else:
         cure = "Add the column, or name the columns so."
+    if kind is None and "s" in names and not names & {"height", "up"} and len(labels) > 2:
+        cure = (
+            "Name the columns of heights: height, or of several tracks height_left, height_right."
+        )
     found = ", ".join(label.strip() for label in labels[:8]) + (", ..." if len(labels) > 8 else "")
     return FormatError(f"needs columns {needs}, got {found}", path=path, place="header", cure=cure)
 

@@ -9,10 +9,17 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from trueterrain.errors import FormatError
-from trueterrain.formats.signature import open_regular, separator_of, split_fields
+from trueterrain.errors import FormatError, concerning
+from trueterrain.formats._text_head import find_head, number_of, split_line
+from trueterrain.formats.signature import open_regular
 from trueterrain.formats.table._cells import bare_texts
-from trueterrain.formats.table._columns import Column, Layout, layout_of, layout_without_header
+from trueterrain.formats.table._columns import (
+    Column,
+    Layout,
+    layout_of,
+    layout_without_header,
+    names_columns,
+)
 
 Values = dict[Column, npt.NDArray[np.float64] | npt.NDArray[np.str_]]
 
@@ -30,7 +37,9 @@ class TextTable:
 
     path: Path
     separator: str | None  # None: blanks
+    decimal: str
     encoding: str
+    named: bool  # whether the file names its columns
     first: int  # number of the first line of data, from 1
     fields: int
     layout: Layout
@@ -39,22 +48,22 @@ class TextTable:
 def open_text(path: Path, *, kind: str | None = None) -> TextTable:
     """Read the head of a text table."""
     encoding = _encoding(path)
-    with path.open(encoding=encoding, newline=None) as stream:
-        lines = enumerate(stream, start=1)
-        number, line = next(((n, text) for n, text in lines if _is_content(text)), (0, ""))
-    if number == 0:
+    with path.open(encoding=encoding, newline=None) as stream, concerning(path):
+        head = find_head(stream, names_columns)
+    if head is None:
         raise FormatError("is empty", path=path, place="line 1", cure="Copy or export it again.")
-    separator = separator_of(line)
-    labels = split_fields(line, separator, path)
-    if all(_number(label) is not None for label in labels):
-        layout, first = layout_without_header(len(labels), path, kind=kind), number
+    labels = list(head.labels)
+    if head.named:
+        layout = layout_of(labels, path, kind=kind)
     else:
-        layout, first = layout_of(labels, path, kind=kind), number + 1
+        layout = layout_without_header(len(labels), path, kind=kind)
     table = TextTable(
         path=path,
-        separator=separator,
+        separator=head.separator,
+        decimal=head.decimal,
         encoding=encoding,
-        first=first,
+        named=head.named,
+        first=head.first,
         fields=len(labels),
         layout=layout,
     )
@@ -73,6 +82,7 @@ def text_blocks(table: TextTable, size: int | None = None) -> Iterator[Values]:
         reader = pd.read_csv(
             table.path,
             sep=table.separator or r"\s+",
+            decimal=table.decimal,
             header=None,
             skiprows=table.first - 1,
             dtype=dtypes,
@@ -131,12 +141,12 @@ def _explain(table: TextTable) -> None:
 def _check_cell(table: TextTable, number: int, column: Column, text: str) -> None:
     if column.name == "track":
         return
-    value = math.nan if text.strip() in _GAPS else _number(text)
+    value = math.nan if text.strip() in _GAPS else number_of(text, table.decimal)
     place = f"line {number}, column {column.label!r}"
     if value is None:
         cure = "Correct the line, or export the file again."
-        if _number(text.replace(",", ".")) is not None:
-            cure = "Write numbers with a decimal point, not a comma."
+        if number_of(text.replace(",", ".")) is not None:
+            cure = "Write all numbers with a decimal point, or all with a comma."
         raise FormatError(
             f"must be a number, got {text[:80]!r}", path=table.path, place=place, cure=cure
         )
@@ -162,7 +172,7 @@ def numbered_rows(table: TextTable) -> Iterator[tuple[int, list[str]]]:
     with table.path.open(encoding=table.encoding, errors="replace", newline=None) as stream:
         for number, line in enumerate(stream, start=1):
             if number >= table.first and _is_content(line):
-                yield number, split_fields(line, table.separator, table.path)
+                yield number, split_line(line, table.separator, table.path)
 
 
 def _check_last_line(table: TextTable) -> None:
@@ -171,7 +181,7 @@ def _check_last_line(table: TextTable) -> None:
         stream.seek(max(0, size - _TAIL))
         tail = stream.read().decode(table.encoding, errors="replace")
     lines = [line for line in tail.splitlines() if _is_content(line)]
-    last = split_fields(lines[-1], table.separator, table.path) if lines else []
+    last = split_line(lines[-1], table.separator, table.path) if lines else []
     found = len(last) or table.fields
     if found != table.fields:
         number = sum(1 for _ in numbered_rows(table))
@@ -212,10 +222,3 @@ def _encoding(path: Path) -> str:
 
 def _is_content(line: str) -> bool:
     return bool(line.strip()) and not line.startswith("#")
-
-
-def _number(text: str) -> float | None:
-    try:
-        return float(text)
-    except ValueError:
-        return None
