@@ -28,6 +28,7 @@ def merge(
     method: Method = "network",
     fix: Annotated[list[str] | None, Parameter(negative="")] = None,
     control: Path | None = None,
+    datum_sd: float | None = None,
     path: Path | None = None,
     limit: float = 0.002,
     cell: float | None = None,
@@ -64,6 +65,9 @@ def merge(
         Pass that stays as it is; may be given several times. By default the mean of all stays.
     control
         CSV file of control points: easting, northing, up and sd [m].
+    datum_sd
+        Standard deviation of the height error that all passes have in common [m], for network. By
+        default what navigation, a fixed pass or control says; clouds without sd say nothing.
     path
         CSV file of waypoints of the reference path, with the columns easting and northing [m], for
         discontinuity. By default the middle of each overlap.
@@ -98,7 +102,7 @@ def merge(
         mixed="Merge runs and points apart, or georeference the runs first.",
     )  # fmt: skip
     runs = kind == "run"
-    settings = _settings(method, fix, control, path, limit, cell, check=check)
+    settings = _settings(method, fix, control, datum_sd, path, limit, cell, check=check)
     if check:
         _check(inputs, settings, runs, split, crs, cell, output, json=json, force=force)
         return
@@ -153,6 +157,10 @@ def in_words(merged: dict[str, Any]) -> "Iterator[str]":
                 f"seam of {' and '.join(seam['lanes'])}: {1e3 * seam['before']:.2f} mm before, "
                 f"{1e3 * seam['after']:.2f} mm after"
             )
+    if merged["network"]:
+        datums = merged["network"]["datum_sd"].values()
+        known = [f"{1e3 * max(datums):.2f} mm"] if None not in datums else ["not known"]
+        yield f"standard deviation of the height error that all passes share: {known[0]}"
     for problem in merged["problems"]:
         yield f"doubtful: {problem}"
 
@@ -161,6 +169,7 @@ def _settings(
     method: Method,
     fix: list[str] | None,
     control: Path | None,
+    datum_sd: float | None,
     path: Path | None,
     limit: float,
     cell: float | None,
@@ -175,6 +184,7 @@ def _settings(
         method="grid" if check else method, fixed=tuple(fix or ()), limit=limit,
         control=None if control is None else str(control), path=None if path is None else str(path),
     )  # fmt: skip
+    settings = replace(settings, network=replace(settings.network, datum_sd=datum_sd))
     if cell is None:
         return settings
     return replace(settings, cells=replace(settings.cells, size=cell))

@@ -31,7 +31,7 @@ class CorrectedLane:
     "Where the pass was at its times, or stations."
 
     variables: tuple[str, ...]
-    "Variables that all lanes have."
+    "Variables that all lanes have when they are corrected."
 
     def __call__(self) -> Iterator[xr.Dataset]:
         """Blocks of its corrected points."""
@@ -50,7 +50,8 @@ class CorrectedLane:
         -------
         xarray.Dataset
             With the variables that all lanes have, ``lane`` that tells them apart, and by the
-            method network ``sd``: that of the correction, and that of the points if they had one.
+            method network ``sd_relative``: that of the correction, relative to the datum. ``sd`` is
+            there where the datum or the points' own is known.
         """
         found, name = block, self.lane.name
         if self.merging.alignment is not None:
@@ -58,15 +59,19 @@ class CorrectedLane:
         elif self.merging.adjustment is not None:
             found = self._by_network(block)
         number = np.full(block.sizes["point"], self.lane.label, np.int64)
-        found = found[[one for one in found.data_vars if one in (*self.variables, "sd")]]
+        found = found[[one for one in found.data_vars if one in self.variables]]
         return found.assign(lane=("point", number, {"units": "1"}))
 
     def _by_network(self, block: xr.Dataset) -> xr.Dataset:
         adjustment = self.merging.adjustment
         if adjustment is None or self.lane.name not in adjustment.names:
             # a fixed lane is the datum, and as sure as its points
-            own = block["sd"].values if "sd" in block else np.zeros(block.sizes["point"])
-            return block.assign(sd=("point", own, {"units": "m"}))
+            none, metres = np.zeros(block.sizes["point"]), {"units": "m"}
+            found = block.assign(sd_relative=("point", none, metres))
+            datum = adjustment.datum_sd.get(self.lane.name) if adjustment else None
+            if "sd" in block or datum is None:
+                return found
+            return found.assign(sd=("point", none + datum, metres))
         timed = with_time(block, self.station)
         found = corrected_points(timed, adjustment.correction(self.lane.name), self.path)
         if self.station is None:

@@ -146,10 +146,16 @@ def merge_clouds(
     doubts = [doubt for lane in lanes.values() for doubt in lane.doubts]
     doubts += [*left_out, *_of_time(kept, untimed if timed else [], path), *_doubts_of(merging)]
     merging = replace(merging, problems=(*doubts, *merging.problems))
+    given: set[str] = set()
+    if merging.adjustment is not None:
+        given = {"sd_relative"}
+        if all(sd is not None for sd in merging.adjustment.datum_sd.values()):
+            given.add("sd")
     variables = tuple(
-        name for name in ("easting", "northing", "up", "time", "intensity", "sd")
-        if all(name in lane.variables for lane in kept.values())
-    )  # fmt: skip
+        name
+        for name in ("easting", "northing", "up", "time", "intensity", "sd", "sd_relative")
+        if name in given or all(name in lane.variables for lane in kept.values())
+    )
     return merging, CorrectedClouds(
         {
             name: CorrectedLane(
@@ -272,7 +278,7 @@ def merged_surface(
     Returns
     -------
     xarray.Dataset
-        Surface with ``height``, ``count`` and ``sd``.
+        Surface with ``height``, ``count`` and ``sd_relative``, and ``sd`` where it is known.
 
     Raises
     ------
@@ -285,17 +291,27 @@ def merged_surface(
     leaves: the mean of the variances of the corrections of the points in the cell. So these are
     taken as one error that all lanes in the cell share. Those of different lanes are less alike
     than that, and the standard deviation of their mean is not greater: where several lanes lie over
-    each other, ``sd`` is on the safe side. It is relative to the datum of the adjustment. The
-    methods discontinuity and grid know no standard deviations, and add none.
+    each other, ``sd_relative`` is on the safe side. It is relative to the datum of the adjustment.
+    How sure that is, is known where points bring an ``sd`` of their own, which is not made less by
+    the number of lanes, where control points fix it, or where the settings say so: only there is
+    ``sd``. The methods discontinuity and grid know no standard deviations, and add none.
     """
 
     class Again(Iterable[xr.Dataset]):
         """Blocks that can be gone through several times."""
 
-        def __iter__(self) -> Iterator[xr.Dataset]:
-            return corrected.blocks()
+        def __init__(self, left_out: str) -> None:
+            self._left_out = left_out
 
-    surface = grid_points(Again(), grid, options, threads=threads)
+        def __iter__(self) -> Iterator[xr.Dataset]:
+            for block in corrected.blocks():
+                yield block.drop_vars(self._left_out, errors="ignore")
+
+    both = {"sd", "sd_relative"} <= set(next(iter(corrected.values())).variables)
+    surface = grid_points(Again("sd_relative" if both else ""), grid, options, threads=threads)
+    if both:
+        relative = grid_points(Again("sd"), grid, options, threads=threads)
+        surface = surface.assign(sd_relative=relative["sd_relative"])
     files = sorted({file for one in corrected.values() for file in one.lane.files})
     merging = next(iter(corrected.values())).merging
     return provenance.add_step(

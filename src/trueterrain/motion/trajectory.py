@@ -71,6 +71,11 @@ class Trajectory:
     flag: npt.NDArray[np.uint8]
     "0 where measured; `BRIDGED` (no instrument saw it) and `EDGE` (end of a filter) add up, (n,)."
 
+    datum_sd: float | None = 0.0
+    """Standard deviation of the height that all passes of an adjustment have in common [m], which
+    `covariance` contains. 0 for a pass on its own; None where it is not known, so that `covariance`
+    is relative to the datum of the adjustment."""
+
     def __post_init__(self) -> None:
         """Check shapes and order."""
         n = self.time.size
@@ -198,9 +203,8 @@ class Trajectory:
                 place="navigation",
                 cure="Choose begin and end within these times.",
             )
-        return replace(
-            self, **{entry.name: getattr(self, entry.name)[kept] for entry in fields(self)}
-        )
+        arrays = [entry.name for entry in fields(self) if entry.name != "datum_sd"]
+        return replace(self, **{name: getattr(self, name)[kept] for name in arrays})
 
 
 def _hermite(

@@ -34,7 +34,8 @@ _FIELDS = (
 def read(path: str | Path, *, bounds: Bounds | None = None, crs: str | None = None) -> xr.Dataset:
     """Points of a LAS, LAZ or COPC file.
 
-    ``time`` is the GPS time, ``lane`` the point source id, ``sd`` the extra bytes of that name.
+    ``time`` is the GPS time, ``lane`` the point source id, ``sd`` and
+    ``sd_relative`` the extra bytes of these names.
     ``attrs["gps_time_kind"]`` is ``"adjusted standard"`` or ``"week seconds"``: as the file says,
     unless its values cannot be seconds of a week.
 
@@ -201,8 +202,9 @@ def _points(record: Any, header: Any) -> xr.Dataset:
     time = times_of(record, header)
     if time is not None:
         optional["time"] = time
-    if "sd" in record.point_format.extra_dimension_names:
-        optional["sd"] = np.array(record["sd"], dtype=np.float64)
+    for name in ("sd", "sd_relative"):
+        if name in record.point_format.extra_dimension_names:
+            optional[name] = np.array(record[name], dtype=np.float64)
     return make_points(east, north, up, **optional)
 
 

@@ -23,6 +23,7 @@ _LARGEST_UINT16 = 2**16 - 1
 _LARGEST_RECORD = 2**16 - 1  # [bytes] of a variable length record
 _ROWS = 1_000_000  # written at a time
 _KINDS = {"week seconds": 0, "adjusted standard": 1}
+_DEVIATIONS = {"sd": "standard deviation [m]", "sd_relative": "relative to the datum [m]"}
 _WHOLE = {"lane": "point_source_id", "intensity": "intensity"}
 
 
@@ -35,9 +36,9 @@ def write(
 ) -> None:
     """Write points as LAS 1.4, point format 6; compressed if the name ends with .laz.
 
-    ``lane`` becomes the point source id, ``time`` the GPS time, ``sd`` extra bytes (float32). The
-    CRS is written as WKT, the provenance as a record of user ``trueterrain``. The offset is a
-    whole number of metres near the first block of points.
+    ``lane`` becomes the point source id, ``time`` the GPS time, ``sd`` and ``sd_relative`` extra
+    bytes (float32). The CRS is written as WKT, the provenance as a record of user ``trueterrain``.
+    The offset is a whole number of metres near the first block of points.
 
     Parameters
     ----------
@@ -113,10 +114,11 @@ def _header(first: xr.Dataset, scale: float, path: Path) -> Any:
     history = first.attrs.get("provenance", "").encode()
     if 0 < len(history) <= _LARGEST_RECORD:
         header.vlrs.append(laspy.VLR("trueterrain", 1, "provenance, JSON", history))
-    if "sd" in first:
-        header.add_extra_dim(
-            laspy.ExtraBytesParams("sd", np.float32, description="standard deviation [m]")
-        )
+    for name, description in _DEVIATIONS.items():
+        if name in first:
+            header.add_extra_dim(
+                laspy.ExtraBytesParams(name, np.float32, description=description)
+            )  # fmt: skip
     return header
 
 
@@ -150,8 +152,9 @@ def _record(points: xr.Dataset, header: Any, done: int, path: Path) -> Any:
         if not np.isfinite(time).all():
             raise _not_finite(time, "time", done, path)
         record["gps_time"] = time
-    if "sd" in points:
-        record["sd"] = points.sd.values.astype(np.float32)
+    for name in _DEVIATIONS:
+        if name in points:
+            record[name] = points[name].values.astype(np.float32)
     single = np.ones(points.sizes["point"], dtype=np.uint8)
     record["return_number"] = single
     record["number_of_returns"] = single

@@ -10,7 +10,7 @@ from trueterrain.errors import FormatError
 
 _LENGTHS = {"m": 1.0, "mm": 0.001, "cm": 0.01, "km": 1000.0, "in": 0.0254, "ft": 0.3048}
 _UNITS = {
-    **dict.fromkeys(("s", "easting", "northing", "up", "height", "sd"), _LENGTHS),
+    **dict.fromkeys(("s", "easting", "northing", "up", "height", "sd", "sd_relative"), _LENGTHS),
     "heading": {"rad": 1.0, "deg": math.pi / 180},
     "time": {"s": 1.0},
 }
@@ -22,7 +22,7 @@ _ALIASES = {
 _PER_TRACK = ("height", "easting", "northing", "heading", "sd", "count")
 
 _KEPT = {
-    "points": ("easting", "northing", "up", "time", "intensity", "lane", "sd"),
+    "points": ("easting", "northing", "up", "time", "intensity", "lane", "sd", "sd_relative"),
     "profile": ("track", "s", "easting", "northing", "height", "heading", "sd", "count"),
     "path": ("easting", "northing"),
 }

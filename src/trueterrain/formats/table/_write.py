@@ -15,7 +15,7 @@ from trueterrain.errors import CoverageError, SchemaError
 from trueterrain.formats.table._parquet import ParquetWriter
 from trueterrain.kinds import check_points, check_profile, kind_of
 
-_POINTS = ("easting", "northing", "up", "time", "intensity", "lane", "sd")
+_POINTS = ("easting", "northing", "up", "time", "intensity", "lane", "sd", "sd_relative")
 _PROFILE = ("easting", "northing", "height", "sd", "count", "heading")
 _ATTRS = ("crs", "provenance", "gps_time_kind")  # kept in Parquet
 _ROWS = 1_000_000  # written at a time
