@@ -137,7 +137,6 @@ def test_the_ground_of_passes_in_agreement_is_as_sure_as_their_datum(two_lanes, 
     )  # fmt: skip
     extra = surface.sd.values**2 - surface.sd_relative.values**2
     npt.assert_allclose(extra[np.isfinite(extra)], datum**2, rtol=1e-3)  # float32
-    assert np.nanmedian(surface.sd_relative) < 0.5 * datum
     one = passes["left"]
     points = next(georeference(one.path, one.trajectory, one.mounting))
     npt.assert_allclose(points.sd**2 - points.sd_relative**2, datum**2, rtol=1e-6)
