@@ -58,7 +58,7 @@ def run(
     note(f"{output / 'report.html'}: the report")
 
 
-def deviation_words(surface: dict[str, Any]) -> str:
+def describe_deviations(surface: dict[str, Any]) -> str:
     """Standard deviations of a surface, to follow the numbers of its nodes.
 
     Parameters
@@ -73,7 +73,7 @@ def deviation_words(surface: dict[str, Any]) -> str:
 
     Examples
     --------
-    >>> deviation_words({"sd": {"median": 0.02}, "sd_relative": {"median": 0.003}})
+    >>> describe_deviations({"sd": {"median": 0.02}, "sd_relative": {"median": 0.003}})
     ', standard deviation 20.00 mm, relative 3.00 mm (median)'
     """
     known = {name: surface[name]["median"] for name in ("sd", "sd_relative")}
@@ -109,7 +109,7 @@ def in_words(numbers: dict[str, Any]) -> Iterator[str]:
         surface = lane["surface"]
         driven = sum(runs[name]["driven"] for name in lane["runs"])
         text = f"{lane['name']}: {driven:,.1f} m, {surface['nodes']:,} nodes"
-        yield text + deviation_words(surface)
+        yield text + describe_deviations(surface)
         if lane["truth"]:
             truth = lane["truth"]["surface"]
             yield (

@@ -105,7 +105,7 @@ def wandering(system: System, fitted: Fitted, time: float) -> tuple[float, float
     return (float(np.sqrt(squares / free)), freedom) if free else (0.0, 0.0)
 
 
-def datum_deviations(
+def estimate_datum_sd(
     shared: Shared,
     lanes_sd: Sequence[Floats],
     wander: Wander,

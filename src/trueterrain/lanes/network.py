@@ -37,7 +37,7 @@ from trueterrain.lanes._choose import (
     predicted,
     priors,
 )
-from trueterrain.lanes._claims import claimed, datum_deviations
+from trueterrain.lanes._claims import claimed, estimate_datum_sd
 from trueterrain.lanes._problem import Shared, sample, share
 from trueterrain.lanes._settings import NetworkSettings, Trial
 from trueterrain.lanes._system import System, build
@@ -303,7 +303,7 @@ def adjust(
     held_back = measured + predicted(system, prior, folds, whole, parts)
     pairs = pairs_of(shared, fitted.robustness, measured, after, held_back)
     ground = _ground(system, fitted, covariance)
-    datum = datum_deviations(shared, lanes_sd, claims["height"].wander, list(by_name), settings)
+    datum = estimate_datum_sd(shared, lanes_sd, claims["height"].wander, list(by_name), settings)
     return Adjustment(
         corrections=_corrections(system, fitted, covariance, left, datum), datum_sd=datum,
         groups=tuple(

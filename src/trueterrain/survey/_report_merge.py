@@ -130,7 +130,7 @@ def _seams(merging: Merging) -> Iterator[Block]:
         )  # fmt: skip
 
 
-def datum_words(found: Adjustment) -> str:
+def describe_datum(found: Adjustment) -> str:
     """How sure the height is that all passes share, in words.
 
     Parameters
@@ -146,9 +146,9 @@ def datum_words(found: Adjustment) -> str:
     known = [sd for sd in found.datum_sd.values() if sd is not None]
     if len(known) < len(found.datum_sd):
         return (
-            "The height error that all passes share is not known, since the points bring no "
-            "standard deviation of the navigation: standard deviations are relative to the mean "
-            "of the passes (lanes.network.datum_sd gives it)."
+            "The height error that all passes share is not known, since no navigation reports its "
+            "standard deviation: relative standard deviations leave it out, and absolute ones are "
+            "there only where points bring their own (datum_sd gives it)."
         )
     return (
         f"The height error that all passes share has a standard deviation of "
@@ -170,7 +170,7 @@ def _network(merging: Merging) -> Iterator[Block]:
     )
     if found.omitted:
         words += f" The data do not tell {', '.join(found.omitted)}, so these were left out."
-    yield Text(paragraph=f"{words} {datum_words(found)}")
+    yield Text(paragraph=f"{words} {describe_datum(found)}")
     yield Table(
         columns=columns("Pass; Chi-square .1; Degrees of freedom .1; Probability without drift .3"),
         rows=[
