@@ -7,12 +7,13 @@ from arrays, ``check_...`` says which variable breaks which rule.
 kind        dimensions                  variables [m] unless noted
 ==========  ==========================  =======================================================
 Points      point                       easting, northing, up; optional time [s], intensity,
-                                        lane (point source), sd, those of `RETURN_ATTRIBUTES`,
-                                        and ``extra_NAME``: extra bytes of LAS, as they are
+                                        lane (point source), sd, sd_relative, those of
+                                        `RETURN_ATTRIBUTES`, and ``extra_NAME``: extra bytes of
+                                        LAS, as they are
 Surface     u, v (along, across a       height; reference line along u: easting, northing,
             reference line)             heading [rad], elevation; optional banking [m/m],
-                                        count, sd, filled
-Surface     northing, easting (a map)   height; optional count, sd, filled
+                                        count, sd, sd_relative, filled
+Surface     northing, easting (a map)   height; optional count, sd, sd_relative, filled
 Profile     s, optional track           height; optional easting, northing, sd, count
 ==========  ==========================  =======================================================
 
@@ -20,6 +21,11 @@ All lengths are metres, all angles radians. Ground axes are east, north, up; u r
 left; ``heading[i]`` is the direction of the chord that ends at node i, counter-clockwise from east
 (the first repeats the second). ``height`` of a surface is the whole height: the elevation and the
 banking of the reference line are contained in it.
+
+``sd`` of points and surfaces is the absolute standard deviation of a height. ``sd_relative`` leaves
+out what all of them have in common: the datum of the adjustment of several passes or, of points
+that bring no ``sd``, whatever they are relative to. Where the absolute one is not known, there is
+no ``sd``. That of a profile is of the statistic: it counts the scatter under the tyre only.
 """
 
 from collections.abc import Mapping
@@ -40,6 +46,7 @@ ASSUMED = "assumed"
 
 _UNITS = {
     "easting": "m", "northing": "m", "up": "m", "height": "m", "elevation": "m", "sd": "m",
+    "sd_relative": "m",
     "heading": "rad", "banking": "m/m", "u": "m", "v": "m", "s": "m", "time": "s",
     "intensity": "1", "lane": "1", "count": "1", "filled": "1", "scan_angle": "rad",
 }  # fmt: skip
@@ -60,8 +67,8 @@ EXTRA = "extra_"
 #: Variables that every set of points has.
 COORDINATES = ("easting", "northing", "up")
 
-_POINTS_OPTIONAL = ("time", "intensity", "lane", "sd", *RETURN_ATTRIBUTES)
-_SURFACE_OPTIONAL = ("count", "sd", "filled")
+_POINTS_OPTIONAL = ("time", "intensity", "lane", "sd", "sd_relative", *RETURN_ATTRIBUTES)
+_SURFACE_OPTIONAL = ("count", "sd", "sd_relative", "filled")
 _PROFILE_OPTIONAL = ("easting", "northing", "heading", "sd", "count")
 _REFERENCE_LINE = ("easting", "northing", "heading", "elevation")
 
@@ -80,8 +87,8 @@ def make_points(
     crs : str
         Coordinate reference system: an EPSG code or WKT; empty if it is not known.
     **optional : array_like, shape (point,)
-        ``time`` [s], ``intensity``, ``lane``, ``sd`` [m], those of `RETURN_ATTRIBUTES`, and
-        ``extra_NAME``.
+        ``time`` [s], ``intensity``, ``lane``, ``sd``, ``sd_relative`` [m], those of
+        `RETURN_ATTRIBUTES`, and ``extra_NAME``.
 
     Returns
     -------
@@ -134,7 +141,7 @@ def make_surface(
     crs : str
         Coordinate reference system: an EPSG code or WKT; empty if it is not known.
     **optional : array_like, same shape as height
-        ``count``, ``sd`` [m], ``filled``.
+        ``count``, ``sd``, ``sd_relative`` [m], ``filled``.
 
     Returns
     -------

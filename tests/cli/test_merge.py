@@ -56,6 +56,14 @@ def test_runs_are_merged_and_said_to_agree(run, runs, tmp_path):
     (seam,) = result["merge"]["seams"]
     assert seam["after"] < SEAM < seam["before"]
     assert f"{1e3 * seam['after']:.2f} mm after" in finished.out
+    (lane,) = result["lanes"]
+    absolute, relative = (lane["surface"][name]["median"] for name in ("sd", "sd_relative"))
+    (datum,) = set(result["merge"]["network"]["datum_sd"].values())
+    npt.assert_allclose(absolute, np.hypot(relative, datum), rtol=0.02)  # medians of both
+    assert datum > 2 * relative  # what two passes of one kind of drift share
+    assert f"that all passes share: {1e3 * datum:.2f} mm" in finished.out
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert f"has a standard deviation of {1e3 * datum:.3g} mm" in page
     road = tt.open(tmp_path / "out" / "merged.crg")
     assert float(road.v.max() - road.v.min()) > 7.0  # both lanes
     assert (tmp_path / "out" / "report.html").exists()
@@ -96,6 +104,25 @@ def test_clouds_are_merged(run, clouds, tmp_path, split):
     npt.assert_allclose(np.sort(moved), [-APART / 2, APART / 2], rtol=0, atol=TOLD)
     surface = tt.open(tmp_path / "out" / "merged.tif")
     assert np.isfinite(surface.height).mean() > 0.9
+    # nothing tells what both flights share
+    assert ("sd" in surface, "sd_relative" in surface) == (False, True)
+    written = laspy.read(tmp_path / f"out/{names[0]}.laz").point_format
+    assert list(written.extra_dimension_names) == ["sd_relative"]
+    assert json.loads(finished.out)["surface"]["sd"]["median"] is None
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "The height error that all passes share is not known" in page
+
+
+def test_what_is_known_of_the_datum_can_be_said(run, clouds, tmp_path):
+    files = [clouds / "south.laz", clouds / "north.laz"]
+    finished = run("merge", *files, "--datum-sd", 0.02, "-o", tmp_path / "out")
+    assert finished.code == 0, finished.err
+    assert "that all passes share: 20.00 mm" in finished.out
+    surface = tt.open(tmp_path / "out" / "merged.tif")
+    both = np.hypot(surface.sd_relative, 0.02)
+    npt.assert_allclose(surface.sd, both, rtol=0, atol=1e-4)  # [m] medians of a cell, float32
+    points = laspy.read(tmp_path / "out" / "south.laz")
+    npt.assert_allclose(points.sd, np.hypot(points.sd_relative, 0.02), rtol=1e-5)
 
 
 def test_one_pass_stays(run, clouds, tmp_path):

@@ -103,17 +103,20 @@ def test_what_belongs_to_the_heights(tmp_path):
     shape = (5, 7)
     surface = ground(
         sd=np.full(shape, 0.002),
+        sd_relative=np.full(shape, 0.001),
         count=np.arange(35).reshape(shape),
         filled=np.eye(5, 7, dtype=bool),
     )
     path = tmp_path / "ground.tif"
     geotiff.write(surface, path)
     again = geotiff.read(path)
-    for name in ("sd", "count", "filled"):
+    for name in ("sd", "sd_relative", "count", "filled"):
         npt.assert_array_equal(again[name], surface[name])
     assert again.filled.dtype == bool
     assert np.issubdtype(again["count"].dtype, np.integer)
-    assert geotiff.describe(path)["bands"] == ["height", "sd", "count", "filled"]
+    assert geotiff.describe(path)["bands"] == [
+        "height", "sd", "sd_relative", "count", "filled",
+    ]  # fmt: skip
 
 
 def test_history_comes_back(tmp_path):

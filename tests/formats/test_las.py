@@ -51,6 +51,7 @@ def cloud(size=1000, **more):
         "intensity": rng.integers(0, 2**16, size),
         "lane": np.arange(size) % 2 + 1,
         "sd": rng.random(size).astype(np.float32),
+        "sd_relative": rng.random(size).astype(np.float32),
     }
     up = 500 + rng.integers(0, 10**5, size) * 1e-4
     return make_points(east, north, up, crs="EPSG:25832", **(named | more))
@@ -175,7 +176,7 @@ def test_round_trip(tmp_path, ending):
     again = las.read(path)
     for name in ("easting", "northing", "up"):
         npt.assert_allclose(again[name], points[name], **HALF_STEP)
-    for name in ("time", "intensity", "lane", "sd"):
+    for name in ("time", "intensity", "lane", "sd", "sd_relative"):
         npt.assert_array_equal(again[name], points[name])
     assert again.attrs["crs"] == "EPSG:25832"
     assert again.attrs["gps_time_kind"] == "adjusted standard"
@@ -195,7 +196,7 @@ def test_file_is_what_millimetre_work_needs(tmp_path):
     assert header.global_encoding.wkt
     assert header.global_encoding.gps_time_type == laspy.header.GpsTimeType.STANDARD
     assert header.parse_crs().to_epsg() == 25832
-    assert list(header.point_format.extra_dimension_names) == ["sd"]
+    assert list(header.point_format.extra_dimension_names) == ["sd", "sd_relative"]
     assert set(np.asarray(witness.return_number)) == {1}
 
 

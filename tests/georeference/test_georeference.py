@@ -6,12 +6,15 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 import xarray as xr
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from trueterrain.errors import CoverageError
 from trueterrain.formats.run import Mounting, open_run, scan_blocks
 from trueterrain.georeference import ScanGeometry, Screening, georeference
 from trueterrain.motion import Trajectory
+from trueterrain.motion._scans import scan_problems
 from trueterrain.motion.trajectory import BRIDGED
 from trueterrain.simulate.raster import Raster
 from trueterrain.simulate.scene import set_stage
@@ -191,6 +194,45 @@ def test_scans_without_motion_are_left_out_and_counted():
     (points,) = georeference([block], trajectory, Mounting())
     assert points.sizes["point"] == 10
     assert (points.attrs["scans"], points.attrs["scans_uncovered"]) == (5, 4)
+
+
+@given(
+    start=st.sampled_from([0.0, 17.3, 345_678.9, 1.3e9]),  # [s] of a run, of a week, of GPS
+    rate=st.sampled_from([100.0, 200.0, 333.0, 1000.0]),  # [Hz] of the scanner
+    clock=st.floats(-2.0, 2.0),  # [s]
+    span=st.sampled_from([0.0, 0.4e-3, 0.8e-3]),  # [s] of a scan
+    count=st.integers(1, 300),
+)
+def test_scans_up_to_both_ends_of_the_motion_are_covered(start, rate, clock, span, count):
+    """Stamps, clocks and delays are rounded sums; a snapshot lasts no time at all."""
+    stamps = start - clock + np.arange(count) / rate
+    angle, delay = fan(beams=5, span=span)
+    end = start + (count - 1) / rate + span
+    knots = np.linspace(start, max(end, start + 0.01), 50)
+    still = moving(duration=49.0, step=1.0, amplitude=0.0)
+    trajectory = replace(
+        still, time=knots, position=np.zeros((50, 3)), velocity=np.zeros((50, 3)),
+        quaternion=np.tile([0.0, 0.0, 0.0, 1.0], (50, 1)), angular_velocity=np.zeros((50, 3)),
+    )  # fmt: skip
+    mounting = Mounting(scanner_clock=clock)
+    (points,) = georeference([scans(stamps, angle, delay)], trajectory, mounting)
+    assert points.attrs["scans_uncovered"] == 0
+    npt.assert_allclose(points.up, -2 * np.cos(np.tile(angle, count)), rtol=0, atol=EXACT)
+    late = scans(stamps + 0.02, angle, delay)  # by more than rounding
+    assert not ScanGeometry(trajectory, mounting, angle, delay).covers(late["time"])[-1]
+
+
+@pytest.mark.parametrize("stamp", [0.0, 1.0])
+def test_one_scan_at_an_end_of_the_motion_is_no_problem(stamp):
+    angle, delay = fan(beams=5, span=0.0)
+    run = xr.DataTree.from_dict({"scans": scans([stamp], angle, delay)})
+    run.attrs["mounting"] = Mounting().to_attrs()
+    assert scan_problems(run, moving()) == []
+    (points,) = georeference(run, moving())
+    assert points.sizes["point"] == 5
+    run["scans"]["time"][:] = 1.1
+    with pytest.raises(CoverageError, match="covers none of the 1 scans"):
+        scan_problems(run, moving())
 
 
 def test_bridged_motion_is_counted():

@@ -1,5 +1,7 @@
 """Corrections taken to trajectories and to points, against what they say they add."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -13,6 +15,7 @@ from trueterrain.lanes.apply import (
     beside,
     corrected_points,
     corrected_trajectory,
+    fixed_trajectory,
     trajectory_along,
 )
 from trueterrain.lanes.discontinuity import DiscontinuityOptions, correct
@@ -115,6 +118,22 @@ def test_the_ground_seen_rises_as_the_correction_says(components, left, ahead, l
     assert_allclose(risen, said, rtol=0, atol=SECOND if len(components) > 1 else 1e-7)
 
 
+@pytest.mark.parametrize("datum", [None, 0.0, 0.02])
+def test_the_covariance_of_a_corrected_pass_holds_the_datum_if_it_is_known(datum):
+    before, one = driving(covariance=0.03**2 * np.eye(6)), correction("height", "roll")
+    relative = corrected_trajectory(before, one).covariance
+    after = corrected_trajectory(before, replace(one, datum_sd=datum))
+    fixed = fixed_trajectory(before, datum)
+    assert after.datum_sd == fixed.datum_sd == datum
+    extra = after.covariance - relative
+    assert_allclose(extra[:, 2, 2], (datum or 0.0) ** 2, rtol=0, atol=1e-15)
+    extra[:, 2, 2] = 0.0
+    assert_array_equal(extra, 0.0)
+    assert_array_equal(fixed.covariance[:, 2, 2], (datum or 0.0) ** 2)
+    assert_array_equal(fixed.covariance[:, 3:, 3:], before.covariance[:, 3:, 3:])
+    assert fixed.between(1.0, 2.0).datum_sd == datum
+
+
 def test_signs_are_left_up_and_ahead_up():
     """Positive roll lifts what is to the left, positive pitch what is ahead."""
     trajectory = driving()
@@ -205,7 +224,7 @@ def test_points_of_blocks_are_those_of_the_whole():
         corrected_points(points.isel(point=slice(k, k + 37)), one, body(trajectory))
         for k in range(0, TIME.size, 37)
     ]
-    for name in ("easting", "northing", "up", "sd"):
+    for name in ("easting", "northing", "up", "sd_relative"):
         assert_array_equal(np.concatenate([part[name] for part in parts]), whole[name])
 
 
@@ -216,9 +235,15 @@ def test_points_have_the_sd_of_the_correction_and_their_own():
         corrected_points(placed(trajectory, TIME, arm, **more), one, body(trajectory))
         for more in ({}, {"sd": own})
     )
-    assert_allclose(plain.sd, one.sd(TIME, 3.0), rtol=0, atol=1e-8)  # [m] offset by the trajectory
-    assert_allclose(known.sd, np.hypot(plain.sd, 0.004), rtol=0, atol=EXACT)
-    assert plain.sd.attrs == {"units": "m"}
+    # [m] offset by the trajectory
+    assert_allclose(plain.sd_relative, one.sd(TIME, 3.0), rtol=0, atol=1e-8)
+    assert "sd" not in plain  # nothing says how sure the datum is
+    assert_array_equal(known.sd_relative, plain.sd_relative)
+    assert_allclose(known.sd, np.hypot(plain.sd_relative, 0.004), rtol=0, atol=EXACT)
+    sure = replace(one, datum_sd=0.003)
+    absolute = corrected_points(placed(trajectory, TIME, arm), sure, body(trajectory))
+    assert_allclose(absolute.sd, np.hypot(plain.sd_relative, 0.003), rtol=0, atol=EXACT)
+    assert plain.sd_relative.attrs == {"units": "m"}
     assert plain.up.attrs == {"units": "m"}
     (step,) = steps(plain)
     assert step["parameters"] == {

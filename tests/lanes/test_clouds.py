@@ -143,7 +143,7 @@ def test_known_drift_is_taken_off_the_points(merged):
             assert_allclose(left.std(), NOISE, rtol=0, atol=0.05 * NOISE)
             error = correction(block.time.values) + drift(name, t)
             assert np.abs(error).max() < 3e-4  # [m] a metre of the overlap has some 20 cells
-            assert np.sqrt(np.mean((error / block.sd.values) ** 2)) < 1.1
+            assert np.sqrt(np.mean((error / block.sd_relative.values) ** 2)) < 1.1
 
 
 def test_no_tilt_is_invented(merged):
@@ -174,7 +174,7 @@ def test_corrected_points_are_written_to_one_file(merged, tmp_path):
     formats.write(corrected.blocks(), tmp_path / "merged.laz")
     again = cloud_lanes([tmp_path / "merged.laz"])
     assert [(one.name, one.count) for one in again.values()] == [("1", 48_000), ("2", 48_000)]
-    assert "sd" in again["1"].variables
+    assert "sd_relative" in again["1"].variables
     settings = replace(SETTINGS, method="grid", limit=0.01)
     (left,) = merge_clouds(again, settings)[0].pairs
     assert_allclose(left.before.rmse, merged[0].pairs[0].after.rmse, rtol=0, atol=ROUNDING)
@@ -243,8 +243,38 @@ def test_the_sd_of_the_merged_surface_holds(tmp_path):
         )  # fmt: skip
         x, y = np.meshgrid(surface.easting.values, surface.northing.values)
         error = surface.height.values - ground(x, y, 0.0).reshape(surface.height.shape)
-        ratios.append((error / surface.sd.values) ** 2)
+        ratios.append((error / surface.sd_relative.values) ** 2)
     assert 0.9 < np.sqrt(np.nanmean(ratios)) < 1.1
+
+
+@pytest.mark.parametrize(
+    ("own", "settings", "absolute"),
+    [
+        (None, {}, False),
+        (0.03, {}, True),
+        (None, {"datum_sd": 0.02}, True),
+        (0.03, {"datum_sd": 0.02}, True),
+    ],
+)
+def test_an_absolute_sd_is_there_only_where_something_tells_it(tmp_path, own, settings, absolute):
+    """The points' own, or that of the datum by the settings; else the relative one is alone."""
+    a, b = cloud("a", seed=0), cloud("b", right=1.3, begin=START + 100, seed=1)
+    if own is not None:
+        sd = ("point", np.full(a.sizes["point"], own), {"units": "m"})
+        a, b = a.assign(sd=sd), b.assign(sd=sd)
+    lanes = cloud_lanes(written(tmp_path, a=a, b=b))
+    network = replace(SETTINGS.network, **settings)
+    merging, corrected = merge_clouds(lanes, replace(SETTINGS, network=network))
+    surface = merged_surface(corrected, grid_over(0.5, 0.3, LENGTH - 0.5, 2.9, spacing=0.5))
+    block = next(corrected["a"]())
+    for found in (block, surface):
+        assert ("sd" in found, "sd_relative" in found) == (absolute, True)
+    assert set(merging.adjustment.datum_sd.values()) == {settings.get("datum_sd")}
+    if absolute:
+        both = np.hypot(own or 0.0, settings.get("datum_sd", 0.0))
+        assert_allclose(block.sd, np.hypot(block.sd_relative, both), rtol=0, atol=1e-6)  # [m] f4
+        extra = np.sqrt(surface.sd.values**2 - surface.sd_relative.values**2)
+        assert_allclose(np.nanmedian(extra), both, rtol=0, atol=1e-4)  # [m] means of a cell
 
 
 def test_points_follow_stations_along_a_reference_path(two):
@@ -257,7 +287,7 @@ def test_points_follow_stations_along_a_reference_path(two):
     middle = (block.easting.values > 1) & (block.easting.values < LENGTH - 1)
     # [m] stations, low-pass filtered with cut-off 5 m
     assert_allclose(left[middle].mean(), 0.0, rtol=0, atol=2e-4)
-    assert "sd" not in block
+    assert not {"sd", "sd_relative"} & set(block.data_vars)
 
 
 def test_the_method_grid_corrects_nothing_and_warns(two):
@@ -271,7 +301,7 @@ def test_a_fixed_lane_stays(two):
     _, corrected = merge_clouds(cloud_lanes(two), replace(SETTINGS, fixed=("a",)))
     (before,), (after,) = corrected["a"].lane(), corrected["a"]()
     assert_array_equal(after.up, before.up)
-    assert_array_equal(after.sd, 0.0)
+    assert_array_equal(after.sd_relative, 0.0)
     (block,) = corrected["b"]()
     t = block.time.values - START - 100
     left = block.up.values - ground(block.easting.values, block.northing.values) - drift("a", t)

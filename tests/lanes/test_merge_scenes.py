@@ -11,6 +11,7 @@ import numpy.testing as npt
 import pytest
 
 from trueterrain.formats.run import open_run
+from trueterrain.georeference import georeference
 from trueterrain.lanes._seams import seams_of
 from trueterrain.lanes.merge import MergeSettings, compared, merge_cells
 from trueterrain.lanes.runs import cells_of_passes, merge_runs
@@ -120,6 +121,47 @@ def test_the_merged_ground_is_nearer_to_the_truth_than_either_lane(two_lanes, me
     alone = [errors_of({name: one})[1] for name, one in two_lanes.items()]
     assert together["rms_about_median"] < min(one["rms_about_median"] for one in alone)
     assert together["rms_about_median"] < as_recorded["rms_about_median"]
+
+
+def test_the_ground_of_passes_in_agreement_is_as_sure_as_their_datum(two_lanes, merged):
+    """The error that both share is in `sd` of surfaces and points, and not in `sd_relative`."""
+    merging, passes = merged
+    (datum,) = set(merging.adjustment.datum_sd.values())
+    reported = [
+        np.sqrt(np.median(one.trajectory.covariance[:, 2, 2])) for one in two_lanes.values()
+    ]
+    npt.assert_allclose(datum, np.hypot(*reported) / 2, rtol=0.05)  # 4 s of a drift of 25 s
+    surface, _ = grid_runs(
+        list(passes.values()), Placement(spacing=0.05, lap=True).of_runs(list(passes.values())),
+        GridOptions(range_noise=0.0005, agreed=True),
+    )  # fmt: skip
+    extra = surface.sd.values**2 - surface.sd_relative.values**2
+    npt.assert_allclose(extra[np.isfinite(extra)], datum**2, rtol=1e-3)  # float32
+    one = passes["left"]
+    points = next(georeference(one.path, one.trajectory, one.mounting))
+    npt.assert_allclose(points.sd**2 - points.sd_relative**2, datum**2, rtol=1e-6)
+    alone = next(georeference(one.path, two_lanes["left"].trajectory))
+    assert ("sd" in alone, "sd_relative" in alone) == (True, False)
+
+
+@pytest.mark.parametrize("method", ["network", "discontinuity", "grid"])
+def test_no_method_leaves_out_what_passes_share(two_lanes, method):
+    _, passes = merge_runs(two_lanes, MergeSettings(method=method, fixed=()))
+    some = list(passes.values())
+    surface, _ = grid_runs(
+        some, Placement(spacing=0.1, lap=True).of_runs(some), GridOptions(agreed=True)
+    )
+    least = min(np.sqrt(one.trajectory.covariance[:, 2, 2].min()) for one in two_lanes.values())
+    assert np.nanmin(surface.sd) > 0.9 * least / np.sqrt(2)
+
+
+def test_a_fixed_pass_is_as_sure_as_its_navigation(two_lanes):
+    merging, passes = merge_runs(two_lanes, MergeSettings(fixed=("left",)))
+    own = np.sqrt(np.mean(two_lanes["left"].trajectory.covariance[:, 2, 2]))
+    npt.assert_allclose(list(merging.adjustment.datum_sd.values()), own, rtol=1e-3)
+    for one in passes.values():
+        assert one.trajectory.datum_sd == merging.adjustment.datum_sd["left"]
+    npt.assert_allclose(passes["left"].trajectory.covariance[:, 2, 2], own**2, rtol=2e-3)
 
 
 def test_the_order_of_the_passes_does_not_matter(cells):

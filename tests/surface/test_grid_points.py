@@ -97,7 +97,7 @@ def test_standard_deviations_of_medians_are_honest():
     )
     grid = grid_over(0, 0, 10, 4, spacing=0.1)
     surface = grid_points(points, grid, GridOptions(statistic="median"))
-    ratio = (surface.height / surface.sd).values[2:-2, 2:-2]
+    ratio = (surface.height / surface.sd_relative).values[2:-2, 2:-2]
     assert 0.9 < np.sqrt(np.nanmean(ratio**2)) < 1.1
 
 
@@ -124,7 +124,7 @@ def test_any_order_blocks_and_threads_give_the_same(threads):
         shuffled.isel(point=slice(k, k + size)) for k in range(0, shuffled.sizes["point"], size)
     ]
     other = grid_points(blocks, grid, threads=threads)
-    for name in ("height", "sd", "count"):
+    for name in ("height", "sd_relative", "count"):
         npt.assert_array_equal(whole[name], other[name])
 
 
@@ -154,13 +154,29 @@ def test_standard_deviations_of_points_are_honest():
     points = cloud(40_000)
     surface = grid_points(points, grid)
     truth = 100 + 0.1 * grid.u - 0.05 * grid.v[:, None]
-    ratio = ((surface.height - truth) / surface.sd).values[2:-2, 2:-2]
+    ratio = ((surface.height - truth) / surface.sd_relative).values[2:-2, 2:-2]
     assert 0.9 < np.sqrt(np.nanmean(ratio**2)) < 1.1
     # what points know of their own errors comes on top of the noise: it may be the same for all
     own = points.assign(sd=("point", np.full(40_000, 0.02), {"units": "m"}))
     known = grid_points(own, grid, GridOptions(range_noise=noise))
-    extra = np.sqrt(known.sd.values**2 - surface.sd.values**2)
+    extra = np.sqrt(known.sd.values**2 - surface.sd_relative.values**2)
     npt.assert_allclose(np.nanmedian(extra), np.sqrt(0.02**2 - noise**2), rtol=0.05)
+
+
+@pytest.mark.parametrize(
+    ("given", "found"),
+    [((), {"sd_relative"}), (("sd_relative",), {"sd_relative"}), (("sd",), {"sd"})],
+)
+def test_what_points_do_not_know_is_not_claimed(given, found):
+    """Scatter alone is no absolute standard deviation, nor is one relative to a datum."""
+    points = cloud(2000)
+    own = ("point", np.full(2000, 0.02), {"units": "m"})
+    surface = grid_points(
+        points.assign(dict.fromkeys(given, own)), grid_over(0, 0, 10, 4, spacing=1)
+    )
+    assert {"sd", "sd_relative"} & set(surface.data_vars) == found
+    for name in given:
+        assert (surface[name].values >= np.float32(0.02)).all()
 
 
 @given(
@@ -241,7 +257,7 @@ def test_data_without_sense_are_refused():
 def test_surfaces_are_of_their_kind():
     surface = grid_points(cloud(crs="EPSG:25832"), grid_over(0, 0, 10, 4, spacing=0.5))
     assert isinstance(surface, xr.Dataset)
-    assert (surface["sd"].dtype, surface["count"].dtype) == (np.float32, np.int32)
+    assert (surface["sd_relative"].dtype, surface["count"].dtype) == (np.float32, np.int32)
 
 
 @pytest.mark.parametrize("power", [0.0, 1.5])
@@ -281,7 +297,7 @@ def test_standard_deviations_over_discs_are_honest(power):
     grid = grid_over(0, 0, 10, 4, spacing=0.1)
     surface = grid_points(points, grid, GridOptions(radius=0.3, power=power))
     truth = 100 + 0.1 * grid.u - 0.05 * grid.v[:, None]
-    ratio = ((surface.height - truth) / surface.sd).values[6:-6, 6:-6]
+    ratio = ((surface.height - truth) / surface.sd_relative).values[6:-6, 6:-6]
     assert 0.9 < np.sqrt(np.mean(ratio**2)) < 1.1
 
 

@@ -19,6 +19,7 @@ def plane(rows=30, columns=20, step=0.1):
     return make_surface(
         height, easting=x, northing=y, count=np.ones_like(height, int),
         sd=np.full_like(height, 0.01),
+        sd_relative=np.full_like(height, 0.002),
     )  # fmt: skip
 
 
@@ -42,7 +43,9 @@ def test_holes_in_a_plane_are_filled_exactly_and_large_ones_reported():
     npt.assert_allclose([hole["northing"], hole["easting"]], [1.95, 0.95], atol=EXACT)
     npt.assert_allclose(hole["extent"], [1.0, 1.0], atol=EXACT)
     assert filled["filled"].values.sum() == 6
-    assert np.isnan(filled.sd.values[small]).all()
+    for name in ("sd", "sd_relative"):
+        assert np.isnan(filled[name].values[small]).all()
+        assert filled[name].values[0, 0] == whole[name].values[0, 0]
 
 
 def test_heights_of_a_hole_stay_between_those_around_it():
@@ -128,6 +131,7 @@ def test_a_plane_loses_nothing(factor):
     npt.assert_allclose(coarse.height, 1 + 0.1 * x - 0.2 * y[:, None], rtol=0, atol=1e-12)
     npt.assert_allclose([report["rms"], report["largest"]], 0, rtol=0, atol=1e-12)
     npt.assert_allclose(coarse.sd, 0.01, rtol=1e-12)
+    npt.assert_allclose(coarse.sd_relative, 0.002, rtol=1e-12)
 
 
 def test_a_wave_shorter_than_the_new_spacing_is_lost_and_said_to_be():

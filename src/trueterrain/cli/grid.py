@@ -141,8 +141,8 @@ def grid(
     returns
         Return of each pulse to take of the points: last, first or its number; by default all.
     json
-        Print one JSON document {"output", "size", "spacing", "nodes", "count", "sd", "returns",
-        "holes", "down_sample", "problems"}.
+        Print one JSON document {"output", "size", "spacing", "nodes", "count", "sd", "sd_relative",
+        "returns", "holes", "down_sample", "problems"}.
     force
         Replace the output if it exists: a file, or a surface in a store.
     """
@@ -321,8 +321,9 @@ def _in_words(report: dict[str, Any]) -> "Iterator[str]":
     size = " x ".join(f"{n:,}" for n in report["size"].values())
     text = f"{report['output']}: {size} nodes, {report['nodes']:,} with height"
     text += f" of {report['count']['median']:.0f} returns each (median)"
-    if report["sd"]["median"] is not None:
-        text += f", standard deviation {report['sd']['median'] * 1000:.3g} mm"
+    for name, what in (("sd", ""), ("sd_relative", "relative ")):
+        if report[name]["median"] is not None:
+            text += f", {what}standard deviation {report[name]['median'] * 1000:.3g} mm"
     yield text
     words = {
         "outside": "returns beside the grid", "too_high": "returns without a height",

@@ -38,6 +38,7 @@ def merge(
     method: Method = "network",
     fix: Annotated[list[str] | None, Parameter(negative="")] = None,
     control: Path | None = None,
+    datum_sd: float | None = None,
     path: Path | None = None,
     limit: float = 0.002,
     cell: float | None = None,
@@ -78,6 +79,9 @@ def merge(
         Pass that stays as it is; may be given several times. By default the mean of all stays.
     control
         CSV file of control points: easting, northing, up and sd [m].
+    datum_sd
+        Standard deviation of the height error that all passes have in common [m], for network. By
+        default what navigation, a fixed pass or control says; clouds without sd say nothing.
     path
         CSV file of waypoints of the reference path, with the columns easting and northing [m], for
         discontinuity. By default the middle of each overlap.
@@ -129,8 +133,12 @@ def merge(
     if not runs:
         note_conversion(inputs, crs)
     workers = worker_threads(threads)
-    iteration = {"max_iterations": max_iterations, "relative_tolerance": relative_tolerance}
-    settings = _settings(method, fix, control, path, limit, cell, iteration, check=check)
+    given = {
+        "max_iterations": max_iterations,
+        "relative_tolerance": relative_tolerance,
+        "datum_sd": datum_sd,
+    }
+    settings = _settings(method, fix, control, path, limit, cell, given, check=check)
     if check:
         _check(inputs, settings, runs, split, crs, cell, only, output, json=json, force=force)
         return
@@ -184,6 +192,10 @@ def in_words(merged: dict[str, Any]) -> "Iterator[str]":
                 f"seam of {' and '.join(seam['lanes'])}: {1e3 * seam['before']:.2f} mm before, "
                 f"{1e3 * seam['after']:.2f} mm after"
             )
+    if merged["network"]:
+        datums = merged["network"]["datum_sd"].values()
+        known = [f"{1e3 * max(datums):.2f} mm"] if None not in datums else ["not known"]
+        yield f"standard deviation of the height error that all passes share: {known[0]}"
     for problem in merged["problems"]:
         yield f"doubtful: {problem}"
 
@@ -195,7 +207,7 @@ def _settings(
     path: Path | None,
     limit: float,
     cell: float | None,
-    iteration: "Mapping[str, Any]",
+    given: "Mapping[str, float | None]",
     *,
     check: bool,
 ) -> "MergeSettings":
@@ -207,8 +219,8 @@ def _settings(
         method="grid" if check else method, fixed=tuple(fix or ()), limit=limit,
         control=None if control is None else str(control), path=None if path is None else str(path),
     )  # fmt: skip
-    given = {name: value for name, value in iteration.items() if value is not None}
-    settings = replace(settings, network=replace(settings.network, **given))
+    stated = {name: value for name, value in given.items() if value is not None}
+    settings = replace(settings, network=replace(settings.network, **stated))
     if cell is None:
         return settings
     return replace(settings, cells=replace(settings.cells, size=cell))

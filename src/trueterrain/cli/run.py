@@ -75,6 +75,35 @@ def run(
         sys.exit(1)
 
 
+def describe_deviations(surface: dict[str, Any]) -> str:
+    """Standard deviations of a surface, to follow the numbers of its nodes.
+
+    Parameters
+    ----------
+    surface : dict
+        Summary of the surface, as `summarise` makes it.
+
+    Returns
+    -------
+    str
+        Empty if none is known.
+
+    Examples
+    --------
+    >>> describe_deviations({"sd": {"median": 0.02}, "sd_relative": {"median": 0.003}})
+    ', standard deviation 20.00 mm, relative 3.00 mm (median)'
+    """
+    known = {name: surface[name]["median"] for name in ("sd", "sd_relative")}
+    words = [
+        f"{what} {1000 * known[name]:.2f} mm"
+        for name, what in (("sd", "standard deviation"), ("sd_relative", "relative"))
+        if known[name] is not None
+    ]
+    if known["sd"] is None and words:
+        words = [f"standard deviation {words[0]}, absolute not known"]
+    return f", {', '.join(words)} (median)" if words else ""
+
+
 def in_words(numbers: dict[str, Any]) -> Iterator[str]:
     """Main numbers of a survey, line by line.
 
@@ -94,10 +123,10 @@ def in_words(numbers: dict[str, Any]) -> Iterator[str]:
         yield from merged_in_words(numbers["merge"])
     runs = {run["name"]: run for run in numbers["runs"]}
     for lane in numbers["lanes"]:
-        surface, sd = lane["surface"], lane["surface"]["sd"]["median"]
+        surface = lane["surface"]
         driven = sum(runs[name]["driven"] for name in lane["runs"])
         text = f"{lane['name']}: {driven:,.1f} m, {surface['nodes']:,} nodes"
-        yield text + ("" if sd is None else f", standard deviation {1000 * sd:.2f} mm (median)")
+        yield text + describe_deviations(surface)
         if lane["truth"]:
             truth = lane["truth"]["surface"]
             yield (

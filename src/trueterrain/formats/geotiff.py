@@ -31,7 +31,7 @@ HIGHEST = 1e5
 
 _UNEVEN = 1e-6  # [m] by which a node may lie beside its place on an equally spaced axis
 _SENTINELS = (-9999.0, -32767.0, -32768.0, -99999.0)  # [m] heights that mean "none" in many files
-_OPTIONAL = {"sd": "m", "count": "", "filled": ""}
+_OPTIONAL = {"sd": "m", "sd_relative": "m", "count": "", "filled": ""}
 _METRES = {"", "m", "metre", "meter", "metres", "meters"}
 _HISTORY = "TRUETERRAIN_HISTORY"
 _WARP = "Warp it to a projected CRS first, for example gdalwarp -t_srs EPSG:25832 IN.tif OUT.tif."
@@ -43,7 +43,8 @@ logging.getLogger("rasterio").addHandler(logging.NullHandler())
 def read(path: str | Path) -> xr.Dataset:
     """Surface over a map from a GeoTIFF file.
 
-    Band 1 holds the heights; further bands are read if they are called sd, count or filled.
+    Band 1 holds the heights; further bands are read if they are called sd, sd_relative, count
+    or filled.
 
     Parameters
     ----------

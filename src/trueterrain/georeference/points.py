@@ -60,7 +60,8 @@ def georeference(
     Yields
     ------
     xarray.Dataset
-        Points with ``time`` [s], true time, ``sd`` [m] of their heights, and, where there are,
+        Points with ``time`` [s], true time, ``sd`` [m] of their heights, ``sd_relative`` [m] where
+        the motion was brought into agreement with other passes, and, where there are,
         ``intensity`` and ``lane``, in the order of scans and beams. ``attrs`` count, from the first
         block on: ``scans``, ``scans_uncovered`` (the trajectory does not cover them; they are left
         out), ``returns``, ``missing`` (beams without return or out of range), ``doubtful`` (by
@@ -171,8 +172,14 @@ def _block(
     beams = time[:, None] + geometry.mounting.scanner_clock + geometry.delay
     columns: dict[str, Any] = {
         "easting": found[good, 0], "northing": found[good, 1], "up": found[good, 2],
-        "time": beams[good], "sd": sd[good],
+        "time": beams[good],
     }  # fmt: skip
+    datum = geometry.trajectory.datum_sd
+    if datum is not None:
+        columns["sd"] = sd[good]
+    if datum != 0.0:  # doubtful returns of less weight have more variance in all parts
+        rest = sd[good] ** 2 - (datum or 0.0) ** 2 / weights[good]
+        columns["sd_relative"] = np.sqrt(np.maximum(rest, 0.0))
     if intensity is not None:
         columns["intensity"] = intensity[good]
     return columns

@@ -80,6 +80,7 @@ class ScanGeometry:
         bounds = list(zip(self.first[:-1], self.first[1:], strict=True))
         low = np.array([self.delay[a:b].min() for a, b in bounds])
         high = np.array([self.delay[a:b].max() for a, b in bounds])
+        self._span = float(low.min()), float(high.max())
         self._middle = 0.5 * (low + high)
         self._half = np.maximum(0.5 * (high - low), _SHORTEST)
         x = self.delay - np.repeat(self._middle, np.diff(self.first))
@@ -119,9 +120,8 @@ class ScanGeometry:
             False too where a stamp is not finite.
         """
         true = np.asarray(time, dtype=np.float64) + self.mounting.scanner_clock
-        begin, end = self._middle - self._half, self._middle + self._half
-        knots = self.trajectory.time
-        return np.asarray((true + begin.min() >= knots[0]) & (true + end.max() <= knots[-1]))
+        first, last = self._span
+        return self.trajectory.covers(true + first, true + last)
 
     def expand(self, time: npt.ArrayLike) -> Expansion:
         """Motion during scans.

@@ -5,7 +5,7 @@ kind do both to the same extent. So the wandering that standard deviations rest 
 what was seen between the passes and from what the navigation claims, by their degrees of freedom.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from trueterrain.lanes._choose import CORRELATION_TIME, priors, usual_sd
 from trueterrain.lanes._equations import Prior
+from trueterrain.lanes._problem import Shared
 from trueterrain.lanes._settings import NetworkSettings, Trial
 from trueterrain.lanes._system import System
 from trueterrain.lanes._weights import Fitted
@@ -102,6 +103,64 @@ def wandering(system: System, fitted: Fitted, time: float) -> tuple[float, float
         free += own
         freedom += own * (SHORT + 0.5 * float(np.mean(spans)))
     return (float(np.sqrt(squares / free)), freedom) if free else (0.0, 0.0)
+
+
+def estimate_datum_sd(
+    shared: Shared,
+    lanes_sd: Sequence[Floats],
+    wander: Wander,
+    passes: Collection[str],
+    settings: NetworkSettings,
+) -> dict[str, float | None]:
+    """Standard deviation of the datum: the height error that all passes of a group have in common.
+
+    The datum is the mean of the passes, each over its whole time, so its error is the mean of their
+    mean errors. Of the variance that the navigation reports, a pass shows the part by which its
+    height changes within the pass, which the covariance of the corrections holds already; the rest
+    is that of its mean. Fixed passes are as wrong as their navigation says, whatever their number:
+    each may carry a part of the ground alone. Control points bring their own variances into the
+    adjustment, so they leave nothing.
+
+    Parameters
+    ----------
+    shared : Shared
+        The observations.
+    lanes_sd : sequence of numpy.ndarray, shape (2, n)
+        Times, and standard deviations of the height by the navigation [m].
+    wander : Wander
+        Change of heights within a pass, as the covariance of the corrections holds it.
+    passes : collection of str
+        Names of the passes; what else is fixed is control.
+    settings : NetworkSettings
+        Correlation of the passes, or the standard deviation itself.
+
+    Returns
+    -------
+    dict of float or None
+        Of each pass [m]; None where a pass of its group reports nothing.
+    """
+    usual = usual_sd(lanes_sd)
+    found: dict[str, float | None] = {}
+    for number in np.unique(shared.group):
+        members = np.flatnonzero(shared.group == number)
+        own = [int(k) for k in members if shared.names[k] in passes]
+        fixed = [k for k in own if shared.fixed[k]]
+        counted = fixed or own
+        sd: float | None = settings.datum_sd
+        if sd is None and len(own) < members.size and not fixed:
+            sd = 0.0
+        elif sd is None and usual is not None and all(lanes_sd[k].size for k in counted):
+            reported = np.array([np.mean(lanes_sd[k][1] ** 2) for k in counted])
+            sd = float(np.sqrt(reported.mean()))
+            if not fixed:
+                spans = np.diff(shared.span[counted], axis=1)[:, 0] / wander.correlation_time
+                seen = np.minimum(wander.sd / usual, 1.0) ** 2 * reported
+                means = reported - seen * [_deviation(float(span)) for span in spans]
+                alone, together = means.sum(), np.sqrt(means).sum() ** 2
+                both = alone + settings.pass_correlation * (together - alone)
+                sd = float(np.sqrt(both)) / len(counted)
+        found |= dict.fromkeys((shared.names[k] for k in own), sd)
+    return found
 
 
 def _deviation(span: float) -> float:

@@ -51,15 +51,16 @@ class CorrectedLane:
         -------
         xarray.Dataset
             With all their variables, ``lane`` that tells passes apart, and by the method network
-            ``sd``: that of the correction, and that of the points if they had one. Where ``lane``
-            is another number than before, the former one is in ``extra_source``.
+            ``sd_relative``: that of the correction, relative to the datum. ``sd`` is there where
+            the datum or the points' own is known. Where ``lane`` is another number than before,
+            the former one is in ``extra_source``.
         """
         found, name = block, self.lane.name
         if self.merging.alignment is not None:
             found = correct(block, self.merging.alignment, name)
         elif self.merging.adjustment is not None:
             found = self._by_network(block)
-        known = (*self.lane.variables, "sd")
+        known = (*self.lane.variables, "sd", "sd_relative")
         found = found[[one for one in found.data_vars if one in known]]
         if self._renumbered:
             found = found.rename(lane=_FORMER)
@@ -76,8 +77,12 @@ class CorrectedLane:
         adjustment = self.merging.adjustment
         if adjustment is None or self.lane.name not in adjustment.names:
             # a fixed lane is the datum, and as sure as its points
-            own = block["sd"].values if "sd" in block else np.zeros(block.sizes["point"])
-            return block.assign(sd=("point", own, {"units": "m"}))
+            none, metres = np.zeros(block.sizes["point"]), {"units": "m"}
+            found = block.assign(sd_relative=("point", none, metres))
+            datum = adjustment.datum_sd.get(self.lane.name) if adjustment else None
+            if "sd" in block or datum is None:
+                return found
+            return found.assign(sd=("point", none + datum, metres))
         timed = with_time(block, self.station)
         found = corrected_points(timed, adjustment.correction(self.lane.name), self.path)
         if self.station is None:
@@ -109,6 +114,21 @@ class CorrectedClouds(Mapping[str, CorrectedLane]):
         """How many there are."""
         return len(self._lanes)
 
+    @property
+    def deviations(self) -> tuple[str, ...]:
+        """Standard deviations that all corrected points have: of sd and sd_relative."""
+        adjustment = next(iter(self._lanes.values())).merging.adjustment
+        given = set()
+        if adjustment is not None:
+            given = {"sd_relative"}
+            if all(sd is not None for sd in adjustment.datum_sd.values()):
+                given.add("sd")
+        return tuple(
+            name
+            for name in ("sd", "sd_relative")
+            if name in given or all(name in one.lane.variables for one in self._lanes.values())
+        )
+
     def blocks(self, variables: Collection[str] | None = None) -> Iterator[xr.Dataset]:
         """Points of all lanes, corrected, each file read once.
 
@@ -123,7 +143,7 @@ class CorrectedClouds(Mapping[str, CorrectedLane]):
             Points, all with the same variables, so that they can be written to one file.
         """
         lanes = [one.lane for one in self._lanes.values()]
-        same = set.intersection(*({*lane.variables} for lane in lanes)) | {"lane", "sd"}
+        same = set.intersection(*({*lane.variables} for lane in lanes)) | {"lane", *self.deviations}
         if all(one._renumbered for one in self._lanes.values()):
             same.add(_FORMER)
         for lane, block in blocks_of(lanes, variables):

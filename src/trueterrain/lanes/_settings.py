@@ -74,6 +74,16 @@ class NetworkSettings:
     extra_strengths: tuple[float, ...] = (0.03, 0.3)
     "Shares of these by which roll, pitch and shift may wander, tried beside constant ones [1]."
 
+    pass_correlation: float = 0.0
+    """Correlation of the navigation errors of different passes [1], e.g. by one base station: 0
+    where they are independent, so that the mean of many passes is surer, 1 where they are the
+    same."""
+
+    datum_sd: float | None = None
+    """Standard deviation of the datum of the adjustment [m]: of the height error that all passes
+    have in common. By default it follows from what the navigation reports, from fixed passes or
+    from control points; where navigation reports nothing it is not known."""
+
     huber: float = 2.0
     "Standard deviations beyond which a cell weighs less."
 
@@ -126,6 +136,12 @@ class NetworkSettings:
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
                 message = f"{name} must be greater than 0, got {getattr(self, name)}."
                 raise ValueError(message)
+        if not 0 <= self.pass_correlation <= 1:
+            message = f"pass_correlation must be from 0 to 1, got {self.pass_correlation}."
+            raise ValueError(message)
+        if self.datum_sd is not None and not 0 <= self.datum_sd < np.inf:
+            message = f"datum_sd must be at least 0 m, got {self.datum_sd}."
+            raise ValueError(message)
         known = ("height", "roll", "pitch", "shift")
         if "height" not in self.components or not set(self.components) <= set(known):
             message = (

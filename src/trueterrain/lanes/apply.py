@@ -39,8 +39,8 @@ def corrected_trajectory(trajectory: Trajectory, correction: Correction) -> Traj
     -------
     Trajectory
         Raised by the height, moved by east and north, turned by roll and pitch about the axes of
-        the body. The covariance of what was corrected is that of the correction, relative to the
-        datum of the adjustment: what the navigation was unsure of is what was corrected.
+        the body. The covariance of what was corrected is that of the correction, and of its datum
+        if that is known: what the navigation was unsure of is what was corrected.
 
     Notes
     -----
@@ -64,6 +64,7 @@ def corrected_trajectory(trajectory: Trajectory, correction: Correction) -> Traj
     return replace(
         trajectory, position=position, velocity=velocity, quaternion=turned.as_quat(),
         angular_velocity=rate, covariance=_covariance(trajectory, correction),
+        datum_sd=correction.datum_sd,
     )  # fmt: skip
 
 
@@ -86,7 +87,29 @@ def _covariance(trajectory: Trajectory, correction: Correction) -> Floats:
         own = _of_components(correction, trajectory.time[part]) * np.outer(sign, sign)
         along[np.ix_(range(len(along)), axes, axes)] = own
         found[part] = turn @ along @ back
+    found[:, _UP, _UP] += (correction.datum_sd or 0.0) ** 2
     return found
+
+
+def fixed_trajectory(trajectory: Trajectory, datum_sd: float | None) -> Trajectory:
+    """Motion of a pass that is fixed in an adjustment: its height is the datum.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Motion as it was found.
+    datum_sd : float or None
+        Standard deviation of the datum [m]; None if it is not known.
+
+    Returns
+    -------
+    Trajectory
+        The same motion; the variance of its height is that of the datum.
+    """
+    covariance = trajectory.covariance.copy()
+    covariance[:, _UP] = covariance[:, :, _UP] = 0.0
+    covariance[:, _UP, _UP] = (datum_sd or 0.0) ** 2
+    return replace(trajectory, covariance=covariance, datum_sd=datum_sd)
 
 
 def _of_components(correction: Correction, time: Floats) -> Floats:
@@ -154,8 +177,9 @@ def corrected_points(
     Returns
     -------
     xarray.Dataset
-        With new heights, places if these were estimated, and ``sd``: that of the correction, and
-        that of the points if they had one.
+        With new heights, places if these were estimated, and ``sd_relative``: that of the
+        correction, relative to the datum. With ``sd`` too where the datum's or the points' own is
+        known: all together, since nobody knows which part of the points' own was corrected.
 
     Raises
     ------
@@ -181,10 +205,11 @@ def corrected_points(
         "easting": np.asarray(points["easting"]) + correction(time, "east"),
         "northing": np.asarray(points["northing"]) + correction(time, "north"),
         "up": np.asarray(points["up"]) + correction.height_at(time, offset, ahead),
-        "sd": _sd(correction, time, offset, ahead),
+        "sd_relative": _sd(correction, time, offset, ahead),
     }
-    if "sd" in points:
-        moved["sd"] = np.hypot(moved["sd"], np.asarray(points["sd"]))
+    if "sd" in points or correction.datum_sd is not None:
+        own = np.asarray(points["sd"]) if "sd" in points else 0.0
+        moved["sd"] = np.hypot(np.hypot(moved["sd_relative"], own), correction.datum_sd or 0.0)
     found = points.assign({name: (points["up"].dims, values) for name, values in moved.items()})
     for name in moved:
         found[name].attrs = dict(points[name].attrs if name in points else points["up"].attrs)

@@ -326,7 +326,8 @@ def cells_of_run(
         return x, y, course
 
     sd = np.sqrt(trajectory.covariance[:, 2, 2])
-    navigation = {"sd_time": trajectory.time, "sd_height": sd} if (sd > 0).all() else {}
+    known = bool((sd > 0).all()) and trajectory.datum_sd is not None
+    navigation = {"sd_time": trajectory.time, "sd_height": sd} if known else {}
     return at_their_middle(sums.cells(name, path, **navigation), path, options.size)
 
 

@@ -288,7 +288,7 @@ def merged_surface(
     Returns
     -------
     xarray.Dataset
-        Surface with ``height``, ``count`` and ``sd``.
+        Surface with ``height``, ``count`` and ``sd_relative``, and ``sd`` where it is known.
 
     Raises
     ------
@@ -301,17 +301,27 @@ def merged_surface(
     leaves: the mean of the variances of the corrections of the points in the cell. So these are
     taken as one error that all lanes in the cell share. Those of different lanes are less alike
     than that, and the standard deviation of their mean is not greater: where several lanes lie over
-    each other, ``sd`` is on the safe side. It is relative to the datum of the adjustment. The
-    methods discontinuity and grid know no standard deviations, and add none.
+    each other, ``sd_relative`` is on the safe side. It is relative to the datum of the adjustment.
+    How sure that is, is known where points bring an ``sd`` of their own, which is not made less by
+    the number of lanes, where control points fix it, or where the settings say so: only there is
+    ``sd``. The methods discontinuity and grid know no standard deviations, and add none.
     """
 
     class Again(Iterable[xr.Dataset]):
         """Blocks that can be gone through several times."""
 
-        def __iter__(self) -> Iterator[xr.Dataset]:
-            return corrected.blocks((*HEIGHTS, "sd"))
+        def __init__(self, left_out: str) -> None:
+            self._left_out = left_out
 
-    surface = grid_points(Again(), grid, options, threads=threads)
+        def __iter__(self) -> Iterator[xr.Dataset]:
+            for block in corrected.blocks((*HEIGHTS, "sd", "sd_relative")):
+                yield block.drop_vars(self._left_out, errors="ignore")
+
+    both = {"sd", "sd_relative"} <= set(corrected.deviations)
+    surface = grid_points(Again("sd_relative" if both else ""), grid, options, threads=threads)
+    if both:
+        relative = grid_points(Again("sd"), grid, options, threads=threads)
+        surface = surface.assign(sd_relative=relative["sd_relative"])
     files = sorted({file for one in corrected.values() for file in one.lane.files})
     merging = next(iter(corrected.values())).merging
     return provenance.add_step(

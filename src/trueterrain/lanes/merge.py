@@ -342,6 +342,7 @@ def _network_summary(adjustment: Adjustment) -> dict[str, Any]:
         "rejected": len(adjustment.rejected),
         "noise_floor": adjustment.noise_floor,
         "left": adjustment.left,
+        "datum_sd": dict(adjustment.datum_sd),
         "iterations": adjustment.iterations,
         "corrections": [
             {

@@ -11,7 +11,7 @@ the mean of their corrections, each over its whole time, is 0, unless some are f
 given. What is common to all of them otherwise is as uncertain as the prior says.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -37,7 +37,7 @@ from trueterrain.lanes._choose import (
     predicted,
     priors,
 )
-from trueterrain.lanes._claims import claimed
+from trueterrain.lanes._claims import claimed, estimate_datum_sd
 from trueterrain.lanes._problem import Shared, sample, share
 from trueterrain.lanes._settings import NetworkSettings, Trial
 from trueterrain.lanes._system import System, build
@@ -123,6 +123,11 @@ class Adjustment:
 
     groups: tuple[tuple[str, ...], ...]
     "Passes that share ground, directly or by others; each group has a datum of its own."
+
+    datum_sd: Mapping[str, float | None]
+    """Standard deviation of the datum of each pass [m], fixed passes too: of the height error that
+    all passes of its group have in common, and that no difference between them shows. None where
+    neither navigation nor control says anything about it."""
 
     tests: tuple[DriftTest, ...]
     "Whether what the passes differ by could be noise: each pass, then all together."
@@ -296,8 +301,9 @@ def adjust(
     held_back = measured + predicted(system, prior, folds, whole, parts)
     pairs = pairs_of(shared, fitted.robustness, measured, after, held_back)
     ground = _ground(system, fitted, covariance)
+    datum = estimate_datum_sd(shared, lanes_sd, claims["height"].wander, list(by_name), settings)
     return Adjustment(
-        corrections=_corrections(system, fitted, covariance, left),
+        corrections=_corrections(system, fitted, covariance, left, datum), datum_sd=datum,
         groups=tuple(
             tuple(shared.names[p] for p in np.flatnonzero(shared.group == group))
             for group in np.unique(shared.group)
@@ -318,7 +324,11 @@ def _said(lane: LaneCells | None) -> Floats:
 
 
 def _corrections(
-    system: System, fitted: Fitted, covariance: Floats, left: float
+    system: System,
+    fitted: Fitted,
+    covariance: Floats,
+    left: float,
+    datum: Mapping[str, float | None],
 ) -> tuple[Correction, ...]:
     own = covariance[: system.first[-1]]  # the pairs of each interval with itself come first
     seen = np.bincount(
@@ -337,7 +347,7 @@ def _corrections(
                 name=system.shared.names[lane], knots=knots, components=system.components,
                 coefficients=fitted.solution.x[coefficients] + offset[:, None], offset=offset,
                 covariance=own[part], supported=seen[part] > 0,
-                left=left,
+                left=left, datum_sd=datum.get(system.shared.names[lane]),
             )
         )  # fmt: skip
     return tuple(found)

@@ -14,7 +14,11 @@ from trueterrain.errors import SchemaError
 from trueterrain.formats.run import open_run
 from trueterrain.georeference import Screening, georeference, mounting_of
 from trueterrain.lanes._discontinuity_result import LaneAlignment
-from trueterrain.lanes.apply import corrected_trajectory, trajectory_along
+from trueterrain.lanes.apply import (
+    corrected_trajectory,
+    fixed_trajectory,
+    trajectory_along,
+)
 from trueterrain.lanes.cells import LaneCells, cells_of_run, lane_cells
 from trueterrain.lanes.discontinuity import align_lanes
 from trueterrain.lanes.merge import MergeSettings, Merging, merge_cells
@@ -208,7 +212,11 @@ def _corrected(one: Pass, name: str, merging: Merging) -> Pass:
             one.trajectory, merging.alignment, name, lever=mounting.scanner_position
         )
         return replace(one, trajectory=raised)
-    if merging.adjustment is not None and name in merging.adjustment.names:
-        correction = merging.adjustment.correction(name)
-        return replace(one, trajectory=corrected_trajectory(one.trajectory, correction))
-    return one
+    found = merging.adjustment
+    if found is None:
+        return one
+    if name in found.names:
+        moved = corrected_trajectory(one.trajectory, found.correction(name))
+    else:
+        moved = fixed_trajectory(one.trajectory, found.datum_sd[name])
+    return replace(one, trajectory=moved)

@@ -218,6 +218,10 @@ class Correction:
     supported: npt.NDArray[np.bool_]
     "Intervals in which the pass shares ground with others, shape (interval,)."
 
+    datum_sd: float | None = None
+    """Standard deviation of the datum [m]: of the height error that all passes of the adjustment
+    have in common, which `covariance` does not hold; None if it is not known."""
+
     def __call__(self, time: npt.ArrayLike, component: str = "height") -> Floats:
         """One component at some times.
 

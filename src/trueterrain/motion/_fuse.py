@@ -29,6 +29,9 @@ _UNSURE = np.array([0.01, 0.01, 0.01])  # [m/s^2, rad/s^2] of errors of bias and
 _STRANGE = 2.0  # mean square of innovations over what is expected that is worth a word
 _SIDE = 0.1  # [s] beside a gap from which it is bridged
 _APART = 1.5  # [Hz] crossover of the filter that measures noise
+_FOLLOWED = np.array([1e-5, 5e-6, 5e-6])  # [m, rad, rad] to which knots follow up, roll, pitch
+_FOLLOWED_WAY = np.array([1e-4, 1e-4, 5e-5])  # [m, m, rad] the same of east, north, yaw
+_MOST_KNOTS = 2_000_000  # that fast navigation may be given: 0.9 GB
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -120,14 +123,44 @@ def _window(parts: _Parts, sensors: AccelerometerInput) -> float:
 
 
 def _by_navigation(parts: _Parts, problems: list[str]) -> FusedMotion:
-    time = knots_without(parts.navigation, parts.settings.rate)
+    time, coarse = _knots_by_navigation(parts)
     variance = _at(time, parts.navigation.time, parts.sd[:, _HEAVE] ** 2)
     variance += _bridge(parts, time, _HEAVE)
     found = Coordinates(
         value=parts.quick.value(time), rate=parts.quick.rate(time), covariance=_diagonal(variance)
     )
     edge = (parts.navigation.step, parts.navigation.step)
-    return _finished(parts, time, found, np.zeros(3), (), edge, problems)
+    return _finished(parts, time, found, np.zeros(3), (), edge, [*problems, *coarse])
+
+
+def _knots_by_navigation(parts: _Parts) -> tuple[Float, list[str]]:
+    """Knots between which cubics follow the navigation, and where they do not, in words.
+
+    Rates at the epochs of a fast navigation hold its noise and the steps of its numbers: over
+    knots far longer than its steps, cubics multiply these.
+    """
+    from scipy.interpolate import CubicHermiteSpline
+
+    navigation, rate = parts.navigation, parts.settings.rate
+    finest = 1.0 / navigation.step
+    while True:
+        time = knots_without(navigation, rate)
+        off = [
+            np.abs(series.value(navigation.time) - cubic(navigation.time)).max(axis=0) / allowed
+            for series, allowed in ((parts.quick, _FOLLOWED), (parts.way, _FOLLOWED_WAY))
+            for cubic in [CubicHermiteSpline(time, series.value(time), series.rate(time))]
+        ]
+        worst = float(np.max(off))
+        if worst <= 1.0 or rate >= finest:  # a knot for each epoch is all that there is
+            return time, []
+        rate = min(2.0 * rate, finest)
+        if rate * (time[-1] - time[0]) > _MOST_KNOTS:
+            break
+    return time, [
+        f"navigation: its {finest:.0f} epochs per second are followed to "
+        f"{1000 * worst * _FOLLOWED[0]:.2g} mm only, with {time.size} knots: cut the run into "
+        "shorter ones, or thin the navigation out"
+    ]
 
 
 def _by_both(

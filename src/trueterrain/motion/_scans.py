@@ -90,7 +90,7 @@ def scan_problems(run: xr.DataTree, trajectory: Trajectory) -> list[str]:
     clock = Mounting.from_attrs(run.attrs.get("mounting")).scanner_clock
     first, last = time[[0, -1]] + clock
     begin, end = trajectory.time[[0, -1]]
-    if first >= end or last <= begin:
+    if not trajectory.covers(last, first):  # the last is not too early, nor the first too late
         raise CoverageError(
             f"the motion, {begin:.3f} s to {end:.3f} s, covers none of the {time.size} scans, "
             f"{first:.3f} s to {last:.3f} s",

@@ -19,6 +19,10 @@ Float = npt.NDArray[np.float64]
 #: Flags of knots; they add up.
 MEASURED, BRIDGED, EDGE = 0, 1, 2
 
+#: Time by which a stamp may lie beyond the first or the last knot [s]: sums of stamps, clocks and
+#: delays are rounded (by 0.1 µs for GPS seconds), and the cubic goes on that far without an error.
+ROUNDING = 1e-6
+
 
 class Poses(NamedTuple):
     """Poses at some times."""
@@ -67,6 +71,11 @@ class Trajectory:
     flag: npt.NDArray[np.uint8]
     "0 where measured; `BRIDGED` (no instrument saw it) and `EDGE` (end of a filter) add up, (n,)."
 
+    datum_sd: float | None = 0.0
+    """Standard deviation of the height that all passes of an adjustment have in common [m], which
+    `covariance` contains. 0 for a pass on its own; None where it is not known, so that `covariance`
+    is relative to the datum of the adjustment."""
+
     def __post_init__(self) -> None:
         """Check shapes and order."""
         n = self.time.size
@@ -84,6 +93,22 @@ class Trajectory:
         if not (np.diff(self.time) > 0).all():
             message = "time must ascend."
             raise ValueError(message)
+
+    def covers(self, begin: npt.ArrayLike, end: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+        """Whether the knots cover spans of time, but for `ROUNDING`.
+
+        Parameters
+        ----------
+        begin, end : array_like
+            True times of their begins and ends [s].
+
+        Returns
+        -------
+        numpy.ndarray of bool
+            False too where a time is not finite.
+        """
+        low, high = self.time[0] - ROUNDING, self.time[-1] + ROUNDING
+        return np.asarray((np.asarray(begin) >= low) & (np.asarray(end) <= high))
 
     def at(self, time: npt.ArrayLike) -> Poses:
         """Poses at any times between the first and the last knot.
@@ -116,7 +141,7 @@ class Trajectory:
         array([0.5, 0. , 0. ])
         """
         time = np.asarray(time, dtype=float)
-        if time.size and not (self.time[0] <= time.min() and time.max() <= self.time[-1]):
+        if time.size and not self.covers(time.min(), time.max()):
             message = (
                 f"time must be from {self.time[0]:.6f} s to {self.time[-1]:.6f} s, "
                 f"got {time.min():.6f} s to {time.max():.6f} s."
@@ -178,9 +203,8 @@ class Trajectory:
                 place="navigation",
                 cure="Choose begin and end within these times.",
             )
-        return replace(
-            self, **{entry.name: getattr(self, entry.name)[kept] for entry in fields(self)}
-        )
+        arrays = [entry.name for entry in fields(self) if entry.name != "datum_sd"]
+        return replace(self, **{name: getattr(self, name)[kept] for name in arrays})
 
 
 def _hermite(

@@ -19,7 +19,12 @@ from trueterrain.surface import grid_frame, xy_to_uv
 
 Floats = npt.NDArray[np.float64]
 
-_NAMES = {"height": "Height", "sd": "Standard deviation", "count": "Count per node"}
+_NAMES = {
+    "height": "Height",
+    "sd": "Standard deviation",
+    "sd_relative": "Relative standard deviation",
+    "count": "Count per node",
+}
 _CHOICES = (1.0, 5.0, 20.0)  # vertical exaggerations that every page offers
 _STEPS = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 _RELIEF = 0.08  # share of the longer side that heights are drawn as high as, at most

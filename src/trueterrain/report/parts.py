@@ -17,7 +17,7 @@ Verdict = Literal["good", "bad", "unknown"]
 Value = float | int | str | None
 
 #: What the colour of a surface shows.
-Colour = Literal["height", "sd", "count"]
+Colour = Literal["height", "sd", "sd_relative", "count"]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -61,7 +61,7 @@ class Grid:
         crs : str
             Coordinate reference system.
         **cells : numpy.ndarray, shape (u, v)
-            ``count``, ``sd``, ``filled``.
+            ``count``, ``sd``, ``sd_relative``, ``filled``.
 
         Returns
         -------

@@ -67,15 +67,17 @@ def down_sample(
     if "count" in surface:
         total = _gathered(np.asarray(surface["count"], dtype=np.float64), factor)
         cells["count"] = coarse["count"].copy(data=np.rint(total).astype(np.int64))
-    if "sd" in surface:
-        known = np.asarray(surface["sd"], dtype=np.float64)
+    for name in ("sd", "sd_relative"):
+        if name not in surface:
+            continue
+        known = np.asarray(surface[name], dtype=np.float64)
         has = seen & np.isfinite(known)
         with np.errstate(invalid="ignore", divide="ignore"):
             mean = _gathered(np.where(has, known, 0.0), factor) / _gathered(
                 has.astype(np.float64), factor
             )
         sd = np.where(np.isfinite(height), mean, np.nan)
-        cells["sd"] = coarse["sd"].copy(data=sd)
+        cells[name] = coarse[name].copy(data=sd)
     result = coarse.assign(cells)
     return result, _loss(surface, result)
 

@@ -115,7 +115,9 @@ def surface_to_points(surface: xr.Dataset) -> xr.Dataset:
     easting, northing = node_coordinates(surface)
     height = np.asarray(surface["height"], float)
     valid = np.isfinite(height)
-    optional = {"sd": np.asarray(surface["sd"])[valid]} if "sd" in surface else {}
+    optional = {
+        name: np.asarray(surface[name])[valid] for name in ("sd", "sd_relative") if name in surface
+    }
     points = make_points(
         easting[valid],
         northing[valid],

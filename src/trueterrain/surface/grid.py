@@ -140,8 +140,8 @@ def surface_of(
     Returns
     -------
     xarray.Dataset
-        Surface with ``height`` [m], ``count`` (returns; good ones, where doubtful ones weigh less)
-        and ``sd`` [m].
+        Surface with ``height`` [m], ``count`` (returns; good ones, where doubtful ones weigh less),
+        ``sd`` and ``sd_relative`` [m], see `name_deviations`.
 
     Raises
     ------
@@ -171,7 +171,40 @@ def surface_of(
     nodes = Nodes.empty(sums.grid.shape)
     finish_rows(sums, options, sums.rows, nodes, again)
     require_heights(nodes, options, sums.tally)
-    return sums.grid.surface(nodes.height, crs=crs, count=nodes.count, sd=nodes.sd)
+    return sums.grid.surface(
+        nodes.height, crs=crs, count=nodes.count, **name_deviations(nodes.sd, sums.datum_sd)
+    )
+
+
+def name_deviations(
+    sd: npt.NDArray[np.float32], datum_sd: float | None
+) -> dict[str, npt.NDArray[np.float32]]:
+    """Standard deviations of heights by the names of what they are relative to.
+
+    Parameters
+    ----------
+    sd : numpy.ndarray
+        Standard deviations without that of the datum [m].
+    datum_sd : float or None
+        Standard deviation of the height that all passes have in common [m]: 0 if each pass stands
+        on its own, None if it is not known.
+
+    Returns
+    -------
+    dict of numpy.ndarray
+        ``sd``, absolute, if it is known, and ``sd_relative``, relative to the datum of the
+        adjustment or to the points as they are, where that is another one [m].
+
+    Examples
+    --------
+    >>> name_deviations(np.float32([0.003]), 0.004)
+    {'sd': array([0.005], dtype=float32), 'sd_relative': array([0.003], dtype=float32)}
+    """
+    if datum_sd is None:
+        return {"sd_relative": sd}
+    if not datum_sd:
+        return {"sd": sd}
+    return {"sd": np.hypot(sd, np.float32(datum_sd)), "sd_relative": sd}
 
 
 def finish_rows(
@@ -250,8 +283,9 @@ def grid_points(
     Returns
     -------
     xarray.Dataset
-        Surface with ``height``, ``count`` and ``sd``; ``attrs["outside"]`` counts points beside the
-        grid.
+        Surface with ``height``, ``count`` and ``sd``, or ``sd_relative`` where the points bring no
+        ``sd``: then their scatter, and their own ``sd_relative``, are all that is known.
+        ``attrs["outside"]`` counts points beside the grid.
 
     Raises
     ------
@@ -275,25 +309,28 @@ def grid_points(
         message = f"{options.statistic} needs points that can be gone through twice, e.g. a list."
         raise ValueError(message)
     sums: CellSums | None = None
-    crs = ""
+    crs, own = "", None
     for block in _blocks(points):
         found = str(block.attrs.get("crs", ""))
         if sums is None:
-            sums = CellSums(grid, options.wanted(point_sd="sd" in block), threads=threads)
+            own = next((name for name in ("sd", "sd_relative") if name in block), None)
+            sums = CellSums(grid, options.wanted(point_sd=own is not None), threads=threads)
             crs = found
         elif found != crs:
             raise SchemaError(
                 f"all points must have the same CRS, got {found[:40]!r} after {crs[:40]!r}",
                 cure="Transform them first, or name the CRS of all.",
             )
-        _add(sums, block)
+        _add(sums, block, own)
     if sums is None:
         raise CoverageError("there are no points to grid")
 
     def again(these: CellSums) -> None:
         for block in _blocks(points):
-            _add(these, block)
+            _add(these, block, own)
 
+    if own != "sd":
+        sums.datum_sd = None
     surface = surface_of(sums, options, crs=crs, again=again)
     return surface.assign_attrs(outside=sums.tally.outside)
 
@@ -302,9 +339,9 @@ def _blocks(points: xr.Dataset | Iterable[xr.Dataset]) -> Iterable[xr.Dataset]:
     return [points] if isinstance(points, xr.Dataset) else points
 
 
-def _add(sums: CellSums, block: xr.Dataset) -> None:
-    own = block["sd"].values if "sd" in block else None
-    sums.add_points(block.easting.values, block.northing.values, block.up.values, own)
+def _add(sums: CellSums, block: xr.Dataset, own: str | None) -> None:
+    sd = block[own].values if own in block else None
+    sums.add_points(block.easting.values, block.northing.values, block.up.values, sd)
 
 
 def trimmed(surface: xr.Dataset) -> xr.Dataset:

@@ -170,24 +170,28 @@ def _filled(
 ) -> xr.Dataset:
     """Surface with heights in the small holes."""
     stated = False  # whether a node without height had a standard deviation
+    deviations = {
+        name: np.asarray(surface[name]) for name in ("sd", "sd_relative") if name in surface
+    }
     filled = np.zeros(surface["height"].shape, np.bool_)
     if "filled" in surface:
         filled |= np.asarray(surface["filled"], np.bool_)
     height = np.asarray(surface["height"], dtype=np.float64)
-    sd = np.asarray(surface["sd"]) if "sd" in surface else None
     if small.any() and not in_place:
         height = height.copy()
     for node in holes.nodes_of(small):
         height[node] = _membrane(height, node, spacing)
         filled[node] = True
-        stated = stated or (sd is not None and not np.isnan(sd[node]).all())
-    if sd is not None and stated:
-        sd = np.where(filled, np.nan, sd).astype(sd.dtype)
+        stated = stated or any(not np.isnan(sd[node]).all() for sd in deviations.values())
+    if stated:
+        deviations = {
+            name: np.where(filled, np.nan, sd).astype(sd.dtype) for name, sd in deviations.items()
+        }
     result = surface.assign(
         height=surface["height"].copy(data=height),
         filled=(surface["height"].dims, filled, {"units": "1"}),
     )
-    return result if sd is None else result.assign(sd=surface["sd"].copy(data=sd))
+    return result.assign({name: surface[name].copy(data=sd) for name, sd in deviations.items()})
 
 
 def _membrane(height: Floats, node: tuple[Integers, Integers], spacing: Floats) -> Floats:

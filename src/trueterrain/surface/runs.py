@@ -18,7 +18,12 @@ from trueterrain.surface._recordings import Recording, origin_of, read_ahead
 from trueterrain.surface._windows import Plan, plan_windows
 from trueterrain.surface.accumulate import CellSums
 from trueterrain.surface.cells import Grid
-from trueterrain.surface.grid import GridOptions, finish_rows, require_heights
+from trueterrain.surface.grid import (
+    GridOptions,
+    finish_rows,
+    name_deviations,
+    require_heights,
+)
 
 #: Scans in a block, unless told otherwise: whole chunks of a store.
 BLOCK = 4000
@@ -77,7 +82,8 @@ def grid_runs(
     Returns
     -------
     surface : xarray.Dataset
-        With ``height``, ``count`` and ``sd``.
+        With ``height``, ``count`` and ``sd``; of passes in agreement ``sd_relative`` too, which
+        leaves out the datum that they share, see `name_deviations`.
     report : dict
         How many returns were ``used``, ``doubtful``, ``outside`` of the grid or ``too_high``, and
         how many ``scans`` there were, ``scans_uncovered`` by the motion and ``bridged``.
@@ -125,7 +131,9 @@ def grid_runs(
         work(window)
     require_heights(nodes, options, tally)
     surface = provenance.add_step(
-        grid.surface(nodes.height, count=nodes.count, sd=nodes.sd), "grid",
+        grid.surface(
+            nodes.height, crs="", count=nodes.count, **name_deviations(nodes.sd, sums.datum_sd)
+        ), "grid",
         parameters={
             "runs": [one.path.name for one in passes], "options": options, "screening": screening,
             "spacing": grid.spacing,

@@ -13,14 +13,14 @@ def summarise(surface: xr.Dataset) -> dict[str, Any]:
     Parameters
     ----------
     surface : xarray.Dataset
-        Surface along a reference line, or map, with ``count`` and ``sd``.
+        Surface along a reference line, or map, with ``count``, ``sd`` and ``sd_relative``.
 
     Returns
     -------
     dict
         ``size`` and ``spacing`` [m] by dimension; ``nodes`` with height; ``count`` of returns:
-        ``median`` and ``most``; ``sd`` [m]: ``median``, ``p95`` and ``largest``, None where it is
-        not known.
+        ``median`` and ``most``; ``sd`` and ``sd_relative`` [m]: ``median``, ``p95`` and
+        ``largest``, None where it is not known.
 
     Examples
     --------
@@ -34,18 +34,24 @@ def summarise(surface: xr.Dataset) -> dict[str, Any]:
     height = surface["height"].values
     seen = np.isfinite(height)
     count = surface["count"].values[seen] if "count" in surface else np.empty(0)
-    sd = surface["sd"].values[seen] if "sd" in surface else np.empty(0)
-    known = sd[np.isfinite(sd)]
     return {
         "size": dict(zip(dims, height.shape, strict=True)),
         "spacing": {dim: float(np.diff(surface[dim].values).mean()) for dim in dims},
         "nodes": int(seen.sum()),
         "count": {"median": _median(count), "most": int(count.max()) if count.size else None},
-        "sd": {
-            "median": _median(known),
-            "p95": float(np.percentile(known, 95)) if known.size else None,
-            "largest": float(known.max()) if known.size else None,
-        },
+        **{name: _deviations(surface, name, seen) for name in ("sd", "sd_relative")},
+    }
+
+
+def _deviations(
+    surface: xr.Dataset, name: str, seen: npt.NDArray[np.bool_]
+) -> dict[str, float | None]:
+    sd = surface[name].values[seen] if name in surface else np.empty(0)
+    known = sd[np.isfinite(sd)]
+    return {
+        "median": _median(known),
+        "p95": float(np.percentile(known, 95)) if known.size else None,
+        "largest": float(known.max()) if known.size else None,
     }
 
 

@@ -150,15 +150,22 @@ def _report(
 ) -> Report:
     numbers = summarise(view.surface)
     ground = Table(
-        columns=columns("Nodes; Returns per node .0; sd, median [mm] .2; sd, 95 % [mm] .2"),
+        columns=columns(
+            "Nodes; Returns per node .0; sd, median [mm] .2; sd, 95 % [mm] .2; "
+            "sd relative, median [mm] .2; sd relative, 95 % [mm] .2"
+        ),
         rows=[
             (
                 numbers["nodes"], numbers["count"]["median"],
-                millimetres(numbers["sd"]["median"]), millimetres(numbers["sd"]["p95"]),
+                *(
+                    millimetres(numbers[name][which])
+                    for name in ("sd", "sd_relative") for which in ("median", "p95")
+                ),
             )
         ],
-        caption="The merged surface. Its standard deviation is relative to the datum of the "
-        "adjustment; it holds the scatter of the points and what the corrections leave.",
+        caption="The merged surface. The relative standard deviation holds the scatter of the "
+        "points and what the corrections leave; the absolute one also holds the height error that "
+        "all passes share, and is empty where nothing is known of that.",
     )  # fmt: skip
     inputs = Table(
         columns=columns("Pass; Points; Area [m²] .0; Points per m² .1"),

@@ -40,6 +40,7 @@ from trueterrain.survey._settings import ProfileSettings, RunSettings, Survey, l
 from trueterrain.verify.truth import TrueHeight, statistics_of
 
 _PARALLEL = 1.01  # by which one wheel path may be longer than the other
+_OF_MEASURED = ("sd", "sd_relative", "count", "filled")  # which the true ground has not
 _VIEWED = 0.05  # [m] spacing of the coarse surface that is kept to look at and to compare
 
 #: Called with a name and the surface of a lane, to draw what needs all of it.
@@ -377,7 +378,7 @@ def _against(
     # only where there are heights, so that both profiles begin and end at the same stations
     true = np.where(np.isfinite(surface["height"]), truth(*node_coordinates(surface)), np.nan)
     ground = surface.assign(height=surface["height"].copy(data=true))
-    ground = ground.drop_vars([name for name in ("sd", "count", "filled") if name in ground])
+    ground = ground.drop_vars([name for name in ground.data_vars if name in _OF_MEASURED])
     rated = {
         wanted.name: iri(taken_along(ground, wanted), options=survey.roughness.iri).iri[0]
         for wanted in survey.profiles

@@ -88,12 +88,16 @@ def _headline(
         label="Returns gridded", value=sum(lane["returns"]["used"] for lane in each) / 1e6,
         unit="million", digits=2,
     )  # fmt: skip
-    sds = [lane["surface"]["sd"]["median"] for lane in each]
-    known = [sd for sd in sds if sd is not None]
-    yield Number(
-        label="Standard deviation of a height", value=1000 * max(known) if known else None,
-        unit="mm", digits=2, note="median over the nodes" + _worst(len(lanes)),
-    )  # fmt: skip
+    for name, label in (
+        ("sd", "Standard deviation of a height"),
+        ("sd_relative", "The same, relative to the datum of the passes"),
+    ):
+        sds = [lane["surface"][name]["median"] for lane in each]
+        if known := [sd for sd in sds if sd is not None]:
+            yield Number(
+                label=label, value=1000 * max(known), unit="mm", digits=2,
+                note="median over the nodes" + _worst(len(lanes)),
+            )  # fmt: skip
     if merging is not None:
         yield from merge_headline(merging)
     for compared in numbers["agreement"][:1]:
@@ -136,6 +140,7 @@ def _ground(lanes: list[Lane], pictures: Pictures) -> Section:
             " × ".join(f"{step:g} m" for step in lane.numbers["surface"]["spacing"].values()),
             lane.numbers["surface"]["count"]["median"],
             *(millimetres(lane.numbers["surface"]["sd"][name]) for name in ("median", "p95")),
+            millimetres(lane.numbers["surface"]["sd_relative"]["median"]),
             lane.numbers["surface"]["holes"]["filled_nodes"],
             lane.numbers["surface"]["holes"]["open_nodes"],
         )
@@ -144,11 +149,13 @@ def _ground(lanes: list[Lane], pictures: Pictures) -> Section:
     table = Table(
         columns=columns(
             "Lane; Nodes; Spacing; Returns per node .0; sd, median [mm] .3; sd, 95 % [mm] .3; "
-            "Filled nodes; Open nodes"
+            "sd relative, median [mm] .3; Filled nodes; Open nodes"
         ),
         rows=rows,
-        caption="Surfaces. The standard deviation of each height holds the noise of the ranges, "
-        "the scatter of the returns in a cell and the uncertainty of the motion.",
+        caption="Surfaces. The standard deviation of each height is absolute: it holds the noise "
+        "of the ranges, the scatter of the returns in a cell and the uncertainty of the motion. "
+        "Of passes in agreement the relative one leaves out the datum, which all of them share: "
+        "it tells how sure heights are within the surface.",
     )  # fmt: skip
     blocks: list[Block] = [table]
     for lane in lanes:
@@ -273,7 +280,8 @@ def _profiles(survey: Survey, lanes: list[Lane], pictures: Pictures) -> Section 
         Table(
             columns=columns("Lane; Profile; Length [m] .2; sd, median [mm] .3; IRI [m/km] .2"),
             rows=rows,
-            caption="Profiles that a tyre feels, and their International Roughness Index.",
+            caption="Profiles that a tyre feels, and their International Roughness Index. Their "
+            "standard deviation is that of the statistic, by the heights under the tyre alone.",
         )
     ]  # fmt: skip
     both = [

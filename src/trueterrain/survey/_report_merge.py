@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from trueterrain.lanes.merge import Merging
+from trueterrain.lanes.network import Adjustment
 from trueterrain.report import Block, Number, Picture, Section, Table, Text
 from trueterrain.survey._pictures import Pictures
 from trueterrain.survey._report_parts import columns, millimetres
@@ -129,6 +130,32 @@ def _seams(merging: Merging) -> Iterator[Block]:
         )  # fmt: skip
 
 
+def describe_datum(found: Adjustment) -> str:
+    """How sure the height is that all passes share, in words.
+
+    Parameters
+    ----------
+    found : Adjustment
+        The network adjustment.
+
+    Returns
+    -------
+    str
+        One sentence.
+    """
+    known = [sd for sd in found.datum_sd.values() if sd is not None]
+    if len(known) < len(found.datum_sd):
+        return (
+            "The height error that all passes share is not known, since no navigation reports its "
+            "standard deviation: relative standard deviations leave it out, and absolute ones are "
+            "there only where points bring their own (datum_sd gives it)."
+        )
+    return (
+        f"The height error that all passes share has a standard deviation of "
+        f"{1000 * max(known):.3g} mm."
+    )
+
+
 def _network(merging: Merging) -> Iterator[Block]:
     found = merging.adjustment
     if found is None:
@@ -143,7 +170,7 @@ def _network(merging: Merging) -> Iterator[Block]:
     )
     if found.omitted:
         words += f" The data do not tell {', '.join(found.omitted)}, so these were left out."
-    yield Text(paragraph=words)
+    yield Text(paragraph=f"{words} {describe_datum(found)}")
     yield Table(
         columns=columns("Pass; Chi-square .1; Degrees of freedom .1; Probability without drift .3"),
         rows=[

@@ -18,6 +18,7 @@ _BITS = {
     "edge_of_flight_line": 1, "synthetic": 1, "key_point": 1, "withheld": 1, "overlap": 1,
 }  # fmt: skip
 _COLOURS = ("red", "green", "blue")
+_DEVIATIONS = {"sd": "standard deviation [m]", "sd_relative": "relative to the datum [m]"}
 _LONGEST_NAME = 32  # [bytes] of extra bytes
 _SCALE, _OFFSET, _STORED = "scale", "offset", "stored_as"  # attributes of scaled extra bytes
 
@@ -27,7 +28,7 @@ _FLAGS = ("scan_direction_flag", "edge_of_flight_line", "synthetic", "key_point"
 _PART_OF = {
     "time": _PARTS.GPS_TIME, "intensity": _PARTS.INTENSITY, "lane": _PARTS.POINT_SOURCE_ID,
     "classification": _PARTS.CLASSIFICATION, "scan_angle": _PARTS.SCAN_ANGLE,
-    "user_data": _PARTS.USER_DATA, "nir": _PARTS.NIR, "sd": _PARTS.ALL_EXTRA_BYTES,
+    "user_data": _PARTS.USER_DATA, "nir": _PARTS.NIR,
     **dict.fromkeys(_COLOURS, _PARTS.RGB), **dict.fromkeys(_FLAGS, _PARTS.FLAGS),
 }  # fmt: skip
 
@@ -61,7 +62,7 @@ def values_of(record: Any, name: str) -> Any:
         dimension, element = extra[name]
         values = record[dimension]
         return np.array(values if element is None else values[:, element],
-                        dtype=np.float64 if name == "sd" else None)  # fmt: skip
+                        dtype=np.float64 if name in _DEVIATIONS else None)  # fmt: skip
     if name == "scan_angle":
         if "scan_angle_rank" in point_format.dimension_names:
             return np.deg2rad(np.asarray(record["scan_angle_rank"], dtype=np.float32))
@@ -71,7 +72,7 @@ def values_of(record: Any, name: str) -> Any:
 
 def attrs_of(point_format: Any, name: str) -> dict[str, Any]:
     """What a file says about extra bytes: description, and step and origin of scaled integers."""
-    if name == "sd" or name not in (extra := _extra(point_format)):
+    if name in _DEVIATIONS or name not in (extra := _extra(point_format)):
         return {}
     dimension, element = extra[name]
     found = point_format.dimension_by_name(dimension)
@@ -94,9 +95,11 @@ def point_format_of(points: xr.Dataset) -> int:
 
 def extra_parameters(points: xr.Dataset, point_format: int, path: Path) -> list[Any]:
     """Descriptions of the extra bytes that points need."""
-    found = []
-    if "sd" in points:
-        found.append(laspy.ExtraBytesParams("sd", np.float32, "standard deviation [m]"))
+    found = [
+        laspy.ExtraBytesParams(name, np.float32, about)
+        for name, about in _DEVIATIONS.items()
+        if name in points
+    ]
     for name in map(str, points.data_vars):
         if not name.startswith(EXTRA):
             continue
@@ -130,7 +133,7 @@ def put_attributes(record: Any, points: xr.Dataset, done: int, path: Path) -> No
         elif name in RETURN_ATTRIBUTES:
             bits = _BITS.get(name, 8 * np.dtype(RETURN_ATTRIBUTES[name]).itemsize)
             record[name] = whole_numbers(points[name].values, name, 0, 2**bits - 1, done, path)
-        elif name.startswith(EXTRA) or name == "sd":
+        elif name.startswith(EXTRA) or name in _DEVIATIONS:
             record[name.removeprefix(EXTRA)] = points[name].values
     count = np.ones(points.sizes["point"], dtype=np.uint8)
     if "return_number" not in points:
@@ -160,8 +163,8 @@ def _extra(point_format: Any) -> dict[str, tuple[str, int | None]]:
     for dimension in point_format.extra_dimensions:
         name = dimension.name
         variable = EXTRA + name.replace("/", "_")  # no folder in a store
-        if name == "sd" and dimension.num_elements == 1:
-            found["sd"] = (name, None)
+        if name in _DEVIATIONS and dimension.num_elements == 1:
+            found[name] = (name, None)
         elif dimension.num_elements == 1:
             found[variable] = (name, None)
         else:
@@ -172,7 +175,7 @@ def _extra(point_format: Any) -> dict[str, tuple[str, int | None]]:
 
 
 def _check_label(label: str, name: str, point_format: int, path: Path) -> None:
-    taken = {*laspy.PointFormat(point_format).dimension_names, "x", "y", "z", "sd"}
+    taken = {*laspy.PointFormat(point_format).dimension_names, "x", "y", "z", *_DEVIATIONS}
     problem = ""
     if label in taken or not label:
         problem = f"would be extra bytes of the name {label!r}, which means something else in LAS"

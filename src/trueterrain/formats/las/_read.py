@@ -33,10 +33,10 @@ _OFFSET_UNIT = 1e6  # [s] unit of the time offset of LAS 1.5
 def read(path: str | Path, *, bounds: Bounds | None = None, crs: str | None = None) -> xr.Dataset:
     """Points of a LAS, LAZ or COPC file.
 
-    ``time`` is the GPS time, ``lane`` the point source id, ``sd`` the extra bytes of that name; all
-    other dimensions have the names of `trueterrain.kinds.RETURN_ATTRIBUTES`, other extra bytes
-    ``extra_NAME``. Wave packets are not read (``attrs["not_read"]``). Feet become metres, and the
-    CRS one in metres.
+    ``time`` is the GPS time, ``lane`` the point source id, ``sd`` and ``sd_relative`` the extra
+    bytes of these names; all other dimensions have the names of
+    `trueterrain.kinds.RETURN_ATTRIBUTES`, other extra bytes ``extra_NAME``. Wave packets are not
+    read (``attrs["not_read"]``). Feet become metres, and the CRS one in metres.
     ``attrs["coordinate_scale"]`` and ``["coordinate_offset"]`` are the steps that coordinates were
     rounded to, and their origin [m]. ``attrs["gps_time_kind"]`` is ``"adjusted standard"`` or
     ``"week seconds"``: as the file says, unless its values cannot be seconds of a week.

@@ -45,10 +45,11 @@ def write(
 ) -> None:
     """Write points as LAS 1.4, point format 6 (7 or 8 with colours); compressed as .laz.
 
-    ``lane`` becomes the point source id, ``time`` the GPS time, ``sd`` extra bytes (float32), and
-    so do variables ``extra_NAME``, in their own type. The CRS is written as WKT, the provenance as
-    a record of user ``trueterrain``. The offset is a whole number of metres near the first block
-    of points, unless coordinates that were rounded to steps would not fit to it.
+    ``lane`` becomes the point source id, ``time`` the GPS time, ``sd`` and ``sd_relative`` extra
+    bytes (float32), and so do variables ``extra_NAME``, in their own type. The CRS is written as
+    WKT, the provenance as a record of user ``trueterrain``. The offset is a whole number of metres
+    near the first block of points, unless coordinates that were rounded to steps would not fit to
+    it.
 
     Parameters
     ----------

@@ -45,7 +45,9 @@ def _along_easting(surface: xr.Dataset) -> xr.Dataset:
     easting, northing = (np.asarray(surface[name], float) for name in ("easting", "northing"))
     middle = northing[np.argmin(np.abs(northing - northing.mean()))]
     cells: dict[str, Any] = {
-        name: np.asarray(surface[name]).T for name in ("count", "sd", "filled") if name in surface
+        name: np.asarray(surface[name]).T
+        for name in ("count", "sd", "sd_relative", "filled")
+        if name in surface
     }
     road = make_surface(
         np.asarray(surface["height"]).T,

@@ -80,10 +80,12 @@ def patched(surface: xr.Dataset, holes: Index) -> xr.Dataset:
     if holes.size:
         changed["filled"] = _patched(filled, holes, np.ones(holes.size, dtype=bool))
         changed["height"] = _patched(surface["height"].variable, holes, _membrane(surface, holes))
-        if "sd" in surface:
-            sd = surface["sd"].variable
+        for name in ("sd", "sd_relative"):
+            if name not in surface:
+                continue
+            sd = surface[name].variable
             missing = np.full(holes.size, np.nan, dtype=np.result_type(sd.dtype, np.float32))
-            changed["sd"] = _patched(sd, holes, missing)
+            changed[name] = _patched(sd, holes, missing)
     return surface.assign(changed).assign_attrs(filled=holes.size)
 
 

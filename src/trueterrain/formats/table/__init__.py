@@ -4,7 +4,8 @@
 profile  ``s,easting,northing,height,sd,count``; ``s`` and ``height`` are enough. Several tracks
          either in rows, with a column ``track``, or side by side: ``height_left,height_right``
 points   ``easting,northing,up`` (or ``x,y,z``); optional ``time``, ``intensity``, ``lane``, ``sd``,
-         ``classification`` and the other `trueterrain.kinds.RETURN_ATTRIBUTES`, ``extra_NAME``
+         ``sd_relative``, ``classification`` and the other `trueterrain.kinds.RETURN_ATTRIBUTES`,
+         ``extra_NAME``
 path     ``easting,northing`` (or ``x,y``): waypoints in order, see `read_waypoints`
 =======  ========================================================================================
 

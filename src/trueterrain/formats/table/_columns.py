@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from trueterrain.errors import FormatError
-from trueterrain.kinds import EXTRA, RETURN_ATTRIBUTES
+from trueterrain.kinds import COORDINATES, EXTRA, RETURN_ATTRIBUTES
 
 _ANGLES = {"rad": 1.0, "deg": math.pi / 180}
 _LENGTHS = {
@@ -18,7 +18,7 @@ _LENGTHS = {
     "ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "usft": 1200 / 3937, "us-ft": 1200 / 3937,
 }  # fmt: skip
 _UNITS = {
-    **dict.fromkeys(("s", "easting", "northing", "up", "height", "sd"), _LENGTHS),
+    **dict.fromkeys(("s", "easting", "northing", "up", "height", "sd", "sd_relative"), _LENGTHS),
     "heading": _ANGLES,
     "scan_angle": _ANGLES,
     "time": {"s": 1.0},
@@ -38,13 +38,12 @@ _FILLING = ("height", "elevation", "elev", "z", "profile", "wheel", "path", "whe
 
 _KEPT = {
     "points": (
-        "easting",
-        "northing",
-        "up",
+        *COORDINATES,
         "time",
         "intensity",
         "lane",
         "sd",
+        "sd_relative",
         *RETURN_ATTRIBUTES,
     ),
     "profile": ("track", "s", "easting", "northing", "height", "heading", "sd", "count"),

@@ -23,7 +23,9 @@ from trueterrain.kinds import (
     kind_of,
 )
 
-_POINTS = (*COORDINATES, "time", "intensity", "lane", "sd", *RETURN_ATTRIBUTES)
+_POINTS = (
+    *COORDINATES, "time", "intensity", "lane", "sd", "sd_relative", *RETURN_ATTRIBUTES,
+)  # fmt: skip
 _PROFILE = ("easting", "northing", "height", "sd", "count", "heading")
 _ATTRS = (  # kept in Parquet
     "crs", "provenance", "gps_time_kind", "coordinate_scale", "coordinate_offset",

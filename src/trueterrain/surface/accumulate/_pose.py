@@ -33,12 +33,21 @@ class Pose:
         """All sums zero."""
         return cls(np.zeros((grid.shape[0], 5), np.int64))
 
-    def add(self, motion: Expansion, pieces: int, hint: npt.NDArray[Any], grid: Grid) -> None:
-        """Add scans to the rows in whose strips of the line their hints are."""
+    def add(
+        self,
+        motion: Expansion,
+        pieces: int,
+        hint: npt.NDArray[Any],
+        grid: Grid,
+        *,
+        datum_sd: float = 0.0,
+    ) -> None:
+        """Add scans to the rows in whose strips of the line their hints are, without the datum."""
         x, y, nx, ny, *_ = grid.strips
-        _kernels.poses(
-            motion.body, motion.variance, pieces, x, y, nx, ny, hint, VARIANCE_STEP, self.sums
-        )
+        variance = motion.variance
+        if datum_sd:
+            variance = variance - np.array([datum_sd**2, 0, 0, 0, 0, 0, 0])
+        _kernels.poses(motion.body, variance, pieces, x, y, nx, ny, hint, VARIANCE_STEP, self.sums)
 
     @cached_property
     def coefficient(self) -> Floats:

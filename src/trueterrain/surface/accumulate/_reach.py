@@ -87,7 +87,7 @@ def near_line(
     tally.bridged += int((flags & BRIDGED != 0).any(axis=1).sum())
     middle = motion.coefficient[geometry.pieces // 2 :: geometry.pieces, :2, 0]
     hint = grid.near(middle[:, 0], middle[:, 1])
-    pose.add(motion, geometry.pieces, hint, grid)
+    pose.add(motion, geometry.pieces, hint, grid, datum_sd=geometry.trajectory.datum_sd or 0.0)
     return motion, hint
 
 

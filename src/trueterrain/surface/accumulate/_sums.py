@@ -74,6 +74,8 @@ class CellSums:
         self.wanted = wanted
         self.passes = 1
         self.threads = threads
+        self.datum_sd: float | None = 0.0
+        "Of the height that all passes have in common, beside the sums [m]; None if not known."
         self.rows = range(grid.shape[0])[slice(None) if rows is None else rows]
         self._known = poses
         self._finished: list[Pose] = []  # of earlier passes
@@ -139,6 +141,7 @@ class CellSums:
             not that of the scans before.
         """
         time = np.asarray(time, dtype=np.float64)
+        self._note_datum(geometry.trajectory.datum_sd)
         returns = Returns(
             geometry=geometry, time=time, ranges=ranges, intensity=intensity, scale=scale,
             missing=ranges.dtype.type(missing) if missing is not None else np.float64(np.nan),
@@ -180,6 +183,7 @@ class CellSums:
                 cure="Grid points with and without standard deviations apart.",
             )  # fmt: skip
         own = np.asarray(sd, dtype=np.float64) if self.wanted.point_sd else np.empty(0)
+        self._note_datum(0.0 if self.wanted.point_sd else None)
         along, across = self.grid.spacing
         rows, columns = self.grid.shape
         into = self._collection or Collection()
@@ -312,6 +316,11 @@ class CellSums:
             total += pose.sideways
         variance, scans = total
         return float(variance / scans) if scans else 0.0
+
+    def _note_datum(self, sd: float | None) -> None:
+        """Of several datums the least sure one counts."""
+        known = self.datum_sd is not None and sd is not None
+        self.datum_sd = max(self.datum_sd or 0.0, sd or 0.0) if known else None
 
     def _cells(self, values: Any) -> Any:
         return values.reshape(len(self.rows), self.grid.shape[1])
