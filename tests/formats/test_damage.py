@@ -458,7 +458,7 @@ def test_files_that_ask_for_more_than_they_hold_are_refused_in_little_memory(mak
                 there = about if key == "shape" else about["chunk_grid"]["configuration"]
                 there[key][0] = length
                 file.write_text(json.dumps(about))
-            asking[copy] = f"array {names[0]}"
+            asking[copy] = names[0].partition("/")[0]  # the group, or the array
     found = subprocess.run(
         [sys.executable, "-c", ASKING, str(flat), *map(str, asking)],
         check=True, capture_output=True, text=True,

@@ -84,7 +84,7 @@ class StoredArray(BackendArray):
             self._array: zarr.Array[Any] = zarr.open_array(
                 _Chunks(path, read_only=True), path=name, mode="r", zarr_format=3
             )
-            self.attrs = dict(self._array.attrs)
+            self.attrs: dict[str, Any] = dict(self._array.attrs)
             if isinstance(self.attrs.get("_FillValue"), str):
                 del self.attrs["_FillValue"]  # xarray's writing of NaN, which needs no decoding
             self.shape = tuple(int(length) for length in self._array.shape)

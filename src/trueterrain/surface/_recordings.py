@@ -3,13 +3,14 @@
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.errors import CoverageError, FormatError
-from trueterrain.formats.run import open_run
+from trueterrain.errors import CoverageError
+from trueterrain.formats.run import StoredArray, open_run
 from trueterrain.georeference import ScanGeometry, mounting_of
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ class Recording:
         scans = tree["scans"]
         self.path = one.path
         self.origin = origin_of(tree)
-        self._arrays: dict[str, Any] = {}
+        self._arrays: dict[str, StoredArray] = {}
         self.time = self._read("time", slice(None))
         self.geometry = ScanGeometry(one.trajectory, mounting, scans["angle"], scans["delay"])
         if not self.geometry.covers(self.time).any():
@@ -84,19 +85,11 @@ class Recording:
 
     def _read(self, name: str, rows: slice) -> npt.NDArray[Any]:
         """Numbers as they are stored: to decode them to metres would take longer than gridding."""
-        try:
-            return np.asarray(self._array(name)[rows])
-        except (RuntimeError, ValueError, OSError, KeyError) as error:
-            raise FormatError(
-                f"is damaged ({error})", path=self.path,
-                place=f"scans/{name} from {rows.start or 0}", cure="Copy the whole folder again.",
-            ) from None  # fmt: skip
+        return self._array(name).read(rows)
 
-    def _array(self, name: str) -> Any:
-        import zarr
-
+    def _array(self, name: str) -> StoredArray:
         if name not in self._arrays:
-            self._arrays[name] = zarr.open_array(self.path / "scans" / name, mode="r")
+            self._arrays[name] = StoredArray(Path(self.path), f"scans/{name}")
         return self._arrays[name]
 
 

@@ -25,6 +25,7 @@ no chunk is missing.
 `check_run` says what is wrong with it, `import_run` makes one from flat files.
 """
 
+from trueterrain.formats._zarr import StoredArray
 from trueterrain.formats.run._copy import write
 from trueterrain.formats.run._describe import describe
 from trueterrain.formats.run._import import (
@@ -46,6 +47,7 @@ __all__ = [
     "RunFiles",
     "RunWriter",
     "ScanTable",
+    "StoredArray",
     "check_run",
     "describe",
     "import_run",

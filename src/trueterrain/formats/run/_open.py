@@ -9,6 +9,7 @@ from xarray.core import indexing
 from trueterrain.errors import FormatError
 from trueterrain.formats._zarr import (
     ARRAYS,
+    StoredArray,
     damaged,
     find_groups,
     open_arrays,
@@ -45,12 +46,19 @@ def open_run(path: str | Path) -> xr.DataTree:
     SchemaError
         If it is no run.
     """
-    return check_layout(open_tree(path, whole=True), path)
+    arrays = _open_store(Path(path))
+    tree = check_layout(_make_tree(Path(path), arrays), path)
+    require_whole(Path(path), arrays)
+    return tree
 
 
-def open_tree(path: str | Path, *, whole: bool = False) -> xr.DataTree:
-    """Tree from a store whose arrays fit each other, and are whole if so asked; perhaps no run."""
-    path = Path(path)
+def open_tree(path: str | Path) -> xr.DataTree:
+    """Tree from a store whose arrays fit each other; nothing says that it is a run, or whole."""
+    return _make_tree(Path(path), _open_store(Path(path)))
+
+
+def _open_store(path: Path) -> dict[str, StoredArray]:
+    """Arrays of a store."""
     if not path.exists():
         message = f"there is no run {path}"
         raise FileNotFoundError(message)
@@ -59,11 +67,13 @@ def open_tree(path: str | Path, *, whole: bool = False) -> xr.DataTree:
             "is no Zarr 3 store: it holds no zarr.json", path=path,
             cure="Name the folder NAME.zarr of a run, or copy the whole folder again.",
         )  # fmt: skip
-    groups = {name: xr.Dataset(attrs=read_group_attrs(path, name)) for name in find_groups(path)}
+    return open_arrays(path)
+
+
+def _make_tree(path: Path, arrays: dict[str, StoredArray]) -> xr.DataTree:
+    groups = {"": xr.Dataset(attrs=read_group_attrs(path))}
+    groups |= {name: xr.Dataset(attrs=read_group_attrs(path, name)) for name in find_groups(path)}
     variables: dict[str, dict[str, xr.Variable]] = {name: {} for name in groups}
-    arrays = open_arrays(path)
-    if whole:
-        require_whole(path, arrays)
     groups[""].attrs.pop(ARRAYS, None)
     for name, array in arrays.items():
         group, _, short = name.rpartition("/")
