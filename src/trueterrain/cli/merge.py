@@ -207,7 +207,7 @@ def _settings(
     path: Path | None,
     limit: float,
     cell: float | None,
-    given: "Mapping[str, float | None]",
+    given: "Mapping[str, Any]",
     *,
     check: bool,
 ) -> "MergeSettings":
