@@ -226,6 +226,11 @@ def opened(path: str | Path) -> Stored:
     )  # fmt: skip
 
 
+def _is_folder_name(name: str) -> bool:
+    """Whether a name is that of one folder, and leads to no other place."""
+    return name.strip(". ") != "" and not set(name) & set("/\\\0")
+
+
 def _summary(path: Path, kind: str) -> tuple[list[Entry], dict[str, Any]]:
     """What the summary says of the arrays, and its statistics."""
     from pydantic import TypeAdapter, ValidationError
@@ -244,7 +249,7 @@ def _summary(path: Path, kind: str) -> tuple[list[Entry], dict[str, Any]]:
         raise damaged(path, place, f"{where}: {first['msg']}") from None
     names = [entry.name for entry in entries]
     wrong = [name for name in _NEEDED[kind] if name not in names]
-    wrong += [name for name in names if names.count(name) > 1 or not name.isidentifier()]
+    wrong += [name for name in names if names.count(name) > 1 or not _is_folder_name(name)]
     if wrong:
         raise damaged(path, place, f"array {wrong[0]!r} is not listed once")
     return entries, dict(about["statistics"])
