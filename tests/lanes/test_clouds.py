@@ -438,7 +438,7 @@ def test_points_keep_what_they_came_with(tmp_path):
         formats.write(iter(corrected[name]()), tmp_path / f"{name}.laz")
         before = formats.open(tmp_path / "in" / f"{name}.laz")
         after = formats.open(tmp_path / f"{name}.laz")
-        assert set(after.data_vars) == {*before.data_vars, "sd", "extra_source"}
+        assert set(after.data_vars) == {*before.data_vars, "sd_relative", "extra_source"}
         assert_array_equal(after.extra_source, before.lane)
         assert (after.lane == label).all()
         for variable in set(before.data_vars) - {"easting", "northing", "up", "lane"}:

@@ -379,7 +379,10 @@ def test_a_percentile_with_no_heights_beyond_it_is_not_honest():
         (lambda: Percentile(percent=100.5), "percent must be from 0 to 100"),
         (lambda: Percentile(percent=np.nan), "percent must be from 0 to 100"),
         (lambda: Percentile(percent=50, resolution=0), "resolution must be finite and at least"),
-        (lambda: Median(resolution=-1e-3), "resolution must be finite and at least 1e-09 m, got -0.001"),
+        (
+            lambda: Median(resolution=-1e-3),
+            "and at least 1e-09 m, got -0.001",
+        ),
         (lambda: Median(resolution=np.inf), "resolution must be finite and at least"),
         (lambda: Window(skip=-1), "skip must be at least 0 %"),
         (lambda: Window(size=0), "size greater than 0 %"),
