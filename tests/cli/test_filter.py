@@ -171,7 +171,7 @@ def test_bad_files_leave_nothing_behind(run, tmp_path):
         (("--shortest", 0.1), "shortest must be more than two spacings of 0.05 m, got 0.1 m"),
         (("--shortest", -1), "shortest must be finite and greater than 0 m"),
         (("--shortest", 9, "--longest", 8), "shortest must be less than longest, got 9 and 8 m"),
-        (("--shortest", 8, "--order", 0), "order must be a whole number of at least 1"),
+        (("--shortest", 8, "--order", 0), "order must be a whole number from 1 to 50"),
         (("--kind", "gaussian"), "gaussian"),
     ],
 )

@@ -225,7 +225,8 @@ def test_a_check_of_all_strips_finishes(run, data, together):
         finished = run("merge", *some, "--check", *(together or ()))
         if finished.code == 2:  # one strip, or too few points in a cell
             assert len(some) == 1
-            assert finished.err.count("\n") == 1
+            lines = [line for line in finished.err.splitlines() if "warning:" not in line]
+            assert len(lines) == 1
             assert (
                 "one pass" in finished.err
                 or "two passes" in finished.err

@@ -215,7 +215,9 @@ def test_maps_and_counts_can_be_seen(page_of):
 
 
 def test_what_cannot_be_drawn_is_refused(page_of, bend):
-    with pytest.raises(ValueError, match="colour must be one of height, sd, count, got 'up'"):
+    with pytest.raises(
+        ValueError, match="colour must be one of height, sd, sd_relative, count, got 'up'"
+    ):
         SurfaceView(surface=bend, colour="up")
     with pytest.raises(ValueError, match="a variable of the surface, which has no 'sd'"):
         SurfaceView(surface=bend.drop_vars("sd"), colour="sd")

@@ -52,19 +52,22 @@ def staged(folder: Path, name: str, output: Path) -> Iterator[Path]:
         If another process writes the same output, or the disk is full.
     """
     recover(folder)
-    staging, lock = _locked(folder / f".{name}{ENDING}", output)
+    staging, lock = folder / f".{name}{ENDING}", None
     try:
+        with finishing():  # a signal finds the folder known, or not there
+            staging, lock = _locked(staging, output)
         (staging / NEW).mkdir()
         yield staging
     except OSError as error:
         refuse_full_disk(error, output)
         raise
     finally:
-        try:
-            if not (staging / _JOURNAL).exists():  # else the next call completes the move
-                _discard(staging)
-        finally:
-            os.close(lock)
+        if lock is not None:
+            try:
+                if not (staging / _JOURNAL).exists():  # else the next call completes the move
+                    _discard(staging)
+            finally:
+                os.close(lock)
 
 
 def recover(folder: Path) -> None:

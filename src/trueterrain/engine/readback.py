@@ -6,8 +6,6 @@ import zlib
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from trueterrain.errors import OutputError
 
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
@@ -23,6 +21,7 @@ class Checksums:
 
     Examples
     --------
+    >>> import numpy as np
     >>> written, found = Checksums(), Checksums()
     >>> written.add("up", np.array([1.0, 2.0, 3.0]))
     >>> found.add("up", np.array([1.0, 2.0]))
@@ -47,6 +46,8 @@ class Checksums:
             The values, which count by their bytes in memory, in the order of the machine.
         """
         if not isinstance(values, bytes):
+            import numpy as np  # commands that write nothing start without it
+
             array = np.asarray(values)
             array = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("="))
             values = array.reshape(-1).view(np.uint8)
