@@ -16,9 +16,9 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.signal import correlate, ss2tf
 
 from bench_iri import fastest, filter_start, road
-from trueterrain.kinds import make_profile
+from trueterrain.core.schemas import make_profile
 from trueterrain.roughness import QuarterCar
-from trueterrain.roughness.agreement import AgreementOptions, agreement
+from trueterrain.roughness.agreement import AgreementSettings, profile_agreement
 
 LENGTH = 20_000.0  # [m]
 SPACING = 0.025  # [m]
@@ -48,13 +48,13 @@ def bench() -> list[dict[str, Any]]:
     stretched = np.interp(station / (1 + ERROR), station, first)
     apart = {"A": profiles["A"], "B": make_profile(station, stretched)}
 
-    shift_only = AgreementOptions(max_shift=MAX_SHIFT, max_scale=0)
-    ours, found = fastest(lambda: agreement(profiles, options=shift_only), ROUNDS)
+    shift_only = AgreementSettings(max_shift=MAX_SHIFT, max_scale=0)
+    ours, found = fastest(lambda: profile_agreement(profiles, options=shift_only), ROUNDS)
     pair = found.sel(first="A", second="B").squeeze("track")
     require("our rating", float(pair.rating), GAIN, AGREE)
     require("our shift", float(pair.best_shift), LATE * SPACING, WITHIN)
 
-    whole, found = fastest(lambda: agreement(apart), ROUNDS)
+    whole, found = fastest(lambda: profile_agreement(apart), ROUNDS)
     scaled = found.sel(first="A", second="B").squeeze("track")
     require("our distance error", float(scaled.distance_error), ERROR, WITHIN / LENGTH)
 

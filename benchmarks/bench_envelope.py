@@ -7,7 +7,7 @@ import xarray as xr
 from scipy.ndimage import grey_dilation, map_coordinates
 
 from bench_profile import timed
-from trueterrain.kinds import make_profile, make_surface
+from trueterrain.core.schemas import make_profile, make_surface
 from trueterrain.profile import (
     Envelope,
     LineLaser,

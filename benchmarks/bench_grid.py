@@ -20,18 +20,18 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 from scipy.stats import binned_statistic_2d
 
+from trueterrain.core.schemas import make_points
 from trueterrain.formats import point_blocks
 from trueterrain.formats import write as write_file
 from trueterrain.formats.run import Mounting, RunWriter
+from trueterrain.geometry.reference_line import line_from_trajectory, straight_line
 from trueterrain.georeference import ScanGeometry
-from trueterrain.kinds import make_points
 from trueterrain.motion import Trajectory
 from trueterrain.surface.accumulate import CellSums
 from trueterrain.surface.cells import Grid, grid_along, grid_over
-from trueterrain.surface.grid import GridOptions, grid_points, trimmed
+from trueterrain.surface.grid import GridSettings, grid_points, trim_surface
 from trueterrain.surface.holes import fill_holes
-from trueterrain.surface.line import line_from_trajectory, straight_line
-from trueterrain.surface.runs import Pass, grid_runs
+from trueterrain.surface.runs import PassRecord, grid_runs
 
 SCANS = 32_000  # 30 million returns
 PEER_SCANS = 2_000
@@ -44,7 +44,7 @@ POINTS = 3_000_000
 STEP = 1e-4  # [m] of the ranges
 APART = 1e-3  # of the returns, next to the edge of a cell, may fall to either side
 CURVE = 0.002  # [rad/s] by which the body turns
-PLAIN = GridOptions(level=False)
+PLAIN = GridSettings(level=False)
 
 
 def bench() -> list[dict[str, Any]]:
@@ -313,7 +313,7 @@ def _from_disk(path: Path, times: int) -> tuple[Callable[[], Any], list[Any]]:
     """What grids a run, and a list into which it puts the surface; all is compiled."""
     duration = times * SCANS / RATE
     trajectory = drive(duration)
-    one = Pass(path=path, trajectory=trajectory)
+    one = PassRecord(path=path, trajectory=trajectory)
     warm, _ = grid_runs([one], grid_along(straight_line((0, 0), (9, 0))), threads=THREADS)
     write_file(warm, path.with_suffix(".crg"))
     line = line_from_trajectory(trajectory, begin=0.0, end=duration - 0.01)
@@ -343,7 +343,7 @@ def _to_surface(path: Path, times: int) -> None:
     work, results = _from_disk(path, times)
     surface = max(rate(work, times * SCANS * BEAMS) for _ in range(2))
     peak = _peak()
-    filled, _ = fill_holes(trimmed(results[0]), in_place=True)
+    filled, _ = fill_holes(trim_surface(results[0]), in_place=True)
     print(surface, peak, _peak(), filled.height.size)
 
 

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter, ss2tf, welch
 
-from trueterrain.kinds import make_profile
-from trueterrain.roughness import RIDE_NUMBER_CAR, IriOptions, QuarterCar, iri, psd, ride_number
+from trueterrain.core.schemas import make_profile
+from trueterrain.roughness import RIDE_NUMBER_CAR, IriSettings, QuarterCar, iri, psd, ride_number
 
 SAMPLES = 4_000_000
 SPACING = 0.05  # [m]
@@ -37,7 +37,7 @@ def bench() -> list[dict[str, Any]]:
     profile = make_profile(station, height)
     jitter = np.random.default_rng(2).uniform(-0.4, 0.4, SAMPLES) * SPACING
     unequal = make_profile(station + jitter, height)
-    exact = IriOptions(window="exact")
+    exact = IriSettings(window="exact")
 
     ours, index = fastest(lambda: iri(profile).iri.item())
     state, state_index = fastest(lambda: lfilter_iri(height, filter_start))

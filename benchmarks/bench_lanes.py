@@ -21,21 +21,21 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 import bench_grid
-from trueterrain.formats.run import Mounting, RunWriter, open_run
-from trueterrain.kinds import make_points
-from trueterrain.lanes import (
-    CellOptions,
-    LaneCells,
+from trueterrain.alignment import (
+    CellSettings,
     NetworkSettings,
-    adjust,
+    PassCells,
+    adjust_passes,
     cells_of_points,
     lane_cells,
 )
-from trueterrain.lanes.runs import merge_runs
-from trueterrain.motion import FusionSettings, fuse
+from trueterrain.alignment.run_passes import merge_runs
+from trueterrain.core.schemas import make_points
+from trueterrain.formats.run import Mounting, RunWriter, open_run
+from trueterrain.motion import FusionSettings, fuse_motion
 from trueterrain.simulate.noise import SecondOrderGaussMarkov
-from trueterrain.surface.placement import Placement
-from trueterrain.surface.runs import Pass, grid_runs
+from trueterrain.surface.placement import GridPlacement
+from trueterrain.surface.runs import PassRecord, grid_runs
 
 LENGTHS = (1.0, 10.0, 100.0)  # [km]
 PASSES = 4
@@ -55,7 +55,7 @@ STRIPS = {
     ],
     "St Barth 4320-4330": ["St_Barth_RGAF09_UTM20N_IGN_1988_SB_subset_100m.laz"],
 }  # fmt: skip
-Pair = tuple[LaneCells, LaneCells]
+Pair = tuple[PassCells, PassCells]
 Fit = Callable[[Pair, np.ndarray], np.ndarray]
 
 
@@ -78,15 +78,17 @@ def merging() -> dict[str, Any]:
             record(path, north, height)
         settings = FusionSettings(method="navigation")
 
-        def passes() -> dict[str, Pass]:
+        def passes() -> dict[str, PassRecord]:
             return {
-                name: Pass(path=path, trajectory=fuse(open_run(path), settings=settings).trajectory)
+                name: PassRecord(
+                    path=path, trajectory=fuse_motion(open_run(path), settings=settings).trajectory
+                )
                 for name, path in paths.items()
             }
 
-        def grid(some: dict[str, Pass]) -> None:
+        def grid(some: dict[str, PassRecord]) -> None:
             each = list(some.values())
-            grid_runs(each, Placement().of_runs(each), threads=bench_grid.THREADS)
+            grid_runs(each, GridPlacement().of_runs(each), threads=bench_grid.THREADS)
 
         def merged() -> None:
             grid(merge_runs(passes(), threads=bench_grid.THREADS)[1])
@@ -132,13 +134,13 @@ def elapsed(work: Callable[[], Any]) -> float:
 
 def cost() -> list[dict[str, Any]]:
     """Seconds for 1, 10 and 100 km of four passes, and what memory each takes per kilometre."""
-    adjust(road(0.2))  # compile
+    adjust_passes(road(0.2))  # compile
     rows, used = [], []
     for length in LENGTHS:
         passes = road(length)
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         begin = time.perf_counter()
-        found = adjust(passes)
+        found = adjust_passes(passes)
         seconds = time.perf_counter() - begin
         more = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024 / length
         used.append(seconds)
@@ -151,7 +153,7 @@ def cost() -> list[dict[str, Any]]:
     return rows
 
 
-def road(length: float) -> list[LaneCells]:
+def road(length: float) -> list[PassCells]:
     """Passes over a road of some kilometres, each with a drift of its own."""
     rng = np.random.default_rng(1)
     along, across = np.meshgrid(
@@ -237,7 +239,7 @@ def strip_cells(files: list[Path]) -> Pair:
         *(column[name][ground][kept] for name in ("x", "y", "z")),
         time=column["gps_time"][ground][kept], lane=strip[kept].astype(np.uint16),
     )  # fmt: skip
-    options = CellOptions(size=1.0, minimum_count=3, largest_sd=SMOOTH, visit_gap=60.0)
+    options = CellSettings(size=1.0, minimum_count=3, largest_sd=SMOOTH, visit_gap=60.0)
     one, other = cells_of_points(points, options)
     even = [
         cells.part(np.isin(cells.cell, smooth(points, lane))) for cells, lane in
@@ -282,7 +284,7 @@ def held_back(pair: Pair, fit: Fit) -> float:
 def network(pair: Pair, seen: np.ndarray) -> np.ndarray:
     """Ours: corrections of both strips, from the cells seen."""
     settings = NetworkSettings(block=SQUARE, least_cells=20)
-    found = adjust([one.part(seen) for one in pair], settings=settings)
+    found = adjust_passes([one.part(seen) for one in pair], settings=settings)
     each = []
     for one in pair:
         correction = found.correction(one.name)

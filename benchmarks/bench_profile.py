@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from scipy.spatial import cKDTree
 
-from trueterrain.kinds import make_points, make_surface
+from trueterrain.core.schemas import make_points, make_surface
 from trueterrain.profile import Disc, WheelPath, offset_path, straight_path, tyre_profile
 from trueterrain.profile.area import EDGE_TOLERANCE
 

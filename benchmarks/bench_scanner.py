@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from trueterrain.formats.run import Mounting
-from trueterrain.simulate.body import Follower, Pass
+from trueterrain.simulate.body import Follower, PassPlan
 from trueterrain.simulate.course import Straight
 from trueterrain.simulate.ground import BelgianBlock
 from trueterrain.simulate.raster import Raster
@@ -33,7 +33,7 @@ def bench() -> list[dict[str, Any]]:
 def beams(name: str, scanner: Scanner, budget: float) -> dict[str, Any]:
     """Recorded beams per second over a lane whose ground is there, noise and all."""
     ground = Raster(BelgianBlock(seed=1))
-    drive = Pass(course=Straight(length=10.0), speed=Constant(speed=5.0))
+    drive = PassPlan(course=Straight(length=10.0), speed=Constant(speed=5.0))
     best = 0.0
     for _ in range(3):  # the first drive makes the ground and compiles
         stream = ScannerStream(scanner, Mounting(), ground, seed=1)
@@ -80,10 +80,10 @@ def _peak() -> float:
 def _record() -> None:
     """Record a run with all instruments; print memory early and at the end, time and scans."""
     from trueterrain.formats.run import open_run
-    from trueterrain.simulate.scene import Drive, Scene, record_scene
+    from trueterrain.simulate.scene import Scene, ScenePass, record_scene
 
     speed = 1.0  # [m/s] so that most of the time goes into beams, and not into making stones
-    drive = Drive(
+    drive = ScenePass(
         name="run", length=60.0 * MINUTES * speed, speed={"kind": "constant", "speed": speed}
     )
     scene = Scene(

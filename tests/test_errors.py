@@ -2,7 +2,7 @@
 
 import pytest
 
-from trueterrain.errors import (
+from trueterrain.core.errors import (
     CoverageError,
     FormatError,
     OutputError,

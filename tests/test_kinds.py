@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from trueterrain.errors import SchemaError
-from trueterrain.kinds import (
+from trueterrain.core.errors import SchemaError
+from trueterrain.core.schemas import (
     check_points,
     check_profile,
     check_surface,

@@ -6,13 +6,13 @@ from functools import cache
 from pathlib import Path
 
 from trueterrain.formats.run import open_run
-from trueterrain.motion import fuse
+from trueterrain.motion import fuse_motion
 from trueterrain.simulate.scene import read_scene, record_scene
-from trueterrain.surface.runs import Pass
+from trueterrain.surface.runs import PassRecord
 
 
 @cache
-def two_lanes() -> dict[str, Pass]:
+def two_lanes() -> dict[str, PassRecord]:
     """Passes over 20 m of the scene belgian-two-lanes, with fewer beams and scans."""
     scene, _ = read_scene("belgian-two-lanes")
     short = replace(
@@ -22,6 +22,6 @@ def two_lanes() -> dict[str, Pass]:
     )  # fmt: skip
     paths = record_scene(short, Path(tempfile.mkdtemp()))
     return {
-        drive.name: Pass(path=path, trajectory=fuse(open_run(path)).trajectory)
+        drive.name: PassRecord(path=path, trajectory=fuse_motion(open_run(path)).trajectory)
         for drive, path in zip(short.passes, paths, strict=True)
     }

@@ -18,8 +18,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from trueterrain import figures, open_run, read_scene, record_scene
-from trueterrain.motion import frames, fuse
-from trueterrain.surface import Pass, grid_along, grid_runs, straight_line
+from trueterrain.geometry import rotations
+from trueterrain.motion import fuse_motion
+from trueterrain.surface import PassRecord, grid_along, grid_runs, straight_line
 
 scene, path = read_scene("kerb")
 few = replace(scene.scanner, beams=300, swath=2.0)
@@ -31,14 +32,14 @@ folder = tempfile.TemporaryDirectory()
 # %%
 # The motion, and what is left of it for a body that rolls along level at its mean height.
 
-motion = fuse(open_run(run)).trajectory
-roll, pitch, yaw = frames.to_iso8855(Rotation.from_quat(motion.quaternion))
+motion = fuse_motion(open_run(run)).trajectory
+roll, pitch, yaw = rotations.to_iso8855(Rotation.from_quat(motion.quaternion))
 level = np.full(yaw.size, motion.position[:, 2].mean())
 still = replace(
     motion,
     position=np.column_stack([motion.position[:, :2], level]),
     velocity=motion.velocity * [1, 1, 0],
-    quaternion=frames.from_iso8855(0.0, 0.0, yaw).as_quat(),
+    quaternion=rotations.from_iso8855(0.0, 0.0, yaw).as_quat(),
     angular_velocity=motion.angular_velocity * [0, 0, 1],
 )
 
@@ -47,8 +48,8 @@ still = replace(
 
 grid = grid_along(straight_line((6.0, 0.0), (14.0, 0.0), spacing=0.02), right=-0.8, left=0.8)
 ground = {
-    "(b) scanner taken as held still": grid_runs([Pass(path=run, trajectory=still)], grid)[0],
-    "(c) body motion removed": grid_runs([Pass(path=run, trajectory=motion)], grid)[0],
+    "(b) scanner taken as held still": grid_runs([PassRecord(path=run, trajectory=still)], grid)[0],
+    "(c) body motion removed": grid_runs([PassRecord(path=run, trajectory=motion)], grid)[0],
 }
 heights = [float(f(s.height)) for s in ground.values() for f in (np.nanmin, np.nanmax)]
 fig, axes = plt.subplots(2, 1, figsize=(8.0, 5.6), layout="constrained")

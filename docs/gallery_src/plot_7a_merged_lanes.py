@@ -13,7 +13,7 @@ with fewer beams and scans; the drift is that of :doc:`plot_7_two_lanes`.
 from _two_lanes import two_lanes
 
 from trueterrain import figures
-from trueterrain.lanes.runs import merge_runs
+from trueterrain.alignment.run_passes import merge_runs
 
 merging, _ = merge_runs(two_lanes())
 (seam,) = merging.seams

@@ -15,8 +15,8 @@ import numpy as np
 from _two_lanes import two_lanes
 
 from trueterrain import figures
-from trueterrain.lanes.merge import MergeSettings
-from trueterrain.lanes.runs import merge_runs
+from trueterrain.alignment.merge import MergeSettings
+from trueterrain.alignment.run_passes import merge_runs
 
 merging, _ = merge_runs(two_lanes(), MergeSettings(method="discontinuity"))
 (pair,) = merging.alignment.pairs

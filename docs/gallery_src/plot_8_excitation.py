@@ -16,7 +16,7 @@ import numpy as np
 
 from trueterrain import figures
 from trueterrain.simulate.scene import Vehicle, read_scene, set_stage
-from trueterrain.vehicle import GOLDEN_QUARTER_CAR, linear_model, modes
+from trueterrain.vehicle import GOLDEN_QUARTER_CAR, linear_model, vehicle_modes
 
 scene, _ = read_scene("dynamic-plate-excited")
 event = {"kind": "event", "begin": 8.0}  # one event, as in the thesis
@@ -56,7 +56,7 @@ figure.suptitle("Event of five cleats of 38 mm at 5.4 m/s, simulated", fontsize=
 # %%
 # The peaks are where the undamped modes are:
 
-found = modes(linear_model(GOLDEN_QUARTER_CAR))
+found = vehicle_modes(linear_model(GOLDEN_QUARTER_CAR))
 for name, frequency in zip(found.names, found.undamped_frequency, strict=True):
     print(f"{name}: {frequency:.2f} Hz")
 

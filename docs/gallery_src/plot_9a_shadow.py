@@ -14,7 +14,7 @@ import matplotlib.pyplot as plt
 
 from trueterrain import figures
 from trueterrain.formats.run import open_run
-from trueterrain.simulate.scene import Drive, Scene, Truth, Vehicle, record_scene
+from trueterrain.simulate.scene import Scene, ScenePass, TruthSettings, Vehicle, record_scene
 
 left = 1.5707963267948966  # [rad] direction in which the kerb falls off
 scene = Scene(
@@ -25,8 +25,8 @@ scene = Scene(
         {"kind": "stones", "density": 60.0, "diameter_min": 0.02, "diameter_max": 0.06, "seed": 3},
     ),
     vehicle=Vehicle(model="rigid", height=0.8),
-    passes=(Drive(name="by", speed={"kind": "constant", "speed": 5.0}),),
-    truth=Truth(spacing=0.005),
+    passes=(ScenePass(name="by", speed={"kind": "constant", "speed": 5.0}),),
+    truth=TruthSettings(spacing=0.005),
 )
 (path,) = record_scene(scene, tempfile.mkdtemp())
 run = open_run(path)

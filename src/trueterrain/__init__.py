@@ -10,7 +10,7 @@ The package is the way of the data; each room is one step of it::
 
 Conventions: ground axes are easting, northing, up; u runs ahead along a reference line, v to its
 left; headings turn counter-clockwise from east. Lengths are metres, angles radians, everywhere.
-Data are `xarray.Dataset` of the kinds Points, Surface and Profile (see `trueterrain.kinds`).
+Data are `xarray.Dataset` of the kinds Points, Surface and Profile (see `trueterrain.core.schemas`).
 Errors in arguments are `ValueError`, errors in data `TrueTerrainError`.
 
 Examples
@@ -27,7 +27,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from trueterrain._version import __version__
-from trueterrain.errors import (
+from trueterrain.core.errors import (
     CoverageError,
     FormatError,
     OutputError,
@@ -36,9 +36,9 @@ from trueterrain.errors import (
 )
 
 if TYPE_CHECKING:
+    from trueterrain.core.schemas import make_points, make_profile, make_surface
     from trueterrain.formats import PointFilter, info, open, point_blocks, write  # noqa: A004 - tt.open(...)
     from trueterrain.formats.run import check_run, import_run, open_run
-    from trueterrain.kinds import make_points, make_profile, make_surface
     from trueterrain.profile import (
         Disc,
         Ellipse,
@@ -63,10 +63,10 @@ if TYPE_CHECKING:
     )
     from trueterrain.roughness import (
         Butterworth,
-        IriOptions,
+        IriSettings,
         MovingAverage,
-        PsdOptions,
-        RideNumberOptions,
+        PsdSettings,
+        RideNumberSettings,
         continuous_iri,
         filter_profile,
         iri,
@@ -96,7 +96,7 @@ if TYPE_CHECKING:
 _ROOMS = {
     "trueterrain.formats": ("PointFilter", "info", "open", "point_blocks", "write"),
     "trueterrain.formats.run": ("check_run", "import_run", "open_run"),
-    "trueterrain.kinds": ("make_points", "make_profile", "make_surface"),
+    "trueterrain.core.schemas": ("make_points", "make_profile", "make_surface"),
     "trueterrain.profile": (
         "Disc",
         "Ellipse",
@@ -121,10 +121,10 @@ _ROOMS = {
     ),
     "trueterrain.roughness": (
         "Butterworth",
-        "IriOptions",
+        "IriSettings",
         "MovingAverage",
-        "PsdOptions",
-        "RideNumberOptions",
+        "PsdSettings",
+        "RideNumberSettings",
         "continuous_iri",
         "filter_profile",
         "iri",
@@ -162,7 +162,7 @@ __all__ = [
     "Ellipse",
     "FormatError",
     "InverseDistance",
-    "IriOptions",
+    "IriSettings",
     "Mean",
     "Measured",
     "Median",
@@ -171,9 +171,9 @@ __all__ = [
     "Percentile",
     "Plane",
     "PointFilter",
-    "PsdOptions",
+    "PsdSettings",
     "Rectangle",
-    "RideNumberOptions",
+    "RideNumberSettings",
     "Road",
     "Scene",
     "SchemaError",

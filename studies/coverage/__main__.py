@@ -17,7 +17,7 @@ import numpy as np
 from scipy.stats import binom
 
 from repeats import drift, dynamic, static
-from trueterrain.verify._errors import Row
+from trueterrain.verify.results import ResultRow
 
 PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "uncertainty.md"
 BEGIN = "<!-- From `python studies/coverage`: change that, not this table. -->\n"
@@ -52,7 +52,7 @@ def main() -> None:
     sys.stdout.write(f"{table}\n{caption}\n{PAGE}\n")
 
 
-def _counted(rows: tuple[Row, ...]) -> Iterator[list[str]]:
+def _counted(rows: tuple[ResultRow, ...]) -> Iterator[list[str]]:
     """Lines of the table of one test."""
     for name, label in FIGURES.items():
         found = [getattr(row, name) for row in rows]

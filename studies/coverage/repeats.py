@@ -7,23 +7,23 @@ from pathlib import Path
 
 import numpy as np
 
+from trueterrain.core.schemas import make_profile
 from trueterrain.formats.run import open_run
 from trueterrain.georeference import Screening
-from trueterrain.kinds import make_profile
-from trueterrain.motion import FusionSettings, fuse
+from trueterrain.motion import FusionSettings, fuse_motion
 from trueterrain.simulate.drift import GaussMarkovDrift, start_drift
 from trueterrain.simulate.raster import Raster
 from trueterrain.simulate.scene import (
     CalibrationPlate,
-    Drive,
+    ScenePass,
     Stage,
     read_scene,
     record_pass,
     set_stage,
 )
-from trueterrain.verify._errors import Row
 from trueterrain.verify.drift import drift_test
 from trueterrain.verify.dynamic import DynamicSettings, dynamic_test
+from trueterrain.verify.results import ResultRow
 from trueterrain.verify.static import StaticSettings, static_test
 
 SCREENING = Screening(saturation=19999.0)
@@ -35,7 +35,7 @@ BEAMS, SWATH = 61, 0.3  # [m] of the moving scanner: only a strip over the plate
 ROAD, SPEED, RUNS = 2000.0, 10.0, 4  # [m], [m/s]
 
 
-def static(seed: int) -> list[Row]:
+def static(seed: int) -> list[ResultRow]:
     """Rows of the static test, with and without screening."""
     stage, ground = _stage("static-plate")
     drive = stage.scene.passes[0]
@@ -48,7 +48,7 @@ def static(seed: int) -> list[Row]:
     return [one.row for one in found]
 
 
-def dynamic(seed: int) -> list[Row]:
+def dynamic(seed: int) -> list[ResultRow]:
     """Rows of the dynamic test among events, by two ways of finding the motion."""
     stage, ground = _stage("dynamic-plate-excited")
     start = _random(seed).uniform(0, ALONG)
@@ -57,7 +57,7 @@ def dynamic(seed: int) -> list[Row]:
     with tempfile.TemporaryDirectory() as folder:
         run = _recorded(stage, ground, drive, seed, Path(folder))
         for method in ("thesis", "rts"):
-            motion = fuse(open_run(run), settings=FusionSettings(method=method)).trajectory
+            motion = fuse_motion(open_run(run), settings=FusionSettings(method=method)).trajectory
             found = dynamic_test(
                 run, _machined(), motion, DynamicSettings(screening=SCREENING),
                 name=f"dynamic, {method}",
@@ -66,7 +66,7 @@ def dynamic(seed: int) -> list[Row]:
     return rows
 
 
-def drift(seed: int) -> list[Row]:
+def drift(seed: int) -> list[ResultRow]:
     """Row of the drift test of four runs."""
     s = np.arange(ROAD + 1.0)
     model = GaussMarkovDrift(between_passes=0.0)
@@ -89,7 +89,7 @@ def _stage(name: str) -> tuple[Stage, Raster]:
     return stage, Raster(stage.ground, spacing=raster)
 
 
-def _recorded(stage: Stage, ground: Raster, drive: Drive, seed: int, folder: Path) -> Path:
+def _recorded(stage: Stage, ground: Raster, drive: ScenePass, seed: int, folder: Path) -> Path:
     stage = replace(stage, scene=replace(stage.scene, seed=seed))
     motion = stage.motion(drive)
     record_pass(replace(stage, ground=ground), drive, motion, folder / "run.zarr")

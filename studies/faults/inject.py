@@ -23,7 +23,7 @@ from scenes import (
 from trueterrain import make_profile
 from trueterrain.formats.run import open_run
 from trueterrain.georeference import Screening
-from trueterrain.motion import fuse
+from trueterrain.motion import fuse_motion
 from trueterrain.simulate.scene import CalibrationPlate, Scene, record_scene
 from trueterrain.verify.dynamic import DynamicResult, DynamicSettings, dynamic_test
 from trueterrain.verify.static import StaticResult, StaticSettings, static_test
@@ -68,7 +68,7 @@ def tested_dynamic(fault: Fault) -> DynamicResult:
     run = _recorded(dynamic_scene(fault), fault)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # dropped scans are what is looked for
-        path = fuse(run).trajectory
+        path = fuse_motion(run).trajectory
     begins = MIDDLE - 0.5 * PLATE + LEAD * SPEED
     settings = DynamicSettings(assumed=begins, search=0.2, floor=FLOOR, width=STRIP)
     return dynamic_test(run, machined(), path, settings)

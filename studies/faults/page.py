@@ -6,7 +6,7 @@ from pathlib import Path
 
 from inject import Tested
 from trueterrain.verify.dynamic import DynamicResult
-from trueterrain.verify.findings import Finding
+from trueterrain.verify.findings.finding import Finding
 from trueterrain.verify.static import StaticResult
 
 TEXT = Path(__file__).parent / "page.md"

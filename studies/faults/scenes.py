@@ -5,9 +5,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from trueterrain.formats.run import Mounting
-from trueterrain.simulate.accelerometers import Accelerometers, triangle
+from trueterrain.simulate.accelerometers import Accelerometers, sensor_triangle
 from trueterrain.simulate.scanner import Reflectivity, Scanner
-from trueterrain.simulate.scene import Drive, Scene, Standing, read_scene
+from trueterrain.simulate.scene import Scene, ScenePass, Standing, read_scene
 
 LASER = (-2.25, 0.0, 1.2)  # [m] in the body
 MIDDLE = 12.9  # [m] of the plate, driven over
@@ -117,7 +117,7 @@ def static_scene(fault: Fault, *, seed: int = 1) -> Scene:
     stripe = Reflectivity(period=10.0, width=0.076, stripe=0.9) if fault.white else Reflectivity()
     return _scene(
         fault, name="static", seed=seed, ground=(plate,), reflectivity=stripe, raster=0.002,
-        passes=(Drive(name="run", standing=Standing(duration=0.5, yaw=0.5 * math.pi)),),
+        passes=(ScenePass(name="run", standing=Standing(duration=0.5, yaw=0.5 * math.pi)),),
     )  # fmt: skip
 
 
@@ -140,13 +140,13 @@ def dynamic_scene(fault: Fault, *, seed: int = 1) -> Scene:
         fault, name="dynamic", seed=seed, ground=tuple(ground), reflectivity=stripe, raster=0.005,
         course={"kind": "straight", "length": MIDDLE + 0.6 + FLOOR - LASER[0] + 0.8},
         vehicle=vehicle, scanner=Scanner(beams=235, swath=1.0),
-        passes=(Drive(name="run", speed={"kind": "constant", "speed": SPEED}),),
+        passes=(ScenePass(name="run", speed={"kind": "constant", "speed": SPEED}),),
     )  # fmt: skip
 
 
 def _scene(fault: Fault, **parts: Any) -> Scene:
     mounting = Mounting(scanner_position=LASER)
-    sensors = Accelerometers(positions=triangle(LASER, 0.5))
+    sensors = Accelerometers(positions=sensor_triangle(LASER, 0.5))
     if fault.scale:
         sensors = replace(sensors, scale=(fault.scale,) * 3)
     declared = None

@@ -8,7 +8,7 @@ import xarray as xr
 from reductions import CAR, Reduce, reductions, reference
 from roads import OFFSETS, Course
 from spectra import DRAWN, REFERENCE, Which, densities
-from trueterrain.kinds import make_profile
+from trueterrain.core.schemas import make_profile
 from trueterrain.profile import WheelPath
 from trueterrain.roughness import iri
 from trueterrain.verify.response import QUANTITIES, compare_responses, vehicle_response

@@ -9,8 +9,8 @@ import numpy as np
 import xarray as xr
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
-from trueterrain.figures import save
-from trueterrain.figures._canvas import COLOURS
+from trueterrain.figures import save_figure
+from trueterrain.figures.canvas import COLOURS
 from trueterrain.verify.response import BANDS
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def draw_spectra(roads: Sequence[Road], path: Path) -> None:
         handles, labels = axes[0, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=6, frameon=False)
         path.parent.mkdir(exist_ok=True)
-        save(figure, path, force=True)
+        save_figure(figure, path, force=True)
         plt.close(figure)
 
 

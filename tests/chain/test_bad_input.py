@@ -10,10 +10,10 @@ import pytest
 import xarray as xr
 
 from trueterrain import formats
+from trueterrain.core.schemas import make_points
 from trueterrain.formats.run import open_run, write
-from trueterrain.kinds import make_points
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import Truth, read_scene, record_scene
+from trueterrain.simulate.scene import TruthSettings, read_scene, record_scene
 from trueterrain.simulate.scene._parts import Standing
 
 from ._runs import Damaged
@@ -25,7 +25,7 @@ COMMANDS = ("georeference", "grid")
 
 NARROW = {
     "scanner": Scanner(beams=60, swath=2 * HALF, spot_rays=1, dropouts=0.0),
-    "truth": Truth(returns=False, spacing=0.1),
+    "truth": TruthSettings(returns=False, spacing=0.1),
     "raster": 0.02,
 }
 

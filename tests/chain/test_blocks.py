@@ -5,8 +5,14 @@ import numpy.testing as npt
 import pytest
 
 from trueterrain.formats.run import Mounting, RunWriter, open_run
-from trueterrain.motion import FusionSettings, fuse
-from trueterrain.surface import GridOptions, Pass, grid_along, grid_runs, line_from_trajectory
+from trueterrain.motion import FusionSettings, fuse_motion
+from trueterrain.surface import (
+    GridSettings,
+    PassRecord,
+    grid_along,
+    grid_runs,
+    line_from_trajectory,
+)
 
 SCANS = 120_000  # 30 s at 4000 Hz: more than the largest block
 BLOCKS = (1_000, 7_777, 100_000)  # scans
@@ -36,13 +42,15 @@ def long_run(tmp_path_factory):
     ) as run:  # fmt: skip
         run.append_navigation(pose)
         run.append_scans(stamps, ranges)
-    trajectory = fuse(open_run(path), settings=FusionSettings(method="navigation")).trajectory
-    return Pass(path=path, trajectory=trajectory)
+    trajectory = fuse_motion(
+        open_run(path), settings=FusionSettings(method="navigation")
+    ).trajectory
+    return PassRecord(path=path, trajectory=trajectory)
 
 
 @pytest.mark.parametrize(
     "options",
-    [GridOptions(), GridOptions(statistic="minimum"), GridOptions(statistic="median")],
+    [GridSettings(), GridSettings(statistic="minimum"), GridSettings(statistic="median")],
     ids=lambda options: options.statistic,
 )
 def test_surfaces_of_any_blocks_and_threads_are_the_same(long_run, options):

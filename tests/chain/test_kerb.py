@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from trueterrain.formats.run import open_run
-from trueterrain.motion import frames, fuse
+from trueterrain.geometry import rotations
+from trueterrain.motion import fuse_motion
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import Truth, read_scene, record_scene
-from trueterrain.surface import Pass, grid_along, grid_runs, straight_line
+from trueterrain.simulate.scene import TruthSettings, read_scene, record_scene
+from trueterrain.surface import PassRecord, grid_along, grid_runs, straight_line
 
 KERB = 10.0  # [m] easting
 RISE = -0.12  # [m]
@@ -27,7 +28,7 @@ def run(tmp_path_factory):
     """The scene with the default errors of all instruments; 60 beams in the middle."""
     scene, path = read_scene("kerb")
     scene = replace(
-        scene, scanner=Scanner(beams=60, swath=0.4), truth=Truth(returns=False, spacing=0.1),
+        scene, scanner=Scanner(beams=60, swath=0.4), truth=TruthSettings(returns=False, spacing=0.1),
         raster=0.01, passes=(replace(scene.passes[0], start=6.0, length=12.0),),
     )  # fmt: skip
     (recorded,) = record_scene(scene, tmp_path_factory.mktemp("runs"), path=path)
@@ -37,16 +38,16 @@ def run(tmp_path_factory):
 @pytest.fixture(scope="module")
 def motion(run):
     """Motion from navigation and accelerometers, all settings as they are."""
-    return fuse(open_run(run)).trajectory
+    return fuse_motion(open_run(run)).trajectory
 
 
 def held_still(motion):
     """The body rolls along level at its mean height."""
-    _, _, yaw = frames.to_iso8855(motion.at(motion.time).rotation)
+    _, _, yaw = rotations.to_iso8855(motion.at(motion.time).rotation)
     level = np.full(yaw.size, motion.position[:, 2].mean())
     return replace(
         motion, position=np.column_stack([motion.position[:, :2], level]),
-        velocity=motion.velocity * [1, 1, 0], quaternion=frames.from_iso8855(0, 0, yaw).as_quat(),
+        velocity=motion.velocity * [1, 1, 0], quaternion=rotations.from_iso8855(0, 0, yaw).as_quat(),
         angular_velocity=motion.angular_velocity * [0, 0, 1],
     )  # fmt: skip
 
@@ -55,7 +56,7 @@ def middle(run, trajectory):
     """Easting and height along the middle of the lane, mean across [m]."""
     line = straight_line((6.0, 0.0), (14.0, 0.0), spacing=0.02)
     grid = grid_along(line, right=-0.1, left=0.1)
-    surface, _ = grid_runs([Pass(path=run, trajectory=trajectory)], grid)
+    surface, _ = grid_runs([PassRecord(path=run, trajectory=trajectory)], grid)
     return surface.easting.values, np.nanmean(surface.height.values, axis=1)
 
 

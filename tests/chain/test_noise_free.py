@@ -15,16 +15,30 @@ import xarray as xr
 from scipy.spatial.transform import Rotation
 
 from trueterrain.formats.run import open_run
+from trueterrain.geometry import rotations
 from trueterrain.georeference import georeference
-from trueterrain.motion import FusionSettings, frames, fuse
-from trueterrain.simulate.accelerometers import Accelerometers, triangle
+from trueterrain.motion import FusionSettings, fuse_motion
+from trueterrain.simulate.accelerometers import Accelerometers, sensor_triangle
 from trueterrain.simulate.drift import GaussMarkovDrift
 from trueterrain.simulate.navigation import Navigation
 from trueterrain.simulate.raster import Raster
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import Drive, Road, Scene, Truth, record_scene, set_stage
+from trueterrain.simulate.scene import (
+    RoadShape,
+    Scene,
+    ScenePass,
+    TruthSettings,
+    record_scene,
+    set_stage,
+)
 from trueterrain.simulate.scene._scene import LASER
-from trueterrain.surface import Pass, grid_along, grid_runs, line_from_trajectory, node_coordinates
+from trueterrain.surface import (
+    PassRecord,
+    grid_along,
+    grid_runs,
+    line_from_trajectory,
+    node_coordinates,
+)
 from trueterrain.verify import exact_trajectory
 
 TRUE = 1e-4  # [m] asked for; ranges are stored in steps of as much
@@ -42,16 +56,16 @@ NAVIGATION = Navigation(
     attitude_sd=(0.0,) * 3, noise=(0.0,) * 6,
 )  # fmt: skip
 ACCELEROMETERS = Accelerometers(
-    positions=triangle(LASER, 0.5), noise_density=0.0, bias_sd=0.0, bias_walk=0.0, scale_sd=0.0,
+    positions=sensor_triangle(LASER, 0.5), noise_density=0.0, bias_sd=0.0, bias_walk=0.0, scale_sd=0.0,
     tilt_sd=0.0, filter_order=0,
 )  # fmt: skip
 
 STRAIGHT = {"kind": "straight", "length": 40.0}
 OVAL = {"kind": "oval", "straight": 30.0, "radius": 25.0, "transition": 15.0}
 COURSES = {
-    "straight": (STRAIGHT, Road(), 12.0),
-    "banked and climbing": (STRAIGHT, Road(slope=0.04, banking=-0.06), 12.0),
-    "curved and leaning": (OVAL, Road(superelevation=0.05), 52.0),
+    "straight": (STRAIGHT, RoadShape(), 12.0),
+    "banked and climbing": (STRAIGHT, RoadShape(slope=0.04, banking=-0.06), 12.0),
+    "curved and leaning": (OVAL, RoadShape(superelevation=0.05), 52.0),
 }
 
 
@@ -63,9 +77,9 @@ def recorded(request, tmp_path_factory):
     scene = Scene(
         name="perfect", course=course, road=replace(road, along_course=True), raster=0.01,
         ground=({"kind": "road", "road_class": "A", "seed": 11, "waves": 300}, kerb),
-        passes=(Drive(name="pass", start=start, length=3.0),), scanner=SCANNER,
+        passes=(ScenePass(name="pass", start=start, length=3.0),), scanner=SCANNER,
         navigation=NAVIGATION, accelerometers=ACCELEROMETERS,
-        truth=Truth(returns=False, spacing=0.1),
+        truth=TruthSettings(returns=False, spacing=0.1),
     )  # fmt: skip
     (run,) = record_scene(scene, tmp_path_factory.mktemp("runs"))
     return run, Raster(set_stage(scene).ground, spacing=scene.raster)
@@ -98,8 +112,10 @@ def test_the_surface_is_the_ground(recorded, motion):
         trajectory = exact_trajectory(run)
     else:
         settings = FusionSettings(method=motion, gravity=GRAVITY)
-        trajectory = fuse(open_run(run), settings=settings).trajectory
-    surface, report = grid_runs([Pass(path=run, trajectory=trajectory)], grid_of(run, trajectory))
+        trajectory = fuse_motion(open_run(run), settings=settings).trajectory
+    surface, report = grid_runs(
+        [PassRecord(path=run, trajectory=trajectory)], grid_of(run, trajectory)
+    )
     truth = ground.height(*node_coordinates(surface))
     cells = smooth(truth)
     cells[:2] = cells[-2:] = False  # where scans begin and end, cells are half full
@@ -111,12 +127,12 @@ def test_the_surface_is_the_ground(recorded, motion):
 
 
 CONVENTIONS = {
-    "SBET": (frames.to_sbet, frames.from_sbet),
-    "SPAN": (frames.to_span, frames.from_span),
-    "omega, phi, kappa": (frames.to_opk, frames.from_opk),
+    "SBET": (rotations.to_sbet, rotations.from_sbet),
+    "SPAN": (rotations.to_span, rotations.from_span),
+    "omega, phi, kappa": (rotations.to_opk, rotations.from_opk),
     **{
         f"thesis, {use}": (
-            partial(frames.to_thesis_eq_2_1, use=use), partial(frames.from_thesis_eq_2_1, use=use),
+            partial(rotations.to_thesis_eq_2_1, use=use), partial(rotations.from_thesis_eq_2_1, use=use),
         )
         for use in ("flu to enu", "flu to nwu", "frd to ned", "enu to rfu")
     },
@@ -129,12 +145,12 @@ def points_of(run, attitude):
     """All points of a run whose navigation has this attitude at its epochs."""
     tree = open_run(run).load()
     navigation = tree["navigation"].to_dataset()
-    angles = dict(zip(("roll", "pitch", "yaw"), frames.to_iso8855(attitude), strict=True))
+    angles = dict(zip(("roll", "pitch", "yaw"), rotations.to_iso8855(attitude), strict=True))
     tree["navigation"] = xr.DataTree(
         navigation.assign({name: ("epoch", values) for name, values in angles.items()})
     )
     settings = FusionSettings(method="navigation")
-    trajectory = fuse(tree, settings=settings).trajectory
+    trajectory = fuse_motion(tree, settings=settings).trajectory
     blocks = [block.isel(point=slice(None, None, 7)) for block in georeference(tree, trajectory)]
     return np.concatenate([np.stack([b.easting, b.northing, b.up]) for b in blocks], axis=1)
 
@@ -164,7 +180,9 @@ def test_angles_in_another_convention_than_they_are_in_show(recorded):
     """As they are read wrongly, points lie elsewhere: the test above is not blind."""
     run, _ = recorded
     navigation = open_run(run)["navigation"].to_dataset().load()
-    attitude = frames.from_iso8855(*(navigation[name].values for name in ("roll", "pitch", "yaw")))
+    attitude = rotations.from_iso8855(
+        *(navigation[name].values for name in ("roll", "pitch", "yaw"))
+    )
     expected = points_of(run, attitude)
-    wrong = points_of(run, frames.from_thesis_eq_2_1(*frames.to_opk(attitude)))
+    wrong = points_of(run, rotations.from_thesis_eq_2_1(*rotations.to_opk(attitude)))
     assert np.abs(wrong - expected).max() > 0.01  # [m]

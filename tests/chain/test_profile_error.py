@@ -19,14 +19,14 @@ import pytest
 from scipy.optimize import minimize, minimize_scalar
 from scipy.spatial.transform import Rotation
 
+from trueterrain.core.schemas import make_surface
 from trueterrain.formats.run import open_run
-from trueterrain.kinds import make_surface
-from trueterrain.motion import FusionSettings, fuse
+from trueterrain.motion import FusionSettings, fuse_motion
 from trueterrain.profile import straight_path, tyre_profile
 from trueterrain.simulate.raster import Raster
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import Truth, read_scene, record_scene, set_stage
-from trueterrain.surface import Pass, grid_along, grid_runs, straight_line
+from trueterrain.simulate.scene import TruthSettings, read_scene, record_scene, set_stage
+from trueterrain.surface import PassRecord, grid_along, grid_runs, straight_line
 from trueterrain.verify import exact_trajectory
 
 EVENT = (11.1, 15.98)  # [m] easting of the event around the plate: 4.88 m, thesis 3.4
@@ -46,7 +46,7 @@ def excited(tmp_path_factory):
     """The scene with its default errors, of which the 70 beams in the middle are recorded."""
     scene, path = read_scene("dynamic-plate-excited")
     middle = Scanner(beams=70, swath=0.3)  # beams as far apart as they are by default
-    scene = replace(scene, scanner=middle, truth=Truth(returns=False, spacing=0.1))
+    scene = replace(scene, scanner=middle, truth=TruthSettings(returns=False, spacing=0.1))
     (run,) = record_scene(scene, tmp_path_factory.mktemp("runs"), path=path)
     return run, Certificate(run, Raster(set_stage(scene, path=path).ground, spacing=scene.raster))
 
@@ -82,7 +82,7 @@ class Certificate:
 
     def _surface(self, trajectory, moved):
         ahead = trajectory.position + np.array([moved, 0.0, 0.0])
-        one = Pass(path=self._run, trajectory=replace(trajectory, position=ahead))
+        one = PassRecord(path=self._run, trajectory=replace(trajectory, position=ahead))
         return grid_runs([one], self._grid)[0]
 
     def _fitting(self, trajectory):
@@ -149,7 +149,7 @@ def motions(excited):
     run, _ = excited
     tree = open_run(run)
     found = {
-        name: fuse(tree, settings=FusionSettings(method=name)).trajectory
+        name: fuse_motion(tree, settings=FusionSettings(method=name)).trajectory
         for name in ("rts", "zero-phase", "thesis")
     }
     return {"exact": exact_trajectory(run), **found}
@@ -189,7 +189,9 @@ def test_the_whole_of_rts_is_as_good_as_the_exact_pose_where_stations_are_regist
 
 def test_the_way_that_rts_finds_is_better_than_one_that_follows_navigation(excited, motions):
     run, certificate = excited
-    follows = fuse(open_run(run), settings=FusionSettings(method="rts", way_window=0.2)).trajectory
+    follows = fuse_motion(
+        open_run(run), settings=FusionSettings(method="rts", way_window=0.2)
+    ).trajectory
     assert certificate.registered(motions["rts"]) < FOUND * certificate.registered(follows)
 
 

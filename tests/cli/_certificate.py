@@ -11,7 +11,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pandas as pd
 
-from trueterrain.verify.uncertainty import mean_figure, rms_figure
+from trueterrain.verify.statistics.uncertainty import mean_figure, rms_figure
 
 MILLI = 1e3
 MINUS, MISSING = "\N{MINUS SIGN}", "\N{EN DASH}"

@@ -8,7 +8,7 @@ import pytest
 
 import trueterrain
 from trueterrain.cli import main
-from trueterrain.kinds import make_profile
+from trueterrain.core.schemas import make_profile
 
 STANDING = """
 name = "stand"

@@ -18,8 +18,8 @@ from trueterrain.georeference._patches import NAMES
 from trueterrain.simulate.drift import GaussMarkovDrift
 from trueterrain.simulate.navigation import Navigation
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import Truth, read_scene, record_scene
-from trueterrain.simulate.scene._parts import Drive
+from trueterrain.simulate.scene import TruthSettings, read_scene, record_scene
+from trueterrain.simulate.scene._parts import ScenePass
 from trueterrain.survey import read_survey
 
 SURE = 4.0  # standard deviations: less than 1 of 10,000 errors is larger
@@ -35,7 +35,7 @@ LOWER = 0.042  # [m] of the second and fourth pass
 
 def drive(name, *, reverse=False, lane=0.0, speed=5.0):
     """A pass whose laser, 2.25 m behind the body, sees stations 8.75 to 16.75 m."""
-    return Drive(
+    return ScenePass(
         name=name, reverse=reverse, lane=lane, start=14.5 if reverse else 11.0, length=8.0,
         speed={"kind": "constant", "speed": speed},
     )  # fmt: skip
@@ -46,7 +46,7 @@ def scene():
     """Both ways in one lane, and faster in the lanes beside; a navigation that hardly drifts."""
     found, _ = read_scene("boresight")
     return replace(
-        found, raster=0.01, truth=Truth(returns=False, spacing=0.1),
+        found, raster=0.01, truth=TruthSettings(returns=False, spacing=0.1),
         scanner=Scanner(beams=200, rate=1000.0, range_noise=2e-4, spot_rays=1),
         navigation=Navigation(
             drift=GaussMarkovDrift(height_sd=0.0, between_passes=-LOWER), horizontal_sd=1e-4,

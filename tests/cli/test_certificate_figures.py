@@ -19,7 +19,7 @@ from scipy.signal import detrend
 from scipy.signal.windows import dpss
 
 import trueterrain
-from trueterrain.kinds import make_profile
+from trueterrain.core.schemas import make_profile
 
 from ._certificate import (
     BOUND,

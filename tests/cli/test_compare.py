@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from trueterrain.core.schemas import make_points, make_profile, make_surface
 from trueterrain.formats import erd, opencrg, table, write
-from trueterrain.kinds import make_points, make_profile, make_surface
-from trueterrain.roughness.agreement import agreement
+from trueterrain.roughness.agreement import profile_agreement
 
 WRITTEN = 1e-6  # [1] of a rating: heights in the files are rounded to 1e-9 m
 S = np.arange(0.0, 120.0, 0.1)
@@ -56,7 +56,7 @@ def test_json_of_profiles(run, profiles):
     ]  # fmt: skip
     assert_allclose([pair["best_shift"] for pair in track["pairs"]], [0.25, 0.1, -0.15], rtol=0,
                     atol=1e-3)  # fmt: skip
-    truth = agreement({"R": make_profile(S, road(S)), "1": make_profile(S, road(S - 0.25)),
+    truth = profile_agreement({"R": make_profile(S, road(S)), "1": make_profile(S, road(S - 0.25)),
                        "2": make_profile(S, 0.8 * road(S - 0.1))}, reference="R")  # fmt: skip
     assert_allclose(track["accuracy"], truth.accuracy.item(), rtol=0, atol=WRITTEN)
     assert_allclose(track["repeatability"], truth.repeatability.item(), rtol=0, atol=WRITTEN)

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from trueterrain.cli import main
-from trueterrain.engine.plain import printable
+from trueterrain.core.json_values import printable_text
 
 ESCAPE = "\x1b]0;owned\x07\x1b[31m\x9b2J\u202e"
 PROFILE = "s,height\n0,0\n0.1,0.001\n0.2,0\n"
@@ -92,8 +92,8 @@ def test_nobody_listens_to_errors_any_more():
 
 
 def test_control_characters_are_written_as_escapes():
-    assert printable(ESCAPE) == r"\x1b]0;owned\x07\x1b[31m\x9b2J\u202e"
-    assert printable("height [µm]\tsd\n°, é, 道路") == "height [µm]\tsd\n°, é, 道路"
+    assert printable_text(ESCAPE) == r"\x1b]0;owned\x07\x1b[31m\x9b2J\u202e"
+    assert printable_text("height [µm]\tsd\n°, é, 道路") == "height [µm]\tsd\n°, é, 道路"
 
 
 def test_no_name_of_a_file_commands_the_terminal(run, tmp_path):

@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from trueterrain import formats
-from trueterrain.kinds import make_points, make_profile, make_surface
+from trueterrain.core.schemas import make_points, make_profile, make_surface
 
 HALF_STEP = {"rtol": 0, "atol": 0.5e-4 + 1e-9}  # [m] LAS is written in steps of 0.1 mm
 ERD_STEP = {"rtol": 0, "atol": 1e-9}  # [m] heights in ERD files

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from trueterrain.core.schemas import make_profile
 from trueterrain.formats import erd, table
-from trueterrain.kinds import make_profile
 from trueterrain.roughness import WAVEBANDS, Butterworth
 
 ENDS = 1e-8  # [m] the ends of the profile are 400 m away from the segment that is judged

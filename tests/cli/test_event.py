@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from trueterrain.simulate.ground import ExcitationEvent
 from trueterrain.vehicle import named_vehicle
-from trueterrain.verify.event import cross_event, design_event, event_inputs
+from trueterrain.verify.event.design import cross_event, design_event, event_inputs
 
 THESIS = ("--model", "thesis", "--ride", "1.1", "--hop", "11", "--damping", "0.3")
 EXACT = 1e-12  # numbers are written with all their digits

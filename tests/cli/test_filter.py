@@ -5,8 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from trueterrain import formats
-from trueterrain.kinds import make_profile
-from trueterrain.provenance import steps
+from trueterrain.core.provenance import provenance_steps
+from trueterrain.core.schemas import make_profile
 from trueterrain.roughness import FILTER_250_MM, Butterworth, MovingAverage
 
 SETTLED = 1e-7  # [m] 1e-5 of the wave: what is left of the mirrored ends in the middle of the road
@@ -66,11 +66,11 @@ def test_every_format_of_profiles_can_be_written(run, road, tmp_path, ending):
     out = formats.open(output)
     assert out.sizes["track"] == 2
     if ending != "csv":  # which has no place for it
-        (read,) = [step for step in steps(out) if step["step"] == "filter_profile"]
+        (read,) = [step for step in provenance_steps(out) if step["step"] == "filter_profile"]
         assert read["parameters"]["by"] == {
             "kind": "Butterworth", "shortest": 2.0, "longest": None, "order": 3,
         }  # fmt: skip
-        assert [step["inputs"][0]["name"] for step in steps(out)[:1]] == ["road.erd"]
+        assert [step["inputs"][0]["name"] for step in provenance_steps(out)[:1]] == ["road.erd"]
 
 
 def test_it_says_what_is_left_and_that_ends_are_uncertain(run, road, tmp_path):

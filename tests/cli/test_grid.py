@@ -10,8 +10,9 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from trueterrain import formats, provenance
-from trueterrain.kinds import make_points, make_surface
+from trueterrain import formats
+from trueterrain.core import provenance
+from trueterrain.core.schemas import make_points, make_surface
 from trueterrain.simulate.raster import Raster
 from trueterrain.simulate.scene import read_scene, record_scene, set_stage
 from trueterrain.surface import node_coordinates
@@ -227,7 +228,7 @@ def test_a_run_becomes_points_in_a_store_and_these_a_surface(run, recorded, tmp_
     assert store.sizes["point"] == laz.sizes["point"] == count
     assert {"time", "intensity", "sd"} <= set(store.data_vars)
     assert store.attrs["returns"] == count  # what was counted up to the last block
-    assert [step["step"] for step in provenance.steps(store)] == ["georeference"]
+    assert [step["step"] for step in provenance.provenance_steps(store)] == ["georeference"]
     npt.assert_allclose(store.up, laz.up, rtol=0, atol=0.5e-4 + 1e-9)  # [m] half a step
     text = run("info", tmp_path / "p.zarr").out
     assert "Zarr, points" in text
@@ -247,7 +248,7 @@ def test_a_run_becomes_points_in_a_store_and_these_a_surface(run, recorded, tmp_
         assert finished.code == 0, finished.err
         heights.append(formats.open(output))
     npt.assert_allclose(heights[0].height, heights[1].height, rtol=0, atol=1e-3)
-    parameters = provenance.steps(heights[0])[-1]["parameters"]
+    parameters = provenance.provenance_steps(heights[0])[-1]["parameters"]
     assert parameters["stores"] == ["p.zarr"]
     finished = run("grid", tmp_path / "p.zarr", "--spacing", 0.5, "-o", tmp_path / "all.zarr")
     assert finished.code == 0, finished.err

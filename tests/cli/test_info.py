@@ -5,7 +5,7 @@ import json
 import pytest
 
 from trueterrain import formats
-from trueterrain.kinds import make_points, make_profile
+from trueterrain.core.schemas import make_points, make_profile
 
 
 @pytest.fixture

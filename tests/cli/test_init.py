@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import trueterrain
+from trueterrain.core.schemas import make_profile
 from trueterrain.formats.settings import read_settings
-from trueterrain.kinds import make_profile
 from trueterrain.verify.certificate import DriftTest, DynamicTest, StaticTest
 
 KINDS = {"static": StaticTest, "dynamic": DynamicTest, "drift": DriftTest}

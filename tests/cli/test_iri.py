@@ -8,8 +8,8 @@ from numpy.testing import assert_allclose
 
 from trueterrain import roughness
 from trueterrain.cli import main
+from trueterrain.core.schemas import make_points, make_profile
 from trueterrain.formats import erd, table
-from trueterrain.kinds import make_points, make_profile
 
 WRITTEN = 1e-5  # [m/km] heights in the files are rounded to 1e-9 m, slopes over 0.1 m to 1e-8
 
@@ -95,7 +95,7 @@ def test_json_of_several_files_is_a_list(capsys, erd_file, csv_file):
 def test_options_reach_the_index(capsys, csv_file, two):
     arguments = ["--window", "exact", "--window-length", "0.3", "--start", "0.5s", "--restart"]
     document = json.loads(run(capsys, csv_file, *arguments, "--segment", "60", "--json"))
-    options = roughness.IriOptions(window="exact", window_length=0.3, start="0.5s", restart=True)
+    options = roughness.IriSettings(window="exact", window_length=0.3, start="0.5s", restart=True)
     truth = roughness.iri(two.isel(track=0, drop=True), options=options, segment=60.0)
     values = [segment["iri"] for segment in document["tracks"][0]["segments"]]
     assert_allclose(values, truth.segment_iri[0], rtol=0, atol=WRITTEN)

@@ -10,7 +10,7 @@ import pytest
 
 import trueterrain as tt
 from trueterrain import formats
-from trueterrain.kinds import make_points
+from trueterrain.core.schemas import make_points
 from trueterrain.simulate.scene import read_scene, record_scene
 
 SEAM = 0.0002  # [m] asked of the network adjustment

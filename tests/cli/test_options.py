@@ -8,7 +8,7 @@ import pytest
 
 import trueterrain as tt
 from trueterrain.cli import command_line
-from trueterrain.kinds import make_points, make_profile
+from trueterrain.core.schemas import make_points, make_profile
 from trueterrain.simulate.scene import read_scene, record_scene
 
 SCENE = """

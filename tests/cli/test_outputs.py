@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from trueterrain import formats
-from trueterrain.kinds import make_points, make_profile, make_surface
+from trueterrain.core.schemas import make_points, make_profile, make_surface
 
 # command line behind the words that must be in its error
 REFUSED = [

@@ -6,7 +6,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import trueterrain
-from trueterrain.verify.plate import PlateDesign, ScanSetup, machined_profile, view_plate
+from trueterrain.verify.plate.design import PlateDesign, ScanSetup, machined_profile, view_plate
 
 EXACT = 1e-12  # numbers are written with all their digits
 WRITTEN = 1e-7  # [m] last digit in the profile
@@ -44,7 +44,7 @@ def test_files(run, tmp_path):
     names = {"drawing.svg", "drawing.pdf", "profile.csv", "plate.html", "plate.json"}
     assert {path.name for path in folder.iterdir()} == {*names, "manifest.json"}
     read = trueterrain.open(folder / "profile.csv")
-    from trueterrain.verify.plate import design_plate
+    from trueterrain.verify.plate.design import design_plate
 
     true = machined_profile(design_plate(["rectangle", "triangle"]))
     assert_allclose(read.height, true.height, rtol=0, atol=WRITTEN)

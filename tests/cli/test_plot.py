@@ -5,7 +5,7 @@ import pytest
 
 from trueterrain.simulate.body import Wave
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import Drive, Scene, Vehicle, record_scene
+from trueterrain.simulate.scene import Scene, ScenePass, Vehicle, record_scene
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +18,7 @@ def runs(tmp_path_factory):
         course={"kind": "straight", "length": 2.0},
         ground=({"kind": "plane"},),
         passes=tuple(
-            Drive(name=name, speed={"kind": "constant", "speed": 2.0}) for name in ("a", "b")
+            ScenePass(name=name, speed={"kind": "constant", "speed": 2.0}) for name in ("a", "b")
         ),
         vehicle=Vehicle(model="rigid", height=0.8, waves=(swing,)),
         scanner=Scanner(beams=21, rate=100.0, spot_rays=1),

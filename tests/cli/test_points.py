@@ -8,7 +8,7 @@ import pyproj
 import pytest
 
 from trueterrain import formats
-from trueterrain.kinds import make_points
+from trueterrain.core.schemas import make_points
 
 ROOF = ("--line", 770560, 6277505, 770590, 6277540, "--radius", 1)
 GROUND_RISE = 1.0  # [m] of the ground along that line; the roof is 16 m above it

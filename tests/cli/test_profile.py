@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import trueterrain as tt
-from trueterrain import provenance
+from trueterrain.core import provenance
 from trueterrain.formats import opencrg
 
 STEP = 0.01  # [m] of the grid and of the path
@@ -305,7 +305,7 @@ def test_stores_give_the_same_profile_and_hold_it(run, tmp_path):
             finished = run("profile", tmp_path / source, *line, "-o", output, "--force")
             assert finished.code == 0, finished.err
         profile = tt.open(tmp_path / "p.zarr")
-        (entry,) = provenance.steps(profile)[-1]["inputs"]
+        (entry,) = provenance.provenance_steps(profile)[-1]["inputs"]
         assert entry["name"] == source
         np.testing.assert_array_equal(profile.height, tt.open(tmp_path / "p.csv").height)
         found.append(profile.height.values)

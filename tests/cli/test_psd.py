@@ -7,8 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from trueterrain import roughness
+from trueterrain.core.schemas import make_profile
 from trueterrain.formats import erd, table
-from trueterrain.kinds import make_profile
 from trueterrain.simulate.ground import Road
 
 WRITTEN = 1e-4  # [1] relative: heights in the files are rounded to 1e-9 m
@@ -77,7 +77,7 @@ def test_table(run, erd_file, two):
 def test_options_reach_the_spectrum(run, erd_file, two):
     arguments = ("--block", "100", "--lowest", "0.1", "--highest", "1", "--waviness", "2")
     document = json.loads(run("psd", erd_file, *arguments, "--confidence", "0.5", "--json").out)
-    options = roughness.PsdOptions(block=100, lowest=0.1, highest=1, waviness=2, confidence=0.5)
+    options = roughness.PsdSettings(block=100, lowest=0.1, highest=1, waviness=2, confidence=0.5)
     truth = roughness.psd(two, options=options)
     found = document["tracks"][0]["gd_n0"]
     assert_allclose(found["high"], truth.gd_n0_high[0], rtol=WRITTEN, atol=0)

@@ -7,8 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from trueterrain import roughness
+from trueterrain.core.schemas import make_profile
 from trueterrain.formats import erd, table
-from trueterrain.kinds import make_profile
 
 WRITTEN = 1e-5  # [1] heights in the files are rounded to 1e-9 m
 
@@ -73,7 +73,7 @@ def test_table(run, erd_file, two):
 def test_options_reach_the_index(run, erd_file, two):
     arguments = ["--window", "exact", "--window-length", "0.3", "--restart", "--segment", "60"]
     document = json.loads(run("rn", erd_file, *arguments, "--json").out)
-    options = roughness.RideNumberOptions(window="exact", window_length=0.3, restart=True)
+    options = roughness.RideNumberSettings(window="exact", window_length=0.3, restart=True)
     truth = roughness.ride_number(two, options=options, segment=60.0)
     values = [segment["rn"] for segment in document["tracks"][1]["segments"]]
     assert_allclose(values, truth.segment_rn[1], rtol=0, atol=WRITTEN)

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from trueterrain.simulate.scene import read_scene, record_scene
-from trueterrain.surface.placement import Placement
-from trueterrain.survey import ProfileSettings, RunSettings, run_survey, survey_of
+from trueterrain.surface.placement import GridPlacement
+from trueterrain.survey import ProfilePathSettings, RunSettings, run_survey, survey_of
 
 
 @pytest.fixture(scope="module")
@@ -90,8 +90,8 @@ def test_names_that_look_like_mathematics_or_formulas(runs, tmp_path, monkeypatc
         for path, name in zip(runs, ("$^$", "a$_{b$"), strict=True)
     )
     survey = survey_of(
-        list(runs), name="=$^$", title="$^$ <b>", grid=Placement(spacing=0.02),
-        profiles=(ProfileSettings(name="$_$", offset=0.5, spacing=0.02),),
+        list(runs), name="=$^$", title="$^$ <b>", grid=GridPlacement(spacing=0.02),
+        profiles=(ProfilePathSettings(name="$_$", offset=0.5, spacing=0.02),),
     )  # fmt: skip
     found = run_survey(replace(survey, runs=named), tmp_path / "out")
     assert any("$_$" in file for file in found.files)

@@ -9,8 +9,8 @@ import numpy.testing as npt
 import pytest
 
 from trueterrain import formats
+from trueterrain.core.schemas import make_surface
 from trueterrain.formats.run import check_run, open_run
-from trueterrain.kinds import make_surface
 from trueterrain.simulate.scene import Scene, read_scene, scene_names
 
 SMALL = """

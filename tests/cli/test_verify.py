@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 import trueterrain
-from trueterrain.kinds import make_profile
+from trueterrain.core.schemas import make_profile
 
 RECOMPUTED = 1e-15  # [m]
 SHIFT, SHIFT_TOLERANCE = -0.7, 2e-4  # [m] steps of 0.5 mm in the machined profile

@@ -4,9 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from trueterrain.cli._verify_findings import findings_blocks, in_words, modes_table
-from trueterrain.verify._modes import modes_of, source_of
-from trueterrain.verify.findings import Finding
+from trueterrain.report.findings import findings_blocks, in_words, modes_table
+from trueterrain.verify.error_modes import modes_of, source_of
+from trueterrain.verify.findings.finding import Finding
 
 
 def _finding(**parts):

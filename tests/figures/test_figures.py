@@ -11,10 +11,10 @@ import numpy.testing as npt
 import pytest
 
 from trueterrain import figures
-from trueterrain.errors import CoverageError, OutputError, SchemaError
-from trueterrain.figures import _canvas
-from trueterrain.figures.cpf import statistic_name
-from trueterrain.kinds import make_points, make_profile, make_surface
+from trueterrain.core.errors import CoverageError, OutputError, SchemaError
+from trueterrain.core.schemas import make_points, make_profile, make_surface
+from trueterrain.figures import canvas
+from trueterrain.figures.profile.cpf import statistic_name
 from trueterrain.profile import (
     Disc,
     Ellipse,
@@ -165,7 +165,7 @@ def test_a_long_road_is_stretched_sideways_and_says_so(length, stretch):
     ax = figures.surface_map(road)
     expected = "equal scale" if stretch == 1 else f"v stretched {stretch} times"
     assert notes(ax) == [expected]
-    assert _canvas.exaggeration(ax) == pytest.approx(stretch, rel=1e-9)
+    assert canvas.vertical_exaggeration(ax) == pytest.approx(stretch, rel=1e-9)
     boxes_apart(ax)
 
 
@@ -306,7 +306,7 @@ def test_the_printed_exaggeration_is_that_of_the_drawing_also_after_a_zoom():
         ax.figure.canvas.draw()
         box = ax.get_window_extent()
         drawn = (box.height / np.ptp(ax.get_ylim())) / (box.width / np.ptp(limits))
-        npt.assert_allclose(_canvas.exaggeration(ax), drawn, **PIXEL)
+        npt.assert_allclose(canvas.vertical_exaggeration(ax), drawn, **PIXEL)
         assert notes(ax) == [f"vertical exaggeration {float(f'{drawn:.3g}'):g} ×"]
 
 
@@ -485,13 +485,13 @@ def test_wrong_arguments_say_what_must_be():
     ],
 )
 def test_heights_are_written_in_a_scale_that_can_be_read(heights, base, unit):
-    scale = _canvas.height_scale(heights)
+    scale = canvas.height_scale(heights)
     assert scale.base == pytest.approx(base, abs=1e-12)
     assert scale.unit == unit
 
 
 def test_numbers_are_typeset():
-    scale = _canvas.Scale(base=2.0, factor=1000.0, unit="mm")
+    scale = canvas.LengthScale(base=2.0, factor=1000.0, unit="mm")
     assert scale.text(1.9985) == "−1.5"
     assert scale.text(2.1 - 1e-16) == "100"
     assert scale.text(2.0 - 1e-15) == "0"
@@ -506,7 +506,7 @@ def test_the_same_figure_gives_the_same_file(tmp_path, ending):
     starts = {"svg": b"<?xml", "pdf": b"%PDF", "png": b"\x89PNG"}
     for name in ("a", "b"):
         ax = figures.profiles(make_profile([0.0, 1.0, 2.0], [0.0, 0.01, 0.0]))
-        figures.save(ax if name == "a" else ax.figure, tmp_path / f"{name}.{ending}")
+        figures.save_figure(ax if name == "a" else ax.figure, tmp_path / f"{name}.{ending}")
     content = (tmp_path / f"a.{ending}").read_bytes()
     assert content.startswith(starts[ending])
     assert content == (tmp_path / f"b.{ending}").read_bytes()
@@ -522,7 +522,7 @@ def test_nothing_is_left_of_a_figure_that_fails(tmp_path, monkeypatch):
 
     monkeypatch.setattr(ax.figure, "savefig", half)
     with pytest.raises(RuntimeError, match="disk full"):
-        figures.save(ax, tmp_path / "a.png")
+        figures.save_figure(ax, tmp_path / "a.png")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -531,9 +531,9 @@ def test_a_file_is_replaced_only_by_force(tmp_path):
     target = tmp_path / "a.png"
     target.write_text("mine")
     with pytest.raises(OutputError, match="exists already"):
-        figures.save(ax, target)
+        figures.save_figure(ax, target)
     assert target.read_text() == "mine"
-    figures.save(ax, target, force=True)
+    figures.save_figure(ax, target, force=True)
     assert target.read_bytes().startswith(b"\x89PNG")
 
 
@@ -541,13 +541,13 @@ def test_a_file_is_replaced_only_by_force(tmp_path):
 def test_other_endings_are_refused(tmp_path, name):
     ax = figures.profiles(make_profile([0.0, 1.0], [0.0, 0.01]))
     with pytest.raises(ValueError, match=r"a figure ends in \.png, \.svg, \.pdf"):
-        figures.save(ax, tmp_path / name)
+        figures.save_figure(ax, tmp_path / name)
     with pytest.raises(
         ValueError, match=r"resolution must be .* at most 2400 dots per inch, got 1e"
     ):
-        figures.save(ax, tmp_path / "huge.png", resolution=1e9)
+        figures.save_figure(ax, tmp_path / "huge.png", resolution=1e9)
     with pytest.raises(ValueError, match="resolution must be greater than 0"):
-        figures.save(ax, tmp_path / "a.png", resolution=0.0)
+        figures.save_figure(ax, tmp_path / "a.png", resolution=0.0)
     assert list(tmp_path.iterdir()) == []
 
 

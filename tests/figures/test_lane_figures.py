@@ -11,11 +11,25 @@ from matplotlib.colors import to_hex
 from matplotlib.patches import Ellipse, Rectangle
 
 from trueterrain import figures
-from trueterrain.kinds import make_points
-from trueterrain.lanes import Correction, Knots, RejectedCells, SharedGround, adjust, lane_cells
-from trueterrain.lanes._seams import SeamAgreement
-from trueterrain.lanes.discontinuity import DiscontinuityOptions, Seam, align_lanes
-from trueterrain.lanes.reference_path import straight_reference, waypoint_reference
+from trueterrain.alignment import (
+    AdjustedGround,
+    RejectedCells,
+    SplineCorrection,
+    SplineKnots,
+    adjust_passes,
+    lane_cells,
+)
+from trueterrain.alignment.discontinuity.alignment import (
+    DiscontinuitySettings,
+    SeamSteps,
+    align_lanes,
+)
+from trueterrain.alignment.discontinuity.reference_path import (
+    straight_reference,
+    waypoint_reference,
+)
+from trueterrain.alignment.seams import SeamAgreement
+from trueterrain.core.schemas import make_points
 from trueterrain.profile import Rectangle as RectangleArea
 
 EXACT = {"rtol": 0, "atol": 1e-12}  # [m], [s] round-off
@@ -32,8 +46,8 @@ def _closed_figures():
 
 def correction(name="east", height=0.005, *, begin=0.0, intervals=20, supported=None, **changes):
     """Constant height and roll, all coefficients with a standard deviation of `SD`."""
-    return Correction(
-        name=name, knots=Knots(begin=begin, spacing=0.5, intervals=intervals),
+    return SplineCorrection(
+        name=name, knots=SplineKnots(begin=begin, spacing=0.5, intervals=intervals),
         components=("height", "roll"), offset=np.array([height, 1e-3]), left=LEFT,
         coefficients=np.outer([height, 1e-3], np.ones(intervals + 3)),
         covariance=np.tile(SD**2 * np.eye(8), (intervals, 1, 1)),
@@ -201,7 +215,7 @@ def adjusted():
     x, y = (at.ravel() for at in np.meshgrid(np.arange(0.05, 60, 0.5), np.arange(0.05, 0.6, 0.1)))
     ground = rng.normal(0, 0.02, x.size)
     number = (np.floor(x / 0.1).astype(np.int64) << 32) + np.floor(y / 0.1).astype(np.int64)
-    return adjust([
+    return adjust_passes([
         lane_cells(
             name, number, x / 5, ground + sign * (0.01 + 0.003 * np.sin(x / 6))
             + rng.normal(0, 1e-3, x.size), variance=1e-6, easting=x, northing=y,
@@ -360,7 +374,7 @@ def test_histograms_hold_all_heights_and_the_means_are_where_they_are(aligned):
 
 def test_medians_are_called_so():
     lanes = {"left": lane(0.012, 1.0), "right": lane(0.0, 0.0)}
-    found = align_lanes(lanes, DiscontinuityOptions(statistic="median")).pairs[0].discontinuity
+    found = align_lanes(lanes, DiscontinuitySettings(statistic="median")).pairs[0].discontinuity
     texts = legend_texts(figures.lane_histograms(found, station=10.0))
     assert sum(text.startswith("median of") for text in texts) == 2
 
@@ -385,8 +399,8 @@ def test_stations_off_the_path_have_no_histogram(aligned):
 def seam(before, after):
     at = np.arange(len(before[0])) + 0.5
     return SeamAgreement(
-        lanes=("left", "right"), before=Seam(station=at, step=np.array(before)),
-        after=Seam(station=at, step=np.array(after)),
+        lanes=("left", "right"), before=SeamSteps(station=at, step=np.array(before)),
+        after=SeamSteps(station=at, step=np.array(after)),
     )  # fmt: skip
 
 
@@ -428,7 +442,7 @@ def ground(columns=40, rows=10, *, heading=0.0, origin=(0.0, 0.0)):
     x, y = 0.1 * c + 0.05, 0.1 * r + 0.05
     value = 1e-6 * np.arange(x.size)
     cos, sin = np.cos(heading), np.sin(heading)
-    return SharedGround(
+    return AdjustedGround(
         cell=(c.astype(np.int64) << 32) + r, easting=origin[0] + cos * x - sin * y,
         northing=origin[1] + sin * x + cos * y, height=0 * x, sd=0 * x, before=value,
         after=value / 2,
@@ -565,7 +579,7 @@ def test_of_a_long_path_the_middle_is_shown():
                           np.full(20 * x.size, height))
         for name, aside, height in (("left", 1.0, 0.012), ("right", 0.0, 0.0))
     }  # fmt: skip
-    options = DiscontinuityOptions(cell=0.2, least=5)
+    options = DiscontinuitySettings(cell=0.2, least=5)
     way = waypoint_reference([0.2, 79.8], [1.5, 1.5])
     pair = align_lanes(lanes, options, paths={("left", "right"): way}).pairs[0]
     ax = drawn(figures.lane_overlap(pair.overlap, pair.path))

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from trueterrain import figures
-from trueterrain.kinds import make_profile
+from trueterrain.core.schemas import make_profile
 from trueterrain.roughness import (
     continuous_iri,
     iri,
@@ -15,7 +15,7 @@ from trueterrain.roughness import (
     rolling_straightedge,
     waveband_rms,
 )
-from trueterrain.roughness.agreement import agreement, filtered_profiles
+from trueterrain.roughness.agreement import filtered_profiles, profile_agreement
 
 NAMES = ("$^$", "a$_{b$^", r"$\frac$", "costs 5$", "\x1b[31m$x$")
 
@@ -44,7 +44,7 @@ DRAWN = {
     "psd": lambda data: figures.road_spectrum(psd(data)),
     "straightedge": lambda data: figures.straightedge_deviation(rolling_straightedge(data)),
     "wavebands": lambda data: figures.waveband_segments(waveband_rms(data, segment=20.0)),
-    "agreement": lambda data: figures.agreement_matrix(agreement(several(data))),
+    "agreement": lambda data: figures.agreement_matrix(profile_agreement(several(data))),
     "overlay": lambda data: figures.agreement_overlay(filtered_profiles(several(data))),
     "spectrum": lambda data: figures.spectrum(
         {name: data.height.sel(track=name).values for name in NAMES}, 10.0, segment=10.0

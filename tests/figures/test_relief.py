@@ -7,9 +7,9 @@ import numpy.testing as npt
 import pytest
 
 from trueterrain import figures
-from trueterrain.errors import CoverageError
-from trueterrain.figures import relief
-from trueterrain.kinds import make_surface
+from trueterrain.core.errors import CoverageError
+from trueterrain.core.schemas import make_surface
+from trueterrain.figures.surface import relief
 
 EXACT = {"rtol": 0, "atol": 1e-9}  # [m] round-off
 

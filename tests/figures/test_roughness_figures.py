@@ -6,7 +6,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from trueterrain import figures, roughness
-from trueterrain.kinds import make_profile
+from trueterrain.core.schemas import make_profile
 
 S = 0.1 * np.arange(4000)
 
@@ -94,7 +94,7 @@ def test_deviations_are_drawn_with_rings_beyond_the_threshold(two):
     assert ax.get_ylabel() == "Ground above it [mm]"
     for line, track in zip(ax.lines, beam.deviation, strict=False):
         assert_allclose(line.get_ydata(), track, rtol=0, atol=0)
-    found = roughness.stretches(abs(beam.deviation), 0.015)
+    found = roughness.find_stretches(abs(beam.deviation), 0.015)
     (rings,) = [line for line in ax.lines if line.get_label() == "beyond 15 mm"]
     assert_allclose(rings.get_xdata(), found.peak_at, rtol=0, atol=0)
     assert_allclose(abs(rings.get_ydata()), found.peak, rtol=0, atol=0)

@@ -8,14 +8,14 @@ import xarray as xr
 from scipy.spatial.transform import Rotation
 
 from trueterrain import figures
-from trueterrain.errors import CoverageError, SchemaError
-from trueterrain.figures import _run
+from trueterrain.core.errors import CoverageError, SchemaError
+from trueterrain.figures.run import groups
 from trueterrain.formats.navigation import make_navigation
 from trueterrain.formats.run import Mounting, open_run
 from trueterrain.simulate.accelerometers import Accelerometers
 from trueterrain.simulate.body import Wave
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import Drive, Scene, Truth, Vehicle, record_scene
+from trueterrain.simulate.scene import Scene, ScenePass, TruthSettings, Vehicle, record_scene
 
 EXACT = {"rtol": 0, "atol": 1e-12}  # [m], [rad], [s] round-off
 QUANTUM = {"rtol": 0, "atol": 0.51e-4}  # [m] half a step of 0.1 mm in which ranges are kept
@@ -40,7 +40,7 @@ def recorded(folder, name, **changes):
     scene = Scene(
         name=name,
         course={"kind": "straight", "length": 2.0},
-        passes=(Drive(name="p", speed={"kind": "constant", "speed": 2.0}),),
+        passes=(ScenePass(name="p", speed={"kind": "constant", "speed": 2.0}),),
         **{
             "raster": 0.0,
             "vehicle": Vehicle(model="rigid", height=0.8),
@@ -77,7 +77,10 @@ def slope(tmp_path_factory):
 def wall(tmp_path_factory):
     """A wall of 0.2 m from 0.5 m to 0.9 m to the left of the lane."""
     return recorded(
-        tmp_path_factory.mktemp("wall"), "wall", ground=(WALL, DROP), truth=Truth(spacing=0.005)
+        tmp_path_factory.mktemp("wall"),
+        "wall",
+        ground=(WALL, DROP),
+        truth=TruthSettings(spacing=0.005),
     )
 
 
@@ -107,13 +110,13 @@ def line(ax, label):
 def test_points_lie_on_the_ground_that_was_driven_over(slope):
     """Every beam at its own time, also those of the first and of the last scan."""
     for part in (slice(0, 3), slice(97, 100)):
-        points = _run.returns_of(slope, part)
+        points = groups.returns_of(slope, part)
         east, north = np.moveaxis(points.position, -1, 0)
         npt.assert_allclose(points.up, 0.03 * east - 0.02 * north, **ON_GROUND)
 
 
 def test_along_and_across_are_seen_from_the_first_beam(slope):
-    points = _run.returns_of(slope, slice(10, 12))
+    points = groups.returns_of(slope, slice(10, 12))
     truth = slope["truth/scanner"].isel(scan=10)
     turn = Rotation.from_euler("z", -float(truth.yaw))
     seen = points.position - [float(truth.east), float(truth.north)]
@@ -124,7 +127,7 @@ def test_along_and_across_are_seen_from_the_first_beam(slope):
 
 def test_a_plan_shows_all_points_and_says_how_far_they_are_apart(wall):
     ax = figures.scan_plan(wall, at=0.3, scans=5, across=(-2.1, 0.3))
-    points = _run.returns_of(wall, slice(30, 35))
+    points = groups.returns_of(wall, slice(30, 35))
     shown = points.across <= 0.3
     offsets = np.stack([points.across[shown], points.along[shown]], axis=1)
     npt.assert_array_equal(ax.collections[0].get_offsets(), offsets)
@@ -224,8 +227,8 @@ def test_lost_returns_are_marked_where_they_are(slope):
 
 
 def test_of_many_scans_one_of_every_n_is_shown(slope, monkeypatch):
-    monkeypatch.setattr("trueterrain.figures.ranges._ROWS", 30)
-    monkeypatch.setattr("trueterrain.figures.ranges._AT_ONCE", 7)
+    monkeypatch.setattr("trueterrain.figures.run.ranges._ROWS", 30)
+    monkeypatch.setattr("trueterrain.figures.run.ranges._AT_ONCE", 7)
     ax = figures.range_image(slope)
     npt.assert_array_equal(ax.images[0].get_array().filled(np.nan), slope.scans.range[::4].T)
     assert notes(ax) == ["1 of 4 scans shown"]

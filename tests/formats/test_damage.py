@@ -19,7 +19,8 @@ import zarr
 from zarr.codecs import BloscCodec
 
 from trueterrain import formats
-from trueterrain.errors import FormatError, TrueTerrainError
+from trueterrain.core.errors import FormatError, TrueTerrainError
+from trueterrain.core.schemas import make_points, make_profile, make_surface
 from trueterrain.formats import _zarr, las, table
 from trueterrain.formats.navigation import columns, sbet, smrmsg
 from trueterrain.formats.run import (
@@ -31,7 +32,6 @@ from trueterrain.formats.run import (
     open_run,
     scan_blocks,
 )
-from trueterrain.kinds import make_points, make_profile, make_surface
 
 CASES = 60  # of each kind of file; stores have half as many, and each is looked at in two ways
 
@@ -402,7 +402,7 @@ MEMORY = 400e6  # [bytes] beyond what importing takes: a block of a million poin
 ASKING = """
 import json, resource, sys
 from trueterrain import formats
-from trueterrain.errors import FormatError
+from trueterrain.core.errors import FormatError
 formats.info(sys.argv[1])
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 resource.setrlimit(resource.RLIMIT_AS, (6 << 30, 6 << 30))

@@ -6,10 +6,10 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from trueterrain import provenance
-from trueterrain.errors import FormatError, OutputError, SchemaError
+from trueterrain.core import provenance
+from trueterrain.core.errors import FormatError, OutputError, SchemaError
+from trueterrain.core.schemas import make_profile
 from trueterrain.formats import erd
-from trueterrain.kinds import make_profile
 
 PRECISION = {"rtol": 0, "atol": 1e-9}  # [m] promised by erd.write
 ROUND_OFF = {"rtol": 0, "atol": 1e-12}  # [m] the truth is exact in decimal
@@ -51,7 +51,7 @@ def test_header_and_heights_are_read_as_written_by_others(tmp_path):
         ["XLABEL", "Distance"],
         ["DISTRICT", "04"],
     ]
-    step = provenance.steps(profile)[-1]
+    step = provenance.provenance_steps(profile)[-1]
     assert step["step"] == "read"
     assert step["inputs"][0]["name"] == "p.erd"
 
@@ -98,7 +98,7 @@ def test_round_trip(tmp_path, units, tracks):
         ["TITLE", "Ring  road"],
         ["DISTRICT", "04"],
     ]
-    assert [step["step"] for step in provenance.steps(again)] == ["made", "read"]
+    assert [step["step"] for step in provenance.provenance_steps(again)] == ["made", "read"]
     if tracks:
         assert list(again.track.values) == tracks
     erd.write(again, path, force=True, units=units)  # keys do not pile up

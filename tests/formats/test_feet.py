@@ -7,7 +7,7 @@ import pyproj
 import pytest
 
 from trueterrain import formats
-from trueterrain.errors import FormatError
+from trueterrain.core.errors import FormatError
 from trueterrain.formats import las
 
 FOOT, SURVEY_FOOT = 0.3048, 1200 / 3937  # [m] international, US survey

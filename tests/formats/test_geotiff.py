@@ -8,10 +8,10 @@ import numpy.testing as npt
 import pyproj
 import pytest
 
-from trueterrain.errors import FormatError, OutputError, TrueTerrainError
+from trueterrain.core.errors import FormatError, OutputError, TrueTerrainError
+from trueterrain.core.provenance import add_step, provenance_steps
+from trueterrain.core.schemas import check_surface, make_surface
 from trueterrain.formats import geotiff
-from trueterrain.kinds import check_surface, make_surface
-from trueterrain.provenance import add_step, steps
 
 rasterio = pytest.importorskip("rasterio")
 
@@ -122,7 +122,7 @@ def test_what_belongs_to_the_heights(tmp_path):
 def test_history_comes_back(tmp_path):
     path = tmp_path / "ground.tif"
     geotiff.write(add_step(ground(), "grid", parameters={"spacing": 0.25}), path)
-    assert [step["step"] for step in steps(geotiff.read(path))] == ["grid", "read"]
+    assert [step["step"] for step in provenance_steps(geotiff.read(path))] == ["grid", "read"]
 
 
 @pytest.mark.parametrize("crs", ["", "EPSG:32632", "EPSG:25832+7837"])

@@ -12,12 +12,12 @@ import numpy.testing as npt
 import pyproj
 import pytest
 
-from trueterrain import provenance
-from trueterrain.errors import CoverageError, FormatError, OutputError, SchemaError
+from trueterrain.core import provenance
+from trueterrain.core.errors import CoverageError, FormatError, OutputError, SchemaError
+from trueterrain.core.schemas import make_points
 from trueterrain.formats import las
 from trueterrain.formats.las._duplicates import DuplicateCounter
-from trueterrain.formats.signature import recognise
-from trueterrain.kinds import make_points
+from trueterrain.formats.signature import recognise_format
 
 EXACT = {"rtol": 0, "atol": 0}  # the same integers, scaled in the same way
 HALF_STEP = {"rtol": 0, "atol": 0.5e-4 + 1e-9}  # [m] rounding to 0.1 mm, and of float64 at 6e6 m
@@ -75,7 +75,7 @@ def test_points_are_those_of_laspy(strip):
         npt.assert_allclose(points[name], np.asarray(dimension), **EXACT)
     assert points.attrs["crs"] in ("EPSG:2154", "")
     assert points.attrs["gps_time_kind"] == "adjusted standard"
-    assert provenance.steps(points)[-1]["inputs"][0]["name"] == strip.name
+    assert provenance.provenance_steps(points)[-1]["inputs"][0]["name"] == strip.name
 
 
 def test_blocks_are_the_whole_in_order(strip):
@@ -180,7 +180,7 @@ def test_round_trip(tmp_path, ending):
         npt.assert_array_equal(again[name], points[name])
     assert again.attrs["crs"] == "EPSG:25832"
     assert again.attrs["gps_time_kind"] == "adjusted standard"
-    assert [step["step"] for step in provenance.steps(again)] == ["made", "read"]
+    assert [step["step"] for step in provenance.provenance_steps(again)] == ["made", "read"]
     assert las.describe(path)["problems"] == []
 
 
@@ -628,7 +628,7 @@ def test_copc_is_read_whole(copc):
     truth = cloud(6000)
     npt.assert_array_equal(again["time"], truth.time)
     npt.assert_allclose(again["easting"], truth.easting, **HALF_STEP)
-    assert las.describe(copc)["format"] == recognise(copc).name == "COPC"
+    assert las.describe(copc)["format"] == recognise_format(copc).name == "COPC"
     assert las.read(copc).attrs["crs"] == "EPSG:25832"
 
 

@@ -10,11 +10,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import trueterrain.formats.navigation as nav
-from trueterrain import provenance
-from trueterrain.errors import CoverageError, FormatError, SchemaError, TrueTerrainError
+from trueterrain.core import provenance
+from trueterrain.core.errors import CoverageError, FormatError, SchemaError, TrueTerrainError
 from trueterrain.formats.navigation import _recognise, boreas, columns, sbet, smrmsg
-from trueterrain.formats.navigation._frames import (
-    Turns,
+from trueterrain.geometry.navigation_frames import (
+    YawUnwrapper,
     check_origin,
     enu_of_geodetic,
     iso8855_of_ned,
@@ -136,10 +136,10 @@ def test_an_origin_must_be_a_place(origin):
 def test_yaw_continues_over_a_full_turn():
     truth = np.linspace(0, 15, 100)
     wrapped = np.angle(np.exp(1j * truth))
-    turns = Turns()
+    turns = YawUnwrapper()
     parts = [turns.continued(part) for part in (wrapped[:37], wrapped[37:37], wrapped[37:])]
     npt.assert_allclose(np.concatenate(parts), truth, **ANGLE)
-    npt.assert_array_equal(np.concatenate(parts), Turns().continued(wrapped))
+    npt.assert_array_equal(np.concatenate(parts), YawUnwrapper().continued(wrapped))
 
 
 # --- SBET -----------------------------------------------------------------------------------------
@@ -151,7 +151,7 @@ def test_the_measured_sbet_reads_right(data):
     time = navigation.time.values
     npt.assert_allclose(np.diff(time), 0.005, rtol=0, atol=2e-5)  # [s] jitter of the recorder
     assert time[0] == 400825.0013129992
-    assert provenance.steps(navigation)[-1]["parameters"]["format"] == "SBET"
+    assert provenance.provenance_steps(navigation)[-1]["parameters"]["format"] == "SBET"
     raw = np.fromfile(leeward(data) / "sbet.out", "<f8").reshape(-1, 17)
     lon, lat, height = navigation.attrs["origin"]
     npt.assert_allclose(
@@ -354,7 +354,7 @@ def test_accuracies_are_interpolated_to_the_epochs(tmp_path):
     for name, minutes in (("roll", 4), ("pitch", 5), ("yaw", 6)):
         npt.assert_allclose(navigation[f"sd_{name}"], np.deg2rad(minutes / 60), **ANGLE)
     assert navigation.sd_yaw.attrs["units"] == "rad"
-    inputs = [entry["name"] for entry in provenance.steps(navigation)[-1]["inputs"]]
+    inputs = [entry["name"] for entry in provenance.provenance_steps(navigation)[-1]["inputs"]]
     assert inputs == ["sbet.out", "smrmsg.out"]
 
 
@@ -519,7 +519,7 @@ def test_tables_with_our_names_keep_every_bit(tmp_path, ending):
     table = our_table()
     path = tmp_path / f"nav.{ending}"
     table.to_csv(path, index=False) if ending == "csv" else table.to_parquet(path)
-    chosen = nav.Columns(east="east", north="north", up="up", yaw="yaw", sd_up="sd_up")
+    chosen = nav.NavigationColumns(east="east", north="north", up="up", yaw="yaw", sd_up="sd_up")
     navigation = nav.read_columns(path, chosen)
     for name in table:
         npt.assert_array_equal(navigation[name], table[name])
@@ -545,7 +545,7 @@ def test_a_table_of_degrees_equals_the_sbet(tmp_path):
     )
     path = tmp_path / "nav.csv"
     frame.to_csv(path, index=False, sep=";")
-    chosen = nav.Columns(
+    chosen = nav.NavigationColumns(
         time="ms", time_scale=0.001, longitude="lon", latitude="lat", height="h", roll="r",
         pitch="p", heading="hdg", degrees=True,
     )  # fmt: skip
@@ -562,7 +562,7 @@ def test_heading_without_a_place_turns_into_yaw(tmp_path):
     path = tmp_path / "nav.csv"
     table.to_csv(path, index=False)
     navigation = nav.read_columns(
-        path, nav.Columns(east="east", north="north", up="up", heading="heading")
+        path, nav.NavigationColumns(east="east", north="north", up="up", heading="heading")
     )
     npt.assert_allclose(navigation.pitch, -table.pitch, **ANGLE)
     npt.assert_allclose(navigation.yaw, np.pi / 2 - table.heading, **ANGLE)
@@ -581,7 +581,7 @@ def test_heading_without_a_place_turns_into_yaw(tmp_path):
 )
 def test_columns_must_name_one_convention(chosen, message):
     with pytest.raises(ValueError, match=message):
-        nav.Columns(**chosen)
+        nav.NavigationColumns(**chosen)
 
 
 def test_tables_that_are_damaged(tmp_path):
@@ -648,7 +648,9 @@ def test_a_latitude_beyond_the_pole(tmp_path):
     frame = our_table(5).rename(columns={"east": "longitude", "north": "latitude", "up": "height"})
     frame["latitude"] = [1.0, 2.0, 95.0, 3.0, 4.0]
     frame.to_csv(path, index=False)
-    chosen = nav.Columns(longitude="longitude", latitude="latitude", height="height", yaw="yaw")
+    chosen = nav.NavigationColumns(
+        longitude="longitude", latitude="latitude", height="height", yaw="yaw"
+    )
     with pytest.raises(SchemaError, match=r"row 3, column 'latitude': must be within 90 deg"):
         nav.read_columns(path, chosen)
 

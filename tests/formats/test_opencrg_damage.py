@@ -6,9 +6,9 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from trueterrain.errors import FormatError
+from trueterrain.core.errors import FormatError
+from trueterrain.core.schemas import make_surface
 from trueterrain.formats import opencrg
-from trueterrain.kinds import make_surface
 
 ROWS = 11
 

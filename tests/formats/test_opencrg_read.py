@@ -7,9 +7,9 @@ import numpy.testing as npt
 import pycrg
 import pytest
 
-from trueterrain.errors import FormatError
+from trueterrain.core.errors import FormatError
+from trueterrain.core.schemas import check_surface
 from trueterrain.formats import opencrg
-from trueterrain.kinds import check_surface
 
 RECORDED_HEIGHT = {"rtol": 0, "atol": 1e-6}  # [m] the C-API holds heights as float32
 RECORDED_PLACE = {"rtol": 0, "atol": 1e-9}  # [m] recorded with 17 digits

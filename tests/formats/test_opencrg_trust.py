@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
-from trueterrain.errors import OutputError
+from trueterrain.core.errors import OutputError
+from trueterrain.core.schemas import make_surface
 from trueterrain.formats import opencrg
 from trueterrain.formats.opencrg import _blocks, _rules, _stream, _verify, _write
-from trueterrain.formats.opencrg._holes import patched
-from trueterrain.formats.opencrg._median import median
-from trueterrain.kinds import make_surface
+from trueterrain.formats.opencrg._holes import patch_surface
+from trueterrain.formats.opencrg._median import blockwise_median
 
 ROWS, COLUMNS = 60, 9
 STEP_OF_TEXT = 5e-8  # [m] rounding of heights below 1 m in LRFI: a sign, a point and 7 digits
@@ -364,7 +364,7 @@ def test_median(values, size, step):
     if not finite.size:
         values = np.append(values, 0.0)
         finite = np.zeros(1)
-    found = median(
+    found = blockwise_median(
         lambda: (values[at : at + size] for at in range(0, values.size, size)), values[::step]
     )
     assert found == np.median(finite)
@@ -381,7 +381,7 @@ def some_of(count):
 def test_patches_are_seen_from_everywhere(rows, columns):
     surface = road(holes=True)
     holes = np.flatnonzero(opencrg.fill_interior(surface).filled.values)
-    lazy = patched(surface, holes)
+    lazy = patch_surface(surface, holes)
     whole = lazy.height[:].values
     assert np.isfinite(whole.reshape(-1)[holes]).all()
     npt.assert_array_equal(lazy.height[rows, columns], whole[rows][..., columns])
@@ -455,7 +455,7 @@ def test_sections_that_the_c_api_overlooks_are_a_doubt(tmp_path):
 def test_cells_for_the_c_api_lie_in_all_columns():
     for rows, columns in ((160_000, 380), (16_000, 380), (1000, 1), (3, 2), (90_000, 64)):
         cells = (rows - 1) * columns
-        chosen = np.arange(0, cells, _verify._step(cells, columns))
+        chosen = np.arange(0, cells, _verify._sampling_step(cells, columns))
         assert chosen.size <= _verify._MOST_CELLS
         assert np.unique(chosen % columns).size == columns or cells < columns
         assert chosen.size > 0.8 * min(cells, _verify._MOST_CELLS)

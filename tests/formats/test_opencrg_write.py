@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trueterrain.errors import OutputError
+from trueterrain.core.errors import OutputError
+from trueterrain.core.provenance import add_step, provenance_steps
+from trueterrain.core.schemas import check_surface, make_surface
 from trueterrain.formats import opencrg
-from trueterrain.kinds import check_surface, make_surface
-from trueterrain.provenance import add_step, steps
 
 FORMATS = ["KRBI", "KDBI", "LRFI", "LDFI"]
 # [m] rounding of heights of up to 0.5 m above the reference line: float32, and 9 characters
@@ -144,8 +144,8 @@ def test_history_and_crs_come_back(tmp_path):
     opencrg.write(road, tmp_path / "road.crg", comment=["$ first", "second " * 30, "Straße"])
     again = opencrg.read(tmp_path / "road.crg")
     assert again.attrs["crs"] == " ".join(wkt.split())
-    assert [step["step"] for step in steps(again)] == ["merge", "read"]
-    assert steps(again)[0]["parameters"]["text"] == " ".join(("a, b  c" * 20).split())
+    assert [step["step"] for step in provenance_steps(again)] == ["merge", "read"]
+    assert provenance_steps(again)[0]["parameters"]["text"] == " ".join(("a, b  c" * 20).split())
     comment = opencrg.describe(tmp_path / "road.crg")["comment"]
     assert "Stra?e" in comment
     assert max(map(len, comment.splitlines())) <= 72

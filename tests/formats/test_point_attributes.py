@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from trueterrain import formats
-from trueterrain.errors import CoverageError, FormatError, SchemaError
+from trueterrain.core.errors import CoverageError, FormatError, SchemaError
+from trueterrain.core.schemas import make_points
 from trueterrain.formats import PointFilter, las
 from trueterrain.formats.settings import parse_settings
-from trueterrain.kinds import make_points
 
 SAME = {"rtol": 0, "atol": 0}
 SAME_PLACE = {"rtol": 0, "atol": 2e-9}  # [m] float64 at 6e6 m has steps of 1e-9 m

@@ -14,8 +14,8 @@ import pytest
 import xarray as xr
 import zarr
 
-from trueterrain import provenance
-from trueterrain.errors import CoverageError, FormatError, OutputError, SchemaError
+from trueterrain.core import provenance
+from trueterrain.core.errors import CoverageError, FormatError, OutputError, SchemaError
 from trueterrain.formats import run as runs
 from trueterrain.formats.run import (
     Mounting,
@@ -583,9 +583,9 @@ def test_time_that_runs_backwards(store):
 
 def test_time_that_runs_backwards_between_two_blocks(store):
     """The rules go block by block, and remember."""
-    from trueterrain.formats.navigation._schema import Clock
+    from trueterrain.formats.navigation._schema import TimeChecker
 
-    clock = Clock(path=None, place="time")
+    clock = TimeChecker(path=None, place="time")
     clock.check(np.array([1.0, 2.0]))
     clock.check(np.array([]))
     with pytest.raises(SchemaError, match=r"value 2 \(2.000000 s\) follows 2.000000 s"):
@@ -1018,7 +1018,7 @@ def test_flat_files_give_the_run_that_was_written(store, tmp_path, kind, cells, 
         )
     for name in ("name", "origin", "time_reference", "mounting"):
         assert tree.attrs[name] == truth.attrs[name]
-    steps = provenance.steps(tree.to_dataset())
+    steps = provenance.provenance_steps(tree.to_dataset())
     assert [step["step"] for step in steps] == ["import"]
     assert steps[0]["inputs"][0]["name"] == "run.toml"
     assert told[-1] == ("accelerometers", SAMPLES, None)
@@ -1132,7 +1132,9 @@ def test_navigation_from_an_sbet_with_its_accuracies(tmp_path):
     npt.assert_allclose(tree.attrs["origin"], (11.0, 48.0, 500.0), **ROUND_OFF)
     npt.assert_allclose(tree["navigation"]["yaw"], np.pi / 2 - 0.5, rtol=0, atol=1e-9)
     npt.assert_allclose(tree["navigation"]["sd_yaw"], np.deg2rad(1 / 60), **ROUND_OFF)
-    inputs = [entry["name"] for entry in provenance.steps(tree.to_dataset())[0]["inputs"]]
+    inputs = [
+        entry["name"] for entry in provenance.provenance_steps(tree.to_dataset())[0]["inputs"]
+    ]
     assert inputs == ["run.toml", "sbet.out", "smrmsg.out", "scans.parquet", "acc.parquet"]
     errors[:, 0] += 1000
     errors.astype("<f8").tofile(tmp_path / "flat" / "smrmsg.out")

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 import pytest
 from pydantic import Field
 
-from trueterrain.errors import FormatError
+from trueterrain.core.errors import FormatError
 from trueterrain.formats.settings import (
     attribute_docs,
     parse_settings,

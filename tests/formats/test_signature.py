@@ -7,9 +7,9 @@ import numpy.testing as npt
 import pytest
 
 from trueterrain import formats
-from trueterrain.errors import FormatError
+from trueterrain.core.errors import FormatError
+from trueterrain.core.schemas import kind_of, make_points, make_profile, make_surface
 from trueterrain.formats import erd, las, opencrg, table
-from trueterrain.kinds import kind_of, make_points, make_profile, make_surface
 
 
 @pytest.fixture
@@ -43,10 +43,10 @@ def road():
     ],
 )
 def test_real_files_under_any_name(data, tmp_path, name, found):
-    assert formats.recognise(data / name).name == found
+    assert formats.recognise_format(data / name).name == found
     other = tmp_path / "file.dat"
     other.write_bytes((data / name).read_bytes())
-    assert formats.recognise(other).name == found
+    assert formats.recognise_format(other).name == found
 
 
 def test_made_files_are_recognised(tmp_path, profile, points):
@@ -55,10 +55,10 @@ def test_made_files_are_recognised(tmp_path, profile, points):
         npt.assert_allclose(formats.open(tmp_path / f"profile.{ending}").height, profile.height)
     for ending in ("las", "laz"):
         formats.write(points, tmp_path / f"points.{ending}")
-        assert formats.recognise(tmp_path / f"points.{ending}").name == ending.upper()
+        assert formats.recognise_format(tmp_path / f"points.{ending}").name == ending.upper()
     for content, found in [(b"II*\0", "GeoTIFF"), (b"MM\0*", "GeoTIFF"), (b"II+\0", "GeoTIFF")]:
         (tmp_path / "map").write_bytes(content + bytes(100))
-        assert formats.recognise(tmp_path / "map").name == found
+        assert formats.recognise_format(tmp_path / "map").name == found
 
 
 @pytest.mark.parametrize(
@@ -78,7 +78,7 @@ def test_made_files_are_recognised(tmp_path, profile, points):
 def test_unknown_files_are_described(tmp_path, content, words):
     path = tmp_path / "file.laz"
     path.write_bytes(content)
-    for function in (formats.open, formats.info, formats.recognise):
+    for function in (formats.open, formats.info, formats.recognise_format):
         with pytest.raises(FormatError) as caught:
             function(path)
         message = str(caught.value)
@@ -146,7 +146,7 @@ def test_an_sbet_as_text_is_the_same_navigation(tmp_path, separator):
     title = "made by sbet2text"
     np.savetxt(tmp_path / "sbet.txt", records, delimiter=separator, fmt="%.17g", header=title)
     records.astype("<f8").tofile(tmp_path / "sbet.out")
-    assert formats.recognise(tmp_path / "sbet.txt").name == "SBET as text"
+    assert formats.recognise_format(tmp_path / "sbet.txt").name == "SBET as text"
     text, binary = (formats.open(tmp_path / f"sbet.{ending}") for ending in ("txt", "out"))
     for name in binary.data_vars:
         npt.assert_array_equal(text[name], binary[name])

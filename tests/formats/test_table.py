@@ -7,11 +7,11 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from trueterrain import provenance
-from trueterrain.errors import CoverageError, FormatError, SchemaError, TrueTerrainError
-from trueterrain.formats import recognise, table
+from trueterrain.core import provenance
+from trueterrain.core.errors import CoverageError, FormatError, SchemaError, TrueTerrainError
+from trueterrain.core.schemas import ASSUMED, make_points, make_profile, make_surface
+from trueterrain.formats import recognise_format, table
 from trueterrain.formats.navigation._tables import table_columns
-from trueterrain.kinds import ASSUMED, make_points, make_profile, make_surface
 
 ROUND_OFF = {"rtol": 0, "atol": 1e-12}  # [m] the truth is exact in decimal
 ENDINGS = ["csv", "parquet"]
@@ -42,7 +42,7 @@ def test_profile_round_trip_keeps_every_bit(tmp_path, ending):
     for name in ("s", "height", "easting", "northing", "sd", "count"):
         npt.assert_array_equal(again[name], profile[name])
     assert again["count"].dtype == np.int64
-    assert [step["step"] for step in provenance.steps(again)] == ["read"]
+    assert [step["step"] for step in provenance.provenance_steps(again)] == ["read"]
 
 
 def test_columns_of_a_profile(tmp_path):
@@ -197,7 +197,7 @@ def test_titles_separators_and_decimal_commas(tmp_path, titles, header, separato
     lines = [lines[0], *(line.replace(".", decimal) for line in lines[1:])]
     text = titles + "\n".join(lines).replace("|", separator) + "\n"
     path = write_text(tmp_path, text)
-    assert recognise(path).name == "CSV"
+    assert recognise_format(path).name == "CSV"
     # a line of as many words as there are numbers behind it names columns, if not those known
     before = header or (titles.strip().splitlines() or [""])[-1].replace("|", separator)
     count = len(before.replace("|", separator).split(None if separator == " " else separator))

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 import zarr
 
-from trueterrain.engine import Checksums
-from trueterrain.errors import OutputError
+from trueterrain.core import Checksums
+from trueterrain.core.errors import OutputError
+from trueterrain.core.schemas import make_points, make_profile, make_surface
 from trueterrain.figures import profiles
-from trueterrain.figures.output import save
+from trueterrain.figures.output import save_figure
 from trueterrain.formats import erd, geotiff, las, opencrg, store, table
 from trueterrain.formats.las import _write as las_write
 from trueterrain.formats.run import Mounting, RunWriter
 from trueterrain.formats.table import _parquet, _write
-from trueterrain.kinds import make_points, make_profile, make_surface
 
 NOISE = np.random.default_rng(0)
 ALONG = 0.01 * np.arange(60)
@@ -41,7 +41,7 @@ def write_run(_, path, *, force=False):
 
 
 def save_picture(profile, path, *, force=False):
-    save(profiles(profile), path, force=force)
+    save_figure(profiles(profile), path, force=force)
 
 
 WRITERS = {

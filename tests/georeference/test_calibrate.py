@@ -8,12 +8,12 @@ import pytest
 import xarray as xr
 from scipy.spatial.transform import Rotation
 
-from trueterrain.errors import CoverageError
+from trueterrain.core.errors import CoverageError
 from trueterrain.formats.run import Mounting, open_run
-from trueterrain.georeference.calibrate import CalibrationSettings, calibrate
+from trueterrain.georeference.calibrate import CalibrationSettings, calibrate_mounting
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import Truth, read_scene
-from trueterrain.simulate.scene._parts import Drive
+from trueterrain.simulate.scene import TruthSettings, read_scene
+from trueterrain.simulate.scene._parts import ScenePass
 
 COARSE = Scanner(
     beams=200, rate=1000.0, range_noise=0.0, intensity_noise=0.0, floor=0.0, saturation_bias=0.0,
@@ -44,7 +44,7 @@ def values(mounting):
 
 def drive(name, *, reverse=False, lane=0.0, speed=5.0):
     """A pass whose laser, 2.25 m behind the body, sees stations 8.75 to 16.75 m."""
-    return Drive(
+    return ScenePass(
         name=name, reverse=reverse, lane=lane, start=14.5 if reverse else 11.0, length=8.0,
         speed={"kind": "constant", "speed": speed},
     )  # fmt: skip
@@ -59,7 +59,7 @@ def passes(record):
         drive("right", reverse=True, lane=-1.0, speed=7.0),
     )  # fmt: skip
     scene = replace(
-        scene, scanner=COARSE, truth=Truth(returns=False, spacing=0.1), raster=0.01
+        scene, scanner=COARSE, truth=TruthSettings(returns=False, spacing=0.1), raster=0.01
     )  # fmt: skip
     found = [record(replace(scene, passes=(one,))) for one in drives]
     return [open_run(run).load() for run, _ in found], [way for _, way in found], scene.mounting
@@ -82,7 +82,7 @@ def thinned(run, first, rng, noise=NOISE):
 
 def test_finds_the_true_mounting_from_passes_without_noise(passes):
     runs, ways, true = passes
-    found = calibrate(runs, ways, mounting=by_tape(true),
+    found = calibrate_mounting(runs, ways, mounting=by_tape(true),
                       settings=CalibrationSettings(parameters=FIVE))  # fmt: skip
     error = dict(zip(found.parameters, found.value - values(true)[[0, 1, 2, 4, 6]], strict=True))
     for name in FIVE:
@@ -94,7 +94,7 @@ def test_finds_the_true_mounting_from_passes_without_noise(passes):
     assert found.not_observable == ()
     assert 1 < found.condition < 100
     npt.assert_allclose(np.diag(found.correlation), 1.0, rtol=0, atol=1e-12)
-    summary = found.summary()
+    summary = found.to_dict()
     assert set(summary["value"]) == set(FIVE)
     assert Mounting.from_attrs(summary["mounting"]) == found.mounting
 
@@ -103,14 +103,14 @@ def test_refuses_what_opposite_passes_do_not_tell(passes):
     runs, ways, _ = passes
     words = r"do not tell .*lever_x .*goes with pitch.*lever_z .*Measure lever_x with a tape"
     with pytest.raises(CoverageError, match=words):
-        calibrate(runs[:2], ways[:2])
+        calibrate_mounting(runs[:2], ways[:2])
 
 
 def test_holds_what_the_passes_do_not_tell_and_says_what_that_does(passes):
     """A held parameter that is wrong makes others wrong, by as much as `sensitivity` says."""
     runs, ways, true = passes
     start = Mounting.from_attrs(runs[0].attrs["mounting"])
-    found = calibrate(runs, ways, settings=CalibrationSettings(unobservable="hold"))
+    found = calibrate_mounting(runs, ways, settings=CalibrationSettings(unobservable="hold"))
     assert found.not_observable == ("lever_x", "lever_z")
     assert found.parameters == FIVE
     held = [NAMES.index(name) for name in found.held]
@@ -125,7 +125,7 @@ def test_holds_what_the_passes_do_not_tell_and_says_what_that_does(passes):
 def test_heights_that_one_pass_has_wrong_become_its_offset(passes):
     runs, ways, true = passes
     raised = replace(ways[1], position=ways[1].position + np.array([0.0, 0.0, 0.02]))
-    found = calibrate(runs, [ways[0], raised, *ways[2:]], mounting=by_tape(true),
+    found = calibrate_mounting(runs, [ways[0], raised, *ways[2:]], mounting=by_tape(true),
                       settings=CalibrationSettings(parameters=FIVE))  # fmt: skip
     npt.assert_allclose(found.offset, [0.0, 0.02, 0.0, 0.0], rtol=0, atol=2e-5)  # [m]
     error = found.value - values(true)[[0, 1, 2, 4, 6]]
@@ -143,7 +143,7 @@ def test_passes_that_navigation_moved_aside_are_told_apart_from_the_mounting(pas
                 covariance=np.broadcast_to(claimed, (way.time.size, 6, 6)))
         for way in ways
     ]  # fmt: skip
-    found = calibrate(runs, moved, mounting=by_tape(true),
+    found = calibrate_mounting(runs, moved, mounting=by_tape(true),
                       settings=CalibrationSettings(parameters=FIVE))  # fmt: skip
     error = found.value - values(true)[[0, 1, 2, 4, 6]]
     assert (np.abs(error) < [CLOSE[name] for name in FIVE]).all()
@@ -161,7 +161,7 @@ def test_standard_deviations_are_those_of_errors(passes):
     ratios = []
     for _ in range(4):
         noisy = [thinned(run, int(rng.integers(2)), rng) for run in runs]
-        found = calibrate(noisy, ways, mounting=by_tape(true),
+        found = calibrate_mounting(noisy, ways, mounting=by_tape(true),
                           settings=CalibrationSettings(parameters=FIVE))  # fmt: skip
         ratios.append((found.value - values(true)[[0, 1, 2, 4, 6]]) / found.sd)
     npt.assert_allclose(np.sqrt(np.mean(np.square(ratios))), 1.0, rtol=0, atol=HONEST)
@@ -171,19 +171,19 @@ def test_flat_ground_tells_the_roll_and_nothing_that_moves_it(record):
     scene, _ = read_scene("boresight")
     flat = replace(
         scene, ground=({"kind": "plane"},), scanner=COARSE, raster=0.05,
-        truth=Truth(returns=False, spacing=0.1),
+        truth=TruthSettings(returns=False, spacing=0.1),
     )  # fmt: skip
     found = [record(replace(flat, passes=(one,))) for one in
              (drive("there"), drive("back", reverse=True))]  # fmt: skip
     runs, ways = [open_run(run).load() for run, _ in found], [way for _, way in found]
     for name in ("pitch", "yaw", "lever_x", "lever_y", "lever_z", "clock"):
         with pytest.raises(CoverageError, match=f"do not tell {name}"):
-            calibrate(
+            calibrate_mounting(
                 runs,
                 ways,
                 settings=CalibrationSettings(parameters=("roll", name), largest_rounds=3),
             )
-    only = calibrate(runs, ways, settings=CalibrationSettings(parameters=("roll",)))
+    only = calibrate_mounting(runs, ways, settings=CalibrationSettings(parameters=("roll",)))
     npt.assert_allclose(only.value, 0.004, rtol=0, atol=CLOSE["roll"])
 
 
@@ -191,21 +191,21 @@ def test_passes_over_other_ground_are_refused(passes):
     runs, ways, _ = passes
     away = replace(ways[1], position=ways[1].position + np.array([100.0, 0.0, 0.0]))
     with pytest.raises(CoverageError, match="share no ground"):
-        calibrate(runs[:2], [ways[0], away])
+        calibrate_mounting(runs[:2], [ways[0], away])
 
 
 def test_ground_that_needs_too_many_cells_is_refused(passes):
     runs, ways, _ = passes
     settings = CalibrationSettings(area=(0.0, 0.0, 10_000.0, 10.0))
     with pytest.raises(CoverageError, match="Name an area"):
-        calibrate(runs[:2], ways[:2], settings=settings)
+        calibrate_mounting(runs[:2], ways[:2], settings=settings)
 
 
 def test_ground_in_too_few_squares_for_standard_deviations_is_refused(passes):
     runs, ways, _ = passes
     settings = CalibrationSettings(parameters=("roll",), cluster=8.0)
     with pytest.raises(CoverageError, match=r"in \d squares .* smaller squares: cluster"):
-        calibrate(runs[:2], ways[:2], settings=settings)
+        calibrate_mounting(runs[:2], ways[:2], settings=settings)
 
 
 def test_passes_without_returns_are_refused(passes):
@@ -214,17 +214,17 @@ def test_passes_without_returns_are_refused(passes):
     scans = blind["scans"].to_dataset()
     blind["scans"] = xr.DataTree(scans.assign(range=scans["range"] * np.nan))
     with pytest.raises(CoverageError, match="1 of 2 passes have returns"):
-        calibrate([runs[0], blind], ways[:2])
+        calibrate_mounting([runs[0], blind], ways[:2])
 
 
 def test_arguments_without_sense_are_refused(passes):
     runs, ways, _ = passes
     with pytest.raises(ValueError, match="at least 2, with a trajectory each, got 1 and 1"):
-        calibrate(runs[:1], ways[:1])
+        calibrate_mounting(runs[:1], ways[:1])
     other = runs[1].copy()
     other.attrs = {**other.attrs, "mounting": Mounting(scanner_clock=0.1).to_attrs()}
     with pytest.raises(ValueError, match="one mounting"):
-        calibrate([runs[0], other], ways[:2])
+        calibrate_mounting([runs[0], other], ways[:2])
 
 
 @pytest.mark.parametrize(
@@ -268,7 +268,7 @@ def test_errors_of_the_motion_count_as_the_motion_claims_them(passes):
             whole = np.broadcast_to(covariance, (way.time.size, 6, 6))
             moved.append(replace(way, position=way.position + aside, quaternion=quaternion,
                                  covariance=whole))  # fmt: skip
-        found = calibrate(runs, moved, mounting=start, settings=settings)
+        found = calibrate_mounting(runs, moved, mounting=start, settings=settings)
         ratios.append((found.value - values(true)[:2]) / found.sd)
         # four passes are not better than the mean of their errors, but for what a body that rolls
         # of itself tells of them: a scanner that is carried aside by 0.4 mm then heaves by 2 um

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from trueterrain.formats.run import Mounting
 from trueterrain.georeference import ScanGeometry, Screening, georeference
-from trueterrain.georeference._patches import NAMES, MapGrid, _returns, patches
+from trueterrain.georeference._patches import NAMES, PatchGrid, _georeference_returns, fit_patches
 from trueterrain.motion import Trajectory
 
 ASKEW = Mounting(
@@ -73,7 +73,7 @@ def test_derivatives_are_those_of_georeferenced_points(span):
         (found,) = georeference([block], way, mounting)
         return np.stack([found[name].values for name in ("easting", "northing", "up")])
 
-    where, by, weight, when = _returns(
+    where, by, weight, when = _georeference_returns(
         ScanGeometry(way, ASKEW, angle, delay), block, Screening(), 1.0
     )
     npt.assert_allclose(where, points(ASKEW), rtol=0, atol=1e-12)
@@ -108,8 +108,8 @@ def test_a_plane_is_told_exactly_however_the_returns_lie():
         {"time": ("scan", time), "range": (("scan", "beam"), ranges),
          "angle": ("beam", angle), "delay": ("beam", np.zeros(80))}
     )  # fmt: skip
-    grid = MapGrid.over((0.1, -0.25, 0.9, 0.25), 0.04)
-    found = patches([block], way, Mounting(), grid, Screening(), 1.0)
+    grid = PatchGrid.over((0.1, -0.25, 0.9, 0.25), 0.04)
+    found = fit_patches([block], way, Mounting(), grid, Screening(), 1.0)
     good = np.isfinite(found.height)
     assert good[2:-2, 2:-2].mean() > 0.9
     north, east = np.meshgrid(
@@ -129,7 +129,7 @@ def test_beams_beyond_the_largest_angle_are_not_used():
          "angle": ("beam", [-0.6, 0.0, 0.6]), "delay": ("beam", np.zeros(3))}
     )  # fmt: skip
     geometry = ScanGeometry(still(), Mounting(), block.angle, block.delay)
-    found = _returns(geometry, block, Screening(), 0.5)
+    found = _georeference_returns(geometry, block, Screening(), 0.5)
     assert found is not None
     npt.assert_allclose(found[0], [[0.0], [0.0], [0.0]], rtol=0, atol=1e-12)
-    assert _returns(geometry, block, Screening(nearest=3.0), 0.5) is None
+    assert _georeference_returns(geometry, block, Screening(nearest=3.0), 0.5) is None

@@ -10,13 +10,13 @@ from scipy.stats import chi2
 
 from trueterrain.formats.run import Mounting, open_run
 from trueterrain.georeference._differences import body_turns
-from trueterrain.georeference._wander import Wander
-from trueterrain.georeference.calibrate import CalibrationSettings, calibrate
+from trueterrain.georeference._wander import MotionErrorModel
+from trueterrain.georeference.calibrate import CalibrationSettings, calibrate_mounting
 from trueterrain.motion import Trajectory
-from trueterrain.simulate.noise import GaussMarkov, generator
+from trueterrain.simulate.noise import GaussMarkov, named_generator
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import Truth, read_scene
-from trueterrain.simulate.scene._parts import Drive
+from trueterrain.simulate.scene import TruthSettings, read_scene
+from trueterrain.simulate.scene._parts import ScenePass
 
 # of a navigation that drifts a twentieth as much as the class of `Navigation`, as fast
 SD = np.array([1e-3, 1e-3, 9e-4, 1.2e-5, 1.2e-5, 2.1e-5])  # [m], [rad]
@@ -31,7 +31,7 @@ ROUND_OFF = 1e-9  # [1] relative, of inverses
 
 
 def drive(name, start, *, reverse=False, speed=5.0):
-    return Drive(name=name, reverse=reverse, start=start, length=7.0,
+    return ScenePass(name=name, reverse=reverse, start=start, length=7.0,
                  speed={"kind": "constant", "speed": speed})  # fmt: skip
 
 
@@ -43,7 +43,9 @@ def passes(record):
         beams=80, rate=1000.0, range_noise=0.0, intensity_noise=0.0, floor=0.0,
         saturation_bias=0.0, dropouts=0.0, spot_rays=1,
     )  # fmt: skip
-    scene = replace(scene, scanner=scanner, truth=Truth(returns=False, spacing=0.1), raster=0.01)
+    scene = replace(
+        scene, scanner=scanner, truth=TruthSettings(returns=False, spacing=0.1), raster=0.01
+    )
     drives = drive("there", 11.0), drive("back", 14.0, reverse=True, speed=7.0)
     found = [record(replace(scene, passes=(one,))) for one in drives]
     return [open_run(run).load() for run, _ in found], [way for _, way in found], scene.mounting
@@ -53,7 +55,7 @@ def drifting(way: Trajectory, seed: int, name: str) -> Trajectory:
     """A motion that is wrong by a first-order Gauss-Markov process, and claims as much."""
     rate = 1.0 / float(np.median(np.diff(way.time)))
     errors = np.concatenate([
-        GaussMarkov(rng=generator(seed, name, f"{time:g} s"), sd=SD[time == TIME],
+        GaussMarkov(rng=named_generator(seed, name, f"{time:g} s"), sd=SD[time == TIME],
                     correlation_time=time, rate=rate).next(way.time.size)
         for time in (25.0, 60.0)
     ], axis=1)  # fmt: skip
@@ -75,7 +77,7 @@ def test_standard_deviations_hold_where_the_motion_drifts_within_a_pass(passes):
     ratios = []
     for seed in range(REPEATS):
         moved = [drifting(way, seed, f"pass {p}") for p, way in enumerate(ways)]
-        found = calibrate(runs, moved, mounting=true, settings=EVERY)
+        found = calibrate_mounting(runs, moved, mounting=true, settings=EVERY)
         ratios.append((found.value - values(true)) / found.sd)
     rms = np.sqrt(np.mean(np.square(ratios), axis=0))
     low, high = np.sqrt(chi2.ppf([RARE, 1 - RARE], REPEATS) / REPEATS)
@@ -86,7 +88,9 @@ def test_standard_deviations_hold_where_the_motion_drifts_within_a_pass(passes):
 def test_a_motion_that_drifts_tells_less(passes):
     runs, ways, true = passes
     moved = [drifting(way, 1, f"pass {p}") for p, way in enumerate(ways)]
-    exact, found = (calibrate(runs, them, mounting=true, settings=EVERY) for them in (ways, moved))
+    exact, found = (
+        calibrate_mounting(runs, them, mounting=true, settings=EVERY) for them in (ways, moved)
+    )
     assert (found.sd > exact.sd).all()
 
 
@@ -95,7 +99,7 @@ def wander():
     """Errors of two passes; of the second only heights and rolls are uncertain."""
     sd = np.array([[0.02, 0.02, 0.03, 1e-3, 1e-3, 2e-3], [0, 0, 0.03, 1e-3, 0, 0]])
     times = [np.array([1.0, np.nan, 3.0]), np.array([5.0, 5.4])]
-    return Wander.over(times, sd, TIME, 0.5)
+    return MotionErrorModel.over(times, sd, TIME, 0.5)
 
 
 def test_knots_cover_what_is_seen(wander):
@@ -103,7 +107,7 @@ def test_knots_cover_what_is_seen(wander):
     npt.assert_allclose(wander.knots[1], [5.0, 5.4], rtol=0, atol=1e-12)
     assert wander.size == 6 * 5 + 2 * 2
     assert wander.aside.sum() == 2 * 5
-    long = Wander.over([np.array([0.0, 1000.0])] * 2, wander.sd, TIME, 0.5)
+    long = MotionErrorModel.over([np.array([0.0, 1000.0])] * 2, wander.sd, TIME, 0.5)
     assert [knots.size for knots in long.knots] == [25, 25]
 
 
@@ -145,7 +149,7 @@ def test_heights_that_do_not_move_are_seen_to_be_steady():
     rng = np.random.default_rng(5)
     sd = np.zeros((200, 6))
     sd[:, 2] = 0.02
-    wander = Wander.over([np.array([0.0, 6.0])] * 200, sd, TIME, 0.25)
+    wander = MotionErrorModel.over([np.array([0.0, 6.0])] * 200, sd, TIME, 0.25)
     assert wander.size == 200 * 25
     true = 400.0  # [s]
     steps = 0.02 * np.sqrt(2 * 0.25 / true) * rng.normal(size=(200, 24))

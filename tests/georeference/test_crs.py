@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from trueterrain.georeference.crs import check_crs, into_crs
-from trueterrain.kinds import make_points
+from trueterrain.core.schemas import make_points
+from trueterrain.geometry.topocentric import check_crs, into_crs
 
 MOST = 0.0035  # [1] change of lengths that is allowed
 CHANGE = 1e-5  # [1] of the scale from the origin to the corners of a square

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from trueterrain.errors import CoverageError
+from trueterrain.core.errors import CoverageError
 from trueterrain.formats.run import Mounting, open_run, scan_blocks
 from trueterrain.georeference import ScanGeometry, Screening, georeference
 from trueterrain.motion import Trajectory

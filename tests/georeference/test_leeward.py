@@ -15,9 +15,9 @@ import xarray as xr
 from trueterrain.formats import las
 from trueterrain.formats.navigation import read_sbet
 from trueterrain.formats.run import Mounting
+from trueterrain.geometry.rotations import enu_of_projected, geodetic_of_enu
 from trueterrain.georeference import georeference
-from trueterrain.motion import FusionSettings, fuse
-from trueterrain.motion.frames import enu_of_projected, geodetic_of_enu
+from trueterrain.motion import FusionSettings, fuse_motion
 
 MILLIMETRE = 1e-3  # [m] of what comes back after 5 km there and back
 RANGE = 1.0  # [m] to which the ranges were published
@@ -37,7 +37,7 @@ def flight(data):
     navigation = read_sbet(folder / "sbet.out")
     run = xr.DataTree.from_dict({"navigation": navigation})
     run.attrs["origin"] = navigation.attrs["origin"]
-    motion = fuse(run, settings=FusionSettings(method="navigation"))
+    motion = fuse_motion(run, settings=FusionSettings(method="navigation"))
     points = las.read(folder / "points.las", crs=crs)
     origin = navigation.attrs["origin"]
     place = (points[name].values for name in ("easting", "northing", "up"))

@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from trueterrain.formats.navigation import sbet
 from trueterrain.formats.run import Mounting
+from trueterrain.geometry.topocentric import into_crs
 from trueterrain.georeference import georeference
-from trueterrain.georeference.crs import into_crs
-from trueterrain.motion import FusionSettings, Trajectory, fuse
+from trueterrain.motion import FusionSettings, Trajectory, fuse_motion
 
 ROUNDED = 0.3  # [deg] rms of angles that are stored in whole degrees: 1 / sqrt(12), and the mirror
 FORWARD = 1e-5  # [m] round-off of a range of 5 km
@@ -26,7 +26,7 @@ def leeward(data: Path) -> tuple[Trajectory, np.ndarray, laspy.LasData, list[flo
     """Motion, points in its local frame, the points as they are stored, and the origin."""
     folder = data / "scanning" / "georeference" / "leeward"
     navigation = sbet.read(folder / "sbet.out")
-    motion = fuse(
+    motion = fuse_motion(
         xr.DataTree.from_dict({"navigation": navigation}),
         settings=FusionSettings(method="navigation", way_window=0.02),
     )
@@ -80,7 +80,7 @@ def test_what_the_body_sees_gives_the_points_back(leeward):
 def test_points_in_the_map_are_those_of_the_other_file(leeward, data):
     """UTM zone 11 on WGS 84, computed by somebody else; heights are ellipsoidal."""
     _, local, points, origin = leeward
-    from trueterrain.kinds import make_points
+    from trueterrain.core.schemas import make_points
 
     moved = into_crs(make_points(*local.T), origin, "EPSG:32611")
     other = laspy.read(data / "scanning" / "georeference" / "leeward" / "points.las")

@@ -11,7 +11,7 @@ from trueterrain.simulate.accelerometers import AccelerometerStream
 from trueterrain.simulate.navigation import NavigationStream
 from trueterrain.simulate.pose import COMPONENTS
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import Truth, read_scene, record_scene, set_stage
+from trueterrain.simulate.scene import TruthSettings, read_scene, record_scene, set_stage
 
 LEAD = 0.1  # [s] that navigation and accelerometers are on before and after the drive
 
@@ -68,7 +68,7 @@ def bounce_run(tmp_path_factory):
     scene = replace(
         scene,
         scanner=Scanner(beams=41, spot_rays=1),
-        truth=Truth(returns=False, spacing=0.1),
+        truth=TruthSettings(returns=False, spacing=0.1),
         raster=0.05,
     )
     (store,) = record_scene(scene, tmp_path_factory.mktemp("bounce"), path=path)

@@ -7,9 +7,9 @@ import pytest
 import xarray as xr
 from numpy.testing import assert_allclose
 
-from trueterrain.errors import CoverageError
+from trueterrain.core.errors import CoverageError
 from trueterrain.formats.run import Mounting
-from trueterrain.motion import FusionSettings, fuse
+from trueterrain.motion import FusionSettings, fuse_motion
 from trueterrain.motion.clocks import (
     accelerometer_clock_from_navigation,
     scanner_clock_from_bounce,
@@ -109,7 +109,7 @@ def test_a_clock_that_runs_fast(bounce):
     settings = FusionSettings(
         accelerometer_delay=sensors.group_delay, accelerometer_clock_rate=found.rate
     )
-    right, wrong = fuse(run, settings=settings), fuse(run)
+    right, wrong = fuse_motion(run, settings=settings), fuse_motion(run)
     error = [rms(Errors(run, motion.trajectory).turn[:, 1]) for motion in (right, wrong)]
     assert error[0] < error[1]
 

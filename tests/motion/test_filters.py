@@ -5,10 +5,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from trueterrain.motion import _complementary as filters
-from trueterrain.motion._heave import lever, tells_turns
-from trueterrain.motion._inertial import Inertial
-from trueterrain.motion._noise import quietest, white_and_wander
-from trueterrain.motion._way import Smooth, bridge_variance
+from trueterrain.motion._heave import lever_height, tells_turns
+from trueterrain.motion._inertial import InertialAccelerations
+from trueterrain.motion._noise import quietest_density, white_and_wander
+from trueterrain.motion._way import SmoothedSeries, bridge_variance
 
 RATE = 2000.0  # [Hz]
 GAIN = 1e-4  # of double integration at 50 Hz; the trapezoid loses 4e-3 at 2 kHz, 1.6e-2 at 1 kHz
@@ -20,7 +20,7 @@ def swinging(frequency, duration=4.0, apart=2, amplitude=1e-3):
     omega = 2 * np.pi * frequency
     acceleration = -amplitude * omega**2 * np.sin(omega * fine)[:, None] * np.ones(3)
     knot = np.arange(0, fine.size, apart)
-    inertial = Inertial(
+    inertial = InertialAccelerations(
         fine=fine, acceleration=acceleration, knot=knot, share=np.full((3, 3), 1 / 3),
         per_sensor=acceleration, lost=np.zeros((fine.size - 1, 3)),
         bridged=np.zeros(fine.size, dtype=bool), middle=np.zeros(3), turns=True,
@@ -32,7 +32,7 @@ def swinging(frequency, duration=4.0, apart=2, amplitude=1e-3):
 @pytest.mark.parametrize("frequency", [0.5, 10.0, 50.0])
 def test_double_integration_keeps_the_amplitude(frequency):
     inertial, truth = swinging(frequency)
-    value, rate = filters.integrated(inertial, truth)
+    value, rate = filters.integrate_acceleration(inertial, truth)
     assert_allclose(value, truth, rtol=0, atol=GAIN * 1e-3)
     omega = 2 * np.pi * frequency
     speed = 1e-3 * omega * np.cos(omega * inertial.time)[:, None] * np.ones(3)
@@ -55,7 +55,7 @@ def test_integrals_of_a_cubic_are_exact():
 def test_the_causal_pair_at_its_crossover(order, gain):
     """Low-pass and high-pass add up to these at 10 Hz (reference, exact for analog filters)."""
     inertial, truth = swinging(10.0, duration=6.0)
-    fused, _, _ = filters.causal(inertial, truth, cutoff=10.0, order=order)
+    fused, _, _ = filters.causal_filter(inertial, truth, cutoff=10.0, order=order)
     settled = inertial.time > 3.0
     found = np.sqrt(2) * np.std(fused[settled, 0]) / 1e-3
     assert_allclose(found, gain, rtol=0, atol=2e-3)
@@ -73,10 +73,10 @@ def test_the_crossover_of_equal_noise():
     """50 ug/sqrt(Hz) and 1 mm white in 100 Hz: 0.35 Hz (reference)."""
     density = 50e-6 * 9.80665
     one = np.ones(3)
-    spectra = filters.Spectra(
+    spectra = filters.ErrorSpectra(
         white=1e-6 / 100 * one, wander=0 * one, acceleration=density**2 * one, walk=0 * one
     )
-    assert_allclose(filters.crossover(spectra), 0.35, rtol=0, atol=0.005)
+    assert_allclose(filters.crossover_frequency(spectra), 0.35, rtol=0, atol=0.005)
 
 
 def test_wiener_is_better_than_any_butterworth():
@@ -87,19 +87,19 @@ def test_wiener_is_better_than_any_butterworth():
     noisy = inertial.acceleration + density * np.sqrt(RATE / 2) * rng.standard_normal(
         inertial.acceleration.shape
     )
-    inertial = Inertial(**{**vars(inertial), "acceleration": noisy})
+    inertial = InertialAccelerations(**{**vars(inertial), "acceleration": noisy})
     navigation = truth + white * rng.standard_normal(truth.shape)
     one = np.ones(3)
-    spectra = filters.Spectra(
+    spectra = filters.ErrorSpectra(
         white=2 * white**2 / 1000.0 * one, wander=0 * one, acceleration=density**2 * one,
         walk=0 * one,
     )  # fmt: skip
-    error = np.std(filters.wiener(inertial, navigation, spectra)[0] - truth)
+    error = np.std(filters.wiener_filter(inertial, navigation, spectra)[0] - truth)
     for cutoff in (0.2, 0.5, 1.0, 3.0, 10.0):
         other, _ = filters.zero_phase(inertial, navigation, cutoff=cutoff, order=2)
         assert error < np.std(other - truth)
     frequency = np.geomspace(0.01, 500.0, 2000)
-    claimed = filters.variance(spectra, filters.low_pass(spectra, frequency), frequency)
+    claimed = filters.filter_variance(spectra, filters.low_pass(spectra, frequency), frequency)
     assert 0.8 < error / np.sqrt(claimed[0]) < 1.2  # 30 s at 0.5 Hz, three series: sd 0.08
 
 
@@ -114,15 +114,15 @@ def test_the_quietest_octave_is_not_that_of_the_motion():
     time = np.arange(0.0, 10.0, 1 / RATE)
     noise = 5e-4 * np.sqrt(RATE / 2) * np.random.default_rng(1).standard_normal(time.size)
     moving = noise + 5 * np.sin(2 * np.pi * 11 * time) + 0.5 * np.sin(2 * np.pi * 47 * time)
-    assert_allclose(quietest(moving, RATE), 5e-4, rtol=0, atol=5e-5)
+    assert_allclose(quietest_density(moving, RATE), 5e-4, rtol=0, atol=5e-5)
 
 
 def test_levers():
     """Derivatives against differences."""
     point = np.array([1.3, -0.7, 0.9])
     step = 1e-6
-    value, by_roll, by_pitch = lever(0.1, -0.2, point)
-    near = [lever(0.1 + step, -0.2, point)[0], lever(0.1, -0.2 + step, point)[0]]
+    value, by_roll, by_pitch = lever_height(0.1, -0.2, point)
+    near = [lever_height(0.1 + step, -0.2, point)[0], lever_height(0.1, -0.2 + step, point)[0]]
     assert_allclose((np.array(near) - value) / step, [by_roll, by_pitch], rtol=0, atol=1e-5)
 
 
@@ -157,7 +157,7 @@ def test_smoothing_keeps_a_cubic():
     navigation = NavigationInput(
         time=time, pose=pose, sd=np.zeros_like(pose), step=0.005, gaps=(), dropped=0
     )
-    smooth = Smooth(navigation, [0, 1], window=0.2, slow=1.0)
+    smooth = SmoothedSeries(navigation, [0, 1], window=0.2, slow=1.0)
     at = np.linspace(0.0, 1.99, 77)
     assert_allclose(smooth.value(at), np.stack([at**3, 1 - at**2], 1), rtol=0, atol=1e-9)
     assert_allclose(smooth.rate(at), np.stack([3 * at**2, -2 * at], 1), rtol=0, atol=1e-7)

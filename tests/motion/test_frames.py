@@ -6,8 +6,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from trueterrain.errors import CoverageError
-from trueterrain.motion import frames
+from trueterrain.core.errors import CoverageError
+from trueterrain.geometry import rotations
 
 EXACT = 1e-14  # [1] elements of matrices: round-off only
 ROUND_OFF = 1e-12  # [rad] angles that went there and back
@@ -44,12 +44,12 @@ def truth():
 
 def test_sbet_angles():
     assert_allclose(
-        frames.from_sbet(ROLL, NOSE_UP, HEADING).as_matrix(), truth(), rtol=0, atol=EXACT
+        rotations.from_sbet(ROLL, NOSE_UP, HEADING).as_matrix(), truth(), rtol=0, atol=EXACT
     )
 
 
 def test_span_takes_the_same_values():
-    found = frames.from_span(ROLL, NOSE_UP, HEADING).as_matrix()
+    found = rotations.from_span(ROLL, NOSE_UP, HEADING).as_matrix()
     assert_allclose(found, truth(), rtol=0, atol=EXACT)
     right_forward_up = rz(-HEADING) @ rx(NOSE_UP) @ ry(ROLL)
     assert_allclose(found[:, :, 0], right_forward_up[:, :, 1], rtol=0, atol=EXACT)
@@ -58,7 +58,7 @@ def test_span_takes_the_same_values():
 
 def test_iso_8855_angles():
     yaw = np.pi / 2 - HEADING
-    found = frames.from_iso8855(ROLL, -NOSE_UP, yaw).as_matrix()
+    found = rotations.from_iso8855(ROLL, -NOSE_UP, yaw).as_matrix()
     assert_allclose(found, rz(yaw) @ ry(-NOSE_UP) @ rx(ROLL), rtol=0, atol=EXACT)
     assert_allclose(found, truth(), rtol=0, atol=EXACT)
 
@@ -69,18 +69,18 @@ def test_omega_phi_kappa_of_the_photogrammetric_matrix():
     omega = np.arctan2(-a[:, 1, 2], a[:, 2, 2])
     phi = np.arcsin(a[:, 0, 2])
     kappa = np.arctan2(-a[:, 0, 1], a[:, 0, 0])
-    assert_allclose(frames.from_opk(omega, phi, kappa).as_matrix(), body, rtol=0, atol=EXACT)
+    assert_allclose(rotations.from_opk(omega, phi, kappa).as_matrix(), body, rtol=0, atol=EXACT)
     for found, expected in zip(
-        frames.to_opk(Rotation.from_matrix(body)), (omega, phi, kappa), strict=True
+        rotations.to_opk(Rotation.from_matrix(body)), (omega, phi, kappa), strict=True
     ):
         assert_allclose(found, expected, rtol=0, atol=1e-9)  # [rad] near phi of a quarter turn
 
 
 def test_omega_is_pitch_of_a_vehicle_to_the_north_and_roll_to_the_east():
     roll, nose_up = np.deg2rad([1.0, 2.0])
-    omega, phi, _ = frames.to_opk(frames.from_sbet(roll, nose_up, 0.0))
+    omega, phi, _ = rotations.to_opk(rotations.from_sbet(roll, nose_up, 0.0))
     assert_allclose(np.rad2deg([omega, phi]), [2.0, 1.0], rtol=0, atol=1e-3)  # [deg] second order
-    omega, phi, _ = frames.to_opk(frames.from_sbet(roll, nose_up, np.pi / 2))
+    omega, phi, _ = rotations.to_opk(rotations.from_sbet(roll, nose_up, np.pi / 2))
     assert_allclose(np.rad2deg([omega, phi]), [1.0, -2.0], rtol=0, atol=0.04)  # [deg] roll * pitch
 
 
@@ -94,22 +94,22 @@ def test_omega_is_pitch_of_a_vehicle_to_the_north_and_roll_to_the_east():
 )
 def test_thesis_equation_2_1_with_the_angles_of_each_use(use, sign, turn):
     angles = sign[0] * ROLL, sign[1] * NOSE_UP, sign[2] * HEADING + turn
-    found = frames.from_thesis_eq_2_1(*angles, use=use).as_matrix()
+    found = rotations.from_thesis_eq_2_1(*angles, use=use).as_matrix()
     assert_allclose(found, truth(), rtol=0, atol=EXACT)
 
 
 def test_thesis_equation_2_1_is_the_photogrammetric_matrix():
-    found = frames.from_thesis_eq_2_1(ROLL, NOSE_UP, HEADING, use="enu to rfu").as_matrix()
-    expected = frames.from_opk(ROLL, NOSE_UP, HEADING).as_matrix()
+    found = rotations.from_thesis_eq_2_1(ROLL, NOSE_UP, HEADING, use="enu to rfu").as_matrix()
+    expected = rotations.from_opk(ROLL, NOSE_UP, HEADING).as_matrix()
     assert_allclose(found, expected, rtol=0, atol=EXACT)
     printed = rz(-HEADING) @ ry(-NOSE_UP) @ rx(-ROLL)
-    found = frames.from_thesis_eq_2_1(ROLL, NOSE_UP, HEADING).as_matrix()
+    found = rotations.from_thesis_eq_2_1(ROLL, NOSE_UP, HEADING).as_matrix()
     assert_allclose(found, printed, rtol=0, atol=EXACT)
 
 
 def test_golden_matrix():
     """Roll 0.1, nose up 0.2, heading 0.3 rad: forward and up worked by hand."""
-    found = frames.from_sbet(0.1, 0.2, 0.3).as_matrix()
+    found = rotations.from_sbet(0.1, 0.2, 0.3).as_matrix()
     c, s = np.cos([0.1, 0.2, 0.3]), np.sin([0.1, 0.2, 0.3])
     forward = [s[2] * c[1], c[2] * c[1], s[1]]
     up = [s[2] * -s[1] * c[0] + c[2] * s[0], c[2] * -s[1] * c[0] - s[2] * s[0], c[1] * c[0]]
@@ -120,21 +120,21 @@ def test_golden_matrix():
 @pytest.mark.parametrize("name", ["iso8855", "sbet", "span", "opk"])
 def test_there_and_back(name):
     attitude = Rotation.from_matrix(truth())
-    angles = getattr(frames, f"to_{name}")(attitude)
-    back = getattr(frames, f"from_{name}")(*angles)
+    angles = getattr(rotations, f"to_{name}")(attitude)
+    back = getattr(rotations, f"from_{name}")(*angles)
     assert_allclose((back.inv() * attitude).magnitude(), 0, rtol=0, atol=ROUND_OFF)
 
 
 @pytest.mark.parametrize("use", USES)
 def test_there_and_back_by_the_thesis(use):
     attitude = Rotation.from_matrix(truth())
-    angles = frames.to_thesis_eq_2_1(attitude, use=use)
-    back = frames.from_thesis_eq_2_1(*angles, use=use)
+    angles = rotations.to_thesis_eq_2_1(attitude, use=use)
+    back = rotations.from_thesis_eq_2_1(*angles, use=use)
     assert_allclose((back.inv() * attitude).magnitude(), 0, rtol=0, atol=ROUND_OFF)
 
 
 def test_sbet_angles_return():
-    roll, nose_up, heading = frames.to_sbet(frames.from_sbet(ROLL, NOSE_UP, HEADING))
+    roll, nose_up, heading = rotations.to_sbet(rotations.from_sbet(ROLL, NOSE_UP, HEADING))
     assert_allclose(roll, ROLL, rtol=0, atol=ROUND_OFF)
     assert_allclose(nose_up, NOSE_UP, rtol=0, atol=ROUND_OFF)
     assert_allclose(heading, HEADING, rtol=0, atol=ROUND_OFF)
@@ -144,22 +144,22 @@ def test_a_mixed_up_sign_of_roll_costs_as_much_as_is_published():
     """A point 2 m right and 2 m below, roll 1 deg and nose up 0.5 deg: 70 mm."""
     point = [0.0, -2.0, -2.0]
     roll, nose_up = np.deg2rad([1.0, 0.5])
-    right = frames.from_sbet(roll, nose_up, 0.7).apply(point)
-    wrong = frames.from_sbet(-roll, nose_up, 0.7).apply(point)
+    right = rotations.from_sbet(roll, nose_up, 0.7).apply(point)
+    wrong = rotations.from_sbet(-roll, nose_up, 0.7).apply(point)
     assert_allclose(abs(right - wrong)[2], 0.070, rtol=0, atol=0.0005)  # [m] as printed
 
 
 def test_an_unknown_use_of_equation_2_1():
     with pytest.raises(ValueError, match="use must be one of flu to enu"):
-        frames.from_thesis_eq_2_1(0, 0, 0, use="xyz")
+        rotations.from_thesis_eq_2_1(0, 0, 0, use="xyz")
     with pytest.raises(ValueError, match="use must be one of"):
-        frames.to_thesis_eq_2_1(Rotation.identity(), use="xyz")
+        rotations.to_thesis_eq_2_1(Rotation.identity(), use="xyz")
 
 
 def test_the_local_frame_there_and_back():
     position = RNG.uniform(-3000, 3000, (50, 3))
-    place = frames.geodetic_of_enu(position, (11.0, 48.0, 500.0))
-    back = frames.enu_of_geodetic(*place, (11.0, 48.0, 500.0))
+    place = rotations.geodetic_of_enu(position, (11.0, 48.0, 500.0))
+    back = rotations.enu_of_geodetic(*place, (11.0, 48.0, 500.0))
     assert_allclose(back, position, rtol=0, atol=MICROMETRE)
 
 
@@ -169,37 +169,37 @@ def test_convergence_is_the_slant_of_a_step_to_true_north(longitude, latitude):
     east, north = to_grid.transform([longitude] * 2, [latitude, latitude + 1e-4])
     heading_of_true_north = np.arctan2(east[1] - east[0], north[1] - north[0])
     place = np.deg2rad([longitude]), np.deg2rad([latitude])
-    found = frames.true_heading(heading_of_true_north, "EPSG:32632", *place)
+    found = rotations.true_heading(heading_of_true_north, "EPSG:32632", *place)
     assert_allclose(found, 0.0, rtol=0, atol=2e-6)  # [rad] the step is 11 m long
 
 
 def test_convergence_needs_a_grid():
     with pytest.raises(ValueError, match="must be a projected system"):
-        frames.meridian_convergence("EPSG:4326", [0.1], [0.8])
+        rotations.meridian_convergence("EPSG:4326", [0.1], [0.8])
 
 
 def test_projected_positions_in_the_local_frame():
     to_grid = pyproj.Transformer.from_crs(4326, 32632, always_xy=True)
     east, north = to_grid.transform([11.0, 11.01], [48.0, 48.01])
-    found = frames.enu_of_projected(
+    found = rotations.enu_of_projected(
         east, north, [500.0, 510.0], "EPSG:32632", (11.0, 48.0, 500.0), undulation=0.0
     )
     place = np.deg2rad([11.0, 11.01]), np.deg2rad([48.0, 48.01])
-    expected = frames.enu_of_geodetic(*place, [500.0, 510.0], (11.0, 48.0, 500.0))
+    expected = rotations.enu_of_geodetic(*place, [500.0, 510.0], (11.0, 48.0, 500.0))
     assert_allclose(found, expected, rtol=0, atol=2e-4)  # [m] the series of UTM and its inverse
 
 
 def test_heights_must_say_over_what():
     with pytest.raises(ValueError, match="compound system"):
-        frames.geodetic_of_projected([649187.0], [5318235.0], [500.0], "EPSG:32632")
+        rotations.geodetic_of_projected([649187.0], [5318235.0], [500.0], "EPSG:32632")
     with pytest.raises(ValueError, match="compound system"):
-        frames.geodetic_of_projected(
+        rotations.geodetic_of_projected(
             [649187.0], [5318235.0], [500.0], "EPSG:32632+5773", undulation=46.0
         )
     with pytest.raises(ValueError, match="either vertical or undulation"):
-        frames.ellipsoidal_height([0.2], [0.8], [500.0])
+        rotations.ellipsoidal_height([0.2], [0.8], [500.0])
     with pytest.raises(ValueError, match="vertical must be the EPSG code"):
-        frames.ellipsoidal_height([0.2], [0.8], [500.0], vertical="EPSG:4326")
+        rotations.ellipsoidal_height([0.2], [0.8], [500.0], vertical="EPSG:4326")
 
 
 def test_a_missing_geoid_is_refused_not_ignored(tmp_path):
@@ -210,11 +210,11 @@ def test_a_missing_geoid_is_refused_not_ignored(tmp_path):
     pyproj.datadir.set_data_dir(str(tmp_path))
     try:
         with pytest.raises(CoverageError, match="Install the grid of the geoid"):
-            frames.ellipsoidal_height([0.2], [0.84], [500.0], vertical="EPSG:5773")
+            rotations.ellipsoidal_height([0.2], [0.84], [500.0], vertical="EPSG:5773")
     finally:
         pyproj.datadir.set_data_dir(before)
 
 
 def test_a_position_off_the_projection():
     with pytest.raises((CoverageError, ValueError)):
-        frames.geodetic_of_projected([1e30], [1e30], [0.0], "EPSG:32632", undulation=0.0)
+        rotations.geodetic_of_projected([1e30], [1e30], [0.0], "EPSG:32632", undulation=0.0)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from trueterrain.motion import FusionSettings, fuse
+from trueterrain.motion import FusionSettings, fuse_motion
 from trueterrain.motion.trajectory import BRIDGED, EDGE
-from trueterrain.simulate.accelerometers import Accelerometers, triangle
+from trueterrain.simulate.accelerometers import Accelerometers, sensor_triangle
 from trueterrain.simulate.drift import GaussMarkovDrift
 from trueterrain.simulate.navigation import Navigation
 from trueterrain.simulate.scene import read_scene
@@ -35,7 +35,7 @@ PERFECT = Navigation(
     noise=(0.0,) * 6,
 )
 FLAWLESS = Accelerometers(
-    positions=triangle(tuple(LASER), 0.5),
+    positions=sensor_triangle(tuple(LASER), 0.5),
     noise_density=0.0,
     bias_sd=0.0,
     bias_walk=0.0,
@@ -65,7 +65,7 @@ def run(excited):
 @pytest.fixture(scope="module")
 def motions(run):
     """All methods with all settings as they are: the delay of the filter is not told."""
-    return {name: fuse(run, settings=FusionSettings(method=name)) for name in METHODS}
+    return {name: fuse_motion(run, settings=FusionSettings(method=name)) for name in METHODS}
 
 
 def test_the_thesis_way_distorts_the_wheel_hop(run, motions):
@@ -86,7 +86,7 @@ def test_rts_over_the_event(run, motions):
 def test_rts_over_the_event_with_other_noise(excited, seed):
     scene, knots = excited
     run = run_of(knots, scene, seed=seed)
-    assert event_error(run, fuse(run)) < RTS
+    assert event_error(run, fuse_motion(run)) < RTS
 
 
 def test_rts_over_the_whole_drive_less_a_parabola(run, motions):
@@ -115,8 +115,8 @@ def test_noise_is_measured_and_reported(motions, excited):
     assert "white" in noise.estimated
     assert "accelerometer" in noise.estimated
     assert_allclose(motions["rts"].surprise, 1.0, rtol=0, atol=0.2)  # 850 epochs: sd 0.05, drift
-    json.dumps(motions["rts"].summary())
-    json.dumps(motions["navigation"].summary())
+    json.dumps(motions["rts"].to_dict())
+    json.dumps(motions["navigation"].to_dict())
 
 
 def test_given_noise_is_used_as_it_is(run):
@@ -125,7 +125,7 @@ def test_given_noise_is_used_as_it_is(run):
         drift_time=(30.0, 40.0, 50.0),
         accelerometer_noise=1e-3,
     )
-    noise = fuse(run, settings=settings).noise
+    noise = fuse_motion(run, settings=settings).noise
     assert noise.white == (0.002, 1e-4, 1e-4)
     assert noise.drift_time == (30.0, 40.0, 50.0)
     assert noise.accelerometer == (1e-3,) * 3
@@ -146,7 +146,7 @@ def test_claimed_standard_deviations_are_honest(excited):
     squares = []
     for seed in range(12):
         run = run_of(knots, scene, seed=seed)
-        errors = Errors(run, fuse(run, settings=FusionSettings(way_window=0.2)).trajectory)
+        errors = Errors(run, fuse_motion(run, settings=FusionSettings(way_window=0.2)).trajectory)
         each = np.hstack([errors.origin, errors.turn]) / errors.sd
         share = np.column_stack([errors.up / errors.up_sd, each])
         squares.append(np.mean(share**2, axis=0))
@@ -162,7 +162,9 @@ def test_the_drift_is_claimed_with_default_errors(excited):
     shares = []
     for seed in range(12):
         run = run_of(knots, scene, seed=seed, number=seed % 2)
-        errors = Errors(run, fuse(run, settings=FusionSettings(method="zero-phase")).trajectory)
+        errors = Errors(
+            run, fuse_motion(run, settings=FusionSettings(method="zero-phase")).trajectory
+        )
         shares.append(np.mean((errors.up / errors.up_sd) ** 2))
     assert 0.6 < np.sqrt(np.mean(shares)) < 1.5  # 12 independent values: sd 0.2
 
@@ -173,7 +175,7 @@ def test_perfect_instruments_give_the_exact_motion(name, method):
     """Straight, curved and leaning courses."""
     run = perfect_run(name)
     settings = FusionSettings(method=method, gravity=9.80665)
-    motion = fuse(run, settings=settings)
+    motion = fuse_motion(run, settings=settings)
     for point in (LASER, np.array([0.0, 2.0, -1.0])):
         errors = Errors(run, motion.trajectory, point)
         assert_allclose(errors.point, 0.0, rtol=0, atol=NO_NOISE)
@@ -201,7 +203,7 @@ def test_perfect_accelerometers_elsewhere_in_the_body():
         accelerometers=replace(FLAWLESS, positions=places),
     )  # fmt: skip
     run = run_of(knots_of(scene, path), scene)
-    errors = Errors(run, fuse(run, settings=FusionSettings(gravity=9.80665)).trajectory)
+    errors = Errors(run, fuse_motion(run, settings=FusionSettings(gravity=9.80665)).trajectory)
     assert_allclose(errors.point, 0.0, rtol=0, atol=NO_NOISE)
 
 
@@ -209,7 +211,7 @@ def test_perfect_accelerometers_elsewhere_in_the_body():
 def test_one_or_two_accelerometers_tell_the_height(run, sensors):
     few = run.copy()
     few["accelerometers"] = run["accelerometers"].to_dataset().isel(sensor=sensors)
-    motion = fuse(few)
+    motion = fuse_motion(few)
     assert event_error(few, motion) < RTS
     assert any("do not tell roll and pitch" in problem for problem in motion.problems)
 

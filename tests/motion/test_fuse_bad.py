@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from trueterrain.errors import CoverageError, SchemaError
-from trueterrain.motion import FusionSettings, fuse
+from trueterrain.core.errors import CoverageError, SchemaError
+from trueterrain.motion import FusionSettings, fuse_motion
 from trueterrain.motion.trajectory import BRIDGED
 
 from ._truth import Errors, rms
@@ -50,7 +50,7 @@ def times(run, group):
 def test_a_gap_in_navigation_is_bridged_and_flagged(run, method):
     time = times(run, "navigation")
     gappy = without(run, "navigation", (time < 1.5) | (time > 2.2))
-    motion = fuse(gappy, settings=FusionSettings(method=method))
+    motion = fuse_motion(gappy, settings=FusionSettings(method=method))
     errors = Errors(gappy, motion.trajectory)
     inside = (errors.time > 1.5) & (errors.time < 2.2)
     assert (errors.flag[inside] & BRIDGED).all()
@@ -66,16 +66,16 @@ def test_a_gap_in_navigation_is_bridged_and_flagged(run, method):
 def test_rts_carries_the_height_over_a_gap_in_navigation(run):
     time = times(run, "navigation")
     gappy = without(run, "navigation", (time < 1.5) | (time > 2.2))
-    errors = Errors(gappy, fuse(gappy).trajectory)
+    errors = Errors(gappy, fuse_motion(gappy).trajectory)
     inside = (errors.time > 1.5) & (errors.time < 2.2)
     assert rms(errors.up[inside] - errors.up[~inside].mean()) < BRIDGED_ERROR
 
 
 def test_a_gap_in_the_accelerometers(run):
     time = times(run, "accelerometers")
-    whole = Errors(run, fuse(run).trajectory)
+    whole = Errors(run, fuse_motion(run).trajectory)
     gappy = without(run, "accelerometers", (time < 1.5) | (time > 1.8))
-    motion = fuse(gappy)
+    motion = fuse_motion(gappy)
     errors = Errors(gappy, motion.trajectory)
     inside = (errors.time > 1.5) & (errors.time < 1.8)
     assert (errors.flag[inside] & BRIDGED).all()
@@ -88,8 +88,8 @@ def test_a_gap_in_the_accelerometers(run):
 def test_single_lost_samples_cost_next_to_nothing(run):
     count = times(run, "accelerometers").size
     lossy = without(run, "accelerometers", np.arange(count) % 500 != 200)
-    motion = fuse(lossy)
-    whole = Errors(run, fuse(run).trajectory)
+    motion = fuse_motion(lossy)
+    whole = Errors(run, fuse_motion(run).trajectory)
     errors = Errors(lossy, motion.trajectory)
     assert rms(errors.up - whole.up) < 5e-4  # [m]
     assert any("gaps are bridged" in problem for problem in motion.problems)
@@ -97,7 +97,7 @@ def test_single_lost_samples_cost_next_to_nothing(run):
 
 def test_accelerometers_that_stop_before_the_end(run):
     time = times(run, "accelerometers")
-    motion = fuse(without(run, "accelerometers", time < 2.0))
+    motion = fuse_motion(without(run, "accelerometers", time < 2.0))
     errors = Errors(run, motion.trajectory)
     assert (errors.flag[errors.time > 2.01] & BRIDGED).all()
     assert not (errors.flag[(errors.time > 0.2) & (errors.time < 1.99)] & BRIDGED).any()
@@ -108,7 +108,7 @@ def test_a_gap_that_is_too_long(run):
     time = times(run, "navigation")
     gappy = without(run, "navigation", (time < 1.5) | (time > 2.2))
     with pytest.raises(CoverageError, match=r"gap of 0.710 s at 1.495000 s, longer than"):
-        fuse(gappy, settings=FusionSettings(longest_gap=0.5))
+        fuse_motion(gappy, settings=FusionSettings(longest_gap=0.5))
 
 
 def test_values_that_are_not_finite_are_gaps(run):
@@ -117,7 +117,7 @@ def test_values_that_are_not_finite_are_gaps(run):
     force = run["accelerometers"]["acceleration"].values.copy()
     force[5000:5010, 1] = np.inf
     holed = changed(changed(run, "navigation", up=up), "accelerometers", acceleration=force)
-    motion = fuse(holed)
+    motion = fuse_motion(holed)
     assert {name for name, _, _ in motion.gaps} == {"navigation", "accelerometers"}
     assert any("20 epochs are left out" in problem for problem in motion.problems)
     assert any("10 samples are left out" in problem for problem in motion.problems)
@@ -129,22 +129,24 @@ def test_a_clock_that_jumps_ahead(run):
     time = times(run, "navigation").copy()
     time[400:] += 0.25
     with pytest.raises(SchemaError, match=r"jumps by 0.250000 s at 1.895000 s"):
-        fuse(changed(run, "navigation", time=time))
+        fuse_motion(changed(run, "navigation", time=time))
 
 
 def test_an_accelerometer_clock_that_jumps_ahead_shows(run):
     """As a gap, and because navigation then disagrees."""
     time = times(run, "accelerometers").copy()
     time[4000:] += 0.05
-    motion = fuse(changed(run, "accelerometers", time=time))
+    motion = fuse_motion(changed(run, "accelerometers", time=time))
     assert motion.gaps[0][0] == "accelerometers"
     assert any("navigation and accelerometers disagree" in each for each in motion.problems)
-    assert not any("disagree" in each for each in fuse(run).problems)
+    assert not any("disagree" in each for each in fuse_motion(run).problems)
 
 
 def test_accelerometers_much_later_than_was_said(run):
     settings = FusionSettings(accelerometer_delay=-0.01)
-    assert any("ms later than was said" in each for each in fuse(run, settings=settings).problems)
+    assert any(
+        "ms later than was said" in each for each in fuse_motion(run, settings=settings).problems
+    )
 
 
 @pytest.mark.parametrize("group", ["navigation", "accelerometers"])
@@ -152,48 +154,48 @@ def test_a_clock_that_jumps_back(run, group):
     time = times(run, group).copy()
     time[400:] -= 0.25
     with pytest.raises(SchemaError, match="must run forward"):
-        fuse(changed(run, group, time=time))
+        fuse_motion(changed(run, group, time=time))
 
 
 def test_a_time_that_is_not_finite(run):
     time = times(run, "navigation").copy()
     time[7] = np.nan
     with pytest.raises(SchemaError, match="must be finite everywhere, got nan at index 7"):
-        fuse(changed(run, "navigation", time=time))
+        fuse_motion(changed(run, "navigation", time=time))
 
 
 def test_without_navigation(run):
     with pytest.raises(SchemaError, match="group navigation: is missing"):
-        fuse(with_group(run, "navigation", None))
+        fuse_motion(with_group(run, "navigation", None))
 
 
 def test_with_next_to_no_navigation(run):
     with pytest.raises(CoverageError, match="has 0 usable epochs, at least 4"):
-        fuse(without(run, "navigation", times(run, "navigation") < -0.09))
+        fuse_motion(without(run, "navigation", times(run, "navigation") < -0.09))
 
 
 def test_without_accelerometers(run):
     bare = with_group(run, "accelerometers", None)
     with pytest.warns(UserWarning, match="the run has no accelerometers"):
-        motion = fuse(bare)
+        motion = fuse_motion(bare)
     assert motion.method == "navigation"
     assert any("no accelerometers" in problem for problem in motion.problems)
     for method in ("thesis", "zero-phase", "wiener"):
         with pytest.raises(CoverageError, match=f"which the method {method} needs"):
-            fuse(bare, settings=FusionSettings(method=method))
-    fuse(bare, settings=FusionSettings(method="navigation"))
+            fuse_motion(bare, settings=FusionSettings(method=method))
+    fuse_motion(bare, settings=FusionSettings(method="navigation"))
 
 
 def test_accelerometers_of_another_day(run):
     later = changed(run, "accelerometers", time=times(run, "accelerometers") + 86400.0)
     with pytest.warns(UserWarning, match="that were on while the navigation was"):
-        fuse(later)
+        fuse_motion(later)
 
 
 def test_navigation_without_standard_deviations(run):
     data = run["navigation"].to_dataset()
     bare = with_group(run, "navigation", data.drop_vars([n for n in data if n.startswith("sd_")]))
-    motion = fuse(bare)
+    motion = fuse_motion(bare)
     sd = np.sqrt(motion.trajectory.covariance[1000, 0, 0])
     assert sd == FusionSettings().navigation_sd[0]
 
@@ -209,8 +211,8 @@ def test_uneven_epochs(run):
         for name in ("east", "north", "up", "roll", "pitch", "yaw")
     }
     uneven = changed(run, "navigation", time=scene_time + jitter, **moved)
-    motion = fuse(uneven)
-    errors, whole = Errors(uneven, motion.trajectory), Errors(run, fuse(run).trajectory)
+    motion = fuse_motion(uneven)
+    errors, whole = Errors(uneven, motion.trajectory), Errors(run, fuse_motion(run).trajectory)
     assert motion.gaps == ()
     n = min(errors.time.size, whole.time.size)
     assert rms(errors.up[:n].std() - whole.up[:n].std()) < 1e-3  # [m]

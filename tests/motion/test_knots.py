@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from trueterrain.formats.navigation import make_navigation
-from trueterrain.motion import FusionSettings, _fuse, fuse
+from trueterrain.motion import FusionSettings, _fuse, fuse_motion
 
 HEAVE = 0.02  # [m] amplitude of the body at 3 Hz
 FOLLOWED = 1e-5  # [m] to which knots follow navigation: the step of heights in a grid
@@ -25,7 +25,7 @@ def fused(rate, step, *, duration=0.3, frequency=3.0, amplitude=HEAVE):
         {"time": t, "east": 5 * t, "north": z, "up": height, "roll": z, "pitch": z, "yaw": z}
     )
     run = xr.DataTree.from_dict({"navigation": navigation})
-    motion = fuse(run, settings=FusionSettings(method="navigation"))
+    motion = fuse_motion(run, settings=FusionSettings(method="navigation"))
     at = np.random.default_rng(1).uniform(EDGE, t[-1] - EDGE, 5000)
     return motion, np.abs(motion.trajectory.at(at).position[:, 2] - up(at)).max()
 

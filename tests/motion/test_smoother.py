@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.stats import multivariate_normal
 
 from trueterrain.motion import _smoother
-from trueterrain.motion._smoother import Model, smooth
+from trueterrain.motion._smoother import StateSpaceModel, smooth_states
 
 SLOPE = 1e-6  # of differences of log likelihoods of some -100, over 2e-4: round-off
 ROUND_OFF = 1e-8  # of values near 1: the dense normal equations lose more digits than the filter
@@ -21,7 +21,7 @@ def model(n=40, parameters=2, seed=1):
     at = np.sort(np.append(rng.choice(np.arange(1, n), 17, replace=False), [20, 20]))
     half = rng.standard_normal((n - 1, 3, 3))
     knots = np.arange(n)
-    return Model(
+    return StateSpaceModel(
         step=step,
         known=rng.standard_normal((n - 1, 6)),
         into_coordinate=0.1 * rng.standard_normal((n - 1, 3, parameters)),
@@ -87,7 +87,7 @@ def test_equal_to_least_squares_over_all_states(monkeypatch, piece):
     m, at = model()
     state = np.linspace(-1.0, 1.0, 11)
     covariance = np.diag(np.linspace(0.5, 2.0, 11))
-    found = smooth(m, state, covariance)
+    found = smooth_states(m, state, covariance)
     mean, blocks = dense(m, at, state, covariance)
     assert_allclose(found.mean, mean, rtol=0, atol=ROUND_OFF)
     assert_allclose(found.covariance, blocks[:, :3, :3], rtol=0, atol=ROUND_OFF)
@@ -99,9 +99,9 @@ def test_equal_to_least_squares_over_all_states(monkeypatch, piece):
 def test_pieces_do_not_matter(monkeypatch):
     m, _ = model()
     state, covariance = np.zeros(11), np.eye(11)
-    whole = smooth(m, state, covariance)
+    whole = smooth_states(m, state, covariance)
     monkeypatch.setattr(_smoother, "_PIECE", 5)
-    pieces = smooth(m, state, covariance)
+    pieces = smooth_states(m, state, covariance)
     for name in ("mean", "covariance", "drift_variance"):
         assert (getattr(pieces, name) == getattr(whole, name)).all()
     # sums of pieces are added up in another order
@@ -134,8 +134,8 @@ def log_likelihood(m, at, state, covariance):
 def test_pull_is_the_derivative_of_the_likelihood():
     m, at = model(n=30)
     state, covariance = np.linspace(-1.0, 1.0, 11), np.diag(np.linspace(0.5, 2.0, 11))
-    pull = smooth(m, state, covariance, pulls=True).pull
-    assert smooth(m, state, covariance).pull.size == 0
+    pull = smooth_states(m, state, covariance, pulls=True).pull
+    assert smooth_states(m, state, covariance).pull.size == 0
     for k, p in ((3, 0), (17, 1)):
         ends = []
         for change in (-1e-4, 1e-4):

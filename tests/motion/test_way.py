@@ -12,15 +12,15 @@ from numpy.testing import assert_allclose
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfiltfilt
 
-from trueterrain.motion import FusionSettings, fuse
-from trueterrain.motion._adaptive import AdaptiveWay
+from trueterrain.motion import FusionSettings, fuse_motion
+from trueterrain.motion._adaptive import AdaptiveTrajectory
 from trueterrain.motion._inputs import NavigationInput
-from trueterrain.motion._way import Smooth
+from trueterrain.motion._way import SmoothedSeries
 from trueterrain.motion.trajectory import BRIDGED
 from trueterrain.simulate.course import Arc, Oval, Straight
 from trueterrain.simulate.navigation import Navigation, NavigationStream
 from trueterrain.simulate.pose import COMPONENTS, PoseKnots
-from trueterrain.simulate.speed import Constant, Ramp, Standing, StopAndGo
+from trueterrain.simulate.speed import Constant, Ramp, Standstill, StopAndGo
 
 from .conftest import run_of
 
@@ -65,11 +65,11 @@ def navigation_of(knots, seed=1, keep=None, **errors):
 
 
 def adaptive(navigation):
-    return AdaptiveWay(navigation, navigation.sd).value(navigation.time)
+    return AdaptiveTrajectory(navigation, navigation.sd).value(navigation.time)
 
 
 def fixed(navigation, window=FIXED):
-    return Smooth(navigation, WAY, window=window, slow=1.0).value(navigation.time)
+    return SmoothedSeries(navigation, WAY, window=window, slow=1.0).value(navigation.time)
 
 
 def quick_error(navigation, found, true):
@@ -120,7 +120,7 @@ def full_braking(time):
     [
         # 0.03, 0.02, 0.07: 0.25 for a second in which chance looks like a jerk
         (knots_of(*STEADY), (0.25, 0.25, 0.25)),
-        (knots_of(STRAIGHT, Standing(), 40.0), (0.25, 0.25, 0.25)),
+        (knots_of(STRAIGHT, Standstill(), 40.0), (0.25, 0.25, 0.25)),
         # 0.02, 0.02, 0.07: in a circle at a steady speed neither jerk is needed
         (knots_of(Arc(radius=20.0, angle=15.0), Constant(speed=6.0), 40.0), (0.25, 0.25, 0.25)),
         # 0.55, 0.03, 0.07: jerks of 3 m/s^3 at both ends of each acceleration
@@ -186,7 +186,10 @@ def test_gaps_are_bridged_no_worse_than_before(length):
     navigation, _ = navigation_of(knots, 1, seen)
     at = np.concatenate([np.arange(begin, begin + length, 0.005) for begin in (9.0, 15.0)])
     true = knots.at(at)[0][:, WAY]
-    bridges = AdaptiveWay(navigation, navigation.sd), Smooth(navigation, WAY, window=0.2, slow=1.0)
+    bridges = (
+        AdaptiveTrajectory(navigation, navigation.sd),
+        SmoothedSeries(navigation, WAY, window=0.2, slow=1.0),
+    )
     off = [np.abs(bridge.value(at) - true)[:, :2].max() for bridge in bridges]
     assert off[0] < off[1] + 0.003  # [m] drift that the fixed window happens to follow
 
@@ -198,7 +201,7 @@ def test_gaps_are_flagged(excited):
     time = data["time"].values
     begin, end = time[300], time[340]
     run["navigation"] = data.isel(epoch=(time <= begin) | (time >= end))
-    motion = fuse(run).trajectory
+    motion = fuse_motion(run).trajectory
     inside = (motion.time > begin) & (motion.time < end)
     assert (motion.flag[inside] & BRIDGED > 0).all()
     true = np.stack([np.interp(motion.time, knots.time, knots.pose[:, k]) for k in (0, 1)], axis=1)
@@ -213,7 +216,7 @@ def test_epochs_that_are_not_finite_are_left_out(excited):
     east[100:105] = np.nan
     east[400] = np.inf
     run["navigation"] = data.assign(east=("epoch", east))
-    motion = fuse(run)
+    motion = fuse_motion(run)
     assert np.isfinite(motion.trajectory.position).all()
     assert any("6 epochs are left out" in problem for problem in motion.problems)
 
@@ -295,7 +298,9 @@ def test_rts_finds_the_way_and_a_given_window_fixes_it(excited):
     scene, knots = excited
     run = run_of(knots, scene)
     ways = {
-        (method, window): fuse(run, settings=FusionSettings(method=method, way_window=window))
+        (method, window): fuse_motion(
+            run, settings=FusionSettings(method=method, way_window=window)
+        )
         for method in ("rts", "zero-phase")
         for window in (None, FIXED)
     }

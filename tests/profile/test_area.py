@@ -6,17 +6,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from trueterrain.kinds import make_points, make_surface
+from trueterrain.core.schemas import make_points, make_surface
 from trueterrain.profile import (
     Disc,
     Ellipse,
-    ProfileOptions,
     Rectangle,
+    TyreProfileSettings,
     WheelPath,
     height_distributions,
     straight_path,
 )
-from trueterrain.profile.area import EDGE_TOLERANCE, area_doubt, reach
+from trueterrain.profile.area import EDGE_TOLERANCE, area_doubt, area_reach
 
 UTM = (512_345.0, 5_512_345.0)  # [m] easting and northing of central Europe
 AREAS = [Disc(), Disc(radius=0.0213), Ellipse(length=0.09, width=0.04)]
@@ -128,8 +128,8 @@ def test_no_point_of_an_area_is_beyond_its_reach(length, width, heading, seed):
         a, b = area.half_axes
         along, across = np.append(along, [a, a, 0]), np.append(across, [b, 0, b])
         found = inside(area, along, across)
-        assert (np.hypot(along, across)[found] <= reach(area)).all()
-        assert reach(area) <= np.hypot(a, b) + 3 * EDGE_TOLERANCE
+        assert (np.hypot(along, across)[found] <= area_reach(area)).all()
+        assert area_reach(area) <= np.hypot(a, b) + 3 * EDGE_TOLERANCE
 
 
 @pytest.mark.parametrize("value", [0.0, -0.025, np.nan, np.inf])
@@ -162,9 +162,9 @@ def test_the_default_is_the_disc_of_the_thesis():
         lambda size: Disc(radius=size),
         lambda size: Ellipse(length=size, width=0.1),
         lambda size: Rectangle(length=0.1, width=size),
-        lambda size: ProfileOptions(radius=size),
-        lambda size: ProfileOptions(patch=(size, 0.1)),
-        lambda size: ProfileOptions(ellipse=(0.1, size)),
+        lambda size: TyreProfileSettings(radius=size),
+        lambda size: TyreProfileSettings(patch=(size, 0.1)),
+        lambda size: TyreProfileSettings(ellipse=(0.1, size)),
     ],
 )
 def test_areas_in_millimetres_are_refused(make, millimetres):

@@ -9,7 +9,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
 from scipy.stats import norm
 
-from trueterrain.kinds import make_points
+from trueterrain.core.schemas import make_points
 from trueterrain.profile import (
     HeightDistribution,
     HeightDistributions,

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from trueterrain.errors import CoverageError
+from trueterrain.core.errors import CoverageError
+from trueterrain.core.schemas import check_profile, make_points, make_profile, make_surface
 from trueterrain.formats import opencrg
-from trueterrain.kinds import check_profile, make_points, make_profile, make_surface
 from trueterrain.profile import (
     Median,
     WheelPath,

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from trueterrain.errors import CoverageError
+from trueterrain.core.errors import CoverageError
+from trueterrain.core.schemas import make_profile
 from trueterrain.figures import tyre_envelopes
-from trueterrain.kinds import make_profile
 from trueterrain.profile import RadialSpringTyre, TandemCams, effective_road, tyre_envelope
 
 S = np.arange(-100, 101) * 0.01

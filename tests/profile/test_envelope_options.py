@@ -7,13 +7,13 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import trueterrain as tt
-from trueterrain import provenance
 from trueterrain.cli import main
+from trueterrain.core import provenance
 from trueterrain.formats import opencrg
 from trueterrain.profile import (
     PASSENGER_TYRE,
     TRUCK_TYRE,
-    EnvelopeOptions,
+    EnvelopeSettings,
     LineLaser,
     PatchMean,
     RadialSpringTyre,
@@ -55,12 +55,12 @@ def run(capsys):
 
 
 def test_every_name_stands_for_a_model():
-    assert EnvelopeOptions() == EnvelopeOptions(envelope="disc")
+    assert EnvelopeSettings() == EnvelopeSettings(envelope="disc")
     kinds = [RigidDisc, TandemCams, RadialSpringTyre, LineLaser, PatchMean]
     for name, kind in zip(ENVELOPES, kinds, strict=True):
-        assert isinstance(EnvelopeOptions(envelope=name).model(), kind)
-    assert EnvelopeOptions(tyre="truck").model() == RigidDisc.of(TRUCK_TYRE)
-    springs = EnvelopeOptions(envelope="springs", load=3000.0).model()
+        assert isinstance(EnvelopeSettings(envelope=name).model(), kind)
+    assert EnvelopeSettings(tyre="truck").model() == RigidDisc.of(TRUCK_TYRE)
+    springs = EnvelopeSettings(envelope="springs", load=3000.0).model()
     assert springs == RadialSpringTyre.of(PASSENGER_TYRE, load=3000.0)
 
 
@@ -76,7 +76,7 @@ def test_every_name_stands_for_a_model():
 )
 def test_settings_that_do_not_fit_are_refused(given, says):
     with pytest.raises(ValueError, match=says):
-        EnvelopeOptions(**given)
+        EnvelopeSettings(**given)
 
 
 @pytest.mark.parametrize("envelope", ENVELOPES)
@@ -87,7 +87,7 @@ def test_the_command_gives_what_the_library_gives(run, road, tmp_path, envelope)
     assert code == 0, err
     written = tt.open(tmp_path / "p.csv")
     surface = tt.open(road)
-    model = EnvelopeOptions(envelope=envelope).model()
+    model = EnvelopeSettings(envelope=envelope).model()
     expected = tyre_envelope(surface, offset_path(surface, 0.1), tyre=model)
     assert_allclose(written.height, expected.height, rtol=0, atol=1e-12)
     assert ("sd" in written) == (envelope == "laser")
@@ -103,7 +103,7 @@ def test_a_tyre_rolls_along_a_profile_from_a_file(run, road, tmp_path):
     felt = tt.open(tmp_path / "felt.zarr")
     expected = tyre_envelope(tt.open(line), tyre=RadialSpringTyre.of(TRUCK_TYRE, load=30000.0))
     assert_array_equal(felt.height, expected.height)
-    steps = provenance.steps(felt)
+    steps = provenance.provenance_steps(felt)
     assert [step["step"] for step in steps][-2:] == ["tyre_envelope", "profile"]
     assert steps[-2]["parameters"]["tyre"]["load"] == 30000.0
     assert steps[-1]["inputs"][0]["name"] == "line.csv"

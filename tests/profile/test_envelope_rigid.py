@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.ndimage import grey_dilation
 
-from trueterrain.kinds import make_profile, make_surface
+from trueterrain.core.schemas import make_profile, make_surface
 from trueterrain.profile import straight_path
 from trueterrain.profile.envelope import (
     PASSENGER_TYRE,

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import nnls
 
-from trueterrain.kinds import make_profile, make_surface
+from trueterrain.core.schemas import make_profile, make_surface
 from trueterrain.profile import straight_path
 from trueterrain.profile.envelope import (
     PASSENGER_TYRE,

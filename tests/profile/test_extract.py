@@ -10,9 +10,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from scipy.spatial import cKDTree
 
-from trueterrain import provenance
-from trueterrain.errors import CoverageError, SchemaError
-from trueterrain.kinds import check_profile, make_points, make_profile, make_surface
+from trueterrain.core import provenance
+from trueterrain.core.errors import CoverageError, SchemaError
+from trueterrain.core.schemas import check_profile, make_points, make_profile, make_surface
 from trueterrain.profile import (
     Disc,
     Ellipse,
@@ -241,7 +241,7 @@ def test_a_profile_tells_where_it_is_and_where_it_comes_from():
     assert profile["count"].dtype == np.int64
     assert profile.attrs["crs"] == "EPSG:25832"
     assert profile.attrs["thin"] == 0
-    first, last = provenance.steps(profile)
+    first, last = provenance.provenance_steps(profile)
     assert (first["step"], last["step"]) == ("read", "tyre_profile")
     assert last["parameters"] == {
         "area": {"kind": "Disc", "radius": 0.03},
@@ -254,7 +254,7 @@ def test_a_profile_tells_where_it_is_and_where_it_comes_from():
     points = surface_to_points(ground)
     again = tyre_profile([points, points.isel(point=slice(0, 9))], path)
     assert again.attrs["crs"] == "EPSG:25832"
-    assert [step["step"] for step in provenance.steps(again)][-2:] == [
+    assert [step["step"] for step in provenance.provenance_steps(again)][-2:] == [
         "surface_to_points",
         "tyre_profile",
     ]
@@ -373,7 +373,7 @@ def test_a_point_profile_is_bilinear_between_the_nodes():
     assert_array_equal(
         point_profile(bumpy, path).height, heights_at(bumpy, path.easting, path.northing)
     )
-    assert provenance.steps(profile)[-1]["step"] == "point_profile"
+    assert provenance.provenance_steps(profile)[-1]["step"] == "point_profile"
     assert check_profile(profile).sizes["s"] == len(path)
 
 

@@ -10,8 +10,8 @@ from scipy.integrate import quad
 from scipy.interpolate import PchipInterpolator
 from scipy.special import fresnel
 
-from trueterrain.errors import CoverageError
-from trueterrain.kinds import make_surface
+from trueterrain.core.errors import CoverageError
+from trueterrain.core.schemas import make_surface
 from trueterrain.profile import (
     WheelPath,
     arc_path,

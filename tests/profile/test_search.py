@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import cKDTree
 
-from trueterrain.kinds import make_points, make_surface
+from trueterrain.core.schemas import make_points, make_surface
 from trueterrain.profile import (
     Disc,
     Ellipse,

@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from trueterrain.kinds import make_surface
+from trueterrain.core.schemas import make_surface
 from trueterrain.report import Report, Section, write_report
 
 VOID = {"meta", "img", "br", "hr", "input", "link"}
@@ -89,7 +89,7 @@ def page_of(tmp_path, written, monkeypatch):
 
     The program of 5 MB that turns surfaces is left out, to save time.
     """
-    monkeypatch.setattr("trueterrain.report.write._plotly", lambda: "/* plotly.js */")
+    monkeypatch.setattr("trueterrain.report.write._plotly_source", lambda: "/* plotly.js */")
 
     def write(*parts, **fields):
         if parts and isinstance(parts[0], Report):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from trueterrain.report import Column, Number, Table
-from trueterrain.report._numbers import decimals, size, text
+from trueterrain.report._numbers import column_decimals, format_size, format_value
 
 GAP = "\N{NARROW NO-BREAK SPACE}"
 
@@ -39,21 +39,21 @@ GAP = "\N{NARROW NO-BREAK SPACE}"
     ],
 )
 def test_values_are_written_as_typesetters_do(value, digits, written):
-    assert text(value, digits) == written
+    assert format_value(value, digits) == written
 
 
 def test_the_numbers_of_a_column_stand_below_each_other():
-    assert decimals([0.31, 2.4, None]) == 2
-    assert decimals([20.0, 19.96]) == 2
-    assert decimals([1.0, 2.0]) == 0
-    assert decimals([1, 2]) is None
-    assert decimals(["left", None]) is None
+    assert column_decimals([0.31, 2.4, None]) == 2
+    assert column_decimals([20.0, 19.96]) == 2
+    assert column_decimals([1.0, 2.0]) == 0
+    assert column_decimals([1, 2]) is None
+    assert column_decimals(["left", None]) is None
 
 
 def test_small_numbers_of_a_column_are_not_rounded_away():
     """A count of returns and an error of a third of a millimetre can share a column."""
-    assert decimals([940_000.0, 0.31e-3]) is None
-    assert text(0.31e-3, None) == "0.00031"
+    assert column_decimals([940_000.0, 0.31e-3]) is None
+    assert format_value(0.31e-3, None) == "0.00031"
 
 
 @pytest.mark.parametrize(
@@ -61,7 +61,7 @@ def test_small_numbers_of_a_column_are_not_rounded_away():
     [(0, "0 B"), (999, "999 B"), (12_345, "12 kB"), (4_815_814, "4.8 MB"), (3 * 10**12, "3.0 TB")],
 )
 def test_sizes_of_files(number, written):
-    assert size(number) == written
+    assert format_size(number) == written
 
 
 def test_tables_align_numbers_and_head_them_with_units(page_of):

@@ -6,9 +6,9 @@ import xarray as xr
 from matplotlib.figure import Figure
 from pypdf import PdfReader
 
-from trueterrain import provenance
 from trueterrain._version import __version__
-from trueterrain.errors import OutputError
+from trueterrain.core import provenance
+from trueterrain.core.errors import OutputError
 from trueterrain.report import (
     Column,
     File,
@@ -62,7 +62,7 @@ def text_of(reader):
 def everything(surface, folder):
     """One of each kind of part, with names as bad as can be."""
     (folder / "cloud.laz").write_bytes(b"12345")
-    steps = provenance.steps(
+    steps = provenance.provenance_steps(
         provenance.add_step(
             xr.Dataset(), "grid", parameters={"long": "x" * 300, "name": EVIL},
             inputs=[folder / "cloud.laz"],

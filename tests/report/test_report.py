@@ -13,9 +13,9 @@ import pytest
 import xarray as xr
 from matplotlib.figure import Figure
 
-from trueterrain import provenance
 from trueterrain._version import __version__
-from trueterrain.errors import OutputError
+from trueterrain.core import provenance
+from trueterrain.core.errors import OutputError
 from trueterrain.report import (
     Column,
     File,
@@ -45,7 +45,7 @@ def plotted(points=20):
 def everything(surface, folder):
     """One of each, with names as bad as can be."""
     (folder / "a b%.laz").write_bytes(b"12345")
-    steps = provenance.steps(
+    steps = provenance.provenance_steps(
         provenance.add_step(
             xr.Dataset(), EVIL, parameters={"name": EVIL}, inputs=[folder / "a b%.laz"]
         )

@@ -6,8 +6,8 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from trueterrain.errors import SchemaError
-from trueterrain.kinds import make_profile, make_surface
+from trueterrain.core.errors import SchemaError
+from trueterrain.core.schemas import make_profile, make_surface
 from trueterrain.report import SurfaceView
 from trueterrain.report._surface import reduce_surface
 from trueterrain.report._view import suggested_exaggeration

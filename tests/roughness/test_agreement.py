@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from trueterrain.errors import CoverageError, SchemaError
+from trueterrain.core.errors import CoverageError, SchemaError
+from trueterrain.core.schemas import ASSUMED, make_points, make_profile
 from trueterrain.formats import open as open_file
-from trueterrain.kinds import ASSUMED, make_points, make_profile
-from trueterrain.roughness import IriOptions, QuarterCar
+from trueterrain.roughness import IriSettings, QuarterCar
 from trueterrain.roughness.agreement import (
     AIRFIELD_FILTER,
     AgreementLimits,
-    AgreementOptions,
-    agreement,
+    AgreementSettings,
+    check_limits,
     filtered_profiles,
-    judge,
+    profile_agreement,
 )
 from trueterrain.roughness.filters import MovingAverage
 
@@ -22,7 +22,7 @@ ROUND_OFF = 1e-12  # [1] of sums of products
 WITHIN = 1e-3  # [m] that is asked of a shift
 FINE = 2e-5  # [m] what a shift of a noiseless profile is found within at spacings up to 100 mm
 SETTLING = 5e-4  # [1] of a rating: what the start of the car leaves behind 30 m
-AS_HEIGHTS = AgreementOptions(filter=None, max_scale=0)
+AS_HEIGHTS = AgreementSettings(filter=None, max_scale=0)
 
 WAVES = np.random.default_rng(5)
 LENGTHS = np.exp(WAVES.uniform(np.log(0.8), np.log(50.0), 150))  # [m]
@@ -37,7 +37,7 @@ def road(x):
 
 
 def pair(first, second, **options):
-    found = agreement({"A": first, "B": second}, options=AgreementOptions(**options))
+    found = profile_agreement({"A": first, "B": second}, options=AgreementSettings(**options))
     return found.sel(first="A", second="B").squeeze("track")
 
 
@@ -69,7 +69,7 @@ def test_a_shift_is_found_within_a_millimetre_at_the_coarsest_spacing_in_use():
 @pytest.mark.parametrize("window", ["exact", "centred", "none"])
 def test_profilers_of_unlike_spacing_are_not_shifted(window):
     fine, coarse = np.arange(0.0, 200.0, 0.025), np.arange(0.0, 200.0, 0.1)
-    by = IriOptions(window=window)
+    by = IriSettings(window=window)
     found = pair(make_profile(fine, road(fine)), make_profile(coarse, road(coarse)), filter=by)
     # the profile is straight between samples 100 mm apart, which flattens its shortest waves
     assert found.rating > 0.98
@@ -79,7 +79,7 @@ def test_profilers_of_unlike_spacing_are_not_shifted(window):
 def test_the_window_of_the_program_is_counted_from_its_middle():
     """Else profiles of 25 mm and 125 mm, both with 0.25 m windows, would be 56 mm apart."""
     fine, coarse = np.arange(0.0, 200.0, 0.025), np.arange(0.0, 200.0, 0.125)
-    by = IriOptions(window="sayers")
+    by = IriSettings(window="sayers")
     found = pair(make_profile(fine, road(fine)), make_profile(coarse, road(coarse)), filter=by)
     assert_allclose(found.best_shift, 0.0, rtol=0, atol=WITHIN)
 
@@ -93,7 +93,7 @@ def test_unequal_spacing_is_no_obstacle():
 
 
 @pytest.mark.parametrize("gain", [0.8, 1.0, 1.25, 3.0])
-@pytest.mark.parametrize("by", [IriOptions(window="exact"), AIRFIELD_FILTER, None])
+@pytest.mark.parametrize("by", [IriSettings(window="exact"), AIRFIELD_FILTER, None])
 def test_a_scaled_profile_is_rated_as_its_scale(gain, by):
     """Q = k P: covariance k, variances 1 and k², so the rating is k / max(1, k²) = min(k, 1/k)."""
     s = np.arange(0.0, 300.0, 0.1)
@@ -155,7 +155,7 @@ def test_a_profile_upside_down_is_rated_below_zero():
 def test_the_error_of_the_distance_is_found_and_corrected(error):
     s = np.arange(0.0, 900.0, 0.05)
     ground, measured = make_profile(s, road(s)), make_profile(s, road((s - 0.4) / (1 + error)))
-    found = agreement({"R": ground, "A": measured}, reference="R")
+    found = profile_agreement({"R": ground, "A": measured}, reference="R")
     there = found.sel(first="R", second="A").squeeze("track")
     assert there.rating < 0.997
     assert_allclose(there.corrected_rating, 1.0, rtol=0, atol=SETTLING)
@@ -173,7 +173,7 @@ def test_scores_are_means_over_pairs_of_repeats_and_over_the_reference():
     s = np.arange(0.0, 150.0, 0.1)
     gains = {"R": 1.0, "1": 0.9, "2": 0.8, "3": 1.1}
     runs = {name: make_profile(s, gain * road(s)) for name, gain in gains.items()}
-    found = agreement(runs, reference="R")
+    found = profile_agreement(runs, reference="R")
     assert_allclose(found.accuracy, np.mean([0.9, 0.8, 1 / 1.1]), rtol=0, atol=1e-9)
     pairs = [0.8 / 0.9, 0.9 / 1.1, 0.8 / 1.1]
     assert_allclose(found.repeatability, np.mean(pairs), rtol=0, atol=1e-9)
@@ -190,7 +190,7 @@ def test_wheel_paths_are_rated_each_by_itself():
     left, right = road(s), road(s + 400)
     both = make_profile(s, [left, right], tracks=["left", "right"])
     other = make_profile(s, [left, 0.5 * right], tracks=["left", "right"])
-    found = agreement({"A": both, "B": other})
+    found = profile_agreement({"A": both, "B": other})
     assert_allclose(found.repeatability, [1.0, 0.5], rtol=0, atol=1e-9)
     shown = filtered_profiles({"A": both, "B": other}, track="right")
     assert_allclose(shown.filtered[1], 0.5 * shown.filtered[0], rtol=0, atol=1e-12)
@@ -227,8 +227,8 @@ def test_starts_are_aligned_on_demand():
     with pytest.raises(
         CoverageError, match=r"A and B: overlap by less than 20 m .* Count stations"
     ):
-        agreement(runs)
-    found = agreement(runs, options=AgreementOptions(align_starts=True))
+        profile_agreement(runs)
+    found = profile_agreement(runs, options=AgreementSettings(align_starts=True))
     assert_allclose(found.repeatability, 1.0, rtol=0, atol=1e-9)
 
 
@@ -236,9 +236,9 @@ def test_a_profile_shorter_than_the_filter_needs_is_refused():
     s, short = np.arange(0.0, 100.0, 0.1), np.arange(0.0, 35.0, 0.1)
     runs = {"A": make_profile(s, road(s)), "B": make_profile(short, road(short))}
     with pytest.raises(CoverageError, match=r"^B: is 34.9 m long, which must be at least 50 m: 30"):
-        agreement(runs)
+        profile_agreement(runs)
     with pytest.raises(CoverageError, match="which must be at least 200 m: 180 m"):
-        agreement(runs, options=AgreementOptions(filter=AIRFIELD_FILTER))
+        profile_agreement(runs, options=AgreementSettings(filter=AIRFIELD_FILTER))
 
 
 def test_a_missing_height_is_named():
@@ -246,25 +246,25 @@ def test_a_missing_height_is_named():
     gap = road(s)
     gap[321:330] = np.nan
     with pytest.raises(CoverageError, match=r"^B: track profile, s = 32.1 m: has no finite height"):
-        agreement({"A": make_profile(s, road(s)), "B": make_profile(s, gap)})
+        profile_agreement({"A": make_profile(s, road(s)), "B": make_profile(s, gap)})
 
 
-@pytest.mark.parametrize("by", [IriOptions(), AIRFIELD_FILTER])
+@pytest.mark.parametrize("by", [IriSettings(), AIRFIELD_FILTER])
 def test_unequal_spacing_is_refused_by_filters_that_need_it_equal(by):
     s = np.arange(0.0, 250.0, 0.1)
     jittered = s + np.random.default_rng(3).uniform(-0.02, 0.02, s.size)
     runs = {"A": make_profile(s, road(s)), "B": make_profile(jittered, road(jittered))}
     with pytest.raises(SchemaError, match=r"^B: axis s: must be equally spaced"):
-        agreement(runs, options=AgreementOptions(filter=by))
-    smooth = AgreementOptions(filter=MovingAverage(shortest=0.5))  # needs no equal spacing
-    assert agreement(runs, options=smooth).repeatability > 0.999
+        profile_agreement(runs, options=AgreementSettings(filter=by))
+    smooth = AgreementSettings(filter=MovingAverage(shortest=0.5))  # needs no equal spacing
+    assert profile_agreement(runs, options=smooth).repeatability > 0.999
 
 
 def test_heights_in_feet_are_questioned():
     s = np.arange(0.0, 100.0, 0.1)
     runs = {"A": make_profile(s, road(s)), "B": make_profile(s, road(s) / 0.3048)}
     with pytest.warns(UserWarning, match="B is 3.281 times as high as A: are its heights in feet"):
-        found = agreement(runs)
+        found = profile_agreement(runs)
     assert len(found.attrs["doubts"]) == 1
 
 
@@ -272,14 +272,14 @@ def test_stations_in_feet_are_questioned():
     s = np.arange(0.0, 300.0, 0.1)
     runs = {"A": make_profile(s, road(s)), "B": make_profile(s / 0.3048, road(s))}
     with pytest.warns(UserWarning, match="B is 983.9.* are the stations of B in feet"):
-        agreement(runs, options=AgreementOptions(max_scale=0))
+        profile_agreement(runs, options=AgreementSettings(max_scale=0))
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_heights_in_millimetres_are_questioned():
     s = np.arange(0.0, 100.0, 0.1)
     runs = {"A": make_profile(s, road(s)), "B": make_profile(s, 1000 * road(s))}
-    doubts = agreement(runs).attrs["doubts"]
+    doubts = profile_agreement(runs).attrs["doubts"]
     assert any("B: climbs" in doubt for doubt in doubts)
     assert doubts[-1] == "B is 1000 times as high as A: are its heights in millimetres?"
 
@@ -288,7 +288,7 @@ def test_lengths_that_differ_are_told():
     s, short = np.arange(0.0, 200.0, 0.1), np.arange(0.0, 120.0, 0.1)
     runs = {"A": make_profile(s, road(s)), "B": make_profile(short, road(short))}
     with pytest.warns(UserWarning, match="A is 199.9 m long, B 119.9 m: only the 89.[0-9]+ m"):
-        found = agreement(runs)
+        found = profile_agreement(runs)
     assert_allclose(found.repeatability, 1.0, rtol=0, atol=1e-6)
 
 
@@ -296,7 +296,7 @@ def test_a_search_that_ends_at_its_limit_is_told():
     s = np.arange(0.0, 200.0, 0.1)
     runs = {"A": make_profile(s, road(s)), "B": make_profile(s, road(s - 1.3))}
     with pytest.warns(UserWarning, match="is at the end of the search"):
-        agreement(runs, options=AgreementOptions(max_shift=1.3, max_scale=0))
+        profile_agreement(runs, options=AgreementSettings(max_shift=1.3, max_scale=0))
 
 
 def test_a_road_that_repeats_itself_is_told():
@@ -305,54 +305,54 @@ def test_a_road_that_repeats_itself_is_told():
     wave = [0.01 * np.sin(2 * np.pi * (s - late) / 5) for late in (0.0, 1.0)]
     runs = {"A": make_profile(s, wave[0]), "B": make_profile(s, wave[1])}
     with pytest.warns(UserWarning, match="is rated nearly as well as .* the road repeats itself"):
-        agreement(runs)
-    near = agreement(runs, options=AgreementOptions(max_shift=2.0))
+        profile_agreement(runs)
+    near = profile_agreement(runs, options=AgreementSettings(max_shift=2.0))
     assert_allclose(near.best_shift.sel(first="A", second="B"), 1.0, rtol=0, atol=WITHIN)
 
 
 def test_a_flat_profile_is_refused():
     s = np.arange(0.0, 100.0, 0.1)
     with pytest.raises(CoverageError, match=r"^B: is flat"):
-        agreement({"A": make_profile(s, road(s)), "B": make_profile(s, 0 * s)})
+        profile_agreement({"A": make_profile(s, road(s)), "B": make_profile(s, 0 * s)})
 
 
 def test_tracks_must_be_the_same():
     s = np.arange(0.0, 100.0, 0.1)
     two = make_profile(s, [road(s), road(s)], tracks=["left", "right"])
     with pytest.raises(SchemaError, match=r"^B: has the tracks left, right, but A has profile"):
-        agreement({"A": make_profile(s, road(s)), "B": two})
+        profile_agreement({"A": make_profile(s, road(s)), "B": two})
 
 
 def test_bad_arguments_are_refused():
     s = np.arange(0.0, 100.0, 0.1)
     one = make_profile(s, road(s))
     with pytest.raises(ValueError, match="two or more, got 1"):
-        agreement({"A": one})
+        profile_agreement({"A": one})
     with pytest.raises(ValueError, match="reference must be one of A, B, got 'C'"):
-        agreement({"A": one, "B": one}, reference="C")
+        profile_agreement({"A": one, "B": one}, reference="C")
     with pytest.raises(SchemaError, match=r"^B: "):
-        agreement({"A": one, "B": make_points([0.0], [0.0], [0.0])})
+        profile_agreement({"A": one, "B": make_points([0.0], [0.0], [0.0])})
     for name, value in (("max_scale", 0.2), ("step", 0), ("minimum_overlap", -1), ("settle", -1)):
         with pytest.raises(ValueError, match=name):
-            AgreementOptions(**{name: value})
+            AgreementSettings(**{name: value})
 
 
 def test_verdicts_name_what_could_not_be_judged():
     s = np.arange(0.0, 100.0, 0.1)
     runs = {"1": make_profile(s, road(s)), "2": make_profile(s, 0.91 * road(s))}
-    alone = {check.name: check for check in judge(agreement(runs))}
+    alone = {check.name: check for check in check_limits(profile_agreement(runs))}
     assert alone["repeatability"].passed is False
     assert (alone["repeatability"].limit, alone["repeatability"].reason) == (0.92, "")
     assert (alone["accuracy"].passed, alone["accuracy"].reason) == (None, "no reference is given")
-    found = agreement(runs, reference="1")
+    found = profile_agreement(runs, reference="1")
     limits = AgreementLimits(accuracy=0.9, distance_error=1e-3)
-    judged = {check.name: check for check in judge(found, limits=limits)}
+    judged = {check.name: check for check in check_limits(found, limits=limits)}
     assert judged["accuracy"].passed is True
     assert judged["repeatability"].reason == "there are less than two repeats"
     assert judged["distance error"].passed is True
     assert judged["bias"].reason == "no errors of heights are given"
-    unsought = agreement(runs, reference="1", options=AgreementOptions(max_scale=0))
-    judged = {check.name: check for check in judge(unsought, limits=limits)}
+    unsought = profile_agreement(runs, reference="1", options=AgreementSettings(max_scale=0))
+    judged = {check.name: check for check in check_limits(unsought, limits=limits)}
     assert judged["distance error"].reason == "the scale of the distance was not sought"
     with pytest.raises(ValueError, match="bias must be finite and greater than 0"):
         AgreementLimits(bias=0)
@@ -361,7 +361,7 @@ def test_verdicts_name_what_could_not_be_judged():
 def test_results_do_not_depend_on_the_order_of_profiles():
     s = np.arange(0.0, 100.0, 0.1)
     runs = {name: make_profile(s, road(s) + 1e-3 * np.sin(i * s)) for i, name in enumerate("ABC")}
-    found = agreement(runs, reference="B")
-    turned = agreement(dict(reversed(runs.items())), reference="B")
+    found = profile_agreement(runs, reference="B")
+    turned = profile_agreement(dict(reversed(runs.items())), reference="B")
     assert_allclose(turned.accuracy, found.accuracy, rtol=0, atol=ROUND_OFF)
     assert_allclose(turned.repeatability, found.repeatability, rtol=0, atol=ROUND_OFF)

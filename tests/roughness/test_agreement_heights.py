@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from trueterrain.errors import CoverageError
-from trueterrain.kinds import make_profile
+from trueterrain.core.errors import CoverageError
+from trueterrain.core.schemas import make_profile
 from trueterrain.roughness.agreement import (
     AgreementLimits,
-    AgreementOptions,
-    agreement,
+    AgreementSettings,
+    check_limits,
     height_errors,
-    judge,
+    profile_agreement,
 )
 
 S = np.arange(0.0, 200.0, 0.05)
@@ -65,9 +65,9 @@ def test_bias_and_precision_of_repeats():
     assert_allclose(found.sd[0], spread, rtol=0, atol=ROUND_OFF)
     assert_allclose(found.bias, np.mean(np.abs(bias)), rtol=0, atol=ROUND_OFF)
     assert_allclose(found.precision, spread.mean(), rtol=0, atol=ROUND_OFF)
-    rated = agreement(runs, reference="R")
+    rated = profile_agreement(runs, reference="R")
     limits = AgreementLimits(bias=0.003, precision=0.001)
-    judged = {check.name: check.passed for check in judge(rated, found, limits=limits)}
+    judged = {check.name: check.passed for check in check_limits(rated, found, limits=limits)}
     assert (judged["bias"], judged["precision"]) == (True, False)
 
 
@@ -76,7 +76,9 @@ def test_one_repeat_has_no_precision():
     found = height_errors(runs, "R")
     assert np.isnan(found.bias).all()
     assert np.isnan(found.precision).all()
-    judged = {check.name: check for check in judge(agreement(runs, reference="R"), found)}
+    judged = {
+        check.name: check for check in check_limits(profile_agreement(runs, reference="R"), found)
+    }
     assert judged["precision"].reason == "there are less than two repeats"
 
 
@@ -92,7 +94,7 @@ def test_bad_input_is_refused():
     with pytest.raises(CoverageError, match=r"R and A: share no stations: 0 to 199.95 m, and 900"):
         height_errors(runs, "R", registration="none")
     aligned = height_errors(
-        runs, "R", registration="none", options=AgreementOptions(align_starts=True)
+        runs, "R", registration="none", options=AgreementSettings(align_starts=True)
     )
     assert_allclose(aligned.rms, 0.0, rtol=0, atol=ROUND_OFF)
     with pytest.raises(ValueError, match="registration must be"):

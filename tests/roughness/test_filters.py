@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from trueterrain.errors import CoverageError, SchemaError
-from trueterrain.kinds import make_profile
-from trueterrain.provenance import steps
+from trueterrain.core.errors import CoverageError, SchemaError
+from trueterrain.core.provenance import provenance_steps
+from trueterrain.core.schemas import make_profile
 from trueterrain.roughness import FILTER_250_MM, Butterworth, MovingAverage, filter_profile
 
 EXACT = 1e-9  # [1, or m] rounding, gathered along some ten thousand samples
@@ -116,7 +116,7 @@ def test_tracks_positions_and_history_are_kept():
     assert out.crs == "EPSG:32632"
     assert_allclose(out.easting, profile.easting, rtol=0, atol=0)
     assert "sd" not in out
-    assert steps(out)[-1]["parameters"]["by"]["kind"] == "Butterworth"
+    assert provenance_steps(out)[-1]["parameters"]["by"]["kind"] == "Butterworth"
     alone = filter_profile(make_profile(S[:3001], height[1]), BAND)
     assert_allclose(out.height[1], alone.height, rtol=0, atol=0)
 

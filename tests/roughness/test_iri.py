@@ -10,19 +10,19 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.linalg import expm
 
-from trueterrain.errors import CoverageError, SchemaError
-from trueterrain.kinds import make_profile
-from trueterrain.provenance import steps
-from trueterrain.roughness import IRI_SPEED, IriOptions, QuarterCar, continuous_iri, iri
+from trueterrain.core.errors import CoverageError, SchemaError
+from trueterrain.core.provenance import provenance_steps
+from trueterrain.core.schemas import make_profile
+from trueterrain.roughness import IRI_SPEED, IriSettings, QuarterCar, continuous_iri, iri
 from trueterrain.roughness._kernels import mean_of_lines
-from trueterrain.roughness._track import drive, response
+from trueterrain.roughness._track import drive_profile, step_response
 
 EXACT = 1e-9  # [m/km] rounding only
 PRINTED = 1e-6  # [m/km] the published values are quoted with 6 decimals
 OTHER_PROGRAM = 1e-7  # [m/km] rounding of the other program, whose exp(20 t) reaches 1e40 in 100 m
 SINE = 3e-4  # [1] relative: mean over samples instead of the integral, at 10 mm
 
-PLAIN = IriOptions(window="none", start="0.5s")
+PLAIN = IriSettings(window="none", start="0.5s")
 
 
 def rough(n, seed=1):
@@ -109,7 +109,7 @@ def test_sine_has_the_index_of_its_frequency_response(wavelength, window, attenu
     settled = periods * wavelength  # [m] the car's slowest motion has decayed to exp(-46)
     s = np.arange(0, 2 * settled + 1, 0.01)
     profile = make_profile(s, amplitude * np.sin(2 * np.pi * s / wavelength))
-    index = iri(profile, options=IriOptions(window=window), segment=settled)
+    index = iri(profile, options=IriSettings(window=window), segment=settled)
     truth = 2000 / np.pi * QuarterCar().gain(wavelength) * 2 * np.pi * amplitude / wavelength
     if attenuated:
         truth *= np.sinc(0.25 / wavelength)
@@ -127,22 +127,22 @@ def test_unequal_steps_against_one_matrix_exponential_each():
         x = S @ x + np.linalg.solve(A, (S - np.eye(4)) @ B) * slope
         travel.append(abs(C @ x) * dx)
     truth = 1000 * sum(travel) / np.ptp(s)
-    index = iri(make_profile(s, height), options=IriOptions(window="none", start="level"))
+    index = iri(make_profile(s, height), options=IriSettings(window="none", start="level"))
     assert_allclose(index.iri, truth, rtol=0, atol=EXACT)
 
 
 @pytest.mark.parametrize("car", [QuarterCar(damping=60.0), QuarterCar(mass_ratio=3.0)])
 def test_other_cars_on_long_unequal_steps(car):
     """Steps of many of the car's time constants are divided until the series converges."""
-    options = IriOptions(window="none", start="level", car=car, max_spacing=20.0)
+    options = IriSettings(window="none", start="level", car=car, max_spacing=20.0)
     s = np.array([0.0, 3.0, 10.0, 30.0])
-    way = drive(s, np.array([0.0, 0.1, 0.0, 0.2]), options)
+    way = drive_profile(s, np.array([0.0, 0.1, 0.0, 0.2]), options)
     x, truth = np.zeros(4), []
     for dx, slope in zip(np.diff(s), np.diff(way.height) / np.diff(s), strict=True):
         S, p = car.transition(dx)
         x = S @ x + p * slope
         truth.append(x[2] - x[0])
-    assert_allclose(response(way), truth, rtol=0, atol=1e-12)  # [m/m] rounding
+    assert_allclose(step_response(way), truth, rtol=0, atol=1e-12)  # [m/m] rounding
 
 
 # What must not change the index
@@ -153,8 +153,8 @@ def test_samples_on_a_straight_line_change_nothing():
     s, height = 0.25 * np.arange(400), rough(400)
     middles = (0.5 * (s[1:] + s[:-1]))[::3]
     finer = np.sort(np.concatenate([s, middles]))
-    coarse = response(drive(s, height, PLAIN))
-    fine = response(drive(finer, np.interp(finer, s, height), PLAIN))
+    coarse = step_response(drive_profile(s, height, PLAIN))
+    fine = step_response(drive_profile(finer, np.interp(finer, s, height), PLAIN))
     at_samples = np.isin(finer[1:], s[1:])
     assert_allclose(fine[at_samples], coarse, rtol=0, atol=1e-12)  # [m/m] rounding
 
@@ -177,7 +177,7 @@ def test_segment_ends_do_not_change_the_whole_on_unequal_spacing():
 
 def test_segments_of_one_run_weigh_up_to_the_whole():
     s = 100.0 + 0.05 * np.arange(21_001)
-    index = iri(make_profile(s, rough(s.size)), options=IriOptions(window="none"), segment=100.0)
+    index = iri(make_profile(s, rough(s.size)), options=IriSettings(window="none"), segment=100.0)
     assert list(index.complete.values) == [True] * 10 + [False]
     weighed = (index.segment_iri * (index.end - index.start)).sum() / np.ptp(s)
     assert_allclose(weighed, index.iri[0], rtol=0, atol=EXACT)
@@ -186,7 +186,7 @@ def test_segments_of_one_run_weigh_up_to_the_whole():
 def test_segments_may_be_as_short_as_the_steps():
     s, height = 0.25 * np.arange(200), rough(200)
     index = iri(make_profile(s, height), options=PLAIN, segment=0.25)
-    truth = 1000 * abs(response(drive(s, height, PLAIN)))
+    truth = 1000 * abs(step_response(drive_profile(s, height, PLAIN)))
     assert_allclose(index.segment_iri[0], truth, rtol=0, atol=EXACT)
 
 
@@ -194,7 +194,7 @@ def test_segments_may_be_as_short_as_the_steps():
 @given(offset=st.floats(-1000, 1000), grade=st.floats(-0.1, 0.1), factor=st.floats(-5, 5))
 def test_only_the_shape_counts(window, offset, grade, factor):
     """Offset and grade change nothing, a factor scales the index (a grade needs a fair start)."""
-    options = IriOptions(window=window, start="0.5s")
+    options = IriSettings(window=window, start="0.5s")
     s, height = 0.05 * np.arange(1000), rough(1000)
     profile = make_profile(s, offset + grade * s + factor * height)
     truth = abs(factor) * iri(make_profile(s, height), options=options).iri
@@ -204,14 +204,14 @@ def test_only_the_shape_counts(window, offset, grade, factor):
 
 def test_a_grade_is_smooth():
     s = 0.1 * np.arange(5000)
-    index = iri(make_profile(s, 0.06 * s), options=IriOptions(start="0.5s"))
+    index = iri(make_profile(s, 0.06 * s), options=IriSettings(start="0.5s"))
     assert_allclose(index.iri, 0, rtol=0, atol=EXACT)
 
 
 def test_the_centred_window_bends_a_grade_at_the_ends_only():
     """It has samples on one side only there, as in the program that it comes from."""
     s = 0.05 * np.arange(10_001)
-    options = IriOptions(window="centred", start="0.5s")
+    options = IriSettings(window="centred", start="0.5s")
     index = iri(make_profile(s, 0.06 * s), options=options, segment=100.0)
     assert index.segment_iri[0, 0] > 0.01
     assert_allclose(index.segment_iri[0, 3], 0, rtol=0, atol=EXACT)
@@ -223,7 +223,7 @@ def test_the_programs_start_is_short_by_one_sample():
     index = iri(make_profile(s, 0.06 * s), segment=100.0)
     assert index.segment_iri[0, 0] > 0.01
     assert_allclose(index.segment_iri[0, -1], 0, rtol=0, atol=EXACT)
-    way = drive(s, 0.06 * s, IriOptions())
+    way = drive_profile(s, 0.06 * s, IriSettings())
     assert_allclose(way.slope, 0.06 * 110 / 111, rtol=0, atol=1e-12)  # [m/m] rounding
 
 
@@ -250,7 +250,7 @@ def test_rounded_stations_still_count_as_equally_spaced():
     assert_allclose(rounded.iri, truth, rtol=0, atol=0)
     really = iri(
         make_profile(s + 0.99 * jitter, height),
-        options=IriOptions(window="none", start="0.5s", spacing_tolerance=0.0),
+        options=IriSettings(window="none", start="0.5s", spacing_tolerance=0.0),
     )
     assert_allclose(
         really.iri / iri(make_profile(s, height), options=PLAIN).iri, 1, rtol=0, atol=1e-4
@@ -293,21 +293,21 @@ def test_mean_of_lines_on_unequal_spacing():
 def test_centred_window_is_the_mean_of_the_samples_in_it():
     s, height = unequal(300, 0.05), rough(300)
     truth = [height[abs(s - here) <= 0.125].mean() for here in s]
-    way = drive(s, height, IriOptions(window="centred"))
+    way = drive_profile(s, height, IriSettings(window="centred"))
     assert_allclose(way.height, truth, rtol=0, atol=1e-12)  # [m] rounding
 
 
 def test_centred_window_includes_both_ends():
     """At 25 mm, 11 samples lie within 125 mm, whatever the rounding of the stations."""
     s, height = 478.0 + 0.025 * np.arange(200), rough(200)
-    way = drive(s, height, IriOptions(window="centred"))
+    way = drive_profile(s, height, IriSettings(window="centred"))
     truth = np.convolve(height, np.full(11, 1 / 11), mode="valid")
     assert_allclose(way.height[5:-5], truth, rtol=0, atol=1e-12)  # [m] rounding
 
 
 def test_centred_window_leaves_wide_spacing_alone():
     s, height = 0.25 * np.arange(200), rough(200)
-    way = drive(s, height, IriOptions(window="centred"))
+    way = drive_profile(s, height, IriSettings(window="centred"))
     assert_allclose(way.height, height, rtol=0, atol=0)
 
 
@@ -317,7 +317,7 @@ def test_windows_of_unequal_spacing_smooth_like_those_of_equal_spacing(window):
     s = 0.01 * np.arange(50_001)
     kept = np.random.default_rng(4).random(s.size) > 0.1
     height = 0.001 * np.sin(2 * np.pi * s)
-    options = IriOptions(window=window, start="0.5s")
+    options = IriSettings(window=window, start="0.5s")
     whole = iri(make_profile(s, height), options=options)
     part = iri(make_profile(s[kept], height[kept]), options=options)
     assert_allclose(part.iri / whole.iri, 1, rtol=0, atol=5e-3)  # [1] chords of two or three steps
@@ -328,7 +328,7 @@ def test_windows_of_unequal_spacing_smooth_like_those_of_equal_spacing(window):
 
 def test_restart_rates_each_segment_as_a_profile_of_its_own():
     s, height = 478.0 + 0.25 * np.arange(250), rough(250)
-    index = iri(make_profile(s, height), options=IriOptions(restart=True), segment=20.0)
+    index = iri(make_profile(s, height), options=IriSettings(restart=True), segment=20.0)
     for at, value in enumerate(index.segment_iri.values[0]):
         cut = slice(80 * at, 80 * at + 81)
         alone = iri(make_profile(s[cut], height[cut]))
@@ -339,7 +339,7 @@ def test_restart_rates_each_segment_as_a_profile_of_its_own():
 def test_restart_changes_short_segments():
     profile = make_profile(0.25 * np.arange(401), rough(401))
     one_run = iri(profile, segment=20.0).segment_iri
-    restarted = iri(profile, options=IriOptions(restart=True), segment=20.0).segment_iri
+    restarted = iri(profile, options=IriSettings(restart=True), segment=20.0).segment_iri
     assert abs(one_run - restarted)[0, 1:].min() > 1e-3
 
 
@@ -349,7 +349,7 @@ def test_a_rest_without_a_step_is_left_out():
     index = iri(make_profile(s, rough(s.size)), segment=10.0)
     assert index.sizes["segment"] == 2
     assert index.complete.all()
-    restarted = iri(make_profile(s, rough(s.size)), options=IriOptions(restart=True), segment=10.0)
+    restarted = iri(make_profile(s, rough(s.size)), options=IriSettings(restart=True), segment=10.0)
     assert restarted.sizes["segment"] == 2
 
 
@@ -384,7 +384,7 @@ def test_one_track_has_neither_mri_nor_hri():
     assert np.isnan(index.hri)
 
 
-@pytest.mark.parametrize("options", [IriOptions(), PLAIN, IriOptions(window="exact")])
+@pytest.mark.parametrize("options", [IriSettings(), PLAIN, IriSettings(window="exact")])
 def test_sliding_windows_agree_with_segments(options):
     s = 478.0 + 0.25 * np.arange(2000)
     profile = make_profile(s, [rough(s.size, 7), rough(s.size, 8)], tracks=["left", "right"])
@@ -412,13 +412,13 @@ def test_sliding_windows_take_the_step_asked_for():
 
 def test_results_know_their_conventions():
     index = iri(make_profile(0.25 * np.arange(401), rough(401)), options=PLAIN, segment=20.0)
-    step = steps(index)[-1]
+    step = provenance_steps(index)[-1]
     assert step["step"] == "iri"
     assert step["parameters"]["options"]["window"] == "none"
     assert step["parameters"]["options"]["car"]["mass_ratio"] == 0.15
     assert step["parameters"]["segment"] == 20.0
     assert index.iri.attrs["units"] == "m/km"
-    json.dumps(steps(index))
+    json.dumps(provenance_steps(index))
 
 
 # What is refused
@@ -436,7 +436,7 @@ def test_missing_heights_are_named():
 
 @pytest.mark.parametrize("window", ["sayers", "centred", "exact", "none"])
 def test_profiles_that_are_too_short(window):
-    options = IriOptions(window=window)
+    options = IriSettings(window=window)
     with pytest.raises(CoverageError, match="axis s: is too short"):
         iri(make_profile([0.0], [0.0]), options=options)
     if window in ("sayers", "exact"):
@@ -486,7 +486,7 @@ def test_wheel_paths_must_be_two_of_the_tracks(names):
 )
 def test_options_are_checked(settings, message):
     with pytest.raises(ValueError, match=message):
-        IriOptions(**settings)
+        IriSettings(**settings)
 
 
 def test_sliding_windows_are_checked():
@@ -498,4 +498,4 @@ def test_sliding_windows_are_checked():
     with pytest.raises(ValueError, match="step must be finite"):
         continuous_iri(profile, 5.0, step=-1.0)
     with pytest.raises(ValueError, match="restart must be false"):
-        continuous_iri(profile, 5.0, options=IriOptions(restart=True))
+        continuous_iri(profile, 5.0, options=IriSettings(restart=True))

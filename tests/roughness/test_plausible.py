@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from trueterrain.errors import CoverageError
+from trueterrain.core.errors import CoverageError
+from trueterrain.core.schemas import ASSUMED, make_profile
 from trueterrain.formats import open as open_file
-from trueterrain.kinds import ASSUMED, make_profile
-from trueterrain.roughness import IriOptions, RideNumberOptions, doubts, iri, ride_number
+from trueterrain.roughness import IriSettings, RideNumberSettings, flag_profile, iri, ride_number
 from trueterrain.roughness.plausible import rating_doubts
 from trueterrain.simulate.ground import BelgianBlock, Road
 
@@ -22,11 +22,11 @@ def hilly(road_class="B"):
 
 @pytest.mark.parametrize("road_class", ["A", "C", "D"])
 def test_roads_are_not_questioned(road_class):
-    assert doubts(make_profile(S, hilly(road_class))) == []
+    assert flag_profile(make_profile(S, hilly(road_class))) == []
 
 
 def test_belgian_block_is_not_questioned():
-    assert doubts(make_profile(S, BelgianBlock(seed=1).height(S, 0 * S))) == []
+    assert flag_profile(make_profile(S, BelgianBlock(seed=1).height(S, 0 * S))) == []
 
 
 @pytest.mark.parametrize(
@@ -38,49 +38,49 @@ def test_measured_courses_are_not_questioned(data, name):
     for v in (0.5, -0.5):
         line = surface.height.sel(v=v, method="nearest")
         known = np.isfinite(line.values)
-        assert doubts(make_profile(surface.u.values[known], line.values[known])) == []
+        assert flag_profile(make_profile(surface.u.values[known], line.values[known])) == []
 
 
 @pytest.mark.parametrize("height", [0.0 * S, 0.06 * S, 1e-3 * hilly("A")])
 def test_grounds_without_roughness_are_questioned(height):
     """Smoothed away, or kilometres that pass for metres: the index would be 0.000."""
-    (doubt,) = doubts(make_profile(S, height))
+    (doubt,) = flag_profile(make_profile(S, height))
     assert doubt.startswith("track profile: is smoother than any road, 0.0")
 
 
 def test_without_a_unit_the_scale_of_roads_is_the_limit():
     block = make_profile(S, 2 * BelgianBlock(seed=1).height(S, 0 * S))
-    (first, second) = doubts(block.assign_attrs({ASSUMED: "has no header"}))
+    (first, second) = flag_profile(block.assign_attrs({ASSUMED: "has no header"}))
     assert first == "has no header"
     assert "is rougher than roads are" in second
 
 
 def test_feet_declared_as_metres_are_questioned():
     profile = make_profile(S, [hilly(), hilly() / FOOT], tracks=["metres", "feet"])
-    (doubt,) = doubts(profile)
+    (doubt,) = flag_profile(profile)
     assert doubt.startswith("track feet: climbs 0.2")
     assert doubt.endswith("over 100 m; are its heights in metres, not in feet or millimetres?")
 
 
 def test_millimetres_declared_as_metres_are_questioned(tmp_path):
     height = 1000 * hilly("A")
-    found = doubts(make_profile(S, height))
+    found = flag_profile(make_profile(S, height))
     assert [doubt.split(": ")[1].split(" ")[0] for doubt in found] == ["has", "climbs", "is"]
     assert "has heights up to 20" in found[0]
     assert "is rougher than roads are" in found[2]
     table = np.column_stack([S, height])
     np.savetxt(tmp_path / "mm.csv", table, delimiter=",", header="s,height [mm]", comments="")
-    assert doubts(open_file(tmp_path / "mm.csv")) == []  # declared as what they are
+    assert flag_profile(open_file(tmp_path / "mm.csv")) == []  # declared as what they are
 
 
 def test_short_profiles_are_not_judged_by_grade():
-    assert doubts(make_profile([0.0, 0.1, 0.2], [0.0, 0.05, 0.1])) == []
-    assert doubts(make_profile([0.0], [0.0])) == []
+    assert flag_profile(make_profile([0.0, 0.1, 0.2], [0.0, 0.05, 0.1])) == []
+    assert flag_profile(make_profile([0.0], [0.0])) == []
 
 
 def test_missing_heights_are_an_error():
     with pytest.raises(CoverageError, match="has no finite height"):
-        doubts(make_profile(S, np.full(S.size, np.nan)))
+        flag_profile(make_profile(S, np.full(S.size, np.nan)))
 
 
 @pytest.mark.parametrize(
@@ -97,7 +97,7 @@ def test_missing_heights_are_an_error():
         (0.25, "none", False),
     ],
 )
-@pytest.mark.parametrize("kind", [IriOptions, RideNumberOptions])
+@pytest.mark.parametrize("kind", [IriSettings, RideNumberSettings])
 def test_windows_that_average_nothing_are_known(kind, spacing, window, idle):
     profile = make_profile(spacing * np.arange(50), np.zeros(50))
     options = kind(window=window, max_spacing=0.61)
@@ -107,7 +107,7 @@ def test_windows_that_average_nothing_are_known(kind, spacing, window, idle):
 
 
 def test_one_sample_has_no_window():
-    assert rating_doubts(make_profile([0.0], [0.0]), IriOptions()) == []
+    assert rating_doubts(make_profile([0.0], [0.0]), IriSettings()) == []
 
 
 WAVES = 0.001 * np.random.default_rng(4).standard_normal(4000).cumsum()  # [m] at 0.1 m
@@ -116,14 +116,14 @@ WAVES = 0.001 * np.random.default_rng(4).standard_normal(4000).cumsum()  # [m] a
 @pytest.mark.parametrize(
     ("kind", "index", "spacing", "outcome"),
     [
-        (IriOptions, iri, 0.305, "accurate"),
-        (IriOptions, iri, 0.31, "warned"),
-        (IriOptions, iri, 0.6096, "warned"),  # 2 ft
-        (IriOptions, iri, 0.62, "refused"),
-        (RideNumberOptions, ride_number, 0.05, "accurate"),
-        (RideNumberOptions, ride_number, 0.06, "warned"),
-        (RideNumberOptions, ride_number, 0.1524, "warned"),  # 6 in
-        (RideNumberOptions, ride_number, 0.17, "refused"),
+        (IriSettings, iri, 0.305, "accurate"),
+        (IriSettings, iri, 0.31, "warned"),
+        (IriSettings, iri, 0.6096, "warned"),  # 2 ft
+        (IriSettings, iri, 0.62, "refused"),
+        (RideNumberSettings, ride_number, 0.05, "accurate"),
+        (RideNumberSettings, ride_number, 0.06, "warned"),
+        (RideNumberSettings, ride_number, 0.1524, "warned"),  # 6 in
+        (RideNumberSettings, ride_number, 0.17, "refused"),
     ],
 )
 def test_indices_need_samples_that_show_what_the_car_feels(kind, index, spacing, outcome):
@@ -156,4 +156,4 @@ def test_the_index_is_accurate_to_the_spacing_that_is_said_to_be():
 
 def test_a_window_in_millimetres_is_refused():
     with pytest.raises(ValueError, match=r"window_length must be at most 1 m, got 250; is it in m"):
-        IriOptions(window_length=250.0)
+        IriSettings(window_length=250.0)

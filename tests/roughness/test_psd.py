@@ -5,18 +5,11 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.signal import welch
 
-from trueterrain.errors import CoverageError, SchemaError
-from trueterrain.kinds import make_profile
-from trueterrain.provenance import steps
-from trueterrain.roughness import (
-    CLASS_LIMITS,
-    N0,
-    PsdOptions,
-    psd,
-    road_class,
-    smoothing_bands,
-)
-from trueterrain.roughness._spectrum import smooth
+from trueterrain.core.errors import CoverageError, SchemaError
+from trueterrain.core.provenance import provenance_steps
+from trueterrain.core.schemas import make_profile
+from trueterrain.roughness import CLASS_LIMITS, N0, PsdSettings, psd, road_class, smoothing_bands
+from trueterrain.roughness._spectrum import smooth_bands
 from trueterrain.simulate.ground import Road
 
 EXACT = 1e-12  # [1] relative: rounding
@@ -103,7 +96,9 @@ def test_smoothing_is_the_sum_of_the_standard():
         total = ((nL + 0.5) * Be - nl) * G[nL] + (nh - (nH - 0.5) * Be) * G[nH]
         total += sum(G[j] * Be for j in range(nL + 1, nH))
         truth.append(total / (nh - nl))
-    assert_allclose(smooth(G[1:], Be, bands), truth, rtol=1e-11, atol=0)  # differences of a sum
+    assert_allclose(
+        smooth_bands(G[1:], Be, bands), truth, rtol=1e-11, atol=0
+    )  # differences of a sum
 
 
 # Spectra
@@ -112,7 +107,7 @@ def test_smoothing_is_the_sum_of_the_standard():
 @pytest.mark.parametrize(("count", "step", "block"), [(4000, 0.1, 100.0), (4096, 0.05, 51.2)])
 def test_spectrum_is_welchs(count, step, block):
     height = np.cumsum(np.random.default_rng(2).standard_normal(count)) * 1e-3
-    options = PsdOptions(block=block, lowest=0.05)
+    options = PsdSettings(block=block, lowest=0.05)
     data = psd(make_profile(step * np.arange(count), height), options=options)
     size = round(block / step)
     n, truth = welch(height, 1 / step, "hann", size, size // 2, detrend="linear")
@@ -147,7 +142,7 @@ def test_simulated_roads_are_recovered_within_their_intervals(name, waviness):
     s = 0.05 * np.arange(20_000)  # fine enough for all waves of the road, up to 10 cycles/m
     road = Road(gd_n0=gd, waviness=waviness, seed=ord(name), lowest=0.005)
     along = make_profile(s, road.height(0.8 * s, 0.6 * s))  # alike along any line
-    rated = psd(along, options=PsdOptions(confidence=0.99))
+    rated = psd(along, options=PsdSettings(confidence=0.99))
     assert rated.gd_n0_low < gd < rated.gd_n0_high
     assert rated.waviness_low < waviness < rated.waviness_high
     assert rated.waviness_high - rated.waviness_low < 0.3
@@ -177,7 +172,7 @@ def test_waviness_can_be_assumed():
     s = 0.1 * np.arange(10_000)
     height = gaussian_road(np.random.default_rng(4), s.size, 0.1, 64e-6, 2.0)
     free = psd(make_profile(s, height))
-    fixed = psd(make_profile(s, height), options=PsdOptions(waviness=2.0))
+    fixed = psd(make_profile(s, height), options=PsdSettings(waviness=2.0))
     assert fixed.waviness == fixed.waviness_low == fixed.waviness_high == 2.0
     assert fixed.gd_n0_low < 64e-6 < fixed.gd_n0_high
     width = np.log(fixed.gd_n0_high / fixed.gd_n0_low)
@@ -217,7 +212,7 @@ def test_tracks_are_rated_alone_and_remember_how():
     assert both.road_class.values.tolist() == ["A", "D"]
     alone = psd(make_profile(s, heights[1]))
     assert_allclose(both.gd_n0.sel(track="right"), alone.gd_n0[0], rtol=0, atol=0)
-    assert steps(both)[-1]["parameters"]["options"]["block"] == 1000.0
+    assert provenance_steps(both)[-1]["parameters"]["options"]["block"] == 1000.0
     assert both.density.attrs["units"] == "m3"
 
 
@@ -252,4 +247,4 @@ def test_bad_profiles_are_refused():
 )
 def test_options_are_checked(settings, message):
     with pytest.raises(ValueError, match=message):
-        PsdOptions(**settings)
+        PsdSettings(**settings)

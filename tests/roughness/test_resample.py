@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from trueterrain import provenance
-from trueterrain.errors import CoverageError
-from trueterrain.kinds import make_profile
+from trueterrain.core import provenance
+from trueterrain.core.errors import CoverageError
+from trueterrain.core.schemas import make_profile
 from trueterrain.roughness import resample_profile
 
 ROUNDING = 1e-12  # [m] of sums of some metres
@@ -31,7 +31,7 @@ def test_a_slope_stays_a_slope_in_all_tracks():
     )
     np.testing.assert_allclose(even.easting.sel(track="left"), even.s, rtol=0, atol=ROUNDING)
     assert (even.sd == 0.001).all()
-    assert provenance.steps(even)[-1]["step"] == "resample_profile"
+    assert provenance.provenance_steps(even)[-1]["step"] == "resample_profile"
 
 
 def test_samples_at_their_own_spacing_stay_as_they_are():

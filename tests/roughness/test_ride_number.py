@@ -9,14 +9,14 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.linalg import expm
 
-from trueterrain.errors import CoverageError, SchemaError
-from trueterrain.kinds import make_profile
-from trueterrain.provenance import steps
+from trueterrain.core.errors import CoverageError, SchemaError
+from trueterrain.core.provenance import provenance_steps
+from trueterrain.core.schemas import make_profile
 from trueterrain.roughness import (
     IRI_SPEED,
     RIDE_NUMBER_CAR,
     QuarterCar,
-    RideNumberOptions,
+    RideNumberSettings,
     ride_number,
 )
 
@@ -52,7 +52,7 @@ def program(height, step):
 def test_is_the_program_with_its_constants(step, length):
     height = rough(int(length / step))
     profile = make_profile(7.0 + step * np.arange(height.size), height)
-    rated = ride_number(profile, options=RideNumberOptions(max_spacing=0.25))
+    rated = ride_number(profile, options=RideNumberSettings(max_spacing=0.25))
     truth = program(height, step)
     assert_allclose(rated.pi, truth, rtol=0, atol=EXACT)
     assert_allclose(rated.rn, 5 * np.exp(-160 * truth), rtol=0, atol=1e-9)  # [1] 160 PI / PI
@@ -92,7 +92,7 @@ def test_both_wheel_paths_are_the_root_mean_square():
 
 def test_squares_of_segments_weigh_up_to_the_whole():
     s = 0.05 * np.arange(4011)
-    options = RideNumberOptions(window="none")
+    options = RideNumberSettings(window="none")
     rated = ride_number(make_profile(s, rough(s.size)), options=options, segment=33.3)
     length = rated.end - rated.start
     whole = (rated.segment_pi[0] ** 2 * length).sum() / length.sum()
@@ -103,7 +103,7 @@ def test_squares_of_segments_weigh_up_to_the_whole():
 def test_unequal_spacing_with_samples_on_straight_lines_changes_nothing():
     s, height = 0.25 * np.arange(801), rough(801)
     finer = np.sort(np.concatenate([s, (0.5 * (s[1:] + s[:-1]))[::3]]))
-    options = RideNumberOptions(
+    options = RideNumberSettings(
         window="none", car=QuarterCar(), start_length=10.0, max_spacing=0.25
     )
     coarse = ride_number(make_profile(s, height), options=options)
@@ -114,7 +114,7 @@ def test_unequal_spacing_with_samples_on_straight_lines_changes_nothing():
 
 def test_restart_rates_each_segment_as_a_profile_of_its_own():
     s, height = 0.25 * np.arange(250), rough(250)
-    options = RideNumberOptions(restart=True, max_spacing=0.25)
+    options = RideNumberSettings(restart=True, max_spacing=0.25)
     rated = ride_number(make_profile(s, height), options=options, segment=20.0)
     for at, value in enumerate(rated.segment_rn.values[0]):
         cut = slice(80 * at, 80 * at + 81)
@@ -124,10 +124,10 @@ def test_restart_rates_each_segment_as_a_profile_of_its_own():
 
 def test_constants_can_be_replaced_and_are_recorded():
     profile = make_profile(0.1 * np.arange(1000), rough(1000))
-    options = RideNumberOptions(best=10.0, steepness=80.0, start_length=11.0, car=QuarterCar())
+    options = RideNumberSettings(best=10.0, steepness=80.0, start_length=11.0, car=QuarterCar())
     rated = ride_number(profile, options=options)
     assert_allclose(rated.rn, 10 * np.exp(-80 * rated.pi), rtol=0, atol=EXACT)
-    record = steps(rated)[-1]
+    record = provenance_steps(rated)[-1]
     assert record["step"] == "ride_number"
     assert record["parameters"]["options"]["steepness"] == 80.0
     assert record["parameters"]["options"]["car"]["tyre_stiffness"] == 653.0
@@ -148,4 +148,4 @@ def test_bad_profiles_are_refused():
 @pytest.mark.parametrize("name", ["best", "steepness", "start_length", "speed", "window_length"])
 def test_options_must_be_positive(name):
     with pytest.raises(ValueError, match=f"{name} must be finite and greater than 0"):
-        RideNumberOptions(**{name: -1.0})
+        RideNumberSettings(**{name: -1.0})

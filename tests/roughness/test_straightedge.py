@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from trueterrain.errors import CoverageError
-from trueterrain.kinds import make_profile
-from trueterrain.provenance import steps
-from trueterrain.roughness import rolling_straightedge, stretches
+from trueterrain.core.errors import CoverageError
+from trueterrain.core.provenance import provenance_steps
+from trueterrain.core.schemas import make_profile
+from trueterrain.roughness import find_stretches, rolling_straightedge
 
 EXACT = 1e-12  # [m] rounding
 
@@ -47,11 +47,11 @@ def test_a_joint_is_found_as_a_stretch():
     s = 0.05 * np.arange(2000)
     height = [np.where(abs(s - 50) < 0.2, -0.02, 0.0), 0 * s]
     beam = rolling_straightedge(make_profile(s, height, tracks=["left", "right"]))
-    found = stretches(abs(beam.deviation), 0.015)
+    found = find_stretches(abs(beam.deviation), 0.015)
     assert list(found.track.values) == ["left"]
     assert 49.7 < found.start.item() < found.end.item() < 50.3
     assert found.peak.item() == pytest.approx(0.02)
-    assert steps(beam)[-1]["parameters"] == {"length": 3.0}
+    assert provenance_steps(beam)[-1]["parameters"] == {"length": 3.0}
 
 
 def test_a_profile_as_long_as_the_beam_has_one_value():

@@ -5,18 +5,18 @@ import pytest
 import xarray as xr
 from numpy.testing import assert_allclose
 
-from trueterrain.errors import CoverageError, SchemaError
-from trueterrain.kinds import make_profile
-from trueterrain.provenance import steps
+from trueterrain.core.errors import CoverageError, SchemaError
+from trueterrain.core.provenance import provenance_steps
+from trueterrain.core.schemas import make_profile
 from trueterrain.roughness import (
     IN_PER_MI,
     LONG_CONTINUOUS,
     SHORT_CONTINUOUS,
     continuous_iri,
+    find_stretches,
     iri,
     iri_histogram,
     localised_roughness,
-    stretches,
 )
 
 EXACT = 1e-9  # [m, or m/km] rounding
@@ -35,7 +35,7 @@ def values(*rows):
 
 
 def test_stretches_end_where_lines_cross_the_threshold():
-    found = stretches(values([0, 4, 4, 0, 0, 2, 3, 1, 0], [0, 0, 0, 0, 0, 0, 0, 0, 0]), 1.0)
+    found = find_stretches(values([0, 4, 4, 0, 0, 2, 3, 1, 0], [0, 0, 0, 0, 0, 0, 0, 0, 0]), 1.0)
     assert list(found.track.values) == ["a", "a"]
     assert_allclose(found.start, [0.25, 4.5], rtol=0, atol=EXACT)
     assert_allclose(found.end, [2.75, 7.0], rtol=0, atol=EXACT)
@@ -45,14 +45,14 @@ def test_stretches_end_where_lines_cross_the_threshold():
 
 
 def test_stretches_may_reach_both_ends_and_come_in_the_order_of_tracks():
-    found = stretches(values([5, 5, 5], [0, 0, 3], [3, 0, 0]), 1.0)
+    found = find_stretches(values([5, 5, 5], [0, 0, 3], [3, 0, 0]), 1.0)
     assert found.track.values.tolist() == ["a", "b", "c"]
     assert_allclose(found.start, [0, 1 + 1 / 3, 0], rtol=0, atol=EXACT)
     assert_allclose(found.end, [2, 2, 2 / 3], rtol=0, atol=EXACT)
 
 
 def test_nothing_above_is_no_stretch():
-    found = stretches(values([1, 1, 1]), 1.0)
+    found = find_stretches(values([1, 1, 1]), 1.0)
     assert found.sizes["stretch"] == 0
     assert found.track.size == 0
 
@@ -68,7 +68,7 @@ def test_bumps_are_found_where_they_are():
         one = sliding.iri.sel(track=rough.track.values[stretch])
         inside = (one.s > rough.start[stretch]) & (one.s < rough.end[stretch])
         assert (one[inside] > 4.0).all()
-    assert steps(rough)[-1]["parameters"]["threshold"] == 4.0
+    assert provenance_steps(rough)[-1]["parameters"]["threshold"] == 4.0
 
 
 def test_the_windows_of_the_reports_are_25_and_528_feet():
@@ -115,7 +115,7 @@ def test_bad_arguments_are_refused():
     with pytest.raises(CoverageError, match="is shorter than the window"):
         localised_roughness(profile, 1.0, length=700.0)
     with pytest.raises(SchemaError, match=r"dimensions \(track, s\), got \(s\)"):
-        stretches(values([1, 2, 3])[0], 1.0)
+        find_stretches(values([1, 2, 3])[0], 1.0)
     with pytest.raises(ValueError, match="index must hold segments"):
         iri_histogram(iri(profile), [1.0])
     for edges in ([], [2.0, 1.0], [0.0, 1.0]):

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from trueterrain.errors import CoverageError, SchemaError
-from trueterrain.kinds import make_profile
-from trueterrain.provenance import steps
+from trueterrain.core.errors import CoverageError, SchemaError
+from trueterrain.core.provenance import provenance_steps
+from trueterrain.core.schemas import make_profile
 from trueterrain.roughness import WAVEBANDS, Butterworth, MovingAverage, waveband_rms
 
 EXACT = 1e-12  # [m] rounding
@@ -45,7 +45,7 @@ def test_bands_can_be_replaced_and_are_recorded():
     rated = waveband_rms(make_profile(s, height), bands=bands)  # unequal spacing
     truth = np.sqrt(np.mean(bands["mine"].filtered(s, height) ** 2))
     assert_allclose(rated.rms.item(), truth, rtol=0, atol=EXACT)
-    assert steps(rated)[-1]["parameters"]["bands"]["mine"]["longest"] == 10.0
+    assert provenance_steps(rated)[-1]["parameters"]["bands"]["mine"]["longest"] == 10.0
 
 
 def test_bad_profiles_are_refused():

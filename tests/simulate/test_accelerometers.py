@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from trueterrain.simulate.accelerometers import (
     Accelerometers,
     AccelerometerStream,
+    sensor_triangle,
     specific_force,
-    triangle,
 )
 from trueterrain.simulate.pose import COMPONENTS, PoseKnots
 from trueterrain.simulate.rotation import angular_acceleration, angular_velocity, body_to_ground
@@ -415,7 +415,7 @@ def test_seeds_and_passes_have_noise_of_their_own():
 
 
 def test_a_triangle_is_level_and_even():
-    corners = np.array(triangle((-2.0, 0.1, 1.0), 0.4))
+    corners = np.array(sensor_triangle((-2.0, 0.1, 1.0), 0.4))
     npt.assert_allclose(corners.mean(axis=0), [-2.0, 0.1, 1.0], rtol=0, atol=EXACT)
     npt.assert_allclose(
         np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1), 0.4 * np.sqrt(3),
@@ -423,7 +423,7 @@ def test_a_triangle_is_level_and_even():
     )  # fmt: skip
     assert np.ptp(corners[:, 2]) == 0
     with pytest.raises(ValueError, match="radius must be greater than 0"):
-        triangle((0.0, 0.0, 0.0), 0.0)
+        sensor_triangle((0.0, 0.0, 0.0), 0.0)
 
 
 def test_blocks_must_follow_each_other_and_lie_within_the_knots():

@@ -8,9 +8,9 @@ import numpy.testing as npt
 import pytest
 from scipy.interpolate import BPoly
 
-from trueterrain.errors import CoverageError
-from trueterrain.kinds import make_surface
-from trueterrain.simulate.body import BodyMotion, Follower, Parked, Pass, Prescribed, Wave
+from trueterrain.core.errors import CoverageError
+from trueterrain.core.schemas import make_surface
+from trueterrain.simulate.body import BodyMotion, Follower, Parked, PassPlan, Prescribed, Wave
 from trueterrain.simulate.course import Arc, Oval, Straight, Stretch, Stretches, Waypoints
 from trueterrain.simulate.ground import (
     AlongCourse,
@@ -21,7 +21,7 @@ from trueterrain.simulate.ground import (
     Road,
     Sine,
 )
-from trueterrain.simulate.speed import Constant, Ramp, Standing, StopAndGo
+from trueterrain.simulate.speed import Constant, Ramp, Standstill, StopAndGo
 from trueterrain.vehicle import (
     GOLDEN_QUARTER_CAR,
     Tyre,
@@ -41,7 +41,7 @@ ROUGH = Road(road_class="C", waves=512, seed=3)
 
 
 def drive(course, speed, **others):
-    return Pass(course=course, speed=speed, **others)
+    return PassPlan(course=course, speed=speed, **others)
 
 
 def motion(ground, course=None, speed=None, vehicle=VAN, **others):
@@ -361,12 +361,12 @@ def test_wheels_need_ground():
 
 
 def test_motions_describe_themselves():
-    description = MOTIONS["rough road"]().describe()
+    description = MOTIONS["rough road"]().to_dict()
     assert description["kind"] == "BodyMotion"
     assert description["drive"]["course"]["kind"] == "Oval"
     assert description["vehicle"]["front_track"] == VAN.front_track
     assert description["ground"]["kind"] == "Road"
-    assert MOTIONS["parked"]().describe()["waves"][0].amplitude == 0.02
+    assert MOTIONS["parked"]().to_dict()["waves"][0].amplitude == 0.02
 
 
 @pytest.mark.parametrize(
@@ -376,7 +376,7 @@ def test_motions_describe_themselves():
         (lambda: motion(Plane(), run_in=-1.0), "run_in must be finite and at least 0 s"),
         (lambda: motion(Plane(), spacing=0.0), "spacing must be greater than 0 m"),
         (lambda: motion(Plane(), wheel=(np.nan, 0.0)), "must be finite"),
-        (lambda: motion(Plane(), speed=Standing()), "never arrives"),
+        (lambda: motion(Plane(), speed=Standstill()), "never arrives"),
         (
             lambda: drive(Straight(length=9), Constant(speed=1), length=10),
             "length must be at most 9",

@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trueterrain.simulate.clock import Clock, check_next
+from trueterrain.simulate.clock import SimulatedClock, check_next
 
 EXACT = 1e-12  # [s] round-off of times of a few hundred seconds
 
 
 def test_true_time_is_stamp_plus_clock():
-    clock = Clock(offset=0.25, rate=1e-3, begin=100.0)
+    clock = SimulatedClock(offset=0.25, rate=1e-3, begin=100.0)
     npt.assert_allclose(clock.true(np.array([100.0, 200.0])), [100.25, 200.35], rtol=0, atol=EXACT)
 
 
@@ -24,7 +24,7 @@ def test_true_time_is_stamp_plus_clock():
     edges=st.lists(st.floats(0, 0.5), min_size=3, max_size=6),
 )
 def test_each_tick_is_in_one_interval(offset, rate, begin, frequency, edges):
-    clock = Clock(offset=offset, rate=rate, begin=begin)
+    clock = SimulatedClock(offset=offset, rate=rate, begin=begin)
     edges = np.sort(edges) + begin
     whole = clock.ticks(edges[0], edges[-1], frequency)
     parts = [clock.ticks(a, b, frequency) for a, b in pairwise(edges)]
@@ -36,9 +36,9 @@ def test_each_tick_is_in_one_interval(offset, rate, begin, frequency, edges):
 
 
 def test_a_tick_at_the_end_belongs_to_the_next_block():
-    npt.assert_array_equal(Clock().ticks(0.0, 0.3, 10.0), [0, 1, 2])
-    npt.assert_array_equal(Clock().ticks(0.3, 0.5, 10.0), [3, 4])
-    assert Clock().ticks(0.31, 0.39, 10.0).size == 0
+    npt.assert_array_equal(SimulatedClock().ticks(0.0, 0.3, 10.0), [0, 1, 2])
+    npt.assert_array_equal(SimulatedClock().ticks(0.3, 0.5, 10.0), [3, 4])
+    assert SimulatedClock().ticks(0.31, 0.39, 10.0).size == 0
 
 
 @pytest.mark.parametrize(
@@ -51,7 +51,7 @@ def test_a_tick_at_the_end_belongs_to_the_next_block():
 )
 def test_bad_clocks_are_refused(values, message):
     with pytest.raises(ValueError, match=message):
-        Clock(**values)
+        SimulatedClock(**values)
 
 
 def test_blocks_must_follow_each_other():

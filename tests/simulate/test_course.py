@@ -10,7 +10,7 @@ from scipy.special import fresnel
 
 from trueterrain.simulate.course import (
     Arc,
-    Lane,
+    OffsetLine,
     Oval,
     Straight,
     Stretch,
@@ -196,7 +196,7 @@ def test_waypoints_on_a_circle_make_a_circle():
 @pytest.mark.parametrize("course", [OVAL, RIGHT, COURSES["arc"], WAYPOINTS])
 @pytest.mark.parametrize("reverse", [False, True])
 def test_distances_are_those_along_the_lane(course, offset, reverse):
-    lane = Lane(course=course, offset=offset, reverse=reverse)
+    lane = OffsetLine(course=course, offset=offset, reverse=reverse)
     fine = np.linspace(0.0, lane.length, 200_001)
     place = lane.at(fine)
     chords = np.hypot(*np.diff(place.position, axis=0).T)
@@ -220,7 +220,7 @@ def test_distances_are_those_along_the_lane(course, offset, reverse):
 
 def test_laps_of_a_lane_meet():
     for reverse in (False, True):
-        lane = Lane(course=RIGHT, offset=2.0, reverse=reverse, start=17.0)
+        lane = OffsetLine(course=RIGHT, offset=2.0, reverse=reverse, start=17.0)
         npt.assert_allclose(
             lane.length, RIGHT.length + 2.0 * 2 * np.pi, **EXACT
         )  # outside of a right turn
@@ -232,7 +232,7 @@ def test_laps_of_a_lane_meet():
 
 
 def test_a_lane_goes_straight_on_beyond_the_ends():
-    lane = Lane(course=COURSES["arc"], offset=1.0)
+    lane = OffsetLine(course=COURSES["arc"], offset=1.0)
     place = lane.at([-10.0, 0.0, lane.length, lane.length + 10.0])
     npt.assert_allclose(place.heading[[1, 3]], place.heading[[0, 2]], **EXACT)
     gaps = np.hypot(*(place.position[[1, 3]] - place.position[[0, 2]]).T)
@@ -262,10 +262,10 @@ def test_a_lane_goes_straight_on_beyond_the_ends():
         (lambda: Waypoints(points=((0, 0), (10, 0), (0, 1), (10, 2))), "without sharp bends"),
         (lambda: OVAL.at(np.nan), "station and offset must be finite"),
         (lambda: OVAL.at(200.0, 41.0), "centre of the curve, which is at v = 40 m"),
-        (lambda: Lane(course=OVAL, offset=45.0), "offset must lie on the road side"),
-        (lambda: Lane(course=OVAL, offset=np.inf), "offset must be finite"),
-        (lambda: Lane(course=COURSES["arc"], start=-1.0), "start must be from 0 to"),
-        (lambda: Lane(course=OVAL, start=np.nan), "start must be finite"),
+        (lambda: OffsetLine(course=OVAL, offset=45.0), "offset must lie on the road side"),
+        (lambda: OffsetLine(course=OVAL, offset=np.inf), "offset must be finite"),
+        (lambda: OffsetLine(course=COURSES["arc"], start=-1.0), "start must be from 0 to"),
+        (lambda: OffsetLine(course=OVAL, start=np.nan), "start must be finite"),
     ],
 )
 def test_impossible_courses_are_refused(make, message):
@@ -274,6 +274,6 @@ def test_impossible_courses_are_refused(make, message):
 
 
 def test_a_course_describes_itself():
-    assert OVAL.describe()["kind"] == "Oval"
-    assert OVAL.describe()["radius"] == 40.0
-    assert WAYPOINTS.describe()["points"][1] == (40, 5)
+    assert OVAL.to_dict()["kind"] == "Oval"
+    assert OVAL.to_dict()["radius"] == 40.0
+    assert WAYPOINTS.to_dict()["points"][1] == (40, 5)

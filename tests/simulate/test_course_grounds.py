@@ -4,7 +4,7 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from trueterrain.kinds import make_surface
+from trueterrain.core.schemas import make_surface
 from trueterrain.simulate.course import Arc, Oval, Straight, Stretch, Stretches, Waypoints
 from trueterrain.simulate.ground import (
     AlongCourse,
@@ -162,7 +162,7 @@ def test_a_measured_belgian_block_follows_an_oval(data):
     assert np.isfinite(height).all()
     assert 0.02 < height.std() < 0.03  # [m] 24 mm as measured
     npt.assert_allclose(height, block.height(U, V), rtol=0, atol=1e-7)  # steep sides of blocks
-    assert ground.describe()["ground"]["kind"] == "Repeated"
+    assert ground.to_dict()["ground"]["kind"] == "Repeated"
 
 
 def test_the_event_is_cleats_in_groups():

@@ -2,7 +2,7 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from trueterrain.errors import CoverageError, FormatError
+from trueterrain.core.errors import CoverageError, FormatError
 from trueterrain.simulate.drift import (
     DriftSeries,
     GaussMarkovDrift,

@@ -6,9 +6,9 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from trueterrain import provenance
-from trueterrain.errors import SchemaError
-from trueterrain.kinds import make_points, make_surface
+from trueterrain.core import provenance
+from trueterrain.core.errors import SchemaError
+from trueterrain.core.schemas import make_points, make_surface
 from trueterrain.simulate.ground import Measured, Plane, sample_road, sample_surface
 
 ROUND_OFF = 1e-9  # [m] of coordinates of 200 m on slopes of 1 m/m, and then some
@@ -46,7 +46,7 @@ def test_provenance_tells_where_the_ground_came_from():
     flat = make_surface(np.zeros((2, 2)), easting=[0, 1], northing=[0, 1])
     ground = Measured(surface=provenance.add_step(flat, "read"))
     sampled = sample_surface(ground + Plane(), easting=[0.0, 0.5], northing=[0.0, 0.5])
-    described = provenance.steps(sampled)[-1]["parameters"]["ground"]
+    described = provenance.provenance_steps(sampled)[-1]["parameters"]["ground"]
     assert described["kind"] == "Sum"
     assert [part["kind"] for part in described["parts"]] == ["Measured", "Plane"]
     assert described["parts"][0]["steps"][0]["step"] == "read"

@@ -8,8 +8,8 @@ from trueterrain.simulate.noise import (
     RandomWalk,
     SecondOrderGaussMarkov,
     White,
-    accumulate,
-    generator,
+    accumulate_samples,
+    named_generator,
 )
 
 MANY = 40_000  # components: realisations of one process
@@ -21,7 +21,7 @@ EXACT = 1e-13  # [1] round-off in sums of a few hundred numbers of size 1
 
 def processes(name):
     """The process `name` with two components, from its first sample."""
-    rng = generator(7, name)
+    rng = named_generator(7, name)
     common = {"rng": rng, "rate": 200.0}
     return {
         "white": lambda: White(rng=rng, sd=[1.0, 2.0]),
@@ -41,22 +41,22 @@ def test_samples_are_the_same_bits_for_any_blocks(name):
 
 def test_names_and_seeds_have_numbers_of_their_own():
     draws = [
-        generator(*key).standard_normal(4)
+        named_generator(*key).standard_normal(4)
         for key in [(1,), (2,), (1, "a"), (1, "b"), (1, "a", "b"), (1, "ab"), (1, "a b")]
     ]
     assert len({tuple(draw) for draw in draws}) == len(draws)
-    npt.assert_array_equal(generator(1, "a").standard_normal(4), draws[2])
+    npt.assert_array_equal(named_generator(1, "a").standard_normal(4), draws[2])
 
 
 def test_numbers_are_those_of_a_recorded_run():
     """Numbers must not change with a version: they are part of what a scene and a seed mean."""
-    recorded = generator(1, "navigation", "drift").integers(0, 1000, 4)
+    recorded = named_generator(1, "navigation", "drift").integers(0, 1000, 4)
     npt.assert_array_equal(recorded, [826, 305, 696, 225])
 
 
 def test_white_noise_is_flat_and_normal():
     sd, rate = 0.3, 100.0
-    samples = White(rng=generator(1, "white"), sd=sd).next(400_000)[:, 0]
+    samples = White(rng=named_generator(1, "white"), sd=sd).next(400_000)[:, 0]
     npt.assert_allclose(samples.mean(), 0, rtol=0, atol=4 * sd / np.sqrt(samples.size))
     npt.assert_allclose(np.mean(samples**4) / sd**4, 3, rtol=0, atol=4 * np.sqrt(96 / samples.size))
     f, psd = welch(samples, rate, nperseg=256)
@@ -70,7 +70,9 @@ def test_white_noise_is_flat_and_normal():
 
 def test_random_walk_spreads_with_the_root_of_time():
     density, rate = 0.5, 20.0
-    walk = RandomWalk(rng=generator(1, "w"), density=np.full(MANY, density), rate=rate).next(101)
+    walk = RandomWalk(rng=named_generator(1, "w"), density=np.full(MANY, density), rate=rate).next(
+        101
+    )
     npt.assert_array_equal(walk[0], 0)
     for i in (1, 20, 100):
         npt.assert_allclose(walk[i].var() / (density**2 * i / rate), 1, rtol=0, atol=MOMENT)
@@ -95,7 +97,10 @@ def autocorrelation(order, time, correlation_time):
 def test_gauss_markov_has_its_moments_from_the_first_sample(order, kind, rate):
     sd, correlation_time, n = 0.025, 2.0, 9
     x = kind(
-        rng=generator(1, "gm"), sd=np.full(MANY, sd), correlation_time=correlation_time, rate=rate
+        rng=named_generator(1, "gm"),
+        sd=np.full(MANY, sd),
+        correlation_time=correlation_time,
+        rate=rate,
     ).next(n)
     for i in (0, 1, n - 1):
         npt.assert_allclose(x[i].var() / sd**2, 1, rtol=0, atol=MOMENT)
@@ -111,14 +116,14 @@ def test_gauss_markov_has_its_moments_from_the_first_sample(order, kind, rate):
 
 @pytest.mark.parametrize(("order", "kind"), [(1, GaussMarkov), (2, SecondOrderGaussMarkov)])
 def test_gauss_markov_falls_to_1_over_e_after_its_correlation_time(order, kind):
-    process = kind(rng=generator(2, "gm"), sd=np.ones(MANY), correlation_time=25.0, rate=1.0)
+    process = kind(rng=named_generator(2, "gm"), sd=np.ones(MANY), correlation_time=25.0, rate=1.0)
     x = process.next(26)
     npt.assert_allclose((x[0] * x[25]).mean(), np.exp(-1), rtol=0, atol=MOMENT)
 
 
 def test_first_order_spectrum_is_that_of_theory():
     sd, time, rate = 0.025, 25.0, 20.0
-    x = GaussMarkov(rng=generator(3, "gm"), sd=sd, correlation_time=time, rate=rate)
+    x = GaussMarkov(rng=named_generator(3, "gm"), sd=sd, correlation_time=time, rate=rate)
     f, psd = welch(x.next(2_000_000)[:, 0], rate, nperseg=65536)
     theory = 4 * sd**2 * time / (1 + (2 * np.pi * f * time) ** 2)
     # 61 overlapping segments, 30 or more lines: 2 / sqrt(61 * 30) = 5 %; far below the Nyquist
@@ -132,7 +137,7 @@ def test_second_order_is_smooth():
     """Its rate has the standard deviation b sd; that of first order has none at all."""
     sd, time, rate = 1.0, 2.0, 2000.0
     x = SecondOrderGaussMarkov(
-        rng=generator(1, "gm"), sd=np.full(MANY, sd), correlation_time=time, rate=rate
+        rng=named_generator(1, "gm"), sd=np.full(MANY, sd), correlation_time=time, rate=rate
     ).next(2)
     b = 2.146193220620583 / time
     npt.assert_allclose(np.diff(x, axis=0).std() * rate / (b * sd), 1, rtol=0, atol=MOMENT)
@@ -145,14 +150,14 @@ def test_accumulate_is_its_recursion():
     for w in drive:
         x = 0.9 * x + w
         truth.append(x)
-    npt.assert_allclose(accumulate(0.9, drive, last), truth, rtol=0, atol=EXACT)
-    assert accumulate(0.9, np.zeros((0, 2)), last).shape == (0, 2)
+    npt.assert_allclose(accumulate_samples(0.9, drive, last), truth, rtol=0, atol=EXACT)
+    assert accumulate_samples(0.9, np.zeros((0, 2)), last).shape == (0, 2)
 
 
 @pytest.mark.parametrize("seed", [-1, 1.5, True, "a"])
 def test_bad_seeds_are_refused(seed):
     with pytest.raises(ValueError, match="seed must be a whole number of at least 0"):
-        generator(seed)
+        named_generator(seed)
 
 
 @pytest.mark.parametrize(
@@ -174,4 +179,4 @@ def test_bad_seeds_are_refused(seed):
 )
 def test_bad_parameters_are_refused(kind, values, message):
     with pytest.raises(ValueError, match=message):
-        kind(rng=generator(1), **values)
+        kind(rng=named_generator(1), **values)

@@ -2,7 +2,13 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from trueterrain.simulate.quality import STATES, Accuracy, PositionErrors, Quality, check_quality
+from trueterrain.simulate.quality import (
+    STATES,
+    PositionAccuracy,
+    PositionErrors,
+    Quality,
+    check_quality,
+)
 
 EXACT = 1e-12  # [m] round-off
 RUNS = 400  # of three components: a variance has a relative sd of sqrt(2 / 1200) = 4 %
@@ -14,7 +20,7 @@ def state(begin, name):
 
 
 def errors(quality, seconds, *, seed=1, rate=1.0, accuracy=None):
-    process = PositionErrors(tuple(quality), accuracy or Accuracy(), seed, "", rate=rate)
+    process = PositionErrors(tuple(quality), accuracy or PositionAccuracy(), seed, "", rate=rate)
     return process.next(np.arange(int(seconds * rate)) / rate)
 
 
@@ -54,7 +60,7 @@ def test_states_have_their_standard_deviations(name, least, greatest):
 
 
 def test_a_worse_state_comes_gradually_and_goes_gradually():
-    accuracy = Accuracy(standalone_sd=(1.0, 1.0))
+    accuracy = PositionAccuracy(standalone_sd=(1.0, 1.0))
     quality = [state(10.0, "standalone"), state(200.0, "base station")]
     error, variance = many(quality, 230, accuracy=accuracy)
     # Time constants of Accuracy: 60 s stand-alone, 5 s with a base station.
@@ -71,7 +77,7 @@ def test_a_worse_state_comes_gradually_and_goes_gradually():
 
 
 def test_an_outage_grows_from_the_last_value_with_the_square_of_time():
-    accuracy = Accuracy(outage_walk=0.0, outage_acceleration=0.01)
+    accuracy = PositionAccuracy(outage_walk=0.0, outage_acceleration=0.01)
     quality = [state(0.0, "decimetre"), state(50.0, "outage")]
     error, _, _ = errors(quality, 100, rate=10.0, accuracy=accuracy)
     t = np.arange(1, 501) / 10
@@ -82,7 +88,7 @@ def test_an_outage_grows_from_the_last_value_with_the_square_of_time():
 
 
 def test_an_outage_without_acceleration_is_a_random_walk():
-    accuracy = Accuracy(outage_walk=0.2, outage_acceleration=0.0)
+    accuracy = PositionAccuracy(outage_walk=0.2, outage_acceleration=0.0)
     error, variance = many([state(0.0, "outage")], 25, rate=4.0, accuracy=accuracy)
     for epoch in (0, 24, 99):
         npt.assert_allclose(variance[0, epoch], 0.2**2 * (epoch + 1) / 4, rtol=0, atol=EXACT)
@@ -95,7 +101,7 @@ def test_promised_variance_holds_through_all_states():
         state(5.0, "decimetre"), state(20.0, "outage"), state(80.0, "standalone"),
         state(120.0, "outage"), state(140.0, "base station"),
     ]  # fmt: skip
-    error, variance = many(quality, 160, accuracy=Accuracy(outage_acceleration=3e-3))
+    error, variance = many(quality, 160, accuracy=PositionAccuracy(outage_acceleration=3e-3))
     for epoch in (5, 19, 20, 50, 79, 80, 119, 139, 141, 150):
         ratio = error[:, epoch] / np.sqrt(variance[:, epoch])[:, None]
         npt.assert_allclose(np.sqrt(np.mean(ratio**2)), 1, rtol=0, atol=SPREAD)
@@ -112,8 +118,8 @@ def test_states_are_the_same_at_any_rate():
 def test_blocks_do_not_matter():
     quality = (state(0.3, "standalone"), state(1.0, "outage"), state(1.5, "base station"))
     time = np.arange(500) / 200
-    whole = PositionErrors(quality, Accuracy(), 3, "x", rate=200.0).next(time)
-    stream = PositionErrors(quality, Accuracy(), 3, "x", rate=200.0)
+    whole = PositionErrors(quality, PositionAccuracy(), 3, "x", rate=200.0).next(time)
+    stream = PositionErrors(quality, PositionAccuracy(), 3, "x", rate=200.0)
     blocks = [stream.next(part) for part in np.split(time, [1, 1, 59, 60, 61, 200, 299])]
     for i in range(3):
         npt.assert_array_equal(np.concatenate([block[i] for block in blocks]), whole[i])
@@ -124,10 +130,10 @@ def test_blocks_do_not_matter():
     [
         (lambda: state(0.0, "rtk"), "state must be one of base station, decimetre, .* got 'rtk'"),
         (lambda: state(np.nan, "outage"), "begin must be finite"),
-        (lambda: Accuracy(decimetre_sd=-0.1), "decimetre_sd must be at least 0, got -0.1"),
-        (lambda: Accuracy(standalone_time=0.0), "standalone_time must be greater than 0"),
-        (lambda: Accuracy(outage_walk=np.nan), "outage_walk must be at least 0"),
-        (lambda: Accuracy(standalone_sd=(1.2, 0.8)), "standalone_sd must be two ascending"),
+        (lambda: PositionAccuracy(decimetre_sd=-0.1), "decimetre_sd must be at least 0, got -0.1"),
+        (lambda: PositionAccuracy(standalone_time=0.0), "standalone_time must be greater than 0"),
+        (lambda: PositionAccuracy(outage_walk=np.nan), "outage_walk must be at least 0"),
+        (lambda: PositionAccuracy(standalone_sd=(1.2, 0.8)), "standalone_sd must be two ascending"),
         (
             lambda: check_quality((state(2.0, "outage"), state(2.0, "decimetre"))),
             r"order of time, got a begin of 2.0 s after 2.0 s at state 1",

@@ -17,11 +17,11 @@ from scipy.interpolate import BPoly, RegularGridInterpolator
 from scipy.spatial.transform import Rotation
 
 from trueterrain.formats.run import Mounting, check_run, open_run
-from trueterrain.simulate.accelerometers import Accelerometers, triangle
+from trueterrain.simulate.accelerometers import Accelerometers, sensor_triangle
 from trueterrain.simulate.navigation import Navigation
 from trueterrain.simulate.raster import Raster
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import Drive, Scene, Stage, read_scene, record_scene, set_stage
+from trueterrain.simulate.scene import Scene, ScenePass, Stage, read_scene, record_scene, set_stage
 from trueterrain.surface import heights_at, node_coordinates
 
 COMPONENTS = ("east", "north", "up", "roll", "pitch", "yaw")
@@ -42,7 +42,7 @@ ASKEW = Mounting(
 )
 NAVIGATION = Navigation(clock_offset=0.0042, clock_rate=-5e-4)
 ACCELEROMETERS = Accelerometers(
-    positions=triangle((-2.1, 0.12, 1.15), 0.5), noise_density=0.0, filter_order=0,
+    positions=sensor_triangle((-2.1, 0.12, 1.15), 0.5), noise_density=0.0, filter_order=0,
     scale_sd=0.01, tilt_sd=0.02, clock_offset=-0.0021, clock_rate=3e-4,
 )  # fmt: skip
 
@@ -65,8 +65,8 @@ def stretch(name: str, *drives: dict[str, Any], **changes: Any) -> Scene:
 def oval() -> Scene:
     """Into a curve with inward lean, and against the course through its middle."""
     scene = stretch("oval", {}, raster=0.02)
-    into = Drive(name="into", start=58.0, length=4.0, speed=scene.passes[0].speed)
-    back = Drive(
+    into = ScenePass(name="into", start=58.0, length=4.0, speed=scene.passes[0].speed)
+    back = ScenePass(
         name="back", start=100.0, length=3.0, lane=-1.5, reverse=True,
         speed={"kind": "ramp", "begin": 8.0, "end": 10.0, "distance": 3.0},
     )  # fmt: skip

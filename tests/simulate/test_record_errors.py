@@ -12,7 +12,7 @@ from trueterrain.simulate.accelerometers import Accelerometers
 from trueterrain.simulate.navigation import Navigation, NavigationStream
 from trueterrain.simulate.pose import PoseKnots
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import Drive, Scene, Standing, Truth, record_scene
+from trueterrain.simulate.scene import Scene, ScenePass, Standing, TruthSettings, record_scene
 
 DURATION = 10.0  # [s]
 BEAMS, RATE = 100, 500.0
@@ -27,10 +27,10 @@ def runs(tmp_path_factory):
     scene = Scene(
         name="still",
         ground=({"kind": "plane"},),
-        passes=tuple(Drive(name=name, standing=standing) for name in ("first", "second")),
+        passes=tuple(ScenePass(name=name, standing=standing) for name in ("first", "second")),
         scanner=SCANNER,
         accelerometers=replace(ACCELEROMETERS),
-        truth=Truth(spacing=0.1),
+        truth=TruthSettings(spacing=0.1),
         seed=12,
     )
     return [open_run(path) for path in record_scene(scene, tmp_path_factory.mktemp("still"))]

@@ -10,7 +10,7 @@ from scipy.signal import find_peaks, periodogram
 from trueterrain.formats.run import open_run
 from trueterrain.simulate.ground import ExcitationEvent
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import Truth, Vehicle, read_scene, record_scene
+from trueterrain.simulate.scene import TruthSettings, Vehicle, read_scene, record_scene
 from trueterrain.vehicle import GOLDEN_QUARTER_CAR
 
 G = 9.80665  # [m/s^2]
@@ -29,7 +29,7 @@ def run(tmp_path_factory):
         scene,
         vehicle=Vehicle(model="quarter car", height=0.8),
         scanner=Scanner(beams=3, rate=200.0, spot_rays=1),  # the body is looked at, not the plate
-        truth=Truth(spacing=0.1, returns=False),
+        truth=TruthSettings(spacing=0.1, returns=False),
     )
     assert scene.passes[0].speed == {"kind": "constant", "speed": SPEED}
     (path,) = record_scene(scene, tmp_path_factory.mktemp("event"))

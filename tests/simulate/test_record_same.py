@@ -8,7 +8,7 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from trueterrain.errors import CoverageError, FormatError, OutputError
+from trueterrain.core.errors import CoverageError, FormatError, OutputError
 from trueterrain.formats import opencrg
 from trueterrain.formats.run import Mounting, open_run
 from trueterrain.simulate.accelerometers import Accelerometers
@@ -16,8 +16,8 @@ from trueterrain.simulate.ground import Plane, sample_road
 from trueterrain.simulate.navigation import Navigation
 from trueterrain.simulate.scanner import Scanner
 from trueterrain.simulate.scene import (
-    Drive,
     Scene,
+    ScenePass,
     Standing,
     record_pass,
     record_scene,
@@ -41,7 +41,7 @@ def scene(**changes) -> Scene:
             {"kind": "road", "road_class": "B", "waves": 50},
             {"kind": "stones", "density": 5.0},
         ),
-        "passes": (Drive(name="only", start=3.0, length=3.3, speed=FAST),),
+        "passes": (ScenePass(name="only", start=3.0, length=3.3, speed=FAST),),
         "scanner": Scanner(beams=300),
         "raster": 0.01,
         **WRONG_CLOCKS,
@@ -109,7 +109,7 @@ def test_a_seed_makes_the_noise_and_not_the_ground(tmp_path):
 
 
 def test_passes_of_a_scene_have_noise_of_their_own(tmp_path):
-    twice = tuple(Drive(name=name, start=3.0, length=2.0, speed=FAST) for name in "ab")
+    twice = tuple(ScenePass(name=name, start=3.0, length=2.0, speed=FAST) for name in "ab")
     one, two = (open_run(path) for path in record_scene(scene(passes=twice), tmp_path))
     assert one["truth/body"].to_dataset().equals(two["truth/body"].to_dataset())
     error, other = (run["truth/returns/range_error"].values for run in (one, two))
@@ -147,7 +147,7 @@ def test_the_true_ground_of_a_long_way_has_wider_spacing(tmp_path, monkeypatch):
 
 def test_a_standing_vehicle_shows_the_ground_around_its_laser(tmp_path):
     standing = Standing(duration=0.3, east=2.0, north=1.0, yaw=np.pi / 2)
-    still = scene(passes=(Drive(name="still", standing=standing),))
+    still = scene(passes=(ScenePass(name="still", standing=standing),))
     ground = open_run(recorded(still, tmp_path / "still"))["truth/ground"].to_dataset()
     # 2.25 m behind the origin of a body that looks north
     for name, middle, half in (("easting", 2.0, 0.0), ("northing", -1.25, 1.0)):
@@ -176,7 +176,7 @@ def refuse(*_):
 
 
 def test_an_existing_run_is_refused_before_any_pass_is_driven(tmp_path):
-    passes = tuple(Drive(name=name, start=3.0, length=1.5, speed=FAST) for name in "ab")
+    passes = tuple(ScenePass(name=name, start=3.0, length=1.5, speed=FAST) for name in "ab")
     there = tmp_path / "curve-b.zarr"
     there.mkdir()
     (there / "zarr.json").write_text('{"attributes": {"kind": "trueterrain/run"}}')
@@ -195,8 +195,8 @@ def test_a_missing_folder_is_refused_before_any_pass_is_driven(tmp_path):
 
 def test_an_impossible_pass_is_refused_before_any_pass_is_driven(tmp_path):
     passes = (
-        Drive(name="fine", start=3.0, length=1.5, speed=FAST),
-        Drive(name="long", start=3.0, length=500.0, speed=FAST),
+        ScenePass(name="fine", start=3.0, length=1.5, speed=FAST),
+        ScenePass(name="long", start=3.0, length=500.0, speed=FAST),
     )
     with pytest.raises(FormatError, match=r"pass long: length must be at most 16\.2 m"):
         record_scene(scene(passes=passes), tmp_path, progress=refuse)
@@ -211,7 +211,7 @@ def test_ground_that_ends_is_named_with_wheel_and_place(tmp_path):
         scene(),
         course={"kind": "straight", "length": 20.0},
         ground=({"kind": "crg", "file": "lane.crg"},),
-        passes=(Drive(name="only", start=3.0, length=3.0, lane=1.0, speed=FAST),),
+        passes=(ScenePass(name="only", start=3.0, length=3.0, lane=1.0, speed=FAST),),
     )
     message = (
         r"easting -?\d+\.\d+ m, northing 1\.\d+ m: there is no ground under the wheel \w+-left"

@@ -4,9 +4,9 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from trueterrain import provenance
-from trueterrain.errors import SchemaError
-from trueterrain.kinds import kind_of
+from trueterrain.core import provenance
+from trueterrain.core.errors import SchemaError
+from trueterrain.core.schemas import kind_of
 from trueterrain.simulate.ground import (
     BelgianBlock,
     Plane,
@@ -143,10 +143,10 @@ def test_bad_points_are_refused(parameters, message):
 def test_results_carry_the_parameters_of_their_ground():
     block = BelgianBlock(seed=5)
     road = sample_road(block, length=0.1, width=0.1, curvature=0.02)
-    step = provenance.steps(road)[-1]
+    step = provenance.provenance_steps(road)[-1]
     assert step["step"] == "sample_road"
     assert step["parameters"]["curvature"] == 0.02
     assert step["parameters"]["ground"]["kind"] == "BelgianBlock"
     assert step["parameters"]["ground"]["seed"] == 5
     points = sample_points(block, 3, (0.0, 0.0, 1.0, 1.0), seed=2)
-    assert provenance.steps(points)[-1]["parameters"]["seed"] == 2
+    assert provenance.provenance_steps(points)[-1]["parameters"]["seed"] == 2

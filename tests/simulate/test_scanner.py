@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from trueterrain.formats.run import Mounting
-from trueterrain.simulate.casting import cast
+from trueterrain.simulate.casting import cast_beams
 from trueterrain.simulate.ground import BelgianBlock, Ground, Plane, Step
 from trueterrain.simulate.pose import PoseKnots
 from trueterrain.simulate.raster import Raster
@@ -176,7 +176,7 @@ def test_the_first_intersection_is_met():
     direction[:, 2] = -np.abs(direction[:, 2]) - 0.2
     direction /= np.linalg.norm(direction, axis=1)[:, None]
     origin = np.array([0.3, -0.4, 0.3]) + rng.uniform(-1, 1, (100, 3)) * [1, 1, 0.1]
-    distance, _ = cast(raster, origin, direction, furthest=2.0)
+    distance, _ = cast_beams(raster, origin, direction, furthest=2.0)
     at = np.arange(0, 2.0, 2e-4)
     for n in range(len(origin)):
         point = origin[n] + at[:, None] * direction[n]
@@ -193,7 +193,7 @@ def test_the_first_intersection_is_met():
 def test_a_beam_into_the_sky_meets_nothing():
     up = np.array([[0.6, 0.0, 0.8]])
     for ground in (Raster(Plane()), Plane()):
-        assert np.isnan(cast(ground, np.array([[0.0, 0.0, 1.0]]), up, furthest=3.0)[0][0])
+        assert np.isnan(cast_beams(ground, np.array([[0.0, 0.0, 1.0]]), up, furthest=3.0)[0][0])
 
 
 def test_range_noise_quantum_and_dropouts_have_their_size():
@@ -321,10 +321,13 @@ def test_a_spot_is_the_mean_of_its_rays(rays):
     origin = np.array([0.3, -0.4, 1.5]) + rng.uniform(-1, 1, (300, 3)) * [2, 2, 0.1]
     spot = 0.02 * rng.normal(size=(rays, 2))
     spot[rays // 2] = 0.0
-    distance, slope = cast(raster, origin, direction, furthest=6.0, forward=forward, spot=spot)
+    distance, slope = cast_beams(
+        raster, origin, direction, furthest=6.0, forward=forward, spot=spot
+    )
     beside = np.cross(forward, direction)
     each = [
-        cast(raster, origin, direction + a * forward + b * beside, furthest=6.0) for a, b in spot
+        cast_beams(raster, origin, direction + a * forward + b * beside, furthest=6.0)
+        for a, b in spot
     ]
     truth = np.mean([one for one, _ in each], axis=0)
     npt.assert_allclose(distance, truth, rtol=0, atol=1e-12)
@@ -335,7 +338,7 @@ def test_a_spot_is_the_mean_of_its_rays(rays):
     assert np.count_nonzero(down) > 100
     beams = origin[down], direction[down]
     on_plane = [
-        cast(ground, *beams, furthest=2.5, forward=forward[down], spot=spot)[0]
+        cast_beams(ground, *beams, furthest=2.5, forward=forward[down], spot=spot)[0]
         for ground in (Plane(slope=0.1), Raster(Plane(slope=0.1)))
     ]
     npt.assert_allclose(on_plane[0], on_plane[1], rtol=0, atol=ON_RASTER)

@@ -9,15 +9,15 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from trueterrain.errors import FormatError
+from trueterrain.core.errors import FormatError
 from trueterrain.formats.run import Mounting, check_run, open_run
-from trueterrain.simulate.accelerometers import triangle
+from trueterrain.simulate.accelerometers import sensor_triangle
 from trueterrain.simulate.body import BodyMotion, Follower
 from trueterrain.simulate.rotation import body_to_ground
 from trueterrain.simulate.scene import (
     CalibrationPlate,
-    Drive,
     Scene,
+    ScenePass,
     Standing,
     Vehicle,
     read_scene,
@@ -213,7 +213,7 @@ def test_the_bounced_run_does_not_know_its_clocks():
     assert scene.mounting.scanner_position == LASER
     assert scene.mounting.scanner_clock == 0.0013
     assert scene.accelerometers.clock_offset == -0.0007
-    assert scene.accelerometers.positions == triangle(LASER, 0.5)
+    assert scene.accelerometers.positions == sensor_triangle(LASER, 0.5)
     assert scene.declared == Mounting(scanner_position=LASER)
 
 
@@ -251,7 +251,7 @@ def test_what_a_table_leaves_out_is_as_in_a_scene_without_it(tmp_path):
         )
     )
     assert scene.mounting == Mounting(scanner_position=LASER, scanner_clock=0.001)
-    assert scene.accelerometers.positions == triangle(LASER, 0.5)
+    assert scene.accelerometers.positions == sensor_triangle(LASER, 0.5)
 
 
 # --- vehicles -------------------------------------------------------------------------------------
@@ -276,7 +276,7 @@ def test_all_parameters_of_a_vehicle_can_be_given(tmp_path):
 
 def test_vehicles_move_as_what_they_are():
     straight = {"kind": "straight", "length": 10.0}
-    drive = Drive(name="a")
+    drive = ScenePass(name="a")
     for vehicle, kind in (
         (Vehicle(model="rigid", height=0.5, pitch=0.01), Follower),
         (Vehicle(model="quarter car", height=0.7), BodyMotion),
@@ -292,7 +292,7 @@ def test_vehicles_move_as_what_they_are():
 
 
 def test_parked_bodies_stand_on_the_ground():
-    drive = Drive(name="a", standing=Standing(duration=1.0, east=3.0))
+    drive = ScenePass(name="a", standing=Standing(duration=1.0, east=3.0))
     for vehicle in (Vehicle(model="rigid", height=0.9), Vehicle(parameters={"cg_height": 0.9})):
         scene = Scene(
             name="s", ground=({"kind": "plane", "elevation": 2.0},), passes=(drive,),
@@ -416,7 +416,7 @@ def test_scenes_that_make_no_sense(text, tmp_path):
     (tmp_path / "damaged.crg").write_text("$CT\n")
     if "good.crg" in text:
         from trueterrain import formats
-        from trueterrain.kinds import make_surface
+        from trueterrain.core.schemas import make_surface
 
         flat = make_surface(np.zeros((11, 11)), u=np.linspace(0, 10, 11), v=np.linspace(-5, 5, 11),
                             easting=np.linspace(0, 10, 11), northing=np.zeros(11))  # fmt: skip

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from trueterrain.simulate.speed import Constant, Ramp, Standing, StopAndGo
+from trueterrain.simulate.speed import Constant, Ramp, Standstill, StopAndGo
 
 EXACT = {"rtol": 0, "atol": 1e-9}  # [m], [m/s] round-off over some hundred metres
 ARRIVAL = {"rtol": 0, "atol": 1e-9}  # [m] what is left at the end of a pass
@@ -105,7 +105,7 @@ def test_a_trapezoid_is_the_trapezoid():
     [
         (lambda: Constant(speed=0.0), "never arrives .* got 0.0"),
         (lambda: Constant(speed=-3.0), "speed must be greater than 0 m/s"),
-        (lambda: Standing().duration(10.0), "never arrives, it comes to rest after 0 m of 10 m"),
+        (lambda: Standstill().duration(10.0), "never arrives, it comes to rest after 0 m of 10 m"),
         (lambda: Ramp(begin=10, end=0, distance=30).duration(31), "rest after 30 m of 31 m"),
         (lambda: Ramp(begin=0, end=0, time=1), "never arrives"),
         (lambda: Ramp(begin=1, end=2), "one of time and distance must be given"),
@@ -127,6 +127,6 @@ def test_braking_to_a_stand_arrives_just_in_time():
     brake = Ramp(begin=10.0, end=0.0, distance=30.0)
     npt.assert_allclose(brake.duration(30.0), 6.0, rtol=0, atol=1e-4)
     npt.assert_allclose(brake.at(100.0).distance, 30.0, **EXACT)
-    assert brake.describe() == {
+    assert brake.to_dict() == {
         "kind": "Ramp", "begin": 10.0, "end": 0.0, "time": None, "distance": 30.0, "hold": 0.0
     }  # fmt: skip

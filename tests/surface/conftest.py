@@ -15,7 +15,7 @@ from trueterrain.motion import Trajectory
 from trueterrain.simulate.navigation import Navigation
 from trueterrain.simulate.raster import Raster
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import Drive, Road, Scene, record_scene, set_stage
+from trueterrain.simulate.scene import RoadShape, Scene, ScenePass, record_scene, set_stage
 from trueterrain.verify import exact_trajectory
 
 NOISE_FREE = Scanner(
@@ -43,7 +43,7 @@ def drive(tmp_path_factory) -> Callable[..., Driven]:
 
     def driven(
         course: dict[str, Any],
-        road: Road = Road(),
+        road: RoadShape = RoadShape(),
         *,
         start: float = 12.0,
         length: float = 4.0,
@@ -53,7 +53,7 @@ def drive(tmp_path_factory) -> Callable[..., Driven]:
         how = {"kind": "constant", "speed": speed}
         scene = Scene(
             name="drive", course=course, road=road, raster=0.01,
-            passes=(Drive(name="pass", start=start, length=length, speed=how),),
+            passes=(ScenePass(name="pass", start=start, length=length, speed=how),),
             **{"ground": SMOOTH, "scanner": NOISE_FREE, "navigation": Navigation(), **changes},
         )  # fmt: skip
         (path,) = record_scene(scene, tmp_path_factory.mktemp("run"))

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from trueterrain.errors import CoverageError, SchemaError
+from trueterrain.core.errors import CoverageError, SchemaError
+from trueterrain.core.schemas import check_surface, make_surface
 from trueterrain.formats import open as open_file
-from trueterrain.kinds import check_surface, make_surface
 from trueterrain.surface.difference import (
     HeightDifferences,
     difference_statistics,

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from trueterrain.kinds import check_points, make_surface
+from trueterrain.core.schemas import check_points, make_surface
 from trueterrain.surface import (
     grid_frame,
     heights_at,

@@ -7,16 +7,16 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trueterrain.errors import CoverageError, SchemaError
+from trueterrain.core.errors import CoverageError, SchemaError
+from trueterrain.core.schemas import make_points
 from trueterrain.formats import las, point_blocks
-from trueterrain.kinds import make_points
-from trueterrain.surface.accumulate import STEP, CellSums, Wanted
+from trueterrain.geometry.reference_line import straight_line
+from trueterrain.surface.accumulate import STEP, CellSums, KeptSums
 from trueterrain.surface.cells import grid_along, grid_over
-from trueterrain.surface.grid import GridOptions, grid_points, surface_of
-from trueterrain.surface.line import straight_line
+from trueterrain.surface.grid import GridSettings, grid_points, surface_of
 
 ROUNDED = 0.5 * STEP + 1e-9  # [m] step of the heights
-PLAIN = GridOptions(level=False)
+PLAIN = GridSettings(level=False)
 
 CLOUDS = (
     "test_data_77050_627755_LA93_IGN69.laz",
@@ -58,8 +58,8 @@ def cloud(n=20_000, seed=1, **more):
 
 def test_minimum_and_maximum_are_those_of_numpy():
     points, grid = cloud(), grid_over(0, 0, 10, 4, spacing=0.5)
-    low = grid_points(points, grid, GridOptions(statistic="minimum"))
-    high = grid_points(points, grid, GridOptions(statistic="maximum"))
+    low = grid_points(points, grid, GridSettings(statistic="minimum"))
+    high = grid_points(points, grid, GridSettings(statistic="maximum"))
     i = np.rint(points.easting.values / 0.5).astype(int)
     j = np.rint(points.northing.values / 0.5).astype(int)
     for cell in ((0, 0), (3, 7), (8, 20)):
@@ -74,7 +74,7 @@ def test_medians_and_percentiles_are_those_of_numpy(monkeypatch, percent, held):
     """All heights at once, and so few that the points are gone through several times."""
     monkeypatch.setattr("trueterrain.surface.accumulate._quantiles.COLLECTED", held)
     points, grid = cloud(), grid_over(0, 0, 10, 4, spacing=0.5)
-    options = GridOptions(statistic="median" if percent == 50 else "percentile", percent=percent)
+    options = GridSettings(statistic="median" if percent == 50 else "percentile", percent=percent)
     parts = [points.isel(point=slice(k, k + 7000)) for k in range(0, 20_000, 7000)]
     surface = grid_points(parts, grid, options, threads=2)
     i = np.rint(points.easting.values / 0.5).astype(int)
@@ -96,13 +96,13 @@ def test_standard_deviations_of_medians_are_honest():
         rng.uniform(0, 10, 60_000), rng.uniform(0, 4, 60_000), 0.01 * rng.standard_normal(60_000)
     )
     grid = grid_over(0, 0, 10, 4, spacing=0.1)
-    surface = grid_points(points, grid, GridOptions(statistic="median"))
+    surface = grid_points(points, grid, GridSettings(statistic="median"))
     ratio = (surface.height / surface.sd_relative).values[2:-2, 2:-2]
     assert 0.9 < np.sqrt(np.nanmean(ratio**2)) < 1.1
 
 
 def test_medians_need_points_twice():
-    grid, options = grid_over(0, 0, 10, 4, spacing=0.5), GridOptions(statistic="median")
+    grid, options = grid_over(0, 0, 10, 4, spacing=0.5), GridSettings(statistic="median")
     with pytest.raises(ValueError, match="gone through twice"):
         grid_points(iter([cloud()]), grid, options)
     sums = CellSums(grid)
@@ -158,7 +158,7 @@ def test_standard_deviations_of_points_are_honest():
     assert 0.9 < np.sqrt(np.nanmean(ratio**2)) < 1.1
     # what points know of their own errors comes on top of the noise: it may be the same for all
     own = points.assign(sd=("point", np.full(40_000, 0.02), {"units": "m"}))
-    known = grid_points(own, grid, GridOptions(range_noise=noise))
+    known = grid_points(own, grid, GridSettings(range_noise=noise))
     extra = np.sqrt(known.sd.values**2 - surface.sd_relative.values**2)
     npt.assert_allclose(np.nanmedian(extra), np.sqrt(0.02**2 - noise**2), rtol=0.05)
 
@@ -187,7 +187,7 @@ def test_sums_of_squares_may_pass_the_end_of_64_bits(heights, spread):
     """Deviations of heights of kilometres are as exact as those near zero."""
     base = heights[0]
     z = np.array([base + (h % (spread + 1)) for h in heights], dtype=np.int64)
-    sums = CellSums(grid_over(0, 0, 1, 1, spacing=1.0), Wanted(places=False))
+    sums = CellSums(grid_over(0, 0, 1, 1, spacing=1.0), KeptSums(places=False))
     many = np.tile(z * STEP, 200)
     sums.add_points(np.zeros(many.size), np.zeros(many.size), many)
     mean, deviation = np.empty((2, 2)), np.empty((2, 2))
@@ -195,7 +195,7 @@ def test_sums_of_squares_may_pass_the_end_of_64_bits(heights, spread):
 
     part = sums.total()
     cells = (each.reshape(2, 2) for each in (part.count, part.totals, part.squares))
-    _kernels.moments(*cells, 1.0, mean, deviation)
+    _kernels.cell_moments(*cells, 1.0, mean, deviation)
     exact = [int(value) for value in np.tile(z, 200)]
     n, total = len(exact), sum(exact)
     numerator = n * sum(value * value for value in exact) - total * total
@@ -228,7 +228,7 @@ def test_points_without_height_and_outside_are_counted():
 def test_cells_with_few_points_have_no_height():
     points = make_points([0, 0, 1], [0, 0, 0], [1, 1, 2])
     surface = grid_points(
-        points, grid_over(0, 0, 1, 1, spacing=1.0), GridOptions(minimum_count=2, level=False)
+        points, grid_over(0, 0, 1, 1, spacing=1.0), GridSettings(minimum_count=2, level=False)
     )
     npt.assert_array_equal(surface.height.values[0], [1, np.nan])
 
@@ -251,7 +251,7 @@ def test_data_without_sense_are_refused():
         {"range_noise": -1.0},
     ):
         with pytest.raises(ValueError, match="must be"):
-            GridOptions(**settings)
+            GridSettings(**settings)
 
 
 def test_surfaces_are_of_their_kind():
@@ -265,7 +265,7 @@ def test_means_over_discs_are_those_of_numpy(power):
     """Each return has the weight of its cell, by the distance of the middle of the cell."""
     points, step, radius = cloud(3000), 0.2, 0.5
     grid = grid_over(0, 0, 10, 4, spacing=step)
-    options = GridOptions(level=False, radius=radius, power=power)
+    options = GridSettings(level=False, radius=radius, power=power)
     surface = grid_points(points, grid, options)
     i = np.rint(points.easting.values / step)
     j = np.rint(points.northing.values / step)
@@ -283,7 +283,7 @@ def test_discs_close_gaps_and_stay_on_a_plane():
     points["up"] = points["up"].copy(data=100 + 0.1 * points.easting - 0.05 * points.northing)
     grid = grid_over(0, 0, 10, 4, spacing=0.1)
     own = grid_points(points, grid)
-    wide = grid_points(points, grid, GridOptions(radius=0.5))
+    wide = grid_points(points, grid, GridSettings(radius=0.5))
     assert np.isnan(own.height.values).mean() > 0.3
     assert not np.isnan(wide.height.values).any()
     truth = 100 + 0.1 * grid.u - 0.05 * grid.v[:, None]
@@ -295,7 +295,7 @@ def test_discs_close_gaps_and_stay_on_a_plane():
 def test_standard_deviations_over_discs_are_honest(power):
     points = cloud(40_000)
     grid = grid_over(0, 0, 10, 4, spacing=0.1)
-    surface = grid_points(points, grid, GridOptions(radius=0.3, power=power))
+    surface = grid_points(points, grid, GridSettings(radius=0.3, power=power))
     truth = 100 + 0.1 * grid.u - 0.05 * grid.v[:, None]
     ratio = ((surface.height - truth) / surface.sd_relative).values[6:-6, 6:-6]
     assert 0.9 < np.sqrt(np.mean(ratio**2)) < 1.1
@@ -311,4 +311,4 @@ def test_standard_deviations_over_discs_are_honest(power):
 )
 def test_discs_without_sense_are_refused(settings, words):
     with pytest.raises(ValueError, match=words):
-        GridOptions(**settings)
+        GridSettings(**settings)

@@ -10,17 +10,17 @@ import pytest
 import xarray as xr
 from scipy.stats import binned_statistic_2d
 
-from trueterrain.errors import CoverageError, FormatError, SchemaError
+from trueterrain.core.errors import CoverageError, FormatError, SchemaError
+from trueterrain.geometry.reference_line import line_from_trajectory
 from trueterrain.georeference import ScanGeometry, Screening, georeference
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import Road
+from trueterrain.simulate.scene import RoadShape
 from trueterrain.surface import node_coordinates, xy_to_uv
 from trueterrain.surface.accumulate import STEP, CellSums
 from trueterrain.surface.cells import grid_along, grid_over
-from trueterrain.surface.grid import GridOptions, surface_of
-from trueterrain.surface.holes import Filling, fill_holes
-from trueterrain.surface.line import line_from_trajectory
-from trueterrain.surface.runs import Pass, grid_runs
+from trueterrain.surface.grid import GridSettings, surface_of
+from trueterrain.surface.holes import HoleSettings, fill_holes
+from trueterrain.surface.runs import PassRecord, grid_runs
 
 TRUE = 1e-4  # [m] surface of a run without noise; ranges are stored in steps of as much
 ROUNDED = STEP  # [m] step of the heights, and the mean of what is left
@@ -28,9 +28,9 @@ ROUNDED = STEP  # [m] step of the heights, and the mean of what is left
 STRAIGHT = {"kind": "straight", "length": 40.0}
 OVAL = {"kind": "oval", "straight": 30.0, "radius": 25.0, "transition": 15.0}
 COURSES = {
-    "straight": (STRAIGHT, Road(), 12.0),
-    "banked and climbing": (STRAIGHT, Road(slope=0.04, banking=-0.06), 12.0),
-    "curved and leaning": (OVAL, Road(superelevation=0.05), 52.0),
+    "straight": (STRAIGHT, RoadShape(), 12.0),
+    "banked and climbing": (STRAIGHT, RoadShape(slope=0.04, banking=-0.06), 12.0),
+    "curved and leaning": (OVAL, RoadShape(superelevation=0.05), 52.0),
 }
 
 
@@ -43,7 +43,7 @@ def grid_of(driven, spacing=0.01, width=1.7):
     return grid_along(line, right=-width, left=width, spacing=spacing)
 
 
-def sums_of(driven, grid, options=GridOptions(), *, size=10**9, threads=1, geometry=None):
+def sums_of(driven, grid, options=GridSettings(), *, size=10**9, threads=1, geometry=None):
     sums = CellSums(grid, options.wanted(), threads=threads)
     for start in range(0, driven.time.size, size):
         part = slice(start, start + size)
@@ -77,7 +77,7 @@ def test_the_surface_of_a_run_without_noise_is_the_ground(noise_free):
 
 def test_the_fused_way_is_that_of_points_and_scipy(noise_free):
     """Counts and plain means from points, their grid coordinates and scipy's statistic."""
-    grid, options = grid_of(noise_free), GridOptions(level=False)
+    grid, options = grid_of(noise_free), GridSettings(level=False)
     surface = surface_of(sums_of(noise_free, grid, options), options)
     blocks = georeference(noise_free.path, noise_free.trajectory)
     x, y, z = np.concatenate([np.stack([b.easting, b.northing, b.up]) for b in blocks], axis=1)
@@ -96,7 +96,7 @@ def test_the_fused_way_is_that_of_points_and_scipy(noise_free):
 @pytest.mark.parametrize("statistic", ["mean", "minimum"])
 def test_surfaces_are_the_same_bit_for_bit(noise_free, statistic):
     """For blocks of 1,000, 7,777 and 100,000 scans and smaller ones, and 1 and 2 threads."""
-    grid, options = grid_of(noise_free), GridOptions(statistic=statistic)
+    grid, options = grid_of(noise_free), GridSettings(statistic=statistic)
     first = surface_of(sums_of(noise_free, grid, options), options)
     for size in (77, 256, 1000, 7777, 100_000):
         for threads in (1, 2):
@@ -109,22 +109,22 @@ def test_surfaces_are_the_same_bit_for_bit(noise_free, statistic):
 def test_runs_from_their_stores_are_the_same(noise_free):
     """With motion, mounting and ranges as they are stored, in blocks, and for the median too."""
     grid = grid_of(noise_free)
-    one = Pass(path=noise_free.path, trajectory=noise_free.trajectory)
+    one = PassRecord(path=noise_free.path, trajectory=noise_free.trajectory)
     surface, report = grid_runs([one], grid, threads=2, block=99)
     direct = surface_of(sums_of(noise_free, grid))
     npt.assert_array_equal(surface["count"], direct["count"])
     npt.assert_allclose(surface.height, direct.height, rtol=0, atol=ROUNDED)
     assert report["used"] == direct["count"].values.sum()
-    options = GridOptions(statistic="median")
+    options = GridSettings(statistic="median")
     middle, _ = grid_runs([one], grid, options, block=99)
     again, _ = grid_runs([one], grid, options, threads=2)
     npt.assert_array_equal(middle.height, again.height)
     few = surface["count"].values <= 2  # the median of two is their mean
-    plain, _ = grid_runs([one], grid, GridOptions(level=False))
+    plain, _ = grid_runs([one], grid, GridSettings(level=False))
     npt.assert_allclose(middle.height.values[few], plain.height.values[few], rtol=0, atol=ROUNDED)
     with pytest.raises(ValueError, match="at least one pass"):
         grid_runs([], grid)
-    early = Pass(path=noise_free.path, trajectory=replace(
+    early = PassRecord(path=noise_free.path, trajectory=replace(
         noise_free.trajectory, time=noise_free.trajectory.time + 100.0
     ))  # fmt: skip
     with pytest.raises(CoverageError, match="covers none of the"):
@@ -138,7 +138,7 @@ def test_runs_of_different_frames_are_refused(noise_free, tmp_path):
     document["attributes"]["origin"] = [12.0, 48.0, 500.0]
     (other / "zarr.json").write_text(json.dumps(document))
     passes = [
-        Pass(path=path, trajectory=noise_free.trajectory) for path in (noise_free.path, other)
+        PassRecord(path=path, trajectory=noise_free.trajectory) for path in (noise_free.path, other)
     ]
     with pytest.raises(SchemaError, match="attribute origin: is"):
         grid_runs(passes, grid_of(noise_free))
@@ -149,7 +149,7 @@ def test_a_damaged_chunk_is_named(noise_free, tmp_path):
     shutil.copytree(noise_free.path, broken)
     (broken / "scans" / "range" / "c.0.0").write_bytes(b"nonsense")
     with pytest.raises(FormatError, match=r"array scans/range, chunk c\.0\.0: is damaged"):
-        grid_runs([Pass(path=broken, trajectory=noise_free.trajectory)], grid_of(noise_free))
+        grid_runs([PassRecord(path=broken, trajectory=noise_free.trajectory)], grid_of(noise_free))
 
 
 def test_stored_numbers_and_metres_give_the_same(noise_free):
@@ -173,7 +173,7 @@ def test_scanners_of_one_beam_and_slow_ones(noise_free, beams, span):
     assert geometry.pieces == (1 if beams == 1 else 5)
     time = noise_free.time[:: 1 if beams == 1 else 10]
     ranges = np.full((time.size, beams), 1.9)
-    grid, options = grid_of(noise_free), GridOptions(level=False)
+    grid, options = grid_of(noise_free), GridSettings(level=False)
     fused, one_by_one = CellSums(grid, options.wanted()), CellSums(grid, options.wanted())
     fused.add_scans(geometry, time, ranges)
     scans = xr.Dataset({
@@ -192,13 +192,13 @@ def test_spacing_finer_than_the_data_leaves_holes_that_are_counted(noise_free):
     surface = surface_of(sums_of(noise_free, grid_of(noise_free, spacing=0.002, width=0.2)))
     seen = np.isfinite(surface.height.values)
     assert 0.1 < seen.mean() < 0.6
-    filled, report = fill_holes(surface, Filling(largest=0.01))
+    filled, report = fill_holes(surface, HoleSettings(largest=0.01))
     assert report["filled_nodes"] == (np.isfinite(filled.height.values) & ~seen).sum()
     assert report["open_nodes"] + report["unseen_nodes"] == np.isnan(filled.height.values).sum()
 
 
 def test_a_map_and_a_road_show_the_same_ground(drive):
-    driven = drive(STRAIGHT, Road(banking=0.03))
+    driven = drive(STRAIGHT, RoadShape(banking=0.03))
     where = driven.trajectory.at(driven.time[[5, -5]]).position - np.array([2.2, 0.0, 0.0])
     grid = grid_over(where[0, 0] + 0.2, -1.0, where[1, 0] - 0.2, 1.0, spacing=(0.01, 0.02))
     surface = surface_of(sums_of(driven, grid))
@@ -221,13 +221,13 @@ def test_returns_far_off_the_line_do_no_harm(drive):
 
 
 NOISY = Scanner(spot_rays=1, dropouts=0.01, saturation_bias=0.0)
-CAUTIOUS = GridOptions(range_noise=NOISY.range_noise)
+CAUTIOUS = GridSettings(range_noise=NOISY.range_noise)
 
 
 @pytest.mark.parametrize("banking", [0.0, 0.08])
 def test_standard_deviations_are_honest_without_errors_of_the_pose(drive, banking):
-    driven = drive(STRAIGHT, Road(banking=banking), scanner=NOISY)
-    surface = surface_of(sums_of(driven, grid_of(driven)), GridOptions())
+    driven = drive(STRAIGHT, RoadShape(banking=banking), scanner=NOISY)
+    surface = surface_of(sums_of(driven, grid_of(driven)), GridSettings())
     truth = driven.ground.height(*node_coordinates(surface))
     cells = inner(surface["count"].values)
     ratio = (surface.height.values - truth)[cells] / surface.sd.values[cells]
@@ -239,7 +239,7 @@ def test_standard_deviations_are_honest_without_errors_of_the_pose(drive, bankin
 )
 def test_standard_deviations_are_honest_with_errors_of_the_pose(drive, with_errors, sd):
     """Errors of all components of the pose that last for some 20 scans; many draws of them."""
-    driven = drive(STRAIGHT, Road(banking=0.02), scanner=NOISY, length=3.0)
+    driven = drive(STRAIGHT, RoadShape(banking=0.02), scanner=NOISY, length=3.0)
     grid = grid_of(driven)
     ratios = []
     for seed in range(16):
@@ -257,7 +257,7 @@ def test_standard_deviations_are_honest_with_errors_of_the_pose(drive, with_erro
 
 def test_errors_of_passes_average_out(drive, with_errors):
     """Four passes with errors of the pose of their own: half the standard deviation, and honest."""
-    driven = drive(STRAIGHT, Road(), scanner=NOISY, length=3.0)
+    driven = drive(STRAIGHT, RoadShape(), scanner=NOISY, length=3.0)
     grid, sd = grid_of(driven), np.array([0.002, 0.002, 0.003, 5e-4, 5e-4, 5e-4])
     ratios, sizes = [], []
     for seed in range(8):
@@ -285,7 +285,7 @@ def test_errors_of_passes_average_out(drive, with_errors):
 
 def test_errors_of_passes_in_agreement_stay(drive, with_errors):
     """Four passes with one error of the pose: no smaller than that of one pass, and honest."""
-    driven = drive(STRAIGHT, Road(), scanner=NOISY, length=3.0)
+    driven = drive(STRAIGHT, RoadShape(), scanner=NOISY, length=3.0)
     grid, sd = grid_of(driven), np.array([0.002, 0.002, 0.003, 5e-4, 5e-4, 5e-4])
     agreed = replace(CAUTIOUS, agreed=True)
     ratios = []
@@ -358,4 +358,4 @@ def test_arguments_without_sense_are_refused(drive):
             screening=Screening(floor=1.0, weight=0.5),
         )  # fmt: skip
     with pytest.raises(ValueError, match="lack extremes"):
-        surface_of(sums, GridOptions(statistic="maximum"))
+        surface_of(sums, GridSettings(statistic="maximum"))

@@ -5,10 +5,10 @@ import numpy.testing as npt
 import pytest
 from scipy.ndimage import find_objects, label
 
-from trueterrain.errors import SchemaError
-from trueterrain.kinds import make_surface
+from trueterrain.core.errors import SchemaError
+from trueterrain.core.schemas import make_surface
 from trueterrain.surface.coarse import down_sample
-from trueterrain.surface.holes import Filling, fill_holes
+from trueterrain.surface.holes import HoleSettings, fill_holes
 
 EXACT = 1e-12  # [m] round-off of heights of a metre
 
@@ -33,7 +33,7 @@ def with_holes(surface, *cuts):
 def test_holes_in_a_plane_are_filled_exactly_and_large_ones_reported():
     whole = plane()
     small, large, edge = np.s_[5:8, 5:7], np.s_[15:25, 5:15], np.s_[0:3, 10]
-    filled, report = fill_holes(with_holes(whole, small, large, edge), Filling(largest=0.3))
+    filled, report = fill_holes(with_holes(whole, small, large, edge), HoleSettings(largest=0.3))
     npt.assert_allclose(filled.height.values[small], whole.height.values[small], atol=EXACT)
     assert np.isnan(filled.height.values[large]).all()
     assert np.isnan(filled.height.values[edge]).all()
@@ -53,7 +53,7 @@ def test_heights_of_a_hole_stay_between_those_around_it():
     rough = plane()
     rough["height"] = rough.height.copy(data=rng.normal(size=rough.height.shape))
     cut = np.s_[5:9, 5:12]
-    filled, _ = fill_holes(with_holes(rough, cut), Filling(largest=1.0))
+    filled, _ = fill_holes(with_holes(rough, cut), HoleSettings(largest=1.0))
     around = rough.height.values[4:10, 4:13]
     inside = filled.height.values[cut]
     assert around.min() < inside.min()
@@ -62,7 +62,7 @@ def test_heights_of_a_hole_stay_between_those_around_it():
 
 def test_nothing_is_filled_where_nothing_shall_be():
     holed = with_holes(plane(), np.s_[5, 5])
-    same, report = fill_holes(holed, Filling(largest=0.0))
+    same, report = fill_holes(holed, HoleSettings(largest=0.0))
     npt.assert_array_equal(same.height, holed.height)
     assert (report["filled_nodes"], report["open_nodes"]) == (0, 1)
     assert not same["filled"].values.any()
@@ -84,7 +84,7 @@ def test_holes_are_those_that_scipy_labels(seed, turned):
     whole[rng.random(whole.shape) < 0.1 * (seed + 1)] = np.nan
     height = np.asfortranarray(whole) if turned else whole
     surface = make_surface(height, easting=np.arange(31), northing=np.arange(40))
-    filled, report = fill_holes(surface, Filling(largest=3.0))
+    filled, report = fill_holes(surface, HoleSettings(largest=3.0))
     names, count = label(np.isnan(whole))
     expected = dict.fromkeys(("filled", "open", "unseen"), 0)
     for number, (rows, columns) in enumerate(find_objects(names), start=1):
@@ -101,9 +101,9 @@ def test_holes_are_filled_alike_a_few_at_a_time(monkeypatch):
     rng = np.random.default_rng(5)
     surface = plane()
     rough = with_holes(surface, rng.random(surface.height.shape) < 0.2)
-    together, report = fill_holes(rough, Filling(largest=0.5))
+    together, report = fill_holes(rough, HoleSettings(largest=0.5))
     monkeypatch.setattr("trueterrain.surface.holes._TOGETHER", 7)
-    apart, _ = fill_holes(rough, Filling(largest=0.5))
+    apart, _ = fill_holes(rough, HoleSettings(largest=0.5))
     npt.assert_allclose(apart.height, together.height, rtol=0, atol=EXACT)
     assert report["filled_holes"] > 20
 
@@ -121,7 +121,7 @@ def test_surfaces_without_height_are_refused():
     with pytest.raises(SchemaError, match="missing everywhere"):
         fill_holes(with_holes(plane(), np.s_[:]))
     with pytest.raises(ValueError, match="largest must be at least 0"):
-        Filling(largest=-1.0)
+        HoleSettings(largest=-1.0)
 
 
 @pytest.mark.parametrize("factor", [(1, 1), (2, 3), (5, 4)])

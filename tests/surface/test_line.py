@@ -5,15 +5,15 @@ import numpy.testing as npt
 import pytest
 from scipy.spatial.transform import Rotation
 
-from trueterrain.errors import CoverageError
-from trueterrain.motion import Trajectory
-from trueterrain.surface.cells import grid_along, grid_over
-from trueterrain.surface.line import (
+from trueterrain.core.errors import CoverageError
+from trueterrain.geometry.reference_line import (
     ReferenceLine,
     line_from_trajectory,
     line_through,
     straight_line,
 )
+from trueterrain.motion import Trajectory
+from trueterrain.surface.cells import grid_along, grid_over
 
 CHORD = 1e-9  # [m] in which all chords are equally long; OpenCRG asks for 1e-4
 ON_CIRCLE = 1e-6  # [m] of a spline through points of a circle 0.2 m apart

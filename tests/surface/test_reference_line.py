@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trueterrain.errors import SchemaError
-from trueterrain.kinds import make_surface
+from trueterrain.core.errors import SchemaError
+from trueterrain.core.schemas import make_surface
 from trueterrain.surface import GridFrame, grid_frame, node_coordinates, uv_to_xy, xy_to_uv
 
 ROUND_TRIP = {"rtol": 0, "atol": 1e-10}  # [m] round-off of coordinates of up to 1 km

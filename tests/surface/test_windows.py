@@ -9,14 +9,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from trueterrain.formats.run import Mounting, RunWriter
+from trueterrain.geometry.reference_line import line_through, straight_line
 from trueterrain.georeference import Screening
 from trueterrain.motion import Trajectory
 from trueterrain.surface import _windows
-from trueterrain.surface.accumulate import work
+from trueterrain.surface.accumulate import count_scan_visits
 from trueterrain.surface.cells import grid_along, grid_over
-from trueterrain.surface.grid import GridOptions
-from trueterrain.surface.line import line_through, straight_line
-from trueterrain.surface.runs import Pass, grid_runs
+from trueterrain.surface.grid import GridSettings
+from trueterrain.surface.runs import PassRecord, grid_runs
 
 RADIUS = 4.0  # [m] of the circle that is driven
 SCANS = 3000
@@ -71,8 +71,8 @@ def passes(tmp_path_factory):
     second = laps(rate=-2.2)
     second = replace(second, covariance=3 * second.covariance)
     return [
-        Pass(path=recorded(folder / "one.zarr", 1, furthest=6.5), trajectory=laps()),
-        Pass(path=recorded(folder / "two.zarr", 2, furthest=20.0), trajectory=second),
+        PassRecord(path=recorded(folder / "one.zarr", 1, furthest=6.5), trajectory=laps()),
+        PassRecord(path=recorded(folder / "two.zarr", 2, furthest=20.0), trajectory=second),
     ]
 
 
@@ -91,13 +91,13 @@ def over():
 
 
 CASES = {
-    "mean": (arc, GridOptions(range_noise=1e-3)),
-    "weighed": (arc, GridOptions(), Screening(floor=100.0, saturation=900.0, weight=0.5)),
-    "minimum": (arc, GridOptions(statistic="minimum", minimum_count=2)),
-    "median": (arc, GridOptions(statistic="median")),
-    "percentile": (arc, GridOptions(statistic="percentile", percent=20.0)),
-    "disc": (arc, GridOptions(radius=0.07, power=1.0)),
-    "map": (over, GridOptions()),
+    "mean": (arc, GridSettings(range_noise=1e-3)),
+    "weighed": (arc, GridSettings(), Screening(floor=100.0, saturation=900.0, weight=0.5)),
+    "minimum": (arc, GridSettings(statistic="minimum", minimum_count=2)),
+    "median": (arc, GridSettings(statistic="median")),
+    "percentile": (arc, GridSettings(statistic="percentile", percent=20.0)),
+    "disc": (arc, GridSettings(radius=0.07, power=1.0)),
+    "map": (over, GridSettings()),
 }
 
 
@@ -164,5 +164,5 @@ def test_a_grid_along_which_all_scans_reach_far_is_worked_in_few_windows(passes,
     grid_runs(passes, grid, memory=1)
     (plan,) = planned
     edges = np.array([0, *(window.stop for window in plan.windows)])
-    assert work(plan.reaches, edges, plan.margin) <= 2 * 2 * SCANS
+    assert count_scan_visits(plan.reaches, edges, plan.margin) <= 2 * 2 * SCANS
     assert len(plan.windows) < 0.6 * grid.shape[0] / (8 * plan.margin)

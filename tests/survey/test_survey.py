@@ -14,19 +14,19 @@ import numpy.testing as npt
 import pytest
 
 import trueterrain as tt
-from trueterrain.engine.manifest import missing_files
-from trueterrain.errors import CoverageError, FormatError, OutputError, SchemaError
+from trueterrain.core.errors import CoverageError, FormatError, OutputError, SchemaError
+from trueterrain.core.manifest import missing_files
 from trueterrain.formats.run import open_run
-from trueterrain.motion import fuse
-from trueterrain.profile import EnvelopeOptions, ProfileOptions, offset_path
+from trueterrain.motion import fuse_motion
+from trueterrain.profile import EnvelopeSettings, TyreProfileSettings, offset_path
 from trueterrain.profile.envelope import tyre_envelope
 from trueterrain.simulate.scene import read_scene, record_scene
-from trueterrain.surface.placement import Placement
-from trueterrain.surface.runs import Pass, grid_runs
+from trueterrain.surface.placement import GridPlacement
+from trueterrain.surface.runs import PassRecord, grid_runs
 from trueterrain.survey import (
     MountingOverride,
     OutputSettings,
-    ProfileSettings,
+    ProfilePathSettings,
     RunSettings,
     Survey,
     read_survey,
@@ -57,11 +57,11 @@ def runs(tmp_path_factory):
 def survey(runs):
     """Settings with a coarse grid and two profiles."""
     return survey_of(
-        runs, title="two <lanes>", grid=Placement(spacing=0.02, left=1.9, right=-1.9),
+        runs, title="two <lanes>", grid=GridPlacement(spacing=0.02, left=1.9, right=-1.9),
         profiles=(
-            ProfileSettings(name="left", offset=0.75, spacing=0.02),
-            ProfileSettings(
-                name="right", offset=-0.75, spacing=0.02, tyre=ProfileOptions(radius=0.06)
+            ProfilePathSettings(name="left", offset=0.75, spacing=0.02),
+            ProfilePathSettings(
+                name="right", offset=-0.75, spacing=0.02, tyre=TyreProfileSettings(radius=0.06)
             ),
         ),
         outputs=OutputSettings(surface=("crg", "laz"), points="laz"),
@@ -88,8 +88,8 @@ def test_everything_is_written(found):
 
 
 def test_surfaces_are_those_of_gridding_step_by_step(found, survey, runs):
-    motion = fuse(open_run(runs[0]))
-    one = Pass(path=runs[0], trajectory=motion.trajectory)
+    motion = fuse_motion(open_run(runs[0]))
+    one = PassRecord(path=runs[0], trajectory=motion.trajectory)
     surface, tally = grid_runs([one], survey.grid.of_runs([one]), survey.cells)
     lane = found.numbers["lanes"][0]
     assert lane["returns"] == tally
@@ -184,8 +184,8 @@ def test_a_profile_beside_the_ground_is_left_out_and_said(survey, tmp_path):
     beside = replace(
         survey, runs=survey.runs[:1],
         profiles=(
-            ProfileSettings(name="far", line=(0.0, 50.0, 10.0, 50.0)),
-            ProfileSettings(name="short", line=(4.0, 1.8, 4.2, 1.8), spacing=0.02),
+            ProfilePathSettings(name="far", line=(0.0, 50.0, 10.0, 50.0)),
+            ProfilePathSettings(name="short", line=(4.0, 1.8, 4.2, 1.8), spacing=0.02),
         ),
     )  # fmt: skip
     (lane,) = run_survey(beside, tmp_path / "out").numbers["lanes"]
@@ -198,9 +198,9 @@ def test_a_tyre_that_rolls(survey, tmp_path):
     rolled = replace(
         survey, runs=survey.runs[:1],
         profiles=(
-            ProfileSettings(
-                name="cams", offset=0.5, spacing=0.02, envelope=EnvelopeOptions(envelope="cams"),
-                tyre=ProfileOptions(thin="nan"),
+            ProfilePathSettings(
+                name="cams", offset=0.5, spacing=0.02, envelope=EnvelopeSettings(envelope="cams"),
+                tyre=TyreProfileSettings(thin="nan"),
             ),
         ),
         outputs=OutputSettings(surface=("zarr",), pictures=False),
@@ -212,7 +212,7 @@ def test_a_tyre_that_rolls(survey, tmp_path):
     path = offset_path(surface, 0.5, spacing=0.02)
     at = int(np.argmin(abs(path.s - 5.0)))
     again = tyre_envelope(
-        surface, path.part(at - 150, at + 150), tyre=EnvelopeOptions(envelope="cams").model()
+        surface, path.part(at - 150, at + 150), tyre=EnvelopeSettings(envelope="cams").model()
     )
     middle = again.sel(s=slice(4.5, 5.5))
     near = written.sel(s=middle.s, method="nearest", tolerance=0.011)
@@ -221,11 +221,11 @@ def test_a_tyre_that_rolls(survey, tmp_path):
 
 def test_a_survey_of_a_map(survey, tmp_path):
     over = replace(
-        survey, grid=Placement(spacing=0.05, as_map=True), runs=survey.runs[:1],
+        survey, grid=GridPlacement(spacing=0.05, as_map=True), runs=survey.runs[:1],
         profiles=(
-            ProfileSettings(
+            ProfilePathSettings(
                 name="line", line=(0.0, 1.8, 12.9, 1.8), spacing=0.05,
-                tyre=ProfileOptions(radius=0.1),
+                tyre=TyreProfileSettings(radius=0.1),
             ),
         ),
         outputs=OutputSettings(surface=("tif",)),
@@ -321,7 +321,7 @@ def test_a_run_without_navigation_where_it_scans_is_refused(runs, survey, tmp_pa
 @pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGTERM])
 def test_a_killed_survey_leaves_nothing_half_written_and_starts_again(runs, tmp_path, sent):
     (tmp_path / "survey.toml").write_text(survey_template(survey_of(
-        runs[:1], grid=Placement(spacing=0.05), profiles=(),
+        runs[:1], grid=GridPlacement(spacing=0.05), profiles=(),
     )))  # fmt: skip
     arguments = [
         sys.executable, "-m", "trueterrain", "run", str(tmp_path / "survey.toml"), "-o",

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from trueterrain.errors import CoverageError
+from trueterrain.core.errors import CoverageError
 from trueterrain.vehicle import Tyre, contact_heights, contact_margin
 
 # Rounding of means of heights of some metres [m]

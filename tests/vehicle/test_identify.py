@@ -8,21 +8,21 @@ from scipy.signal import decimate
 from trueterrain.vehicle import (
     GOLDEN_QUARTER_CAR,
     linear_model,
-    modes,
     named_vehicle,
-    respond,
+    simulate_response,
+    vehicle_modes,
 )
 from trueterrain.vehicle.identify import (
     ModeRecording,
     identify_modes,
-    integrate,
+    integrate_acceleration,
     velocity_spectrum,
 )
 
 RATE = 500.0  # [Hz]
 NOISE = 0.01  # [m/s²] of an accelerometer of 50 ug/sqrt(Hz), sampled at 500 Hz
 MODEL = linear_model(GOLDEN_QUARTER_CAR)
-MODES = modes(MODEL)
+MODES = vehicle_modes(MODEL)
 TRUTH = np.column_stack([MODES.natural_frequency, MODES.damping_ratio]).ravel()
 
 
@@ -52,7 +52,9 @@ def sweep(begin, end, seconds, amplitude):
 def shaken(rng, begin, *, excitation, signals=("body", "wheel"), seconds=120.0):
     """A sweep of the thesis's shaker procedure, recorded with noise."""
     up, bend = sweep(begin, 30.0, seconds, 0.003)
-    moved = dict(zip(("body", "wheel"), respond(MODEL, 1 / RATE, up).acceleration.T, strict=True))
+    moved = dict(
+        zip(("body", "wheel"), simulate_response(MODEL, 1 / RATE, up).acceleration.T, strict=True)
+    )
 
     def noisy(values):
         return values + NOISE * rng.standard_normal(values.size)
@@ -121,7 +123,9 @@ def test_intervals_on_roads_are_honest():
     for seed in range(10):
         rng = np.random.default_rng(seed)
         road = np.cumsum(rng.standard_normal(150_000)) * 2.2e-4
-        moved = decimate(respond(MODEL, 1 / 1000, road).acceleration, 5, ftype="fir", axis=0)
+        moved = decimate(
+            simulate_response(MODEL, 1 / 1000, road).acceleration, 5, ftype="fir", axis=0
+        )
         moved = moved + 0.005 * rng.standard_normal(moved.shape)
         signals = {"body": moved[:, 0], "wheel": moved[:, 1]}
         found = identify_modes(ModeRecording(accelerations=signals, rate=200.0, waviness=2.0))
@@ -134,7 +138,7 @@ def test_intervals_on_roads_are_honest():
 def test_one_signal_alone_is_less_sure():
     rng = np.random.default_rng(4)
     road = np.cumsum(rng.standard_normal(150_000)) * 2.2e-4
-    moved = decimate(respond(MODEL, 1 / 1000, road).acceleration, 5, ftype="fir", axis=0)
+    moved = decimate(simulate_response(MODEL, 1 / 1000, road).acceleration, 5, ftype="fir", axis=0)
     alone, both = (
         identify_modes(ModeRecording(
             accelerations={name: moved[:, at] for name, at in names.items()}, rate=200.0,
@@ -155,13 +159,13 @@ def test_a_whole_car_on_a_road_scatters_and_says_so():
     lag = round(car.wheelbase / speed * rate)
     road = np.cumsum(rng.standard_normal((120_000 + lag, 2)), axis=0) * 2e-4
     wheels = np.column_stack([road[lag:], road[:-lag]])
-    moved = respond(model, 1 / rate, wheels).acceleration
+    moved = simulate_response(model, 1 / rate, wheels).acceleration
     x, y = car.wheel_positions[0]
     body = moved[:, 0] - x * moved[:, 1] + y * moved[:, 2]
     signals = {"body": body, "wheel": moved[:, 3]}
     signals = {name: decimate(each, 5, ftype="fir") for name, each in signals.items()}
     found = identify_modes(ModeRecording(accelerations=signals, rate=200.0, waviness=2.0))
-    true = modes(model)
+    true = vehicle_modes(model)
     low, high = found.hop.frequency_interval
     assert low < true.natural_frequency[true.names.index("front hop")] < high
     bodies = [true.natural_frequency[true.names.index(n)] for n in ("heave", "pitch", "roll")]
@@ -188,7 +192,7 @@ def test_velocity_is_neither_early_nor_late_and_has_no_drift():
     acceleration = 0.2 * 2 * np.pi * 1.2 * np.cos(2 * np.pi * 1.2 * t)
     acceleration += 0.1 * 2 * np.pi * 11 * np.cos(2 * np.pi * 11 * t)
     acceleration += 0.05 + 1e-3 * t + 0.005 * rng.standard_normal(t.size)  # bias, drift, noise
-    found = integrate(acceleration, 200.0)
+    found = integrate_acceleration(acceleration, 200.0)
     inner = slice(1400, -1400)  # 7 s: two periods of the corner
     assert_allclose(found[inner], true[inner], rtol=0, atol=0.004)  # [m/s] 0.4 % by the corner
     assert abs(found.mean()) < 1e-3
@@ -236,8 +240,8 @@ def test_density_of_white_acceleration():
          "segment must be from 0.16 s to the 9 s recorded, got 20 s"),
         (lambda: identify_modes(ModeRecording(accelerations={"body": np.ones(900)}, rate=100.0)),
          "body does not move"),
-        (lambda: integrate([1.0, np.nan], 100.0), "no gap"),
-        (lambda: integrate(np.ones(9), 100.0, corner=60.0), "corner must be"),
+        (lambda: integrate_acceleration([1.0, np.nan], 100.0), "no gap"),
+        (lambda: integrate_acceleration(np.ones(9), 100.0, corner=60.0), "corner must be"),
         (lambda: velocity_spectrum(np.arange(900), 100.0, confidence=0.0), "confidence must be"),
     ],
 )  # fmt: skip

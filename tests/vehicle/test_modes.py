@@ -10,8 +10,8 @@ from scipy.linalg import eigvals
 from trueterrain.vehicle import (
     GOLDEN_QUARTER_CAR,
     linear_model,
-    modes,
     named_vehicle,
+    vehicle_modes,
     vehicle_names,
 )
 
@@ -38,7 +38,7 @@ def span(values: np.ndarray) -> tuple[float, float]:
 @pytest.mark.parametrize("name", TABLE)
 def test_full_cars_have_the_modes_of_the_table(name):
     body, hop, body_ratios, hop_ratios = TABLE[name]
-    found = modes(linear_model(named_vehicle(name)))
+    found = vehicle_modes(linear_model(named_vehicle(name)))
     assert_allclose(found.undamped_frequency[:3], body, rtol=0, atol=BODY_DIGIT)
     assert_allclose(span(found.undamped_frequency[3:]), hop, rtol=0, atol=HOP_DIGIT)
     assert_allclose(span(found.damping_ratio[:3]), body_ratios, rtol=0, atol=RATIO_DIGIT)
@@ -46,7 +46,7 @@ def test_full_cars_have_the_modes_of_the_table(name):
 
 
 def test_the_golden_car_has_the_modes_of_the_table():
-    found = modes(linear_model(GOLDEN_QUARTER_CAR))
+    found = vehicle_modes(linear_model(GOLDEN_QUARTER_CAR))
     assert found.names == ("heave", "hop")
     digit = 0.0005  # [Hz], [1]: half of the last digit
     assert_allclose(found.undamped_frequency, [1.208, 11.005], rtol=0, atol=digit)
@@ -61,7 +61,7 @@ def test_equation_3_2_as_printed_has_other_modes():
     model = linear_model(GOLDEN_QUARTER_CAR)
     damping = model.damping.copy()
     damping[1, 0] = 0.0
-    printed = modes(replace(model, damping=damping))
+    printed = vehicle_modes(replace(model, damping=damping))
     assert_allclose(printed.natural_frequency, [1.21, 11.03], rtol=0, atol=BODY_DIGIT)
     assert_allclose(printed.damping_ratio, [0.36, 0.29], rtol=0, atol=RATIO_DIGIT)
 
@@ -75,9 +75,9 @@ def test_the_undamped_quarter_car_has_its_closed_form(name):
     middle = (ms * (ks + kt) + mu * ks) / (2 * ms * mu)
     root = np.sqrt(middle**2 - ks * kt / (ms * mu))
     truth = np.sqrt([middle - root, middle + root]) / (2 * np.pi)
-    found = modes(linear_model(car))
+    found = vehicle_modes(linear_model(car))
     assert_allclose(found.undamped_frequency, truth, rtol=0, atol=ROUNDING * truth[1])
-    undamped = modes(linear_model(replace(car, suspension_damping=0.0)))
+    undamped = vehicle_modes(linear_model(replace(car, suspension_damping=0.0)))
     assert_allclose(undamped.natural_frequency, truth, rtol=0, atol=ROUNDING * truth[1])
     assert_allclose(undamped.damped_frequency, truth, rtol=0, atol=ROUNDING * truth[1])
     assert_allclose(undamped.damping_ratio, 0.0, rtol=0, atol=ROUNDING)
@@ -95,7 +95,7 @@ def test_the_damped_quarter_car_has_the_roots_of_its_polynomial(tyre_damping):
     roots = np.roots(np.polymul(body, wheel) - np.pad(np.polymul(spring[1:], spring[1:]), (2, 0)))
     roots = roots[roots.imag > 0]
     roots = roots[np.argsort(np.abs(roots))]
-    found = modes(linear_model(car))
+    found = vehicle_modes(linear_model(car))
     assert_allclose(found.eigenvalue, roots, rtol=0, atol=ROUNDING * np.abs(roots[1]))
     assert_allclose(found.damping_ratio, -roots.real / np.abs(roots), rtol=0, atol=ROUNDING)
     assert_allclose(found.damped_frequency, roots.imag / 2 / np.pi, rtol=0, atol=10 * ROUNDING)
@@ -104,7 +104,7 @@ def test_the_damped_quarter_car_has_the_roots_of_its_polynomial(tyre_damping):
 @pytest.mark.parametrize("name", vehicle_names())
 def test_modes_solve_the_equations_of_motion(name):
     model = linear_model(replace(named_vehicle(name), front_tyre_damping=200.0))
-    found = modes(model)
+    found = vehicle_modes(model)
     scale = ROUNDING * np.abs(model.stiffness).max()
     for s, shape in zip(found.eigenvalue, found.shape, strict=True):
         residual = (model.mass * s**2 + model.damping * s + model.stiffness) @ shape
@@ -125,7 +125,7 @@ def test_no_eigenvalue_is_lost_or_taken_twice(name):
     zero, one = np.zeros((7, 7)), np.eye(7)
     pencil = np.block([[zero, one], [-model.stiffness, -model.damping]])
     truth = eigvals(pencil, np.block([[one, zero], [zero, model.mass]]))
-    found = modes(model).eigenvalue
+    found = vehicle_modes(model).eigenvalue
     key = lambda s: (round(abs(s), 6), s.imag)  # noqa: E731 - order of complex numbers
     found = sorted([*found, *found.conj()], key=key)
     assert_allclose(found, sorted(truth, key=key), rtol=0, atol=1e-7 * np.abs(truth).max())
@@ -136,7 +136,7 @@ def test_no_eigenvalue_is_lost_or_taken_twice(name):
 def test_damping_in_proportion_to_stiffness_has_its_closed_form(name, factor):
     """C = b K leaves the shapes alone and has ratios b w / 2, also beyond 1."""
     model = linear_model(named_vehicle(name))
-    found = modes(replace(model, damping=factor * model.stiffness))
+    found = vehicle_modes(replace(model, damping=factor * model.stiffness))
     w = 2 * np.pi * found.undamped_frequency
     ratio = factor * w / 2
     scale = 1e3 * ROUNDING * max(1.0, ratio.max() ** 2)  # the two roots of a mode lie far apart
@@ -149,7 +149,7 @@ def test_damping_in_proportion_to_stiffness_has_its_closed_form(name, factor):
 
 def test_the_overdamped_hop_is_found():
     car = replace(GOLDEN_QUARTER_CAR, tyre_damping=10_000.0)
-    found = modes(linear_model(car))
+    found = vehicle_modes(linear_model(car))
     assert found.names == ("heave", "hop")
     assert found.damping_ratio[0] < 1 < found.damping_ratio[1]
     assert found.damped_frequency[1] == 0.0
@@ -159,7 +159,7 @@ def test_the_overdamped_hop_is_found():
 @pytest.mark.parametrize("name", vehicle_names())
 def test_modes_are_named_once_and_after_their_motion(name):
     model = linear_model(named_vehicle(name))
-    found = modes(model)
+    found = vehicle_modes(model)
     assert sorted(found.names) == sorted(model.mode_names)
     shape = dict(zip(found.names, found.undamped_shape, strict=True))
     for mode in ("heave", "pitch", "front hop", "rear hop"):  # left and right together
@@ -182,7 +182,10 @@ def test_alike_frequencies_are_still_found():
         pitch_inertia=golden.sprung_mass * golden.front_axle**2,
         roll_inertia=golden.sprung_mass * (golden.front_track / 2) ** 2,
     )
-    found, quarter = modes(linear_model(neutral)), modes(linear_model(GOLDEN_QUARTER_CAR))
+    found, quarter = (
+        vehicle_modes(linear_model(neutral)),
+        vehicle_modes(linear_model(GOLDEN_QUARTER_CAR)),
+    )
     for field in ("undamped_frequency", "natural_frequency", "damping_ratio"):
         whole, part = getattr(found, field), getattr(quarter, field)
         assert_allclose(whole[:3], part[0], rtol=0, atol=1e3 * ROUNDING)

@@ -13,14 +13,14 @@ from trueterrain.vehicle import (
     GOLDEN_QUARTER_CAR,
     LinearModel,
     VehicleState,
-    advance,
-    discretise,
+    advance_response,
+    discretise_model,
     frequency_response,
     linear_model,
-    modes,
     named_vehicle,
-    respond,
+    simulate_response,
     start_state,
+    vehicle_modes,
     vehicle_names,
 )
 
@@ -49,7 +49,7 @@ def rough(samples: int, wheels: int, seed: int = 1) -> np.ndarray:
 
 def measured_response(model: LinearModel, frequency: float, step: float) -> np.ndarray:
     """Complex gain of displacement, velocity, acceleration to a sine, shape (3, n, w), in time."""
-    slowest = -modes(model).eigenvalue.real.max()
+    slowest = -vehicle_modes(model).eigenvalue.real.max()
     settle = np.ceil(np.log(1e9) / slowest * frequency) / frequency  # whole periods
     quiet, period = round(settle / step), round(1 / (frequency * step))
     time = np.arange(quiet + period) * step
@@ -58,7 +58,7 @@ def measured_response(model: LinearModel, frequency: float, step: float) -> np.n
     for wheel in range(len(model.wheels)):
         heights = np.zeros((len(time), len(model.wheels)))
         heights[:, wheel] = np.sin(2 * np.pi * frequency * time)
-        gains.append([carrier @ part[quiet:] for part in respond(model, step, heights)])
+        gains.append([carrier @ part[quiet:] for part in simulate_response(model, step, heights)])
     return np.moveaxis(np.array(gains), 0, -1)
 
 
@@ -111,11 +111,11 @@ def test_straight_lines_between_samples_are_followed_exactly(name):
     model = linear_model(VEHICLES[name])
     step, parts = 0.004, (2, 4, 10)
     heights = rough(501, len(model.wheels))
-    coarse = respond(model, step, heights)
+    coarse = simulate_response(model, step, heights)
     for part in parts:
         places = np.arange(500 * part + 1) / part
         columns = [np.interp(places, np.arange(501), column) for column in heights.T]
-        fine = respond(model, step / part, np.stack(columns, axis=1))
+        fine = simulate_response(model, step / part, np.stack(columns, axis=1))
         for one, other in zip(coarse, fine, strict=True):
             scale = ROUNDING * np.abs(one).max()
             assert_allclose(other[::part], one, rtol=0, atol=scale)
@@ -125,7 +125,7 @@ def test_another_integrator_on_newtons_law_agrees(newton):
     """Runge-Kutta of order 8, from sample to sample, on forces written out part by part."""
     car, step = WITH_TYRE_DAMPING, 0.01
     heights = rough(60, 4)
-    response = respond(linear_model(car), step, heights)
+    response = simulate_response(linear_model(car), step, heights)
     state = np.concatenate([response.displacement[0], response.velocity[0]])
     for k in range(1, len(heights)):
         before, rate = heights[k - 1], (heights[k] - heights[k - 1]) / step
@@ -148,7 +148,7 @@ def test_accelerations_obey_the_equations_of_motion(name):
     model = linear_model(VEHICLES[name])
     step = 0.001
     heights = rough(2000, len(model.wheels))
-    q, v, a = respond(model, step, heights)
+    q, v, a = simulate_response(model, step, heights)
     rates = np.diff(heights, axis=0, prepend=heights[:1]) / step
     force = heights @ model.wheel_stiffness.T + rates @ model.wheel_damping.T
     force -= v @ model.damping.T + q @ model.stiffness.T
@@ -160,7 +160,7 @@ def test_accelerations_obey_the_equations_of_motion(name):
 def test_left_alone_a_vehicle_swings_in_its_modes(name):
     """Started in one mode on level ground, it moves as Re(shape exp(s t)) for ever."""
     model = linear_model(VEHICLES[name])
-    found = modes(model)
+    found = vehicle_modes(model)
     step, samples = 0.001, 1500
     time = np.arange(1, samples + 1) * step
     for s, shape in zip(found.eigenvalue, found.shape, strict=True):
@@ -171,7 +171,9 @@ def test_left_alone_a_vehicle_swings_in_its_modes(name):
             acceleration=(s**2 * shape).real,
             wheel_heights=np.zeros(len(model.wheels)),
         )
-        run, _ = advance(discretise(model, step), start, np.zeros((samples, len(model.wheels))))
+        run, _ = advance_response(
+            discretise_model(model, step), start, np.zeros((samples, len(model.wheels)))
+        )
         for part, expected in zip(run, truth, strict=True):
             assert_allclose(part, expected, rtol=0, atol=ROUNDING * np.abs(expected).max())
 
@@ -187,7 +189,7 @@ def test_energy_only_decays_on_level_ground(name):
         acceleration=np.zeros(size),
         wheel_heights=np.zeros(wheels),
     )
-    run, _ = advance(discretise(model, 0.001), start, np.zeros((6000, wheels)))
+    run, _ = advance_response(discretise_model(model, 0.001), start, np.zeros((6000, wheels)))
     q, v = (
         np.vstack(pair) for pair in zip((start.displacement, start.velocity), run, strict=False)
     )
@@ -204,7 +206,7 @@ def test_without_dampers_energy_is_kept(name):
     wheels = len(model.wheels)
     start = start_state(model, np.linspace(0.01, 0.02, wheels))
     level = replace(start, wheel_heights=np.zeros(wheels))
-    q, v, _ = advance(discretise(model, 0.001), level, np.zeros((5000, wheels)))[0]
+    q, v, _ = advance_response(discretise_model(model, 0.001), level, np.zeros((5000, wheels)))[0]
     energy = np.einsum("ki,ij,kj->k", q, model.stiffness, q) / 2
     energy += np.einsum("ki,ij,kj->k", v, model.mass, v) / 2
     assert_allclose(energy, energy[0], rtol=0, atol=ROUNDING * energy[0])
@@ -231,7 +233,7 @@ def test_a_vehicle_at_rest_lies_on_slope_and_bank(name):
 def test_a_vehicle_at_rest_stays_at_rest(name):
     model = linear_model(VEHICLES[name])
     heights = 500.0 + np.linspace(-0.3, 0.2, len(model.wheels))
-    run = respond(model, 0.001, np.tile(heights, (20_000, 1)))
+    run = simulate_response(model, 0.001, np.tile(heights, (20_000, 1)))
     # heights of 500 m round to 1e-13 m, which springs of 5000 1/s² make accelerations of
     assert_allclose(run.displacement - run.displacement[0], 0.0, rtol=0, atol=1e-10)
     assert_allclose(run.velocity, 0.0, rtol=0, atol=1e-8)
@@ -245,7 +247,7 @@ def test_a_vehicle_that_climbs_a_long_slope_climbs_on(name):
     start, rate = np.linspace(0.1, 0.0, wheels), 0.3
     time = 0.001 * np.arange(1, 3001)
     state = start_state(model, start, wheel_rates=rate)
-    run, _ = advance(discretise(model, 0.001), state, start + rate * time[:, None])
+    run, _ = advance_response(discretise_model(model, 0.001), state, start + rate * time[:, None])
     assert_allclose(run.velocity, np.tile(state.velocity, (3000, 1)), rtol=0, atol=ROUNDING)
     assert_allclose(run.acceleration, 0.0, rtol=0, atol=1e3 * ROUNDING)
     climbed = run.displacement - state.displacement
@@ -257,7 +259,7 @@ def test_a_kerb_is_followed_and_forgotten():
     model = linear_model(named_vehicle("sedan"))
     kerb = np.zeros((10_000, 4))
     kerb[100:] = -0.15
-    q, v, a = respond(model, 0.001, kerb)
+    q, v, a = simulate_response(model, 0.001, kerb)
     assert_allclose(q[:100], 0.0, rtol=0, atol=0)
     assert q[:, 0].min() < -0.15  # it overshoots
     expected = [-0.15, 0.0, 0.0, *[-0.15] * 4]
@@ -271,8 +273,8 @@ def test_a_kerb_is_followed_and_forgotten():
 def test_like_wheel_paths_give_no_roll_and_opposite_ones_only_roll(name):
     model = linear_model(named_vehicle(name))
     road = rough(3000, 2)
-    alike = respond(model, 0.001, road[:, [0, 0, 1, 1]])
-    opposite = respond(model, 0.001, road[:, [0, 0, 1, 1]] * [1, -1, 1, -1])
+    alike = simulate_response(model, 0.001, road[:, [0, 0, 1, 1]])
+    opposite = simulate_response(model, 0.001, road[:, [0, 0, 1, 1]] * [1, -1, 1, -1])
     for part in alike:
         assert_allclose(part[:, 2], 0.0, rtol=0, atol=ROUNDING * np.abs(part).max())
         assert_allclose(part[:, 3], part[:, 4], rtol=0, atol=ROUNDING * np.abs(part).max())
@@ -284,27 +286,27 @@ def test_like_wheel_paths_give_no_roll_and_opposite_ones_only_roll(name):
 @given(cuts=st.lists(st.integers(0, 400), max_size=6))
 def test_blocks_give_the_same_bits_as_one_piece(name, cuts):
     model = linear_model(VEHICLES[name])
-    discrete, heights = discretise(model, 0.001), rough(401, len(model.wheels))
+    discrete, heights = discretise_model(model, 0.001), rough(401, len(model.wheels))
     start = start_state(model, heights[0])
-    whole, end = advance(discrete, start, heights[1:])
+    whole, end = advance_response(discrete, start, heights[1:])
     state, blocks = start, []
     for block in np.split(heights[1:], sorted(cuts)):
-        response, state = advance(discrete, state, block)
+        response, state = advance_response(discrete, state, block)
         blocks.append(response)
     for part, pieces in zip(whole, zip(*blocks, strict=True), strict=True):
         assert (np.concatenate(pieces) == part).all()
     for field in vars(end):
         assert (getattr(state, field) == getattr(end, field)).all()
-    complete = respond(model, 0.001, heights)
+    complete = simulate_response(model, 0.001, heights)
     assert (complete.acceleration[1:] == whole.acceleration).all()
 
 
 def test_the_layout_of_the_wheel_heights_does_not_matter():
     model = linear_model(named_vehicle("van"))
     heights = rough(500, 8)
-    plain = respond(model, 0.001, heights[:, ::2].copy())
+    plain = simulate_response(model, 0.001, heights[:, ::2].copy())
     for other in (heights[:, ::2], np.asfortranarray(heights[:, ::2]), heights[:, ::2].tolist()):
-        assert (respond(model, 0.001, other).acceleration == plain.acceleration).all()
+        assert (simulate_response(model, 0.001, other).acceleration == plain.acceleration).all()
 
 
 def test_inputs_are_left_alone_and_outputs_are_their_own():
@@ -312,7 +314,7 @@ def test_inputs_are_left_alone_and_outputs_are_their_own():
     heights = rough(50, 1)[:, 0]
     kept = heights.copy()
     start = start_state(model, heights[0])
-    response, end = advance(discretise(model, 0.001), start, heights[1:])
+    response, end = advance_response(discretise_model(model, 0.001), start, heights[1:])
     assert (heights == kept).all()
     assert start.wheel_heights == kept[0]
     response.displacement[:] = 0.0
@@ -322,7 +324,7 @@ def test_inputs_are_left_alone_and_outputs_are_their_own():
 def test_no_samples_change_nothing():
     model = linear_model(named_vehicle("van"))
     start = start_state(model, [0.1, 0.1, 0.0, 0.0])
-    response, end = advance(discretise(model, 0.001), start, np.empty((0, 4)))
+    response, end = advance_response(discretise_model(model, 0.001), start, np.empty((0, 4)))
     assert response.acceleration.shape == (0, 7)
     assert end is start
 
@@ -330,7 +332,7 @@ def test_no_samples_change_nothing():
 @pytest.mark.parametrize("step", [0.0, -1e-3, np.nan, np.inf])
 def test_an_impossible_step_is_refused(step):
     with pytest.raises(ValueError, match=f"step must be finite and greater than 0 s, got {step}"):
-        discretise(linear_model(GOLDEN_QUARTER_CAR), step)
+        discretise_model(linear_model(GOLDEN_QUARTER_CAR), step)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
@@ -344,9 +346,9 @@ def test_wheel_heights_that_are_not_finite_are_refused(value):
     heights[5, 1] = value
     message = rf"wheel_heights must be finite, got {value} m at sample 5, wheel front-right"
     with pytest.raises(ValueError, match=message):
-        advance(discretise(model, 0.001), start_state(model, np.zeros(4)), heights)
+        advance_response(discretise_model(model, 0.001), start_state(model, np.zeros(4)), heights)
     with pytest.raises(ValueError, match=message):
-        respond(model, 0.001, heights)
+        simulate_response(model, 0.001, heights)
 
 
 def test_wheel_heights_of_another_shape_are_refused():
@@ -354,8 +356,8 @@ def test_wheel_heights_of_another_shape_are_refused():
     with pytest.raises(ValueError, match=r"wheel_heights must have shape \(4,\), got \(3,\)"):
         start_state(van, np.zeros(3))
     with pytest.raises(ValueError, match=r"must have shape \(samples, 4\), got \(9,\)"):
-        respond(van, 0.001, np.zeros(9))
+        simulate_response(van, 0.001, np.zeros(9))
     with pytest.raises(ValueError, match=r"must have shape \(samples, 1\), got \(9, 4\)"):
-        respond(quarter, 0.001, np.zeros((9, 4)))
+        simulate_response(quarter, 0.001, np.zeros((9, 4)))
     with pytest.raises(ValueError, match="wheel_heights must have at least 1 sample, got 0"):
-        respond(van, 0.001, np.empty((0, 4)))
+        simulate_response(van, 0.001, np.empty((0, 4)))

@@ -3,8 +3,8 @@
 import numpy as np
 import xarray as xr
 
+from trueterrain.core.schemas import make_profile
 from trueterrain.formats.run import Mounting
-from trueterrain.kinds import make_profile
 
 HEIGHT = 2.0  # [m] of the scanner above the ground
 LENGTH = 1.2  # [m] of the plate

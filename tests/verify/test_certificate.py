@@ -9,13 +9,13 @@ import pandas as pd
 import pytest
 
 import trueterrain
-from trueterrain.errors import CoverageError, FormatError, SchemaError
+from trueterrain.core.errors import CoverageError, FormatError, SchemaError
+from trueterrain.core.schemas import make_points, make_profile
 from trueterrain.formats.run import Mounting, RunWriter
-from trueterrain.kinds import make_points, make_profile
 from trueterrain.motion import FusionSettings
-from trueterrain.verify._errors import Limits, Row
-from trueterrain.verify.certificate import certify, write_errors
-from trueterrain.verify.uncertainty import Figure
+from trueterrain.verify.certificate import certify_profiler, write_errors
+from trueterrain.verify.results import ResultRow, TestLimits
+from trueterrain.verify.statistics.uncertainty import AccuracyFigure
 
 RECOMPUTED = 1e-15  # [m] rounding of sums of some hundred errors
 LENGTH = 1500  # [m]
@@ -39,11 +39,11 @@ def drift(tmp_path):
 
 
 def test_figures_are_recomputed_from_the_files(drift):
-    found = certify("drift", drift)
+    found = certify_profiler("drift", drift)
     files = dict(write_errors(found, drift.parent))
     table = pd.read_csv(drift.parent / "errors-drift.csv")
     errors = table[["error_0", "error_1", "error_2"]].to_numpy()
-    (row,) = found.describe()["rows"]
+    (row,) = found.to_dict()["rows"]
     for value, truth in (
         (row["rms"]["value"], np.sqrt(np.mean(errors**2))),
         (row["bias"]["value"], errors.mean()),
@@ -55,31 +55,31 @@ def test_figures_are_recomputed_from_the_files(drift):
 
 
 def test_limits_are_kept_or_not(drift):
-    found = certify("drift", drift)
+    found = certify_profiler("drift", drift)
     assert found.verdicts == {"drift": {"rms": True, "bias": False}}
     assert found.passed is False
 
 
 def test_the_upper_end_of_the_interval_is_asked_where_caution_is(drift):
-    rms = certify("drift", drift).results["drift"].row.rms
+    rms = certify_profiler("drift", drift).results["drift"].row.rms
     limit = 0.5 * (rms.value + rms.high)
     text = drift.read_text().replace("rms = 0.0025, bias = 0.001", f"rms = {limit!r}")
     drift.write_text(text)
-    assert certify("drift", drift).passed is True
+    assert certify_profiler("drift", drift).passed is True
     drift.write_text("cautious = true\n" + text)
-    assert certify("drift", drift).passed is False
+    assert certify_profiler("drift", drift).passed is False
 
 
 def test_without_limits_nothing_is_passed_or_failed(drift):
     lines = drift.read_text().splitlines()
     drift.write_text("\n".join(line for line in lines if not line.startswith("limits")))
-    found = certify("drift", drift)
+    found = certify_profiler("drift", drift)
     assert found.passed is None
     assert found.verdicts == {"drift": {}}
 
 
 def test_inputs_are_named_by_their_hash(drift):
-    found = certify("drift", drift)
+    found = certify_profiler("drift", drift)
     names = ["drift.toml", "0.csv", "1.csv", "2.csv", "true.csv"]
     assert [one["name"] for one in found.inputs] == names
     for one in found.inputs:
@@ -88,27 +88,27 @@ def test_inputs_are_named_by_their_hash(drift):
 
 
 def test_all_of_it_can_be_written_as_json(drift):
-    text = json.dumps(certify("drift", drift).describe(), allow_nan=False)
+    text = json.dumps(certify_profiler("drift", drift).to_dict(), allow_nan=False)
     assert json.loads(text)["settings"]["system"] == "Van 3"
 
 
 def test_a_misspelt_setting_is_named_with_the_right_one(drift):
     drift.write_text(drift.read_text().replace("profiles", "profile"))
     with pytest.raises(FormatError, match=r"profile: is unknown \(did you mean 'profiles'\?\)"):
-        certify("drift", drift)
+        certify_profiler("drift", drift)
 
 
 def test_a_limit_that_is_none_is_refused(drift):
     drift.write_text(drift.read_text().replace("0.0025", "-1.0"))
     with pytest.raises(FormatError, match="rms must be greater than 0 m"):
-        certify("drift", drift)
+        certify_profiler("drift", drift)
 
 
 def test_an_unknown_method_is_refused_before_any_work(tmp_path):
     config = tmp_path / "d.toml"
     config.write_text('runs = {a = "a.zarr"}\nmachined = "p.csv"\nmethods = ["kalman"]\n')
     with pytest.raises(FormatError, match="methods must be some of navigation, thesis"):
-        certify("dynamic", config)
+        certify_profiler("dynamic", config)
 
 
 def test_settings_of_the_fusion_hold_for_every_method(tmp_path, monkeypatch):
@@ -137,7 +137,7 @@ def test_settings_of_the_fusion_hold_for_every_method(tmp_path, monkeypatch):
             'fusion = {way_window = 2.0, crossover = 8.0, method = "navigation"}\n'
         )
         with pytest.raises(CoverageError, match=r"a\.zarr: stopped here"):
-            certify("dynamic", config)
+            certify_profiler("dynamic", config)
     assert used == [
         FusionSettings(method=method, way_window=2.0, crossover=8.0) for method in ("thesis", "rts")
     ]
@@ -147,7 +147,7 @@ def test_a_wrong_setting_of_the_fusion_is_refused(tmp_path):
     config = tmp_path / "d.toml"
     config.write_text('runs = {a = "a.zarr"}\nmachined = "p.csv"\nfusion = {way_window = 0.0}\n')
     with pytest.raises(FormatError, match="way_window must be greater than 0"):
-        certify("dynamic", config)
+        certify_profiler("dynamic", config)
 
 
 def test_a_date_that_is_not_that_of_the_runs_is_doubted(drift):
@@ -161,18 +161,18 @@ def test_a_date_that_is_not_that_of_the_runs_is_doubted(drift):
         run.append_scans(first + np.array([0.5, 0.6]), np.ones((2, 1)))
     text = 'clock = "bounce.zarr"\n' + drift.read_text()
     drift.write_text('date = "2026-03-12"\n' + text)
-    found = certify("drift", drift)
+    found = certify_profiler("drift", drift)
     assert found.doubts == []
     assert found.recorded[-1].begin == "2026-03-12 08:15:00"
     assert [one.detected for one in found.instruments] == [None, None]  # no accelerometers
     drift.write_text('date = "2026-04-12"\n' + text)
-    (doubt,) = certify("drift", drift).doubts
+    (doubt,) = certify_profiler("drift", drift).doubts
     assert "bounce.zarr was recorded on 2026-03-12 08:15:00 (UTC), 31 days from" in doubt
 
 
 def test_an_unknown_test_is_refused(drift):
     with pytest.raises(ValueError, match="one of static, dynamic, drift"):
-        certify("highway", drift)
+        certify_profiler("highway", drift)
 
 
 def test_tracks_are_to_be_chosen(drift):
@@ -180,23 +180,25 @@ def test_tracks_are_to_be_chosen(drift):
     both = make_profile(s, [0 * s, 0 * s + 1], tracks=["left", "right"])
     trueterrain.write(both, drift.parent / "0.csv", force=True)
     with pytest.raises(SchemaError, match=r"0\.csv: holds the tracks left, right"):
-        certify("drift", drift)
+        certify_profiler("drift", drift)
 
 
 def test_points_are_no_profile(drift):
     points = make_points(easting=[0.0, 1.0], northing=[0.0, 0.0], up=[0.0, 0.0])
     trueterrain.write(points, drift.parent / "0.csv", force=True)
     with pytest.raises(SchemaError, match="must be a profile, but holds points"):
-        certify("drift", drift)
+        certify_profiler("drift", drift)
 
 
 def test_caution_trusts_no_interval_of_few_independent_errors():
     """However wide the limit: what is not known is not kept."""
-    wide = Figure(value=1e-3, low=5e-4, high=2e-3, confidence=0.95, block=9, independent=8.0)
-    row = Row(
+    wide = AccuracyFigure(
+        value=1e-3, low=5e-4, high=2e-3, confidence=0.95, block=9, independent=8.0
+    )
+    row = ResultRow(
         test="one", rms=wide, off_edges=replace(wide, independent=30.0), distance=None,
         maximum=2e-3, bias=wide, noise=None, registration=None, count=120,
     )  # fmt: skip
-    limits = Limits(rms=1.0, off_edges=1.0, bias=1.0)
+    limits = TestLimits(rms=1.0, off_edges=1.0, bias=1.0)
     assert row.verdicts(limits) == {"rms": True, "off_edges": True, "bias": True}
     assert row.verdicts(limits, cautious=True) == {"rms": False, "off_edges": True, "bias": False}

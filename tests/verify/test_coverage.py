@@ -13,11 +13,11 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import binom
 
-from trueterrain.kinds import make_profile
+from trueterrain.core.schemas import make_profile
 from trueterrain.verify.drift import DriftSettings, drift_test
 from trueterrain.verify.dynamic import DynamicSettings, dynamic_test
 from trueterrain.verify.static import StaticSettings, static_test
-from trueterrain.verify.uncertainty import mean_figure, rms_figure
+from trueterrain.verify.statistics.uncertainty import mean_figure, rms_figure
 
 from . import test_dynamic as driven
 from ._plates import machined, standing

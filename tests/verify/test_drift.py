@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from trueterrain.errors import CoverageError
-from trueterrain.kinds import make_profile
+from trueterrain.core.errors import CoverageError
+from trueterrain.core.schemas import make_profile
 from trueterrain.verify.drift import DriftSettings, drift_test
 
 LENGTH = 4000  # [m]

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from trueterrain.errors import CoverageError, SchemaError
+from trueterrain.core.errors import CoverageError, SchemaError
 from trueterrain.formats.run import Mounting
 from trueterrain.motion import Trajectory
-from trueterrain.verify._rejection import rejection_of
 from trueterrain.verify.dynamic import DynamicSettings, dynamic_test
+from trueterrain.verify.motion_rejection import rejection_of
 
 from ._plates import LENGTH, height_at, machined
 

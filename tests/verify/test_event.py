@@ -9,12 +9,12 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from trueterrain.simulate.body import BodyMotion, Pass
+from trueterrain.simulate.body import BodyMotion, PassPlan
 from trueterrain.simulate.course import Straight
 from trueterrain.simulate.ground import ExcitationEvent
 from trueterrain.simulate.speed import Constant
-from trueterrain.vehicle import GOLDEN_QUARTER_CAR, Tyre, linear_model, modes, named_vehicle
-from trueterrain.verify.event import (
+from trueterrain.vehicle import GOLDEN_QUARTER_CAR, Tyre, linear_model, named_vehicle, vehicle_modes
+from trueterrain.verify.event.design import (
     EventInputs,
     cleat_ratio,
     covering_speeds,
@@ -168,7 +168,7 @@ def test_a_wheel_in_hop_touches_both_edges():
 def test_the_golden_car_has_these_hop_parameters():
     inputs = event_inputs(named_vehicle("golden car"))
     assert_allclose(inputs.tyre_share, 653 / 716.3, rtol=0, atol=EXACT)
-    quarter = modes(linear_model(GOLDEN_QUARTER_CAR))
+    quarter = vehicle_modes(linear_model(GOLDEN_QUARTER_CAR))
     still = 1e-3  # [Hz], [1] as body and wheels of four corners hold each other a little
     assert_allclose(inputs.hop, quarter.undamped_frequency[1], rtol=0, atol=still)
     assert_allclose(inputs.damping, quarter.damping_ratio[1], rtol=0, atol=still)
@@ -268,7 +268,7 @@ def test_crossing_is_the_body_of_the_virtual_profiler():
     car = named_vehicle("sedan")
     event = ExcitationEvent(stagger=0.3)
     moved = cross_event(car, event.height, 5.0, length=event.length + 0.3, laser=(-2.0, 0.4))
-    drive = Pass(course=Straight(east=-12.0, length=30.0), speed=Constant(speed=5.0))
+    drive = PassPlan(course=Straight(east=-12.0, length=30.0), speed=Constant(speed=5.0))
     body = BodyMotion(drive=drive, ground=event, vehicle=car, rate=5000.0, spacing=0.001)
     knots = body.knots(0.0, 5.9)
     pose = knots.pose

@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from trueterrain.core.schemas import make_profile
 from trueterrain.formats.run import Mounting, open_run
 from trueterrain.georeference import Screening
-from trueterrain.kinds import make_profile
-from trueterrain.motion import fuse
-from trueterrain.simulate.accelerometers import Accelerometers, triangle
+from trueterrain.motion import fuse_motion
+from trueterrain.simulate.accelerometers import Accelerometers, sensor_triangle
 from trueterrain.simulate.scanner import Reflectivity, Scanner
 from trueterrain.simulate.scene import (
     CalibrationPlate,
-    Drive,
     Scene,
+    ScenePass,
     Standing,
     read_scene,
     record_scene,
@@ -50,12 +50,12 @@ def _dynamic(folder, **parts):
         name="dynamic", raster=0.005, course={"kind": "straight", "length": 17.0},
         ground=(plate, *boards), vehicle=read_scene("dynamic-plate-excited")[0].vehicle,
         scanner=Scanner(beams=141, swath=0.6), mounting=Mounting(scanner_position=LASER),
-        passes=(Drive(name="run", speed={"kind": "constant", "speed": SPEED}),), **parts,
+        passes=(ScenePass(name="run", speed={"kind": "constant", "speed": SPEED}),), **parts,
     )  # fmt: skip
     run = open_run(record_scene(scene, folder)[0]).load()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        path = fuse(run).trajectory
+        path = fuse_motion(run).trajectory
     settings = DynamicSettings(assumed=MIDDLE - 0.06, search=0.2, floor=4.0, width=0.4)
     return dynamic_test(run, _machined(), path, settings)
 
@@ -70,7 +70,7 @@ def late(tmp_path_factory):
 @pytest.fixture(scope="module")
 def strong(tmp_path_factory):
     """Accelerometers that read 3 % too much."""
-    sensors = Accelerometers(positions=triangle(LASER, 0.5), scale=(SCALE,) * 3)
+    sensors = Accelerometers(positions=sensor_triangle(LASER, 0.5), scale=(SCALE,) * 3)
     return _dynamic(tmp_path_factory.mktemp("strong"), accelerometers=sensors)
 
 
@@ -82,7 +82,7 @@ def standing(tmp_path_factory):
         ground=({"kind": "plate", "east": 0.342 - BESIDE, "north": LASER[0]},),
         reflectivity=Reflectivity(period=10.0, width=0.076, stripe=0.9),
         mounting=Mounting(scanner_position=LASER),
-        passes=(Drive(name="run", standing=Standing(duration=0.3, yaw=0.5 * math.pi)),),
+        passes=(ScenePass(name="run", standing=Standing(duration=0.3, yaw=0.5 * math.pi)),),
     )  # fmt: skip
     scene = replace(
         scene, declared=Mounting(scanner_position=LASER, scanner_rotation=(ROLL, 0.0, 0.0))

@@ -9,9 +9,9 @@ import xarray as xr
 
 from trueterrain.formats.run import Mounting
 from trueterrain.georeference import Screening
-from trueterrain.verify._modes import THRESHOLD, modes_of, source_of
 from trueterrain.verify.dynamic import DynamicSettings, dynamic_test
-from trueterrain.verify.findings import Finding, certain
+from trueterrain.verify.error_modes import THRESHOLD, modes_of, source_of
+from trueterrain.verify.findings.finding import Finding, is_significant
 from trueterrain.verify.static import StaticSettings, static_test
 
 from ._driven import BEGIN, LEVER, SPEED, WAVES, driven, motion
@@ -57,9 +57,9 @@ def standing_still(*, roll=0.0, sd=None, **faults):
 
 
 def test_certain_is_four_standard_deviations_and_no_trifle():
-    assert certain(4.1, 1.0)
-    assert not certain(-3.9, 1.0)
-    assert not certain(4.1, 0.0, least=5.0)
+    assert is_significant(4.1, 1.0)
+    assert not is_significant(-3.9, 1.0)
+    assert not is_significant(4.1, 0.0, least=5.0)
 
 
 def test_the_static_test_finds_nothing_without_a_fault():
@@ -257,7 +257,7 @@ def test_bright_ground_and_lost_scans_are_found_while_driving():
 
 
 def test_results_tell_findings_and_modes_as_plain_words():
-    found = dynamic_test(driven(), machined(), motion(), DYNAMIC).describe()
+    found = dynamic_test(driven(), machined(), motion(), DYNAMIC).to_dict()
     assert json.loads(json.dumps(found))["findings"] == found["findings"]
     assert [one["name"] for one in found["modes"]][1] == "primary ride"
     assert found["source"].startswith("Nothing of the error moves with the body")
@@ -345,4 +345,4 @@ def test_a_finding_as_plain_numbers():
     finding = Finding(
         name="place", value=0.005, sd=1e-5, unit="m", detected=True, meaning="It lies beside."
     )
-    assert finding.describe()["value"] == 0.005
+    assert finding.to_dict()["value"] == 0.005

@@ -9,18 +9,18 @@ from numpy.testing import assert_allclose
 from pypdf import PdfReader
 
 import trueterrain
-from trueterrain.errors import FormatError, SchemaError
+from trueterrain.core.errors import FormatError, SchemaError
+from trueterrain.core.schemas import make_profile
 from trueterrain.formats.run import open_run
-from trueterrain.kinds import make_profile
-from trueterrain.motion import fuse
+from trueterrain.motion import fuse_motion
 from trueterrain.report import write_report_pdf
 from trueterrain.simulate.drift import GaussMarkovDrift
 from trueterrain.simulate.navigation import Navigation
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import Truth, read_scene, record_scene
-from trueterrain.simulate.scene._parts import Drive
-from trueterrain.verify.certificate import certify
-from trueterrain.verify.findings import Finding
+from trueterrain.simulate.scene import TruthSettings, read_scene, record_scene
+from trueterrain.simulate.scene._parts import ScenePass
+from trueterrain.verify.certificate import certify_profiler
+from trueterrain.verify.findings.finding import Finding
 from trueterrain.verify.instruments import boresight_findings, clock_findings
 
 SURE = 4.0  # standard deviations: less than 1 of 10,000 errors is larger
@@ -49,7 +49,7 @@ def bounce(tmp_path_factory):
     scene, _ = read_scene("bounce")
     scene = replace(
         scene, scanner=replace(scene.scanner, beams=31, rate=250.0, spot_rays=1),
-        truth=Truth(returns=False),
+        truth=TruthSettings(returns=False),
     )  # fmt: skip
     (path,) = record_scene(scene, tmp_path_factory.mktemp("bounce"))
     return path, scene
@@ -61,11 +61,11 @@ def passes(tmp_path_factory):
     scene, _ = read_scene("boresight")
 
     def drive(name, start, *, reverse):
-        return Drive(name=name, reverse=reverse, start=start, length=6.0,
+        return ScenePass(name=name, reverse=reverse, start=start, length=6.0,
                      speed={"kind": "constant", "speed": 5.0})  # fmt: skip
 
     scene = replace(
-        scene, raster=0.01, truth=Truth(returns=False, spacing=0.1),
+        scene, raster=0.01, truth=TruthSettings(returns=False, spacing=0.1),
         scanner=Scanner(beams=100, rate=1000.0, range_noise=2e-4, spot_rays=1),
         navigation=Navigation(
             drift=GaussMarkovDrift(height_sd=0.0), horizontal_sd=1e-4,
@@ -127,7 +127,7 @@ def certified(tmp_path_factory, bounce, passes):
     """A certificate of the cheapest test, with runs for the instruments."""
     folder = tmp_path_factory.mktemp("certified")
     text = f'clock = "{bounce[0]}"\nboresight = {json.dumps([str(path) for path in passes[0]])}'
-    return certify("drift", drifting(folder, text))
+    return certify_profiler("drift", drifting(folder, text))
 
 
 def test_the_mounting_is_found_and_what_is_not_told_has_its_reason(certified, passes):
@@ -155,7 +155,7 @@ def test_the_mounting_is_found_and_what_is_not_told_has_its_reason(certified, pa
 
 def test_runs_that_share_no_ground_tell_nothing(passes, bounce):
     (there, _), _ = passes
-    way = fuse(open_run(there)).trajectory
+    way = fuse_motion(open_run(there)).trajectory
     moved = replace(way, position=way.position + np.array([100.0, 0.0, 0.0]))
     (found,) = boresight_findings([there, there], [way, moved])
     assert isinstance(found, Finding)
@@ -164,7 +164,7 @@ def test_runs_that_share_no_ground_tell_nothing(passes, bounce):
 
 
 def test_a_certificate_holds_them_with_the_hashes_of_their_runs(certified):
-    document = certified.describe()
+    document = certified.to_dict()
     names = [one["name"] for one in document["instruments"]]
     assert names[:2] == ["clock of the accelerometers", "clock of the scanner"]
     assert len(names) == 9
@@ -177,7 +177,7 @@ def test_a_certificate_holds_them_with_the_hashes_of_their_runs(certified):
 
 
 def test_the_page_and_the_pdf_show_them(certified, tmp_path):
-    from trueterrain.cli._verify_certificate import certificate_of
+    from trueterrain.report.certificate import certificate_of
 
     write_report_pdf(certificate_of(certified, []), tmp_path / "c.pdf")
     pages = [page.extract_text() for page in PdfReader(tmp_path / "c.pdf").pages]
@@ -195,7 +195,7 @@ def test_the_page_and_the_pdf_show_them(certified, tmp_path):
 
 def test_runs_of_different_mountings_are_refused(passes):
     runs = [open_run(path) for path in passes[0]]
-    way = fuse(runs[0]).trajectory
+    way = fuse_motion(runs[0]).trajectory
     runs[1].attrs["mounting"] = {**runs[1].attrs["mounting"], "scanner_clock": 0.001}
     with pytest.raises(SchemaError, match="attribute mounting: differs from that of the first run"):
         boresight_findings(runs, [way, way])
@@ -207,9 +207,9 @@ def test_runs_of_different_mountings_are_refused(passes):
 @pytest.mark.parametrize("text", ['clock = "none.zarr"', 'boresight = ["x.zarr", "none.zarr"]'])
 def test_a_run_that_is_missing_is_named(tmp_path, text):
     with pytest.raises(FileNotFoundError, match=r"there is no run .*(none|x)\.zarr"):
-        certify("drift", drifting(tmp_path, text))
+        certify_profiler("drift", drifting(tmp_path, text))
 
 
 def test_one_run_is_no_boresight(tmp_path):
     with pytest.raises(FormatError, match=r"boresight must name two runs or more, got 'x\.zarr'"):
-        certify("drift", drifting(tmp_path, 'boresight = ["x.zarr"]'))
+        certify_profiler("drift", drifting(tmp_path, 'boresight = ["x.zarr"]'))

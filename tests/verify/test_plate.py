@@ -7,18 +7,18 @@ import pytest
 from numpy.testing import assert_allclose
 
 import trueterrain
-from trueterrain.errors import OutputError
+from trueterrain.core.errors import OutputError
 from trueterrain.formats.run import Mounting
 from trueterrain.simulate.body import Parked
 from trueterrain.simulate.ground import Cleats, Ground, Step, Sum
 from trueterrain.simulate.scanner import Scanner, ScannerStream
 from trueterrain.simulate.scene._plate import CalibrationPlate
-from trueterrain.verify.plate import (
+from trueterrain.verify.plate.design import (
     PlateCleat,
     PlateDesign,
     ScanSetup,
+    cleat_flanks,
     design_plate,
-    flanks,
     machined_profile,
     view_plate,
     write_machined,
@@ -181,7 +181,7 @@ def test_slope_limits_are_those_of_the_virtual_scanner():
             on_far_face = (y > offset + 1e-3) & (y < offset + 0.019) & (z > 0.0125)
             assert on_far_face.any() == (steeper < 0)
             assert bool(view.shadows) == (steeper > 0)
-            far = flanks(plate)[1]
+            far = cleat_flanks(plate)[1]
             if far.slope >= math.radians(60):
                 (edge,) = (edge for edge in view.edges if edge.name == far.name)
                 assert edge.seen == (steeper < 0)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from trueterrain.errors import CoverageError, SchemaError
-from trueterrain.kinds import make_profile
-from trueterrain.verify.registration import register
+from trueterrain.core.errors import CoverageError, SchemaError
+from trueterrain.core.schemas import make_profile
+from trueterrain.verify.registration.search import register_profile
 
 from ._plates import CORNERS, LENGTH, height_at, machined
 
@@ -33,7 +33,7 @@ def _measured(shift, offset, tilt, *, turned=False, seed=3, step=0.004):
 @pytest.mark.parametrize("shift", [-1.31, 0.2057])
 def test_offset_tilt_and_shift_are_found(shift, turned):
     x, z = _measured(shift, -2.0, 0.01, turned=turned)
-    found = register(x, z, machined())
+    found = register_profile(x, z, machined())
     assert found.reversed is turned
     np.testing.assert_allclose(found.shift, shift, rtol=0, atol=SHIFT_TOLERANCE)
     np.testing.assert_allclose(found.offset, -2.0, rtol=0, atol=OFFSET_TOLERANCE)
@@ -42,7 +42,7 @@ def test_offset_tilt_and_shift_are_found(shift, turned):
 
 def test_a_plate_beside_its_assumed_place_is_named_as_such_not_as_an_error_of_heights():
     x, z = _measured(-0.5, 0.0, 0.0)
-    found = register(x, z, machined(), assumed=-0.505, search=0.02)
+    found = register_profile(x, z, machined(), assumed=-0.505, search=0.02)
     np.testing.assert_allclose(found.shift + 0.505, 0.005, rtol=0, atol=SHIFT_TOLERANCE)
     assert found.residual < 1.3 * NOISE
     assert found.unregistered > 10 * found.residual
@@ -55,7 +55,7 @@ def test_a_way_that_is_measured_too_long_is_found_if_asked(stretch, turned):
     s = (x + 0.5) / (1 + stretch)
     at = LENGTH - s if turned else s
     noise = NOISE * np.random.default_rng(5).normal(size=x.size)
-    found = register(
+    found = register_profile(
         x, np.interp(at, *TRIANGLES) + 0.01 * x - 2.0 + noise, make_profile(*TRIANGLES),
         stretch=True,
     )  # fmt: skip
@@ -68,12 +68,12 @@ def test_a_way_that_is_measured_too_long_is_found_if_asked(stretch, turned):
 
 def test_stretch_is_left_alone_unless_asked():
     x, z = _measured(-0.5, -2.0, 0.01)
-    assert register(x * 1.004, z, machined()).stretch == 0.0
+    assert register_profile(x * 1.004, z, machined()).stretch == 0.0
 
 
 def test_a_plate_is_taken_as_it_lies():
     x, z = _measured(-0.5, -2.0, 0.01)
-    found = register(x, z, machined(), assumed=-0.52, search=0.0, stretch=True)
+    found = register_profile(x, z, machined(), assumed=-0.52, search=0.0, stretch=True)
     assert (found.shift, found.stretch) == (-0.52, 0.0)
     assert found.unregistered > 10 * NOISE
     np.testing.assert_allclose(found.offset, -2.0, rtol=0, atol=1e-3)  # flanks pull a little
@@ -83,7 +83,7 @@ def test_saturated_returns_do_not_pull():
     x, z = _measured(-0.5, -2.0, 0.0)
     s = x + 0.5
     z[(s > 0.8) & (s < 1.0)] += 0.006
-    found = register(x, z, machined())
+    found = register_profile(x, z, machined())
     np.testing.assert_allclose(found.tilt, 0.0, rtol=0, atol=3 * TILT_TOLERANCE)
     np.testing.assert_allclose(found.shift, -0.5, rtol=0, atol=SHIFT_TOLERANCE)
     assert found.outliers >= 45
@@ -95,7 +95,7 @@ def test_gaps_as_wide_as_cleats_are_no_plate():
     z = np.interp(x + 1.305, *TRIANGLES)
     for gap in (0.75, 1.35):
         z[np.abs(x - gap) < 0.045] = np.nan
-    found = register(x, z, make_profile(*TRIANGLES))
+    found = register_profile(x, z, make_profile(*TRIANGLES))
     np.testing.assert_allclose(found.shift, -1.305, rtol=0, atol=SHIFT_TOLERANCE)
 
 
@@ -103,19 +103,19 @@ def test_ground_without_a_plate_is_said_to_have_none():
     x = np.arange(-2.0, 2.0, 0.004)
     z = 0.001 * np.sin(9 * x)
     with pytest.raises(CoverageError, match=r"plate is not found.*Say where it lies"):
-        register(x, z, machined())
+        register_profile(x, z, machined())
 
 
 def test_a_plate_beyond_the_search_is_not_found():
     x, z = _measured(-0.5, 0.0, 0.0)
     with pytest.raises(CoverageError, match="not found"):
-        register(x, z, machined(), assumed=0.5, search=0.1)
+        register_profile(x, z, machined(), assumed=0.5, search=0.1)
 
 
 def test_a_search_outside_of_the_measured_is_an_error():
     x, z = _measured(-0.5, 0.0, 0.0)
     with pytest.raises(CoverageError, match="too few points"):
-        register(x, z, machined(), assumed=50.0, search=0.1)
+        register_profile(x, z, machined(), assumed=50.0, search=0.1)
 
 
 @pytest.mark.parametrize(
@@ -130,22 +130,22 @@ def test_a_search_outside_of_the_measured_is_an_error():
 def test_a_machined_profile_in_another_unit_is_named(profile, message):
     x, z = _measured(-0.5, 0.0, 0.0)
     with pytest.raises(SchemaError, match=message):
-        register(x, z, profile)
+        register_profile(x, z, profile)
 
 
 def test_a_machined_profile_with_tracks_or_gaps_is_refused():
     x, z = _measured(-0.5, 0.0, 0.0)
     both = make_profile(CORNERS[0], [CORNERS[1], CORNERS[1]], tracks=["left", "right"])
     with pytest.raises(SchemaError, match="one track"):
-        register(x, z, both)
+        register_profile(x, z, both)
     gaps = machined()
     gaps["height"][3] = np.nan
     with pytest.raises(SchemaError, match="no gaps"):
-        register(x, z, gaps)
+        register_profile(x, z, gaps)
 
 
 def test_arguments_that_do_not_fit_are_refused():
     with pytest.raises(ValueError, match="one length"):
-        register([0.0, 1.0], [0.0], machined())
+        register_profile([0.0, 1.0], [0.0], machined())
     with pytest.raises(ValueError, match="search needs assumed"):
-        register([0.0, 1.0], [0.0, 1.0], machined(), search=0.1)
+        register_profile([0.0, 1.0], [0.0, 1.0], machined(), search=0.1)

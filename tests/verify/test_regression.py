@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from trueterrain.verify._regression import regress, without
+from trueterrain.verify.statistics.regression import project_out, regress_signatures
 
 TIME = np.linspace(0.0, 2.0, 400)
 MARK = np.sin(2 * np.pi * 3.0 * TIME)[:, None]
@@ -24,7 +24,7 @@ def test_standard_deviations_are_honest(correlation):
     shares = []
     for _ in range(200):
         error = 2.0 * MARK[:, 0] + 3.0 - TIME + errors(rng, correlation)
-        found = regress(MARK, LEVEL, error, lags=30)
+        found = regress_signatures(MARK, LEVEL, error, lags=30)
         shares.append((found.value[0] - 2.0) / found.sd[0])
     assert 0.5 < float(np.sqrt(np.mean(np.square(shares)))) < 1.15  # 200 values: sd 0.05
     assert np.abs(shares).max() < 4.0
@@ -34,16 +34,16 @@ def test_few_independent_errors_are_no_certainty():
     """Of 300 records that hold some twenty independent errors, none is beyond four sd by chance."""
     rng = np.random.default_rng(12)
     few = [
-        regress(MARK[:60], LEVEL[:60], errors(rng, 0.5, 60), lags=7) for _ in range(300)
+        regress_signatures(MARK[:60], LEVEL[:60], errors(rng, 0.5, 60), lags=7) for _ in range(300)
     ]  # fmt: skip
     assert max(abs(one.value[0] / one.sd[0]) for one in few) < 4.0
 
 
 def test_an_exact_fit_leaves_nothing():
-    found = regress(MARK, LEVEL, 2.0 * MARK[:, 0] + 1.0, lags=30)
+    found = regress_signatures(MARK, LEVEL, 2.0 * MARK[:, 0] + 1.0, lags=30)
     np.testing.assert_allclose(found.value, [2.0], rtol=0, atol=1e-12)
     np.testing.assert_allclose(found.sd, [0.0], rtol=0, atol=1e-12)
 
 
 def test_what_is_made_of_others_is_taken_out():
-    np.testing.assert_allclose(without(LEVEL, 5.0 - 2.0 * TIME), 0.0, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(project_out(LEVEL, 5.0 - 2.0 * TIME), 0.0, rtol=0, atol=1e-12)

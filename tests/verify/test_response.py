@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from trueterrain.errors import CoverageError, SchemaError
-from trueterrain.kinds import make_profile
-from trueterrain.roughness import IriOptions, iri
+from trueterrain.core.errors import CoverageError, SchemaError
+from trueterrain.core.schemas import make_profile
+from trueterrain.roughness import IriSettings, iri
 from trueterrain.vehicle import (
     GOLDEN_QUARTER_CAR,
     QuarterCarParameters,
@@ -106,7 +106,7 @@ def test_golden_car_at_80_km_h_travels_what_the_iri_says():
     road = rough(1, tracks=1)
     response = vehicle_response(road, GOLDEN_QUARTER_CAR, speed=80 / 3.6, lead=0.0)
     rate = np.diff(response.suspension_travel.values[0])
-    index = iri(road, options=IriOptions(window="none", start="level")).iri.item()
+    index = iri(road, options=IriSettings(window="none", start="level")).iri.item()
     found = 1000 * abs(rate).sum() / (STATIONS[-1] - STATIONS[0])
     assert_allclose(found, index, rtol=0, atol=IRI)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from trueterrain.errors import CoverageError
+from trueterrain.core.errors import CoverageError
 from trueterrain.georeference import Screening
 from trueterrain.verify.static import StaticSettings, static_test
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from trueterrain.errors import CoverageError, SchemaError
+from trueterrain.core.errors import CoverageError, SchemaError
+from trueterrain.core.schemas import make_profile
 from trueterrain.georeference import Screening
-from trueterrain.kinds import make_profile
-from trueterrain.verify.thesis import PLACES, lay, thesis_dynamic, thesis_static
+from trueterrain.verify.thesis.processing import PLACES, lay_profile, thesis_dynamic, thesis_static
 
 from ._driven import BEGIN, LEVER, SPEED, driven, motion
 from ._plates import machined, standing
@@ -41,7 +41,7 @@ def without_line(x, y):
 
 @pytest.mark.parametrize("aside", [0.0, 0.0007, 0.0019, -0.0019])
 def test_what_a_plate_lies_beside_a_sample_is_charged_to_the_flanks(triangles, aside):
-    found = lay(*measured(-0.4 + aside), triangles)
+    found = lay_profile(*measured(-0.4 + aside), triangles)
     np.testing.assert_allclose(found.begin, -0.4, rtol=0, atol=EXACT)
     true = np.interp(found.s - aside, NODES, HEIGHTS) - np.interp(found.s, NODES, HEIGHTS)
     true = without_line(found.s, true)
@@ -53,14 +53,14 @@ def test_what_a_plate_lies_beside_a_sample_is_charged_to_the_flanks(triangles, a
 
 def test_a_place_beside_a_sample_that_is_known_costs_nothing(triangles):
     x, z = measured(-0.4 + 0.3 * SPACING)
-    assert lay(x, z, triangles).rms > 1e-4
-    assert lay(x, z, triangles, beside=0.3).rms < EXACT
+    assert lay_profile(x, z, triangles).rms > 1e-4
+    assert lay_profile(x, z, triangles, beside=0.3).rms < EXACT
 
 
 @pytest.mark.parametrize("turned", [False, True])
 def test_offset_tilt_and_direction_are_no_error(triangles, turned):
     x, z = measured(-0.4, turned=turned)
-    found = lay(x, z + 2.0 + 0.01 * x, triangles)
+    found = lay_profile(x, z + 2.0 + 0.01 * x, triangles)
     assert found.reversed is turned
     np.testing.assert_allclose(found.begin, -0.4, rtol=0, atol=EXACT)
     np.testing.assert_allclose(found.error, 0.0, rtol=0, atol=EXACT)
@@ -69,7 +69,7 @@ def test_offset_tilt_and_direction_are_no_error(triangles, turned):
 def test_samples_without_height_are_left_out_but_may_begin_the_plate(triangles):
     x, z = measured(-0.4)
     z[np.abs(x + 0.4) < 0.03] = np.nan
-    found = lay(x, z, triangles)
+    found = lay_profile(x, z, triangles)
     np.testing.assert_allclose(found.begin, -0.4, rtol=0, atol=EXACT)
     assert found.s.min() > 0.029
     assert found.rms < EXACT
@@ -78,8 +78,8 @@ def test_samples_without_height_are_left_out_but_may_begin_the_plate(triangles):
 def test_a_search_keeps_to_its_place(triangles):
     x, z = measured(-0.4)
     with pytest.raises(CoverageError, match="plate is not found"):
-        lay(x, z, triangles, assumed=-0.1, search=0.02)
-    assert lay(x, z, triangles, assumed=-0.41, search=0.02).rms < EXACT
+        lay_profile(x, z, triangles, assumed=-0.1, search=0.02)
+    assert lay_profile(x, z, triangles, assumed=-0.41, search=0.02).rms < EXACT
 
 
 def test_all_places_beside_beams_are_looked_at():
@@ -126,7 +126,7 @@ def test_motion_that_is_not_taken_off_is_in_the_profile():
 
 def test_the_figures_are_said_in_numbers():
     found = thesis_static(standing(scans=20), machined(), name="mine", places=(0.0, 0.25))
-    words = found.describe()
+    words = found.to_dict()
     assert words["test"] == "mine"
     assert words["rms_at"] == found.single.tolist()
     assert words["rms_low"] <= words["rms"] <= words["rms_high"]

@@ -5,8 +5,8 @@ import numpy.testing as npt
 import pytest
 import xarray as xr
 
-from trueterrain.errors import CoverageError
-from trueterrain.kinds import make_surface
+from trueterrain.core.errors import CoverageError
+from trueterrain.core.schemas import make_surface
 from trueterrain.surface import node_coordinates
 from trueterrain.verify import exact_trajectory, ground_errors, true_ground
 

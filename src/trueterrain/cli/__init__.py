@@ -12,9 +12,9 @@ from contextlib import suppress
 import cyclopts
 
 from trueterrain._version import __version__
-from trueterrain.cli._console import abandon_streams, in_words, note, prepare_streams
+from trueterrain.cli._console import abandon_streams, in_words, prepare_streams, write_note
 from trueterrain.cli._numbers import require_usable
-from trueterrain.errors import TrueTerrainError
+from trueterrain.core.errors import TrueTerrainError
 
 # exit codes by which shells name a program that nobody listened to any more, or that was ended
 _PIPE_CLOSED, _TERMINATED = 141, 143
@@ -95,25 +95,25 @@ def main(arguments: list[str] | None = None) -> None:
         command_line(called)(arguments, exit_on_error=False, print_error=False)
         sys.stdout.flush()
     except BrokenPipeError:  # whoever reads the output has seen enough, as `head` does
-        _exit(_PIPE_CLOSED)
+        _exit_with(_PIPE_CLOSED)
     except (
         TrueTerrainError, ValueError, OSError, MemoryError, cyclopts.CycloptsError
     ) as error:  # fmt: skip
         if debug:
             raise
-        _exit(2, f"trueterrain: error: {in_words(error)}")
+        _exit_with(2, f"trueterrain: error: {in_words(error)}")
     except KeyboardInterrupt:
-        _exit(130, "trueterrain: stopped; nothing was left half written")
+        _exit_with(130, "trueterrain: stopped; nothing was left half written")
 
 
-def _exit(code: int, text: str = "") -> None:
+def _exit_with(code: int, text: str = "") -> None:
     """Exit with a last word, if anybody hears it."""
     with suppress(OSError):
         if text:
-            note(text)
+            write_note(text)
     abandon_streams()
     sys.exit(code)
 
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
-    note(f"trueterrain: warning: {' '.join(str(message).split())}")
+    write_note(f"trueterrain: warning: {' '.join(str(message).split())}")

@@ -4,13 +4,13 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
-from trueterrain.cli._console import out
+from trueterrain.cli._console import write_line
 from trueterrain.cli._profiles import write_table
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from trueterrain.roughness.agreement import AgreementLimits, AgreementOptions, Check
+    from trueterrain.roughness.agreement import AgreementLimits, AgreementSettings, LimitCheck
     from trueterrain.roughness.agreement.heights import Registration
 
 _PAIR = (
@@ -36,10 +36,10 @@ class ProfileComparison:
     errors: "xr.Dataset | None"
     "Of `height_errors`; None without a reference."
 
-    checks: "list[Check]"
+    checks: "list[LimitCheck]"
     "Verdicts."
 
-    options: "AgreementOptions"
+    options: "AgreementSettings"
     "Filter and search."
 
     @classmethod
@@ -47,22 +47,22 @@ class ProfileComparison:
         cls,
         data: "Mapping[str, xr.Dataset]",
         reference: str | None,
-        options: "AgreementOptions",
+        options: "AgreementSettings",
         limits: "AgreementLimits",
         registration: "Registration",
         trend: int | None,
     ) -> "ProfileComparison":
         """Compare profiles."""
-        from trueterrain.roughness.agreement import agreement, height_errors, judge
+        from trueterrain.roughness.agreement import check_limits, height_errors, profile_agreement
 
-        found = agreement(data, reference=reference, options=options)
+        found = profile_agreement(data, reference=reference, options=options)
         errors = None
         if reference is not None:
             errors = height_errors(
                 data, reference, registration=registration, trend=trend, options=options
             )
         return cls(
-            data=data, found=found, errors=errors, checks=judge(found, errors, limits=limits),
+            data=data, found=found, errors=errors, checks=check_limits(found, errors, limits=limits),
             options=options,
         )  # fmt: skip
 
@@ -71,7 +71,7 @@ class ProfileComparison:
         found = self.found
         return {
             "kind": "profiles",
-            "filter": _words(self.options),
+            "filter": _filter_text(self.options),
             "reference": found.attrs.get("reference"),
             "tracks": [self._track(str(track)) for track in found["track"].values],
             "checks": [asdict(check) for check in self.checks],
@@ -84,27 +84,29 @@ class ProfileComparison:
         found = self.found
         reference = found.attrs.get("reference")
         against = "" if reference is None else f", reference {reference}"
-        out(f"Agreement of {found.sizes['first']} profiles{against}; {_words(self.options)}.")
+        write_line(
+            f"Agreement of {found.sizes['first']} profiles{against}; {_filter_text(self.options)}."
+        )
         for track in found["track"].values:
-            out()
+            write_line()
             if found.sizes["track"] > 1:
-                out(f"Track {track}")
+                write_line(f"Track {track}")
             one = found.sel(track=track)
             if found.sizes["first"] > 2:
-                out("Ratings [%]")
-                write_table(list(_matrix(one)))
-                out()
-            write_table(list(_pairs(one, reference)))
+                write_line("Ratings [%]")
+                write_table(list(_rating_matrix(one)))
+                write_line()
+            write_table(list(_pair_rows(one, reference)))
             if self.errors is not None:
-                out()
-                out("Heights less those of the reference, registered [mm]")
-                write_table(list(_errors(self.errors.sel(track=track))))
-        out()
+                write_line()
+                write_line("Heights less those of the reference, registered [mm]")
+                write_table(list(_error_rows(self.errors.sel(track=track))))
+        write_line()
         for check in self.checks:
-            out(_verdict(check, several=found.sizes["track"] > 1))
+            write_line(_check_text(check, several=found.sizes["track"] > 1))
         usual = AgreementLimits()
         if any(check.limit in (usual.repeatability, usual.accuracy) for check in self.checks):
-            out(
+            write_line(
                 "The limits of 92 % and 90 % are those commonly named for AASHTO R 56; "
                 "neither they nor the formula were checked against its text."
             )
@@ -125,9 +127,9 @@ class ProfileComparison:
                     {name: self.data[name] for name in [*base, *names[at : at + _MOST_LINES]]},
                     reference=base[0], track=str(track), options=self.options,
                 )  # fmt: skip
-                column.append(onto(figures.agreement_overlay, shown))
+                column.append(bind_panel(figures.agreement_overlay, shown))
             if self.found.sizes["first"] > 2:
-                column.append(onto(figures.agreement_matrix, self.found, track=str(track)))
+                column.append(bind_panel(figures.agreement_matrix, self.found, track=str(track)))
             titles.append(f"Track {track}" if self.found.sizes["track"] > 1 else "Agreement")
             panels.append(column)
         return titles, panels
@@ -153,17 +155,17 @@ class ProfileComparison:
         return document
 
 
-def onto(draw: Callable[..., object], data: Any, **options: Any) -> Callable[[Any], object]:
+def bind_panel(draw: Callable[..., object], data: Any, **options: Any) -> Callable[[Any], object]:
     """A panel: what draws data onto the axes that it is given."""
     return lambda ax: draw(data, ax=ax, **options)
 
 
-def millimetres(value: float) -> str:
+def format_millimetres(value: float) -> str:
     """A length in millimetres; zero has no sign."""
     return f"{round(_MM * value, 3) + 0.0:.3f}"
 
 
-def _words(options: "AgreementOptions") -> str:
+def _filter_text(options: "AgreementSettings") -> str:
     """The filter in words."""
     from trueterrain.roughness import Butterworth
     from trueterrain.roughness.agreement import IRI_FILTER
@@ -190,14 +192,14 @@ def _in_order(one: "xr.Dataset", reference: str | None) -> Iterator[tuple[str, s
     yield from itertools.combinations(names, 2)
 
 
-def _matrix(one: "xr.Dataset") -> Iterator[list[str]]:
+def _rating_matrix(one: "xr.Dataset") -> Iterator[list[str]]:
     names = [str(name) for name in one["first"].values]
     yield ["", *names]
     for name, ratings in zip(names, one["rating"].values, strict=True):
         yield [name, *(f"{100 * rating:.1f}" for rating in ratings)]
 
 
-def _pairs(one: "xr.Dataset", reference: str | None) -> Iterator[list[str]]:
+def _pair_rows(one: "xr.Dataset", reference: str | None) -> Iterator[list[str]]:
     """The reference with each, or each pair if there is none."""
     sought = bool(one["distance_error"].notnull().any())
     corrected = ["distance [%]", "corrected [%]"] if sought else []
@@ -215,27 +217,29 @@ def _pairs(one: "xr.Dataset", reference: str | None) -> Iterator[list[str]]:
         yield row
 
 
-def _errors(errors: "xr.Dataset") -> Iterator[list[str]]:
+def _error_rows(errors: "xr.Dataset") -> Iterator[list[str]]:
     names = ("mean", "rms", "nmad", "p95", "largest")
     yield ["profile", "mean", "RMS", "NMAD", "95 %", "largest"]
     for profile in errors["profile"].values:
         one = errors.sel(profile=profile)
-        yield [str(profile), *(millimetres(float(one[name])) for name in names)]
+        yield [str(profile), *(format_millimetres(float(one[name])) for name in names)]
 
 
-def _verdict(check: "Check", *, several: bool) -> str:
+def _check_text(check: "LimitCheck", *, several: bool) -> str:
     where = f" of {check.track}" if several else ""
-    value = _quantity(check.value, check.unit)
+    value = _format_quantity(check.value, check.unit)
     if check.value != check.value:  # not known
         return f"{check.name}{where}: not judged, {check.reason}"
     if check.passed is None or check.limit is None:
         return f"{check.name}{where}: {value}, not judged: {check.reason}"
     side = "at least" if check.unit == "1" else "at most"
     kept = "kept" if check.passed else "MISSED"
-    return f"{check.name}{where}: {value}, {side} {_quantity(check.limit, check.unit)}: {kept}"
+    return (
+        f"{check.name}{where}: {value}, {side} {_format_quantity(check.limit, check.unit)}: {kept}"
+    )
 
 
-def _quantity(value: float, unit: str) -> str:
+def _format_quantity(value: float, unit: str) -> str:
     if unit == "m":
-        return f"{millimetres(value)} mm"
+        return f"{format_millimetres(value)} mm"
     return f"{100 * value:.2f} %" if unit == "1" else f"{100 * value:.4f} %"

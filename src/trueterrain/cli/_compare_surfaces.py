@@ -5,8 +5,8 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
-from trueterrain.cli._compare_profiles import millimetres, onto
-from trueterrain.cli._console import out
+from trueterrain.cli._compare_profiles import bind_panel, format_millimetres
+from trueterrain.cli._console import write_line
 from trueterrain.cli._profiles import write_table
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ _SPOKEN = (0.1, 1.0, 10.0, 100.0)  # [m] distances for which the structure funct
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
+class DifferenceRow:
     """Statistics of one surface, or of several together, in one lane or as a whole."""
 
     surface: str | None
@@ -46,10 +46,10 @@ class SurfaceComparison:
     differences: "dict[tuple[str, str], xr.Dataset]"
     "By names of the surface and of its reference."
 
-    rows: list[Row]
+    rows: list[DifferenceRow]
     "Each surface, as a whole and by lane."
 
-    by_speed: list[Row]
+    by_speed: list[DifferenceRow]
     "All surfaces of one speed together."
 
     structure: "dict[tuple[str, str, str], xr.Dataset]"
@@ -71,16 +71,16 @@ class SurfaceComparison:
         """Compare surfaces."""
         from trueterrain.surface.difference import structure_function, surface_difference
 
-        speeds = _speeds([name for name in data if name != reference], speed, reference)
-        bands = _bands(lanes)
+        speeds = _speeds_by_name([name for name in data if name != reference], speed, reference)
+        bands = _lane_bands(lanes)
         differences = {
             (name, base): surface_difference(data[name], data[base], level=level)
-            for name, base in _pairs(list(data), reference)
+            for name, base in _surface_pairs(list(data), reference)
         }
         return cls(
             differences=differences,
-            rows=list(_rows(differences, bands, speeds)),
-            by_speed=list(_pooled(differences, bands, speeds)),
+            rows=list(_difference_rows(differences, bands, speeds)),
+            by_speed=list(_pooled_rows(differences, bands, speeds)),
             structure={
                 (*pair, axis): structure_function(difference, axis=axis)
                 for pair, difference in differences.items()
@@ -110,17 +110,17 @@ class SurfaceComparison:
 
     def show(self) -> None:
         """Print tables."""
-        out("Height of each surface less that of its reference [mm]")
-        write_table(list(_table(self.rows)))
+        write_line("Height of each surface less that of its reference [mm]")
+        write_table(list(_table_rows(self.rows)))
         if self.by_speed:
-            out()
-            out("All surfaces of one speed together [mm]")
-            write_table(list(_table(self.by_speed)))
-        out()
-        out("Root mean square change of the difference over a distance [mm]")
-        write_table(list(_changes(self.structure)))
+            write_line()
+            write_line("All surfaces of one speed together [mm]")
+            write_table(list(_table_rows(self.by_speed)))
+        write_line()
+        write_line("Root mean square change of the difference over a distance [mm]")
+        write_table(list(_structure_rows(self.structure)))
         for text in self.left_out:
-            out(f"Not compared {text}.")
+            write_line(f"Not compared {text}.")
 
     def panels(self) -> tuple[list[str], list[list[Callable[[Any], object]]]]:
         """Titles and panels of the picture: a map of each difference, and structure functions."""
@@ -129,22 +129,24 @@ class SurfaceComparison:
         titles, panels = [], []
         for (name, base), difference in self.differences.items():
             functions = {axis: self.structure[name, base, axis] for axis in _AXES}
-            column: list[Callable[[Any], object]] = [onto(figures.difference_map, difference)]
+            column: list[Callable[[Any], object]] = [bind_panel(figures.difference_map, difference)]
             if any(float(one["structure"].max()) > 0 for one in functions.values()):
-                column.append(onto(figures.structure_functions, functions))
+                column.append(bind_panel(figures.structure_functions, functions))
             titles.append(f"{name} less {base}")
             panels.append(column)
         return titles, panels
 
 
-def _pairs(names: list[str], reference: str | None) -> list[tuple[str, str]]:
+def _surface_pairs(names: list[str], reference: str | None) -> list[tuple[str, str]]:
     """Each surface with its reference."""
     if reference is not None:
         return [(name, reference) for name in names if name != reference]
     return [(second, first) for first, second in itertools.combinations(names, 2)]
 
 
-def _speeds(names: list[str], speed: list[float] | None, reference: str | None) -> dict[str, float]:
+def _speeds_by_name(
+    names: list[str], speed: list[float] | None, reference: str | None
+) -> dict[str, float]:
     if not speed:
         return {}
     if reference is None:
@@ -156,7 +158,7 @@ def _speeds(names: list[str], speed: list[float] | None, reference: str | None) 
     return dict(zip(names, speed, strict=True))
 
 
-def _bands(lanes: list[float] | None) -> list[tuple[float, float]]:
+def _lane_bands(lanes: list[float] | None) -> list[tuple[float, float]]:
     if not lanes:
         return []
     if len(lanes) < 2 or sorted(set(lanes)) != lanes:
@@ -166,25 +168,25 @@ def _bands(lanes: list[float] | None) -> list[tuple[float, float]]:
     return list(itertools.pairwise(lanes))
 
 
-def _rows(
+def _difference_rows(
     differences: "Mapping[tuple[str, str], xr.Dataset]",
     bands: list[tuple[float, float]],
     speeds: Mapping[str, float],
-) -> Iterator[Row]:
+) -> Iterator[DifferenceRow]:
     from trueterrain.surface.difference import difference_statistics
 
     for (name, base), difference in differences.items():
         for lane in (None, *bands):
             found = difference_statistics(difference, across=lane)
             speed = speeds.get(name)
-            yield Row(surface=name, reference=base, lane=lane, speed=speed, found=found)
+            yield DifferenceRow(surface=name, reference=base, lane=lane, speed=speed, found=found)
 
 
-def _pooled(
+def _pooled_rows(
     differences: "Mapping[tuple[str, str], xr.Dataset]",
     bands: list[tuple[float, float]],
     speeds: Mapping[str, float],
-) -> Iterator[Row]:
+) -> Iterator[DifferenceRow]:
     from trueterrain.surface.difference import difference_statistics
 
     for speed in sorted(set(speeds.values())):
@@ -192,16 +194,16 @@ def _pooled(
         base = next(base for _, base in differences)
         for lane in (None, *bands):
             found = difference_statistics(several, across=lane)
-            yield Row(surface=None, reference=base, lane=lane, speed=speed, found=found)
+            yield DifferenceRow(surface=None, reference=base, lane=lane, speed=speed, found=found)
 
 
-def _as_dict(row: Row) -> dict[str, Any]:
+def _as_dict(row: DifferenceRow) -> dict[str, Any]:
     lane = None if row.lane is None else list(row.lane)
     named = {"surface": row.surface, "reference": row.reference, "lane": lane, "speed": row.speed}
     return named | asdict(row.found)
 
 
-def _table(rows: list[Row]) -> Iterator[list[str]]:
+def _table_rows(rows: list[DifferenceRow]) -> Iterator[list[str]]:
     lanes = any(row.lane is not None for row in rows)
     speeds = any(row.speed is not None for row in rows)
     single = any(row.surface is not None for row in rows)
@@ -218,11 +220,11 @@ def _table(rows: list[Row]) -> Iterator[list[str]]:
             *([f"{row.speed:g}"] if speeds else []),
             *([lane] if lanes else []),
             f"{row.found.n:,}",
-            *(millimetres(getattr(row.found, name)) for name in _NUMBERS),
+            *(format_millimetres(getattr(row.found, name)) for name in _NUMBERS),
         ]
 
 
-def _changes(structure: "Mapping[tuple[str, str, str], xr.Dataset]") -> Iterator[list[str]]:
+def _structure_rows(structure: "Mapping[tuple[str, str, str], xr.Dataset]") -> Iterator[list[str]]:
     """Structure functions at a few round distances, as far as they reach."""
     import numpy as np
 
@@ -233,5 +235,5 @@ def _changes(structure: "Mapping[tuple[str, str, str], xr.Dataset]") -> Iterator
         for distance in _SPOKEN:
             known = reach.size > 0 and reach[0] <= 1.01 * distance and distance <= 1.01 * reach[-1]
             value = np.interp(distance, reach, one["structure"].values) if known else 0.0
-            texts.append(millimetres(value**0.5) if known else "-")
+            texts.append(format_millimetres(value**0.5) if known else "-")
         yield [surface, reference, axis, *texts]

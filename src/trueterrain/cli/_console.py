@@ -7,21 +7,21 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from trueterrain.engine.plain import finite, printable
-from trueterrain.engine.progress import Progress
+from trueterrain.core.json_values import json_values, printable_text
+from trueterrain.core.progress import Progress
 
 _MOST_THREADS = 1024  # no machine works with more at once
 _NARROWEST = 20  # [characters] of a terminal that help is set for
 
 
-def out(text: str = "") -> None:
+def write_line(text: str = "") -> None:
     """Write one line of the result to stdout."""
-    sys.stdout.write(printable(text) + "\n")
+    sys.stdout.write(printable_text(text) + "\n")
 
 
 def out_json(document: Any) -> None:
     """Write one JSON document to stdout; numbers that are not finite become null."""
-    out(json.dumps(finite(document), indent=2, allow_nan=False))
+    write_line(json.dumps(json_values(document), indent=2, allow_nan=False))
 
 
 def in_words(error: Exception) -> str:
@@ -35,9 +35,9 @@ def in_words(error: Exception) -> str:
     return " ".join(str(error).split())
 
 
-def note(text: str) -> None:
+def write_note(text: str) -> None:
     """Tell the user something that is not the result, on stderr."""
-    sys.stderr.write(printable(text) + "\n")
+    sys.stderr.write(printable_text(text) + "\n")
 
 
 def prepare_streams() -> None:
@@ -101,7 +101,7 @@ def progress_bar() -> Iterator[Progress]:
 
         def show(task: str, done: float, total: float | None) -> None:
             if task not in tasks:
-                tasks[task] = bars.add_task(printable(task), total=total)
+                tasks[task] = bars.add_task(printable_text(task), total=total)
             bars.update(tasks[task], completed=done, total=total)
 
         yield show
@@ -110,14 +110,14 @@ def progress_bar() -> Iterator[Progress]:
 def worker_threads(asked: int | None) -> int:
     """How many threads work at once: as asked for, else one for each processor."""
     if asked is None:
-        return processors()
+        return available_processors()
     if not 1 <= asked <= _MOST_THREADS:
         message = f"threads must be from 1 to {_MOST_THREADS}, got {asked}."
         raise ValueError(message)
     return asked
 
 
-def processors() -> int:
+def available_processors() -> int:
     """Processors that this process may use."""
     import os
 
@@ -139,7 +139,7 @@ def compiling_noted() -> Iterator[None]:
 
         def on_start(self, event: Any) -> None:  # noqa: ARG002 - as numba calls it
             if not self.told:
-                note("compiling kernels, once on this machine ...")
+                write_note("compiling kernels, once on this machine ...")
             self.told = True
 
         def on_end(self, event: Any) -> None:

@@ -24,13 +24,13 @@ def extent_of(file: Path, crs: str | None) -> Four:
 
     from trueterrain import formats
 
-    if formats.recognise(file).module == "las":
+    if formats.recognise_format(file).module == "las":
         from trueterrain.formats import las
 
         _, (low, high) = las.header_of(file, crs)
         if np.isfinite([*low, *high]).all() and (low[:2] <= high[:2]).all():
             return float(low[0]), float(low[1]), float(high[0]), float(high[1])
-    if formats.recognise(file).module == "store":
+    if formats.recognise_format(file).module == "store":
         extent = formats.info(file)["extent"]
         if "easting" in extent and "northing" in extent:
             (west, east), (south, north) = extent["easting"], extent["northing"]

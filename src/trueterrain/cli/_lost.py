@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from trueterrain.cli._console import note
+from trueterrain.cli._console import write_note
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -19,6 +19,6 @@ def note_lost(data: "xr.Dataset", output: Path) -> None:
     if data.attrs.get("crs") and output.suffix.lower() in (".csv", ".erd"):
         lost.append("CRS")
     if data.attrs.get("not_read"):
-        note(f"{output}: not kept, since it is not read: {data.attrs['not_read']}")
+        write_note(f"{output}: not kept, since it is not read: {data.attrs['not_read']}")
     if lost:
-        note(f"{output}: not kept, since the format cannot hold it: {', '.join(lost)}")
+        write_note(f"{output}: not kept, since the format cannot hold it: {', '.join(lost)}")

@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from trueterrain.cli._console import note
-from trueterrain.errors import SchemaError, concerning
+from trueterrain.cli._console import write_note
+from trueterrain.core.errors import SchemaError, name_file_in_errors
 
 if TYPE_CHECKING:
     from trueterrain.motion import Trajectory
@@ -41,17 +41,17 @@ def motion_of(
     import warnings
 
     from trueterrain.formats.run import open_run
-    from trueterrain.motion import FusionSettings, fuse
+    from trueterrain.motion import FusionSettings, fuse_motion
     from trueterrain.motion._scans import scan_problems
 
     tree = open_run(run)
-    with concerning(run), warnings.catch_warnings():
+    with name_file_in_errors(run), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # what it warns of is among the problems as well
-        motion = fuse(tree, settings=FusionSettings(method=method))
+        motion = fuse_motion(tree, settings=FusionSettings(method=method))
         problems = (*motion.problems, *scan_problems(tree, motion.trajectory))
         trajectory = motion.trajectory.between(begin, end)
     for problem in problems:
-        note(f"{run}: {problem}")
+        write_note(f"{run}: {problem}")
     return trajectory
 
 

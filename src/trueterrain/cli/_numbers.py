@@ -8,7 +8,7 @@ _SMALLEST, _LARGEST = 1e-12, 1e12  # of any length, time or angle: their squares
 _MOST = 2**63 - 1  # of what is counted, and of seeds: a whole number of 64 bits
 
 
-def _whole(_type: object, tokens: Sequence[Token]) -> int:
+def _parse_integer(_type: object, tokens: Sequence[Token]) -> int:
     (token,) = tokens
     try:
         return int(token.value)
@@ -18,7 +18,7 @@ def _whole(_type: object, tokens: Sequence[Token]) -> int:
 
 
 #: Of an option that is a whole number: 1.5 is refused, not rounded.
-WHOLE = Parameter(converter=_whole)
+WHOLE = Parameter(converter=_parse_integer)
 
 
 def require_usable(_type: object, value: object) -> None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import note
+from trueterrain.cli._console import write_note
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -94,7 +94,7 @@ def note_conversion(files: Iterable[Path], crs: str | None = None) -> None:
 
     for file in files:
         if text := formats.conversion_of(file, crs):
-            note(f"{file}: {text}")
+            write_note(f"{file}: {text}")
 
 
 class PointsAlong:

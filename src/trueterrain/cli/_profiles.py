@@ -4,14 +4,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from trueterrain.cli._console import note, out
+from trueterrain.cli._console import write_line, write_note
 from trueterrain.cli._recordings import refuse_recording
-from trueterrain.errors import SchemaError, concerning
+from trueterrain.core.errors import SchemaError, name_file_in_errors
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from trueterrain.roughness._track import CarOptions
+    from trueterrain.roughness._track import QuarterCarSettings
 
 Window = Literal["sayers", "centred", "exact", "none"]
 
@@ -22,8 +22,8 @@ _SHOWN = 20  # stretches that are printed of each track
 def read_profile(path: Path) -> "xr.Dataset":
     """Profile from a file; warns of what is implausible about it."""
     from trueterrain import formats
-    from trueterrain.kinds import kind_of
-    from trueterrain.roughness import doubts
+    from trueterrain.core.schemas import kind_of
+    from trueterrain.roughness import flag_profile
 
     refuse_recording(path, formats.kind_of_file(path), "a profile")
     data = formats.open(path)
@@ -35,23 +35,23 @@ def read_profile(path: Path) -> "xr.Dataset":
             path=path,
             cure=f"Extract a profile first: trueterrain profile {path} ... -o FILE.erd",
         )
-    with concerning(path):
-        for doubt in doubts(data):
-            warn(f"{path}: {doubt}")
+    with name_file_in_errors(path):
+        for doubt in flag_profile(data):
+            write_warning(f"{path}: {doubt}")
     return data
 
 
-def warn_of_rating(path: Path, profile: "xr.Dataset", options: "CarOptions") -> None:
+def warn_of_rating(path: Path, profile: "xr.Dataset", options: "QuarterCarSettings") -> None:
     """Say what makes an index of a profile inaccurate."""
     from trueterrain.roughness.plausible import rating_doubts
 
     for doubt in rating_doubts(profile, options):
-        warn(f"{path}: {doubt}.")
+        write_warning(f"{path}: {doubt}.")
 
 
-def warn(text: str) -> None:
+def write_warning(text: str) -> None:
     """Say on stderr what is to be doubted about a result."""
-    note(f"trueterrain: warning: {text}")
+    write_note(f"trueterrain: warning: {text}")
 
 
 def write_table(rows: list[list[str]]) -> None:
@@ -59,7 +59,7 @@ def write_table(rows: list[list[str]]) -> None:
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     for row in rows:
         cells = [cell.rjust(width) for cell, width in zip(row, widths, strict=False)]
-        out("  ".join([*cells, *row[len(widths) :]]))
+        write_line("  ".join([*cells, *row[len(widths) :]]))
 
 
 def worst_stretches(found: Sequence[dict[str, float]]) -> tuple[list[dict[str, float]], str]:
@@ -70,7 +70,7 @@ def worst_stretches(found: Sequence[dict[str, float]]) -> tuple[list[dict[str, f
     return kept, f"  and {others} others that are less; --json lists all" if others else ""
 
 
-def draw(
+def draw_panels(
     titles: Sequence[str],
     panels: Sequence[Sequence[Callable[[Any], object]]],
     output: Path,
@@ -90,11 +90,11 @@ def draw(
         figures.head_figure(part, title)
         for panel, ax in zip(column, part.subplots(len(column), squeeze=False)[:, 0], strict=True):
             panel(ax)
-    figures.save(figure, output, force=force)
-    note(f"{output}: written")
+    figures.save_figure(figure, output, force=force)
+    write_note(f"{output}: written")
 
 
-def explain_run(options: "CarOptions", start: str) -> str:
+def explain_run(options: "QuarterCarSettings", start: str) -> str:
     """Conventions of a car in words, since they change the index."""
     length = "" if options.window == "none" else f" ({options.window_length:g} m)"
     run = "a new car in every segment" if options.restart else "one run over the whole profile"

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from trueterrain.errors import SchemaError
+from trueterrain.core.errors import SchemaError
 
 Rows = Iterator[tuple[str, str]]
 
@@ -59,16 +59,16 @@ def rows_of_recording(summary: Mapping[str, Any]) -> Rows:
     tuple of str
         Title, empty where the last one goes on, and text.
     """
-    yield from {"run": _run, "navigation": _navigation, "accuracy": _accuracy}[summary["kind"]](
-        summary
-    )
+    yield from {"run": _run_rows, "navigation": _navigation_rows, "accuracy": _accuracy_rows}[
+        summary["kind"]
+    ](summary)
 
 
-def _run(summary: Mapping[str, Any]) -> Rows:
+def _run_rows(summary: Mapping[str, Any]) -> Rows:
     if summary["name"]:
         yield "name", str(summary["name"])
     if summary["origin"]:
-        yield "origin", _origin(summary["origin"])
+        yield "origin", _origin_text(summary["origin"])
     reference = summary["time_reference"]
     if reference:
         yield "time", _TIMES.get(reference, str(reference))
@@ -81,25 +81,25 @@ def _run(summary: Mapping[str, Any]) -> Rows:
         sensors = part.get("beams") or part.get("sensors")
         of = {"scans": "beams", "accelerometers": "sensors"}.get(name)
         many = f"{what} of {sensors:,} {of}" if sensors and of else what
-        yield name, _timing(part, many)
+        yield name, _timing_text(part, many)
         if name == "scans":
-            yield from (("", text) for text in _scans(part))
+            yield from (("", text) for text in _scan_text(part))
         if name == "navigation":
-            yield from (("", text) for text in _way(summary))
-        gaps += [f"{name}: {text}" for text in _gaps(part)]
-    yield from _listed("gaps", gaps or ["none"])
+            yield from (("", text) for text in _trajectory_text(summary))
+        gaps += [f"{name}: {text}" for text in _gap_text(part)]
+    yield from _listed_rows("gaps", gaps or ["none"])
     for which, title in (("start", "begin"), ("end", "end")):
         order = summary["clock_order"].get(which, [])
         if order:
             yield title, ", ".join(f"{name} {time:.3f} s" for name, time in order)
     if isinstance(summary["mounting"], Mapping):
-        yield from _mounting(summary["mounting"])
+        yield from _mounting_rows(summary["mounting"])
     if summary["truth"]:
         yield "truth", ", ".join(summary["truth"])
 
 
-def _navigation(summary: Mapping[str, Any]) -> Rows:
-    yield "epochs", _timing(summary, "")
+def _navigation_rows(summary: Mapping[str, Any]) -> Rows:
+    yield "epochs", _timing_text(summary, "")
     if "columns" in summary:
         yield "columns", ", ".join(summary["columns"])
     for name, (low, high) in summary.get("extent", {}).items():
@@ -109,21 +109,21 @@ def _navigation(summary: Mapping[str, Any]) -> Rows:
             yield name, f"{low:.3f} to {high:.3f} m"
     if "speed" in summary:
         yield "speed", f"up to {summary['speed']:.2f} m/s"
-    yield from _listed("gaps", list(_gaps(summary)) or ["none"])
+    yield from _listed_rows("gaps", list(_gap_text(summary)) or ["none"])
     yield "CRS", summary["crs"] or "unknown"
 
 
-def _accuracy(summary: Mapping[str, Any]) -> Rows:
-    yield "epochs", _timing(summary, "")
+def _accuracy_rows(summary: Mapping[str, Any]) -> Rows:
+    yield "epochs", _timing_text(summary, "")
     for which in ("median", "largest"):
         sd = summary[which]
         position = ", ".join(f"{axis} {sd[f'sd_{axis}']:.3f}" for axis in _AXES)
         turns = ", ".join(f"{axis} {math.degrees(sd[f'sd_{axis}']):.4f}" for axis in _TURNS)
         yield f"{which} sd", f"{position} m; {turns} deg"
-    yield from _listed("gaps", list(_gaps(summary)) or ["none"])
+    yield from _listed_rows("gaps", list(_gap_text(summary)) or ["none"])
 
 
-def _timing(part: Mapping[str, Any], what: str) -> str:
+def _timing_text(part: Mapping[str, Any], what: str) -> str:
     """How many, how often, from when to when."""
     texts = [f"{part['count']:,} {what}".rstrip()]
     if part["rate"]:
@@ -136,7 +136,7 @@ def _timing(part: Mapping[str, Any], what: str) -> str:
     return ", ".join(texts)
 
 
-def _scans(scans: Mapping[str, Any]) -> Iterator[str]:
+def _scan_text(scans: Mapping[str, Any]) -> Iterator[str]:
     texts = []
     if "angle" in scans:
         low, high = map(math.degrees, scans["angle"])
@@ -152,7 +152,7 @@ def _scans(scans: Mapping[str, Any]) -> Iterator[str]:
         yield f"{scans['returns']:,} returns {intensity}{without}"
 
 
-def _way(summary: Mapping[str, Any]) -> Iterator[str]:
+def _trajectory_text(summary: Mapping[str, Any]) -> Iterator[str]:
     if "way" in summary:
         speed = summary["navigation"]["speed"]
         yield f"way of {summary['way']:.2f} m, up to {speed:.2f} m/s"
@@ -162,14 +162,14 @@ def _way(summary: Mapping[str, Any]) -> Iterator[str]:
         yield ", ".join(spans)
 
 
-def _gaps(part: Mapping[str, Any]) -> Iterator[str]:
+def _gap_text(part: Mapping[str, Any]) -> Iterator[str]:
     for gap in part["gaps"]:
         yield f"{gap['length']:.6g} s from {gap['start']:.6f} s on"
     if part["gap_count"] > len(part["gaps"]):
         yield f"and {part['gap_count'] - len(part['gaps']):,} more"
 
 
-def _mounting(mounting: Mapping[str, Any]) -> Rows:
+def _mounting_rows(mounting: Mapping[str, Any]) -> Rows:
     try:
         place = ", ".join(f"{value:g}" for value in mounting["scanner_position"])
         turns = ", ".join(f"{math.degrees(value):g}" for value in mounting["scanner_rotation"])
@@ -180,7 +180,7 @@ def _mounting(mounting: Mapping[str, Any]) -> Rows:
     yield "clocks", f"scanner {clocks[0]:+g} ms, accelerometers {clocks[1]:+g} ms"
 
 
-def _origin(origin: Any) -> str:
+def _origin_text(origin: Any) -> str:
     try:
         text = "longitude {:.7g} deg, latitude {:.7g} deg, height {:.3f} m".format(*origin)
     except (TypeError, ValueError, IndexError):
@@ -188,7 +188,7 @@ def _origin(origin: Any) -> str:
     return text
 
 
-def _listed(title: str, texts: list[str]) -> Rows:
+def _listed_rows(title: str, texts: list[str]) -> Rows:
     for number, text in enumerate(texts):
         yield "" if number else title, text
 

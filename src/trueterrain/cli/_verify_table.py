@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import xarray as xr
 
-    from trueterrain.engine.progress import Progress
+    from trueterrain.core.progress import Progress
     from trueterrain.simulate.scene import CalibrationPlate, Scene
-    from trueterrain.verify.table import TableRow
+    from trueterrain.verify.thesis.table import TableRow
 
 _MILLI = 1e3
 
@@ -34,7 +34,7 @@ WAYS = {
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Made:
+class ThesisTable:
     """The table, and from which scenes."""
 
     rows: list["TableRow"]
@@ -46,20 +46,20 @@ class Made:
     @property
     def reflectivity(self) -> dict[str, float]:
         """What screening takes away from row one: published, thesis's processing and ours [m]."""
-        from trueterrain.verify.table import together
+        from trueterrain.verify.thesis.table import pool_figures
 
         first, second = self.rows[:2]
         pairs = {
             "published": (first.published.low, second.published.low),
             "thesis": (first.thesis_rms, second.thesis_rms),
-            "ours": (together(first.ours, "rms").value, together(second.ours, "rms").value),
+            "ours": (pool_figures(first.ours, "rms").value, pool_figures(second.ours, "rms").value),
         }
         return {name: math.sqrt(max(a**2 - b**2, 0.0)) for name, (a, b) in pairs.items()}
 
-    def describe(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """The same as plain numbers and words, as for JSON; lengths in m."""
         from trueterrain._version import __version__
-        from trueterrain.verify.table import ORDER, WITHIN
+        from trueterrain.verify.thesis.table import ORDER, WITHIN
 
         return {
             "version": __version__,
@@ -70,13 +70,13 @@ class Made:
                  "passes": [drive.name for drive in one.passes]}
                 for one in self.scenes
             ],
-            "rows": [row.describe() for row in self.rows],
+            "rows": [row.to_dict() for row in self.rows],
             "reflectivity": self.reflectivity,
             "reproduced": all(row.reproduced for row in self.rows),
         }  # fmt: skip
 
 
-def make_table(progress: "Progress") -> Made:
+def make_table(progress: "Progress") -> ThesisTable:
     """Record the scenes into a temporary folder, and evaluate them.
 
     Parameters
@@ -91,7 +91,7 @@ def make_table(progress: "Progress") -> Made:
     """
     from trueterrain.georeference import Screening
     from trueterrain.simulate.scene import read_scene, record_scene
-    from trueterrain.verify.table import dynamic_row, static_rows
+    from trueterrain.verify.thesis.table import dynamic_row, static_rows
 
     rows: list[TableRow] = []
     scenes = []
@@ -104,13 +104,13 @@ def make_table(progress: "Progress") -> Made:
             if scene.passes[0].standing is not None:
                 # a receiver that is saturated shows no more than its saturation
                 screening = Screening(saturation=scene.scanner.saturation - 1.0)
-                rows += static_rows(runs[0], _machined(plate), screening)
+                rows += static_rows(runs[0], _machined_profile(plate), screening)
             else:
                 begin = (plate.east - 0.5 * plate.length + RIM, plate.north)
-                rows.append(dynamic_row(test, runs, _machined(plate), begin))
+                rows.append(dynamic_row(test, runs, _machined_profile(plate), begin))
             scenes.append(scene)
         progress("rows of the table", len(_SCENES), len(_SCENES))
-    return Made(rows=rows, scenes=scenes)
+    return ThesisTable(rows=rows, scenes=scenes)
 
 
 def plate_of(scene: "Scene") -> "CalibrationPlate":
@@ -120,8 +120,8 @@ def plate_of(scene: "Scene") -> "CalibrationPlate":
     return CalibrationPlate(**{key: value for key, value in layer.items() if key != "kind"})
 
 
-def _machined(plate: "CalibrationPlate") -> "xr.Dataset":
-    from trueterrain.verify.plate import design_plate, machined_profile
+def _machined_profile(plate: "CalibrationPlate") -> "xr.Dataset":
+    from trueterrain.verify.plate.design import design_plate, machined_profile
 
     design = design_plate(
         plate.cleats, length=plate.length - 2 * RIM, cleat_width=plate.cleat, rise=plate.rise,
@@ -130,16 +130,16 @@ def _machined(plate: "CalibrationPlate") -> "xr.Dataset":
     return machined_profile(design)
 
 
-def lines_of(made: Made) -> list[list[str]]:
+def lines_of(made: ThesisTable) -> list[list[str]]:
     """Cells of the table, line by line."""
     header = [
         "row", "published [mm]", "thesis's RMS", "maximum", "our RMS", "off edges", "distance",
         "maximum", "exact pose", "ratio",
     ]  # fmt: skip
-    return [header, *(_cells(row) for row in made.rows)]
+    return [header, *(_row_cells(row) for row in made.rows)]
 
 
-def remarks_on(made: Made) -> Iterator[str]:
+def remarks_on(made: ThesisTable) -> Iterator[str]:
     """What the table does not show."""
     kept = all(row.reproduced for row in made.rows)
     yield (
@@ -155,23 +155,25 @@ def remarks_on(made: Made) -> Iterator[str]:
         if row.exact:
             yield f"{row.test}, our RMS over that with the exact pose (off edges):"
             for way, words in WAYS.items():
-                yield f"  {_number(row.ratio('rms', way))} ({_edges(row, way)}) {words}"
+                yield f"  {_format_ratio(row.ratio('rms', way))} ({_edge_ratio(row, way)}) {words}"
             yield f"  navigation lies {beside_of(row)} mm beside the place of the plate"
 
 
-def _cells(row: "TableRow") -> list[str]:
-    from trueterrain.verify.table import together
+def _row_cells(row: "TableRow") -> list[str]:
+    from trueterrain.verify.thesis.table import pool_figures
 
-    rms, off_edges, distance = (together(row.ours, one) for one in ("rms", "off_edges", "distance"))
+    rms, off_edges, distance = (
+        pool_figures(row.ours, one) for one in ("rms", "off_edges", "distance")
+    )
     low, high = row.ends(lambda found: found.single)
     least, most = row.ends(lambda found: found.largest)
     return [
         row.test, published_of(row),
-        f"{_mm(row.thesis_rms)} ({_mm(low)} to {_mm(high)})",
-        f"{_mm(least)} to {_mm(most)}",
-        f"{_mm(rms.value)} ({_mm(rms.low)} to {_mm(rms.high)})", _mm(off_edges.value),
-        _mm(distance.value), _mm(greatest(row)),
-        _mm(together(row.exact, "rms").value) if row.exact else "-", _number(row.ratio("rms")),
+        f"{_format_millimetres(row.thesis_rms)} ({_format_millimetres(low)} to {_format_millimetres(high)})",
+        f"{_format_millimetres(least)} to {_format_millimetres(most)}",
+        f"{_format_millimetres(rms.value)} ({_format_millimetres(rms.low)} to {_format_millimetres(rms.high)})", _format_millimetres(off_edges.value),
+        _format_millimetres(distance.value), _format_millimetres(max_error(row)),
+        _format_millimetres(pool_figures(row.exact, "rms").value) if row.exact else "-", _format_ratio(row.ratio("rms")),
     ]  # fmt: skip
 
 
@@ -180,7 +182,7 @@ def published_of(row: "TableRow") -> str:
     return f"{low:g}" if low == high else f"{low:g} to {high:g}"
 
 
-def greatest(row: "TableRow") -> float:
+def max_error(row: "TableRow") -> float:
     return max(one.row.maximum for one in row.ours)
 
 
@@ -189,13 +191,13 @@ def beside_of(row: "TableRow") -> str:
     return f"{min(values):.0f} to {max(values):.0f}"
 
 
-def _edges(row: "TableRow", way: str) -> str:
-    return _number(row.ratio("off_edges", way))
+def _edge_ratio(row: "TableRow", way: str) -> str:
+    return _format_ratio(row.ratio("off_edges", way))
 
 
-def _mm(value: float) -> str:
+def _format_millimetres(value: float) -> str:
     return f"{_MILLI * value:.2f}"
 
 
-def _number(value: float | None) -> str:
+def _format_ratio(value: float | None) -> str:
     return "-" if value is None else f"{value:.2f}"

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 from trueterrain.cli._verify_table import (
     RIM,
     WAYS,
-    Made,
+    ThesisTable,
     beside_of,
-    greatest,
+    max_error,
     plate_of,
     published_of,
 )
@@ -35,7 +35,7 @@ _LIMIT = 1.1  # times the RMS with the exact pose that ours may be
 _DIGITS = 2
 
 
-def report_of(made: Made) -> Report:
+def report_of(made: ThesisTable) -> Report:
     """The table as a page.
 
     Parameters
@@ -53,9 +53,9 @@ def report_of(made: Made) -> Report:
     report = Report(
         title="Table 3-1 of the thesis on the virtual profiler",
         subtitle="The thesis's processing and ours of the same recordings",
-        headline=tuple(_headline(made)),
+        headline=tuple(_headline_numbers(made)),
         sections=(
-            _figures(made), _ways(made), _errors(made), _unknown(made), _assumed(made),
+            _figure_section(made), _pose_section(made), _error_section(made), _unknown_section(made), _assumption_section(made),
             Section(
                 title="Files",
                 blocks=[Files(files=[File(path="result.json", note="all figures of this page")])],
@@ -66,7 +66,7 @@ def report_of(made: Made) -> Report:
     return report
 
 
-def _headline(made: Made) -> Iterator[Number]:
+def _headline_numbers(made: ThesisTable) -> Iterator[Number]:
     for row in made.rows:
         yield Number(
             label=f"Thesis's RMS, {row.test}", value=_MILLI * row.thesis_rms, unit="mm",
@@ -81,8 +81,8 @@ def _headline(made: Made) -> Iterator[Number]:
     )  # fmt: skip
 
 
-def _figures(made: Made) -> Section:
-    from trueterrain.verify.table import together
+def _figure_section(made: ThesisTable) -> Section:
+    from trueterrain.verify.thesis.table import pool_figures
 
     def columns(*labels: str) -> tuple[Column, ...]:
         return (Column(label="Row"), *(Column(label=one, unit="mm", digits=2) for one in labels))
@@ -96,8 +96,8 @@ def _figures(made: Made) -> Section:
             [row.test, published_of(row), *(_MILLI * one for one in (row.thesis_rms, low, high)),
              _MILLI * published.maximum, _MILLI * least, _MILLI * most]
         )  # fmt: skip
-        rms, *others = (together(row.ours, one) for one in ("rms", "off_edges", "distance"))
-        lengths = [rms.value, rms.low, rms.high, *(one.value for one in others), greatest(row)]
+        rms, *others = (pool_figures(row.ours, one) for one in ("rms", "off_edges", "distance"))
+        lengths = [rms.value, rms.low, rms.high, *(one.value for one in others), max_error(row)]
         ours.append([row.test, *(_MILLI * one for one in lengths)])
     reflectivity = {name: f"{_MILLI * value:.2f} mm" for name, value in made.reflectivity.items()}
     return Section(
@@ -133,15 +133,15 @@ def _figures(made: Made) -> Section:
     )
 
 
-def _ways(made: Made) -> Section:
-    from trueterrain.verify.table import together
+def _pose_section(made: ThesisTable) -> Section:
+    from trueterrain.verify.thesis.table import pool_figures
 
     rows: list[list[Value]] = []
     verdicts: list[Verdict] = []
     for row in made.rows:
         for way, words in WAYS.items() if row.exact else ():
             exact = row.exact if way == "ours" else row.lying_exact
-            lengths = [together(one, "rms").value for one in (getattr(row, way), exact)]
+            lengths = [pool_figures(one, "rms").value for one in (getattr(row, way), exact)]
             ratios = [row.ratio(one, way) for one in ("rms", "off_edges", "distance")]
             rows.append([f"{row.test}: {words}", *(_MILLI * one for one in lengths), *ratios])
             verdicts.append("good" if ratios[0] is not None and ratios[0] <= _LIMIT else "bad")
@@ -169,7 +169,7 @@ def _ways(made: Made) -> Section:
     )  # fmt: skip
 
 
-def _errors(made: Made) -> Section:
+def _error_section(made: ThesisTable) -> Section:
     from trueterrain.figures import plate_errors
 
     every, screened, smooth, excited = made.rows
@@ -192,7 +192,7 @@ def _errors(made: Made) -> Section:
     return Section(
         title="Errors over the plate",
         blocks=[
-            _picture(plate_errors({name: one.errors for name, one in found.items()}), caption)
+            _axes_picture(plate_errors({name: one.errors for name, one in found.items()}), caption)
             for found, caption in pictures
         ],
         text="Of the thesis's processing, at the place beside whole samples whose RMS is nearest "
@@ -200,13 +200,13 @@ def _errors(made: Made) -> Section:
     )
 
 
-def _unknown(made: Made) -> Section:
+def _unknown_section(made: ThesisTable) -> Section:
     from trueterrain.figures import place_spread
-    from trueterrain.verify.table import ORDER
+    from trueterrain.verify.thesis.table import ORDER
 
     blocks: list[Block] = [
-        _picture(
-            place_spread(_spread(made)),
+        _axes_picture(
+            place_spread(_recording_rms(made)),
             "RMS by the thesis's processing against where the plate truly begins; dashed or banded "
             "what is published.",
         )
@@ -255,7 +255,7 @@ def _unknown(made: Made) -> Section:
     )
 
 
-def _spread(made: Made) -> "xr.Dataset":
+def _recording_rms(made: ThesisTable) -> "xr.Dataset":
     """RMS over the recordings, by row and place beside a whole sample."""
     import numpy as np
     import xarray as xr
@@ -271,8 +271,8 @@ def _spread(made: Made) -> "xr.Dataset":
     )  # fmt: skip
 
 
-def _assumed(made: Made) -> Section:
-    from trueterrain.verify.table import ORDER
+def _assumption_section(made: ThesisTable) -> Section:
+    from trueterrain.verify.thesis.table import ORDER
 
     standing, smooth, _ = made.scenes
     plate, scanner, paint = plate_of(standing), standing.scanner, standing.reflectivity
@@ -317,5 +317,5 @@ def _assumed(made: Made) -> Section:
     )
 
 
-def _picture(ax: Any, caption: str) -> Picture:
+def _axes_picture(ax: Any, caption: str) -> Picture:
     return Picture(figure=ax, alt=f"{ax.get_ylabel()} over {ax.get_xlabel()}", caption=caption)

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import note, out, out_json, progress_bar
+from trueterrain.cli._console import out_json, progress_bar, write_line, write_note
 from trueterrain.cli._extent import Four
 from trueterrain.cli._motion import Method, motion_of, require_run
 from trueterrain.cli._numbers import WHOLE
-from trueterrain.errors import SchemaError
+from trueterrain.core.errors import SchemaError
 
 if TYPE_CHECKING:
     from trueterrain.formats.run import Mounting
@@ -128,9 +128,9 @@ def calibrate(
     force
         Replace the output if it exists.
     """
-    from trueterrain.engine import require_writable
+    from trueterrain.core import require_writable
     from trueterrain.georeference import CalibrationSettings, Screening
-    from trueterrain.georeference import calibrate as calibrated
+    from trueterrain.georeference import calibrate_mounting as calibrated
     from trueterrain.surface.runs import require_one_frame
     from trueterrain.survey import MountingOverride
 
@@ -154,7 +154,7 @@ def calibrate(
         scanner_clock=scanner_clock,
     )  # fmt: skip
     _check_runs(runs)
-    start = _start(runs, override)
+    start = _start_mounting(runs, override)
     require_one_frame(runs)
     with progress_bar() as progress:
         found = calibrated(
@@ -162,17 +162,17 @@ def calibrate(
             progress=progress,
         )  # fmt: skip
     if output is not None:
-        _write(output, found, runs, force=force)
+        _write_mounting(output, found, runs, force=force)
     if json:
         out_json(
-            {"runs": [str(run) for run in runs], "before": _values(start), **found.summary(),
+            {"runs": [str(run) for run in runs], "before": _estimable_values(start), **found.to_dict(),
              "output": None if output is None else str(output)}
         )  # fmt: skip
         return
     for text in _in_words(found, start, runs):
-        out(text)
+        write_line(text)
     if output is not None:
-        note(f"{output}: the mounting for survey.toml")
+        write_note(f"{output}: the mounting for survey.toml")
 
 
 def _check_runs(runs: list[Path]) -> None:
@@ -185,14 +185,14 @@ def _check_runs(runs: list[Path]) -> None:
         seen[run.resolve()] = run
 
 
-def _start(runs: list[Path], override: "MountingOverride") -> "Mounting":
+def _start_mounting(runs: list[Path], override: "MountingOverride") -> "Mounting":
     """Mounting to start from, which must be the same for all runs."""
     from trueterrain.formats.run import open_run
     from trueterrain.georeference import mounting_of
 
     stated = [override.over(mounting_of(open_run(run), path=run)) for run in runs]
     for run, other in zip(runs, stated, strict=True):
-        if _values(other) != _values(stated[0]):
+        if _estimable_values(other) != _estimable_values(stated[0]):
             raise SchemaError(
                 f"differs from that of {runs[0]}",
                 path=run,
@@ -202,7 +202,7 @@ def _start(runs: list[Path], override: "MountingOverride") -> "Mounting":
     return stated[0]
 
 
-def _values(mounting: "Mounting") -> dict[str, float]:
+def _estimable_values(mounting: "Mounting") -> dict[str, float]:
     """What can be estimated, by name [rad, m, s]."""
     values: dict[str, float] = {}
     for field, (names, *_) in _FIELDS.items():
@@ -212,10 +212,10 @@ def _values(mounting: "Mounting") -> dict[str, float]:
 
 
 def _in_words(found: "Calibration", start: "Mounting", runs: list[Path]) -> Iterator[str]:
-    yield from _table(found, start)
+    yield from _parameter_rows(found, start)
     yield f"condition number {found.condition:.3g}"
-    yield from _together(found)
-    yield from _leaning(found)
+    yield from _correlated_pairs(found)
+    yield from _held_influences(found)
     for name, reason in zip(found.not_observable, found.reasons, strict=True):
         yield f"{name} is not told: {reason}"
     before, after = 1e3 * found.residual_before, 1e3 * found.residual_after
@@ -229,20 +229,20 @@ def _in_words(found: "Calibration", start: "Mounting", runs: list[Path]) -> Iter
         yield f"{run.name} lies {height} {side} {runs[0].name}"
 
 
-def _table(found: "Calibration", start: "Mounting") -> Iterator[str]:
+def _parameter_rows(found: "Calibration", start: "Mounting") -> Iterator[str]:
     """Each parameter in the unit that people use, with where it started."""
     from trueterrain.georeference._observable import unit_of
 
     sd = dict(zip(found.parameters, found.sd.tolist(), strict=True))
-    old = _values(start)
+    old = _estimable_values(start)
     yield f"{'parameter':<10}{'found':>12} {'sd':>11}{'before':>13}"
-    for name, value in _values(found.mounting).items():
+    for name, value in _estimable_values(found.mounting).items():
         unit, scale = unit_of(name)
         known = f"{scale * sd[name]:11.4f}" if name in sd else f"{'held':>11}"
         yield f"{name:<10}{scale * value:12.4f} {known}{scale * old[name]:13.4f} {unit}"
 
 
-def _together(found: "Calibration") -> Iterator[str]:
+def _correlated_pairs(found: "Calibration") -> Iterator[str]:
     """Pairs of parameters that the passes hardly tell apart."""
     from trueterrain.georeference._observable import TOGETHER
 
@@ -253,7 +253,7 @@ def _together(found: "Calibration") -> Iterator[str]:
                 yield f"{found.parameters[j]} and {name} go together: correlation {alike:+.2f}"
 
 
-def _leaning(found: "Calibration") -> Iterator[str]:
+def _held_influences(found: "Calibration") -> Iterator[str]:
     """By how much what is found leans on what is held, where that is more than its sd."""
     from trueterrain.georeference._observable import in_units, measured_within
 
@@ -268,10 +268,10 @@ def _leaning(found: "Calibration") -> Iterator[str]:
                 )
 
 
-def _write(output: Path, found: "Calibration", runs: list[Path], *, force: bool) -> None:
+def _write_mounting(output: Path, found: "Calibration", runs: list[Path], *, force: bool) -> None:
     """Write the mounting as the table that a survey takes."""
     from trueterrain import __version__
-    from trueterrain.engine import whole_output
+    from trueterrain.core import whole_output
 
     lines = [
         f"# Mounting of the scanner by calibration (trueterrain {__version__}) from",
@@ -279,7 +279,7 @@ def _write(output: Path, found: "Calibration", runs: list[Path], *, force: bool)
         "# In survey.toml it stands below the [[runs]] that it holds for.",
         "[runs.mounting]",
     ]
-    values = _values(found.mounting)
+    values = _estimable_values(found.mounting)
     sd: dict[str, Any] = dict(zip(found.parameters, found.sd.tolist(), strict=True))
     for field, (names, title, unit) in _FIELDS.items():
         known = ", ".join(f"{sd[name]:.1e}" if name in sd else "held" for name in names)

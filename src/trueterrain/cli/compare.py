@@ -11,14 +11,14 @@ from trueterrain.cli._compare_profiles import ProfileComparison
 from trueterrain.cli._compare_surfaces import SurfaceComparison
 from trueterrain.cli._console import compiling_noted, out_json
 from trueterrain.cli._numbers import WHOLE
-from trueterrain.cli._profiles import draw, warn
+from trueterrain.cli._profiles import draw_panels, write_warning
 from trueterrain.cli._recordings import refuse_recording
-from trueterrain.errors import SchemaError
+from trueterrain.core.errors import SchemaError
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from trueterrain.roughness.agreement import AgreementLimits, AgreementOptions
+    from trueterrain.roughness.agreement import AgreementLimits, AgreementSettings
 
 
 def compare(
@@ -121,9 +121,9 @@ def compare(
         raise ValueError(message)
     if plot is not None:
         figures.require_picture(plot, force=force, inputs=every)
-    data = _read(every)
+    data = _read_files(every)
     named = None if reference is None else next(iter(data))
-    kind = _kind(data)
+    kind = _common_kind(data)
     doubts: list[str] = []
     with compiling_noted(), warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -134,25 +134,25 @@ def compare(
             if lanes or speed:
                 message = "--lanes and --speed belong to surfaces, and these are profiles."
                 raise ValueError(message)
-            options = _options(
+            options = _agreement_settings(
                 filter, (shortest, longest), settle, (max_shift, max_scale), align_starts
             )
-            limits = _limits(repeatability, accuracy, distance_error, bias, precision)
+            limits = _agreement_limits(repeatability, accuracy, distance_error, bias, precision)
             comparison = ProfileComparison.of(
                 data, named, options, limits, registration, None if trend < 0 else trend
             )
     doubts += dict.fromkeys(str(one.message) for one in caught)
     for doubt in doubts:
-        warn(doubt)
+        write_warning(doubt)
     if json:
         out_json(comparison.document() | {"doubts": doubts})
     else:
         comparison.show()
     if plot is not None:
-        draw(*comparison.panels(), plot, force=force)
+        draw_panels(*comparison.panels(), plot, force=force)
 
 
-def _read(paths: list[Path]) -> "dict[str, xr.Dataset]":
+def _read_files(paths: list[Path]) -> "dict[str, xr.Dataset]":
     """Data of all files, by names that tell them apart."""
     from trueterrain import formats
 
@@ -168,9 +168,9 @@ def _read(paths: list[Path]) -> "dict[str, xr.Dataset]":
     return data
 
 
-def _kind(data: "Mapping[str, xr.Dataset]") -> str:
+def _common_kind(data: "Mapping[str, xr.Dataset]") -> str:
     """Kind of all data: profile or surface."""
-    from trueterrain.kinds import kind_of
+    from trueterrain.core.schemas import kind_of
 
     kinds = {name: kind_of(one) for name, one in data.items()}
     for name, kind in kinds.items():
@@ -191,18 +191,18 @@ def _kind(data: "Mapping[str, xr.Dataset]") -> str:
     return kinds[head]
 
 
-def _options(
+def _agreement_settings(
     name: str,
     waves: tuple[float, float],
     settle: float | None,
     search: tuple[float, float],
     align_starts: bool,
-) -> "AgreementOptions":
+) -> "AgreementSettings":
     from trueterrain.roughness import Butterworth
-    from trueterrain.roughness.agreement import IRI_FILTER, AgreementOptions
+    from trueterrain.roughness.agreement import IRI_FILTER, AgreementSettings
 
     by = {"iri": IRI_FILTER, "none": None}.get(name)
-    return AgreementOptions(
+    return AgreementSettings(
         filter=Butterworth(shortest=waves[0], longest=waves[1]) if name == "butterworth" else by,
         settle=settle,
         max_shift=search[0],
@@ -211,7 +211,7 @@ def _options(
     )
 
 
-def _limits(
+def _agreement_limits(
     repeatability: float,
     accuracy: float,
     distance_error: float | None,

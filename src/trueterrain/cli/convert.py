@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import note, progress_bar
+from trueterrain.cli._console import progress_bar, write_note
 from trueterrain.cli._lost import note_lost
 from trueterrain.cli._points import (
     Classes,
@@ -15,14 +15,14 @@ from trueterrain.cli._points import (
     point_filter,
     require_points,
 )
-from trueterrain.cli._profiles import warn
+from trueterrain.cli._profiles import write_warning
 from trueterrain.cli._recordings import refuse_recording
-from trueterrain.errors import concerning
+from trueterrain.core.errors import name_file_in_errors
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from trueterrain.engine import Progress
+    from trueterrain.core import Progress
     from trueterrain.formats import PointFilter
 
 _SURFACES = (".crg", ".tif", ".tiff")
@@ -82,13 +82,13 @@ def convert(
         Replace the output if it exists: a file, or a store of the same kind of data.
     """
     from trueterrain import formats
-    from trueterrain.formats.crs import parse_crs
+    from trueterrain.geometry.crs import parse_crs
 
     ending = output.suffix.lower()
     kind = formats.kind_of_file(source)
     refuse_recording(source, kind, "a surface, points or a profile")
     _check_possible(source, kind, output, ending)
-    options = _options(ending, units, scale)
+    options = _writer_options(ending, units, scale)
     if spacing is not None and kind != "profile":
         message = f"--spacing is for profiles, got {source}, which holds {kind}."
         raise ValueError(message)
@@ -108,7 +108,7 @@ def convert(
     data = data if crs is None else data.assign_attrs(crs=crs)
     if kind == "profile":
         _convert_profile(
-            data if spacing is None else _resampled(data, spacing, source), output, write
+            data if spacing is None else _resample_profile(data, spacing, source), output, write
         )
     elif ending in (*_SURFACES, *_STORES):
         _convert_surface(data, output, write)
@@ -119,7 +119,7 @@ def convert(
         write(points)
         missing = int(data.height.size) - points.sizes["point"]
         without = f", {missing:,} nodes without height left out" if missing else ""
-        note(f"{output}: {points.sizes['point']:,} points{without}")
+        write_note(f"{output}: {points.sizes['point']:,} points{without}")
         note_lost(points, output)
 
 
@@ -134,36 +134,36 @@ def _convert_points(
 
     note_conversion([source], crs)
     with progress_bar() as progress:
-        counted = _Counted(formats.point_blocks(source, crs=crs, only=only), progress)
+        counted = _PointCounter(formats.point_blocks(source, crs=crs, only=only), progress)
         write(iter(counted))
-    note(f"{output}: {counted.points:,} points")
+    write_note(f"{output}: {counted.points:,} points")
     if counted.last is not None:
         note_lost(counted.last, output)
 
 
 def _convert_profile(profile: "xr.Dataset", output: Path, write: Callable[[Any], Any]) -> None:
-    from trueterrain.kinds import ASSUMED
+    from trueterrain.core.schemas import ASSUMED
 
     if ASSUMED in profile.attrs:
-        warn(f"its file {profile.attrs[ASSUMED]}.")
+        write_warning(f"its file {profile.attrs[ASSUMED]}.")
     write(profile)
     tracks = profile.sizes.get("track", 1)
     several = f" of {tracks} tracks" if tracks > 1 else ""
     s = profile.s.values
-    note(f"{output}: {s.size:,} samples{several} from {s[0]:g} to {s[-1]:g} m")
+    write_note(f"{output}: {s.size:,} samples{several} from {s[0]:g} to {s[-1]:g} m")
     note_lost(profile, output)
 
 
-def _resampled(profile: "xr.Dataset", spacing: float, source: Path) -> "xr.Dataset":
+def _resample_profile(profile: "xr.Dataset", spacing: float, source: Path) -> "xr.Dataset":
     import numpy as np
 
     from trueterrain.roughness import resample_profile
 
-    with concerning(source):
+    with name_file_in_errors(source):
         even = resample_profile(profile, spacing)
     usual = float(np.median(np.diff(profile["s"].values)))
     if spacing > _WIDER * usual:
-        note(
+        write_note(
             f"{source}: samples are {usual:g} m apart; at {spacing:g} m waves shorter than "
             f"{2 * spacing:g} m pass for longer ones, unless trueterrain filter took them out"
         )
@@ -177,11 +177,11 @@ def _convert_surface(surface: "xr.Dataset", output: Path, write: Callable[[Any],
     filled = int(getattr(written, "attrs", {}).get("filled", 0))
     if filled:
         text += f"; nodes filled between heights, as the format allows no holes: {filled:,}"
-    note(text)
+    write_note(text)
     note_lost(surface, output)
 
 
-class _Counted:
+class _PointCounter:
     """Counts the points that pass and shows them."""
 
     def __init__(self, blocks: "Iterator[xr.Dataset]", progress: "Progress") -> None:
@@ -225,7 +225,7 @@ def _check_possible(source: Path, kind: str, output: Path, ending: str) -> None:
     raise ValueError(message)
 
 
-def _options(ending: str, units: str | None, scale: float | None) -> dict[str, Any]:
+def _writer_options(ending: str, units: str | None, scale: float | None) -> dict[str, Any]:
     options: dict[str, Any] = {}
     if units is not None:
         if ending not in _PROFILES:

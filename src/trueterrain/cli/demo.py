@@ -5,7 +5,14 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import compiling_noted, note, out, out_json, processors, progress_bar
+from trueterrain.cli._console import (
+    available_processors,
+    compiling_noted,
+    out_json,
+    progress_bar,
+    write_line,
+    write_note,
+)
 from trueterrain.cli._numbers import WHOLE
 
 if TYPE_CHECKING:
@@ -48,12 +55,12 @@ def demo(
         Replace an earlier result of the same command in the folder; other files in it stay.
     """
     from trueterrain.cli.run import in_words
-    from trueterrain.engine import whole_folder
+    from trueterrain.core import whole_folder
     from trueterrain.simulate.scene import record_scene
     from trueterrain.survey import read_survey, run_survey, survey_template
     from trueterrain.verify import truth_of
 
-    scene = _scene(length, seed)
+    scene = _demo_scene(length, seed)
     with (
         whole_folder(
             output, result="demo", force=force, names=("runs", "survey.toml", "results")
@@ -61,13 +68,13 @@ def demo(
         compiling_noted(),
         progress_bar() as progress,
     ):
-        note("driving over the road ...")
+        write_note("driving over the road ...")
         (folder / "runs").mkdir()
         runs = record_scene(scene, folder / "runs", progress=progress)
-        (folder / "survey.toml").write_text(survey_template(_survey(scene, runs)))
-        note("turning both recordings into one ground ...")
+        (folder / "survey.toml").write_text(survey_template(_demo_survey(scene, runs)))
+        write_note("turning both recordings into one ground ...")
         found = run_survey(
-            read_survey(folder / "survey.toml"), folder / "results", threads=processors(),
+            read_survey(folder / "survey.toml"), folder / "results", threads=available_processors(),
             truth=truth_of, progress=progress,
         )  # fmt: skip
     results = output / "results"
@@ -75,11 +82,11 @@ def demo(
         out_json({**found.numbers, "folder": str(results), "files": list(found.files)})
         return
     for line in in_words(found.numbers):
-        out(line)
-    out(f"{results / 'report.html'}: everything, with pictures")
+        write_line(line)
+    write_line(f"{results / 'report.html'}: everything, with pictures")
 
 
-def _scene(length: float, seed: int) -> "Scene":
+def _demo_scene(length: float, seed: int) -> "Scene":
     """Scene of two lanes, as long as asked for."""
     from dataclasses import replace
 
@@ -95,11 +102,11 @@ def _scene(length: float, seed: int) -> "Scene":
     )  # fmt: skip
 
 
-def _survey(scene: "Scene", runs: list[Path]) -> "Survey":
+def _demo_survey(scene: "Scene", runs: list[Path]) -> "Survey":
     """Survey of both lanes as one, with tyres in either lane, on the seam, and a bare line."""
-    from trueterrain.lanes.merge import MergeSettings
-    from trueterrain.profile import ProfileOptions
-    from trueterrain.survey import ProfileSettings, RunSettings, Survey
+    from trueterrain.alignment.merge import MergeSettings
+    from trueterrain.profile import TyreProfileSettings
+    from trueterrain.survey import ProfilePathSettings, RunSettings, Survey
 
     left, right = (drive.lane - scene.passes[0].lane for drive in scene.passes)
     offsets = {
@@ -118,10 +125,10 @@ def _survey(scene: "Scene", runs: list[Path]) -> "Survey":
         ),
         lanes=MergeSettings(),
         profiles=(
-            *(ProfileSettings(name=name, offset=at) for name, at in offsets.items()),
-            ProfileSettings(
+            *(ProfilePathSettings(name=name, offset=at) for name, at in offsets.items()),
+            ProfilePathSettings(
                 name="left-lane-left-point", offset=offsets["left-lane-left"],
-                tyre=ProfileOptions(statistic="point"),
+                tyre=TyreProfileSettings(statistic="point"),
             ),
         ),
     )  # fmt: skip

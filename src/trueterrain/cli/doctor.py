@@ -6,7 +6,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from trueterrain._version import __version__
-from trueterrain.cli._console import out, out_json
+from trueterrain.cli._console import out_json, write_line
 
 _PACKAGES = (
     "numpy", "scipy", "numba", "xarray", "pandas", "laspy", "lazrs", "pycrg", "pyproj",
@@ -25,7 +25,7 @@ def doctor(*, json: bool = False) -> None:
     import laspy
     import numba
 
-    from trueterrain.engine.kernels import cache_folder
+    from trueterrain.core.kernels import cache_folder
 
     found: dict[str, Any] = {
         "trueterrain": __version__,
@@ -35,17 +35,17 @@ def doctor(*, json: bool = False) -> None:
         "threads": numba.config.NUMBA_NUM_THREADS,
         "LAZ backends": [backend.name for backend in laspy.LazBackend.detect_available()],
         "kernel cache": str(cache_folder() or "none: no folder can be written"),
-        "packages": {name: _version(name) for name in _PACKAGES},
+        "packages": {name: _package_version(name) for name in _PACKAGES},
     }
     if json:
         out_json(found)
         return
     packages = found.pop("packages")
     for name, value in {**found, **packages}.items():
-        out(f"{name:14} {', '.join(value) if isinstance(value, list) else value}")
+        write_line(f"{name:14} {', '.join(value) if isinstance(value, list) else value}")
 
 
-def _version(package: str) -> str:
+def _package_version(package: str) -> str:
     try:
         return version(package)
     except PackageNotFoundError:

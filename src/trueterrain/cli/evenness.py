@@ -8,9 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import out, out_json
-from trueterrain.cli._profiles import draw, read_profile, warn, worst_stretches, write_table
-from trueterrain.errors import concerning
+from trueterrain.cli._console import out_json, write_line
+from trueterrain.cli._profiles import (
+    draw_panels,
+    read_profile,
+    worst_stretches,
+    write_table,
+    write_warning,
+)
+from trueterrain.core.errors import name_file_in_errors
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -82,22 +88,22 @@ def evenness(
     files = (file, *more)
     if plot is not None:
         figures.require_picture(plot, force=force, inputs=files)
-    wanted = _Wanted(_bands(band), segment, straightedge, threshold)
-    rated = [_rate(path, wanted) for path in files]
-    documents = [_document(one, wanted) for one in rated]
+    wanted = _EvennessRequest(_wavebands(band), segment, straightedge, threshold)
+    rated = [_rate_file(path, wanted) for path in files]
+    documents = [_json_document(one, wanted) for one in rated]
     if json:
         out_json(documents if more else documents[0])
     else:
         for one, document in zip(rated, documents, strict=True):
-            _show(one, document, wanted)
-        _explain(wanted)
+            _print_result(one, document, wanted)
+        _print_conventions(wanted)
     if plot is not None:
-        panels = [_panels(one, wanted) for one in rated]
-        draw([path.name for path in files], panels, plot, force=force)
+        panels = [_picture_panels(one, wanted) for one in rated]
+        draw_panels([path.name for path in files], panels, plot, force=force)
 
 
 @dataclass(frozen=True)
-class _Wanted:
+class _EvennessRequest:
     """What is asked for; lengths in m."""
 
     bands: "Mapping[str, Filter]"
@@ -107,7 +113,7 @@ class _Wanted:
 
 
 @dataclass(frozen=True)
-class _Rated:
+class _EvennessResult:
     """What was found out about one file."""
 
     path: Path
@@ -116,7 +122,7 @@ class _Rated:
     beyond: "xr.Dataset | None"
 
 
-def _bands(asked: list[tuple[str, float, float]] | None) -> "Mapping[str, Filter]":
+def _wavebands(asked: list[tuple[str, float, float]] | None) -> "Mapping[str, Filter]":
     from trueterrain.roughness import WAVEBANDS, Butterworth
 
     if not asked:
@@ -128,18 +134,18 @@ def _bands(asked: list[tuple[str, float, float]] | None) -> "Mapping[str, Filter
     return {name: Butterworth(shortest=low, longest=high) for name, low, high in asked}
 
 
-def _rate(path: Path, wanted: _Wanted) -> _Rated:
+def _rate_file(path: Path, wanted: _EvennessRequest) -> _EvennessResult:
     from trueterrain import roughness
 
     profile = read_profile(path)
-    with concerning(path):
+    with name_file_in_errors(path):
         beam = roughness.rolling_straightedge(profile, wanted.straightedge)
         bands = _that_fit(path, profile, wanted.bands)
         waves = roughness.waveband_rms(profile, bands=bands, segment=wanted.segment)
         beyond = None
         if wanted.threshold is not None:
-            beyond = roughness.stretches(abs(beam["deviation"]), wanted.threshold)
-    return _Rated(path, waves, beam, beyond)
+            beyond = roughness.find_stretches(abs(beam["deviation"]), wanted.threshold)
+    return _EvennessResult(path, waves, beam, beyond)
 
 
 def _that_fit(
@@ -161,22 +167,22 @@ def _that_fit(
     if len(doubts) == len(bands):
         return bands  # refused where they are used
     for name, doubt in doubts.items():
-        warn(f"{path}: band {name} is left out: {doubt}.")
+        write_warning(f"{path}: band {name} is left out: {doubt}.")
     return {name: band for name, band in bands.items() if name not in doubts}
 
 
-def _document(rated: _Rated, wanted: _Wanted) -> dict[str, Any]:
+def _json_document(rated: _EvennessResult, wanted: _EvennessRequest) -> dict[str, Any]:
     tracks = []
     for name in rated.waves["track"].values:
         waves, deviation = rated.waves.sel(track=name), rated.beam["deviation"].sel(track=name)
         track: dict[str, Any] = {
             "name": str(name),
-            "rms": _rms(waves["rms"], wanted),
-            "deviation": _deviation(deviation),
-            "segments": list(_segments(waves, deviation, wanted)),
+            "rms": _band_rms(waves["rms"], wanted),
+            "deviation": _deviation_values(deviation),
+            "segments": list(_segment_values(waves, deviation, wanted)),
         }
         if rated.beyond is not None:
-            found = _stretches(rated.beyond, str(name), deviation)
+            found = _track_stretches(rated.beyond, str(name), deviation)
             track["beyond"] = sum(one["end"] - one["start"] for one in found)
             track["stretches"] = found
         tracks.append(track)
@@ -190,14 +196,14 @@ def _document(rated: _Rated, wanted: _Wanted) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _rms(values: "xr.DataArray", wanted: _Wanted) -> dict[str, float]:
+def _band_rms(values: "xr.DataArray", wanted: _EvennessRequest) -> dict[str, float]:
     """RMS of each band that was asked for [m], NaN of those left out."""
     known = dict(zip(values["band"].values.tolist(), values.values.tolist(), strict=True))
     return {name: known.get(name, math.nan) for name in wanted.bands}
 
 
-def _segments(
-    waves: "xr.Dataset", deviation: "xr.DataArray", wanted: _Wanted
+def _segment_values(
+    waves: "xr.Dataset", deviation: "xr.DataArray", wanted: _EvennessRequest
 ) -> Iterator[dict[str, Any]]:
     import numpy as np
 
@@ -209,12 +215,12 @@ def _segments(
         yield {
             "start": float(start[at]),
             "end": float(end[at]),
-            "rms": _rms(waves["segment_rms"].isel(segment=at), wanted),
-            "deviation": _deviation(deviation[begin:stop]),
+            "rms": _band_rms(waves["segment_rms"].isel(segment=at), wanted),
+            "deviation": _deviation_values(deviation[begin:stop]),
         }
 
 
-def _deviation(deviation: "xr.DataArray") -> dict[str, float]:
+def _deviation_values(deviation: "xr.DataArray") -> dict[str, float]:
     """What 95 % of the deviations do not exceed, the largest and its place [m]; NaN of none."""
     import numpy as np
 
@@ -229,7 +235,7 @@ def _deviation(deviation: "xr.DataArray") -> dict[str, float]:
     }
 
 
-def _stretches(
+def _track_stretches(
     found: "xr.Dataset", track: str, deviation: "xr.DataArray"
 ) -> list[dict[str, float]]:
     """Stretches of a track, the peaks with their sign."""
@@ -241,25 +247,29 @@ def _stretches(
     ]
 
 
-def _show(rated: _Rated, document: dict[str, Any], wanted: _Wanted) -> None:
+def _print_result(
+    rated: _EvennessResult, document: dict[str, Any], wanted: _EvennessRequest
+) -> None:
     names = [f"{name} [mm]" for name in wanted.bands]
     rows = [["track", "from [m]", "to [m]", *names, "95 % [mm]", "peak [mm]", "at [m]"]]
     complete = rated.waves["complete"].values
     for track in document["tracks"]:
         for piece, whole in zip(track["segments"], complete, strict=True):
             ends = [f"{piece['start']:.2f}", f"{piece['end']:.2f}"]
-            rows.append([track["name"], *ends, *_cells(piece), *([] if whole else ["shorter"])])
-        rows.append([track["name"], "whole", "", *_cells(track)])
-    out(f"Evenness of {document['file']}")
+            rows.append(
+                [track["name"], *ends, *_table_cells(piece), *([] if whole else ["shorter"])]
+            )
+        rows.append([track["name"], "whole", "", *_table_cells(track)])
+    write_line(f"Evenness of {document['file']}")
     write_table(rows)
     if wanted.threshold is not None:
         length = float(rated.beam["s"][-1] - rated.beam["s"][0])
         for track in document["tracks"]:
             _show_stretches(track, _MM * wanted.threshold, length)
-    out()
+    write_line()
 
 
-def _cells(rated: dict[str, Any]) -> list[str]:
+def _table_cells(rated: dict[str, Any]) -> list[str]:
     found = rated["deviation"]
     values = [*(f"{_MM * value:.2f}" for value in rated["rms"].values())]
     values += [
@@ -273,31 +283,35 @@ def _cells(rated: dict[str, Any]) -> list[str]:
 def _show_stretches(track: dict[str, Any], threshold: float, length: float) -> None:
     found = track["stretches"]
     total = f"{track['beyond']:.2f} of {length:.2f} m"
-    out(f"Stretches of {track['name']} beyond {threshold:g} mm: {len(found)}, {total}")
+    write_line(f"Stretches of {track['name']} beyond {threshold:g} mm: {len(found)}, {total}")
     shown, others = worst_stretches(found)
     for one in shown:
         side = "above" if one["peak"] > 0 else "below"
         peak = f"{_MM * abs(one['peak']):.2f} mm {side} the beam at {one['peak_at']:.2f} m"
-        out(f"  {one['start']:.2f} to {one['end']:.2f} m, up to {peak}")
+        write_line(f"  {one['start']:.2f} to {one['end']:.2f} m, up to {peak}")
     if others:
-        out(others)
+        write_line(others)
 
 
-def _explain(wanted: _Wanted) -> None:
+def _print_conventions(wanted: _EvennessRequest) -> None:
     """Conventions in words, since they change the numbers."""
     edges = [
         f"{name} {band.shortest:g} to {band.longest:g} m" for name, band in wanted.bands.items()
     ]
-    out(f"RMS in bands: {', '.join(edges)}; Butterworth, half of the power at the edges.")
-    out("Within the longest wave of a band from an end, RMS depends on how the road goes on there.")
-    out(
+    write_line(f"RMS in bands: {', '.join(edges)}; Butterworth, half of the power at the edges.")
+    write_line(
+        "Within the longest wave of a band from an end, RMS depends on how the road goes on there."
+    )
+    write_line(
         f"95 % and peak: ground above (+) or below (-) the middle of a beam of "
         f"{wanted.straightedge:g} m on two wheels."
     )
-    out("Bands, filter and straightedge were not checked against the texts of EN 13036.")
+    write_line("Bands, filter and straightedge were not checked against the texts of EN 13036.")
 
 
-def _panels(rated: _Rated, wanted: _Wanted) -> list[Callable[[Any], object]]:
+def _picture_panels(
+    rated: _EvennessResult, wanted: _EvennessRequest
+) -> list[Callable[[Any], object]]:
     """Pictures of a file, each a function that draws into axes."""
     from trueterrain import figures
 

@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import note, out, out_json
+from trueterrain.cli._console import out_json, write_line, write_note
 from trueterrain.cli._numbers import WHOLE
 
 if TYPE_CHECKING:
     from trueterrain.vehicle import FullCarParameters, Tyre
-    from trueterrain.verify.event import EventDesign, EventInputs, EventResponse
+    from trueterrain.verify.event.design import EventDesign, EventInputs, EventResponse
 
 _LASER = (-2.25, 0.0)  # [m] as in scenes that say nothing else
 _ANOTHER = 0.1  # [1] by which a vehicle may depart from what the event is designed for
@@ -114,27 +114,27 @@ def event(
     del action
     from dataclasses import asdict
 
-    from trueterrain.verify.event import covering_speeds, cut_list, design_event
+    from trueterrain.verify.event.design import covering_speeds, cut_list, design_event
 
-    car, tyre, place = _vehicle(vehicle)
+    car, tyre, place = _named_vehicle(vehicle)
     given = {"ride": ride, "hop": hop, "damping": damping, "wheelbase": wheelbase, "track": track}
     tolerances = {
         "ride": ride_tolerance, "hop": hop_tolerance, "damping": damping_tolerance,
         "length": length_tolerance,
     }  # fmt: skip
-    inputs = _inputs(car, target, given, tolerances)
+    inputs = _event_inputs(car, target, given, tolerances)
     design = design_event(
         inputs, model=model, target=target, length=length, rise=rise, base=base,
         width_ratio=width_ratio, placement=placement, events=events,
     )  # fmt: skip
-    moved = _predicted(car, design, tyre, laser or place)
+    moved = _predict_response(car, design, tyre, laser or place)
     pieces = cut_list(design)
     low, high = band or (0.8 * inputs.hop, 1.2 * inputs.hop)
     speeds = covering_speeds(low, high, number=design.number, spacing=design.spacing)
-    words = _words(design, moved, vehicle, (low, high), speeds.tolist())
-    words["doubts"] += _strange(car, design, vehicle)
+    words = _page_texts(design, moved, vehicle, (low, high), speeds.tolist())
+    words["doubts"] += _vehicle_notes(car, design, vehicle)
     document: dict[str, Any] = {
-        "design": design.describe(),
+        "design": design.to_dict(),
         "vehicle": vehicle,
         "predicted": {
             "laser_span": moved.laser_span,
@@ -150,18 +150,18 @@ def event(
     }
     if output is not None:
         read = [vehicle] if vehicle.lower().endswith(".toml") else []
-        document["files"] = _write(
+        document["files"] = _write_event(
             output, document, design, moved, car, words, inputs=read, force=force
         )
     if json:
         out_json(document)
     else:
-        _show(design, words)
+        _print_event(design, words)
     for name in document["files"]:
-        note(f"{name}: written")
+        write_note(f"{name}: written")
 
 
-def _vehicle(name: str) -> "tuple[FullCarParameters, Tyre, tuple[float, float]]":
+def _named_vehicle(name: str) -> "tuple[FullCarParameters, Tyre, tuple[float, float]]":
     """Vehicle by name or from a scene, its tyres, and where the laser is in it."""
     from trueterrain.vehicle import FullCarParameters, Tyre, named_vehicle
 
@@ -178,9 +178,9 @@ def _vehicle(name: str) -> "tuple[FullCarParameters, Tyre, tuple[float, float]]"
     return car, scene.vehicle.tyre, (x, y)
 
 
-def _strange(car: "FullCarParameters", design: "EventDesign", vehicle: str) -> list[str]:
+def _vehicle_notes(car: "FullCarParameters", design: "EventDesign", vehicle: str) -> list[str]:
     """Doubts about a prediction for a vehicle other than the one that the event is made for."""
-    from trueterrain.verify.event import event_inputs
+    from trueterrain.verify.event.design import event_inputs
 
     own, out = event_inputs(car, design.target), []
     for name, unit in (("ride", "Hz"), ("hop", "Hz"), ("wheelbase", "m")):
@@ -193,7 +193,7 @@ def _strange(car: "FullCarParameters", design: "EventDesign", vehicle: str) -> l
     return out
 
 
-def _inputs(
+def _event_inputs(
     car: "FullCarParameters",
     target: Literal["heave", "pitch", "roll"],
     given: dict[str, float | None],
@@ -201,7 +201,7 @@ def _inputs(
 ) -> "EventInputs":
     from dataclasses import replace
 
-    from trueterrain.verify.event import event_inputs
+    from trueterrain.verify.event.design import event_inputs
 
     own = event_inputs(car, target)
     changed: dict[str, Any] = {k: value for k, value in given.items() if value is not None}
@@ -209,13 +209,13 @@ def _inputs(
     return replace(own, **changed, tolerances={**own.tolerances, **stated})
 
 
-def _predicted(
+def _predict_response(
     car: "FullCarParameters", design: "EventDesign", tyre: "Tyre", laser: tuple[float, float]
 ) -> "EventResponse":
     import numpy as np
 
     from trueterrain.simulate.ground import ExcitationEvent
-    from trueterrain.verify.event import cross_event
+    from trueterrain.verify.event.design import cross_event
 
     ground = ExcitationEvent(**design.ground)
 
@@ -227,7 +227,7 @@ def _predicted(
     return cross_event(car, height, design.speed, length=design.extent, laser=laser, tyre=tyre)
 
 
-def _words(
+def _page_texts(
     design: "EventDesign",
     moved: "EventResponse",
     vehicle: str,
@@ -237,7 +237,7 @@ def _words(
     """What a reader is told, by section of the page."""
     import numpy as np
 
-    from trueterrain.cli._event_page import speed_words
+    from trueterrain.report.event import speed_words
 
     low, high = design.speed_band
     shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in moved.energy.items())
@@ -276,12 +276,12 @@ def _words(
             "of a cleat; half the spacing was taken as width, where hop is excited most."
         )
     return {
-        "driving": driving, "excited": excited, "doubts": doubts, "models": _models(design),
+        "driving": driving, "excited": excited, "doubts": doubts, "models": _model_notes(design),
     }  # fmt: skip
 
 
-def _models(design: "EventDesign") -> list[str]:
-    from trueterrain.verify.event import cleat_ratio, hop_transmissibility
+def _model_notes(design: "EventDesign") -> list[str]:
+    from trueterrain.verify.event.design import cleat_ratio, hop_transmissibility
 
     inputs = design.inputs
     printed = cleat_ratio(inputs.damping, model="thesis")
@@ -309,7 +309,7 @@ def _models(design: "EventDesign") -> list[str]:
     return sentences
 
 
-def _write(
+def _write_event(
     folder: Path,
     document: dict[str, Any],
     design: "EventDesign",
@@ -322,9 +322,9 @@ def _write(
 ) -> list[str]:
     import json
 
-    from trueterrain.cli._event_page import write_page
-    from trueterrain.engine import whole_folder
-    from trueterrain.verify.event import cut_list
+    from trueterrain.core import whole_folder
+    from trueterrain.report.event import write_page
+    from trueterrain.verify.event.design import cut_list
 
     with whole_folder(folder, result="event", force=force, inputs=inputs) as temporary:
         names = write_page(temporary, design, cut_list(design), moved, car, words)
@@ -333,9 +333,9 @@ def _write(
     return [str(folder / name) for name in (*names, "event.json")]
 
 
-def _show(design: "EventDesign", words: dict[str, list[str]]) -> None:
-    from trueterrain.cli._event_page import piece_words, speed_words
-    from trueterrain.verify.event import cut_list
+def _print_event(design: "EventDesign", words: dict[str, list[str]]) -> None:
+    from trueterrain.report.event import piece_words, speed_words
+    from trueterrain.verify.event.design import cut_list
 
     off = design.tolerances
     rows = (
@@ -347,15 +347,15 @@ def _show(design: "EventDesign", words: dict[str, list[str]]) -> None:
         ("length", f"{design.length:.2f} m asked for, {design.built_length:.2f} m as built"),
         ("met", f"{design.target} at {design.ride_met:.2f} Hz, hop at {design.hop_met:.2f} Hz"),
     )
-    out(f"Event for {design.target}, oscillator {design.model}")
+    write_line(f"Event for {design.target}, oscillator {design.model}")
     for name, value in rows:
-        out(f"  {name:<10} {value}")
+        write_line(f"  {name:<10} {value}")
     for title, sentences in (
         ("Cut list", [piece_words(piece, design.spacing) for piece in cut_list(design)]),
         ("Driving", words["driving"]),
         ("What is excited", [*words["excited"], *words["doubts"]]),
         ("Two oscillators", words["models"]),
     ):
-        out(title)
+        write_line(title)
         for sentence in sentences:
-            out(f"  {sentence}")
+            write_line(f"  {sentence}")

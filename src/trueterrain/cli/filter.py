@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import compiling_noted, note
+from trueterrain.cli._console import compiling_noted, write_note
 from trueterrain.cli._lost import note_lost
 from trueterrain.cli._numbers import WHOLE
-from trueterrain.cli._profiles import read_profile, warn
-from trueterrain.errors import concerning
+from trueterrain.cli._profiles import read_profile, write_warning
+from trueterrain.core.errors import name_file_in_errors
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -62,19 +62,19 @@ def filter(  # noqa: A001 - the name of the command
     from trueterrain import formats
     from trueterrain.roughness import filter_profile
 
-    by = _chosen(kind, shortest, longest, order)
+    by = _chosen_filter(kind, shortest, longest, order)
     formats.writer_of("profile", output)
     formats.require_writable(output, force=force, inputs=[file], kind="profile")
     profile = read_profile(file)
-    with concerning(file), compiling_noted():
+    with name_file_in_errors(file), compiling_noted():
         result = filter_profile(profile, by)
     _warn_of_window(file, profile, by)
     formats.write(result, output, force=force)
-    _summarise(result, by, output)
+    _print_summary(result, by, output)
     _note_lost(profile, result, output)
 
 
-def _chosen(
+def _chosen_filter(
     kind: Kind, shortest: float | None, longest: float | None, order: int | None
 ) -> "Filter":
     from trueterrain.roughness import FILTER_250_MM, Butterworth, MovingAverage
@@ -106,26 +106,30 @@ def _warn_of_window(path: Path, profile: "xr.Dataset", by: "Filter") -> None:
     spacing = float(s[-1] - s[0]) / (s.size - 1)
     window = min(length for length in (by.shortest, by.longest) if length is not None)
     if window < 2 * spacing:
-        warn(f"{path}: the window of {window:g} m averages little at a spacing of {spacing:.4g} m.")
+        write_warning(
+            f"{path}: the window of {window:g} m averages little at a spacing of {spacing:.4g} m."
+        )
 
 
-def _summarise(result: "xr.Dataset", by: "Filter", output: Path) -> None:
+def _print_summary(result: "xr.Dataset", by: "Filter", output: Path) -> None:
     tracks = result.sizes.get("track", 1)
     several = f" of {tracks} tracks" if tracks > 1 else ""
     s = result["s"].values
-    note(f"{output}: {s.size:,} samples{several} from {s[0]:g} to {s[-1]:g} m, with {_passed(by)}")
-    reach = _reach(by)
+    write_note(
+        f"{output}: {s.size:,} samples{several} from {s[0]:g} to {s[-1]:g} m, with {_passed_text(by)}"
+    )
+    reach = _filter_reach(by)
     if 2 * reach < s[-1] - s[0]:
         beyond = "depend on what is taken to lie beyond: the profile's own image"
-        note(f"{output}: heights within {reach:g} m of the ends {beyond}")
+        write_note(f"{output}: heights within {reach:g} m of the ends {beyond}")
     else:
-        warn(
+        write_warning(
             f"{output}: no height is farther than {reach:g} m from the ends, so all depend on what "
             "is taken to lie beyond: the profile's own image."
         )
 
 
-def _passed(by: "Filter") -> str:
+def _passed_text(by: "Filter") -> str:
     if by.longest is None:
         return f"waves longer than {by.shortest:g} m"
     if by.shortest is None:
@@ -133,7 +137,7 @@ def _passed(by: "Filter") -> str:
     return f"waves from {by.shortest:g} to {by.longest:g} m"
 
 
-def _reach(by: "Filter") -> float:
+def _filter_reach(by: "Filter") -> float:
     """How far from an end a filter still feels it [m]: half of its windows, or a whole wave."""
     from trueterrain.roughness import MovingAverage
 
@@ -145,5 +149,5 @@ def _note_lost(profile: "xr.Dataset", result: "xr.Dataset", output: Path) -> Non
     """Say what is not in the output any more."""
     of_heights = [str(name) for name in profile.data_vars if name not in result]
     if of_heights:
-        note(f"{output}: not kept, since the heights are others now: {', '.join(of_heights)}")
+        write_note(f"{output}: not kept, since the heights are others now: {', '.join(of_heights)}")
     note_lost(result, output)

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import note, out_json, progress_bar
+from trueterrain.cli._console import out_json, progress_bar, write_note
 from trueterrain.cli._motion import Method, motion_of, require_run
 from trueterrain.cli._numbers import WHOLE
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from trueterrain.engine import Progress
+    from trueterrain.core import Progress
 
 
 def georeference(
@@ -77,9 +77,9 @@ def georeference(
     """
     from trueterrain import formats
     from trueterrain.formats.run import open_run
+    from trueterrain.geometry.topocentric import check_crs, into_crs
     from trueterrain.georeference import Screening
     from trueterrain.georeference import georeference as points_of
-    from trueterrain.georeference.crs import check_crs, into_crs
 
     formats.writer_of("points", output)
     screening = Screening(
@@ -98,7 +98,7 @@ def georeference(
         run, trajectory, screening=screening, range_noise=range_noise, lane=lane
     )  # fmt: skip
     with progress_bar() as progress:
-        counted = _Counted(blocks, tree["scans"].sizes["scan"], progress)
+        counted = _PointCounter(blocks, tree["scans"].sizes["scan"], progress)
         points = iter(counted)
         if crs is not None:
             origin, system = tree.attrs["origin"], crs
@@ -108,10 +108,10 @@ def georeference(
     if json:
         out_json(report)
     else:
-        note(_in_words(report))
+        write_note(_in_words(report))
 
 
-class _Counted:
+class _PointCounter:
     """Counts the points that pass and shows them."""
 
     def __init__(self, blocks: "Iterator[xr.Dataset]", scans: int, progress: "Progress") -> None:

@@ -6,21 +6,21 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import note, out_json, progress_bar, worker_threads
+from trueterrain.cli._console import out_json, progress_bar, worker_threads, write_note
 from trueterrain.cli._extent import Four, extent_of
 from trueterrain.cli._motion import Method, motion_of
 from trueterrain.cli._numbers import WHOLE
 from trueterrain.cli._points import Classes, Returns, note_conversion, point_filter
 from trueterrain.cli._recordings import kind_of_all
-from trueterrain.errors import SchemaError, concerning
+from trueterrain.core.errors import SchemaError, name_file_in_errors
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from trueterrain.engine import Progress
+    from trueterrain.core import Progress
     from trueterrain.formats import PointFilter
-    from trueterrain.surface.grid import GridOptions
-    from trueterrain.surface.placement import Placement
+    from trueterrain.surface.grid import GridSettings
+    from trueterrain.surface.placement import GridPlacement
 
 _MAPS = (".tif", ".tiff")
 
@@ -146,23 +146,24 @@ def grid(
     force
         Replace the output if it exists: a file, or a surface in a store.
     """
-    from trueterrain import formats, provenance
+    from trueterrain import formats
+    from trueterrain.core import provenance
     from trueterrain.georeference import Screening
-    from trueterrain.surface.grid import GridOptions, trimmed
-    from trueterrain.surface.holes import Filling, fill_holes
-    from trueterrain.surface.placement import Placement
+    from trueterrain.surface.grid import GridSettings, trim_surface
+    from trueterrain.surface.holes import HoleSettings, fill_holes
+    from trueterrain.surface.placement import GridPlacement
 
     inputs = [file, *more]
     formats.writer_of("surface", output)
-    options = GridOptions(
+    options = GridSettings(
         statistic=statistic, level=not plain, minimum_count=minimum_count, range_noise=range_noise,
-        percent=_percent(statistic, percent), radius=radius, power=power,
+        percent=_percentile_fraction(statistic, percent), radius=radius, power=power,
     )  # fmt: skip
     screening = Screening(
         floor=floor or 0.0, saturation=saturation or float("inf"), nearest=nearest,
         furthest=furthest or float("inf"), weight=weight,
     )  # fmt: skip
-    where = Placement(
+    where = GridPlacement(
         spacing=spacing, across=across, right=right, left=left, line=line,
         path=None if path is None else str(path), bounds=bounds, smoothing=smoothing,
         as_map=output.suffix.lower() in _MAPS,
@@ -182,10 +183,11 @@ def grid(
     workers = worker_threads(threads)
     with progress_bar() as progress:
         if kind == "run":
-            from trueterrain.surface.runs import Pass, grid_runs
+            from trueterrain.surface.runs import PassRecord, grid_runs
 
             passes = [
-                Pass(path=run, trajectory=motion_of(run, method, begin, end)) for run in inputs
+                PassRecord(path=run, trajectory=motion_of(run, method, begin, end))
+                for run in inputs
             ]
             surface, counts = grid_runs(
                 passes, where.of_runs(passes), options, screening=screening, threads=workers,
@@ -193,7 +195,7 @@ def grid(
             )  # fmt: skip
         else:
             surface, counts = _grid_points(inputs, where, options, crs, only, workers, progress)
-    surface, holes = fill_holes(trimmed(surface), Filling(largest=fill), in_place=True)
+    surface, holes = fill_holes(trim_surface(surface), HoleSettings(largest=fill), in_place=True)
     loss = None
     if down_sample is not None:
         from trueterrain.surface.coarse import down_sample as coarser
@@ -209,31 +211,31 @@ def grid(
     surface = provenance.add_step(surface, "grid", parameters=parameters, inputs=files)
     formats.write(surface, output, force=force)
     problems = counts.pop("problems", [])
-    report = _report(output, surface, counts, holes, loss) | {"problems": problems}
+    report = _json_report(output, surface, counts, holes, loss) | {"problems": problems}
     if json:
         out_json(report)
     else:
         for text in _in_words(report):
-            note(text)
+            write_note(text)
 
 
 def _grid_points(
     files: list[Path],
-    where: "Placement",
-    options: "GridOptions",
+    where: "GridPlacement",
+    options: "GridSettings",
     crs: str | None,
     only: "PointFilter | None",
     threads: int,
     progress: "Progress",
 ) -> "tuple[xr.Dataset, dict[str, Any]]":
-    from trueterrain.formats.crs import parse_crs
     from trueterrain.formats.point_filter import doubt_of_classes
+    from trueterrain.geometry.crs import parse_crs
     from trueterrain.surface.grid import grid_points
 
     if crs is not None:
         parse_crs(crs)
     note_conversion(files, crs)
-    blocks = _Blocks(files, crs, only, progress)
+    blocks = _PointBlocks(files, crs, only, progress)
     surface = grid_points(
         blocks, where.of_points([extent_of(file, crs) for file in files]), options, threads=threads
     )
@@ -251,7 +253,7 @@ def _check_times(begin: float | None, end: float | None, kind: str, inputs: list
         raise ValueError(message)
 
 
-class _Blocks:
+class _PointBlocks:
     """Points of files, as often as they are wanted."""
 
     def __init__(
@@ -274,7 +276,7 @@ class _Blocks:
         self.points, self.counts = 0, ReturnCounts()
         first: str | None = None
         for file in self._files:
-            with concerning(file):
+            with name_file_in_errors(file):
                 for block in formats.point_blocks(
                     file, crs=self._crs, variables=self._variables, only=self._only
                 ):
@@ -292,25 +294,25 @@ class _Blocks:
                     self._progress(f"{self.points:,} points", 0, None)
 
 
-def _percent(statistic: str, percent: float | None) -> float:
+def _percentile_fraction(statistic: str, percent: float | None) -> float:
     if (statistic == "percentile") != (percent is not None):
         message = "--statistic percentile and --percent belong together, e.g. --percent 85."
         raise ValueError(message)
     return 50.0 if percent is None else percent
 
 
-def _report(
+def _json_report(
     output: Path,
     surface: "xr.Dataset",
     counts: dict[str, Any],
     holes: dict[str, Any],
     loss: dict[str, float] | None,
 ) -> dict[str, Any]:
-    from trueterrain.surface.summary import summarise
+    from trueterrain.surface.summary import summarise_surface
 
     return {
         "output": str(output),
-        **summarise(surface),
+        **summarise_surface(surface),
         "returns": counts,
         "holes": holes,
         "down_sample": loss,

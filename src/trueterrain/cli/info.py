@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from trueterrain.cli._console import in_words, out, out_json
+from trueterrain.cli._console import in_words, out_json, write_line
 from trueterrain.cli._recordings import RECORDED, rows_of_recording
-from trueterrain.errors import FormatError, TrueTerrainError
+from trueterrain.core.errors import FormatError, TrueTerrainError
 
 # units of numbers in a summary
 _UNITS = {
@@ -52,7 +52,7 @@ def info(file: Path, /, *more: Path, json: bool = False) -> None:
     summaries, errors = [], []
     for path in (file, *more):
         try:
-            summaries.append(_summary(path))
+            summaries.append(_file_summary(path))
         except (TrueTerrainError, OSError) as error:
             errors.append(error)
             summaries.append({"file": str(path), "error": in_words(error)})
@@ -61,8 +61,8 @@ def info(file: Path, /, *more: Path, json: bool = False) -> None:
     elif more or not errors:
         for number, summary in enumerate(summaries):
             if number:
-                out()
-            _show(summary)
+                write_line()
+            _print_summary(summary)
     if len(errors) > 1:
         count = f"{len(errors)} of {len(summaries)} files"
         raise FormatError(f"{count} cannot be read; the first: {in_words(errors[0])}")
@@ -70,21 +70,21 @@ def info(file: Path, /, *more: Path, json: bool = False) -> None:
         raise errors[0]
 
 
-def _summary(path: Path) -> dict[str, Any]:
+def _file_summary(path: Path) -> dict[str, Any]:
     from trueterrain import formats
 
     return formats.info(path)
 
 
-def _show(summary: dict[str, Any]) -> None:
-    out(summary["file"])
-    rows = list(_rows(summary))
+def _print_summary(summary: dict[str, Any]) -> None:
+    write_line(summary["file"])
+    rows = list(_summary_rows(summary))
     width = max(len(title) for title, _ in rows)
     for title, text in rows:
-        out(f"  {title:<{width}}  {text}")
+        write_line(f"  {title:<{width}}  {text}")
 
 
-def _rows(summary: dict[str, Any]) -> Iterator[tuple[str, str]]:
+def _summary_rows(summary: dict[str, Any]) -> Iterator[tuple[str, str]]:
     if "error" in summary:
         yield "unreadable", summary["error"].removeprefix(f"{summary['file']}: ")
         return
@@ -106,35 +106,42 @@ def _rows_of_ground(summary: dict[str, Any]) -> Iterator[tuple[str, str]]:
         if key in ("extent", "range"):
             for axis, (low, high) in value.items():
                 # "range" holds the axes of the surface, "extent" what it covers on the ground
-                yield axis, f"{_number(low)} to {_number(high)} m ({_number(high - low)} m)"
+                yield (
+                    axis,
+                    f"{_format_number(low)} to {_format_number(high)} m ({_format_number(high - low)} m)",
+                )
         elif key == "tracks":
-            yield from _tracks(value)
+            yield from _track_rows(value)
         elif key == "time":
-            yield "time", _time(value)
+            yield "time", _time_text(value)
         else:
-            yield _TITLES.get(key, key.replace("_", " ")), _value(key, value, summary)
+            yield _TITLES.get(key, key.replace("_", " ")), _value_text(key, value, summary)
     if summary["kind"] in ("points", "surface") and not summary["crs"]:
         yield "CRS", "unknown"
 
 
-def _tracks(tracks: list[dict[str, Any]]) -> Iterator[tuple[str, str]]:
+def _track_rows(tracks: list[dict[str, Any]]) -> Iterator[tuple[str, str]]:
     for track in tracks:
         low, high = track["lowest"], track["highest"]
-        heights = "no heights" if low is None else f"heights {_number(low)} to {_number(high)} m"
+        heights = (
+            "no heights"
+            if low is None
+            else f"heights {_format_number(low)} to {_format_number(high)} m"
+        )
         yield "track", f"{track['name']}: {heights}" if track["name"] else heights
 
 
-def _time(time: dict[str, Any]) -> str:
+def _time_text(time: dict[str, Any]) -> str:
     start, end = time["start"], time["end"]
-    text = f"{start:.3f} to {end:.3f} s ({_number(end - start)} s), {time['kind']}"
+    text = f"{start:.3f} to {end:.3f} s ({_format_number(end - start)} s), {time['kind']}"
     return f"{text}, {time['first']} to {time['last']}" if "first" in time else text
 
 
-def _value(key: str, value: Any, summary: dict[str, Any]) -> str:
+def _value_text(key: str, value: Any, summary: dict[str, Any]) -> str:
     unit = f" {_UNITS[key]}" if key in _UNITS else ""
     if key == "crs":
         name = summary.get("crs_name", "")
-        return _cut(
+        return _cut_text(
             f"{value} ({name})"
             if name and not value.startswith(("PROJ", "COMPOUND"))
             else name or value
@@ -144,44 +151,44 @@ def _value(key: str, value: Any, summary: dict[str, Any]) -> str:
     if key == "size":
         return " x ".join(f"{number:,}" for number in value)
     if key == "classes":
-        texts = [f"{_class(name)}: {count:,}" for name, count in value.items()]
+        texts = [f"{_class_text(name)}: {count:,}" for name, count in value.items()]
         return "; ".join(texts)
     if isinstance(value, dict):
         texts = [
-            f"{name}: {_plain(item)}{unit}" for name, item in value.items() if item is not None
+            f"{name}: {_plain_text(item)}{unit}" for name, item in value.items() if item is not None
         ]
-        return _cut("; ".join(_shortened(texts)))
+        return _cut_text("; ".join(_shorten_list(texts)))
     if isinstance(value, list) and key in ("spacing", "curvature", "resolution"):
-        return " to ".join(_plain(item) for item in value) + unit
+        return " to ".join(_plain_text(item) for item in value) + unit
     if isinstance(value, list):
-        texts = [_plain(item) for item in value]
+        texts = [_plain_text(item) for item in value]
         texts = texts[:1] if len(set(texts)) == 1 and unit else texts
-        return ", ".join(_shortened(texts)) + unit
-    return _cut(_plain(value)) + unit
+        return ", ".join(_shorten_list(texts)) + unit
+    return _cut_text(_plain_text(value)) + unit
 
 
-def _class(number: str) -> str:
+def _class_text(number: str) -> str:
     from trueterrain.formats.point_filter import CLASS_NAMES
 
     name = CLASS_NAMES.get(int(float(number)))
     return f"{number} {name}" if name else number
 
 
-def _shortened(texts: list[str]) -> list[str]:
+def _shorten_list(texts: list[str]) -> list[str]:
     if len(texts) <= _LONG:
         return texts
     return [*texts[:_LONG], f"and {len(texts) - _LONG} more"]
 
 
-def _plain(value: Any) -> str:
+def _plain_text(value: Any) -> str:
     if isinstance(value, list):
-        return ", ".join(_plain(item) for item in value)
+        return ", ".join(_plain_text(item) for item in value)
     if isinstance(value, bool) or not isinstance(value, int | float):
         return " ".join(str(value).split())
-    return _number(value)
+    return _format_number(value)
 
 
-def _number(value: float) -> str:
+def _format_number(value: float) -> str:
     """Whole numbers with separators, others to the tenth of a millimetre or 6 digits."""
     if isinstance(value, int):
         return f"{value:,}"
@@ -190,5 +197,5 @@ def _number(value: float) -> str:
     return f"{value:.4f}".rstrip("0").rstrip(".")
 
 
-def _cut(text: str) -> str:
+def _cut_text(text: str) -> str:
     return text if len(text) <= _WIDTH else text[: _WIDTH - 4] + " ..."

@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import Literal
 
-from trueterrain.cli._console import out
-from trueterrain.errors import SchemaError
+from trueterrain.cli._console import write_line
+from trueterrain.core.errors import SchemaError
 
 
 def init(what: Literal["survey", "scene", "static", "dynamic", "drift"], /, *names: str) -> None:
@@ -31,9 +31,9 @@ def init(what: Literal["survey", "scene", "static", "dynamic", "drift"], /, *nam
         runs.
     """
     if what == "survey":
-        text = _survey(names)
+        text = _survey_template(names)
     elif what == "scene":
-        text = _scene(names)
+        text = _scene_template(names)
     else:
         from trueterrain.verify.certificate import description_template
 
@@ -41,7 +41,7 @@ def init(what: Literal["survey", "scene", "static", "dynamic", "drift"], /, *nam
     if what != "scene":
         for name in names:
             _require_kind(Path(name), "profile" if what == "drift" else "run")
-    out(text.rstrip("\n"))
+    write_line(text.rstrip("\n"))
 
 
 def _require_kind(path: Path, kind: str) -> None:
@@ -54,13 +54,13 @@ def _require_kind(path: Path, kind: str) -> None:
         raise SchemaError(f"must be a {kind}, but is {found}", path=path, cure=cure[kind])
 
 
-def _survey(runs: tuple[str, ...]) -> str:
+def _survey_template(runs: tuple[str, ...]) -> str:
     from trueterrain.survey import survey_of, survey_template
 
     return survey_template(survey_of(list(runs)) if runs else None)
 
 
-def _scene(names: tuple[str, ...]) -> str:
+def _scene_template(names: tuple[str, ...]) -> str:
     from trueterrain.simulate.scene import read_scene, scene_template
 
     if len(names) > 1:

@@ -6,22 +6,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from trueterrain.cli._console import compiling_noted, out, out_json
+from trueterrain.cli._console import compiling_noted, out_json, write_line
 from trueterrain.cli._profiles import (
     Window,
-    draw,
+    draw_panels,
     explain_run,
     read_profile,
     warn_of_rating,
     worst_stretches,
     write_table,
 )
-from trueterrain.errors import concerning
+from trueterrain.core.errors import name_file_in_errors
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from trueterrain.roughness import IriOptions
+    from trueterrain.roughness import IriSettings
 
 Unit = Literal["m/km", "in/mi"]
 
@@ -107,7 +107,7 @@ def iri(
         Replace the picture if it exists.
     """
     from trueterrain import figures
-    from trueterrain.roughness import IriOptions
+    from trueterrain.roughness import IriSettings
 
     if step is not None and continuous is None:
         message = "--step belongs to --continuous, which is not given."
@@ -119,25 +119,27 @@ def iri(
     files = (file, *more)
     if plot is not None:
         figures.require_picture(plot, force=force, inputs=files)
-    options = IriOptions(window=window, window_length=window_length, start=start, restart=restart)
-    wanted = _Wanted(unit, segment, continuous, 1.0 if step is None else step, threshold, histogram)
+    options = IriSettings(window=window, window_length=window_length, start=start, restart=restart)
+    wanted = _IriRequest(
+        unit, segment, continuous, 1.0 if step is None else step, threshold, histogram
+    )
     with compiling_noted():
-        rated = [_rate(path, options, wanted, wheel_paths) for path in files]
-    documents = [_document(one, wanted) for one in rated]
+        rated = [_rate_file(path, options, wanted, wheel_paths) for path in files]
+    documents = [_json_document(one, wanted) for one in rated]
     if json:
         out_json(documents if more else documents[0])
     else:
         for one, document in zip(rated, documents, strict=True):
-            _show(one, document, wanted)
+            _print_result(one, document, wanted)
         names = {"11m": "first 11 m", "0.5s": "first 0.5 s", "level": "level"}
-        out(f"Golden car {explain_run(options, names[start])}")
+        write_line(f"Golden car {explain_run(options, names[start])}")
     if plot is not None:
-        panels = [_panels(one, wanted) for one in rated]
-        draw([path.name for path in files], panels, plot, force=force)
+        panels = [_picture_panels(one, wanted) for one in rated]
+        draw_panels([path.name for path in files], panels, plot, force=force)
 
 
 @dataclass(frozen=True)
-class _Wanted:
+class _IriRequest:
     """What is asked for, beyond the conventions of the index."""
 
     unit: Unit
@@ -161,7 +163,7 @@ class _Wanted:
 
 
 @dataclass(frozen=True)
-class _Rated:
+class _IriResult:
     """What was found out about one file."""
 
     path: Path
@@ -171,15 +173,15 @@ class _Rated:
     shares: "xr.Dataset | None"
 
 
-def _rate(
-    path: Path, options: "IriOptions", wanted: _Wanted, wheel_paths: tuple[str, str] | None
-) -> _Rated:
+def _rate_file(
+    path: Path, options: "IriSettings", wanted: _IriRequest, wheel_paths: tuple[str, str] | None
+) -> _IriResult:
     from trueterrain import roughness
 
     profile = read_profile(path)
     warn_of_rating(path, profile, options)
     sliding = too_rough = shares = None
-    with concerning(path):
+    with name_file_in_errors(path):
         index = roughness.iri(
             profile, options=options, segment=wanted.segment, wheel_paths=wheel_paths
         )
@@ -188,13 +190,13 @@ def _rate(
                 profile, wanted.continuous, step=wanted.step, options=options
             )
             if wanted.limit is not None:
-                too_rough = roughness.stretches(sliding["iri"], wanted.limit)
+                too_rough = roughness.find_stretches(sliding["iri"], wanted.limit)
         if wanted.histogram is not None:
-            shares = _shares(index, wanted.histogram / wanted.factor)
-    return _Rated(path, index, sliding, too_rough, shares)
+            shares = _iri_histogram(index, wanted.histogram / wanted.factor)
+    return _IriResult(path, index, sliding, too_rough, shares)
 
 
-def _shares(index: "xr.Dataset", width: float) -> "xr.Dataset":
+def _iri_histogram(index: "xr.Dataset", width: float) -> "xr.Dataset":
     from trueterrain import roughness
 
     count = math.floor(float(index["segment_iri"].max()) / width) + 1
@@ -205,7 +207,7 @@ def _shares(index: "xr.Dataset", width: float) -> "xr.Dataset":
     return roughness.iri_histogram(index, edges).isel({"class": slice(0, count)})
 
 
-def _document(rated: _Rated, wanted: _Wanted) -> dict[str, Any]:
+def _json_document(rated: _IriResult, wanted: _IriRequest) -> dict[str, Any]:
     index, factor = rated.index, wanted.factor
     tracks = []
     for name in index["track"].values:
@@ -213,18 +215,18 @@ def _document(rated: _Rated, wanted: _Wanted) -> dict[str, Any]:
         track = {
             "name": str(name),
             "iri": factor * one["iri"].item(),
-            "segments": _pieces(index, factor * one["segment_iri"].values),
+            "segments": _segment_values(index, factor * one["segment_iri"].values),
         }
         if rated.sliding is not None:
             values = factor * rated.sliding["iri"].sel(track=name).values
-            track["continuous"] = _pieces(rated.sliding, values)
+            track["continuous"] = _segment_values(rated.sliding, values)
         if wanted.limit is not None:
             above = one["segment_iri"].values > wanted.limit
             track["too_rough"] = float((index["end"] - index["start"]).values[above].sum())
         if rated.too_rough is not None:
-            track["stretches"] = _stretches(rated.too_rough, str(name), factor)
+            track["stretches"] = _track_stretches(rated.too_rough, str(name), factor)
         if rated.shares is not None:
-            track["histogram"] = _classes(rated.shares.sel(track=name), factor)
+            track["histogram"] = _histogram_classes(rated.shares.sel(track=name), factor)
         tracks.append(track)
     return {
         "file": str(rated.path), "tracks": tracks, "mri": factor * index["mri"].item(),
@@ -232,7 +234,7 @@ def _document(rated: _Rated, wanted: _Wanted) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _pieces(index: "xr.Dataset", values: Any) -> list[dict[str, float]]:
+def _segment_values(index: "xr.Dataset", values: Any) -> list[dict[str, float]]:
     starts, ends = index["start"].values, index["end"].values
     return [
         {"start": float(start), "end": float(end), "iri": float(value)}
@@ -240,7 +242,7 @@ def _pieces(index: "xr.Dataset", values: Any) -> list[dict[str, float]]:
     ]
 
 
-def _stretches(found: "xr.Dataset", track: str, factor: float) -> list[dict[str, float]]:
+def _track_stretches(found: "xr.Dataset", track: str, factor: float) -> list[dict[str, float]]:
     mine = found.isel(stretch=found["track"].values == track)
     return [
         {"start": start, "end": end, "peak": factor * peak, "peak_at": at}
@@ -251,7 +253,7 @@ def _stretches(found: "xr.Dataset", track: str, factor: float) -> list[dict[str,
     ]
 
 
-def _classes(shares: "xr.Dataset", factor: float) -> list[dict[str, float]]:
+def _histogram_classes(shares: "xr.Dataset", factor: float) -> list[dict[str, float]]:
     columns = (shares[name].values.tolist() for name in ("above", "below", "length", "share"))
     return [
         {"above": factor * above, "below": factor * below, "length": length, "share": share}
@@ -259,7 +261,7 @@ def _classes(shares: "xr.Dataset", factor: float) -> list[dict[str, float]]:
     ]
 
 
-def _show(rated: _Rated, document: dict[str, Any], wanted: _Wanted) -> None:
+def _print_result(rated: _IriResult, document: dict[str, Any], wanted: _IriRequest) -> None:
     tracks, unit, index = document["tracks"], wanted.unit, rated.index
     digits = 3 if unit == "m/km" else 1
     rows = [["from [m]", "to [m]", *(f"{track['name']} [{unit}]" for track in tracks)]]
@@ -272,7 +274,7 @@ def _show(rated: _Rated, document: dict[str, Any], wanted: _Wanted) -> None:
         ends = [f"{piece['start']:.2f}", f"{piece['end']:.2f}"]
         rows.append([*ends, *(f"{value:.{digits}f}" for value in values), *remarks])
     rows.append(["whole", "", *(f"{track['iri']:.{digits}f}" for track in tracks)])
-    out(f"International Roughness Index of {document['file']}")
+    write_line(f"International Roughness Index of {document['file']}")
     write_table(rows)
     length = float(index["end"][-1] - index["start"][0])
     for track in tracks:
@@ -282,30 +284,30 @@ def _show(rated: _Rated, document: dict[str, Any], wanted: _Wanted) -> None:
     for name, meaning in (("mri", "mean of the IRI"), ("hri", "IRI of the mean")):
         if not math.isnan(document[name]):
             value = f"{document[name]:.{digits}f} {unit}"
-            out(f"{name.upper()} {value} ({meaning} of both wheel paths)")
+            write_line(f"{name.upper()} {value} ({meaning} of both wheel paths)")
     if length < _SHORT:
-        out(f"Only {length:g} m long: the index depends on how the car starts.")
-    out()
+        write_line(f"Only {length:g} m long: the index depends on how the car starts.")
+    write_line()
 
 
-def _show_track(track: dict[str, Any], wanted: _Wanted, length: float, digits: int) -> None:
+def _show_track(track: dict[str, Any], wanted: _IriRequest, length: float, digits: int) -> None:
     """What was found in one track beside its segments."""
     name, unit = track["name"], wanted.unit
     if windows := track.get("continuous"):
         worst = max(windows, key=lambda window: float(window["iri"]))
         place = f"{worst['start']:.2f} to {worst['end']:.2f} m"
-        out(f"Roughest window of {name}: {worst['iri']:.{digits}f} {unit}, {place}")
+        write_line(f"Roughest window of {name}: {worst['iri']:.{digits}f} {unit}, {place}")
     if wanted.threshold is not None:
         limit = f"{wanted.threshold:g} {unit}"
-        out(f"Segments of {name} above {limit}: {track['too_rough']:.2f} of {length:.2f} m")
+        write_line(f"Segments of {name} above {limit}: {track['too_rough']:.2f} of {length:.2f} m")
         if (found := track.get("stretches")) is not None:
-            out(f"Stretches of {name} above {limit}: {len(found)}")
+            write_line(f"Stretches of {name} above {limit}: {len(found)}")
         shown, others = worst_stretches(found or ())
         for one in shown:
             peak = f"{one['peak']:.{digits}f} {unit} at {one['peak_at']:.2f} m"
-            out(f"  {one['start']:.2f} to {one['end']:.2f} m, up to {peak}")
+            write_line(f"  {one['start']:.2f} to {one['end']:.2f} m, up to {peak}")
         if others:
-            out(others)
+            write_line(others)
 
 
 def _show_histogram(tracks: list[dict[str, Any]], unit: Unit) -> None:
@@ -317,7 +319,7 @@ def _show_histogram(tracks: list[dict[str, Any]], unit: Unit) -> None:
     write_table(rows)
 
 
-def _panels(rated: _Rated, wanted: _Wanted) -> list[Callable[[Any], object]]:
+def _picture_panels(rated: _IriResult, wanted: _IriRequest) -> list[Callable[[Any], object]]:
     """Pictures of a file, each a function that draws into axes."""
     from trueterrain import figures
 

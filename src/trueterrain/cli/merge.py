@@ -8,11 +8,11 @@ from cyclopts import Parameter
 
 from trueterrain.cli._console import (
     compiling_noted,
-    note,
-    out,
     out_json,
     progress_bar,
     worker_threads,
+    write_line,
+    write_note,
 )
 from trueterrain.cli._numbers import WHOLE
 from trueterrain.cli._points import Classes, Returns, note_conversion, point_filter
@@ -21,10 +21,10 @@ from trueterrain.cli._recordings import kind_of_all
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from trueterrain.engine import Progress
+    from trueterrain.alignment.merge import MergeSettings
+    from trueterrain.alignment.observations.cells import PassCells
+    from trueterrain.core import Progress
     from trueterrain.formats import PointFilter
-    from trueterrain.lanes.cells import LaneCells
-    from trueterrain.lanes.merge import MergeSettings
     from trueterrain.survey import Survey
 
 Method = Literal["network", "discontinuity", "grid"]
@@ -138,9 +138,11 @@ def merge(
         "relative_tolerance": relative_tolerance,
         "datum_sd": datum_sd,
     }
-    settings = _settings(method, fix, control, path, limit, cell, given, check=check)
+    settings = _merge_settings(method, fix, control, path, limit, cell, given, check=check)
     if check:
-        _check(inputs, settings, runs, split, crs, cell, only, output, json=json, force=force)
+        _check_agreement(
+            inputs, settings, runs, split, crs, cell, only, output, json=json, force=force
+        )
         return
     assert output is not None
     with compiling_noted(), progress_bar() as progress:
@@ -149,7 +151,7 @@ def merge(
             from trueterrain.verify import truth_of
 
             numbers = run_survey(
-                _survey(inputs, settings, spacing), output, force=force, threads=workers,
+                _merge_survey(inputs, settings, spacing), output, force=force, threads=workers,
                 truth=truth_of, progress=progress,
             ).numbers  # fmt: skip
         else:
@@ -163,8 +165,8 @@ def merge(
         out_json(numbers)
         return
     for line in in_words(numbers["merge"]):
-        out(line)
-    note(f"{output / 'report.html'}: the report")
+        write_line(line)
+    write_note(f"{output / 'report.html'}: the report")
 
 
 def in_words(merged: dict[str, Any]) -> "Iterator[str]":
@@ -200,7 +202,7 @@ def in_words(merged: dict[str, Any]) -> "Iterator[str]":
         yield f"doubtful: {problem}"
 
 
-def _settings(
+def _merge_settings(
     method: Method,
     fix: list[str] | None,
     control: Path | None,
@@ -213,7 +215,7 @@ def _settings(
 ) -> "MergeSettings":
     from dataclasses import replace
 
-    from trueterrain.lanes.merge import MergeSettings
+    from trueterrain.alignment.merge import MergeSettings
 
     settings = MergeSettings(
         method="grid" if check else method, fixed=tuple(fix or ()), limit=limit,
@@ -226,17 +228,17 @@ def _settings(
     return replace(settings, cells=replace(settings.cells, size=cell))
 
 
-def _survey(inputs: list[Path], settings: "MergeSettings", spacing: float | None) -> "Survey":
-    from trueterrain.surface.placement import Placement
+def _merge_survey(inputs: list[Path], settings: "MergeSettings", spacing: float | None) -> "Survey":
+    from trueterrain.surface.placement import GridPlacement
     from trueterrain.survey import survey_of
 
     return survey_of(
         inputs, name="merged", title="Merged passes", profiles=(), lanes=settings,
-        grid=Placement(spacing=spacing or 0.01, lap=True),
+        grid=GridPlacement(spacing=spacing or 0.01, lap=True),
     )  # fmt: skip
 
 
-def _check(
+def _check_agreement(
     inputs: list[Path],
     settings: "MergeSettings",
     runs: bool,
@@ -249,14 +251,16 @@ def _check(
     json: bool,
     force: bool,
 ) -> None:
-    from trueterrain.engine import require_writable, whole_folder
+    from trueterrain.core import require_writable, whole_folder
     from trueterrain.report import write_report
     from trueterrain.survey import RESULT, check_agreement, check_report
 
     if output is not None:
         require_writable(output, force=force, inputs=inputs, replaces="folder")
     with compiling_noted(), progress_bar() as progress:
-        cells, size, problems = _cells(inputs, settings, runs, split, crs, cell, only, progress)
+        cells, size, problems = _pass_cells(
+            inputs, settings, runs, split, crs, cell, only, progress
+        )
         found = check_agreement(cells, limit=settings.limit, size=size, problems=problems)
     if output is not None:
         with whole_folder(output, result=RESULT, force=force, inputs=inputs) as folder:
@@ -266,7 +270,7 @@ def _check(
         out_json(found)
     else:
         for line in _check_in_words(found):
-            out(line)
+            write_line(line)
     if not found["agree"]:
         sys.stdout.flush()  # while main still minds a reader that has gone
         sys.exit(1)
@@ -286,7 +290,7 @@ def _check_in_words(found: dict[str, Any]) -> "Iterator[str]":
     yield from found["problems"]
 
 
-def _cells(
+def _pass_cells(
     inputs: list[Path],
     settings: "MergeSettings",
     runs: bool,
@@ -295,16 +299,16 @@ def _cells(
     cell: float | None,
     only: "PointFilter | None",
     progress: "Progress",
-) -> "tuple[list[LaneCells], float, list[str]]":
+) -> "tuple[list[PassCells], float, list[str]]":
     """Cells of all passes, their size [m], and problems."""
     if not runs:
-        from trueterrain.lanes.clouds import cells_of_clouds, cloud_lanes, doubt_of_lanes
+        from trueterrain.alignment.clouds.merge import cells_of_clouds, cloud_lanes, doubt_of_lanes
 
         lanes = cloud_lanes(inputs, split=split or None, crs=crs, only=only, progress=progress)
         for doubt in doubt_of_lanes(lanes):
-            note(f"warning: {doubt}")
+            write_note(f"warning: {doubt}")
         return cells_of_clouds(lanes, settings, cell=cell, progress=progress)
-    from trueterrain.lanes.runs import cells_of_passes
+    from trueterrain.alignment.run_passes import cells_of_passes
     from trueterrain.survey import lane_name, survey_of
     from trueterrain.survey._lane import find_run
 

@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import note, out, out_json
+from trueterrain.cli._console import out_json, write_line, write_note
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from trueterrain.report import Report
-    from trueterrain.verify.plate import PlateDesign, PlateView, ScanSetup
+    from trueterrain.verify.plate.design import PlateDesign, PlateView, ScanSetup
 
 
 def plate(
@@ -95,7 +95,7 @@ def plate(
     from dataclasses import asdict
 
     from trueterrain.simulate.scanner import Scanner
-    from trueterrain.verify.plate import ScanSetup, design_plate, view_plate
+    from trueterrain.verify.plate.design import ScanSetup, design_plate, view_plate
 
     design = design_plate(
         cleats, cleat_width=cleat_width, rise=rise, edge_rise=edge_rise, length=length,
@@ -110,7 +110,7 @@ def plate(
         saturation=scanner.saturation,
     )  # fmt: skip
     view = view_plate(design, setup)
-    shape = design.describe()
+    shape = design.to_dict()
     shape["panels"] = {name: design.panels(name, carried) for name in shape["mass"]}
     document: dict[str, Any] = {
         "design": shape,
@@ -124,44 +124,44 @@ def plate(
         "files": [],
     }
     if output is not None:
-        document["files"] = _write(output, document, design, view, setup, force=force)
+        document["files"] = _write_plate(output, document, design, view, setup, force=force)
     if json:
         out_json(document)
     else:
-        _show(design, view, shape)
+        _print_plate(design, view, shape)
     for name in document["files"]:
-        note(f"{name}: written")
+        write_note(f"{name}: written")
 
 
-def _show(design: "PlateDesign", view: "PlateView", shape: dict[str, Any]) -> None:
+def _print_plate(design: "PlateDesign", view: "PlateView", shape: dict[str, Any]) -> None:
     along, across = design.holes()
-    out(f"Plate {design.length:g} x {design.width:g} m, {1000 * design.thickness:g} mm thick, "
+    write_line(f"Plate {design.length:g} x {design.width:g} m, {1000 * design.thickness:g} mm thick, "
         f"{along.size} x {across.size} holes every {1000 * design.pitch:g} mm")  # fmt: skip
     for material, mass in shape["mass"].items():
         cleats = ", ".join(f"{design.mass_of_cleat(c, material):.1f}" for c in design.cleats)
-        out(f"  {material:<10} {mass:.0f} kg; plate {design.mass_of_plate(material):.0f} kg in "
+        write_line(f"  {material:<10} {mass:.0f} kg; plate {design.mass_of_plate(material):.0f} kg in "
             f"{shape['panels'][material]} panels; cleats {cleats} kg")  # fmt: skip
-    out("Cleats")
+    write_line("Cleats")
     for cleat in design.cleats:
-        out(f"  {cleat.shape:<10} {1000 * cleat.width:g} x {1000 * cleat.rise:g} mm, middle at "
+        write_line(f"  {cleat.shape:<10} {1000 * cleat.width:g} x {1000 * cleat.rise:g} mm, middle at "
             f"{design.foot(cleat) + cleat.width / 2:.3f} m")  # fmt: skip
-    out(f"Steep faces, of {view.s.size} returns in all")
+    write_line(f"Steep faces, of {view.s.size} returns in all")
     for edge in view.edges:
         seen = f"{edge.on_face} returns" if edge.on_face or edge.seen else "not seen"
         seen += ", partly in shadow" if edge.on_face and not edge.seen else ""
-        out(f"  {edge.name:<18} at {edge.s:.3f} m: {seen}; points {1000 * edge.spacing:.1f} mm "
+        write_line(f"  {edge.name:<18} at {edge.s:.3f} m: {seen}; points {1000 * edge.spacing:.1f} mm "
             f"apart, {edge.blurred:.2f} across the edge")  # fmt: skip
-    out("Surfaces")
+    write_line("Surfaces")
     for band in view.bands:
-        out(f"  {band.name:<10} {100 * band.reflectivity:.0f} %: {band.intensity:.0f} counts, "
+        write_line(f"  {band.name:<10} {100 * band.reflectivity:.0f} %: {band.intensity:.0f} counts, "
             f"{band.brightness}")  # fmt: skip
     if view.doubts:
-        out("Doubts")
+        write_line("Doubts")
         for doubt in view.doubts:
-            out(f"  {doubt}")
+            write_line(f"  {doubt}")
 
 
-def _write(
+def _write_plate(
     folder: Path,
     document: dict[str, Any],
     design: "PlateDesign",
@@ -175,18 +175,18 @@ def _write(
     import matplotlib.pyplot as plt
 
     from trueterrain import figures
-    from trueterrain.engine import whole_folder
+    from trueterrain.core import whole_folder
     from trueterrain.report import write_report
-    from trueterrain.verify.plate import write_machined
+    from trueterrain.verify.plate.design import write_machined
 
-    drawing = _drawing(design)
+    drawing = _plate_drawing(design)
     names = ["drawing.svg", "drawing.pdf", "profile.csv", "plate.html", "plate.json"]
     with whole_folder(folder, result="plate", force=force) as temporary:
-        figures.save(drawing, temporary / names[0])
-        figures.save(drawing, temporary / names[1])
+        figures.save_figure(drawing, temporary / names[0])
+        figures.save_figure(drawing, temporary / names[1])
         write_machined(design, temporary / names[2])
         write_report(
-            _report(design, view, setup, document["design"], drawing), temporary / names[3]
+            _plate_report(design, view, setup, document["design"], drawing), temporary / names[3]
         )
         text = json.dumps(document, indent=2, allow_nan=False)
         (temporary / names[4]).write_text(text + "\n", encoding="utf-8")
@@ -194,7 +194,7 @@ def _write(
     return [str(folder / name) for name in names]
 
 
-def _places(design: "PlateDesign") -> dict[str, tuple[float, float]]:
+def _cleat_places(design: "PlateDesign") -> dict[str, tuple[float, float]]:
     """Begin and end of each cleat by its name; the second of a kind is numbered."""
     out: dict[str, tuple[float, float]] = {}
     for cleat in design.cleats:
@@ -204,13 +204,13 @@ def _places(design: "PlateDesign") -> dict[str, tuple[float, float]]:
     return out
 
 
-def _drawing(design: "PlateDesign") -> "Figure":
+def _plate_drawing(design: "PlateDesign") -> "Figure":
     import matplotlib.pyplot as plt
 
     from trueterrain import figures
 
     s, height = design.vertices()
-    cleats = _places(design)
+    cleats = _cleat_places(design)
     figure, (above, below) = plt.subplots(
         2, 1, figsize=(8.0, 9.5), layout="constrained", height_ratios=(3.2, 1.0)
     )
@@ -223,7 +223,7 @@ def _drawing(design: "PlateDesign") -> "Figure":
     return found
 
 
-def _report(
+def _plate_report(
     design: "PlateDesign",
     view: "PlateView",
     setup: "ScanSetup",

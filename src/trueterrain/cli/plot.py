@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import note
+from trueterrain.cli._console import write_note
 from trueterrain.cli._points import (
     Classes,
     Returns,
@@ -13,7 +13,7 @@ from trueterrain.cli._points import (
     point_filter,
     require_points,
 )
-from trueterrain.errors import FormatError
+from trueterrain.core.errors import FormatError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -75,7 +75,7 @@ def plot(
 
     files = (file, *more)
     figures.require_picture(output, force=force, inputs=files)
-    kinds = {path: _kind(path) for path in files}
+    kinds = {path: _plotted_kind(path) for path in files}
     _check_together(kinds)
     kind = kinds[file]
     if kind != "run" and (show is not None or at is not None):
@@ -84,16 +84,16 @@ def plot(
     only = point_filter(classes, returns)
     require_points(only, file, kind)
     if kind == "run":
-        drawn = _runs(files, show, at)
+        drawn = _plot_run(files, show, at)
     elif kind == "navigation":
-        drawn = _way(file)
+        drawn = _plot_navigation(file)
     else:
-        drawn = _data(files, frame, only)
-    figures.save(drawn, output, force=force, resolution=resolution)
-    note(f"{output}: written")
+        drawn = _plotted_data(files, frame, only)
+    figures.save_figure(drawn, output, force=force, resolution=resolution)
+    write_note(f"{output}: written")
 
 
-def _kind(path: Path) -> str:
+def _plotted_kind(path: Path) -> str:
     from trueterrain import formats
 
     if _is_parquet_of_navigation(path):
@@ -112,7 +112,7 @@ def _kind(path: Path) -> str:
 def _is_parquet_of_navigation(path: Path) -> bool:
     from trueterrain import formats
 
-    if formats.recognise(path).name != "Parquet":
+    if formats.recognise_format(path).name != "Parquet":
         return False
     from trueterrain.formats.navigation._recognise import is_navigation
     from trueterrain.formats.navigation._tables import table_columns
@@ -133,12 +133,12 @@ def _check_together(kinds: dict[Path, str]) -> None:
         raise ValueError(message)
 
 
-def _data(
+def _plotted_data(
     files: tuple[Path, ...], frame: Literal["grid", "ground"], only: "PointFilter | None"
 ) -> Any:
     """Surface, points or profiles."""
     from trueterrain import figures, formats
-    from trueterrain.kinds import kind_of
+    from trueterrain.core.schemas import kind_of
 
     first = formats.open(files[0], only=only)
     match kind_of(first):
@@ -152,7 +152,7 @@ def _data(
             return figures.profiles({files[0].name: first} | others)
 
 
-def _way(path: Path) -> Any:
+def _plot_navigation(path: Path) -> Any:
     """Navigation from above, and its heights."""
     import matplotlib.pyplot as plt
 
@@ -170,7 +170,7 @@ def _way(path: Path) -> Any:
     return figure
 
 
-def _runs(files: tuple[Path, ...], show: str | None, at: float | None) -> Any:
+def _plot_run(files: tuple[Path, ...], show: str | None, at: float | None) -> Any:
     from trueterrain import figures
     from trueterrain.formats.run import open_run
 
@@ -188,11 +188,11 @@ def _runs(files: tuple[Path, ...], show: str | None, at: float | None) -> Any:
             end = None if at is None else at + _SECOND
             drawn: Any = figures.range_image(run, begin=at, end=end, below=True)
         case "scan":
-            drawn = _scan(run, at)
+            drawn = _plot_scan(run, at)
         case "motion":
-            drawn = _motion(run)
+            drawn = _plot_motion(run)
         case "spectrum":
-            drawn = _spectrum(run)
+            drawn = _plot_spectrum(run)
         case _:
             drawn = figures.navigation_errors({path.stem: run for path, run in runs.items()})
     if len(files) == 1:
@@ -201,7 +201,7 @@ def _runs(files: tuple[Path, ...], show: str | None, at: float | None) -> Any:
     return drawn
 
 
-def _scan(run: "xr.DataTree", at: float | None) -> Any:
+def _plot_scan(run: "xr.DataTree", at: float | None) -> Any:
     """Scans from above if that is known, and one from behind."""
     import matplotlib.pyplot as plt
 
@@ -215,7 +215,7 @@ def _scan(run: "xr.DataTree", at: float | None) -> Any:
     return figure
 
 
-def _motion(run: "xr.DataTree") -> Any:
+def _plot_motion(run: "xr.DataTree") -> Any:
     """Motion of the body, and that of the laser if it is known."""
     import matplotlib.pyplot as plt
 
@@ -229,12 +229,12 @@ def _motion(run: "xr.DataTree") -> Any:
     return figure
 
 
-def _spectrum(run: "xr.DataTree") -> Any:
+def _plot_spectrum(run: "xr.DataTree") -> Any:
     """Spectra of all accelerometers."""
     import numpy as np
 
     from trueterrain import figures
-    from trueterrain.errors import SchemaError
+    from trueterrain.core.errors import SchemaError
 
     if "accelerometers" not in run.children:
         raise SchemaError(

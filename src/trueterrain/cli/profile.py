@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import compiling_noted, note, progress_bar
+from trueterrain.cli._console import compiling_noted, progress_bar, write_note
 from trueterrain.cli._numbers import WHOLE
 from trueterrain.cli._points import (
     Classes,
@@ -15,16 +15,16 @@ from trueterrain.cli._points import (
     point_filter,
     require_points,
 )
-from trueterrain.cli._profiles import warn
+from trueterrain.cli._profiles import write_warning
 from trueterrain.cli._recordings import refuse_recording
-from trueterrain.errors import CoverageError, concerning
+from trueterrain.core.errors import CoverageError, name_file_in_errors
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from trueterrain.engine.progress import Progress
+    from trueterrain.core.progress import Progress
     from trueterrain.formats import PointFilter
-    from trueterrain.profile import EnvelopeOptions, ProfileOptions, SearchArea, WheelPath
+    from trueterrain.profile import EnvelopeSettings, SearchArea, TyreProfileSettings, WheelPath
     from trueterrain.profile.extract import Ground
 
 StatisticName = Literal[
@@ -140,58 +140,59 @@ def profile(
     force
         Replace the output if it exists.
     """
-    from trueterrain import formats, provenance
+    from trueterrain import formats
+    from trueterrain.core import provenance
     from trueterrain.formats.point_filter import doubt_of_classes
-    from trueterrain.profile import EnvelopeOptions, ProfileOptions
+    from trueterrain.profile import EnvelopeSettings, TyreProfileSettings
     from trueterrain.profile.area import area_doubt
 
     only = point_filter(classes, returns)
-    options = ProfileOptions(
+    options = TyreProfileSettings(
         statistic=statistic, radius=radius, patch=patch, ellipse=ellipse, percent=percent,
         skip=skip, average=average, power=power, resolution=resolution, bandwidth=bandwidth,
         level=level, minimum_count=minimum_count, thin=thin,
     )  # fmt: skip
     if (doubt := area_doubt(options.search_area())) is not None:
-        warn(f"{doubt}.")
+        write_warning(f"{doubt}.")
     rolling = None
     if envelope is not None:
-        if options != ProfileOptions(thin=thin):
+        if options != TyreProfileSettings(thin=thin):
             message = "--envelope rolls a tyre, so no option of a search area can be given."
             raise ValueError(message)
-        rolling = EnvelopeOptions(envelope=envelope, tyre=tyre, load=load)
+        rolling = EnvelopeSettings(envelope=envelope, tyre=tyre, load=load)
     elif tyre is not None or load is not None:
         message = "--tyre and --load are for --envelope."
         raise ValueError(message)
     inputs = [surface, *([path] if path else [])]
     formats.require_writable(output, force=force, inputs=inputs, kind="profile")
-    written = _writing(output, units)
+    written = _writer_options(output, units)
     ways = offset, line, path
     doubt = ""
-    with concerning(surface), compiling_noted(), progress_bar() as progress:
+    with name_file_in_errors(surface), compiling_noted(), progress_bar() as progress:
         kind = formats.kind_of_file(surface)
         require_points(only, surface, kind)
         if rolling is not None and kind == "profile":
             on_line = _profile_as_ground(surface, ways, crs)
-            result = _felt(on_line, None, options, rolling, progress)
+            result = _extract_profile(on_line, None, options, rolling, progress)
         else:
             area = options.search_area()
             ground, travelled = _ground_and_path(surface, *ways, spacing, area, crs, only)
-            result = _felt(ground, travelled, options, rolling, progress)
+            result = _extract_profile(ground, travelled, options, rolling, progress)
             if isinstance(ground, PointsAlong):
                 doubt = doubt_of_classes(ground.classes)
     parameters = {} if only is None else {"only": only}
     result = provenance.add_step(result, "profile", parameters=parameters, inputs=inputs)
     formats.write(result, output, force=force, **written)
-    _summarise(result, output)
+    _print_summary(result, output)
     if doubt:
-        note(f"warning: {surface}: {doubt}")
+        write_note(f"warning: {surface}: {doubt}")
 
 
-def _felt(
+def _extract_profile(
     ground: "Ground",
     path: "WheelPath | None",
-    options: "ProfileOptions",
-    rolling: "EnvelopeOptions | None",
+    options: "TyreProfileSettings",
+    rolling: "EnvelopeSettings | None",
     progress: "Progress",
 ) -> "xr.Dataset":
     """Profile by what was asked for."""
@@ -215,17 +216,17 @@ def _profile_as_ground(
     path: Path, ways: tuple[object, object, object], crs: str | None
 ) -> "xr.Dataset":
     """Read the profile that a tyre shall roll along."""
-    from trueterrain.formats.crs import parse_crs
+    from trueterrain.geometry.crs import parse_crs
 
     if any(way is not None for way in ways):
         message = "a profile is a path of its own: --offset, --line and --path are for surfaces."
         raise ValueError(message)
     if crs is not None:
         parse_crs(crs)
-    return _surface(path, crs)
+    return _open_surface(path, crs)
 
 
-def _writing(output: Path, units: str | None) -> dict[str, str]:
+def _writer_options(output: Path, units: str | None) -> dict[str, str]:
     """Options of writing, if the output can be written at all."""
     from trueterrain import formats
 
@@ -249,11 +250,11 @@ def _ground_and_path(
 ) -> "tuple[Ground, WheelPath]":
     """Read the ground and lay the path over it; a cloud stays on disk until it is needed."""
     from trueterrain import formats
-    from trueterrain.formats.crs import parse_crs
     from trueterrain.formats.point_filter import classes_needed
     from trueterrain.formats.table import read_waypoints
+    from trueterrain.geometry.crs import parse_crs
     from trueterrain.profile import offset_path, straight_path, waypoint_path
-    from trueterrain.profile.area import reach
+    from trueterrain.profile.area import area_reach
 
     if sum(way is not None for way in (offset, line, path)) != 1:
         message = "name the path with exactly one of --offset, --line and --path."
@@ -276,7 +277,7 @@ def _ground_and_path(
                 path=surface,
                 cure="Name the path with --line or --path.",
             )
-        ground = _surface(surface, crs)
+        ground = _open_surface(surface, crs)
         return ground, offset_path(ground, offset, spacing=spacing)
     if line is not None:
         travelled = straight_path(line[:2], line[2:], spacing=spacing)
@@ -284,8 +285,8 @@ def _ground_and_path(
         assert path is not None
         travelled = waypoint_path(*read_waypoints(path), spacing=spacing)
     if kind == "surface":
-        return _surface(surface, crs), travelled
-    margin = reach(area)
+        return _open_surface(surface, crs), travelled
+    margin = area_reach(area)
     bounds = (
         travelled.easting.min() - margin,
         travelled.northing.min() - margin,
@@ -299,14 +300,14 @@ def _ground_and_path(
     return PointsAlong(blocks, travelled, margin), travelled
 
 
-def _surface(path: Path, crs: str | None) -> "xr.Dataset":
+def _open_surface(path: Path, crs: str | None) -> "xr.Dataset":
     from trueterrain import formats
 
     surface = formats.open(path)
     return surface if crs is None else surface.assign_attrs(crs=crs)
 
 
-def _summarise(result: "xr.Dataset", output: Path) -> None:
+def _print_summary(result: "xr.Dataset", output: Path) -> None:
     s = result.s.values
     text = f"{output}: {s.size:,} points over {s[-1]:.2f} m every {s[1] - s[0]:g} m"
     if "count" in result:
@@ -321,4 +322,4 @@ def _summarise(result: "xr.Dataset", output: Path) -> None:
             f"; at {result.attrs['held']} points the tyre reaches beyond the ends of the ground, "
             "whose heights are held"
         )
-    note(text)
+    write_note(text)

@@ -3,14 +3,14 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from trueterrain.cli._console import out, out_json
-from trueterrain.cli._profiles import draw, read_profile, write_table
-from trueterrain.errors import concerning
+from trueterrain.cli._console import out_json, write_line
+from trueterrain.cli._profiles import draw_panels, read_profile, write_table
+from trueterrain.core.errors import name_file_in_errors
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from trueterrain.roughness import PsdOptions
+    from trueterrain.roughness import PsdSettings
 
 _MICRO = 1e6
 _HEIGHT = 5.0  # [inches] of the picture of one file
@@ -67,39 +67,41 @@ def psd(
         Replace the picture if it exists.
     """
     from trueterrain import figures
-    from trueterrain.roughness import PsdOptions
+    from trueterrain.roughness import PsdSettings
 
     files = (file, *more)
     if plot is not None:
         figures.require_picture(plot, force=force, inputs=files)
-    options = PsdOptions(
+    options = PsdSettings(
         block=block, lowest=lowest, highest=highest, waviness=waviness, confidence=confidence
     )
-    spectra = [_spectrum(path, options, segment) for path in files]
-    documents = [_document(path, one, options) for path, one in zip(files, spectra, strict=True)]
+    spectra = [_compute_psd(path, options, segment) for path in files]
+    documents = [
+        _json_document(path, one, options) for path, one in zip(files, spectra, strict=True)
+    ]
     if json:
         out_json(documents if more else documents[0])
     else:
         for document in documents:
-            _show(document)
-        out(
+            _print_result(document)
+        write_line(
             f"Fitted from {lowest:g} to {highest:g} cycles/m; blocks of {block:g} m; "
             f"intervals hold with {100 * confidence:g} % confidence."
         )
     if plot is not None:
         panels = [[lambda ax, one=one: figures.road_spectrum(one, ax=ax)] for one in spectra]
-        draw([path.name for path in files], panels, plot, force=force, height=_HEIGHT)
+        draw_panels([path.name for path in files], panels, plot, force=force, height=_HEIGHT)
 
 
-def _spectrum(path: Path, options: "PsdOptions", segment: float | None) -> "xr.Dataset":
+def _compute_psd(path: Path, options: "PsdSettings", segment: float | None) -> "xr.Dataset":
     from trueterrain import roughness
 
     profile = read_profile(path)
-    with concerning(path):
+    with name_file_in_errors(path):
         return roughness.psd(profile, options=options, segment=segment)
 
 
-def _document(path: Path, spectrum: "xr.Dataset", options: "PsdOptions") -> dict[str, Any]:
+def _json_document(path: Path, spectrum: "xr.Dataset", options: "PsdSettings") -> dict[str, Any]:
     tracks = []
     for name in spectrum["track"].values:
         one = spectrum.sel(track=name)
@@ -107,13 +109,18 @@ def _document(path: Path, spectrum: "xr.Dataset", options: "PsdOptions") -> dict
         for at in range(one.sizes.get("segment", 0)):
             piece = one.isel(segment=at)
             ends = {"start": piece["start"].item(), "end": piece["end"].item()}
-            segments.append(ends | _fit(piece, "segment_"))
-        whole = {"name": str(name), **_fit(one, ""), "segments": segments, "bands": _bands(one)}
+            segments.append(ends | _fit_values(piece, "segment_"))
+        whole = {
+            "name": str(name),
+            **_fit_values(one, ""),
+            "segments": segments,
+            "bands": _band_values(one),
+        }
         tracks.append(whole)
     return {"file": str(path), "tracks": tracks, "confidence": options.confidence}
 
 
-def _fit(one: "xr.Dataset", prefix: str) -> dict[str, Any]:
+def _fit_values(one: "xr.Dataset", prefix: str) -> dict[str, Any]:
     fitted: dict[str, Any] = {"road_class": one[f"{prefix}road_class"].item()}
     for name in ("gd_n0", "waviness"):
         ends = {end: one[f"{prefix}{name}_{end}"].item() for end in ("low", "high")}
@@ -121,7 +128,7 @@ def _fit(one: "xr.Dataset", prefix: str) -> dict[str, Any]:
     return fitted
 
 
-def _bands(one: "xr.Dataset") -> list[dict[str, Any]]:
+def _band_values(one: "xr.Dataset") -> list[dict[str, Any]]:
     columns = {
         "lower": "lower", "centre": "centre", "upper": "upper", "density": "smoothed",
         "low": "smoothed_low", "high": "smoothed_high", "fitted": "fitted",
@@ -130,19 +137,19 @@ def _bands(one: "xr.Dataset") -> list[dict[str, Any]]:
     return [dict(zip(columns, row, strict=True)) for row in values]
 
 
-def _show(document: dict[str, Any]) -> None:
+def _print_result(document: dict[str, Any]) -> None:
     rows = [["track", "from [m]", "to [m]", "class", "Gd(n0) [1e-6 m³]", "w"]]
     for track in document["tracks"]:
         for piece in track["segments"]:
             ends = [f"{piece['start']:.2f}", f"{piece['end']:.2f}"]
-            rows.append([track["name"], *ends, *_cells(piece)])
-        rows.append([track["name"], "whole", "", *_cells(track)])
-    out(f"Displacement spectrum of {document['file']}")
+            rows.append([track["name"], *ends, *_table_cells(piece)])
+        rows.append([track["name"], "whole", "", *_table_cells(track)])
+    write_line(f"Displacement spectrum of {document['file']}")
     write_table(rows)
-    out()
+    write_line()
 
 
-def _cells(fit: dict[str, Any]) -> list[str]:
+def _table_cells(fit: dict[str, Any]) -> list[str]:
     """Class, Gd(n0) and waviness, or dashes where a segment was too short."""
     gd, w = fit["gd_n0"], fit["waviness"]
     if not fit["road_class"]:

@@ -4,21 +4,21 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from trueterrain.cli._console import compiling_noted, out, out_json
+from trueterrain.cli._console import compiling_noted, out_json, write_line
 from trueterrain.cli._profiles import (
     Window,
-    draw,
+    draw_panels,
     explain_run,
     read_profile,
     warn_of_rating,
     write_table,
 )
-from trueterrain.errors import concerning
+from trueterrain.core.errors import name_file_in_errors
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from trueterrain.roughness import RideNumberOptions
+    from trueterrain.roughness import RideNumberSettings
 
 
 def rn(
@@ -71,31 +71,31 @@ def rn(
         Replace the picture if it exists.
     """
     from trueterrain import figures
-    from trueterrain.roughness import RideNumberOptions
+    from trueterrain.roughness import RideNumberSettings
 
     files = (file, *more)
     if plot is not None:
         figures.require_picture(plot, force=force, inputs=files)
-    options = RideNumberOptions(window=window, window_length=window_length, restart=restart)
+    options = RideNumberSettings(window=window, window_length=window_length, restart=restart)
     with compiling_noted():
-        rated = [_rate(path, options, segment, wheel_paths) for path in files]
-    documents = [_document(path, one) for path, one in zip(files, rated, strict=True)]
+        rated = [_rate_file(path, options, segment, wheel_paths) for path in files]
+    documents = [_json_document(path, one) for path, one in zip(files, rated, strict=True)]
     if json:
         out_json(documents if more else documents[0])
     else:
         for one, document in zip(rated, documents, strict=True):
-            _show(one, document)
+            _print_result(one, document)
         start = f"first {options.start_length:g} m"
-        out(f"Car of the Ride Number {explain_run(options, start)}")
-        out("The constants were not checked against the text of ASTM E1489.")
+        write_line(f"Car of the Ride Number {explain_run(options, start)}")
+        write_line("The constants were not checked against the text of ASTM E1489.")
     if plot is not None:
         panels = [[lambda ax, one=one: figures.ride_number_segments(one, ax=ax)] for one in rated]
-        draw([path.name for path in files], panels, plot, force=force)
+        draw_panels([path.name for path in files], panels, plot, force=force)
 
 
-def _rate(
+def _rate_file(
     path: Path,
-    options: "RideNumberOptions",
+    options: "RideNumberSettings",
     segment: float,
     wheel_paths: tuple[str, str] | None,
 ) -> "xr.Dataset":
@@ -103,13 +103,13 @@ def _rate(
 
     profile = read_profile(path)
     warn_of_rating(path, profile, options)
-    with concerning(path):
+    with name_file_in_errors(path):
         return roughness.ride_number(
             profile, options=options, segment=segment, wheel_paths=wheel_paths
         )
 
 
-def _document(path: Path, rated: "xr.Dataset") -> dict[str, Any]:
+def _json_document(path: Path, rated: "xr.Dataset") -> dict[str, Any]:
     starts, ends = rated["start"].values.tolist(), rated["end"].values.tolist()
     tracks = []
     for name in rated["track"].values:
@@ -128,7 +128,7 @@ def _document(path: Path, rated: "xr.Dataset") -> dict[str, Any]:
     return {"file": str(path), "tracks": tracks, "rn": both, "segments": segments}
 
 
-def _show(rated: "xr.Dataset", document: dict[str, Any]) -> None:
+def _print_result(rated: "xr.Dataset", document: dict[str, Any]) -> None:
     tracks, both = document["tracks"], document["segments"]
     names = [track["name"] for track in tracks] + (["both"] if both else [])
     rows = [["from [m]", "to [m]", *names]]
@@ -139,6 +139,6 @@ def _show(rated: "xr.Dataset", document: dict[str, Any]) -> None:
         rows.append([*ends, *values, *([] if complete else ["shorter"])])
     whole = [track["rn"] for track in tracks] + ([document["rn"]] if both else [])
     rows.append(["whole", "", *(f"{value:.2f}" for value in whole)])
-    out(f"Ride Number of {document['file']}")
+    write_line(f"Ride Number of {document['file']}")
     write_table(rows)
-    out()
+    write_line()

@@ -9,14 +9,14 @@ from cyclopts import Parameter
 
 from trueterrain.cli._console import (
     compiling_noted,
-    note,
-    out,
     out_json,
     progress_bar,
     worker_threads,
+    write_line,
+    write_note,
 )
 from trueterrain.cli._numbers import WHOLE
-from trueterrain.cli._profiles import warn
+from trueterrain.cli._profiles import write_warning
 
 
 def run(
@@ -51,7 +51,7 @@ def run(
     force
         Replace an earlier result of the same command in the folder; other files in it stay.
     """
-    from trueterrain.engine import require_writable
+    from trueterrain.core import require_writable
     from trueterrain.survey import read_survey, run_survey
     from trueterrain.verify.truth import truth_of
 
@@ -66,12 +66,14 @@ def run(
         out_json({**found.numbers, "folder": str(output), "files": list(found.files)})
     else:
         for line in in_words(found.numbers):
-            out(line)
-        note(f"{output / 'report.html'}: the report")
+            write_line(line)
+        write_note(f"{output / 'report.html'}: the report")
     taken = {profile["name"] for lane in found.numbers["lanes"] for profile in lane["profiles"]}
     missing = [profile.name for profile in settings.profiles if profile.name not in taken]
     if missing:
-        warn(f"no lane has the profile {', '.join(missing)}; the report says why under each lane")
+        write_warning(
+            f"no lane has the profile {', '.join(missing)}; the report says why under each lane"
+        )
         sys.exit(1)
 
 

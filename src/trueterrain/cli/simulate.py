@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import out, out_json, progress_bar
+from trueterrain.cli._console import out_json, progress_bar, write_line
 from trueterrain.cli._numbers import WHOLE
-from trueterrain.errors import CoverageError
+from trueterrain.core.errors import CoverageError
 
 if TYPE_CHECKING:
     from trueterrain.simulate.body import Motion
-    from trueterrain.simulate.scene import Drive, Scene, Stage
+    from trueterrain.simulate.scene import Scene, ScenePass, Stage
 
 
 def simulate(
@@ -52,7 +52,7 @@ def simulate(
         Replace recorded runs that exist.
     """
     if show_scenes:
-        _list(json)
+        _list_scenes(json)
         return
     if scene is None:
         message = "name a scene: a .toml file, or a ready one (see `trueterrain simulate --list`)."
@@ -60,23 +60,23 @@ def simulate(
     if output is None:
         message = "name the folder for the runs: --output DIR."
         raise ValueError(message)
-    from trueterrain.engine import whole_stores
+    from trueterrain.core import whole_stores
 
-    drives, stage = _stage(scene, passes or [], seed)
+    drives, stage = _prepare_stage(scene, passes or [], seed)
     todo = [
         (number, drive, stage.motion(drive), f"{stage.scene.name}-{drive.name}.zarr")
         for number, drive in drives
     ]
     runs = []
     with whole_stores(
-        output, [name for *_, name in todo], ("run",), force=force, inputs=_inputs(stage)
+        output, [name for *_, name in todo], ("run",), force=force, inputs=_scene_files(stage)
     ) as folder:
         for number, drive, motion, name in todo:
-            _record(stage, drive, motion, folder / name, number=number)
-            runs.append(_summary(drive, motion, folder / name, output / name))
+            _record_one(stage, drive, motion, folder / name, number=number)
+            runs.append(_pass_summary(drive, motion, folder / name, output / name))
     if not json:
         for run in runs:
-            out(_in_words(run, max(len(run["path"]) for run in runs)))
+            write_line(_in_words(run, max(len(run["path"]) for run in runs)))
     if json:
         settings = stage.scene
         out_json(
@@ -84,7 +84,7 @@ def simulate(
         )
 
 
-def _list(json: bool) -> None:
+def _list_scenes(json: bool) -> None:
     from trueterrain.simulate.scene import read_scene, scene_names
 
     scenes = [read_scene(name)[0] for name in scene_names()]
@@ -96,12 +96,12 @@ def _list(json: bool) -> None:
         return
     width = max(len(scene.name) for scene in scenes)
     for scene in scenes:
-        out(f"{scene.name:<{width}}  {scene.title}")
+        write_line(f"{scene.name:<{width}}  {scene.title}")
 
 
-def _stage(
+def _prepare_stage(
     name: str, passes: list[str], seed: int | None
-) -> "tuple[list[tuple[int, Drive]], Stage]":
+) -> "tuple[list[tuple[int, ScenePass]], Stage]":
     """Passes to record with their numbers in the scene, and the scene with its ground."""
     from dataclasses import replace
 
@@ -110,10 +110,10 @@ def _stage(
     scene, path = read_scene(name)
     if seed is not None:
         scene = replace(scene, seed=seed)
-    return _chosen(scene, name, passes), set_stage(scene, path=path)
+    return _chosen_passes(scene, name, passes), set_stage(scene, path=path)
 
 
-def _chosen(scene: "Scene", name: str, passes: list[str]) -> "list[tuple[int, Drive]]":
+def _chosen_passes(scene: "Scene", name: str, passes: list[str]) -> "list[tuple[int, ScenePass]]":
     known = [drive.name for drive in scene.passes]
     for wanted in passes:
         if wanted not in known:
@@ -123,7 +123,7 @@ def _chosen(scene: "Scene", name: str, passes: list[str]) -> "list[tuple[int, Dr
     return [(n, drive) for n, drive in enumerate(scene.passes) if drive.name in (passes or known)]
 
 
-def _inputs(stage: "Stage") -> list[Path]:
+def _scene_files(stage: "Stage") -> list[Path]:
     """Files that a scene is made from: its own, and measured ground beside it."""
     if stage.path is None:
         return []
@@ -131,7 +131,9 @@ def _inputs(stage: "Stage") -> list[Path]:
     return [stage.path, *(stage.path.parent / name for name in grounds)]
 
 
-def _record(stage: "Stage", drive: "Drive", motion: "Motion", target: Path, *, number: int) -> None:
+def _record_one(
+    stage: "Stage", drive: "ScenePass", motion: "Motion", target: Path, *, number: int
+) -> None:
     from trueterrain.simulate.scene import record_pass
 
     with progress_bar() as progress:
@@ -144,7 +146,9 @@ def _record(stage: "Stage", drive: "Drive", motion: "Motion", target: Path, *, n
             ) from None
 
 
-def _summary(drive: "Drive", motion: "Motion", written: Path, target: Path) -> dict[str, Any]:
+def _pass_summary(
+    drive: "ScenePass", motion: "Motion", written: Path, target: Path
+) -> dict[str, Any]:
     from trueterrain.formats.run import open_run
 
     sizes = open_run(written)["scans"].sizes

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import note, out, out_json
+from trueterrain.cli._console import out_json, write_line, write_note
 from trueterrain.cli._profiles import write_table
 
 if TYPE_CHECKING:
-    from trueterrain.verify.certificate import Certified
+    from trueterrain.verify.certificate import CertificateResult
 
 _MILLI = 1e3
 _RESULT, _NAMES = "verify", ("certificate.html", "certificate.pdf", "result.json")
@@ -66,16 +66,16 @@ def verify(
     if config is None:
         message = f"name the description of the {test} test: verify {test} CONFIG."
         raise ValueError(message)
-    from trueterrain.cli._verify_certificate import certificate_of
-    from trueterrain.engine import whole_folder
+    from trueterrain.core import whole_folder
     from trueterrain.report import write_report, write_report_pdf
-    from trueterrain.verify.certificate import certify, input_files, write_errors
+    from trueterrain.report.certificate import certificate_of
+    from trueterrain.verify.certificate import certify_profiler, input_files, write_errors
 
     with whole_folder(
         output, result=_RESULT, force=force, inputs=input_files(test, config), names=_NAMES
     ) as folder:
-        found = certify(test, config)
-        document = found.describe()
+        found = certify_profiler(test, config)
+        document = found.to_dict()
         files = write_errors(found, folder)
         text = _json.dumps(document, indent=2, allow_nan=False)
         (folder / "result.json").write_text(text + "\n", encoding="utf-8", newline="\n")
@@ -86,18 +86,20 @@ def verify(
     if json:
         out_json(document)
         return
-    for row in _table(found):
-        out(row)
+    for row in _result_rows(found):
+        write_line(row)
     for doubt in found.doubts:
-        note(f"trueterrain: warning: {doubt}")
-    note(f"{output / 'certificate.html'}: the certificate; certificate.pdf is the same to print")
+        write_note(f"trueterrain: warning: {doubt}")
+    write_note(
+        f"{output / 'certificate.html'}: the certificate; certificate.pdf is the same to print"
+    )
 
 
 def _thesis_table(config: Path | None, output: Path, *, json: bool, force: bool) -> None:
     from trueterrain.cli._console import progress_bar
     from trueterrain.cli._verify_table import lines_of, make_table, remarks_on
     from trueterrain.cli._verify_table_page import report_of
-    from trueterrain.engine import whole_folder
+    from trueterrain.core import whole_folder
     from trueterrain.report import write_report, write_report_pdf
 
     if config is not None:
@@ -106,7 +108,7 @@ def _thesis_table(config: Path | None, output: Path, *, json: bool, force: bool)
     with whole_folder(output, result=_RESULT, force=force) as folder:
         with progress_bar() as progress:
             made = make_table(progress)
-        document = made.describe()
+        document = made.to_dict()
         text = _json.dumps(document, indent=2, allow_nan=False)
         (folder / "result.json").write_text(text + "\n", encoding="utf-8", newline="\n")
         report = report_of(made)
@@ -117,17 +119,17 @@ def _thesis_table(config: Path | None, output: Path, *, json: bool, force: bool)
         return
     write_table(lines_of(made))
     for remark in remarks_on(made):
-        out(remark)
-    note(
+        write_line(remark)
+    write_note(
         f"{output / 'table.html'}: the table, its pictures, and what is assumed; table.pdf is the "
         "same to print"
     )
 
 
-def _table(found: "Certified") -> Iterator[str]:
+def _result_rows(found: "CertificateResult") -> Iterator[str]:
     """Table as Table 3-1, then what keeps its limits and what does not."""
-    from trueterrain.cli._verify_findings import in_words
-    from trueterrain.verify.uncertainty import ENOUGH
+    from trueterrain.report.findings import in_words
+    from trueterrain.verify.statistics.uncertainty import ENOUGH
 
     header = [
         "test",
@@ -146,8 +148,8 @@ def _table(found: "Certified") -> Iterator[str]:
         rows.append(
             [
                 name, _with_interval(row.rms), _with_interval(row.off_edges),
-                _with_interval(row.distance), _mm(row.maximum),
-                _with_interval(row.bias), _mm(row.noise), _mm(row.registration), str(row.count),
+                _with_interval(row.distance), _format_millimetres(row.maximum),
+                _with_interval(row.bias), _format_millimetres(row.noise), _format_millimetres(row.registration), str(row.count),
             ]
         )  # fmt: skip
     write_table(rows)
@@ -168,7 +170,7 @@ def _table(found: "Certified") -> Iterator[str]:
         yield "No limits were given: nothing is passed or failed."
 
 
-def _mm(value: float | None) -> str:
+def _format_millimetres(value: float | None) -> str:
     return "-" if value is None else f"{_MILLI * value:.3f}"
 
 
@@ -176,4 +178,4 @@ def _with_interval(figure: Any) -> str:
     if figure is None:
         return "-"
     mark = "" if figure.trusted else "*"
-    return f"{_mm(figure.value)} ({_mm(figure.low)} to {_mm(figure.high)}){mark}"
+    return f"{_format_millimetres(figure.value)} ({_format_millimetres(figure.low)} to {_format_millimetres(figure.high)}){mark}"

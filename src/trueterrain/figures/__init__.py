@@ -5,47 +5,16 @@ exaggeration), uses colours that colour-blind people can tell apart, and keeps i
 data. Without ``ax`` a new figure is made; ``save`` writes it, whole or not at all.
 """
 
-from trueterrain.figures.agreement import agreement_matrix, agreement_overlay
-from trueterrain.figures.continuous import continuous_roughness
-from trueterrain.figures.cpf import cpf
-from trueterrain.figures.difference import profile_difference
-from trueterrain.figures.drift import navigation_errors
-from trueterrain.figures.envelope import tyre_envelopes
-from trueterrain.figures.evenness import straightedge_deviation, waveband_segments
-from trueterrain.figures.event import cleat_crossing, event_plan, event_side, event_waves
-from trueterrain.figures.event_curves import (
+from trueterrain.figures.accuracy.event import cleat_crossing, event_plan, event_side, event_waves
+from trueterrain.figures.accuracy.event_curves import (
     cleat_ratios,
     hop_gain,
     mode_shares,
     passage_gains,
     vehicle_gain,
 )
-from trueterrain.figures.iri import iri_segments
-from trueterrain.figures.lanes_choice import correction_spectrum, strength_choice
-from trueterrain.figures.lanes_correction import lane_correction
-from trueterrain.figures.lanes_discontinuity import discontinuity_vectors, lane_histograms
-from trueterrain.figures.lanes_map import discrepancy_map, lane_overlap
-from trueterrain.figures.lanes_seam import seam_steps
-from trueterrain.figures.motion import body_motion, laser_displacement
-from trueterrain.figures.names import draw_names, head_figure
-from trueterrain.figures.navigation import navigation_heights, navigation_plan
-from trueterrain.figures.output import require_picture, save
-from trueterrain.figures.parallel import parallel_profiles
-from trueterrain.figures.plate import plate_plan, plate_section, plate_view
-from trueterrain.figures.points import points_map
-from trueterrain.figures.profiles import profiles
-from trueterrain.figures.psd import road_spectrum
-from trueterrain.figures.ranges import range_image
-from trueterrain.figures.relief import surface_relief
-from trueterrain.figures.ride_number import ride_number_segments
-from trueterrain.figures.roughness_histogram import roughness_histogram
-from trueterrain.figures.scan import scan_elevation, scan_plan
-from trueterrain.figures.search import search_area_map
-from trueterrain.figures.slope import measurable_slope
-from trueterrain.figures.spectrum import spectrum
-from trueterrain.figures.surface import surface_map
-from trueterrain.figures.surface_difference import difference_map, structure_functions
-from trueterrain.figures.verify import (
+from trueterrain.figures.accuracy.plate import plate_plan, plate_section, plate_view
+from trueterrain.figures.accuracy.results import (
     drift_errors,
     drift_growth,
     motion_rejection,
@@ -54,6 +23,37 @@ from trueterrain.figures.verify import (
     plate_errors,
     plate_profile,
 )
+from trueterrain.figures.alignment.correction import lane_correction
+from trueterrain.figures.alignment.discontinuity import discontinuity_vectors, lane_histograms
+from trueterrain.figures.alignment.map import discrepancy_map, lane_overlap
+from trueterrain.figures.alignment.model_choice import correction_spectrum, strength_choice
+from trueterrain.figures.alignment.seam import seam_steps
+from trueterrain.figures.names import draw_names, head_figure
+from trueterrain.figures.output import require_picture, save_figure
+from trueterrain.figures.profile.cpf import cpf
+from trueterrain.figures.profile.difference import profile_difference
+from trueterrain.figures.profile.envelope import tyre_envelopes
+from trueterrain.figures.profile.parallel_lines import parallel_profiles
+from trueterrain.figures.profile.profiles import profiles
+from trueterrain.figures.profile.search_areas import search_area_map
+from trueterrain.figures.roughness.agreement import agreement_matrix, agreement_overlay
+from trueterrain.figures.roughness.continuous_iri import continuous_roughness
+from trueterrain.figures.roughness.evenness import straightedge_deviation, waveband_segments
+from trueterrain.figures.roughness.histogram import roughness_histogram
+from trueterrain.figures.roughness.iri import iri_segments
+from trueterrain.figures.roughness.psd import road_spectrum
+from trueterrain.figures.roughness.ride_number import ride_number_segments
+from trueterrain.figures.run.drift import navigation_errors
+from trueterrain.figures.run.motion import body_motion, laser_displacement
+from trueterrain.figures.run.navigation import navigation_heights, navigation_plan
+from trueterrain.figures.run.ranges import range_image
+from trueterrain.figures.run.scan import scan_elevation, scan_plan
+from trueterrain.figures.run.spectrum import spectrum
+from trueterrain.figures.surface.difference import difference_map, structure_functions
+from trueterrain.figures.surface.heights import surface_map
+from trueterrain.figures.surface.points import points_map
+from trueterrain.figures.surface.relief import surface_relief
+from trueterrain.figures.surface.slope import measurable_slope
 
 __all__ = [
     "agreement_matrix",
@@ -103,7 +103,7 @@ __all__ = [
     "ride_number_segments",
     "road_spectrum",
     "roughness_histogram",
-    "save",
+    "save_figure",
     "scan_elevation",
     "scan_plan",
     "seam_steps",

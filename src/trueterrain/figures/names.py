@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from trueterrain.engine.plain import printable
+from trueterrain.core.json_values import printable_text
 
 if TYPE_CHECKING:
     from matplotlib.text import Text
@@ -30,7 +30,7 @@ def draw_names(texts: "Iterable[Text]") -> None:
     """
     for text in texts:
         text.set_parse_math(False)
-        text.set_text(printable(text.get_text()))
+        text.set_text(printable_text(text.get_text()))
 
 
 def head_figure(figure: Any, name: str) -> None:

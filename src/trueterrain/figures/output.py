@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from trueterrain.engine import require_writable, whole_output
+from trueterrain.core import require_writable, whole_output
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,7 +21,7 @@ _METADATA: dict[str, dict[str, Any]] = {
 _MOST_DOTS = 2400.0  # [1/inch] what printers can show
 
 
-def save(
+def save_figure(
     figure: "Figure | Axes", path: str | Path, *, force: bool = False, resolution: float = 160.0
 ) -> None:
     """Write a figure as SVG, PDF or PNG, by the ending of the name.
@@ -48,7 +48,7 @@ def save(
     --------
     >>> import tempfile
     >>> from trueterrain.figures import profiles
-    >>> from trueterrain.kinds import make_profile
+    >>> from trueterrain.core.schemas import make_profile
     >>> ax = profiles(make_profile([0.0, 1.0, 2.0], [0.0, 0.01, 0.0]))
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     save(ax, Path(folder) / "bump.svg")
@@ -57,7 +57,7 @@ def save(
     """
     import matplotlib as mpl
 
-    ending = _ending(path)
+    ending = _figure_ending(path)
     if not 0 < resolution <= _MOST_DOTS:
         message = (
             f"resolution must be greater than 0 and at most {_MOST_DOTS:g} dots per inch, "
@@ -91,7 +91,7 @@ def require_picture(
     ValueError
         If the ending is another one.
     OutputError
-        As by `trueterrain.engine.require_writable`.
+        As by `trueterrain.core.require_writable`.
 
     Examples
     --------
@@ -99,11 +99,11 @@ def require_picture(
     Traceback (most recent call last):
     ValueError: road.bmp: a figure ends in .png, .svg, .pdf, got '.bmp'.
     """
-    _ending(path)
+    _figure_ending(path)
     require_writable(path, force=force, inputs=inputs)
 
 
-def _ending(path: str | Path) -> str:
+def _figure_ending(path: str | Path) -> str:
     ending = Path(path).suffix.lower()
     if ending not in _METADATA:
         message = f"{path}: a figure ends in {', '.join(_METADATA)}, got {ending or 'no ending'!r}."

@@ -10,9 +10,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from trueterrain.errors import CoverageError, FormatError, concerning
+from trueterrain.core.errors import CoverageError, FormatError, name_file_in_errors
 from trueterrain.formats.point_filter import PointFilter, ReturnCounts
-from trueterrain.formats.signature import Format, ending_matches, recognise
+from trueterrain.formats.signature import Format, ending_matches, recognise_format
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -26,7 +26,7 @@ __all__ = [
     "open",
     "point_blocks",
     "point_variables",
-    "recognise",
+    "recognise_format",
     "require_writable",
     "write",
     "writer_of",
@@ -61,7 +61,7 @@ def open(  # noqa: A001 - called as trueterrain.formats.open
     Returns
     -------
     xarray.Dataset
-        Points, Surface or Profile, see `trueterrain.kinds`, or navigation, see
+        Points, Surface or Profile, see `trueterrain.core.schemas`, or navigation, see
         `trueterrain.formats.navigation`.
 
     Raises
@@ -71,12 +71,12 @@ def open(  # noqa: A001 - called as trueterrain.formats.open
     CoverageError
         If no point is taken.
     """
-    data: xr.Dataset = _module(recognise(path).module).read(path)
+    data: xr.Dataset = _import_format(recognise_format(path).module).read(path)
     if only is None or not only.variables:
         return data
     if "point" not in data.dims:
         raise _no_points(path)
-    return next(_taken(iter([data]), only, path))
+    return next(_filtered_blocks(iter([data]), only, path))
 
 
 def info(path: str | Path) -> dict[str, Any]:
@@ -99,9 +99,9 @@ def info(path: str | Path) -> dict[str, Any]:
         If the format is unknown or the file is damaged beyond description.
     """
     path = Path(path)
-    found = recognise(path)
+    found = recognise_format(path)
     summary: dict[str, Any] = {"file": str(path), "bytes": path.stat().st_size}
-    summary |= _module(found.module).describe(path)
+    summary |= _import_format(found.module).to_dict(path)
     if not ending_matches(path, found):
         doubt = f"the name ends with {path.suffix or 'nothing'!r}, the content is {found.name}"
         summary["problems"] = [doubt, *summary["problems"]]
@@ -141,11 +141,11 @@ def write(
     OutputError
         If the file exists and `force` is false.
     """
-    from trueterrain.kinds import kind_of
+    from trueterrain.core.schemas import kind_of
 
     kind = "points" if isinstance(data, Iterator) else kind_of(data)
-    module = _module(writer_of(kind, path))
-    with concerning(path):
+    module = _import_format(writer_of(kind, path))
+    with name_file_in_errors(path):
         return module.write(data, path, force=force, **options)
 
 
@@ -180,13 +180,13 @@ def require_writable(
     --------
     >>> require_writable("nowhere/points.zarr")
     Traceback (most recent call last):
-    trueterrain.errors.OutputError: nowhere/points.zarr: the folder nowhere does not exist. ...
+    trueterrain.core.errors.OutputError: nowhere/points.zarr: the folder nowhere does not exist. ...
     """
-    from trueterrain import engine
+    from trueterrain import core
 
     store = Path(path).suffix.lower() == ".zarr"
     kinds = tuple(_WRITERS) if kind is None else (kind,)
-    engine.require_writable(
+    core.require_writable(
         path, force=force, inputs=inputs, replaces=kinds if store else "file"
     )  # fmt: skip
 
@@ -269,7 +269,7 @@ def point_blocks(
     module = _points_module(path)
     chosen = () if only is None else only.variables
     if only is not None and chosen:
-        with concerning(path):
+        with name_file_in_errors(path):
             only.require(module.point_variables(path))
     if crs is not None and not hasattr(module, "header_of"):
         crs = _crs_in_metres(crs)
@@ -279,7 +279,7 @@ def point_blocks(
         yield from blocks
         return
     surplus = () if variables is None else set(chosen) - set(variables)
-    for block in _taken(blocks, only, path):
+    for block in _filtered_blocks(blocks, only, path):
         yield block.drop_vars(surplus)
 
 
@@ -320,7 +320,7 @@ def conversion_of(path: str | Path, crs: str | None = None) -> str:
     str
         Empty if they are metres, or the format has no CRS with units of its own.
     """
-    module = _module(recognise(path).module)
+    module = _import_format(recognise_format(path).module)
     if hasattr(module, "header_of"):
         return str(module.header_of(path, crs)[0].conversion)
     if crs is not None and _crs_in_metres(crs) != crs:
@@ -330,7 +330,7 @@ def conversion_of(path: str | Path, crs: str | None = None) -> str:
 
 def _crs_in_metres(crs: str) -> str:
     """CRS for points that are in metres, whatever the axes of the one that is named."""
-    from trueterrain.formats.crs import crs_in_metres, parse_crs, units_of
+    from trueterrain.geometry.crs import crs_in_metres, parse_crs, units_of
 
     parsed = parse_crs(crs)
     if parsed.is_geographic or parsed.is_geocentric or units_of(parsed).metres:
@@ -338,13 +338,13 @@ def _crs_in_metres(crs: str) -> str:
     return crs_in_metres(parsed)
 
 
-def _taken(
+def _filtered_blocks(
     blocks: "Iterator[xr.Dataset]", only: PointFilter, path: str | Path
 ) -> "Iterator[xr.Dataset]":
     """Points that are taken; an error that says what there is if there are none."""
     counts, seen, taken = ReturnCounts(), 0, 0
     for block in blocks:
-        with concerning(path):
+        with name_file_in_errors(path):
             part = only.apply(block)
         seen += block.sizes["point"]
         taken += part.sizes["point"]
@@ -364,7 +364,7 @@ def _taken(
 
 
 def _points_module(path: str | Path) -> ModuleType:
-    module = _module(recognise(path).module)
+    module = _import_format(recognise_format(path).module)
     if not hasattr(module, "point_variables"):
         raise _no_points(path)
     return module
@@ -372,7 +372,7 @@ def _points_module(path: str | Path) -> ModuleType:
 
 def _no_points(path: str | Path) -> FormatError:
     return FormatError(
-        f"holds no points, its format is {recognise(path).name}",
+        f"holds no points, its format is {recognise_format(path).name}",
         path=path,
         cure="Convert it to points first: `trueterrain convert`.",
     )
@@ -408,9 +408,9 @@ def kind_of_file(path: str | Path) -> str:
         "navigation.columns": "navigation",
         "navigation.smrmsg": "accuracy",
     }
-    module = recognise(path).module
-    return kinds[module] if module in kinds else str(_module(module).kind(path))
+    module = recognise_format(path).module
+    return kinds[module] if module in kinds else str(_import_format(module).kind(path))
 
 
-def _module(name: str) -> ModuleType:
+def _import_format(name: str) -> ModuleType:
     return importlib.import_module(f"trueterrain.formats.{name}")

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.errors import FormatError
+from trueterrain.core.errors import FormatError
 
 #: Lengths that ERD can name [m].
 UNITS = {"m": 1.0, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
@@ -18,7 +18,7 @@ COLUMNS = 8  # width of keys, of short names and of units
 
 
 @dataclass(frozen=True, kw_only=True)
-class Header:
+class ErdHeader:
     """What the header of an ERD file says, in metres."""
 
     channels: int
@@ -33,12 +33,12 @@ class Header:
     problems: list[str]
 
 
-def load(path: Path) -> tuple[Header, npt.NDArray[np.float64]]:
+def load_erd(path: Path) -> tuple[ErdHeader, npt.NDArray[np.float64]]:
     """Header, and the numbers (samples, channels) as they stand in the file."""
-    lines = _lines(path)
+    lines = _read_lines(path)
     header = _parse_header(lines, path)
     wanted = header.samples * header.channels
-    values = _numbers(lines, header.data_line, path)
+    values = _parse_numbers(lines, header.data_line, path)
     if values.size < wanted:
         raise FormatError(
             f"ends after {values.size} of {wanted} numbers ({header.samples} samples of "
@@ -58,7 +58,7 @@ def load(path: Path) -> tuple[Header, npt.NDArray[np.float64]]:
     return header, values.reshape(header.samples, header.channels)
 
 
-def _lines(path: Path) -> list[str]:
+def _read_lines(path: Path) -> list[str]:
     content = path.read_bytes()
     if not content.startswith(SIGNATURE.encode()):
         found = "is empty" if not content else f"begins with {content[:12]!r}"
@@ -76,9 +76,9 @@ def _lines(path: Path) -> list[str]:
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
-def _parse_header(lines: list[str], path: Path) -> Header:
+def _parse_header(lines: list[str], path: Path) -> ErdHeader:
     channels, samples, step = _parse_storage(lines, path)
-    end = next((i for i, line in enumerate(lines) if i > 1 and _key(line) == "END"), None)
+    end = next((i for i, line in enumerate(lines) if i > 1 and _line_key(line) == "END"), None)
     if end is None:
         raise FormatError(
             "has no line END that ends the header",
@@ -86,7 +86,7 @@ def _parse_header(lines: list[str], path: Path) -> Header:
             place=f"line {len(lines)}",
             cure="The file is cut off or damaged: export it again.",
         )
-    keys = [(_key(line), line[COLUMNS:].rstrip()) for line in lines[2:end]]
+    keys = [(_line_key(line), line[COLUMNS:].rstrip()) for line in lines[2:end]]
     values = dict(keys)
     problems: list[str] = []
     x_units = values.get("XUNITS", "").strip().lower()
@@ -97,7 +97,7 @@ def _parse_header(lines: list[str], path: Path) -> Header:
             place="key XUNITS",
             cure="Add a line 'XUNITS  m' or 'XUNITS  ft' before END.",
         )
-    units = [unit.lower() for unit in _fields(values.get("UNITSNAM", ""), channels)]
+    units = [unit.lower() for unit in _split_fields(values.get("UNITSNAM", ""), channels)]
     if "" in units:
         raise FormatError(
             f"must name the unit of each of the {channels} channels in 8 columns",
@@ -105,14 +105,14 @@ def _parse_header(lines: list[str], path: Path) -> Header:
             place="key UNITSNAM",
             cure="Add a line such as 'UNITSNAM' + 'mm      ' per channel before END.",
         )
-    return Header(
+    return ErdHeader(
         channels=channels,
         samples=samples,
         step=step * UNITS[x_units],
-        start=_start(values, path) * UNITS[x_units],
+        start=_start_station(values, path) * UNITS[x_units],
         x_units=x_units,
         units=units,
-        names=_names(values, channels, problems),
+        names=_track_names(values, channels, problems),
         keys=keys,
         data_line=end + 1,
         problems=problems,
@@ -124,7 +124,7 @@ def _parse_storage(lines: list[str], path: Path) -> tuple[int, int, float]:
     fields = [field.strip() for field in (line.split(",") if "," in line else line.split())]
     try:
         channels, samples, keynum = int(fields[0]), int(fields[1]), int(fields[4])
-        step = float(_exponents(fields[5]))
+        step = float(_fortran_exponents(fields[5]))
     except (IndexError, ValueError):
         raise FormatError(
             f"must hold channels, samples, two integers, KEYNUM, step, got {line.strip()!r}",
@@ -150,14 +150,14 @@ def _parse_storage(lines: list[str], path: Path) -> tuple[int, int, float]:
     return channels, samples, step
 
 
-def _key(line: str) -> str:
+def _line_key(line: str) -> str:
     return line[:COLUMNS].strip().upper()
 
 
-def _start(values: dict[str, str], path: Path) -> float:
+def _start_station(values: dict[str, str], path: Path) -> float:
     text = values.get("XSTART", "0").strip()
     try:
-        start = float(_exponents(text))
+        start = float(_fortran_exponents(text))
     except ValueError:
         start = np.nan
     if not np.isfinite(start):
@@ -170,8 +170,8 @@ def _start(values: dict[str, str], path: Path) -> float:
     return start
 
 
-def _names(values: dict[str, str], channels: int, problems: list[str]) -> list[str]:
-    names = _fields(values.get("SHORTNAM", ""), channels)
+def _track_names(values: dict[str, str], channels: int, problems: list[str]) -> list[str]:
+    names = _split_fields(values.get("SHORTNAM", ""), channels)
     if "TRACKS" in values:
         whole = [name.strip() for name in values["TRACKS"].split(";")]
         names = whole if len(whole) == channels else names
@@ -187,11 +187,11 @@ def _names(values: dict[str, str], channels: int, problems: list[str]) -> list[s
     return unique
 
 
-def _fields(value: str, count: int) -> list[str]:
+def _split_fields(value: str, count: int) -> list[str]:
     return [value[i * COLUMNS : (i + 1) * COLUMNS].strip() for i in range(count)]
 
 
-def _numbers(lines: list[str], first: int, path: Path) -> npt.NDArray[np.float64]:
+def _parse_numbers(lines: list[str], first: int, path: Path) -> npt.NDArray[np.float64]:
     text = "\n".join(lines[first:])
     try:
         return np.array(text.split(), dtype=np.float64)
@@ -201,7 +201,7 @@ def _numbers(lines: list[str], first: int, path: Path) -> npt.NDArray[np.float64
     for number, line in enumerate(lines[first:], start=first + 1):
         for word in line.split():
             try:
-                numbers.append(float(_exponents(word)))
+                numbers.append(float(_fortran_exponents(word)))
             except ValueError:
                 raise FormatError(
                     f"must hold numbers, got {word!r}",
@@ -212,6 +212,6 @@ def _numbers(lines: list[str], first: int, path: Path) -> npt.NDArray[np.float64
     return np.array(numbers)
 
 
-def _exponents(word: str) -> str:
+def _fortran_exponents(word: str) -> str:
     """Fortran writes 1.0D-03 for 1.0e-3."""
     return re.sub(r"(?<=[\d.])[dD](?=[-+\d])", "e", word)

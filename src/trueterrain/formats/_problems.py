@@ -27,7 +27,7 @@ def problems_of(entries: list[dict[str, Any]], kind: type, values: Mapping[str, 
         that is most like the one given.
     """
     meant = [entry for entry in entries if _is_meant(entry["loc"][1:], kind, values)]
-    return list(dict.fromkeys(_explain(entry, kind, values) for entry in meant or entries))
+    return list(dict.fromkeys(_explain_error(entry, kind, values) for entry in meant or entries))
 
 
 def dataclasses_in(hint: Any) -> list[type]:
@@ -50,19 +50,21 @@ def _is_meant(location: Sequence[int | str], kind: type, values: Any) -> bool:
         tables = _classes_at(kind, path)
         if isinstance(here, Mapping) and part in [table.__name__ for table in tables]:
             given = set(here)
-            likest = max(tables, key=lambda table: len(given & set(_fields(table))))
+            likest = max(tables, key=lambda table: len(given & set(_field_names(table))))
             if part != likest.__name__:
                 return False
     return True
 
 
-def _explain(entry: dict[str, Any], kind: type, values: Mapping[str, Any]) -> str:
+def _explain_error(entry: dict[str, Any], kind: type, values: Mapping[str, Any]) -> str:
     """One problem in one phrase: dotted path, rule, value."""
     missing = entry["type"] in ("missing", "missing_argument")
     path = _user_path(entry["loc"][1:], values, missing=missing)
     name = ".".join(path)
     if entry["type"] in ("unexpected_keyword_argument", "extra_forbidden"):
-        known = sorted({field for cls in _classes_at(kind, path[:-1]) for field in _fields(cls)})
+        known = sorted(
+            {field for cls in _classes_at(kind, path[:-1]) for field in _field_names(cls)}
+        )
         near = difflib.get_close_matches(path[-1], known, n=1, cutoff=0.6)
         hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
         return f"{name}: is unknown ({hint})"
@@ -102,5 +104,5 @@ def _classes_at(kind: Any, path: Sequence[str]) -> list[type]:
     return here
 
 
-def _fields(cls: type) -> list[str]:
+def _field_names(cls: type) -> list[str]:
     return [field.name for field in dataclasses.fields(cls)]

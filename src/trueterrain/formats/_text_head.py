@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
-from trueterrain.errors import FormatError
+from trueterrain.core.errors import FormatError
 
 _LINES = 200  # of content, among which the head is looked for
 _SEPARATORS = ("\t", ";", ",")
@@ -68,9 +68,9 @@ def find_head(lines: Iterable[str], understood: Callable[[list[str]], bool]) -> 
     for at, (_, line) in enumerate(rows[:data]):
         labels = split_line(line, separator_of(line))
         if len(labels) > 1 and understood(labels):
-            return _named(rows, at)
+            return _named_head(rows, at)
     if data == len(rows):
-        return _named(rows, 0)
+        return _named_head(rows, 0)
     first, line = rows[data]
     separator, decimal = _signs_of_numbers(line) or (None, ".")
     fields = split_line(line, separator)
@@ -84,7 +84,7 @@ def find_head(lines: Iterable[str], understood: Callable[[list[str]], bool]) -> 
         if not any(map(_is_number, words)):
             break
     if before:
-        return _named(rows, before[-1])
+        return _named_head(rows, before[-1])
     comment = next((line for n, line in reversed(content) if n < first), "")
     labels = split_line(comment.lstrip("# "), separator_of(comment))
     if len(labels) == len(fields) and understood(labels):
@@ -131,7 +131,7 @@ def number_of(text: str, decimal: str = ".") -> float | None:
         return None
 
 
-def _named(rows: list[tuple[int, str]], at: int) -> Head:
+def _named_head(rows: list[tuple[int, str]], at: int) -> Head:
     """Head whose names are a row; the next ones show the decimal sign."""
     line, text = rows[at]
     separator = separator_of(text)

@@ -24,7 +24,7 @@ from xarray.core import indexing
 from zarr.codecs import BloscCodec, BytesCodec, Crc32cCodec
 from zarr.storage import LocalStore
 
-from trueterrain.errors import FormatError
+from trueterrain.core.errors import FormatError
 
 #: Attribute of a store that lists the arrays without which it is not whole.
 ARRAYS = "arrays"
@@ -51,7 +51,7 @@ def choose_fill_value(dtype: Any) -> Any:
     return kind.type(np.nan if kind.kind == "f" else 0)
 
 
-def damaged(path: str | Path, place: str, error: Exception | str) -> FormatError:
+def damaged_error(path: str | Path, place: str, error: Exception | str) -> FormatError:
     """Error of a store that is not as it was written."""
     words = " ".join(str(error).split()).rstrip(".")[:160] or type(error).__name__
     if "computed checksum do not match" in words:
@@ -94,7 +94,7 @@ class StoredArray(BackendArray):
             self._codecs = tuple(metadata.codecs)
             self.dims = tuple(map(str, metadata.dimension_names or ()))
         except Exception as error:  # of any kind over metadata that are damaged
-            raise damaged(path, self._place, error) from None
+            raise damaged_error(path, self._place, error) from None
         self._is_whole = False
         self._check_metadata()
 
@@ -154,7 +154,9 @@ class StoredArray(BackendArray):
         """Raise a FormatError if a chunk is missing, or there are more than the shape has."""
         counts = self._chunk_counts()
         total = math.prod(counts)
-        found = {name for name in _files(self._path / self.name) if _CHUNK_NAME.fullmatch(name)}
+        found = {
+            name for name in _list_files(self._path / self.name) if _CHUNK_NAME.fullmatch(name)
+        }
         # no more names than files are looked for, however many a damaged shape asks for
         names = (self._chunk_name(_index_of(number, counts)) for number in range(total))
         first = next((name for name in names if name not in found), None)
@@ -166,7 +168,7 @@ class StoredArray(BackendArray):
             )  # fmt: skip
         if len(found) > total:
             how = f"{len(found)} chunks, but {total} by its shape {list(self.shape)}"
-            raise damaged(self._path, self._place, how)
+            raise damaged_error(self._path, self._place, how)
         if total:
             self._check_first(self._chunk_name((0,) * len(counts)))
         self._is_whole = True
@@ -186,7 +188,7 @@ class StoredArray(BackendArray):
         elif not all(map(self._is_number, _CF_NUMBERS)):
             how = f"{', '.join(_CF_NUMBERS)} must be numbers that {self.dtype} can hold"
         if how:
-            raise damaged(self._path, self._place, how)
+            raise damaged_error(self._path, self._place, how)
 
     def _is_number(self, name: str) -> bool:
         """Whether an attribute by which values are decoded is missing, or a number that can be."""
@@ -213,11 +215,11 @@ class StoredArray(BackendArray):
             with file.open("rb") as stream:
                 start = stream.read(_HEADER.size)
         except OSError as error:
-            raise damaged(self._path, f"{self._place}, chunk {name}", error) from None
+            raise damaged_error(self._path, f"{self._place}, chunk {name}", error) from None
         held = _HEADER.unpack(start)[0] if len(start) == _HEADER.size else 0
         if held != self._chunk_bytes():
             how = f"{held} bytes of values, but {self._chunk_bytes()} by its shape and type"
-            raise damaged(self._path, f"{self._place}, chunk {name}", how)
+            raise damaged_error(self._path, f"{self._place}, chunk {name}", how)
 
     def _chunk_counts(self) -> list[int]:
         """Chunks along each dimension."""
@@ -240,8 +242,10 @@ class StoredArray(BackendArray):
                 self._array[part]
             except Exception as of_chunk:  # as before
                 place = f"{self._place}, chunk {self._chunk_name(index)}"
-                return damaged(self._path, place, of_chunk)
-        return None if isinstance(error, IndexError) else damaged(self._path, self._place, error)
+                return damaged_error(self._path, place, of_chunk)
+        return (
+            None if isinstance(error, IndexError) else damaged_error(self._path, self._place, error)
+        )
 
     def _touched(self, parts: tuple[Any, ...]) -> Iterator[tuple[int, ...]]:
         """Indices of the chunks that a part touches."""
@@ -302,10 +306,10 @@ def open_arrays(path: Path) -> dict[str, StoredArray]:
 
 def read_group_attrs(path: Path, name: str = "") -> dict[str, Any]:
     """Attributes of a group of a store."""
-    about = _metadata(path, name)
+    about = _read_metadata(path, name)
     attrs = about.get("attributes", {})
     if about.get("node_type") != "group" or not isinstance(attrs, dict):
-        raise damaged(path, _place_of(name), "it describes no group")
+        raise damaged_error(path, _place_of(name), "it describes no group")
     return attrs
 
 
@@ -321,12 +325,12 @@ def _named_nodes(path: Path, kind: str) -> list[str]:
         name = Path(folder).relative_to(path).as_posix().removeprefix(".")
         if "zarr.json" not in files:
             inner.clear()
-            if any(_is_of_store(file) for file in _files(Path(folder))):
-                raise damaged(path, _place_of(name), "it is missing")
+            if any(_is_of_store(file) for file in _list_files(Path(folder))):
+                raise damaged_error(path, _place_of(name), "it is missing")
             continue
-        node = _metadata(path, name).get("node_type")
+        node = _read_metadata(path, name).get("node_type")
         if node not in ("group", "array"):
-            raise damaged(path, _place_of(name), "it describes neither a group nor an array")
+            raise damaged_error(path, _place_of(name), "it describes neither a group nor an array")
         if node == kind:
             found.append(name)
         if node == "array":
@@ -345,13 +349,13 @@ def _is_of_store(file: str) -> bool:
     return last == "zarr.json" or _CHUNK_NAME.fullmatch(last) is not None
 
 
-def _metadata(path: Path, name: str) -> Mapping[str, Any]:
+def _read_metadata(path: Path, name: str) -> Mapping[str, Any]:
     try:
         about = json.loads((path / name / "zarr.json").read_text(encoding="utf-8"))
     except (ValueError, RecursionError, OSError) as error:
-        raise damaged(path, _place_of(name), error) from None
+        raise damaged_error(path, _place_of(name), error) from None
     if not isinstance(about, dict):
-        raise damaged(path, _place_of(name), "it describes neither a group nor an array")
+        raise damaged_error(path, _place_of(name), "it describes neither a group nor an array")
     return about
 
 
@@ -359,11 +363,11 @@ def _place_of(name: str) -> str:
     return f"{name}/zarr.json" if name else "zarr.json"
 
 
-def _files(folder: Path, above: str = "") -> Iterator[str]:
+def _list_files(folder: Path, above: str = "") -> Iterator[str]:
     """Names of the files in a folder and those below; a pipe or a device is no file."""
     with os.scandir(folder) as entries:
         for entry in entries:
             if entry.is_dir():
-                yield from _files(Path(entry.path), f"{above}{entry.name}/")
+                yield from _list_files(Path(entry.path), f"{above}{entry.name}/")
             elif entry.is_file():
                 yield above + entry.name

@@ -24,12 +24,11 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain import provenance
-from trueterrain.engine import Checksums, whole_output
-from trueterrain.errors import FormatError, SchemaError
+from trueterrain.core import Checksums, provenance, whole_output
+from trueterrain.core.errors import FormatError, SchemaError
+from trueterrain.core.schemas import check_profile, make_profile
 from trueterrain.formats._doubts import profile_doubts
-from trueterrain.formats._erd_text import COLUMNS, SIGNATURE, TEXT, UNITS, Header, load
-from trueterrain.kinds import check_profile, make_profile
+from trueterrain.formats._erd_text import COLUMNS, SIGNATURE, TEXT, UNITS, ErdHeader, load_erd
 
 #: Deviation from equal spacing that is taken for rounding, as a fraction of the spacing.
 SPACING_TOLERANCE = 1e-3
@@ -61,7 +60,7 @@ def read(path: str | Path) -> xr.Dataset:
     FormatError
         If the file is no ERD file, is binary (KEYNUM other than 5), lacks units or numbers.
     """
-    header, values = load(Path(path))
+    header, values = load_erd(Path(path))
     used = _used_channels(header, path)
     for channel in sorted(set(range(header.channels)) - set(used)):
         name, unit = header.names[channel], header.units[channel]
@@ -158,7 +157,7 @@ def describe(path: str | Path) -> dict[str, Any]:
     FormatError
         As by `read`.
     """
-    header, values = load(Path(path))
+    header, values = load_erd(Path(path))
     used = _used_channels(header, path)
     problems = list(header.problems)
     s = header.start + header.step * np.arange(header.samples)
@@ -190,7 +189,7 @@ def describe(path: str | Path) -> dict[str, Any]:
     }
 
 
-def _used_channels(header: Header, path: str | Path) -> list[int]:
+def _used_channels(header: ErdHeader, path: str | Path) -> list[int]:
     used = [channel for channel, unit in enumerate(header.units) if unit in UNITS]
     if not used:
         raise FormatError(
@@ -202,7 +201,7 @@ def _used_channels(header: Header, path: str | Path) -> list[int]:
     return used
 
 
-def _restore_history(profile: xr.Dataset, header: Header) -> None:
+def _restore_history(profile: xr.Dataset, header: ErdHeader) -> None:
     history = dict(header.keys).get("HISTORY", "")
     try:
         entries = json.loads(history)

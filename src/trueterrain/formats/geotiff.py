@@ -18,11 +18,10 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain import provenance
-from trueterrain.engine import Checksums, not_whole, require_writable, whole_output
-from trueterrain.errors import FormatError, OutputError, TrueTerrainError
-from trueterrain.formats.crs import parse_crs
-from trueterrain.kinds import check_surface, make_surface
+from trueterrain.core import Checksums, not_whole, provenance, require_writable, whole_output
+from trueterrain.core.errors import FormatError, OutputError, TrueTerrainError
+from trueterrain.core.schemas import check_surface, make_surface
+from trueterrain.geometry.crs import parse_crs
 
 Floats = npt.NDArray[np.float64]
 
@@ -65,8 +64,8 @@ def read(path: str | Path) -> xr.Dataset:
         If rasterio is not installed.
     """
     path = Path(path)
-    with _opened(path) as source:
-        surface = _surface(source, path)
+    with _open_raster(path) as source:
+        surface = _read_surface(source, path)
         history = source.tags().get(_HISTORY)
     if history:
         surface.attrs["provenance"] = history
@@ -95,8 +94,8 @@ def describe(path: str | Path) -> dict[str, Any]:
         If rasterio is not installed.
     """
     path = Path(path)
-    with _opened(path) as source:
-        surface = _surface(source, path)
+    with _open_raster(path) as source:
+        surface = _read_surface(source, path)
         bands = [name or f"band {at}" for at, name in enumerate(source.descriptions, start=1)]
         number_format = str(source.dtypes[0])
         spacing = {"easting": source.transform.a, "northing": abs(source.transform.e)}
@@ -108,14 +107,14 @@ def describe(path: str | Path) -> dict[str, Any]:
         "size": list(height.shape),
         "spacing": spacing,
         "extent": {
-            "easting": _range(surface["easting"].values),
-            "northing": _range(surface["northing"].values),
-            "height": _range(height),
+            "easting": _value_range(surface["easting"].values),
+            "northing": _value_range(surface["northing"].values),
+            "height": _value_range(height),
         },
         "missing": float(np.isnan(height).mean()),
         "bands": bands,
         "crs": surface.attrs["crs"],
-        "problems": _doubts(surface, bands),
+        "problems": _flag_surface(surface, bands),
     }
 
 
@@ -161,7 +160,7 @@ def write(
         raise ValueError(message)
     path = Path(path)
     require_writable(path, force=force)
-    rasterio = _rasterio(path)
+    rasterio = _import_rasterio(path)
     if "u" in surface.dims:
         raise OutputError(
             "a surface along a reference line fits into no raster of pixels",
@@ -169,7 +168,7 @@ def write(
             cure="Write it as .crg.",
         )
     check_surface(surface)
-    profile = _profile(surface, path, rasterio) | {"dtype": dtype}
+    profile = _raster_profile(surface, path, rasterio) | {"dtype": dtype}
     names = ["height", *(name for name in _OPTIONAL if name in surface)]
     written = Checksums()
     with whole_output(path, force=force) as temporary:
@@ -181,24 +180,24 @@ def write(
                     target.write(values, band)
                     target.set_band_description(band, name)
                     target.set_band_unit(band, _OPTIONAL.get(name, "m"))
-                target.update_tags(**{_HISTORY: json.dumps(provenance.steps(surface))})
+                target.update_tags(**{_HISTORY: json.dumps(provenance.provenance_steps(surface))})
             # GDAL does not say so if the disk is full when it closes a file
             _require_same(temporary, names, written, path)
         except rasterio.errors.RasterioError as error:
-            raise not_whole(path, _reason(error)) from error
+            raise not_whole(path, _reason_text(error)) from error
         except FormatError as error:
             raise not_whole(path, "it cannot be read back") from error
 
 
 def _require_same(temporary: Path, names: list[str], written: Checksums, path: Path) -> None:
     found = Checksums()
-    with _opened(temporary) as source:
+    with _open_raster(temporary) as source:
         for band, name in enumerate(names, start=1):
             found.add(name, source.read(band))
     found.require_same(written, path)
 
 
-def _rasterio(path: Path) -> Any:
+def _import_rasterio(path: Path) -> Any:
     try:
         import rasterio
     except ImportError as error:
@@ -210,10 +209,10 @@ def _rasterio(path: Path) -> Any:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[Any]:
+def _open_raster(path: Path) -> Iterator[Any]:
     if not path.is_file():
         raise FormatError("does not exist or is no file", path=path, cure="Check the name.")
-    rasterio = _rasterio(path)
+    rasterio = _import_rasterio(path)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
@@ -221,19 +220,19 @@ def _opened(path: Path) -> Iterator[Any]:
                 yield source
     except (rasterio.errors.RasterioError, UnicodeDecodeError) as error:
         raise FormatError(
-            f"is no whole GeoTIFF file: {_reason(error)}",
+            f"is no whole GeoTIFF file: {_reason_text(error)}",
             path=path,
             cure="The file is cut off, damaged or of another kind: copy or export it again.",
         ) from error
 
 
-def _reason(error: Exception) -> str:
+def _reason_text(error: Exception) -> str:
     return " ".join(str(error.__cause__ or error).split()).rstrip(".")
 
 
-def _surface(source: Any, path: Path) -> xr.Dataset:
+def _read_surface(source: Any, path: Path) -> xr.Dataset:
     _require_map(source, path)
-    crs = _reference(source.crs.to_wkt() if source.crs else "")
+    crs = _parse_crs(source.crs.to_wkt() if source.crs else "")
     if crs.obstacle:
         raise FormatError(crs.obstacle, path=path, place="CRS", cure=crs.cure)
     _require_heights(source, path)
@@ -243,7 +242,7 @@ def _surface(source: Any, path: Path) -> xr.Dataset:
     bands: dict[str, Any] = {}
     for band, name in enumerate(source.descriptions, start=1):
         if band == 1 or name in _OPTIONAL:
-            bands["height" if band == 1 else name] = _band(source, band)[rows]
+            bands["height" if band == 1 else name] = _read_band(source, band)[rows]
     _require_possible(bands["height"], path)
     for name in ("count", "filled"):
         if name in bands and np.isfinite(bands[name]).all():
@@ -254,7 +253,7 @@ def _surface(source: Any, path: Path) -> xr.Dataset:
     return check_surface(surface, path=path)
 
 
-def _band(source: Any, band: int) -> Floats:
+def _read_band(source: Any, band: int) -> Floats:
     """Values of a band, NaN where it has none, in its own unit."""
     stored = source.read(band, masked=True)
     values = np.ma.filled(stored.astype(np.float64), np.nan)
@@ -323,13 +322,13 @@ def _require_possible(height: Floats, path: Path) -> None:
         )
 
 
-def _profile(surface: xr.Dataset, path: Path, rasterio: Any) -> dict[str, Any]:
+def _raster_profile(surface: xr.Dataset, path: Path, rasterio: Any) -> dict[str, Any]:
     """Settings of the raster."""
-    crs = _reference(str(surface.attrs.get("crs", "")))
+    crs = _parse_crs(str(surface.attrs.get("crs", "")))
     if crs.obstacle:
         raise OutputError(crs.obstacle, path=path, place="CRS", cure=crs.cure)
     easting, northing = (np.asarray(surface[axis], float) for axis in ("easting", "northing"))
-    dx, dy = _spacing(easting, "easting", path), _spacing(northing, "northing", path)
+    dx, dy = _node_spacing(easting, "easting", path), _node_spacing(northing, "northing", path)
     west, north = easting[0] - dx / 2, northing[-1] + dy / 2
     return {
         "driver": "GTiff",
@@ -345,7 +344,7 @@ def _profile(surface: xr.Dataset, path: Path, rasterio: Any) -> dict[str, Any]:
     }
 
 
-def _spacing(axis: Floats, name: str, path: Path) -> float:
+def _node_spacing(axis: Floats, name: str, path: Path) -> float:
     spacing = float((axis[-1] - axis[0]) / (axis.size - 1))
     off = np.abs(axis - (axis[0] + spacing * np.arange(axis.size)))
     if off.max() > _UNEVEN:
@@ -359,7 +358,7 @@ def _spacing(axis: Floats, name: str, path: Path) -> float:
     return spacing
 
 
-class _Reference(NamedTuple):
+class _CrsReference(NamedTuple):
     """A CRS by its name, and why coordinates in it are no metres; empty if they are."""
 
     name: str
@@ -367,13 +366,13 @@ class _Reference(NamedTuple):
     cure: str = _WARP
 
 
-def _reference(text: str) -> _Reference:
+def _parse_crs(text: str) -> _CrsReference:
     if not text:
-        return _Reference("")
+        return _CrsReference("")
     try:
         crs = parse_crs(text)
     except ValueError as error:
-        return _Reference(text, str(error), "Correct the name of the CRS.")
+        return _CrsReference(text, str(error), "Correct the name of the CRS.")
     code = crs.to_epsg(min_confidence=100)
     name = f"EPSG:{code}" if code else crs.to_wkt()
     units = {axis.unit_name for axis in crs.axis_info if axis.unit_conversion_factor != 1}
@@ -384,11 +383,13 @@ def _reference(text: str) -> _Reference:
     elif units and not crs.is_engineering:
         found = " and ".join(sorted(units))
     else:
-        return _Reference(name)
-    return _Reference(name, f"easting and northing in metres are needed, got {found} ({crs.name})")
+        return _CrsReference(name)
+    return _CrsReference(
+        name, f"easting and northing in metres are needed, got {found} ({crs.name})"
+    )
 
 
-def _doubts(surface: xr.Dataset, bands: list[str]) -> list[str]:
+def _flag_surface(surface: xr.Dataset, bands: list[str]) -> list[str]:
     found = []
     if not surface.attrs["crs"]:
         found.append("the CRS is missing: coordinates are taken as metres")
@@ -404,6 +405,6 @@ def _doubts(surface: xr.Dataset, bands: list[str]) -> list[str]:
     return found
 
 
-def _range(values: Floats) -> list[float] | None:
+def _value_range(values: Floats) -> list[float] | None:
     finite = values[np.isfinite(values)]
     return [float(finite.min()), float(finite.max())] if finite.size else None

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from trueterrain.errors import FormatError
+from trueterrain.core.errors import FormatError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -110,7 +110,7 @@ class PointFilter:
 
         Examples
         --------
-        >>> from trueterrain.kinds import make_points
+        >>> from trueterrain.core.schemas import make_points
         >>> points = make_points([0.0, 1.0], [0.0] * 2, [5.0, 9.0], classification=[2, 6])
         >>> PointFilter(classes=(2, 11)).apply(points).up.values
         array([5.])
@@ -154,7 +154,7 @@ class ReturnCounts:
         """
         for key, name in (("returns", "return_number"), ("classes", "classification")):
             if name in columns:
-                for value, number in _counted(np.asarray(columns[name])):
+                for value, number in _count_values(np.asarray(columns[name])):
                     label = f"{value:g}"
                     self._counts[key][label] = self._counts[key].get(label, 0) + number
 
@@ -239,7 +239,7 @@ def doubt_of_classes(classes: Mapping[str, int]) -> str:
     )
 
 
-def _counted(values: Any) -> Iterator[tuple[float, int]]:
+def _count_values(values: Any) -> Iterator[tuple[float, int]]:
     """Each value, and how often it is there."""
     if values.dtype == np.uint8:  # as files have it: no need to sort
         numbers = np.bincount(values)

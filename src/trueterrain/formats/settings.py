@@ -22,7 +22,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from trueterrain.errors import FormatError
+from trueterrain.core.errors import FormatError
 from trueterrain.formats._problems import dataclasses_in, problems_of
 
 Settings = TypeVar("Settings")
@@ -115,13 +115,13 @@ def parse_settings(
     ...     beams: int = 940
     >>> parse_settings(Scanner, {"beems": 271})
     Traceback (most recent call last):
-    trueterrain.errors.FormatError: beems: is unknown (did you mean 'beams'?).
+    trueterrain.core.errors.FormatError: beems: is unknown (did you mean 'beams'?).
     """
     from pydantic import ConfigDict, TypeAdapter, ValidationError
 
     # a list around it hands "forbid" down to plain dataclasses, which have no setting of their own
     adapter = TypeAdapter(list[kind], config=ConfigDict(extra="forbid"))  # type: ignore[valid-type]  # made at run time
-    text = json.dumps([_completed(kind, values)], default=str)
+    text = json.dumps([_complete_values(kind, values)], default=str)
     try:
         # as JSON, so that arrays may become tuples and yet no text becomes a number
         settings: Settings = adapter.validate_json(text, strict=True)[0]
@@ -160,9 +160,9 @@ def settings_template(settings: Any, *, title: str = "") -> str:
     <BLANKLINE>
     """
     kind = settings if isinstance(settings, type) else type(settings)
-    heading = title or _summary(kind)
-    lines = [*_comment(heading), ""] if heading else []
-    lines += _table(settings, (), commented=False)
+    heading = title or _class_summary(kind)
+    lines = [*_comment_lines(heading), ""] if heading else []
+    lines += _format_table(settings, (), commented=False)
     text = "\n".join(lines)
     return re.sub(r"\n{3,}", "\n\n", text).strip("\n") + "\n"
 
@@ -217,7 +217,7 @@ def attribute_docs(kind: type) -> dict[str, str]:
     return docs
 
 
-def _completed(base: Any, given: Mapping[str, Any]) -> dict[str, Any]:
+def _complete_values(base: Any, given: Mapping[str, Any]) -> dict[str, Any]:
     """Values with those by which `base`, a dataclass or an instance, differs from its class."""
     kind = base if isinstance(base, type) else type(base)
     hints, out = typing.get_type_hints(kind), dict(given)
@@ -234,10 +234,11 @@ def _completed(base: Any, given: Mapping[str, Any]) -> dict[str, Any]:
         if table is None and len(inner) == 1:
             table = inner[0]
         if table is not None and isinstance(value, Mapping):
-            out[field.name] = _completed(table, value)
+            out[field.name] = _complete_values(table, value)
         elif table is not None and isinstance(value, list):
             out[field.name] = [
-                _completed(table, item) if isinstance(item, Mapping) else item for item in value
+                _complete_values(table, item) if isinstance(item, Mapping) else item
+                for item in value
             ]
     return out
 
@@ -248,7 +249,7 @@ def _table_of(field: Any, value: Any) -> Any:
     return None if isinstance(table, type) else table
 
 
-def _table(settings: Any, path: tuple[str, ...], *, commented: bool) -> list[str]:
+def _format_table(settings: Any, path: tuple[str, ...], *, commented: bool) -> list[str]:
     """Lines of a table: its values first, then the tables in it, as TOML wants them."""
     kind = settings if isinstance(settings, type) else type(settings)
     docs, hints = attribute_docs(kind), typing.get_type_hints(kind)
@@ -258,25 +259,31 @@ def _table(settings: Any, path: tuple[str, ...], *, commented: bool) -> list[str
         value = _value_of(field, settings)
         inner = dataclasses_in(hints[field.name])
         here = (*path, field.name)
-        help_lines = _comment(_with_choices(docs.get(field.name, ""), hints[field.name]))
+        help_lines = _comment_lines(_with_choices(docs.get(field.name, ""), hints[field.name]))
         if dataclasses.is_dataclass(value):
-            tables += _section(value, here, help_lines, commented=commented)
+            tables += _format_section(value, here, help_lines, commented=commented)
         elif isinstance(value, list | tuple) and any(map(dataclasses.is_dataclass, value)):
-            tables += _section(value[0], here, help_lines, commented=commented, array=True)
+            tables += _format_section(value[0], here, help_lines, commented=commented, array=True)
             for item in value[1:]:
-                tables += _terse(_section(item, here, [], commented=commented, array=True))
+                tables += _terse_lines(
+                    _format_section(item, here, [], commented=commented, array=True)
+                )
         elif inner and value in (None, dataclasses.MISSING, (), []):
             array = typing.get_origin(hints[field.name]) in (tuple, list)
             # a table that must be there stands open, what is needed in it is to be filled in
             aside = commented or array or value is not dataclasses.MISSING
             table = _table_of(field, value) or inner[0]
-            tables += _section(table, here, help_lines, commented=aside, array=array)
+            tables += _format_section(table, here, help_lines, commented=aside, array=array)
         else:
-            lines += [*help_lines, _assignment(field, value, hints[field.name], commented), ""]
+            lines += [
+                *help_lines,
+                _format_assignment(field, value, hints[field.name], commented),
+                "",
+            ]
     return lines + tables
 
 
-def _section(
+def _format_section(
     value: Any,
     path: tuple[str, ...],
     help_lines: list[str],
@@ -287,12 +294,12 @@ def _section(
     name = ".".join(path)
     header = f"[[{name}]]" if array else f"[{name}]"
     kind = value if isinstance(value, type) else type(value)
-    about = help_lines or _comment(_summary(kind))
-    body = _table(value, path, commented=commented)
+    about = help_lines or _comment_lines(_class_summary(kind))
+    body = _format_table(value, path, commented=commented)
     return ["", *about, f"# {header}" if commented else header, *body]
 
 
-def _terse(lines: list[str]) -> list[str]:
+def _terse_lines(lines: list[str]) -> list[str]:
     """Lines of a further table of an array, whose comments stand at the first."""
     kept = [line for line in lines if line and not line.startswith("#")]
     empty = {
@@ -306,14 +313,16 @@ def _terse(lines: list[str]) -> list[str]:
     return found
 
 
-def _assignment(field: Any, value: Any, hint: Any, commented: bool) -> str:
+def _format_assignment(field: Any, value: Any, hint: Any, commented: bool) -> str:
     if value is dataclasses.MISSING:
         return f"# {field.name} = ... (required: {_type_name(hint)})"
     if value is None:
         return f"# {field.name} = ... (not set: {_type_name(hint)})"
-    line = f"{field.name} = {_toml(value)}"
+    line = f"{field.name} = {_format_value(value)}"
     if len(line) > _WIDTH and isinstance(value, list | tuple):
-        line = "\n".join([f"{field.name} = [", *(f"    {_toml(item)}," for item in value), "]"])
+        line = "\n".join(
+            [f"{field.name} = [", *(f"    {_format_value(item)}," for item in value), "]"]
+        )
     return textwrap.indent(line, "# ") if commented else line
 
 
@@ -327,9 +336,9 @@ def _value_of(field: Any, settings: Any) -> Any:
     return dataclasses.MISSING
 
 
-def _toml(value: Any) -> str:
+def _format_value(value: Any) -> str:
     if isinstance(value, enum.Enum):
-        return _toml(value.value)
+        return _format_value(value.value)
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, int):
@@ -337,14 +346,16 @@ def _toml(value: Any) -> str:
     if isinstance(value, float):
         return repr(float(value)) if math.isfinite(value) else str(float(value))
     if isinstance(value, Mapping):
-        items = ", ".join(f"{_key(str(name))} = {_toml(item)}" for name, item in value.items())
+        items = ", ".join(
+            f"{_format_key(str(name))} = {_format_value(item)}" for name, item in value.items()
+        )
         return f"{{ {items} }}" if items else "{}"
     if isinstance(value, Sequence) and not isinstance(value, str):
-        return f"[{', '.join(map(_toml, value))}]"
+        return f"[{', '.join(map(_format_value, value))}]"
     return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def _key(name: str) -> str:
+def _format_key(name: str) -> str:
     return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name)
 
 
@@ -355,14 +366,14 @@ def _with_choices(text: str, hint: Any) -> str:
         choices = tuple(hint)
     if len(choices) < 2:
         return text
-    return f"{text} One of {', '.join(map(_toml, choices))}.".strip()
+    return f"{text} One of {', '.join(map(_format_value, choices))}.".strip()
 
 
 def _type_name(hint: Any) -> str:
     if typing.get_origin(hint) is typing.Literal:
-        return " or ".join(_toml(option) for option in typing.get_args(hint))
+        return " or ".join(_format_value(option) for option in typing.get_args(hint))
     if typing.get_origin(hint) in (typing.Union, types.UnionType):
-        return " or ".join(_flat(_type_name(part) for part in typing.get_args(hint)))
+        return " or ".join(_drop_empty(_type_name(part) for part in typing.get_args(hint)))
     if typing.get_origin(hint) in (tuple, list):
         parts = [_type_name(part) for part in typing.get_args(hint) if part is not Ellipsis]
         return f"[{', '.join(parts)}{', ...' if Ellipsis in typing.get_args(hint) else ''}]"
@@ -370,15 +381,15 @@ def _type_name(hint: Any) -> str:
     return names.get(hint, "" if hint is type(None) else getattr(hint, "__name__", str(hint)))
 
 
-def _flat(names: Iterator[str]) -> list[str]:
+def _drop_empty(names: Iterator[str]) -> list[str]:
     return [name for name in names if name]
 
 
-def _comment(text: str) -> list[str]:
+def _comment_lines(text: str) -> list[str]:
     return [f"# {line}" for line in textwrap.wrap(" ".join(text.replace("``", "").split()), _WIDTH)]
 
 
-def _summary(kind: type) -> str:
+def _class_summary(kind: type) -> str:
     # a dataclass without a docstring is given its signature as one
     text = inspect.getdoc(kind) or ""
     return "" if text.startswith(f"{kind.__name__}(") else text.partition("\n\n")[0]

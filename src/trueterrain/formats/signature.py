@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from trueterrain.errors import FormatError
+from trueterrain.core.errors import FormatError
 from trueterrain.formats._text_head import Head, find_head, number_of, split_line
 from trueterrain.formats.navigation._recognise import (
     is_boreas,
@@ -95,7 +95,7 @@ _FOREIGN = {
 }
 
 
-def recognise(path: str | Path) -> Format:
+def recognise_format(path: str | Path) -> Format:
     r"""Format of a file by its content.
 
     Parameters
@@ -127,14 +127,18 @@ def recognise(path: str | Path) -> Format:
         return RUN if kind_of_store(path) == "run" else STORE
     with open_regular(path) as stream:
         start = stream.read(_SAMPLE)
-    found = _binary(start) or _records(start, path.stat().st_size) or _text(start)
+    found = (
+        _recognise_binary(start)
+        or _recognise_records(start, path.stat().st_size)
+        or _recognise_text(start)
+    )
     if found is None:
         known = ", ".join(known.name for known in FORMATS)
         raise FormatError(
             f"is no file that can be read: it is {_what_was_found(start)}; known are {known}",
             path=path,
             place="start of the file",
-            cure=_cure(start),
+            cure=_cure_text(start),
         )
     return found
 
@@ -211,7 +215,7 @@ def kind_of_store(path: str | Path) -> str:
     if kind in _STORED and found.startswith(_OURS):
         return kind
     raise FormatError(
-        f"is a Zarr store, but of no kind that is known: {_kinds()}; its attribute kind is "
+        f"is a Zarr store, but of no kind that is known: {_kind_names()}; its attribute kind is "
         f"{found[:40]!r}",
         path=path,
         place="zarr.json",
@@ -225,7 +229,7 @@ def ending_matches(path: str | Path, found: Format) -> bool:
     return Path(path).name.lower().endswith(found.endings)
 
 
-def _binary(start: bytes) -> Format | None:
+def _recognise_binary(start: bytes) -> Format | None:
     if start.startswith(b"LASF"):
         # bit 7 of the point format marks LAZ; the info record of COPC must come first
         if len(start) > 104 and start[104] & 0x80:
@@ -238,7 +242,7 @@ def _binary(start: bytes) -> Format | None:
     return None
 
 
-def _kinds() -> str:
+def _kind_names() -> str:
     return ", ".join(repr(_OURS + kind) for kind in _STORED)
 
 
@@ -257,24 +261,24 @@ def _no_store(path: Path) -> FormatError:
     return FormatError("is a folder, not a file", path=path, cure="Name the files in it.")
 
 
-def _records(start: bytes, size: int) -> Format | None:
+def _recognise_records(start: bytes, size: int) -> Format | None:
     if is_sbet(start, size):
         return SBET
     return SMRMSG if is_smrmsg(start, size) else None
 
 
-def _text(start: bytes) -> Format | None:
+def _recognise_text(start: bytes) -> Format | None:
     if start.startswith(b"ERDFILEV"):
         return ERD
-    if _foreign(start):
+    if _foreign_format(start):
         return None
     lines = start.decode("latin-1").replace("\r", "\n").split("\n")
     if any(line.startswith(("$CT", "$ROAD_CRG", "$KD_DEFINITION")) for line in lines):
         return CRG
-    return _table(start)
+    return _recognise_table(start)
 
 
-def _table(start: bytes) -> Format | None:
+def _recognise_table(start: bytes) -> Format | None:
     text = _as_text(start)
     try:
         head = None if text is None else find_head(text.splitlines(), _are_columns)
@@ -316,7 +320,7 @@ def _as_text(start: bytes) -> str | None:
     return text if strange * 100 < len(text) else None
 
 
-def _foreign(start: bytes) -> str | None:
+def _foreign_format(start: bytes) -> str | None:
     return next((name for magic, name in _FOREIGN.items() if start.startswith(magic)), None)
 
 
@@ -324,7 +328,7 @@ def _what_was_found(start: bytes) -> str:
     if not start:
         return "empty"
     text = _as_text(start)
-    if foreign := _foreign(start):
+    if foreign := _foreign_format(start):
         return foreign
     if text is not None:
         words = " ".join(text.split())[:40]
@@ -332,8 +336,8 @@ def _what_was_found(start: bytes) -> str:
     return f"binary and begins with the bytes {start[:8].hex(' ')}"
 
 
-def _cure(start: bytes) -> str:
-    foreign = _foreign(start) or ""
+def _cure_text(start: bytes) -> str:
+    foreign = _foreign_format(start) or ""
     if not start:
         return "Copy or export it again."
     if "archive" in foreign:

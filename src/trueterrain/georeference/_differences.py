@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from trueterrain.formats.run import Mounting
-from trueterrain.georeference._patches import NAMES, SHARED, MapGrid, Patches
-from trueterrain.georeference._wander import COMPONENTS, Wander
+from trueterrain.georeference._patches import NAMES, SHARED, GroundPatches, PatchGrid
+from trueterrain.georeference._wander import COMPONENTS, MotionErrorModel
 
 Floats = npt.NDArray[np.float64]
 
@@ -24,7 +24,7 @@ _LEAST_STEEP = 0.02  # slope that a steep cell has at least
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Differences:
+class PatchDifferences:
     """Patches that at least two passes see."""
 
     misfit: Floats
@@ -68,16 +68,16 @@ class Differences:
         return _less_mean(values, self.there, self.freedom + 1.0)
 
 
-def shared_times(seen: list[Patches]) -> list[Floats]:
+def shared_times(seen: list[GroundPatches]) -> list[Floats]:
     """When each pass sees cells that another one sees too, NaN elsewhere [s]."""
     valid = np.stack([np.isfinite(part.height) for part in seen])
     shared = valid.sum(axis=0) >= 2
     return [np.where(shared, part.time, np.nan) for part in seen]
 
 
-def differences(
-    seen: list[Patches], grid: MapGrid, cluster: float, mounting: Mounting
-) -> Differences | None:
+def form_height_differences(
+    seen: list[GroundPatches], grid: PatchGrid, cluster: float, mounting: Mounting
+) -> PatchDifferences | None:
     """Differences between passes; None if no ground is seen twice.
 
     Parameters
@@ -121,7 +121,7 @@ def differences(
         time[p] = np.where(there[p], part.time[row, column], 0.0)
     size = max(1, round(cluster / grid.spacing))
     squares = -(-grid.shape[1] // size)
-    return Differences(
+    return PatchDifferences(
         misfit=_less_mean(height[:, :, None], there, count)[:, :, 0],
         design=_less_mean(design, there, count),
         effect=effect, time=time, there=there,
@@ -167,7 +167,7 @@ def _less_mean(values: Floats, there: npt.NDArray[np.bool_], count: Floats) -> F
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Fit:
+class ParameterEstimate:
     """Least squares of some of the parameters, of the offsets, and of errors of the motion."""
 
     step: Floats
@@ -189,7 +189,7 @@ class Fit:
     residual: float
     "Root mean square of the differences that are left [m]."
 
-    wander: Wander
+    wander: MotionErrorModel
     "Errors of the motion as they were taken in the end."
 
     unknowns: float
@@ -202,15 +202,15 @@ class Fit:
         return np.sqrt(np.maximum(by_cells, np.diag(self.covariance)))
 
 
-def fit(
-    found: Differences,
+def fit_parameters(
+    found: PatchDifferences,
     chosen: list[int],
-    wander: Wander,
+    wander: MotionErrorModel,
     moved: Floats,
     *,
     height_noise: float,
     reach: Floats,
-) -> Fit:
+) -> ParameterEstimate:
     """Explain the differences.
 
     Parameters
@@ -241,34 +241,36 @@ def fit(
     prior = np.zeros((len(columns), len(columns)))
     prior[: len(fixed), : len(fixed)] = np.diag(known)
     scale = np.concatenate([reach[chosen], np.ones(len(fixed) - len(chosen))])
-    left = levelled(found)
+    left = remove_pass_offsets(found)
     for last in np.arange(_ROUNDS) == _ROUNDS - 1:
         prior[len(fixed) :, len(fixed) :] = wander.precision
         before = prior[:, len(fixed) :] @ moved
-        weight = _weights(found, left, height_noise)
-        told, right = _equations(found, wander, weight)
+        weight = _cell_weights(found, left, height_noise)
+        told, right = _form_normal_equations(found, wander, weight)
         normal = told[np.ix_(columns, columns)] + SHARED * prior
-        step = _followed(normal / SHARED, right[columns] / SHARED - before, scale)
-        left = found.misfit + _explained(found, fixed, wander, step[:, None])[:, :, 0]
+        step = _solve_determined(normal / SHARED, right[columns] / SHARED - before, scale)
+        left = found.misfit + _misfit_changes(found, fixed, wander, step[:, None])[:, :, 0]
         inverse = np.asarray(np.linalg.inv(normal), dtype=np.float64)
         if not last and wander.size:
             known_to = SHARED * inverse[len(fixed) :, len(fixed) :]
             wander = wander.as_seen(step[len(fixed) :], known_to)
     ours = inverse[:, : len(fixed)]
-    leverage = weight[:, None] * _explained(found, fixed, wander, ours)
+    leverage = weight[:, None] * _misfit_changes(found, fixed, wander, ours)
     unknowns = len(columns) - SHARED * float(np.sum(inverse * prior))
-    covariance = _scatter(found, leverage, left, unknowns)
+    covariance = _sum_covariance(found, leverage, left, unknowns)
     covariance += wander.covariance(leverage, found.effect, found.time)
     covariance += (SHARED * ours[: len(fixed)] * known) @ (SHARED * ours[: len(fixed)]).T
-    return Fit(
+    return ParameterEstimate(
         step=step[: len(fixed)], motion=step[len(fixed) :], normal=normal,
         covariance=0.5 * (covariance + covariance.T),
         sensitivity=(-inverse @ told[np.ix_(columns, others)])[: len(fixed)],
-        residual=rms(left, found), wander=wander, unknowns=unknowns,
+        residual=rms_difference(left, found), wander=wander, unknowns=unknowns,
     )  # fmt: skip
 
 
-def _equations(found: Differences, wander: Wander, weight: Floats) -> tuple[Floats, Floats]:
+def _form_normal_equations(
+    found: PatchDifferences, wander: MotionErrorModel, weight: Floats
+) -> tuple[Floats, Floats]:
     """Normal matrix and right side of all parameters, offsets and errors of the motion.
 
     Cells that each pass sees in one piece of its broken line have a few unknowns in common.
@@ -276,7 +278,7 @@ def _equations(found: Differences, wander: Wander, weight: Floats) -> tuple[Floa
     plain = found.design.shape[2]
     size = plain + wander.size
     normal, right = np.zeros((size, size)), np.zeros(size)
-    for cells, columns, design in _pieces(found, wander):
+    for cells, columns, design in _group_cells(found, wander):
         flat = design.reshape(-1, columns.size)
         weighted = (weight[cells, None] * design).reshape(flat.shape)
         normal[np.ix_(columns, columns)] += weighted.T @ flat
@@ -284,8 +286,8 @@ def _equations(found: Differences, wander: Wander, weight: Floats) -> tuple[Floa
     return normal, right
 
 
-def _pieces(
-    found: Differences, wander: Wander
+def _group_cells(
+    found: PatchDifferences, wander: MotionErrorModel
 ) -> Iterator[tuple[npt.NDArray[np.intp], npt.NDArray[np.intp], Floats]]:
     """Cells of like pieces, their unknowns, and the derivatives by these, (pass, cell, k)."""
     plain = found.design.shape[2]
@@ -312,7 +314,9 @@ def _pieces(
         yield cells, np.concatenate(columns), design
 
 
-def _explained(found: Differences, fixed: list[int], wander: Wander, step: Floats) -> Floats:
+def _misfit_changes(
+    found: PatchDifferences, fixed: list[int], wander: MotionErrorModel, step: Floats
+) -> Floats:
     """What steps of shape (unknown, m) do to the misfits, shape (pass, cell, m)."""
     moved = found.design[:, :, fixed] @ step[: len(fixed)]
     if wander.size:
@@ -320,7 +324,9 @@ def _explained(found: Differences, fixed: list[int], wander: Wander, step: Float
     return np.asarray(moved)
 
 
-def _scatter(found: Differences, leverage: Floats, left: Floats, unknowns: float) -> Floats:
+def _sum_covariance(
+    found: PatchDifferences, leverage: Floats, left: Floats, unknowns: float
+) -> Floats:
     """Covariance of what heights are summed to, from the scatter of whole squares of ground."""
     scores = np.einsum("pci,pc->ci", leverage, left)
     blocks = found.squares
@@ -330,7 +336,7 @@ def _scatter(found: Differences, leverage: Floats, left: Floats, unknowns: float
     return np.asarray(summed.T @ summed * (blocks / max(blocks - unknowns, 1.0)))
 
 
-def _followed(normal: Floats, right: Floats, scale: Floats) -> Floats:
+def _solve_determined(normal: Floats, right: Floats, scale: Floats) -> Floats:
     """Solution along the directions that are known better than the scale.
 
     The scale is that of the first unknowns; all others are known before.
@@ -347,7 +353,7 @@ def _followed(normal: Floats, right: Floats, scale: Floats) -> Floats:
     return np.concatenate([step, carried[:, -1] - carried[:, :-1] @ step])
 
 
-def levelled(found: Differences) -> Floats:
+def remove_pass_offsets(found: PatchDifferences) -> Floats:
     """Differences less the offset of each pass, found from the level half of the cells."""
     misfit = found.misfit
     offsets = found.design[:, :, len(NAMES) :]
@@ -359,7 +365,7 @@ def levelled(found: Differences) -> Floats:
     return np.asarray(misfit)
 
 
-def _weights(found: Differences, levelled: Floats, height_noise: float) -> Floats:
+def _cell_weights(found: PatchDifferences, levelled: Floats, height_noise: float) -> Floats:
     """Of each cell: one over the variance of a height there, less for outliers.
 
     What is uncertain where the ground is level, and what more where it is steep, is told by the
@@ -377,6 +383,6 @@ def _weights(found: Differences, levelled: Floats, height_noise: float) -> Float
     return np.asarray(np.where(beyond > _HUBER, _HUBER / np.maximum(beyond, _HUBER), 1.0) / sd**2)
 
 
-def rms(misfit: Floats, found: Differences) -> float:
+def rms_difference(misfit: Floats, found: PatchDifferences) -> float:
     """Root mean square of differences [m]."""
     return float(np.sqrt((misfit**2).sum() / found.freedom.sum()))

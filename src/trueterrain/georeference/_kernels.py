@@ -9,11 +9,11 @@ import math
 
 import numpy as np
 
-from trueterrain.engine.kernels import compile_kernel
+from trueterrain.core.kernels import compile_kernel
 
 
 @compile_kernel
-def _log(w, x, y, z):
+def _rotation_vector(w, x, y, z):
     """Rotation vector of a unit quaternion."""
     if w < 0.0:
         w, x, y, z = -w, -x, -y, -z
@@ -27,7 +27,7 @@ def _log(w, x, y, z):
 
 
 @compile_kernel
-def _exp(x, y, z):
+def _rotation_quaternion(x, y, z):
     """Quaternion (w, x, y, z) of a rotation vector."""
     t2 = x * x + y * y + z * z
     if t2 < 1e-8:
@@ -41,7 +41,7 @@ def _exp(x, y, z):
 
 
 @compile_kernel
-def _multiply(a, b):
+def _multiply_quaternions(a, b):
     return (
         a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
         a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
@@ -51,26 +51,28 @@ def _multiply(a, b):
 
 
 @compile_kernel
-def _cross(ax, ay, az, bx, by, bz):
+def _cross_product(ax, ay, az, bx, by, bz):
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
 @compile_kernel
-def _turned(q, x, y, z):
+def _rotate_vector(q, x, y, z):
     """Vector turned by a unit quaternion."""
     w, a, b, c = q
-    tx, ty, tz = _cross(a, b, c, x, y, z)
+    tx, ty, tz = _cross_product(a, b, c, x, y, z)
     tx, ty, tz = 2.0 * tx, 2.0 * ty, 2.0 * tz
-    ux, uy, uz = _cross(a, b, c, tx, ty, tz)
+    ux, uy, uz = _cross_product(a, b, c, tx, ty, tz)
     return x + w * tx + ux, y + w * ty + uy, z + w * tz + uz
 
 
 @compile_kernel
-def turns(quaternion, angular_velocity, turn, rate):
+def rotation_steps(quaternion, angular_velocity, turn, rate):
     """Rotation vector from each knot to the next, and its derivative at the next."""
     for k in range(turn.shape[0]):
         a, b = quaternion[k], quaternion[k + 1]
-        x, y, z = _log(*_multiply((a[3], -a[0], -a[1], -a[2]), (b[3], b[0], b[1], b[2])))
+        x, y, z = _rotation_vector(
+            *_multiply_quaternions((a[3], -a[0], -a[1], -a[2]), (b[3], b[0], b[1], b[2]))
+        )
         wx, wy, wz = angular_velocity[k + 1]
         t2 = x * x + y * y + z * z
         if t2 > 1e-8:
@@ -78,8 +80,8 @@ def turns(quaternion, angular_velocity, turn, rate):
             c = (1.0 - half / math.tan(half)) / t2
         else:
             c = 1.0 / 12.0 + t2 / 720.0
-        ux, uy, uz = _cross(x, y, z, wx, wy, wz)
-        vx, vy, vz = _cross(x, y, z, ux, uy, uz)
+        ux, uy, uz = _cross_product(x, y, z, wx, wy, wz)
+        vx, vy, vz = _cross_product(x, y, z, ux, uy, uz)
         turn[k, 0], turn[k, 1], turn[k, 2] = x, y, z
         rate[k, 0] = wx + 0.5 * ux + c * vx
         rate[k, 1] = wy + 0.5 * uy + c * vy
@@ -87,7 +89,7 @@ def turns(quaternion, angular_velocity, turn, rate):
 
 
 @compile_kernel
-def _knot(knots, at, hint):
+def _find_interval(knots, at, hint):
     """Interval [knots[k], knots[k + 1]) that holds a time."""
     last = knots.size - 2
     if knots[hint] <= at and (hint == last or at < knots[hint + 1]):
@@ -103,39 +105,41 @@ def _knot(knots, at, hint):
 
 
 @compile_kernel
-def _hermite(x, p0, p1, a, b):
+def _interpolate_hermite(x, p0, p1, a, b):
     d = p1 - p0
     return p0 + x * (a + x * (3.0 * d - 2.0 * a - b + x * (a + b - 2.0 * d)))
 
 
 @compile_kernel
-def _pose(at, k, knots, position, velocity, quaternion, angular_velocity, turn, rate, where):
+def _interpolate_pose(
+    at, k, knots, position, velocity, quaternion, angular_velocity, turn, rate, where
+):
     """Position into `where`, and the attitude, of one time in the interval k."""
     step = knots[k + 1] - knots[k]
     x = (at - knots[k]) / step
     for c in range(3):
-        where[c] = _hermite(
+        where[c] = _interpolate_hermite(
             x, position[k, c], position[k + 1, c], step * velocity[k, c], step * velocity[k + 1, c]
         )
     w = angular_velocity[k]
     begin = (quaternion[k, 3], quaternion[k, 0], quaternion[k, 1], quaternion[k, 2])
-    by = _exp(
-        _hermite(x, 0.0, turn[k, 0], step * w[0], step * rate[k, 0]),
-        _hermite(x, 0.0, turn[k, 1], step * w[1], step * rate[k, 1]),
-        _hermite(x, 0.0, turn[k, 2], step * w[2], step * rate[k, 2]),
+    by = _rotation_quaternion(
+        _interpolate_hermite(x, 0.0, turn[k, 0], step * w[0], step * rate[k, 0]),
+        _interpolate_hermite(x, 0.0, turn[k, 1], step * w[1], step * rate[k, 1]),
+        _interpolate_hermite(x, 0.0, turn[k, 2], step * w[2], step * rate[k, 2]),
     )
-    return _multiply(begin, by)
+    return _multiply_quaternions(begin, by)
 
 
 @compile_kernel
-def _quadratic(q, v, a, b, out, row):
+def _quadratic_rotation(q, v, a, b, out, row):
     """Coefficients of q exp(a x + b x²) v up to x², into out[:, row : row + 3]."""
-    ax, ay, az = _cross(a[0], a[1], a[2], v[0], v[1], v[2])
-    cx, cy, cz = _cross(a[0], a[1], a[2], ax, ay, az)
-    bx, by, bz = _cross(b[0], b[1], b[2], v[0], v[1], v[2])
-    first = _turned(q, v[0], v[1], v[2])
-    second = _turned(q, ax, ay, az)
-    third = _turned(q, bx + 0.5 * cx, by + 0.5 * cy, bz + 0.5 * cz)
+    ax, ay, az = _cross_product(a[0], a[1], a[2], v[0], v[1], v[2])
+    cx, cy, cz = _cross_product(a[0], a[1], a[2], ax, ay, az)
+    bx, by, bz = _cross_product(b[0], b[1], b[2], v[0], v[1], v[2])
+    first = _rotate_vector(q, v[0], v[1], v[2])
+    second = _rotate_vector(q, ax, ay, az)
+    third = _rotate_vector(q, bx + 0.5 * cx, by + 0.5 * cy, bz + 0.5 * cz)
     for c in range(3):
         out[c, row] = first[c]
         out[c, row + 1] = second[c]
@@ -143,7 +147,7 @@ def _quadratic(q, v, a, b, out, row):
 
 
 @compile_kernel
-def expand(
+def expand_poses(
     time, half, knots, position, velocity, quaternion, angular_velocity, turn, rate, covariance,
     knot_flag, lever, left, upward, out, body, variance, flag,
 ):  # fmt: skip
@@ -158,22 +162,25 @@ def expand(
     k = 0
     for n in range(time.size):
         h = half[n % half.size]
-        k = _knot(knots, time[n] - h, k)
+        k = _find_interval(knots, time[n] - h, k)
         motion = (knots, position, velocity, quaternion, angular_velocity, turn, rate)
-        qe = _pose(time[n] - h, k, *motion, early)
-        middle = _knot(knots, time[n], k)
-        q = _pose(time[n], middle, *motion, here)
-        end = _knot(knots, time[n] + h, middle)
-        ql = _pose(time[n] + h, end, *motion, late)
+        qe = _interpolate_pose(time[n] - h, k, *motion, early)
+        middle = _find_interval(knots, time[n], k)
+        q = _interpolate_pose(time[n], middle, *motion, here)
+        end = _find_interval(knots, time[n] + h, middle)
+        ql = _interpolate_pose(time[n] + h, end, *motion, late)
         back = (q[0], -q[1], -q[2], -q[3])
-        to_early, to_late = _log(*_multiply(back, qe)), _log(*_multiply(back, ql))
+        to_early, to_late = (
+            _rotation_vector(*_multiply_quaternions(back, qe)),
+            _rotation_vector(*_multiply_quaternions(back, ql)),
+        )
         for c in range(3):
             body[n, c] = here[c]
             a[c] = (to_late[c] - to_early[c]) / (2.0 * h)
             b[c] = (to_late[c] + to_early[c]) / (2.0 * h * h)
-        _quadratic(q, lever, a, b, out[n], 0)
-        _quadratic(q, left, a, b, out[n], 3)
-        _quadratic(q, upward, a, b, out[n], 6)
+        _quadratic_rotation(q, lever, a, b, out[n], 0)
+        _quadratic_rotation(q, left, a, b, out[n], 3)
+        _quadratic_rotation(q, upward, a, b, out[n], 6)
         for c in range(3):
             out[n, c, 0] += here[c]
             out[n, c, 1] += (late[c] - early[c]) / (2.0 * h)
@@ -193,7 +200,7 @@ def expand(
 
 
 @compile_kernel
-def returns(
+def georeference_returns(
     expansion, body, variance, first, beam, ranges, weight, range_variance, points, sd
 ):  # fmt: skip
     """East, north, up and standard deviation of all returns; NaN where the weight is 0.

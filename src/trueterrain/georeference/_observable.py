@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.errors import CoverageError
-from trueterrain.georeference._differences import Fit
+from trueterrain.core.errors import CoverageError
+from trueterrain.georeference._differences import ParameterEstimate
 from trueterrain.georeference._patches import NAMES, SHARED
 
 Floats = npt.NDArray[np.float64]
@@ -30,7 +30,7 @@ _CURES = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Untold:
+class UnobservableParameter:
     """A parameter that the passes do not tell."""
 
     index: int
@@ -104,7 +104,9 @@ def unit_of(name: str) -> tuple[str, float]:
     return ("mm", 1e3) if name.startswith("lever") else ("deg", math.degrees(1.0))
 
 
-def unobservable(result: Fit, chosen: list[int], limits: Floats, passes: int) -> list[Untold]:
+def find_unobservable(
+    result: ParameterEstimate, chosen: list[int], limits: Floats, passes: int
+) -> list[UnobservableParameter]:
     """Parameters to hold so that the others are told; arms first, which a tape measures.
 
     Parameters
@@ -124,9 +126,9 @@ def unobservable(result: Fit, chosen: list[int], limits: Floats, passes: int) ->
         Of the chosen ones, in the order of `NAMES`; each as the passes tell it when those that
         are told even less are held.
     """
-    kept, held = list(range(len(chosen))), list[Untold]()
+    kept, held = list(range(len(chosen))), list[UnobservableParameter]()
     while kept:
-        sd, alike = _sd_and_correlation(_normal(result, len(chosen), kept))
+        sd, alike = _sd_and_correlation(_reduced_normal_matrix(result, len(chosen), kept))
         asked = limits[[chosen[k] for k in kept]]
         excess = sd[: len(kept)] / asked
         if (excess <= 1).all():
@@ -135,7 +137,7 @@ def unobservable(result: Fit, chosen: list[int], limits: Floats, passes: int) ->
         weak = (excess > 1) & arms if (excess[arms] > 1).any() else excess > 1
         worst = int(np.argmax(np.where(weak, excess, 0.0)))
         held.append(
-            Untold(
+            UnobservableParameter(
                 index=chosen[kept[worst]], sd=float(sd[worst]), limit=float(asked[worst]),
                 together=tuple(
                     NAMES[chosen[k]] for j, k in enumerate(kept)
@@ -146,26 +148,28 @@ def unobservable(result: Fit, chosen: list[int], limits: Floats, passes: int) ->
         )  # fmt: skip
         kept.pop(worst)
     held = [
-        replace(one, passes=_enough(result, chosen, kept, one.index, limits, passes))
+        replace(one, passes=_sufficient_passes(result, chosen, kept, one.index, limits, passes))
         for one in held
     ]
     return sorted(held, key=lambda one: one.index)
 
 
-def uncertain(result: Fit, chosen: list[int], limits: Floats, passes: int) -> list[Untold]:
+def find_uncertain(
+    result: ParameterEstimate, chosen: list[int], limits: Floats, passes: int
+) -> list[UnobservableParameter]:
     """Those of the chosen parameters whose scatter is beyond the limits."""
     sd = np.sqrt(np.diag(result.covariance))[: len(chosen)]
     told = [k for k, index in enumerate(chosen) if sd[k] <= limits[index]]
     return [
-        Untold(
+        UnobservableParameter(
             index=index, sd=float(sd[k]), limit=float(limits[index]), together=(),
-            passes=_enough(result, chosen, told, index, limits, passes),
+            passes=_sufficient_passes(result, chosen, told, index, limits, passes),
         )
         for k, index in enumerate(chosen) if sd[k] > limits[index]
     ]  # fmt: skip
 
 
-def refusal(untold: list[Untold]) -> CoverageError:
+def unobservable_error(untold: list[UnobservableParameter]) -> CoverageError:
     """Error that names what cannot be told, what it goes together with, and what helps."""
     words = [f"{one.name} ({one.finding})" for one in untold]
     return CoverageError(
@@ -174,7 +178,9 @@ def refusal(untold: list[Untold]) -> CoverageError:
     )
 
 
-def _normal(result: Fit, count: int, kept: list[int], last: int | None = None) -> Floats:
+def _reduced_normal_matrix(
+    result: ParameterEstimate, count: int, kept: list[int], last: int | None = None
+) -> Floats:
     """Normal matrix of what is kept, and of all else behind the parameters up to the last."""
     columns = [*kept, *range(count, len(result.normal) if last is None else last)]
     return np.asarray(result.normal[np.ix_(columns, columns)] / SHARED)
@@ -186,8 +192,13 @@ def _sd_and_correlation(normal: Floats) -> tuple[Floats, Floats]:
     return sd, inverse / np.outer(sd, sd)
 
 
-def _enough(
-    result: Fit, chosen: list[int], told: list[int], index: int, limits: Floats, passes: int
+def _sufficient_passes(
+    result: ParameterEstimate,
+    chosen: list[int],
+    told: list[int],
+    index: int,
+    limits: Floats,
+    passes: int,
 ) -> int | None:
     """Passes that tell a parameter beside those told, if errors of the motion alone hide it.
 
@@ -196,7 +207,9 @@ def _enough(
     if NAMES[index].startswith("lever"):
         return None
     count, kept = len(chosen), [chosen.index(index), *told]
-    hidden, _ = _sd_and_correlation(_normal(result, count, kept))
-    if_known, _ = _sd_and_correlation(_normal(result, count, kept, last=count + passes - 1))
+    hidden, _ = _sd_and_correlation(_reduced_normal_matrix(result, count, kept))
+    if_known, _ = _sd_and_correlation(
+        _reduced_normal_matrix(result, count, kept, last=count + passes - 1)
+    )
     excess = float(hidden[0] / limits[index])
     return math.ceil(passes * excess**2) if if_known[0] <= limits[index] and excess > 1 else None

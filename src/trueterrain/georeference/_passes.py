@@ -8,13 +8,17 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.engine.progress import Progress
-from trueterrain.errors import CoverageError
+from trueterrain.core.errors import CoverageError
+from trueterrain.core.progress import Progress
 from trueterrain.formats.run import Mounting
-from trueterrain.georeference._differences import Differences, differences, shared_times
-from trueterrain.georeference._patches import BLOCK, MapGrid, extent, patches
+from trueterrain.georeference._differences import (
+    PatchDifferences,
+    form_height_differences,
+    shared_times,
+)
+from trueterrain.georeference._patches import BLOCK, PatchGrid, fit_patches, ground_extent
 from trueterrain.georeference._settings import CalibrationSettings
-from trueterrain.georeference._wander import Wander
+from trueterrain.georeference._wander import MotionErrorModel
 from trueterrain.motion.trajectory import Trajectory
 
 Floats = npt.NDArray[np.float64]
@@ -22,7 +26,7 @@ Floats = npt.NDArray[np.float64]
 _LARGEST = 3_000_000  # cells
 
 
-class Passes:
+class CalibrationPasses:
     """Runs with their motion.
 
     Parameters
@@ -49,7 +53,7 @@ class Passes:
         self._progress = progress
         self._looks = 0
         self._motion_sd = np.stack([_motion_sd(way) for way in trajectories])
-        self.wander: Wander | None = None
+        self.wander: MotionErrorModel | None = None
 
     @property
     def count(self) -> int:
@@ -59,7 +63,9 @@ class Passes:
     def area(self, mounting: Mounting) -> tuple[float, float, float, float]:
         """Ground that at least two passes may share."""
         used = (self._settings.screening, self._settings.largest_angle)
-        parts = [extent(_blocks(run), way, mounting, *used) for run, way in self._passes]
+        parts = [
+            ground_extent(_scan_blocks(run), way, mounting, *used) for run, way in self._passes
+        ]
         seen = np.array([part for part in parts if part is not None])
         if len(seen) < 2:
             raise CoverageError(
@@ -73,23 +79,26 @@ class Passes:
 
     def first(
         self, mounting: Mounting, area: tuple[float, float, float, float]
-    ) -> tuple[Differences, Wander]:
+    ) -> tuple[PatchDifferences, MotionErrorModel]:
         """Differences between the passes as they are, and how their motion may be wrong."""
         s = self._settings
         found, times = self._look(mounting, area, s.spacing, list(self._passes))
         length = np.repeat(s.drift_time, 3)
-        return found, Wander.over(times, self._motion_sd, length, s.drift_step)
+        return found, MotionErrorModel.over(times, self._motion_sd, length, s.drift_step)
 
     def seen(
         self,
         mounting: Mounting,
         area: tuple[float, float, float, float],
         spacing: float,
-        wander: Wander,
+        wander: MotionErrorModel,
         moved: Floats,
-    ) -> Differences:
+    ) -> PatchDifferences:
         """Differences between the passes, moved east and north, for a mounting."""
-        passes = [(run, _aside(way, wander, p, moved)) for p, (run, way) in enumerate(self._passes)]
+        passes = [
+            (run, _shift_horizontally(way, wander, p, moved))
+            for p, (run, way) in enumerate(self._passes)
+        ]
         return self._look(mounting, area, spacing, passes)[0]
 
     def _look(
@@ -98,8 +107,8 @@ class Passes:
         area: tuple[float, float, float, float],
         spacing: float,
         passes: list[tuple[xr.DataTree | str | Path, Trajectory]],
-    ) -> tuple[Differences, list[Floats]]:
-        grid = MapGrid.over(area, spacing)
+    ) -> tuple[PatchDifferences, list[Floats]]:
+        grid = PatchGrid.over(area, spacing)
         if grid.shape[0] * grid.shape[1] > _LARGEST:
             raise CoverageError(
                 f"the ground needs {grid.shape[0]} x {grid.shape[1]} cells, at most {_LARGEST}",
@@ -108,8 +117,8 @@ class Passes:
         self._looks += 1
         self._progress(f"look {self._looks} at the ground", 0, None)
         used = (self._settings.screening, self._settings.largest_angle)
-        parts = [patches(_blocks(run), way, mounting, grid, *used) for run, way in passes]
-        found = differences(parts, grid, self._settings.cluster, mounting)
+        parts = [fit_patches(_scan_blocks(run), way, mounting, grid, *used) for run, way in passes]
+        found = form_height_differences(parts, grid, self._settings.cluster, mounting)
         if found is None:
             raise _no_ground()
         return found, shared_times(parts)
@@ -122,7 +131,9 @@ def _motion_sd(way: Trajectory) -> Floats:
     return np.sqrt([*variance[:3], tilt, tilt, variance[5]])
 
 
-def _aside(way: Trajectory, wander: Wander, p: int, moved: Floats) -> Trajectory:
+def _shift_horizontally(
+    way: Trajectory, wander: MotionErrorModel, p: int, moved: Floats
+) -> Trajectory:
     """The motion of a pass, moved east and north."""
     if not moved.any():
         return way
@@ -137,7 +148,7 @@ def _no_ground() -> CoverageError:
     )
 
 
-def _blocks(run: xr.DataTree | str | Path) -> Iterator[xr.Dataset]:
+def _scan_blocks(run: xr.DataTree | str | Path) -> Iterator[xr.Dataset]:
     from trueterrain.formats.run import scan_blocks
 
     return scan_blocks(run, size=BLOCK)

@@ -42,7 +42,7 @@ _FEWEST = 0.3  # returns per cell under the kernel
 
 
 @dataclass(frozen=True, kw_only=True)
-class MapGrid:
+class PatchGrid:
     """Cells of a map grid."""
 
     west: float
@@ -58,7 +58,7 @@ class MapGrid:
     "Rows (north) and columns (east)."
 
     @classmethod
-    def over(cls, area: tuple[float, float, float, float], spacing: float) -> "MapGrid":
+    def over(cls, area: tuple[float, float, float, float], spacing: float) -> "PatchGrid":
         """Grid over west, south, east, north [m]."""
         west, south, east, north = area
         rows = max(1, math.ceil((north - south) / spacing))
@@ -67,7 +67,7 @@ class MapGrid:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Patches:
+class GroundPatches:
     """What one pass sees; all of shape (rows, columns) or with that in the end."""
 
     height: Floats
@@ -83,14 +83,14 @@ class Patches:
     "Mean true time of the returns [s]."
 
 
-def patches(
+def fit_patches(
     blocks: Iterable[xr.Dataset],
     trajectory: Trajectory,
     mounting: Mounting,
-    grid: MapGrid,
+    grid: PatchGrid,
     screening: Screening,
     fan: float,
-) -> Patches:
+) -> GroundPatches:
     """Planes of one pass.
 
     Parameters
@@ -121,17 +121,17 @@ def patches(
         if geometry is None:
             geometry = ScanGeometry(trajectory, mounting, block["angle"], block["delay"])
             level = float(trajectory.position[:, 2].mean())
-        found = _returns(geometry, block, screening, fan)
+        found = _georeference_returns(geometry, block, screening, fan)
         if found is not None:
-            _add(sums, *found, grid, level, begin)
+            _add_returns(sums, *found, grid, level, begin)
     whole: Floats = sums.reshape(-1, *grid.shape)
-    count = _blurred(whole[0])
+    count = _convolve_kernel(whole[0])
     # a fan is denser below the laser than beside it, which would shift what lies under the kernel
-    even = _smoothed(whole / np.where(count > 0, count, 1.0), grid.spacing)
-    return _planes(even, count, grid.spacing, level, begin)
+    even = _smooth_sums(whole / np.where(count > 0, count, 1.0), grid.spacing)
+    return _fit_planes(even, count, grid.spacing, level, begin)
 
 
-def extent(
+def ground_extent(
     blocks: Iterable[xr.Dataset],
     trajectory: Trajectory,
     mounting: Mounting,
@@ -144,7 +144,7 @@ def extent(
     for block in blocks:
         if geometry is None:
             geometry = ScanGeometry(trajectory, mounting, block["angle"], block["delay"])
-        found = _returns(geometry, block, screening, fan, derivatives=False)
+        found = _georeference_returns(geometry, block, screening, fan, derivatives=False)
         if found is not None:
             low = np.minimum(low, found[0][:2].min(axis=1))
             high = np.maximum(high, found[0][:2].max(axis=1))
@@ -153,7 +153,7 @@ def extent(
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
 
-def _returns(
+def _georeference_returns(
     geometry: ScanGeometry,
     scans: xr.Dataset,
     screening: Screening,
@@ -171,7 +171,9 @@ def _returns(
     if not good.any():
         return None
     motion = geometry.expand(time[covered])
-    scanner, speed, left, left_rate, upward, upward_rate = _axes(geometry, motion.coefficient, good)
+    scanner, speed, left, left_rate, upward, upward_rate = _beam_axes(
+        geometry, motion.coefficient, good
+    )
     r = ranges[good]
     sine, cosine = (np.broadcast_to(f(geometry.angle), good.shape)[good] for f in (np.sin, np.cos))
     beam = r * (sine * left - cosine * upward)
@@ -189,7 +191,7 @@ def _returns(
     return points, np.stack([*turns, *body, clock]), weights[good], when
 
 
-def _axes(
+def _beam_axes(
     geometry: ScanGeometry, coefficient: Floats, good: npt.NDArray[np.bool_]
 ) -> tuple[Floats, ...]:
     """Scanner's place, left and upward axis at all good beams, each with its rate, (3, m)."""
@@ -208,13 +210,13 @@ def _axes(
     return tuple(found)
 
 
-def _add(
+def _add_returns(
     sums: Floats,
     points: Floats,
     by: Floats,
     weight: Floats,
     time: Floats,
-    grid: MapGrid,
+    grid: PatchGrid,
     level: float,
     begin: float,
 ) -> None:
@@ -236,13 +238,13 @@ def _add(
         sums[channel] += np.bincount(cell, w * values[inside], minlength=sums.shape[1])
 
 
-def _smoothed(sums: Floats, spacing: float) -> Floats:
+def _smooth_sums(sums: Floats, spacing: float) -> Floats:
     """Sums under the kernel, about the centre of each cell."""
     n, x, y, xx, xy, yy, z, xz, yz = range(len(_PLANE))
     for axis, (one, two, cross, rising) in ((2, (x, xx, y, xz)), (1, (y, yy, x, yz))):
         whole = np.zeros_like(sums)
         for step, weight in zip(range(-2, 3), KERNEL, strict=True):
-            part = _moved(sums, step, axis)
+            part = _shift_cells(sums, step, axis)
             far = step * spacing
             about = part.copy()
             about[two] += 2.0 * far * part[one] + far**2 * part[n]
@@ -254,17 +256,20 @@ def _smoothed(sums: Floats, spacing: float) -> Floats:
     return sums
 
 
-def _blurred(values: Floats) -> Floats:
+def _convolve_kernel(values: Floats) -> Floats:
     """Values under the kernel."""
     for axis in (0, 1):
         values = np.sum(
-            [w * _moved(values, step, axis) for step, w in zip(range(-2, 3), KERNEL, strict=True)],
+            [
+                w * _shift_cells(values, step, axis)
+                for step, w in zip(range(-2, 3), KERNEL, strict=True)
+            ],
             axis=0,
         )
     return values
 
 
-def _moved(values: Floats, step: int, axis: int) -> Floats:
+def _shift_cells(values: Floats, step: int, axis: int) -> Floats:
     """Values of the cells `step` further along an axis; 0 outside."""
     moved = np.zeros_like(values)
     count = values.shape[axis]
@@ -277,7 +282,9 @@ def _moved(values: Floats, step: int, axis: int) -> Floats:
     return moved
 
 
-def _planes(sums: Floats, count: Floats, spacing: float, level: float, begin: float) -> Patches:
+def _fit_planes(
+    sums: Floats, count: Floats, spacing: float, level: float, begin: float
+) -> GroundPatches:
     shape = sums.shape[1:]
     height, slope = np.full(shape, np.nan), np.full((2, *shape), np.nan)
     shift, time = np.full((len(NAMES), 3, *shape), np.nan), np.full(shape, np.nan)
@@ -295,4 +302,4 @@ def _planes(sums: Floats, count: Floats, spacing: float, level: float, begin: fl
     slope[:, good] = plane[:, 1:].T
     shift.reshape(-1, *shape)[:, good] = sums[len(_PLANE) : -1, good] / s[0]
     time[good] = sums[-1, good] / s[0] + begin
-    return Patches(height=height, slope=slope, shift=shift, time=time)
+    return GroundPatches(height=height, slope=slope, shift=shift, time=time)

@@ -29,7 +29,7 @@ _NOTHING = 1e-4  # standard deviations that the height in the middle of a pass m
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Wander:
+class MotionErrorModel:
     """What is known of the errors of all passes, and the broken lines that stand for them.
 
     Unknowns are the values at the knots: pass by pass, of each of its components that is uncertain
@@ -46,7 +46,9 @@ class Wander:
     "Times after which the autocorrelation of each of the six is 1/e [s]."
 
     @classmethod
-    def over(cls, times: list[Floats], sd: Floats, length: Floats, step: float) -> "Wander":
+    def over(
+        cls, times: list[Floats], sd: Floats, length: Floats, step: float
+    ) -> "MotionErrorModel":
         """With knots a step apart, or further in passes that are long.
 
         Parameters
@@ -115,7 +117,7 @@ class Wander:
                 whole[part, part] = chain / self.sd[p, component] ** 2
         return whole
 
-    def as_seen(self, unknown: Floats, covariance: Floats) -> "Wander":
+    def as_seen(self, unknown: Floats, covariance: Floats) -> "MotionErrorModel":
         """The same with the time of correlation of heights as the ground tells it.
 
         All of the ground tells how much the heights of passes move against each other from knot to

@@ -26,18 +26,29 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.engine.progress import Progress, no_progress
-from trueterrain.errors import CoverageError
+from trueterrain.core.errors import CoverageError
+from trueterrain.core.progress import Progress, no_progress
 from trueterrain.formats.run import Mounting
-from trueterrain.georeference._differences import Differences, Fit, fit, levelled, rms
-from trueterrain.georeference._observable import Untold, refusal, uncertain, unobservable
-from trueterrain.georeference._passes import Passes
+from trueterrain.georeference._differences import (
+    ParameterEstimate,
+    PatchDifferences,
+    fit_parameters,
+    remove_pass_offsets,
+    rms_difference,
+)
+from trueterrain.georeference._observable import (
+    UnobservableParameter,
+    find_uncertain,
+    find_unobservable,
+    unobservable_error,
+)
+from trueterrain.georeference._passes import CalibrationPasses
 from trueterrain.georeference._patches import NAMES
 from trueterrain.georeference._settings import CalibrationSettings
-from trueterrain.georeference._wander import Wander
+from trueterrain.georeference._wander import MotionErrorModel
 from trueterrain.motion.trajectory import Trajectory
 
-__all__ = ["Calibration", "CalibrationSettings", "calibrate"]
+__all__ = ["Calibration", "CalibrationSettings", "calibrate_mounting"]
 
 Floats = npt.NDArray[np.float64]
 
@@ -105,7 +116,7 @@ class Calibration:
     rounds: int
     "Rounds that it took."
 
-    def summary(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """What was found, as JSON takes it."""
         return {
             "mounting": self.mounting.to_attrs(),
@@ -124,7 +135,7 @@ class Calibration:
         }
 
 
-def calibrate(
+def calibrate_mounting(
     runs: Sequence[xr.DataTree | str | Path],
     trajectories: Sequence[Trajectory],
     *,
@@ -146,7 +157,7 @@ def calibrate(
     settings : CalibrationSettings
         What is estimated, and how.
     progress : callable
-        Called in each round, see `trueterrain.engine.Progress`.
+        Called in each round, see `trueterrain.core.Progress`.
 
     Returns
     -------
@@ -185,23 +196,25 @@ def calibrate(
             f"{len(runs)} and {len(trajectories)}."
         )
         raise ValueError(message)
-    start = mounting or _common(runs)
-    passes = Passes(runs, trajectories, settings, progress)
+    start = mounting or _common_mounting(runs)
+    passes = CalibrationPasses(runs, trajectories, settings, progress)
     chosen = [NAMES.index(name) for name in settings.parameters]
     area = settings.area or passes.area(start)
     before, wander = passes.first(start, area)
-    rounds, held = 0, list[Untold]()
+    rounds, held = 0, list[UnobservableParameter]()
     while True:
-        found, last, result, more = _settle(passes, area, wander, start, chosen, settings)
+        found, last, result, more = _estimate_mounting(
+            passes, area, wander, start, chosen, settings
+        )
         rounds += more
         judged = result, chosen, settings.limits, len(runs)
-        untold = unobservable(*judged) or uncertain(*judged)
+        untold = find_unobservable(*judged) or find_uncertain(*judged)
         if not untold:
             break
         held = sorted([*held, *untold], key=lambda one: one.index)
         kept = [index for index in chosen if index not in [one.index for one in untold]]
         if settings.unobservable == "refuse" or not kept:
-            raise refusal(held)
+            raise unobservable_error(held)
         chosen = kept
     if last.squares < max(_FEWEST * result.step.size, _LEAST * result.unknowns):
         raise CoverageError(
@@ -210,13 +223,13 @@ def calibrate(
             cure="Take smaller squares: cluster, or more ground.",
         )
     count = len(chosen)
-    return _calibration(
-        found, last, result, chosen, before=rms(levelled(before), before), rounds=rounds,
+    return _calibration_result(
+        found, last, result, chosen, before=rms_difference(remove_pass_offsets(before), before), rounds=rounds,
         held=held, offset=-result.step[count:],
     )  # fmt: skip
 
 
-def _common(runs: Sequence[xr.DataTree | str | Path]) -> Mounting:
+def _common_mounting(runs: Sequence[xr.DataTree | str | Path]) -> Mounting:
     """Mounting that all runs state."""
     from trueterrain.formats.run import open_run
     from trueterrain.georeference.points import mounting_of
@@ -235,14 +248,14 @@ def _common(runs: Sequence[xr.DataTree | str | Path]) -> Mounting:
     return stated[0]
 
 
-def _settle(
-    passes: Passes,
+def _estimate_mounting(
+    passes: CalibrationPasses,
     area: tuple[float, float, float, float],
-    wander: Wander,
+    wander: MotionErrorModel,
     mounting: Mounting,
     chosen: list[int],
     settings: CalibrationSettings,
-) -> tuple[Mounting, Differences, Fit, int]:
+) -> tuple[Mounting, PatchDifferences, ParameterEstimate, int]:
     """Gauss-Newton from coarse to fine cells.
 
     Passes move aside against errors of their motion as well: these are centimetres, over which the
@@ -254,7 +267,7 @@ def _settle(
         while True:
             seen = passes.seen(mounting, area, coarse * settings.spacing, wander, moved)
             reach = _BLIND * settings.limits
-            result = fit(
+            result = fit_parameters(
                 seen, chosen, wander, moved, height_noise=settings.height_noise, reach=reach
             )
             wander = result.wander
@@ -263,20 +276,20 @@ def _settle(
                 break
             rounds += 1
             if rounds > settings.largest_rounds:
-                if unobservable(result, chosen, settings.limits, passes.count):
+                if find_unobservable(result, chosen, settings.limits, passes.count):
                     break
                 raise CoverageError(
                     f"no mounting explains the passes within {settings.largest_rounds} rounds; the "
                     f"last moved {NAMES[chosen[int(np.argmax(np.abs(step) / sd))]]} still",
                     cure="Start from a better mounting, or take larger cells: spacing.",
                 )
-            mounting = _moved(mounting, chosen, step)
+            mounting = _update_mounting(mounting, chosen, step)
             moved[wander.aside] += result.motion[wander.aside]
     return mounting, seen, result, rounds
 
 
-def _moved(mounting: Mounting, chosen: list[int], step: Floats) -> Mounting:
-    values = _values(mounting)
+def _update_mounting(mounting: Mounting, chosen: list[int], step: Floats) -> Mounting:
+    values = _mounting_values(mounting)
     values[chosen] += step
     rotation, position, clock = values[:3].tolist(), values[3:6].tolist(), float(values[6])
     return replace(
@@ -285,21 +298,21 @@ def _moved(mounting: Mounting, chosen: list[int], step: Floats) -> Mounting:
     )  # fmt: skip
 
 
-def _values(mounting: Mounting) -> Floats:
+def _mounting_values(mounting: Mounting) -> Floats:
     return np.array([
         *mounting.scanner_rotation, *mounting.scanner_position, mounting.scanner_clock,
     ])  # fmt: skip
 
 
-def _calibration(
+def _calibration_result(
     mounting: Mounting,
-    seen: Differences,
-    result: Fit,
+    seen: PatchDifferences,
+    result: ParameterEstimate,
     chosen: list[int],
     *,
     before: float,
     rounds: int,
-    held: list[Untold],
+    held: list[UnobservableParameter],
     offset: Floats,
 ) -> Calibration:
     count = len(chosen)
@@ -309,7 +322,7 @@ def _calibration(
     alone = np.sqrt(np.diag(inverse))
     return Calibration(
         mounting=mounting, parameters=tuple(NAMES[index] for index in chosen),
-        value=_values(mounting)[chosen], sd=sd[:count], correlation=correlation[:count, :count],
+        value=_mounting_values(mounting)[chosen], sd=sd[:count], correlation=correlation[:count, :count],
         condition=float(np.linalg.cond(inverse / np.outer(alone, alone))),
         held=tuple(name for index, name in enumerate(NAMES) if index not in chosen),
         sensitivity=result.sensitivity[:count],

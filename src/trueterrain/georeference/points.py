@@ -8,12 +8,12 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain import provenance
-from trueterrain.errors import CoverageError, SchemaError
+from trueterrain.core import provenance
+from trueterrain.core.errors import CoverageError, SchemaError
+from trueterrain.core.schemas import make_points
 from trueterrain.formats.run import Mounting
 from trueterrain.georeference.scans import ScanGeometry
 from trueterrain.georeference.screening import Screening
-from trueterrain.kinds import make_points
 from trueterrain.motion.trajectory import BRIDGED, Trajectory
 
 Floats = npt.NDArray[np.float64]
@@ -104,13 +104,13 @@ def georeference(
     if lane is not None and not 0 <= lane <= _LAST_LANE:
         message = f"lane must be from 0 to {_LAST_LANE}, got {lane}."
         raise ValueError(message)
-    mounting, blocks, source = _opened(scans, mounting, block)
-    return _points(
+    mounting, blocks, source = _open_scans(scans, mounting, block)
+    return _georeference_blocks(
         blocks, trajectory, mounting, screening, range_noise, lane, crs, source
     )  # fmt: skip
 
 
-def _points(
+def _georeference_blocks(
     blocks: Iterable[xr.Dataset],
     trajectory: Trajectory,
     mounting: Mounting,
@@ -130,7 +130,7 @@ def _points(
     for scans in blocks:
         if geometry is None:
             geometry = ScanGeometry(trajectory, mounting, scans["angle"], scans["delay"])
-        columns = _block(geometry, scans, screening, range_noise, counts)
+        columns = _georeference_block(geometry, scans, screening, range_noise, counts)
         if columns["up"].size:
             if lane is not None:
                 columns["lane"] = np.full(columns["up"].size, lane, np.uint16)
@@ -139,7 +139,7 @@ def _points(
     _require_points(counts, trajectory, source)
 
 
-def _block(
+def _georeference_block(
     geometry: ScanGeometry,
     scans: xr.Dataset,
     screening: Screening,
@@ -159,12 +159,12 @@ def _block(
     weights = screening.weights(ranges, intensity)
     motion = geometry.expand(time)
     found, sd = np.empty((*ranges.shape, 3)), np.empty(ranges.shape)
-    _kernels.returns(
+    _kernels.georeference_returns(
         motion.coefficient, motion.body, motion.variance, geometry.first, geometry.beam, ranges,
         weights, range_noise**2, found, sd,
     )  # fmt: skip
     good = weights > 0
-    _count(counts, screening, ranges, intensity, good)
+    _count_returns(counts, screening, ranges, intensity, good)
     flags = np.repeat(
         motion.flag.reshape(time.size, geometry.pieces), np.diff(geometry.first), axis=1
     )
@@ -185,7 +185,7 @@ def _block(
     return columns
 
 
-def _count(
+def _count_returns(
     counts: dict[str, int],
     screening: Screening,
     ranges: Floats,
@@ -220,7 +220,7 @@ def _require_points(counts: dict[str, int], trajectory: Trajectory, source: Path
     )
 
 
-def _opened(
+def _open_scans(
     scans: xr.DataTree | str | Path | Iterable[xr.Dataset], mounting: Mounting | None, block: int
 ) -> tuple[Mounting, Iterable[xr.Dataset], Path | None]:
     """Mounting and blocks of what was given, and its file."""

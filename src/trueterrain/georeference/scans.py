@@ -23,7 +23,7 @@ _SHORTEST = 1e-6  # [s] half of the time over which rates are taken
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Expansion:
+class PoseExpansion:
     """Motion during the pieces of some scans; all pieces of a scan follow each other."""
 
     coefficient: Floats
@@ -75,7 +75,7 @@ class ScanGeometry:
         self.angle = np.asarray(angle, dtype=np.float64)
         self.delay = np.asarray(delay, dtype=np.float64)
         _check_fan(self.angle, self.delay)
-        self.first = _pieces(self.delay)
+        self.first = _split_beams(self.delay)
         "First beam of each piece, and the number of beams."
         bounds = list(zip(self.first[:-1], self.first[1:], strict=True))
         low = np.array([self.delay[a:b].min() for a, b in bounds])
@@ -98,7 +98,7 @@ class ScanGeometry:
             np.ascontiguousarray(getattr(trajectory, name), dtype=np.float64)
             for name in ("time", "position", "velocity", "quaternion", "angular_velocity")
         )
-        _kernels.turns(self._motion[3], self._motion[4], self._turn, self._rate)
+        _kernels.rotation_steps(self._motion[3], self._motion[4], self._turn, self._rate)
         self._covariance = np.ascontiguousarray(trajectory.covariance, dtype=np.float64)
 
     @property
@@ -123,7 +123,7 @@ class ScanGeometry:
         first, last = self._span
         return self.trajectory.covers(true + first, true + last)
 
-    def expand(self, time: npt.ArrayLike) -> Expansion:
+    def expand(self, time: npt.ArrayLike) -> PoseExpansion:
         """Motion during scans.
 
         Parameters
@@ -154,13 +154,13 @@ class ScanGeometry:
             raise ValueError(message)
         middle = (time[:, None] + self.mounting.scanner_clock + self._middle).ravel()
         n = middle.size
-        found = Expansion(
+        found = PoseExpansion(
             coefficient=np.empty((n, 3, 9)),
             body=np.empty((n, 3)),
             variance=np.empty((n, 7)),
             flag=np.empty(n, np.uint8),
         )
-        _kernels.expand(
+        _kernels.expand_poses(
             middle, self._half, *self._motion, self._turn, self._rate, self._covariance,
             self.trajectory.flag, self._lever, self._left, self._upward,
             found.coefficient, found.body, found.variance, found.flag,
@@ -180,7 +180,7 @@ def _check_fan(angle: Floats, delay: Floats) -> None:
         raise ValueError(message)
 
 
-def _pieces(delay: Floats) -> npt.NDArray[np.int64]:
+def _split_beams(delay: Floats) -> npt.NDArray[np.int64]:
     """First beams of the fewest pieces of about equal length that are short enough."""
     wanted = max(1, int(np.ceil(np.ptp(delay) / LONGEST)))
     longest = np.ptp(delay) / wanted * (1 + 1e-9)

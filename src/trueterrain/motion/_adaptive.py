@@ -27,8 +27,8 @@ import numpy.typing as npt
 
 from trueterrain.motion._inputs import NavigationInput
 from trueterrain.motion._noise import white_and_wander
-from trueterrain.motion._smoother import Model, Smoothed, smooth
-from trueterrain.motion._way import Way, even, fit
+from trueterrain.motion._smoother import SmoothedStates, StateSpaceModel, smooth_states
+from trueterrain.motion._way import CubicSeries, fit_polynomials, resample_evenly
 
 Float = npt.NDArray[np.float64]
 
@@ -56,7 +56,7 @@ _FIRST_RATE = np.array([2.0, 2.0, 0.5])  # [m/s, rad/s] how sure the fit's first
 _FIRST_ACCELERATION = np.array([5.0, 5.0, 2.0])  # [m/s^2, rad/s^2] that nothing is known of
 
 
-class AdaptiveWay(Way):
+class AdaptiveTrajectory(CubicSeries):
     """East, north and yaw, smoothed as far as the motion of the vehicle allows.
 
     Long gaps are bridged by the cubic through places and rates at both sides. Parts of less than a
@@ -84,46 +84,46 @@ class AdaptiveWay(Way):
     """
 
     def __init__(self, navigation: NavigationInput, sd: Float) -> None:
-        parts = _parts(navigation)
-        white = _white(navigation, parts)
+        parts = _continuous_parts(navigation)
+        white = _white_noise_sd(navigation, parts)
         found = [
-            _smoothed(navigation.time[at], navigation.pose[at][:, _WAY], sd[at][:, _WAY], white)
+            _smooth_part(navigation.time[at], navigation.pose[at][:, _WAY], sd[at][:, _WAY], white)
             for at in parts
         ]
         time, values, rates = map(np.concatenate, zip(*found, strict=True))
         super().__init__(time, values, rates)
 
 
-def _parts(navigation: NavigationInput) -> list[npt.NDArray[np.intp]]:
+def _continuous_parts(navigation: NavigationInput) -> list[npt.NDArray[np.intp]]:
     """Indices of the epochs between long gaps."""
     long = np.flatnonzero(np.diff(navigation.time) > max(_LONG, 1.5 * navigation.step)) + 1
     return np.split(np.arange(navigation.time.size), long)
 
 
-def _white(navigation: NavigationInput, parts: list[npt.NDArray[np.intp]]) -> Float:
+def _white_noise_sd(navigation: NavigationInput, parts: list[npt.NDArray[np.intp]]) -> Float:
     """Standard deviations of the white noise of the three, shape (3,)."""
     rough = []
     for part in parts:
-        grid, series = even(navigation.time[part], navigation.pose[part][:, _WAY])
-        rough.append(series - fit(series, grid, _WINDOWS[1])[0])
+        grid, series = resample_evenly(navigation.time[part], navigation.pose[part][:, _WAY])
+        rough.append(series - fit_polynomials(series, grid, _WINDOWS[1])[0])
     rate = 1.0 / navigation.step
     white = [white_and_wander(one, rate)[0] for one in np.concatenate(rough).T]
     return np.asarray(np.maximum(white, _LEAST_WHITE))
 
 
-def _smoothed(time: Float, pose: Float, sd: Float, white: Float) -> tuple[Float, Float, Float]:
+def _smooth_part(time: Float, pose: Float, sd: Float, white: Float) -> tuple[Float, Float, Float]:
     """Times, values and rates of one part."""
-    grid, series = even(time, pose)
+    grid, series = resample_evenly(time, pose)
     if time[-1] - time[0] < _APART or _FEWEST * np.median(np.diff(time)) > _APART:
-        values, rates, _ = fit(series, grid, _WINDOWS[0])
+        values, rates, _ = fit_polynomials(series, grid, _WINDOWS[0])
         return grid, values, rates
-    slow, rate, _ = fit(series, grid, _WINDOWS[1])
+    slow, rate, _ = fit_polynomials(series, grid, _WINDOWS[1])
     epochs = _Epochs(
         time=time, pose=pose - pose[0], variance=np.tile(white**2, (time.size, 1)),
         drift_sd=np.sqrt(np.maximum(np.median(sd, axis=0) ** 2 - white**2, (0.1 * white) ** 2)),
         heading=slow[:, 2], rate=rate[0],
     )  # fmt: skip
-    knots, found = _filtered(epochs, _most_likely(_means(epochs)))
+    knots, found = _smooth_epochs(epochs, _most_likely(_epoch_means(epochs)))
     return knots, found.mean[:, :3] + pose[0], found.mean[:, 3:6]
 
 
@@ -152,7 +152,7 @@ class _Epochs:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Motion:
+class _MotionModel:
     """How vehicle and drift move."""
 
     time: Float
@@ -185,7 +185,7 @@ class _Motion:
         return index, x - index
 
 
-def _means(epochs: _Epochs) -> _Epochs:
+def _epoch_means(epochs: _Epochs) -> _Epochs:
     """Means over equal spans of time."""
     since = epochs.time - epochs.time[0]
     step = float(np.median(np.diff(since)))
@@ -202,13 +202,13 @@ def _means(epochs: _Epochs) -> _Epochs:
     )  # fmt: skip
 
 
-def _most_likely(epochs: _Epochs) -> _Motion:
+def _most_likely(epochs: _Epochs) -> _MotionModel:
     """Intensities for which a part is most likely."""
     begin, end = epochs.time[[0, -1]]
     time = np.linspace(begin, end, max(int((end - begin) / _APART), 1) + 1)
-    motion = _Motion(time=time, jerk=np.tile(_BEGIN, (time.size, 1)), drift_time=_DRIFT_TIME)
+    motion = _MotionModel(time=time, jerk=np.tile(_BEGIN, (time.size, 1)), drift_time=_DRIFT_TIME)
     for _ in range(_ROUNDS):
-        knots, found = _filtered(epochs, motion, pulls=True)
+        knots, found = _smooth_epochs(epochs, motion, pulls=True)
         length = np.diff(knots)[:, None]
         middle = 0.5 * (knots[1:] + knots[:-1])
         pull, chance = found.pull[:, :, 0] * length, found.pull[:, :, 1] * length
@@ -224,9 +224,11 @@ def _most_likely(epochs: _Epochs) -> _Motion:
     return motion
 
 
-def _filtered(epochs: _Epochs, motion: _Motion, *, pulls: bool = False) -> tuple[Float, Smoothed]:
+def _smooth_epochs(
+    epochs: _Epochs, motion: _MotionModel, *, pulls: bool = False
+) -> tuple[Float, SmoothedStates]:
     """Knots, and what the smoother finds at them."""
-    knots, seen = _knots(epochs.time)
+    knots, seen = _smoother_knots(epochs.time)
     step = np.diff(knots)
     middle = 0.5 * (knots[1:] + knots[:-1])
     # along and across accelerations are parameters that walk at random, turned to east and north
@@ -238,7 +240,7 @@ def _filtered(epochs: _Epochs, motion: _Motion, *, pulls: bool = False) -> tuple
     turn[:, 2, 2] = 1.0
     sd = epochs.drift_sd
     decay = np.exp(-step[:, None] / motion.drift_time)
-    model = Model(
+    model = StateSpaceModel(
         step=step,
         known=np.zeros((step.size, 6)),
         into_coordinate=0.5 * step[:, None, None] ** 2 * turn,
@@ -257,10 +259,10 @@ def _filtered(epochs: _Epochs, motion: _Motion, *, pulls: bool = False) -> tuple
     spread = np.concatenate([_FIRST * first, _FIRST_RATE, _FIRST_ACCELERATION, sd])
     state = np.zeros(spread.size)
     state[:3], state[3:6] = epochs.pose[0], epochs.rate
-    return knots, smooth(model, state, np.diag(spread**2), pulls=pulls)
+    return knots, smooth_states(model, state, np.diag(spread**2), pulls=pulls)
 
 
-def _knots(time: Float) -> tuple[Float, npt.NDArray[np.intp]]:
+def _smoother_knots(time: Float) -> tuple[Float, npt.NDArray[np.intp]]:
     """Times of the epochs and between those that are far apart, and which epochs each one sees."""
     counts = np.maximum(np.ceil(np.diff(time) / _STEP - 1e-6).astype(int), 1)
     at = np.concatenate([[0], np.cumsum(counts)])

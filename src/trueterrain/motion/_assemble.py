@@ -4,10 +4,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from trueterrain.motion._complementary import Coordinates
-from trueterrain.motion._heave import lever
-from trueterrain.motion._inputs import Span, within
-from trueterrain.motion._way import Way
+from trueterrain.motion._complementary import BodyCoordinates
+from trueterrain.motion._heave import lever_height
+from trueterrain.motion._inputs import Span, inside_spans
+from trueterrain.motion._way import CubicSeries
 from trueterrain.motion.trajectory import BRIDGED, EDGE, Trajectory
 
 Float = npt.NDArray[np.float64]
@@ -15,9 +15,9 @@ Float = npt.NDArray[np.float64]
 
 def trajectory_of(
     time: Float,
-    coordinates: Coordinates,
+    coordinates: BodyCoordinates,
     middle: Float,
-    way: Way,
+    way: CubicSeries,
     way_variance: Float,
     bridged: tuple[Span, ...],
     edge: tuple[float, float],
@@ -42,12 +42,12 @@ def trajectory_of(
         Lengths at both ends in which filters settle [s].
     """
     roll, pitch = coordinates.value[:, 1], coordinates.value[:, 2]
-    over, by_roll, by_pitch = lever(roll, pitch, middle)
+    over, by_roll, by_pitch = lever_height(roll, pitch, middle)
     plan, plan_rate = way.value(time), way.rate(time)
     up_rate = coordinates.rate[:, 0] - by_roll * coordinates.rate[:, 1]
     up_rate -= by_pitch * coordinates.rate[:, 2]
     rotation = Rotation.from_euler("ZYX", np.stack([plan[:, 2], pitch, roll], axis=1))
-    flag = np.where(within(time, bridged), BRIDGED, 0).astype(np.uint8)
+    flag = np.where(inside_spans(time, bridged), BRIDGED, 0).astype(np.uint8)
     flag[(time < time[0] + edge[0]) | (time > time[-1] - edge[1])] |= EDGE
     return Trajectory(
         time=time,
@@ -57,7 +57,7 @@ def trajectory_of(
         angular_velocity=_body_rates(
             roll, pitch, coordinates.rate[:, 1], coordinates.rate[:, 2], plan_rate[:, 2]
         ),
-        covariance=_covariance(coordinates, by_roll, by_pitch, plan[:, 2], way_variance),
+        covariance=_pose_covariance(coordinates, by_roll, by_pitch, plan[:, 2], way_variance),
         flag=flag,
     )
 
@@ -68,8 +68,8 @@ def _body_rates(roll: Float, pitch: Float, a: Float, b: Float, c: Float) -> Floa
     return np.stack([a - c * sp, b * cr + c * cp * sr, c * cp * cr - b * sr], axis=1)
 
 
-def _covariance(
-    coordinates: Coordinates, by_roll: Float, by_pitch: Float, yaw: Float, way: Float
+def _pose_covariance(
+    coordinates: BodyCoordinates, by_roll: Float, by_pitch: Float, yaw: Float, way: Float
 ) -> Float:
     """Of east, north, up and small turns about them, shape (n, 6, 6)."""
     n = yaw.size

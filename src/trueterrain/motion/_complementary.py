@@ -12,13 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.motion._inertial import Inertial
+from trueterrain.motion._inertial import InertialAccelerations
 
 Float = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Coordinates:
+class BodyCoordinates:
     """Height of some point of the body, roll and pitch at the knots."""
 
     value: Float
@@ -32,7 +32,7 @@ class Coordinates:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Spectra:
+class ErrorSpectra:
     """One-sided spectra of the errors of the three coordinates [m^2/Hz, rad^2/Hz]."""
 
     white: Float
@@ -57,7 +57,9 @@ class Spectra:
         return np.asarray(self.acceleration / square**2 + self.walk / square**3)
 
 
-def integrated(inertial: Inertial, navigation: Float) -> tuple[Float, Float]:
+def integrate_acceleration(
+    inertial: InertialAccelerations, navigation: Float
+) -> tuple[Float, Float]:
     """Accelerations integrated twice and once, with the parabola removed that navigation denies.
 
     Parameters
@@ -86,8 +88,8 @@ def integrated(inertial: Inertial, navigation: Float) -> tuple[Float, Float]:
     return value + basis @ fit, rate + slope @ fit
 
 
-def causal(
-    inertial: Inertial, navigation: Float, *, cutoff: float, order: int
+def causal_filter(
+    inertial: InertialAccelerations, navigation: Float, *, cutoff: float, order: int
 ) -> tuple[Float, Float, Float]:
     """The thesis's way: causal Butterworth filters, low-pass and high-pass.
 
@@ -100,8 +102,8 @@ def causal(
     """
     from scipy.signal import butter, sosfilt, sosfilt_zi
 
-    value, _ = integrated(inertial, navigation)
-    rate = _rate(inertial.time)
+    value, _ = integrate_acceleration(inertial, navigation)
+    rate = _sample_rate(inertial.time)
 
     def through(kind: str, series: Float) -> Float:
         sections = butter(order, cutoff, kind, fs=rate, output="sos")
@@ -115,31 +117,33 @@ def causal(
 
 
 def zero_phase(
-    inertial: Inertial, navigation: Float, *, cutoff: float, order: int
+    inertial: InertialAccelerations, navigation: Float, *, cutoff: float, order: int
 ) -> tuple[Float, Float]:
     """Forward and backward Butterworth low-pass of the difference: exactly complementary."""
     from scipy.signal import butter, sosfiltfilt
 
-    value, rate = integrated(inertial, navigation)
-    sampling = _rate(inertial.time)
+    value, rate = integrate_acceleration(inertial, navigation)
+    sampling = _sample_rate(inertial.time)
     sections = butter(order, cutoff, fs=sampling, output="sos")
     pad = min(len(value) - 1, int(3 * sampling / cutoff))
     slow = sosfiltfilt(sections, navigation - value, axis=0, padlen=pad)
     return value + slow, rate + np.gradient(slow, inertial.time, axis=0)
 
 
-def wiener(inertial: Inertial, navigation: Float, spectra: Spectra) -> tuple[Float, Float]:
+def wiener_filter(
+    inertial: InertialAccelerations, navigation: Float, spectra: ErrorSpectra
+) -> tuple[Float, Float]:
     """The best real low-pass for the spectra of both errors."""
     from scipy.fft import dst, idst
 
-    value, rate = integrated(inertial, navigation)
+    value, rate = integrate_acceleration(inertial, navigation)
     apart = navigation - value
-    n, sampling = len(apart), _rate(inertial.time)
+    n, sampling = len(apart), _sample_rate(inertial.time)
     # straight from end to end, the rest a series of sines, which has no jump at the ends
     x = np.linspace(0.0, 1.0, n)[:, None]
-    length = [min(int(sampling / cross), n // 4) for cross in crossover(spectra)]
-    first = np.array([_end(apart[:, j], end) for j, end in enumerate(length)])
-    last = np.array([_end(apart[::-1, j], end) for j, end in enumerate(length)])
+    length = [min(int(sampling / cross), n // 4) for cross in crossover_frequency(spectra)]
+    first = np.array([_end_value(apart[:, j], end) for j, end in enumerate(length)])
+    last = np.array([_end_value(apart[::-1, j], end) for j, end in enumerate(length)])
     straight = first + (last - first) * x
     frequency = np.arange(1, n + 1) * sampling / (2 * (n + 1))
     share = low_pass(spectra, frequency)
@@ -147,7 +151,7 @@ def wiener(inertial: Inertial, navigation: Float, spectra: Spectra) -> tuple[Flo
     return value + slow, rate + np.gradient(slow, inertial.time, axis=0)
 
 
-def low_pass(spectra: Spectra, frequency: Float) -> Float:
+def low_pass(spectra: ErrorSpectra, frequency: Float) -> Float:
     """Wiener's low-pass ``S_acc / (S_ins + S_acc)``, shape (f, 3).
 
     Examples
@@ -161,7 +165,7 @@ def low_pass(spectra: Spectra, frequency: Float) -> Float:
     return np.asarray(noise / (noise + spectra.navigation(frequency)))
 
 
-def crossover(spectra: Spectra) -> tuple[float, float, float]:
+def crossover_frequency(spectra: ErrorSpectra) -> tuple[float, float, float]:
     """Frequency at which both errors are equal, for each coordinate [Hz]."""
     frequency = np.geomspace(1e-3, 1e3, 3000)
     share = low_pass(spectra, frequency)
@@ -169,13 +173,13 @@ def crossover(spectra: Spectra) -> tuple[float, float, float]:
     return found[0], found[1], found[2]
 
 
-def variance(spectra: Spectra, share: Float, frequency: Float) -> Float:
+def filter_variance(spectra: ErrorSpectra, share: Float, frequency: Float) -> Float:
     """Variance of white noise through a real low-pass and of the accelerometers beside it, (3,)."""
     density = share**2 * spectra.white + (1 - share) ** 2 * spectra.accelerometers(frequency)
     return np.asarray(np.trapezoid(density, frequency, axis=0))
 
 
-def passed(share: Float, frequency: Float, time: Float) -> Float:
+def passed_drift(share: Float, frequency: Float, time: Float) -> Float:
     """Share of the variance of a Gauss-Markov drift that a real low-pass lets through, (3,).
 
     Parameters
@@ -191,17 +195,17 @@ def passed(share: Float, frequency: Float, time: Float) -> Float:
     return np.asarray(1 - np.trapezoid((1 - share**2) * density, frequency, axis=0))
 
 
-def butterworth(frequency: Float, cutoff: float, order: int) -> Float:
+def butterworth_gain(frequency: Float, cutoff: float, order: int) -> Float:
     """Gain of a Butterworth low-pass forward and backward, shape (f, 3)."""
     gain = 1.0 / (1.0 + (frequency / cutoff) ** (2 * order))
     return np.repeat(gain[:, None], 3, axis=1)
 
 
-def _end(series: Float, count: int) -> float:
+def _end_value(series: Float, count: int) -> float:
     """First value of a series, by a straight line through its first values."""
     count = max(count, 2)
     return float(np.polyfit(np.arange(count), series[:count], 1)[1])
 
 
-def _rate(time: Float) -> float:
+def _sample_rate(time: Float) -> float:
     return float((time.size - 1) / (time[-1] - time[0]))

@@ -7,15 +7,15 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.motion import _complementary as filters
-from trueterrain.motion._adaptive import AdaptiveWay
+from trueterrain.motion._adaptive import AdaptiveTrajectory
 from trueterrain.motion._assemble import trajectory_of
-from trueterrain.motion._complementary import Coordinates, Spectra
-from trueterrain.motion._heave import lever
-from trueterrain.motion._inertial import Inertial, inertial_of, knots_without
+from trueterrain.motion._complementary import BodyCoordinates, ErrorSpectra
+from trueterrain.motion._heave import lever_height
+from trueterrain.motion._inertial import InertialAccelerations, inertial_of, knots_without
 from trueterrain.motion._inputs import AccelerometerInput, NavigationInput, Span
-from trueterrain.motion._noise import LEAST, Noise, quietest, white_and_wander
-from trueterrain.motion._rts import Found, Sensors, smoothed_coordinates
-from trueterrain.motion._way import Smooth, Way, bridge_variance
+from trueterrain.motion._noise import LEAST, InstrumentNoise, quietest_density, white_and_wander
+from trueterrain.motion._rts import SensorErrors, SmootherResult, smoothed_coordinates
+from trueterrain.motion._way import CubicSeries, SmoothedSeries, bridge_variance
 from trueterrain.motion.fuse import DRIFT_TIME, FusedMotion, FusionSettings
 
 Float = npt.NDArray[np.float64]
@@ -35,18 +35,18 @@ _MOST_KNOTS = 2_000_000  # that fast navigation may be given: 0.9 GB
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Parts:
+class _FusionParts:
     navigation: NavigationInput
     settings: FusionSettings
     sd: Float  # of navigation, reported or assumed, (epoch, 6)
-    quick: Smooth  # up, roll, pitch as they are
-    attitude: Smooth  # roll, pitch
-    near: Smooth  # east, north, yaw in a fixed window
+    quick: SmoothedSeries  # up, roll, pitch as they are
+    attitude: SmoothedSeries  # roll, pitch
+    near: SmoothedSeries  # east, north, yaw in a fixed window
     window: float  # this [s]
-    way: Way  # east, north, yaw as they are stated
+    way: CubicSeries  # east, north, yaw as they are stated
 
 
-def fused(
+def fuse_inputs(
     run: xr.DataTree,
     navigation: NavigationInput,
     sensors: AccelerometerInput | None,
@@ -56,13 +56,13 @@ def fused(
     """Motion from what was read."""
     sd = np.where(np.isfinite(navigation.sd), navigation.sd, settings.navigation_sd)
     window = _WINDOW if settings.way_window is None else settings.way_window
-    near = Smooth(navigation, _WAY, window=window, slow=_SLOW)
+    near = SmoothedSeries(navigation, _WAY, window=window, slow=_SLOW)
     adaptive = settings.method == "rts" and settings.way_window is None
-    parts = _Parts(
+    parts = _FusionParts(
         navigation=navigation, settings=settings, sd=sd, near=near, window=window,
-        quick=Smooth(navigation, _HEAVE, window=0.0, slow=_SLOW),
-        attitude=Smooth(navigation, _HEAVE[1:], window=_QUICK, slow=_QUICK),
-        way=AdaptiveWay(navigation, sd) if adaptive else near,
+        quick=SmoothedSeries(navigation, _HEAVE, window=0.0, slow=_SLOW),
+        attitude=SmoothedSeries(navigation, _HEAVE[1:], window=_QUICK, slow=_QUICK),
+        way=AdaptiveTrajectory(navigation, sd) if adaptive else near,
     )  # fmt: skip
     problems = [*problems, *_gap_problems("navigation", navigation.gaps)]
     if sensors is None:
@@ -70,7 +70,9 @@ def fused(
     if sensors.dropped:
         problems.append(f"accelerometers: {sensors.dropped} samples are left out: not finite")
     gravity = gravity_at(run.attrs.get("origin")) if settings.gravity is None else settings.gravity
-    slow = Smooth(navigation, _WAY, window=window, slow=_window(parts, sensors))
+    slow = SmoothedSeries(
+        navigation, _WAY, window=window, slow=_acceleration_window(parts, sensors)
+    )
     inertial = inertial_of(
         sensors, navigation, parts.attitude, slow, rate=settings.rate, gravity=gravity
     )
@@ -108,7 +110,7 @@ def _gap_problems(name: str, gaps: tuple[Span, ...]) -> list[str]:
     ]
 
 
-def _window(parts: _Parts, sensors: AccelerometerInput) -> float:
+def _acceleration_window(parts: _FusionParts, sensors: AccelerometerInput) -> float:
     """Window for accelerations of the way [s]: so long that their noise is less than the sensors'.
 
     A cubic over the window W passes noise up to 1.25 / W; an inclined accelerometer feels it.
@@ -117,23 +119,25 @@ def _window(parts: _Parts, sensors: AccelerometerInput) -> float:
     rough = navigation.pose[:, _WAY[:2]] - parts.near.value(navigation.time)[:, :2]
     density = np.sqrt(2 * navigation.step) * np.sqrt(np.mean(rough**2))
     incline = np.sqrt(np.mean(navigation.pose[:, 3:5] ** 2))
-    own = np.mean([quietest(one, 1.0 / sensors.step) for one in sensors.force.T])
+    own = np.mean([quietest_density(one, 1.0 / sensors.step) for one in sensors.force.T])
     window = 2 * np.pi * 1.25 * np.sqrt(density * incline * np.sqrt(len(sensors.position)) / own)
     return float(np.clip(window, _QUICK, _SLOW))
 
 
-def _by_navigation(parts: _Parts, problems: list[str]) -> FusedMotion:
+def _by_navigation(parts: _FusionParts, problems: list[str]) -> FusedMotion:
     time, coarse = _knots_by_navigation(parts)
-    variance = _at(time, parts.navigation.time, parts.sd[:, _HEAVE] ** 2)
-    variance += _bridge(parts, time, _HEAVE)
-    found = Coordinates(
-        value=parts.quick.value(time), rate=parts.quick.rate(time), covariance=_diagonal(variance)
+    variance = _interpolate_columns(time, parts.navigation.time, parts.sd[:, _HEAVE] ** 2)
+    variance += _gap_variance(parts, time, _HEAVE)
+    found = BodyCoordinates(
+        value=parts.quick.value(time),
+        rate=parts.quick.rate(time),
+        covariance=_diagonal_matrices(variance),
     )
     edge = (parts.navigation.step, parts.navigation.step)
-    return _finished(parts, time, found, np.zeros(3), (), edge, [*problems, *coarse])
+    return _assemble_motion(parts, time, found, np.zeros(3), (), edge, [*problems, *coarse])
 
 
-def _knots_by_navigation(parts: _Parts) -> tuple[Float, list[str]]:
+def _knots_by_navigation(parts: _FusionParts) -> tuple[Float, list[str]]:
     """Knots between which cubics follow the navigation, and where they do not, in words.
 
     Rates at the epochs of a fast navigation hold its noise and the steps of its numbers: over
@@ -164,44 +168,49 @@ def _knots_by_navigation(parts: _Parts) -> tuple[Float, list[str]]:
 
 
 def _by_both(
-    parts: _Parts, sensors: AccelerometerInput, inertial: Inertial, problems: list[str]
+    parts: _FusionParts,
+    sensors: AccelerometerInput,
+    inertial: InertialAccelerations,
+    problems: list[str],
 ) -> FusedMotion:
     settings = parts.settings
     time = inertial.time
-    coordinates = _middle(parts, inertial)
-    noise, wander = _noise(parts, sensors, inertial, coordinates)
-    spectra = _spectra(parts, inertial, noise, wander)
+    coordinates = _sensor_centre_motion(parts, inertial)
+    noise, wander = _estimate_noise(parts, sensors, inertial, coordinates)
+    spectra = _error_spectra(parts, inertial, noise, wander)
     white = np.array(noise.white)
     drift_sd = np.sqrt(np.maximum(parts.sd[:, _HEAVE] ** 2 - white**2, (0.1 * white) ** 2))
-    drift_sd = _at(time, parts.navigation.time, drift_sd)
-    found: Found | None = None
+    drift_sd = _interpolate_columns(time, parts.navigation.time, drift_sd)
+    found: SmootherResult | None = None
     edge = (0.5 * parts.window, 0.5 * parts.window)
     if settings.method == "rts":
         turn = np.sqrt(np.mean(parts.attitude.second(parts.navigation.time) ** 2, axis=0))
         found = smoothed_coordinates(
             inertial, parts.navigation, parts.attitude.value(parts.navigation.time), turn, noise,
             drift_sd,
-            Sensors(bias_sd=settings.bias_sd, bias_walk=settings.bias_walk,
+            SensorErrors(bias_sd=settings.bias_sd, bias_walk=settings.bias_walk,
                     scale_sd=settings.scale_sd, delay_sd=settings.accelerometer_delay_sd),
         )  # fmt: skip
         result = found.coordinates
-        problems = [*problems, *_doubts(found, settings)]
+        problems = [*problems, *_flag_estimates(found, settings)]
     else:
-        result, settles = _filtered(parts, inertial, coordinates, spectra, noise, drift_sd)
+        result, settles = _filter_complementary(
+            parts, inertial, coordinates, spectra, noise, drift_sd
+        )
         edge = (max(edge[0], settles[0]), max(edge[1], settles[1]))
     gaps = tuple(("accelerometers", *gap) for gap in _lost_spans(inertial))
-    motion = _finished(parts, time, result, inertial.middle, gaps, edge, problems)
+    motion = _assemble_motion(parts, time, result, inertial.middle, gaps, edge, problems)
     return FusedMotion(
         trajectory=motion.trajectory, method=settings.method, noise=noise,
-        crossover=filters.crossover(spectra), gaps=motion.gaps, problems=motion.problems,
+        crossover=filters.crossover_frequency(spectra), gaps=motion.gaps, problems=motion.problems,
         drift=None if found is None else found.drift,
         bias=None if found is None else tuple(map(float, found.bias)),
         delay=None if found is None else found.delay,
-        surprise=None if found is None else _three(found.surprise),
+        surprise=None if found is None else _three_floats(found.surprise),
     )  # fmt: skip
 
 
-def _doubts(found: Found, settings: FusionSettings) -> list[str]:
+def _flag_estimates(found: SmootherResult, settings: FusionSettings) -> list[str]:
     """What the smoother finds strange, in words."""
     doubts = []
     if found.surprise.max() > _STRANGE:
@@ -219,7 +228,7 @@ def _doubts(found: Found, settings: FusionSettings) -> list[str]:
     return doubts
 
 
-def _middle(parts: _Parts, inertial: Inertial) -> Float:
+def _sensor_centre_motion(parts: _FusionParts, inertial: InertialAccelerations) -> Float:
     """Height of the middle of the sensors, roll and pitch at the knots by navigation, (n, 3).
 
     The lever goes by roll and pitch of both instruments, whose noise is less.
@@ -228,17 +237,19 @@ def _middle(parts: _Parts, inertial: Inertial) -> Float:
     angles = parts.attitude.value(inertial.time)
     if inertial.turns:
         angles = filters.zero_phase(inertial, coordinates, cutoff=_APART, order=2)[0][:, 1:]
-    coordinates[:, 0] += lever(angles[:, 0], angles[:, 1], inertial.middle)[0]
-    return _carried(parts.navigation.gaps, inertial, coordinates)
+    coordinates[:, 0] += lever_height(angles[:, 0], angles[:, 1], inertial.middle)[0]
+    return _bridge_gaps(parts.navigation.gaps, inertial, coordinates)
 
 
-def _carried(gaps: tuple[Span, ...], inertial: Inertial, coordinates: Float) -> Float:
+def _bridge_gaps(
+    gaps: tuple[Span, ...], inertial: InertialAccelerations, coordinates: Float
+) -> Float:
     """Over gaps of navigation the motion goes on as the accelerometers say."""
     if not (gaps and inertial.turns):
         return coordinates
     time = inertial.time
     for begin, end in gaps * 3:  # the parabola that aligns both is the better each time
-        value, _ = filters.integrated(inertial, coordinates)
+        value, _ = filters.integrate_acceleration(inertial, coordinates)
         apart = coordinates - value
         sides = [(time > begin - _SIDE) & (time <= begin), (time >= end) & (time < end + _SIDE)]
         inside = (time > begin) & (time < end)
@@ -250,62 +261,65 @@ def _carried(gaps: tuple[Span, ...], inertial: Inertial, coordinates: Float) -> 
     return coordinates
 
 
-def _filtered(
-    parts: _Parts,
-    inertial: Inertial,
+def _filter_complementary(
+    parts: _FusionParts,
+    inertial: InertialAccelerations,
     coordinates: Float,
-    spectra: Spectra,
-    noise: Noise,
+    spectra: ErrorSpectra,
+    noise: InstrumentNoise,
     drift_sd: Float,
-) -> tuple[Coordinates, tuple[float, float]]:
+) -> tuple[BodyCoordinates, tuple[float, float]]:
     """Coordinates by a complementary filter, and the times in which it settles at both ends."""
     s = parts.settings
     time = inertial.time
     frequency = np.geomspace(1.5 / (time[-1] - time[0]), 0.5 * s.rate, 2000)
-    share = filters.butterworth(frequency, s.crossover, s.order)
+    share = filters.butterworth_gain(frequency, s.crossover, s.order)
     settles = (0.5 / s.crossover, 0.5 / s.crossover)
     extra = np.zeros(3)
     none = np.zeros_like(coordinates)  # through which the filter shows the share of the sensors
     if s.method == "wiener":
-        value, rate = filters.wiener(inertial, coordinates, spectra)
-        _, fast = filters.wiener(inertial, none, spectra)
+        value, rate = filters.wiener_filter(inertial, coordinates, spectra)
+        _, fast = filters.wiener_filter(inertial, none, spectra)
         share = filters.low_pass(spectra, frequency)
     else:
         value, rate = filters.zero_phase(inertial, coordinates, cutoff=s.crossover, order=s.order)
         _, fast = filters.zero_phase(inertial, none, cutoff=s.crossover, order=s.order)
     if s.method == "thesis":
-        value, rate, extra = filters.causal(
+        value, rate, extra = filters.causal_filter(
             inertial, coordinates, cutoff=s.crossover, order=s.order
         )
         settles = (2.0 / s.crossover, 0.0)
     late = s.accelerometer_delay_sd * np.sqrt(np.mean(fast**2, axis=0))
-    variance = filters.variance(spectra, share, frequency) + extra**2 + late**2
-    left = filters.passed(share, frequency, np.array(noise.drift_time))
+    variance = filters.filter_variance(spectra, share, frequency) + extra**2 + late**2
+    left = filters.passed_drift(share, frequency, np.array(noise.drift_time))
     whole = left * drift_sd**2 + variance
     if inertial.turns:
         carried = bridge_variance(time, parts.navigation.gaps, 1.0)[:, None]
         whole += carried * (0.5 * spectra.acceleration + _UNSURE**2)
     else:
-        whole += _bridge(parts, time, _HEAVE)
+        whole += _gap_variance(parts, time, _HEAVE)
     for begin, end in _lost_spans(inertial):
         lost = bridge_variance(time, ((begin, end),), 1.0)[:, None]
         whole += lost * [s.bridge_density, s.bridge_turn_density, s.bridge_turn_density]
-    return Coordinates(value=value, rate=rate, covariance=_diagonal(whole)), settles
+    return BodyCoordinates(value=value, rate=rate, covariance=_diagonal_matrices(whole)), settles
 
 
-def _noise(
-    parts: _Parts, sensors: AccelerometerInput, inertial: Inertial, coordinates: Float
-) -> tuple[Noise, Float]:
+def _estimate_noise(
+    parts: _FusionParts,
+    sensors: AccelerometerInput,
+    inertial: InertialAccelerations,
+    coordinates: Float,
+) -> tuple[InstrumentNoise, Float]:
     """Noise of the instruments, and the wander of the drift per second."""
     s = parts.settings
     estimated = []
     inside = (sensors.time >= inertial.fine[0]) & (sensors.time <= inertial.fine[-1])
-    density = [quietest(one, 1.0 / sensors.step) for one in sensors.force[inside].T]
+    density = [quietest_density(one, 1.0 / sensors.step) for one in sensors.force[inside].T]
     if s.accelerometer_noise is not None:
         density = [s.accelerometer_noise] * len(density)
     else:
         estimated.append("accelerometer")
-    residual = _residual(parts, inertial, coordinates)
+    residual = _navigation_residual(parts, inertial, coordinates)
     rate = 1.0 / parts.navigation.step
     pairs = np.array([white_and_wander(column, rate) for column in residual.T])
     white = np.maximum(pairs[:, 0], LEAST)
@@ -321,14 +335,16 @@ def _noise(
         length[seen] = np.clip(2 * drift[seen] ** 2 / pairs[seen, 1], *_DRIFT_TIMES)
         estimated += [f"drift_time of {name}" for name, at in
                       zip(("up", "roll", "pitch"), seen, strict=True) if at]  # fmt: skip
-    noise = Noise(
-        white=_three(white), drift_sd=_three(drift), drift_time=_three(length),
+    noise = InstrumentNoise(
+        white=_three_floats(white), drift_sd=_three_floats(drift), drift_time=_three_floats(length),
         accelerometer=tuple(density), estimated=tuple(estimated),
     )  # fmt: skip
     return noise, 2 * drift**2 / length
 
 
-def _residual(parts: _Parts, inertial: Inertial, coordinates: Float) -> Float:
+def _navigation_residual(
+    parts: _FusionParts, inertial: InertialAccelerations, coordinates: Float
+) -> Float:
     """Navigation less the fused motion, above 1.5 Hz, at the epochs; shape (epoch, 3).
 
     What errors of the accelerometers' clock and scale leave of the motion is fitted and removed.
@@ -344,7 +360,7 @@ def _residual(parts: _Parts, inertial: Inertial, coordinates: Float) -> Float:
     )  # the motion above the crossover
     measured = navigation.pose[:, _HEAVE].copy()
     angles = smooth[:, 1:] if inertial.turns else parts.attitude.value(navigation.time)
-    measured[:, 0] += lever(angles[:, 0], angles[:, 1], inertial.middle)[0]
+    measured[:, 0] += lever_height(angles[:, 0], angles[:, 1], inertial.middle)[0]
     residual = measured - smooth
     fast = CubicHermiteSpline(time, slow, slow_rate, axis=0)
     shapes = fast(navigation.time), fast(navigation.time, 1)
@@ -354,29 +370,31 @@ def _residual(parts: _Parts, inertial: Inertial, coordinates: Float) -> Float:
     return np.asarray(residual)
 
 
-def _spectra(parts: _Parts, inertial: Inertial, noise: Noise, wander: Float) -> Spectra:
+def _error_spectra(
+    parts: _FusionParts, inertial: InertialAccelerations, noise: InstrumentNoise, wander: Float
+) -> ErrorSpectra:
     shares = np.square(inertial.share)
     acceleration = shares @ np.square(noise.accelerometer)
     walk = shares.sum(axis=1) * 2 * parts.settings.bias_walk**2
     if not inertial.turns:
         acceleration[1:], walk[1:] = 1e3, 0.0  # nothing is known of roll and pitch
-    return Spectra(
+    return ErrorSpectra(
         white=2 * np.square(noise.white) * parts.navigation.step, wander=2 * wander,
         acceleration=acceleration, walk=walk,
     )  # fmt: skip
 
 
-def _finished(
-    parts: _Parts,
+def _assemble_motion(
+    parts: _FusionParts,
     time: Float,
-    found: Coordinates,
+    found: BodyCoordinates,
     middle: Float,
     gaps: tuple[tuple[str, float, float], ...],
     edge: tuple[float, float],
     problems: list[str],
 ) -> FusedMotion:
-    variance = _at(time, parts.navigation.time, parts.sd[:, _WAY] ** 2)
-    variance += _bridge(parts, time, _WAY)
+    variance = _interpolate_columns(time, parts.navigation.time, parts.sd[:, _WAY] ** 2)
+    variance += _gap_variance(parts, time, _WAY)
     every = (*(("navigation", *gap) for gap in parts.navigation.gaps), *gaps)
     spans = tuple((begin, end) for _, begin, end in every)
     trajectory = trajectory_of(time, found, middle, parts.way, variance, spans, edge)
@@ -386,14 +404,14 @@ def _finished(
     )  # fmt: skip
 
 
-def _bridge(parts: _Parts, time: Float, columns: list[int]) -> Float:
+def _gap_variance(parts: _FusionParts, time: Float, columns: list[int]) -> Float:
     """Variance over the gaps of navigation, shape (n, columns)."""
     s = parts.settings
     one = bridge_variance(time, parts.navigation.gaps, 1.0)[:, None]
     return one * [s.bridge_density if c < 3 else s.bridge_turn_density for c in columns]
 
 
-def _lost_spans(inertial: Inertial) -> tuple[Span, ...]:
+def _lost_spans(inertial: InertialAccelerations) -> tuple[Span, ...]:
     """Stretches without accelerometers."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], inertial.bridged.astype(int), [0]])))
     fine = inertial.fine
@@ -406,13 +424,13 @@ def _lost_spans(inertial: Inertial) -> tuple[Span, ...]:
     )  # fmt: skip
 
 
-def _at(time: Float, known: Float, values: Float) -> Float:
+def _interpolate_columns(time: Float, known: Float, values: Float) -> Float:
     return np.stack([np.interp(time, known, column) for column in values.T], axis=1)
 
 
-def _diagonal(variance: Float) -> Float:
+def _diagonal_matrices(variance: Float) -> Float:
     return np.asarray(variance[:, :, None] * np.eye(3))
 
 
-def _three(values: Float) -> tuple[float, float, float]:
+def _three_floats(values: Float) -> tuple[float, float, float]:
     return float(values[0]), float(values[1]), float(values[2])

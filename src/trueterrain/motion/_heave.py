@@ -22,7 +22,7 @@ _FLATTEST = 0.02  # [m] least spread of sensors, second singular value, that tel
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Attitude:
+class AttitudeHistory:
     """Motion that is known from navigation, at some times."""
 
     roll: Float
@@ -69,7 +69,7 @@ def tells_turns(position: Float) -> bool:
     return bool(np.linalg.svd(plan, compute_uv=False)[1] > _FLATTEST)
 
 
-def lever(roll: Float, pitch: Float, point: Float) -> tuple[Float, Float, Float]:
+def lever_height(roll: Float, pitch: Float, point: Float) -> tuple[Float, Float, Float]:
     """Height of a point of the body over its origin, and its derivatives by roll and by pitch [m].
 
     Examples
@@ -86,7 +86,7 @@ def lever(roll: Float, pitch: Float, point: Float) -> tuple[Float, Float, Float]
     )
 
 
-def mixing(roll: Float, pitch: Float, position: Float) -> Float:
+def sensor_matrix(roll: Float, pitch: Float, position: Float) -> Float:
     """What each sensor feels of the height of their middle, of roll and of pitch accelerating.
 
     Returns
@@ -95,7 +95,7 @@ def mixing(roll: Float, pitch: Float, position: Float) -> Float:
         Derivatives of the readings by the three accelerations [1, m, m].
     """
     cr, upright = np.cos(roll), np.cos(roll) * np.cos(pitch)
-    _, by_roll, by_pitch = lever(roll, pitch, position.mean(axis=0))
+    _, by_roll, by_pitch = lever_height(roll, pitch, position.mean(axis=0))
     matrix = np.empty((roll.size, len(position), 3))
     for i, (x, y, _) in enumerate(position):
         matrix[:, i, 0] = upright
@@ -104,7 +104,9 @@ def mixing(roll: Float, pitch: Float, position: Float) -> Float:
     return matrix
 
 
-def accelerations(force: Float, position: Float, motion: Attitude, gravity: float) -> Float:
+def body_accelerations(
+    force: Float, position: Float, motion: AttitudeHistory, gravity: float
+) -> Float:
     """Accelerations of the height of the middle of the sensors, of roll and of pitch.
 
     Parameters
@@ -123,8 +125,8 @@ def accelerations(force: Float, position: Float, motion: Attitude, gravity: floa
     numpy.ndarray, shape (n, 3)
         [m/s^2, rad/s^2, rad/s^2]; the latter two those of `motion` if the sensors do not tell them.
     """
-    matrix = mixing(motion.roll, motion.pitch, position)
-    free = force - _known(position, motion, gravity)
+    matrix = sensor_matrix(motion.roll, motion.pitch, position)
+    free = force - _known_acceleration(position, motion, gravity)
     if tells_turns(position):
         across = np.swapaxes(matrix, 1, 2)
         return np.asarray(np.linalg.solve(across @ matrix, across @ free[:, :, None])[:, :, 0])
@@ -133,7 +135,7 @@ def accelerations(force: Float, position: Float, motion: Attitude, gravity: floa
     return np.column_stack([height, motion.turn])
 
 
-def _known(position: Float, m: Attitude, gravity: float) -> Float:
+def _known_acceleration(position: Float, m: AttitudeHistory, gravity: float) -> Float:
     """What the sensors feel besides the three accelerations, shape (n, sensor) [m/s^2]."""
     sr, cr, sp, cp = np.sin(m.roll), np.cos(m.roll), np.sin(m.pitch), np.cos(m.pitch)
     a, b, c = m.roll_rate, m.pitch_rate, m.yaw_rate

@@ -5,9 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.motion._heave import Attitude, accelerations, mixing, tells_turns
-from trueterrain.motion._inputs import AccelerometerInput, NavigationInput, within
-from trueterrain.motion._way import Smooth
+from trueterrain.motion._heave import (
+    AttitudeHistory,
+    body_accelerations,
+    sensor_matrix,
+    tells_turns,
+)
+from trueterrain.motion._inputs import AccelerometerInput, NavigationInput, inside_spans
+from trueterrain.motion._way import SmoothedSeries
 
 Float = npt.NDArray[np.float64]
 
@@ -15,7 +20,7 @@ _MEMORY = 0.2  # [s] after which the acceleration of a body has forgotten what i
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Inertial:
+class InertialAccelerations:
     """Accelerations of height (of the middle of the sensors), roll and pitch; from knot to knot."""
 
     fine: Float
@@ -58,7 +63,10 @@ class Inertial:
         even at 1 kHz.
         """
         step = np.diff(self.fine)[:, None]
-        once, twice = step * _weighted(series, _ONCE), step**2 * _weighted(series, _TWICE)
+        once, twice = (
+            step * _weighted_steps(series, _ONCE),
+            step**2 * _weighted_steps(series, _TWICE),
+        )
         # from the first sample on; sums within each knot keep all digits
         starts = self.knot[:-1]
         sums = np.add.reduceat(once, starts, axis=0)
@@ -74,13 +82,13 @@ def knots_without(navigation: NavigationInput, rate: float) -> Float:
     return np.asarray(np.linspace(begin, end, count + 1))
 
 
-def attitude_at(time: Float, quick: Smooth, slow: Smooth) -> Attitude:
+def attitude_at(time: Float, quick: SmoothedSeries, slow: SmoothedSeries) -> AttitudeHistory:
     """What navigation knows at some times, from its smoothed roll, pitch and way."""
     angle, rate, turn = quick.value(time), quick.rate(time), quick.second(time)
     yaw = slow.value(time)[:, 2]
     second = slow.second(time)
     c, s = np.cos(yaw), np.sin(yaw)
-    return Attitude(
+    return AttitudeHistory(
         roll=angle[:, 0], pitch=angle[:, 1], roll_rate=rate[:, 0], pitch_rate=rate[:, 1],
         turn=turn, yaw_rate=slow.rate(time)[:, 2], yaw_turn=second[:, 2],
         ahead=c * second[:, 0] + s * second[:, 1], left=c * second[:, 1] - s * second[:, 0],
@@ -90,21 +98,21 @@ def attitude_at(time: Float, quick: Smooth, slow: Smooth) -> Attitude:
 def inertial_of(
     sensors: AccelerometerInput,
     navigation: NavigationInput,
-    quick: Smooth,
-    slow: Smooth,
+    quick: SmoothedSeries,
+    slow: SmoothedSeries,
     *,
     rate: float,
     gravity: float,
-) -> Inertial:
+) -> InertialAccelerations:
     """Accelerations from the samples that lie within the navigation, with gaps filled in."""
-    fine = _complete(sensors, navigation.time[0], navigation.time[-1])
-    force, missing = _readings(sensors, fine)
+    fine = _fill_sample_times(sensors, navigation.time[0], navigation.time[-1])
+    force, missing = _sensor_readings(sensors, fine)
     motion = attitude_at(fine, quick, slow)
-    motion_of = accelerations(force, sensors.position, motion, gravity)
+    motion_of = body_accelerations(force, sensors.position, motion, gravity)
     level = np.array([np.mean(motion.roll)]), np.array([np.mean(motion.pitch)])
     turns = tells_turns(sensors.position)
     share = np.zeros((3, len(sensors.position)))
-    matrix = mixing(*level, sensors.position)[0]
+    matrix = sensor_matrix(*level, sensors.position)[0]
     if turns:
         share = np.linalg.pinv(matrix)
     else:
@@ -112,14 +120,14 @@ def inertial_of(
         motion_of[:, 1:] = 0.0  # roll and pitch are left to navigation
     apart = max(round(1.0 / (sensors.step * rate)), 1)
     knot = np.unique(np.append(np.arange(0, fine.size, apart), fine.size - 1))
-    return Inertial(
+    return InertialAccelerations(
         fine=fine, acceleration=motion_of, knot=knot, share=share,
-        per_sensor=force - force.mean(axis=0), lost=_lost(fine, motion_of, missing),
+        per_sensor=force - force.mean(axis=0), lost=_missing_density(fine, motion_of, missing),
         bridged=missing, middle=sensors.position.mean(axis=0), turns=turns,
     )  # fmt: skip
 
 
-def _complete(sensors: AccelerometerInput, begin: float, end: float) -> Float:
+def _fill_sample_times(sensors: AccelerometerInput, begin: float, end: float) -> Float:
     """Times of the samples from begin to end, with those added that are missing."""
     inside = sensors.time[(sensors.time > begin) & (sensors.time < end)]
     known = np.concatenate([[begin], inside, [end]])
@@ -135,10 +143,12 @@ def _complete(sensors: AccelerometerInput, begin: float, end: float) -> Float:
     return np.sort(np.concatenate([known, *filled]))
 
 
-def _readings(sensors: AccelerometerInput, fine: Float) -> tuple[Float, npt.NDArray[np.bool_]]:
+def _sensor_readings(
+    sensors: AccelerometerInput, fine: Float
+) -> tuple[Float, npt.NDArray[np.bool_]]:
     """Readings at all times, straight over gaps, and where they are missing."""
     force = np.stack([np.interp(fine, sensors.time, one) for one in sensors.force.T], axis=1)
-    missing = within(fine, sensors.gaps)
+    missing = inside_spans(fine, sensors.gaps)
     missing |= (fine < sensors.time[0] - sensors.step) | (fine > sensors.time[-1] + sensors.step)
     # a long gap: no motion is the best guess, which the readings' mean stands for
     edges = np.flatnonzero(np.diff(np.concatenate([[False], missing, [False]]).astype(int)))
@@ -148,7 +158,7 @@ def _readings(sensors: AccelerometerInput, fine: Float) -> tuple[Float, npt.NDAr
     return force, missing
 
 
-def _lost(fine: Float, acceleration: Float, missing: npt.NDArray[np.bool_]) -> Float:
+def _missing_density(fine: Float, acceleration: Float, missing: npt.NDArray[np.bool_]) -> Float:
     """Density of the acceleration that is not known where samples are missing."""
     lost = np.zeros((fine.size - 1, 3))
     if not missing.any():
@@ -171,7 +181,7 @@ _ONCE = np.array([-1.0, 13.0, 13.0, -1.0]) / 24.0
 _TWICE = np.array([-8.0, 129.0, 66.0, -7.0]) / 360.0
 
 
-def _weighted(series: Float, weights: Float) -> Float:
+def _weighted_steps(series: Float, weights: Float) -> Float:
     """Weighted sum of the four samples around each step; straight on at the ends."""
     before, after = 2 * series[:1] - series[1:2], 2 * series[-1:] - series[-2:-1]
     padded = np.concatenate([before, series, after])

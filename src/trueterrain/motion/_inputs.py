@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.errors import CoverageError, SchemaError
+from trueterrain.core.errors import CoverageError, SchemaError
 
 Float = npt.NDArray[np.float64]
 Span = tuple[float, float]
@@ -19,7 +19,7 @@ _JUMP_SPEED = 1.0  # [m/s] from which on a jump of the clock shows in the positi
 
 
 @dataclass(frozen=True, kw_only=True)
-class Clock:
+class InstrumentClock:
     """How stamps become true time.
 
     Examples
@@ -98,10 +98,10 @@ def read_navigation(run: xr.DataTree) -> NavigationInput:
     CoverageError
         If less than 4 epochs can be used.
     """
-    group = _group(run, "navigation")
-    time = _times(group, "navigation")
+    group = _require_group(run, "navigation")
+    time = _group_times(group, "navigation")
     pose = np.stack([np.asarray(group[name].values, float) for name in COORDINATES], axis=1)
-    sd = np.stack([_sd(group, name, time.size) for name in COORDINATES], axis=1)
+    sd = np.stack([_reported_sd(group, name, time.size) for name in COORDINATES], axis=1)
     usable = np.isfinite(pose).all(axis=1)
     step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
     usable &= _in_company(time, usable, step)
@@ -115,11 +115,11 @@ def read_navigation(run: xr.DataTree) -> NavigationInput:
     time, pose, sd = time[usable], pose[usable], sd[usable]
     pose[:, 5] = np.unwrap(pose[:, 5])
     _refuse_jumps(time, pose, step)
-    gaps = _gaps(time, step)
+    gaps = _find_gaps(time, step)
     return NavigationInput(time=time, pose=pose, sd=sd, step=step, gaps=gaps, dropped=dropped)
 
 
-def read_accelerometers(run: xr.DataTree, clock: Clock) -> AccelerometerInput | None:
+def read_accelerometers(run: xr.DataTree, clock: InstrumentClock) -> AccelerometerInput | None:
     """Accelerometers of a run; None if there are none.
 
     Parameters
@@ -136,8 +136,8 @@ def read_accelerometers(run: xr.DataTree, clock: Clock) -> AccelerometerInput | 
     """
     if "accelerometers" not in run.children:
         return None
-    group = _group(run, "accelerometers")
-    time = _times(group, "accelerometers")
+    group = _require_group(run, "accelerometers")
+    time = _group_times(group, "accelerometers")
     force = np.asarray(group["acceleration"].values, dtype=float)
     usable = np.isfinite(force).all(axis=1)
     if np.count_nonzero(usable) < _FEWEST:
@@ -147,11 +147,11 @@ def read_accelerometers(run: xr.DataTree, clock: Clock) -> AccelerometerInput | 
     time = clock.true(time[usable])
     return AccelerometerInput(
         time=time, force=force[usable], position=np.asarray(group["position"].values, float),
-        step=step, gaps=_gaps(time, step), dropped=dropped,
+        step=step, gaps=_find_gaps(time, step), dropped=dropped,
     )  # fmt: skip
 
 
-def within(time: Float, spans: tuple[Span, ...]) -> npt.NDArray[np.bool_]:
+def inside_spans(time: Float, spans: tuple[Span, ...]) -> npt.NDArray[np.bool_]:
     """Whether each time lies strictly inside of a span."""
     inside = np.zeros(time.size, dtype=bool)
     for begin, end in spans:
@@ -159,13 +159,13 @@ def within(time: Float, spans: tuple[Span, ...]) -> npt.NDArray[np.bool_]:
     return inside
 
 
-def _group(run: xr.DataTree, name: str) -> xr.Dataset:
+def _require_group(run: xr.DataTree, name: str) -> xr.Dataset:
     if name not in run.children:
         raise SchemaError("is missing", place=f"group {name}")
     return run[name].to_dataset()
 
 
-def _times(group: xr.Dataset, name: str) -> Float:
+def _group_times(group: xr.Dataset, name: str) -> Float:
     time = np.array(group["time"].values, dtype=float)
     place = f"group {name}, variable time"
     if not np.isfinite(time).all():
@@ -185,7 +185,7 @@ def _times(group: xr.Dataset, name: str) -> Float:
     return time
 
 
-def _sd(group: xr.Dataset, name: str, size: int) -> Float:
+def _reported_sd(group: xr.Dataset, name: str, size: int) -> Float:
     if f"sd_{name}" not in group:
         return np.full(size, np.nan)
     return np.asarray(group[f"sd_{name}"].values, dtype=float)
@@ -201,7 +201,7 @@ def _in_company(time: Float, usable: npt.NDArray[np.bool_], step: float) -> npt.
     return company
 
 
-def _gaps(time: Float, step: float) -> tuple[Span, ...]:
+def _find_gaps(time: Float, step: float) -> tuple[Span, ...]:
     at = np.flatnonzero(np.diff(time) > _GAP * step)
     return tuple((float(time[k]), float(time[k + 1])) for k in at)
 

@@ -13,7 +13,7 @@ which gives the same and needs no inverse.
 
 import numpy as np
 
-from trueterrain.engine.kernels import compile_kernel
+from trueterrain.core.kernels import compile_kernel
 
 
 @compile_kernel
@@ -58,7 +58,7 @@ def _backward_product(matrix, step, into_coordinate, into_rate, decay, out):
 
 
 @compile_kernel
-def _symmetric(matrix):
+def _symmetrise(matrix):
     for r in range(matrix.shape[0]):
         for c in range(r):
             mean = 0.5 * (matrix[r, c] + matrix[c, r])
@@ -67,7 +67,7 @@ def _symmetric(matrix):
 
 
 @compile_kernel
-def forward(
+def filter_forward(
     first,
     last,
     x,
@@ -166,11 +166,11 @@ def forward(
         now = min(k, walk.shape[0] - 1)
         for i in range(walk.shape[1]):
             p[6 + i, 6 + i] += walk[now, i] * t
-        _symmetric(p)
+        _symmetrise(p)
 
 
 @compile_kernel
-def backward(
+def smooth_backward(
     first,
     last,
     adjoint,
@@ -273,4 +273,4 @@ def backward(
             for c in range(n):
                 turned[r, c] = half[c, r]
         _backward_product(turned, t, a, b, d, information)
-        _symmetric(information)
+        _symmetrise(information)

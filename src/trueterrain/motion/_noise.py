@@ -23,7 +23,7 @@ _LEAST_DENSITY = 1e-5  # [m/s^2/sqrt(Hz)], one-sided: 1 ug
 
 
 @dataclass(frozen=True, kw_only=True)
-class Noise:
+class InstrumentNoise:
     """Noise of the instruments, as the fusion used it."""
 
     white: tuple[float, float, float]
@@ -95,7 +95,7 @@ def white_and_wander(residual: Float, rate: float) -> tuple[float, float]:
     return float(np.sqrt(0.5 * white * rate)), float(wander)
 
 
-def quietest(readings: Float, rate: float) -> float:
+def quietest_density(readings: Float, rate: float) -> float:
     """Density of the noise of one accelerometer, one-sided [m/s^2/sqrt(Hz)].
 
     Parameters

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.motion._complementary import Coordinates
-from trueterrain.motion._heave import lever
-from trueterrain.motion._inertial import Inertial
+from trueterrain.motion._complementary import BodyCoordinates
+from trueterrain.motion._heave import lever_height
+from trueterrain.motion._inertial import InertialAccelerations
 from trueterrain.motion._inputs import NavigationInput
-from trueterrain.motion._noise import Noise
-from trueterrain.motion._smoother import Model, Smoothed, smooth
+from trueterrain.motion._noise import InstrumentNoise
+from trueterrain.motion._smoother import SmoothedStates, StateSpaceModel, smooth_states
 
 Float = npt.NDArray[np.float64]
 
@@ -22,7 +22,7 @@ _TURN_MEMORY = 0.1  # [s] of roll and pitch acceleration where no accelerometer 
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sensors:
+class SensorErrors:
     """What may be wrong with the accelerometers besides their noise."""
 
     bias_sd: float
@@ -39,10 +39,10 @@ class Sensors:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Found:
+class SmootherResult:
     """What the smoother says."""
 
-    coordinates: Coordinates
+    coordinates: BodyCoordinates
     "Height of the middle of the sensors, roll and pitch."
 
     drift: Float
@@ -65,14 +65,14 @@ class Found:
 
 
 def smoothed_coordinates(
-    inertial: Inertial,
+    inertial: InertialAccelerations,
     navigation: NavigationInput,
     nominal: Float,
     turn: Float,
-    noise: Noise,
+    noise: InstrumentNoise,
     drift_sd: Float,
-    sensors: Sensors,
-) -> Found:
+    sensors: SensorErrors,
+) -> SmootherResult:
     """Coordinates at the knots by the smoother.
 
     Parameters
@@ -92,7 +92,7 @@ def smoothed_coordinates(
     sensors : Sensors
         What may be wrong with the accelerometers.
     """
-    model = _model(inertial, navigation, nominal, turn, noise, drift_sd, sensors)
+    model = _state_model(inertial, navigation, nominal, turn, noise, drift_sd, sensors)
     count = inertial.share.shape[1]
     size = 6 + 2 * count + 1 + 3
     spread = np.empty(size)
@@ -105,14 +105,14 @@ def smoothed_coordinates(
     spread[-3:] = drift_sd[0]
     state = np.zeros(size)
     state[:3] = np.linalg.solve(model.design[0], model.measured[0])
-    found = smooth(model, state, np.diag(spread**2))
-    return _found(found, count)
+    found = smooth_states(model, state, np.diag(spread**2))
+    return _smoother_result(found, count)
 
 
-def _found(s: Smoothed, count: int) -> Found:
+def _smoother_result(s: SmoothedStates, count: int) -> SmootherResult:
     delay = s.mean[-1, 6 + 2 * count], np.sqrt(max(s.parameter_covariance[-1, -1], 0.0))
-    return Found(
-        coordinates=Coordinates(
+    return SmootherResult(
+        coordinates=BodyCoordinates(
             value=s.mean[:, :3].copy(),
             rate=s.mean[:, 3:6].copy(),
             covariance=_not_negative(s.covariance),
@@ -136,32 +136,32 @@ def _not_negative(covariance: Float) -> Float:
     return covariance
 
 
-def _model(
-    inertial: Inertial,
+def _state_model(
+    inertial: InertialAccelerations,
     navigation: NavigationInput,
     nominal: Float,
     turn: Float,
-    noise: Noise,
+    noise: InstrumentNoise,
     drift_sd: Float,
-    sensors: Sensors,
-) -> Model:
+    sensors: SensorErrors,
+) -> StateSpaceModel:
     time = inertial.time
     step = np.diff(time)
     once, twice = inertial.integrals(inertial.acceleration)
-    into_coordinate, into_rate = _parameters(inertial, once, step)
+    into_coordinate, into_rate = _parameter_design(inertial, once, step)
     count = inertial.share.shape[1]
     walk = np.zeros((1, 2 * count + 1))
     walk[0, :count] = sensors.bias_walk**2
     decay = np.exp(-step[:, None] / np.array(noise.drift_time))
     decay = np.minimum(decay, drift_sd[1:] / drift_sd[:-1])
-    nearest = _nearest(time, navigation.time)
+    nearest = _nearest_knots(time, navigation.time)
     order = np.arange(time.size)
     before = navigation.time - time[nearest]
-    design, measured = _measurements(navigation, nominal, inertial.middle)
+    design, measured = _measurement_design(navigation, nominal, inertial.middle)
     # the body accelerates on the way from the knot to the epoch
     ahead = 0.5 * before[:, None] ** 2 * inertial.acceleration[inertial.knot[nearest]]
     measured -= np.einsum("mij,mj->mi", design, ahead)
-    return Model(
+    return StateSpaceModel(
         step=step,
         known=np.concatenate([twice, once], axis=1),
         into_coordinate=into_coordinate,
@@ -180,7 +180,9 @@ def _model(
     )
 
 
-def _parameters(inertial: Inertial, once: Float, step: Float) -> tuple[Float, Float]:
+def _parameter_design(
+    inertial: InertialAccelerations, once: Float, step: Float
+) -> tuple[Float, Float]:
     """What biases, errors of scale and the error of the clock add to coordinates and rates."""
     count = inertial.share.shape[1]
     n = step.size
@@ -200,7 +202,9 @@ def _parameters(inertial: Inertial, once: Float, step: Float) -> tuple[Float, Fl
     return into_coordinate, into_rate
 
 
-def _acceleration_noise(inertial: Inertial, noise: Noise, turn: Float) -> Float:
+def _acceleration_noise(
+    inertial: InertialAccelerations, noise: InstrumentNoise, turn: Float
+) -> Float:
     """Two-sided density of the error of the accelerations, shape (n - 1, 3, 3)."""
     density = 0.5 * np.square(noise.accelerometer)
     always = (inertial.share * density) @ inertial.share.T
@@ -215,17 +219,17 @@ def _acceleration_noise(inertial: Inertial, noise: Noise, turn: Float) -> Float:
     return whole
 
 
-def _nearest(knots: Float, time: Float) -> npt.NDArray[np.intp]:
+def _nearest_knots(knots: Float, time: Float) -> npt.NDArray[np.intp]:
     right = np.clip(np.searchsorted(knots, time), 1, knots.size - 1)
     return np.asarray(right - (time - knots[right - 1] < knots[right] - time))
 
 
-def _measurements(
+def _measurement_design(
     navigation: NavigationInput, nominal: Float, middle: Float
 ) -> tuple[Float, Float]:
     """Derivatives (epoch, 3, 3) of up, roll and pitch by the coordinates, and what is measured."""
     roll, pitch = nominal.T
-    over, by_roll, by_pitch = lever(roll, pitch, middle)
+    over, by_roll, by_pitch = lever_height(roll, pitch, middle)
     design = np.tile(np.eye(3), (roll.size, 1, 1))
     design[:, 0, 1], design[:, 0, 2] = -by_roll, -by_pitch
     measured = navigation.pose[:, 2:5].copy()

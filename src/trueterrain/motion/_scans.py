@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.errors import CoverageError
+from trueterrain.core.errors import CoverageError
 from trueterrain.formats.run import Mounting
 from trueterrain.formats.run._rules import check_scans
 from trueterrain.motion.trajectory import Trajectory

@@ -14,7 +14,7 @@ _PIECE = 4000  # knots whose filtered states are kept at a time
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Model:
+class StateSpaceModel:
     """A linear model of three coordinates, n_p parameters and three drifts, at n knots."""
 
     step: Float
@@ -58,7 +58,7 @@ class Model:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Smoothed:
+class SmoothedStates:
     """What all measurements together say at the knots."""
 
     mean: Float
@@ -82,7 +82,9 @@ class Smoothed:
     the variance that the step adds is their difference. Shape (n - 1, n_p + 3, 2), or empty."""
 
 
-def smooth(model: Model, state: Float, covariance: Float, *, pulls: bool = False) -> Smoothed:
+def smooth_states(
+    model: StateSpaceModel, state: Float, covariance: Float, *, pulls: bool = False
+) -> SmoothedStates:
     """State of a linear model at all knots, given all measurements.
 
     Parameters
@@ -94,7 +96,7 @@ def smooth(model: Model, state: Float, covariance: Float, *, pulls: bool = False
     covariance : numpy.ndarray, shape (6 + n_p + 3, 6 + n_p + 3)
         And its covariance.
     pulls : bool
-        Whether `Smoothed.pull` is wanted.
+        Whether `SmoothedStates.pull` is wanted.
 
     Returns
     -------
@@ -107,7 +109,7 @@ def smooth(model: Model, state: Float, covariance: Float, *, pulls: bool = False
     checkpoints = []
     for first in starts:
         checkpoints.append((x.copy(), p.copy()))
-        _forward(model, int(first), min(int(first) + _PIECE, n), x, p, None)
+        _run_forward(model, int(first), min(int(first) + _PIECE, n), x, p, None)
     size = state.size
     mean, cov, drift = np.empty((n, size)), np.empty((n, 3, 3)), np.empty((n, 3))
     adjoint, information = np.zeros(size), np.zeros((size, size))
@@ -116,17 +118,17 @@ def smooth(model: Model, state: Float, covariance: Float, *, pulls: bool = False
     for first, (x0, p0) in zip(starts[::-1], checkpoints[::-1], strict=True):
         last = min(int(first) + _PIECE, n)
         kept = _Kept.of(size, last - first, model.seen[last - 1, 1] - model.seen[first, 0])
-        _forward(model, int(first), last, x0, p0, kept)
+        _run_forward(model, int(first), last, x0, p0, kept)
         if last == n:
             end = kept.covariances[-1][6:-3, 6:-3].copy()
-        _kernels.backward(
+        _kernels.smooth_backward(
             int(first), last, adjoint, information, model.step, model.into_coordinate,
             model.into_rate, model.decay, model.seen, model.before, model.design, kept.states,
             kept.covariances, kept.gains, kept.innovations, mean, cov, drift, pull,
         )  # fmt: skip
         surprise += (kept.innovations[:, :, 0] ** 2 / kept.innovations[:, :, 1]).sum(axis=0)
         count += len(kept.innovations)
-    return Smoothed(
+    return SmoothedStates(
         mean=mean, covariance=cov, drift_variance=drift, parameter_covariance=end,
         surprise=surprise / max(count, 1), pull=pull,
     )  # fmt: skip
@@ -147,9 +149,11 @@ class _Kept:
         )  # fmt: skip
 
 
-def _forward(m: Model, first: int, last: int, x: Float, p: Float, kept: _Kept | None) -> None:
+def _run_forward(
+    m: StateSpaceModel, first: int, last: int, x: Float, p: Float, kept: _Kept | None
+) -> None:
     kept = _Kept.of(x.size, 0, 0) if kept is None else kept
-    _kernels.forward(
+    _kernels.filter_forward(
         first, last, x, p, m.step, m.known, m.into_coordinate, m.into_rate, m.noise, m.walk,
         m.decay, m.drift_noise, m.seen, m.before, m.measured, m.design, m.variance, kept.states,
         kept.covariances, kept.gains, kept.innovations,

@@ -16,7 +16,7 @@ _ORDER = 3
 _UNEVEN = 1e-3  # steps by which epochs may lie off an even grid
 
 
-class Way:
+class CubicSeries:
     """Series over time and their derivatives: cubics through values and rates at some times.
 
     Parameters
@@ -42,7 +42,7 @@ class Way:
         return np.asarray(self._rate(time))
 
 
-class Smooth(Way):
+class SmoothedSeries(CubicSeries):
     """Series smoothed in a window that moves along.
 
     Parameters
@@ -64,9 +64,9 @@ class Smooth(Way):
         edges = np.flatnonzero(np.isin(navigation.time, [end for _, end in navigation.gaps]))
         for part in np.split(np.arange(navigation.time.size), edges):
             time = navigation.time[part]
-            grid, series = even(time, navigation.pose[part][:, columns])
-            value, rate, _ = fit(series, grid, window)
-            _, slow_rate, second = fit(series, grid, slow)
+            grid, series = resample_evenly(time, navigation.pose[part][:, columns])
+            value, rate, _ = fit_polynomials(series, grid, window)
+            _, slow_rate, second = fit_polynomials(series, grid, slow)
             if navigation.gaps:
                 rate[[0, -1]] = slow_rate[[0, -1]]
             times.append(grid)
@@ -115,7 +115,7 @@ def bridge_variance(time: Float, gaps: tuple[Span, ...], density: float) -> Floa
     return variance
 
 
-def even(time: Float, values: Float) -> tuple[Float, Float]:
+def resample_evenly(time: Float, values: Float) -> tuple[Float, Float]:
     """The same on an even grid."""
     grid = np.linspace(time[0], time[-1], time.size)
     step = grid[1] - grid[0]
@@ -126,7 +126,7 @@ def even(time: Float, values: Float) -> tuple[Float, Float]:
     return grid, np.asarray(CubicSpline(time, values, axis=0)(grid))
 
 
-def fit(values: Float, time: Float, window: float) -> tuple[Float, Float, Float]:
+def fit_polynomials(values: Float, time: Float, window: float) -> tuple[Float, Float, Float]:
     """Value, first and second derivative of the polynomial fitted around each epoch."""
     step = (time[-1] - time[0]) / (time.size - 1)
     if window <= 2 * step:

@@ -21,16 +21,20 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.errors import CoverageError
-from trueterrain.motion._inputs import Clock
+from trueterrain.core.errors import CoverageError
+from trueterrain.motion._inputs import InstrumentClock
 
 if TYPE_CHECKING:
-    from trueterrain.motion._inertial import Inertial
+    from trueterrain.motion._inertial import InertialAccelerations
     from trueterrain.motion._inputs import NavigationInput
 
 __all__ = [
-    "Clock", "ClockEstimate", "accelerometer_clock", "accelerometer_clock_from_navigation",
-    "scanner_clock", "scanner_clock_from_bounce",
+    "ClockEstimate",
+    "InstrumentClock",
+    "accelerometer_clock",
+    "accelerometer_clock_from_navigation",
+    "scanner_clock",
+    "scanner_clock_from_bounce",
 ]  # fmt: skip
 
 Float = npt.NDArray[np.float64]
@@ -72,7 +76,7 @@ class ClockEstimate:
     "Their standard deviations [1]."
 
 
-def scanner_clock(run: xr.DataTree) -> Clock:
+def scanner_clock(run: xr.DataTree) -> InstrumentClock:
     """Clock of the scanner as the run knows it.
 
     Examples
@@ -81,12 +85,12 @@ def scanner_clock(run: xr.DataTree) -> Clock:
     >>> scanner_clock(run).true(np.array([1.0]))
     array([1.002])
     """
-    return Clock(offset=_mounting(run, "scanner_clock"))
+    return InstrumentClock(offset=_mounting_value(run, "scanner_clock"))
 
 
 def accelerometer_clock(
     run: xr.DataTree, *, delay: float = 0.0, rate: float = 0.0, begin: float = 0.0
-) -> Clock:
+) -> InstrumentClock:
     """Clock of the accelerometers as the run knows it.
 
     Parameters
@@ -105,7 +109,9 @@ def accelerometer_clock(
     Clock
         Stamps to true time.
     """
-    return Clock(offset=_mounting(run, "accelerometer_clock") - delay, rate=rate, begin=begin)
+    return InstrumentClock(
+        offset=_mounting_value(run, "accelerometer_clock") - delay, rate=rate, begin=begin
+    )
 
 
 def scanner_clock_from_bounce(
@@ -144,12 +150,14 @@ def scanner_clock_from_bounce(
         If there are no accelerometers, the body drives, or the motion is too small to tell.
     """
     from trueterrain.motion import _complementary as filters
-    from trueterrain.motion._heave import lever
+    from trueterrain.motion._heave import lever_height
 
-    own = _mounting(run, "accelerometer_clock") if accelerometer_clock is None else (
+    own = _mounting_value(run, "accelerometer_clock") if accelerometer_clock is None else (
         accelerometer_clock
     )  # fmt: skip
-    navigation, inertial, attitude = _felt(run, Clock(offset=own - accelerometer_delay))
+    navigation, inertial, attitude = _sensed_motion(
+        run, InstrumentClock(offset=own - accelerometer_delay)
+    )
     away = np.ptp(navigation.pose[:, :2], axis=0).max()
     if away > _PARKED:
         raise CoverageError(
@@ -157,22 +165,24 @@ def scanner_clock_from_bounce(
             cure="Take a bounce: parked on a flat floor, rocked by hand.",
         )
     roll, pitch = attitude(inertial.time)
-    position = np.array(_mounting(run, "scanner_position"))
-    declared = _mounting(run, "scanner_clock")
-    over, by_roll, by_pitch = lever(roll, pitch, inertial.middle)
-    navigated = np.column_stack([_interp(inertial.time, navigation, 2) + over, roll, pitch])
-    value, _ = filters.integrated(inertial, navigated)
-    at_laser = lever(roll, pitch, position)
+    position = np.array(_mounting_value(run, "scanner_position"))
+    declared = _mounting_value(run, "scanner_clock")
+    over, by_roll, by_pitch = lever_height(roll, pitch, inertial.middle)
+    navigated = np.column_stack(
+        [_interpolate_component(inertial.time, navigation, 2) + over, roll, pitch]
+    )
+    value, _ = filters.integrate_acceleration(inertial, navigated)
+    at_laser = lever_height(roll, pitch, position)
     felt = value[:, 0] + (at_laser[1] - by_roll).mean() * value[:, 1]
     felt += (at_laser[2] - by_pitch).mean() * value[:, 2]
-    stamp, seen = _floor(run, attitude, declared)
+    stamp, seen = _floor_heights(run, attitude, declared)
     inside = (inertial.time >= stamp[0]) & (inertial.time <= stamp[-1])
     time = inertial.time[inside]
-    motion = _band(felt[inside], time, band)
-    laser = _band(np.interp(time, stamp, seen), time, band)
+    motion = _band_pass(felt[inside], time, band)
+    laser = _band_pass(np.interp(time, stamp, seen), time, band)
     # what is stamped t is the height at t + shift
-    fit = _shift([(time, laser, motion)], band, sign=1.0, begin=time[0], with_rate=False)
-    return _told(fit, declared, largest_sd, "scanner")
+    fit = _fit_shift([(time, laser, motion)], band, sign=1.0, begin=time[0], with_rate=False)
+    return _clock_estimate(fit, declared, largest_sd, "scanner")
 
 
 def accelerometer_clock_from_navigation(
@@ -210,27 +220,31 @@ def accelerometer_clock_from_navigation(
         If there are no accelerometers, or the motion is too small to tell.
     """
     from trueterrain.motion import _complementary as filters
-    from trueterrain.motion._heave import lever
+    from trueterrain.motion._heave import lever_height
 
-    declared = _mounting(run, "accelerometer_clock")
-    navigation, inertial, attitude = _felt(run, Clock(offset=declared - accelerometer_delay))
+    declared = _mounting_value(run, "accelerometer_clock")
+    navigation, inertial, attitude = _sensed_motion(
+        run, InstrumentClock(offset=declared - accelerometer_delay)
+    )
     time = inertial.time
     roll, pitch = attitude(time)
-    navigated = np.stack([_interp(time, navigation, column) for column in (2, 3, 4)], axis=1)
-    navigated[:, 0] += lever(roll, pitch, inertial.middle)[0]
-    value, _ = filters.integrated(inertial, navigated)
+    navigated = np.stack(
+        [_interpolate_component(time, navigation, column) for column in (2, 3, 4)], axis=1
+    )
+    navigated[:, 0] += lever_height(roll, pitch, inertial.middle)[0]
+    value, _ = filters.integrate_acceleration(inertial, navigated)
     channels = [
-        (time, _band(navigated[:, j], time, band), _band(value[:, j], time, band))
+        (time, _band_pass(navigated[:, j], time, band), _band_pass(value[:, j], time, band))
         for j in range(3 if inertial.turns else 1)
     ]
     # the accelerometers are the later, the more is to be added to their stamps
     begin = float(navigation.time[0])
-    fit = _shift(channels, band, sign=-1.0, begin=begin, with_rate=with_rate)
-    return _told(fit, declared, largest_sd, "accelerometer")
+    fit = _fit_shift(channels, band, sign=-1.0, begin=begin, with_rate=with_rate)
+    return _clock_estimate(fit, declared, largest_sd, "accelerometer")
 
 
 @dataclass(frozen=True, eq=False)
-class _Fit:
+class _ShiftFit:
     shift: Float  # at begin, and per second if asked for
     covariance: Float
     middle_sd: float
@@ -240,12 +254,14 @@ class _Fit:
     scale_sd: tuple[float, ...]
 
 
-def _felt(run: xr.DataTree, clock: Clock) -> "tuple[NavigationInput, Inertial, Any]":
+def _sensed_motion(
+    run: xr.DataTree, clock: InstrumentClock
+) -> "tuple[NavigationInput, InertialAccelerations, Any]":
     """Navigation, accelerations, and a function for roll and pitch at any times."""
     from trueterrain.motion._fuse import gravity_at
     from trueterrain.motion._inertial import inertial_of
     from trueterrain.motion._inputs import read_accelerometers, read_navigation
-    from trueterrain.motion._way import Smooth
+    from trueterrain.motion._way import SmoothedSeries
 
     navigation = read_navigation(run)
     sensors = read_accelerometers(run, clock)
@@ -255,8 +271,8 @@ def _felt(run: xr.DataTree, clock: Clock) -> "tuple[NavigationInput, Inertial, A
         raise CoverageError(
             "has gaps, over which motion cannot be compared", cure="Cut the run at its gaps."
         )
-    quick = Smooth(navigation, [3, 4], window=0.1, slow=0.1)
-    way = Smooth(navigation, [0, 1, 5], window=0.2, slow=1.0)
+    quick = SmoothedSeries(navigation, [3, 4], window=0.1, slow=0.1)
+    way = SmoothedSeries(navigation, [0, 1, 5], window=0.2, slow=1.0)
     gravity = gravity_at(run.attrs.get("origin"))
     inertial = inertial_of(sensors, navigation, quick, way, rate=1000.0, gravity=gravity)
 
@@ -266,12 +282,12 @@ def _felt(run: xr.DataTree, clock: Clock) -> "tuple[NavigationInput, Inertial, A
     return navigation, inertial, attitude
 
 
-def _floor(run: xr.DataTree, attitude: Any, declared: float) -> tuple[Float, Float]:
+def _floor_heights(run: xr.DataTree, attitude: Any, declared: float) -> tuple[Float, Float]:
     """Height of the scanner over a flat floor, scan by scan, and when it was measured."""
     from trueterrain.formats.run import scan_blocks
-    from trueterrain.motion.frames import from_iso8855
+    from trueterrain.geometry.rotations import from_iso8855
 
-    mounted = from_iso8855(*_mounting(run, "scanner_rotation"))
+    mounted = from_iso8855(*_mounting_value(run, "scanner_rotation"))
     times, heights = [], []
     for block in scan_blocks(run):
         distance = block["range"].values
@@ -296,14 +312,14 @@ def _floor(run: xr.DataTree, attitude: Any, declared: float) -> tuple[Float, Flo
     return time, height
 
 
-def _shift(
+def _fit_shift(
     channels: list[tuple[Float, Float, Float]],
     band: tuple[float, float],
     *,
     sign: float,
     begin: float,
     with_rate: bool,
-) -> _Fit:
+) -> _ShiftFit:
     """Fit ``seen(t) = scale felt(t + sign shift)`` to all channels, each with its own scale."""
     from scipy.interpolate import CubicSpline
 
@@ -340,7 +356,7 @@ def _shift(
     every = inverse @ meat @ inverse
     whole = every[:count, :count]
     middle = np.array([1.0, 0.5 * (channels[0][0][0] + channels[0][0][-1]) - begin])[:count]
-    return _Fit(
+    return _ShiftFit(
         shift=shift, covariance=whole, middle_sd=float(np.sqrt(middle @ whole @ middle)),
         excitation=tuple(float(np.sqrt(np.mean(shape[:, count + j] ** 2)))
                          for j, (shape, _) in enumerate(rows)),
@@ -379,7 +395,7 @@ def long_run(scores: Float, lags: int) -> Float:
     return np.asarray(0.5 * (whole + whole.T))
 
 
-def _told(fit: _Fit, declared: float, largest_sd: float, name: str) -> ClockEstimate:
+def _clock_estimate(fit: _ShiftFit, declared: float, largest_sd: float, name: str) -> ClockEstimate:
     """The estimate, or a CoverageError if it is not sure enough."""
     small = fit.excitation[0] < _LEAST_HEIGHT and all(a < _LEAST_HEIGHT for a in fit.excitation[1:])
     if small or not fit.middle_sd <= largest_sd:
@@ -399,7 +415,7 @@ def _told(fit: _Fit, declared: float, largest_sd: float, name: str) -> ClockEsti
     )  # fmt: skip
 
 
-def _band(series: Float, time: Float, band: tuple[float, float]) -> Float:
+def _band_pass(series: Float, time: Float, band: tuple[float, float]) -> Float:
     """Band-passed without delay."""
     from scipy.signal import butter, sosfiltfilt
 
@@ -414,12 +430,12 @@ def _band(series: Float, time: Float, band: tuple[float, float]) -> Float:
     return np.asarray(sosfiltfilt(sections, series, padlen=pad))
 
 
-def _interp(time: Float, navigation: "NavigationInput", column: int) -> Float:
+def _interpolate_component(time: Float, navigation: "NavigationInput", column: int) -> Float:
     """A component of navigation at other times, by a cubic spline."""
     from scipy.interpolate import CubicSpline
 
     return np.asarray(CubicSpline(navigation.time, navigation.pose[:, column])(time))
 
 
-def _mounting(run: xr.DataTree, name: str) -> Any:
+def _mounting_value(run: xr.DataTree, name: str) -> Any:
     return dict(run.attrs.get("mounting", {})).get(name, 0.0)

@@ -31,9 +31,9 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.errors import CoverageError
+from trueterrain.core.errors import CoverageError
 from trueterrain.motion._inputs import AccelerometerInput, NavigationInput
-from trueterrain.motion._noise import Noise
+from trueterrain.motion._noise import InstrumentNoise
 from trueterrain.motion.trajectory import Trajectory
 
 Float = npt.NDArray[np.float64]
@@ -149,7 +149,7 @@ class FusedMotion:
     method: Method
     "How it was found."
 
-    noise: Noise | None
+    noise: InstrumentNoise | None
     "Noise of the instruments as it was used; None for navigation alone."
 
     crossover: Three | None
@@ -175,7 +175,7 @@ class FusedMotion:
     problems: tuple[str, ...]
     "What is doubtful, in words."
 
-    def summary(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """What was found, as JSON takes it."""
         t = self.trajectory
         sd = np.median(np.sqrt(np.einsum("nii->ni", t.covariance)), axis=0)
@@ -194,7 +194,7 @@ class FusedMotion:
         }
 
 
-def fuse(run: xr.DataTree, *, settings: FusionSettings | None = None) -> FusedMotion:
+def fuse_motion(run: xr.DataTree, *, settings: FusionSettings | None = None) -> FusedMotion:
     """Motion of the body over a run.
 
     Parameters
@@ -244,7 +244,7 @@ def fuse(run: xr.DataTree, *, settings: FusionSettings | None = None) -> FusedMo
             begin=float(navigation.time[0]),
         )  # fmt: skip
         sensors = read_accelerometers(run, clock)
-        sensors = _overlapping(sensors, navigation)
+        sensors = _overlapping_samples(sensors, navigation)
     if settings.method != "navigation" and sensors is None:
         rule = "the run has no accelerometers that were on while the navigation was"
         if settings.method != "rts":
@@ -253,7 +253,7 @@ def fuse(run: xr.DataTree, *, settings: FusionSettings | None = None) -> FusedMo
             )
         warnings.warn(f"{rule}; its motion is that of navigation alone", stacklevel=2)
         problems.append(rule)
-    return _fuse.fused(run, navigation, sensors, settings, problems)
+    return _fuse.fuse_inputs(run, navigation, sensors, settings, problems)
 
 
 def _refuse_long_gaps(navigation: NavigationInput, settings: FusionSettings) -> None:
@@ -267,7 +267,7 @@ def _refuse_long_gaps(navigation: NavigationInput, settings: FusionSettings) -> 
             )
 
 
-def _overlapping(
+def _overlapping_samples(
     sensors: AccelerometerInput | None, navigation: NavigationInput
 ) -> AccelerometerInput | None:
     """Accelerometers if at least 4 samples lie within the navigation."""

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from trueterrain.errors import CoverageError
+from trueterrain.core.errors import CoverageError
 
 Float = npt.NDArray[np.float64]
 
@@ -150,13 +150,15 @@ class Trajectory:
         k = np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, self.time.size - 2)
         step = (self.time[k + 1] - self.time[k])[:, None]
         x = (time - self.time[k])[:, None] / step
-        position, velocity = _hermite(
+        position, velocity = _interpolate_hermite(
             x, step, self.position[k], self.velocity[k], self.position[k + 1], self.velocity[k + 1]
         )
         begin = Rotation.from_quat(self.quaternion[k])
         turn = (begin.inv() * Rotation.from_quat(self.quaternion[k + 1])).as_rotvec()
         w0, w1 = self.angular_velocity[k], self.angular_velocity[k + 1]
-        vector, rate = _hermite(x, step, np.zeros_like(turn), w0, turn, _vector_rate(turn, w1))
+        vector, rate = _interpolate_hermite(
+            x, step, np.zeros_like(turn), w0, turn, _vector_rate(turn, w1)
+        )
         return Poses(
             position=position,
             velocity=velocity,
@@ -207,7 +209,7 @@ class Trajectory:
         return replace(self, **{name: getattr(self, name)[kept] for name in arrays})
 
 
-def _hermite(
+def _interpolate_hermite(
     x: Float, step: Float, p0: Float, v0: Float, p1: Float, v1: Float
 ) -> tuple[Float, Float]:
     """Cubic on [0, 1] through values and derivatives at its ends, and its derivative in time."""

@@ -1,5 +1,15 @@
 """The profile that a tyre feels (thesis chapter 5): path, search area, distribution, statistic."""
 
+from trueterrain.geometry.path import (
+    WheelPath,
+    arc_path,
+    curve_path,
+    function_path,
+    offset_path,
+    polyline_path,
+    straight_path,
+    waypoint_path,
+)
 from trueterrain.profile.area import Disc, Ellipse, Rectangle, SearchArea
 from trueterrain.profile.distribution import HeightDistribution, HeightDistributions
 from trueterrain.profile.envelope import (
@@ -17,17 +27,7 @@ from trueterrain.profile.envelope import (
     tyre_envelope,
 )
 from trueterrain.profile.extract import height_distributions, point_profile, tyre_profile
-from trueterrain.profile.options import EnvelopeOptions, ProfileOptions
-from trueterrain.profile.path import (
-    WheelPath,
-    arc_path,
-    curve_path,
-    function_path,
-    offset_path,
-    polyline_path,
-    straight_path,
-    waypoint_path,
-)
+from trueterrain.profile.options import EnvelopeSettings, TyreProfileSettings
 from trueterrain.profile.statistic import (
     InverseDistance,
     Mean,
@@ -44,7 +44,7 @@ __all__ = [
     "Disc",
     "Ellipse",
     "Envelope",
-    "EnvelopeOptions",
+    "EnvelopeSettings",
     "HeightDistribution",
     "HeightDistributions",
     "InverseDistance",
@@ -53,7 +53,6 @@ __all__ = [
     "Median",
     "PatchMean",
     "Percentile",
-    "ProfileOptions",
     "RadialSpringTyre",
     "Rectangle",
     "RigidDisc",
@@ -62,6 +61,7 @@ __all__ = [
     "SteepestCpf",
     "TandemCams",
     "TyreData",
+    "TyreProfileSettings",
     "WheelPath",
     "Window",
     "arc_path",

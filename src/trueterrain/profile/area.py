@@ -11,7 +11,7 @@ _LARGEST = 2.0  # [m] the largest tyres, of mining trucks, are 1.5 m wide, and t
 _LARGE = 0.5  # [m] the contact patch of a truck's tyre is about 0.3 m long and wide
 
 
-class Shape(IntEnum):
+class AreaShape(IntEnum):
     """Shapes as the kernels know them."""
 
     ELLIPSE = 0
@@ -35,9 +35,9 @@ class Disc:
         return self.radius, self.radius
 
     @property
-    def shape(self) -> Shape:
+    def shape(self) -> AreaShape:
         """Shape for the kernels."""
-        return Shape.ELLIPSE
+        return AreaShape.ELLIPSE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,9 +61,9 @@ class Ellipse:
         return self.length / 2, self.width / 2
 
     @property
-    def shape(self) -> Shape:
+    def shape(self) -> AreaShape:
         """Shape for the kernels."""
-        return Shape.ELLIPSE
+        return AreaShape.ELLIPSE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,15 +87,15 @@ class Rectangle:
         return self.length / 2, self.width / 2
 
     @property
-    def shape(self) -> Shape:
+    def shape(self) -> AreaShape:
         """Shape for the kernels."""
-        return Shape.RECTANGLE
+        return AreaShape.RECTANGLE
 
 
 SearchArea = Disc | Ellipse | Rectangle
 
 
-def reach(area: SearchArea) -> float:
+def area_reach(area: SearchArea) -> float:
     """Distance of the farthest point that may belong to a search area [m].
 
     Parameters
@@ -109,7 +109,7 @@ def reach(area: SearchArea) -> float:
         Half diagonal of a rectangle, longer half axis of an ellipse, plus `EDGE_TOLERANCE`.
     """
     along, across = area.half_axes
-    if area.shape is Shape.RECTANGLE:
+    if area.shape is AreaShape.RECTANGLE:
         return float((along**2 + across**2) ** 0.5) + 2 * EDGE_TOLERANCE
     return max(along, across) + EDGE_TOLERANCE
 

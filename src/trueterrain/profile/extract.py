@@ -6,13 +6,13 @@ from typing import Literal
 import numpy as np
 import xarray as xr
 
-from trueterrain import provenance
-from trueterrain.engine.progress import Progress, no_progress
-from trueterrain.errors import CoverageError
-from trueterrain.kinds import check_points, check_surface, kind_of, make_profile
-from trueterrain.profile.area import Disc, SearchArea, reach
+from trueterrain.core import provenance
+from trueterrain.core.errors import CoverageError
+from trueterrain.core.progress import Progress, no_progress
+from trueterrain.core.schemas import check_points, check_surface, kind_of, make_profile
+from trueterrain.geometry.path import WheelPath
+from trueterrain.profile.area import Disc, SearchArea, area_reach
 from trueterrain.profile.distribution import HeightDistributions
-from trueterrain.profile.path import WheelPath
 from trueterrain.profile.search._gather import Gatherer, distributions_along
 from trueterrain.profile.search.grid import grid_gatherer
 from trueterrain.profile.search.scattered import ScatteredHeights
@@ -87,8 +87,8 @@ def tyre_profile(
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_surface
-    >>> from trueterrain.profile.path import straight_path
+    >>> from trueterrain.core.schemas import make_surface
+    >>> from trueterrain.geometry.path import straight_path
     >>> axis = np.arange(0, 1.001, 0.01)
     >>> plane = make_surface(0.1 * axis + np.zeros((101, 1)), easting=axis, northing=axis)
     >>> profile = tyre_profile(plane, straight_path((0.2, 0.5), (0.8, 0.5), spacing=0.2))
@@ -101,7 +101,7 @@ def tyre_profile(
     if thin not in ("error", "nan"):
         message = f"thin must be 'error' or 'nan', got {thin!r}."
         raise ValueError(message)
-    source, gather = _prepare(ground, path, area)
+    source, gather = _prepare_ground(ground, path, area)
     height, sd = np.empty(len(path)), np.empty(len(path))
     count = np.empty(len(path), np.int64)
     begin, size = 0, _FIRST_BLOCK
@@ -150,8 +150,8 @@ def point_profile(ground: Ground, path: WheelPath) -> xr.Dataset:
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_surface
-    >>> from trueterrain.profile.path import straight_path
+    >>> from trueterrain.core.schemas import make_surface
+    >>> from trueterrain.geometry.path import straight_path
     >>> ramp = make_surface([[0.0, 1.0], [0.0, 1.0]], easting=[0, 10], northing=[0, 10])
     >>> point_profile(ramp, straight_path((0, 5), (10, 5), spacing=2.5)).height.values
     array([0.  , 0.25, 0.5 , 0.75, 1.  ])
@@ -169,7 +169,7 @@ def point_profile(ground: Ground, path: WheelPath) -> xr.Dataset:
     if missing.size:
         raise CoverageError(
             f"{missing.size} of {len(path)} path points have no height, the first at "
-            f"{_station(path, missing[0])}",
+            f"{_station_text(path, missing[0])}",
             cure="Choose a path inside the surface.",
         )
     profile = make_profile(
@@ -206,17 +206,19 @@ def height_distributions(
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_points
-    >>> from trueterrain.profile.path import straight_path
+    >>> from trueterrain.core.schemas import make_points
+    >>> from trueterrain.geometry.path import straight_path
     >>> points = make_points([0.0, 0.01, 0.02], [0.0, 0.0, 0.0], [5.0, 4.0, 6.0])
     >>> height_distributions(points, straight_path((0, 0), (0.02, 0)))[0].heights
     array([4., 5., 6.])
     """
-    _, gather = _prepare(ground, path, area)
+    _, gather = _prepare_ground(ground, path, area)
     return distributions_along(gather, path, level=level)
 
 
-def _prepare(ground: Ground, path: WheelPath, area: SearchArea) -> tuple[xr.Dataset, Gatherer]:
+def _prepare_ground(
+    ground: Ground, path: WheelPath, area: SearchArea
+) -> tuple[xr.Dataset, Gatherer]:
     """Return the dataset whose attributes describe the ground, and its gatherer."""
     _require_path(path)
     if isinstance(ground, xr.Dataset) and kind_of(ground) == "surface":
@@ -259,8 +261,8 @@ def _report_thin(
         return
     if not count.any():
         raise CoverageError(
-            f"the path lies outside of the ground: no height within {reach(area):.3g} m of it "
-            f"(it begins at {_station(path, 0)})",
+            f"the path lies outside of the ground: no height within {area_reach(area):.3g} m of it "
+            f"(it begins at {_station_text(path, 0)})",
             cure="Check the coordinates and the CRS of the path with `trueterrain info`.",
         )
     cure = "Choose a larger search area or a path inside the ground"
@@ -268,12 +270,12 @@ def _report_thin(
         cure += ', or let these become NaN (--thin nan, thin="nan")'
     raise CoverageError(
         f"{thin.size} of {len(path)} search areas have fewer than {minimum_count} heights, the "
-        f"first at {_station(path, thin[0])} with {count[thin[0]]}",
+        f"first at {_station_text(path, thin[0])} with {count[thin[0]]}",
         cure=cure + ".",
     )
 
 
-def _station(path: WheelPath, index: int) -> str:
+def _station_text(path: WheelPath, index: int) -> str:
     return (
         f"s = {path.s[index]:.3f} m (easting {path.easting[index]:.3f} m, "
         f"northing {path.northing[index]:.3f} m)"

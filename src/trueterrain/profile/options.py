@@ -46,7 +46,7 @@ _PARAMETERS: dict[str, tuple[str, ...]] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class ProfileOptions:
+class TyreProfileSettings:
     """Search area, and what is taken of the heights in it.
 
     Examples
@@ -171,7 +171,7 @@ class ProfileOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class EnvelopeOptions:
+class EnvelopeSettings:
     """Tyre that rolls along the path, instead of a statistic of the heights around its points.
 
     Examples

@@ -19,7 +19,7 @@ _POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _BYTES = ("B", "kB", "MB", "GB", "TB")
 
 
-def plain(value: Any) -> Any:
+def python_value(value: Any) -> Any:
     """A Python value for a scalar of numpy or xarray; NaN becomes None."""
     if hasattr(value, "item"):
         value = value.item()
@@ -31,7 +31,7 @@ def is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def decimals(values: Iterable[Any]) -> int | None:
+def column_decimals(values: Iterable[Any]) -> int | None:
     """Decimals for a column of plain values, so that its numbers stand below each other.
 
     They show four significant digits of the largest number and two of the smallest, less what is
@@ -42,13 +42,16 @@ def decimals(values: Iterable[Any]) -> int | None:
     sizes = [value for value in known if value]
     if not sizes:
         return 0 if known else None
-    wanted = _decimals(max(sizes), _SIGNIFICANT), _decimals(min(sizes), _LEAST)
+    wanted = (
+        _significant_decimals(max(sizes), _SIGNIFICANT),
+        _significant_decimals(min(sizes), _LEAST),
+    )
     if wanted[1] - wanted[0] > _MOST_ADDED:
         return None
-    return max(_needed(value, max(wanted)) for value in sizes)
+    return max(_needed_decimals(value, max(wanted)) for value in sizes)
 
 
-def text(value: Any, digits: int | None = None) -> str:
+def format_value(value: Any, digits: int | None = None) -> str:
     """A value as it is written: a number with some decimals, a word as it is.
 
     Examples
@@ -56,7 +59,7 @@ def text(value: Any, digits: int | None = None) -> str:
     >>> text(-0.12345), text(1234), text(1.0, 2), text(None), text(float("nan")), text(2e-9)
     ('−0.1235', '1234', '1.00', '–', '–', '2.00 × 10⁻⁹')
     """
-    value = plain(value)
+    value = python_value(value)
     if value is None or value == "":
         return UNKNOWN
     if isinstance(value, bool):
@@ -70,13 +73,15 @@ def text(value: Any, digits: int | None = None) -> str:
             mantissa, power = f"{value:.2e}".split("e")
             return f"{mantissa} × 10{str(int(power)).translate(_POWERS)}".replace("-", _MINUS)
         whole = isinstance(value, int) or value == 0
-        digits = 0 if whole else _needed(value, _decimals(abs(value), _SIGNIFICANT))
+        digits = (
+            0 if whole else _needed_decimals(value, _significant_decimals(abs(value), _SIGNIFICANT))
+        )
     written = f"{abs(value):{',' if abs(value) >= _GROUPED else ''}.{digits}f}"
     sign = _MINUS if value < 0 and float(written.replace(",", "")) != 0 else ""
     return sign + written.replace(",", _GAP)
 
 
-def size(number: int) -> str:
+def format_size(number: int) -> str:
     """Size of a file.
 
     Examples
@@ -89,12 +94,12 @@ def size(number: int) -> str:
     return f"{scaled:.{0 if power == 0 or scaled >= 10 else 1}f} {_BYTES[power]}"
 
 
-def _decimals(size: float, significant: int) -> int:
+def _significant_decimals(size: float, significant: int) -> int:
     wanted = significant - 1 - math.floor(math.log10(size))
     return min(max(wanted, 0), _MOST_DECIMALS)
 
 
-def _needed(value: float, digits: int) -> int:
+def _needed_decimals(value: float, digits: int) -> int:
     """Decimals that are left without zeros at the end."""
     fraction = f"{value:.{digits}f}".partition(".")[2]
     return len(fraction.rstrip("0"))

@@ -6,7 +6,7 @@ from reportlab.pdfgen.canvas import Canvas
 from reportlab.platypus import Paragraph
 
 from trueterrain._version import __version__
-from trueterrain.report._pdf_style import LINE, PLAIN, QUIET, escaped, styles
+from trueterrain.report._pdf_style import LINE, PLAIN, QUIET, escape_text, paragraph_styles
 
 _SIZE = 7.5  # [pt] of the foot
 _FOOT = 30.0  # [pt] above the edge of the paper
@@ -17,7 +17,7 @@ class Heading(Paragraph):  # type: ignore[misc]  # reportlab tells no types
     """Heading of a section, which is listed beside the pages as well."""
 
     def __init__(self, title: str) -> None:
-        super().__init__(escaped(title), styles()["heading"])
+        super().__init__(escape_text(title), paragraph_styles()["heading"])
         self._title = title
 
     def draw(self) -> None:
@@ -76,12 +76,12 @@ def numbered_canvas(title: str, margin: float) -> type[Any]:
             self.setFillColor(QUIET)
             self.drawRightString(right, _FOOT, number)
             room = right - margin - self.stringWidth(number, PLAIN, _SIZE) - 12
-            self.drawString(margin, _FOOT, _shortened(title, room, self))
+            self.drawString(margin, _FOOT, _shorten_text(title, room, self))
 
     return Numbered
 
 
-def _shortened(text: str, room: float, canvas: Any) -> str:
+def _shorten_text(text: str, room: float, canvas: Any) -> str:
     """Text, cut where it would be wider than there is room [pt]."""
     if canvas.stringWidth(text, PLAIN, _SIZE) <= room:
         return text

@@ -32,7 +32,7 @@ def register_fonts() -> None:
 
 
 @cache
-def styles() -> dict[str, Any]:
+def paragraph_styles() -> dict[str, Any]:
     """Styles of paragraphs by name."""
     from reportlab.lib.styles import ParagraphStyle
 
@@ -60,7 +60,7 @@ def styles() -> dict[str, Any]:
     return {one.name: one for one in found}
 
 
-def escaped(text: object) -> str:
+def escape_text(text: object) -> str:
     """Text that stands as it is written; narrow gaps in numbers become ones that do not break."""
     from xml.sax.saxutils import escape
 

@@ -12,8 +12,8 @@ from trueterrain.report._pdf_style import (
     TEXT,
     TINY,
     VERDICT_INKS,
-    escaped,
-    styles,
+    escape_text,
+    paragraph_styles,
 )
 
 _PAD = 4.0  # [pt] on both sides of a cell
@@ -55,10 +55,10 @@ def table_flowables(block: dict[str, Any], width: float) -> list[Any]:
         columns[0].bold = True
     found: list[Any] = []
     if block["caption"]:
-        found.append(Paragraph(escaped(block["caption"]), styles()["caption"]))
-    size, groups = _fitted(columns, width)
+        found.append(Paragraph(escape_text(block["caption"]), paragraph_styles()["caption"]))
+    size, groups = _fit_columns(columns, width)
     for group in groups:
-        found += [_drawn(group, size, width), Spacer(0, 8)]
+        found += [_draw_table(group, size, width), Spacer(0, 8)]
     if len(block["rows"]) <= _MANY and sum(one.wrap(width, _TALL)[1] for one in found) <= _TALL:
         return [found]
     return [CondPageBreak(_ROOM), *found]
@@ -90,22 +90,22 @@ class _Column:
         return self.least(size) if self.numeric else min(self.least(size), _WORD)
 
     def head(self) -> str:
-        unit = f" <font color='{QUIET}' name='{PLAIN}'>[{escaped(self.unit)}]</font>"
-        return escaped(self.label) + (unit if self.unit else "")
+        unit = f" <font color='{QUIET}' name='{PLAIN}'>[{escape_text(self.unit)}]</font>"
+        return escape_text(self.label) + (unit if self.unit else "")
 
     def _around(self, heads: list[str], cells: list[str], size: float) -> float:
-        widths = [_width(text, size, bold=True) for text in heads]
-        widths += [_width(text, size, bold=self.bold) for text in cells]
+        widths = [_text_width(text, size, bold=True) for text in heads]
+        widths += [_text_width(text, size, bold=self.bold) for text in cells]
         return max(widths) + 2 * _PAD + _SLACK
 
 
-def _width(text: str, size: float, *, bold: bool = False) -> float:
+def _text_width(text: str, size: float, *, bold: bool = False) -> float:
     from reportlab.pdfbase.pdfmetrics import stringWidth
 
     return float(stringWidth(text, BOLD if bold else PLAIN, size))
 
 
-def _fitted(columns: list[_Column], width: float) -> tuple[float, list[list[_Column]]]:
+def _fit_columns(columns: list[_Column], width: float) -> tuple[float, list[list[_Column]]]:
     """Size of type, and the columns that stand beside each other: all of them if that can be."""
     size = TEXT - 2 * _STEP
     while size > TINY and sum(one.least(size) for one in columns) > width:
@@ -118,7 +118,7 @@ def _fitted(columns: list[_Column], width: float) -> tuple[float, list[list[_Col
     return size, groups
 
 
-def _widths(columns: list[_Column], size: float, width: float) -> list[float]:
+def _column_widths(columns: list[_Column], size: float, width: float) -> list[float]:
     """Natural widths if they fit, else between the least ones and these."""
     natural = [one.natural(size) for one in columns]
     if sum(natural) <= width:
@@ -133,11 +133,11 @@ def _widths(columns: list[_Column], size: float, width: float) -> list[float]:
     return [low + share * more for low, more in zip(least, room, strict=True)]
 
 
-def _drawn(columns: list[_Column], size: float, width: float) -> Any:
+def _draw_table(columns: list[_Column], size: float, width: float) -> Any:
     from reportlab.lib.styles import ParagraphStyle
     from reportlab.platypus import LongTable, Paragraph
 
-    text = ParagraphStyle("cell", parent=styles()["text"], fontSize=size, leading=1.25 * size,
+    text = ParagraphStyle("cell", parent=paragraph_styles()["text"], fontSize=size, leading=1.25 * size,
                           spaceAfter=0)  # fmt: skip
     head = ParagraphStyle("head", parent=text, fontName=BOLD)
 
@@ -145,7 +145,7 @@ def _drawn(columns: list[_Column], size: float, width: float) -> Any:
         return ParagraphStyle("right", parent=style, alignment=2) if column.numeric else style
 
     def cell(column: _Column, row: int) -> Any:
-        words = escaped(column.cells[row])
+        words = escape_text(column.cells[row])
         if column.numeric:  # one line, without the work of a paragraph
             return column.cells[row]
         if column.inks:
@@ -164,7 +164,7 @@ def _drawn(columns: list[_Column], size: float, width: float) -> Any:
     look += [("ALIGN", (k, 1), (k, -1), "RIGHT") for k, one in enumerate(columns) if one.numeric]
     return LongTable(
         rows,
-        colWidths=_widths(columns, size, width),
+        colWidths=_column_widths(columns, size, width),
         repeatRows=1,
         hAlign="LEFT",
         style=look,

@@ -11,14 +11,14 @@ _INCH = 72.0  # [pt]
 _DENSITY = 2.0  # dots of an image for each dot of the page, for fine screens and for paper
 
 
-def embed(figure: Any) -> tuple[str, int]:
+def embed_figure(figure: Any) -> tuple[str, int]:
     """Address that holds the whole figure, and its natural width on the page [px].
 
     The same figure gives the same bytes: no date, and names within it from a fixed salt.
     """
     import matplotlib as mpl
 
-    whole = _whole(figure)
+    whole = _whole_figure(figure)
     kind, data = "svg+xml", io.BytesIO()
     with mpl.rc_context({"svg.hashsalt": "trueterrain", "svg.fonttype": "path"}):
         whole.savefig(data, format="svg", dpi=_DENSITY * _PAGE, metadata={"Date": None})
@@ -29,9 +29,9 @@ def embed(figure: Any) -> tuple[str, int]:
     return f"data:image/{kind};base64,{encoded}", round(whole.get_figwidth() * _PAGE)
 
 
-def image(figure: Any, widest: float, highest: float) -> tuple[io.BytesIO, float, float]:
+def figure_image(figure: Any, widest: float, highest: float) -> tuple[io.BytesIO, float, float]:
     """The whole figure as PNG for paper, with the width and height that it has there [pt]."""
-    whole, data = _whole(figure), io.BytesIO()
+    whole, data = _whole_figure(figure), io.BytesIO()
     width, height = whole.get_figwidth(), whole.get_figheight()
     scale = min(_INCH, widest / width, highest / height)
     whole.savefig(data, format="png", dpi=_PAPER * scale / _INCH, facecolor="white",
@@ -40,5 +40,5 @@ def image(figure: Any, widest: float, highest: float) -> tuple[io.BytesIO, float
     return data, scale * width, scale * height
 
 
-def _whole(figure: Any) -> Any:
+def _whole_figure(figure: Any) -> Any:
     return figure if hasattr(figure, "savefig") else figure.get_figure(root=True)

@@ -51,15 +51,15 @@ def reduce_surface(surface: xr.Dataset, colour: str) -> Blocks:
     along_line = "u" in surface.dims
     dims = ("u", "v") if along_line else ("northing", "easting")
     axes = [np.asarray(surface[dim], dtype=np.float64) for dim in dims]
-    factors = _factors(axes)
-    first, second = (_middles(axis, by) for axis, by in zip(axes, factors, strict=True))
+    factors = _thinning_factors(axes)
+    first, second = (_block_centres(axis, by) for axis, by in zip(axes, factors, strict=True))
     if along_line:
         u, v = np.meshgrid(first, second, indexing="ij")
         easting, northing = uv_to_xy(grid_frame(surface), u, v)
     else:
         northing, easting = np.meshgrid(first, second, indexing="ij")
-    height = _means(np.asarray(surface["height"].transpose(*dims), dtype=np.float64), factors)
-    shown = _means(np.asarray(surface[colour].transpose(*dims), dtype=np.float64), factors)
+    height = _block_means(np.asarray(surface["height"].transpose(*dims), dtype=np.float64), factors)
+    shown = _block_means(np.asarray(surface[colour].transpose(*dims), dtype=np.float64), factors)
     return Blocks(
         first=first, second=second, easting=easting, northing=northing, height=height,
         colour=np.where(np.isfinite(height), shown, np.nan), factors=factors,
@@ -73,7 +73,7 @@ def round_below(values: Floats) -> float:
     return math.floor(low / _ROUND) * _ROUND if abs(low) > _LARGE else 0.0
 
 
-def _factors(axes: list[Floats]) -> tuple[int, int]:
+def _thinning_factors(axes: list[Floats]) -> tuple[int, int]:
     spacing = [(axis[-1] - axis[0]) / (axis.size - 1) for axis in axes]
     factors = [1, 1]
     while True:
@@ -90,24 +90,24 @@ def _factors(axes: list[Floats]) -> tuple[int, int]:
         factors[grown] += 1
 
 
-def _middles(axis: Floats, by: int) -> Floats:
+def _block_centres(axis: Floats, by: int) -> Floats:
     starts = np.arange(0, axis.size, by)
-    return np.asarray(np.add.reduceat(axis, starts) / _lengths(axis.size, by))
+    return np.asarray(np.add.reduceat(axis, starts) / _block_lengths(axis.size, by))
 
 
-def _means(values: Floats, factors: tuple[int, int]) -> Floats:
+def _block_means(values: Floats, factors: tuple[int, int]) -> Floats:
     known = np.isfinite(values)
     total, seen = np.where(known, values, 0.0), known.astype(np.float64)
     for axis, by in enumerate(factors):
         starts = np.arange(0, values.shape[axis], by)
         total = np.add.reduceat(total, starts, axis=axis)
         seen = np.add.reduceat(seen, starts, axis=axis)
-    cells = np.outer(*(_lengths(n, by) for n, by in zip(values.shape, factors, strict=True)))
+    cells = np.outer(*(_block_lengths(n, by) for n, by in zip(values.shape, factors, strict=True)))
     means: Floats = np.full(total.shape, np.nan)
     np.divide(total, seen, out=means, where=2 * seen >= cells)
     return means
 
 
-def _lengths(nodes: int, by: int) -> npt.NDArray[np.int64]:
+def _block_lengths(nodes: int, by: int) -> npt.NDArray[np.int64]:
     starts = np.arange(0, nodes, by)
     return np.diff(starts, append=nodes)

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from trueterrain.core.schemas import check_profile, check_surface
 from trueterrain.figures import draw_names
-from trueterrain.kinds import check_profile, check_surface
 from trueterrain.report import _picture
 from trueterrain.report._surface import Blocks, reduce_surface, round_below
 from trueterrain.report.parts import SurfaceView
@@ -38,7 +38,7 @@ _LONG_ROAD = 8.0  # ratio of length to width from which a picture stretches the 
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Unit:
+class _LengthUnit:
     """How lengths are written."""
 
     base: float = 0.0
@@ -61,38 +61,38 @@ class _Unit:
         return np.asarray((np.asarray(values) - self.base) * self.factor, dtype=np.float32)
 
 
-def prepare(view: SurfaceView) -> dict[str, Any]:
+def prepare_view(view: SurfaceView) -> dict[str, Any]:
     """What the template needs: the figure as JSON, the picture, and how both are drawn."""
-    blocks = _blocks(view)
+    blocks = _surface_blocks(view)
     exaggeration = view.vertical_exaggeration or suggested_exaggeration(blocks)
-    source, width = _picture.embed(_seen_from_above(view, blocks))
+    source, width = _picture.embed_figure(_seen_from_above(view, blocks))
     return {
         "caption": view.caption,
         "figure": _figure_json(view, blocks, exaggeration),
         "exaggeration": exaggeration,
         "choices": sorted({*_CHOICES, exaggeration}),
         "drawn": _how_drawn(blocks),
-        "stretch": _stretch(blocks),
+        "stretch": _width_exaggeration(blocks),
         "picture": source,
         "width": width,
         "shows": _NAMES[view.colour].lower(),
     }
 
 
-def still(view: SurfaceView) -> tuple[Any, float, str]:
+def still_picture(view: SurfaceView) -> tuple[Any, float, str]:
     """For paper: the surface from above, how much wider than long it is drawn, and its nodes."""
-    blocks = _blocks(view)
-    return _seen_from_above(view, blocks), _stretch(blocks), _how_drawn(blocks)
+    blocks = _surface_blocks(view)
+    return _seen_from_above(view, blocks), _width_exaggeration(blocks), _how_drawn(blocks)
 
 
 def suggested_exaggeration(blocks: Blocks) -> float:
     """Round factor at which heights can be seen without towering over the ground."""
     longer = max(float(np.ptp(blocks.first)), float(np.ptp(blocks.second)))
-    most = _RELIEF * longer / max(_range(blocks.height), _FLATTEST)
+    most = _RELIEF * longer / max(_value_range(blocks.height), _FLATTEST)
     return max((step for step in _STEPS if step <= most), default=_STEPS[0])
 
 
-def _blocks(view: SurfaceView) -> Blocks:
+def _surface_blocks(view: SurfaceView) -> Blocks:
     blocks = reduce_surface(check_surface(view.surface), view.colour)
     if not np.isfinite(blocks.height).any():
         message = "the surface of a view has no height anywhere; leave the view out."
@@ -104,8 +104,8 @@ def _figure_json(view: SurfaceView, blocks: Blocks, exaggeration: float) -> str:
     """The figure of plotly, and where the nodes of its surface lie."""
     import plotly.graph_objects as go
 
-    east = _Unit(base=round_below(blocks.easting))
-    north = _Unit(base=round_below(blocks.northing))
+    east = _LengthUnit(base=round_below(blocks.easting))
+    north = _LengthUnit(base=round_below(blocks.northing))
     up = _height_unit(blocks.height)
     colour = _colour_unit(blocks, view.colour)
     hover = (
@@ -123,26 +123,29 @@ def _figure_json(view: SurfaceView, blocks: Blocks, exaggeration: float) -> str:
         },
         lighting={"ambient": 0.7, "diffuse": 0.6, "specular": 0.05, "roughness": 0.9},
     )  # fmt: skip
-    scene = _scene(view, blocks, exaggeration, (east, north, up))
+    scene = _view_scene(view, blocks, exaggeration, (east, north, up))
     if view.colour == "height":  # its colour scale names the heights already
         scene["zaxis"]["title"] = {"text": ""}
     layout = {
         "template": {},
-        "scene": scene | {"camera": _camera(blocks)},
+        "scene": scene | {"camera": _view_camera(blocks)},
         "margin": {"l": 0, "r": 0, "t": 0, "b": 0},
         "paper_bgcolor": "rgba(0,0,0,0)",
         "showlegend": bool(view.lines),
         "legend": {"x": 0, "y": 1, "bgcolor": "rgba(0,0,0,0)"},
     }
-    figure = go.Figure([surface, *_lines(view, east, north, up)], layout).to_json()
-    return f'{{"figure": {figure}, "places": {json.dumps(_places(blocks, east, north))}}}'
+    figure = go.Figure([surface, *_profile_lines(view, east, north, up)], layout).to_json()
+    return f'{{"figure": {figure}, "places": {json.dumps(_node_places(blocks, east, north))}}}'
 
 
-def _scene(
-    view: SurfaceView, blocks: Blocks, exaggeration: float, units: tuple[_Unit, _Unit, _Unit]
+def _view_scene(
+    view: SurfaceView,
+    blocks: Blocks,
+    exaggeration: float,
+    units: tuple[_LengthUnit, _LengthUnit, _LengthUnit],
 ) -> dict[str, Any]:
     """Axes as long as what they hold; those of heights by the exaggeration longer."""
-    lines = [profile for _, profile in _tracks(view)]
+    lines = [profile for _, profile in _profile_tracks(view)]
     held = [
         (float(np.nanmin(values)), float(np.nanmax(values)))
         for values in (
@@ -174,7 +177,7 @@ def _scene(
     return {**axes, "aspectmode": "manual", "aspectratio": ratio}
 
 
-def _places(blocks: Blocks, east: _Unit, north: _Unit) -> dict[str, list[float]]:
+def _node_places(blocks: Blocks, east: _LengthUnit, north: _LengthUnit) -> dict[str, list[float]]:
     """Where the nodes lie, at a hundredth of the size: rows are straight, so their ends tell."""
     ends = {
         f"{name}_{side}": unit.of(values[:, column])
@@ -188,11 +191,13 @@ def _places(blocks: Blocks, east: _Unit, north: _Unit) -> dict[str, list[float]]
     }
 
 
-def _lines(view: SurfaceView, east: _Unit, north: _Unit, up: _Unit) -> list[Any]:
+def _profile_lines(
+    view: SurfaceView, east: _LengthUnit, north: _LengthUnit, up: _LengthUnit
+) -> list[Any]:
     import plotly.graph_objects as go
 
     drawn = []
-    for colour, (name, profile) in zip(cycle(_LINE_COLOURS), _tracks(view)):
+    for colour, (name, profile) in zip(cycle(_LINE_COLOURS), _profile_tracks(view)):
         every = slice(None, None, -(-profile.sizes["s"] // _LINE_POINTS))
         drawn.append(
             go.Scatter3d(
@@ -205,7 +210,7 @@ def _lines(view: SurfaceView, east: _Unit, north: _Unit, up: _Unit) -> list[Any]
     return drawn
 
 
-def _tracks(view: SurfaceView) -> list[tuple[str, xr.Dataset]]:
+def _profile_tracks(view: SurfaceView) -> list[tuple[str, xr.Dataset]]:
     tracks = []
     for name, profile in view.lines.items():
         check_profile(profile)
@@ -220,7 +225,7 @@ def _tracks(view: SurfaceView) -> list[tuple[str, xr.Dataset]]:
     return [(name.replace("<", "‹").replace(">", "›"), profile) for name, profile in tracks]
 
 
-def _camera(blocks: Blocks) -> dict[str, Any]:
+def _view_camera(blocks: Blocks) -> dict[str, Any]:
     """From the right of the way ahead, a little behind and above."""
     rows, columns = blocks.easting.shape
     ahead = (slice(None), columns // 2) if blocks.along_line else (rows // 2, slice(None))
@@ -245,8 +250,8 @@ def _seen_from_above(view: SurfaceView, blocks: Blocks) -> Any:
     else:
         x, y, shown = blocks.second, blocks.first, blocks.colour
         names = "Easting", "Northing"
-    bases = _Unit(base=round_below(x)), _Unit(base=round_below(y))
-    stretch = _stretch(blocks)
+    bases = _LengthUnit(base=round_below(x)), _LengthUnit(base=round_below(y))
+    stretch = _width_exaggeration(blocks)
     shape = stretch * np.ptp(y) / np.ptp(x)
     size = (8.0, max(6.4 * shape, 0.8) + 1.2) if shape < 1.0 else (6.0 / shape + 2.0, 6.8)
     figure = Figure(figsize=size)
@@ -257,7 +262,7 @@ def _seen_from_above(view: SurfaceView, blocks: Blocks) -> Any:
         bases[0].of(x), bases[1].of(y), np.ma.masked_invalid(unit.of(shown)),
         shading="nearest", cmap=colormaps["viridis"], rasterized=True,
     )  # fmt: skip
-    for colour, (name, profile) in zip(cycle(_LINE_COLOURS), _tracks(view)):
+    for colour, (name, profile) in zip(cycle(_LINE_COLOURS), _profile_tracks(view)):
         east, north = profile.easting.values, profile.northing.values
         if blocks.along_line:
             east, north = xy_to_uv(grid_frame(view.surface), east, north)
@@ -276,7 +281,7 @@ def _seen_from_above(view: SurfaceView, blocks: Blocks) -> Any:
     return figure
 
 
-def _stretch(blocks: Blocks) -> float:
+def _width_exaggeration(blocks: Blocks) -> float:
     """By how much the picture from above draws the width larger than the length."""
     if not blocks.along_line:
         return 1.0
@@ -295,23 +300,23 @@ def _how_drawn(blocks: Blocks) -> str:
     )
 
 
-def _height_unit(height: Floats) -> _Unit:
+def _height_unit(height: Floats) -> _LengthUnit:
     """Metres, or millimetres above a round height if the heights range over less than a metre."""
-    if _range(height) >= 1.0:
-        return _Unit()
+    if _value_range(height) >= 1.0:
+        return _LengthUnit()
     low, high = float(np.nanmin(height)), float(np.nanmax(height))
     if low > -1.0 and high < 1.0:  # heights about zero need no base
-        return _Unit(factor=1000.0, name="mm", digits=1)
+        return _LengthUnit(factor=1000.0, name="mm", digits=1)
     step = 10.0 ** math.ceil(math.log10(max(high - low, _FLATTEST)))
     base = round(math.floor(low / step) * step, 3)
-    return _Unit(base=base, factor=1000.0, name="mm", digits=1)
+    return _LengthUnit(base=base, factor=1000.0, name="mm", digits=1)
 
 
-def _colour_unit(blocks: Blocks, colour: str) -> _Unit:
+def _colour_unit(blocks: Blocks, colour: str) -> _LengthUnit:
     if colour == "height":
         return _height_unit(blocks.height)
-    return _Unit(name="") if colour == "count" else _Unit(factor=1000.0, name="mm")
+    return _LengthUnit(name="") if colour == "count" else _LengthUnit(factor=1000.0, name="mm")
 
 
-def _range(values: Floats) -> float:
+def _value_range(values: Floats) -> float:
     return float(np.nanmax(values) - np.nanmin(values))

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from trueterrain.errors import OutputError
+from trueterrain.core.errors import OutputError
 from trueterrain.report import _numbers
 from trueterrain.report.parts import File, Number, Table, Verdict
 
@@ -19,9 +19,9 @@ VERDICTS: dict[Verdict | None, tuple[str, str]] = {
 }
 
 
-def tile(number: Number) -> dict[str, Any]:
+def number_tile(number: Number) -> dict[str, Any]:
     """A number of the headline, in words."""
-    value = _numbers.text(number.value, number.digits)
+    value = _numbers.format_value(number.value, number.digits)
     return {
         "label": number.label,
         "value": value,
@@ -34,21 +34,21 @@ def tile(number: Number) -> dict[str, Any]:
 
 def table_cells(table: Table) -> dict[str, Any]:
     """Cells of a table as they are written, and which of its columns are numbers."""
-    values = [[_numbers.plain(value) for value in row] for row in table.rows]
+    values = [[_numbers.python_value(value) for value in row] for row in table.rows]
     by_column = list(zip(*values, strict=True)) or [()] * len(table.columns)
     numeric = [
         any(map(_numbers.is_number, cells)) and not any(isinstance(cell, str) for cell in cells)
         for cells in by_column
     ]
     digits = [
-        _numbers.decimals(cells) if column.digits is None else column.digits
+        _numbers.column_decimals(cells) if column.digits is None else column.digits
         for column, cells in zip(table.columns, by_column, strict=True)
     ]
     rows = []
     for index, row in enumerate(values):
         cells = [
             # whole numbers are counts: they get decimals only if these are asked for
-            _numbers.text(cell, column.digits if isinstance(cell, int) else places)
+            _numbers.format_value(cell, column.digits if isinstance(cell, int) else places)
             for cell, column, places in zip(row, table.columns, digits, strict=True)
         ]
         verdict = table.verdicts[index] if table.verdicts else None
@@ -63,7 +63,7 @@ def table_cells(table: Table) -> dict[str, Any]:
     }
 
 
-def listed(file: File, folder: Path) -> dict[str, str]:
+def file_entry(file: File, folder: Path) -> dict[str, str]:
     """A file by its name from the folder of the report, with its size."""
     place = folder / file.path
     size = file.size
@@ -75,11 +75,11 @@ def listed(file: File, folder: Path) -> dict[str, str]:
     name = Path(os.path.relpath(place, folder)).as_posix()
     # the dot keeps a browser from taking the beginning of a name for a protocol
     return {
-        "name": name, "link": f"./{quote(name)}", "size": _numbers.size(size), "note": file.note,
+        "name": name, "link": f"./{quote(name)}", "size": _numbers.format_size(size), "note": file.note,
     }  # fmt: skip
 
 
-def origin(name: str, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def provenance_entry(name: str, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Steps that led to a result."""
     return {
         "name": name,
@@ -95,6 +95,6 @@ def origin(name: str, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     }
 
 
-def paragraphs(text: str) -> list[str]:
+def split_paragraphs(text: str) -> list[str]:
     """Paragraphs of a text, which empty lines set apart."""
     return [part.strip() for part in text.split("\n\n") if part.strip()]

@@ -5,9 +5,15 @@ from pathlib import Path
 from typing import Any
 
 from trueterrain._version import __version__
-from trueterrain.engine import whole_output
+from trueterrain.core import whole_output
 from trueterrain.report import _numbers
-from trueterrain.report._written import listed, origin, paragraphs, table_cells, tile
+from trueterrain.report._written import (
+    file_entry,
+    number_tile,
+    provenance_entry,
+    split_paragraphs,
+    table_cells,
+)
 from trueterrain.report.parts import (
     Block,
     Column,
@@ -84,52 +90,53 @@ def write_report_pdf(report: Report, path: str | Path, *, force: bool = False) -
             leftPadding=0, rightPadding=0, topPadding=0, bottomPadding=0,
         )  # fmt: skip
         document.addPageTemplates([PageTemplate(id="page", frames=[frame])])
-        story = list(_story(report, Path(path).absolute().parent, width, height))
+        story = list(_page_flow(report, Path(path).absolute().parent, width, height))
         document.build(story, canvasmaker=numbered_canvas(report.title, _MARGIN))
 
 
-def _story(report: Report, folder: Path, width: float, height: float) -> Iterator[Any]:
+def _page_flow(report: Report, folder: Path, width: float, height: float) -> Iterator[Any]:
     from reportlab.platypus import CondPageBreak, HRFlowable, Paragraph
 
     from trueterrain.report._pdf_pages import Heading
-    from trueterrain.report._pdf_style import ACCENT, escaped, styles
+    from trueterrain.report._pdf_style import ACCENT, escape_text, paragraph_styles
 
-    yield Paragraph(escaped(report.title), styles()["title"])
+    yield Paragraph(escape_text(report.title), paragraph_styles()["title"])
     if report.subtitle:
-        yield Paragraph(escaped(report.subtitle), styles()["subtitle"])
+        yield Paragraph(escape_text(report.subtitle), paragraph_styles()["subtitle"])
     yield HRFlowable(width="100%", thickness=2, color=ACCENT, spaceAfter=12)
     if report.headline:
-        yield from _tiles(report.headline, width)
-    yield from _doubts(report)
+        yield from _number_tiles(report.headline, width)
+    yield from _flag_pointer(report)
     for section in report.sections:
         content: list[Any] = [
-            Paragraph(escaped(text), styles()["text"]) for text in paragraphs(section.text)
+            Paragraph(escape_text(text), paragraph_styles()["text"])
+            for text in split_paragraphs(section.text)
         ]
         for block in section.blocks:
-            content += _block(block, folder, width, height)
+            content += _block_flow(block, folder, width, height)
         yield CondPageBreak(_ROOM)
         heading = [Heading(section.title)]
         if content and isinstance(content[0], list):  # what is on one page has its heading there
             heading += content.pop(0)
-        yield from _together([heading, *content])
+        yield from _keep_together([heading, *content])
     if report.provenance:
         yield CondPageBreak(_ROOM)
         yield Heading("Provenance")
         for name, steps in report.provenance.items():
-            yield from _origin(origin(name, steps), width)
+            yield from _provenance_flow(provenance_entry(name, steps), width)
 
 
-def _tiles(numbers: tuple[Number, ...], width: float) -> Iterator[Any]:
+def _number_tiles(numbers: tuple[Number, ...], width: float) -> Iterator[Any]:
     """Numbers to see first, some beside each other."""
     from reportlab.platypus import Spacer
     from reportlab.platypus import Table as Grid
 
     from trueterrain.report._pdf_style import LINE, RAISED, VERDICT_INKS
 
-    tiles = [tile(number) for number in numbers]
+    tiles = [number_tile(number) for number in numbers]
     for first in range(0, len(tiles), _TILES):
         row = tiles[first : first + _TILES]
-        cells = [_tile(one) for one in row] + [""] * (_TILES - len(row))
+        cells = [_number_tile(one) for one in row] + [""] * (_TILES - len(row))
         look: list[tuple[Any, ...]] = [("VALIGN", (0, 0), (-1, -1), "TOP")]
         for at, one in enumerate(row):
             here = (at, 0), (at, 0)
@@ -143,29 +150,39 @@ def _tiles(numbers: tuple[Number, ...], width: float) -> Iterator[Any]:
         yield Spacer(0, 6)
 
 
-def _tile(one: dict[str, Any]) -> list[Any]:
+def _number_tile(one: dict[str, Any]) -> list[Any]:
     from reportlab.platypus import Paragraph
 
-    from trueterrain.report._pdf_style import BOLD, PLAIN, VERDICT_INKS, escaped, styles
+    from trueterrain.report._pdf_style import (
+        BOLD,
+        PLAIN,
+        VERDICT_INKS,
+        escape_text,
+        paragraph_styles,
+    )
 
-    unit = f" <font name='{PLAIN}' size='9'>{escaped(one['unit'])}</font>" if one["unit"] else ""
+    unit = (
+        f" <font name='{PLAIN}' size='9'>{escape_text(one['unit'])}</font>" if one["unit"] else ""
+    )
     found = [
-        Paragraph(escaped(one["label"]), styles()["label"]),
-        Paragraph(escaped(one["value"]) + unit, styles()["value"]),
+        Paragraph(escape_text(one["label"]), paragraph_styles()["label"]),
+        Paragraph(escape_text(one["value"]) + unit, paragraph_styles()["value"]),
     ]
     if one["mark"]:
         words = f"<font name='{BOLD}' color='{VERDICT_INKS[one['verdict']]}'>"
-        found.append(Paragraph(f"{words}{' '.join(one['mark'])}</font>", styles()["label"]))
+        found.append(
+            Paragraph(f"{words}{' '.join(one['mark'])}</font>", paragraph_styles()["label"])
+        )
     if one["note"]:
-        found.append(Paragraph(escaped(one["note"]), styles()["label"]))
+        found.append(Paragraph(escape_text(one["note"]), paragraph_styles()["label"]))
     return found
 
 
-def _doubts(report: Report) -> Iterator[Any]:
+def _flag_pointer(report: Report) -> Iterator[Any]:
     """A line that points to what is doubtful further down."""
     from reportlab.platypus import Paragraph
 
-    from trueterrain.report._pdf_style import escaped, styles
+    from trueterrain.report._pdf_style import escape_text, paragraph_styles
 
     doubtful = {
         section.title: count
@@ -175,36 +192,36 @@ def _doubts(report: Report) -> Iterator[Any]:
     if doubtful:
         total = sum(doubtful.values())
         text = f"⚠ {total} {'doubt' if total == 1 else 'doubts'} about this result: see "
-        yield Paragraph(escaped(text + ", ".join(doubtful) + "."), styles()["doubt"])
+        yield Paragraph(escape_text(text + ", ".join(doubtful) + "."), paragraph_styles()["doubt"])
 
 
-def _block(block: Block, folder: Path, width: float, height: float) -> Iterator[Any]:
+def _block_flow(block: Block, folder: Path, width: float, height: float) -> Iterator[Any]:
     """What stands on the paper; a list stays on one page."""
     from reportlab.platypus import Paragraph
 
-    from trueterrain.report._pdf_style import escaped, styles
+    from trueterrain.report._pdf_style import escape_text, paragraph_styles
     from trueterrain.report._pdf_table import table_flowables
 
     match block:
         case Text():
-            for text in paragraphs(block.paragraph):
-                yield Paragraph(escaped(text), styles()["text"])
+            for text in split_paragraphs(block.paragraph):
+                yield Paragraph(escape_text(text), paragraph_styles()["text"])
         case Table():
             yield from table_flowables(table_cells(block), width)
         case Picture():
-            yield _picture(block.figure, [block.caption], width, height)
+            yield _figure_flow(block.figure, [block.caption], width, height)
         case SurfaceView():
-            from trueterrain.report._view import still
+            from trueterrain.report._view import still_picture
 
-            figure, stretch, drawn = still(block)
+            figure, stretch, drawn = still_picture(block)
             wide = f", the width drawn {stretch:g} times as large as the length"
             seen = f"Seen from above{wide if stretch != 1 else ''}; "
             seen += "the page in HTML turns and zooms it."
-            yield _picture(figure, [f"{block.caption} {drawn}".strip(), seen], width, height)
+            yield _figure_flow(figure, [f"{block.caption} {drawn}".strip(), seen], width, height)
         case Warnings():
-            yield _warnings(block, width)
+            yield _warning_box(block, width)
         case Files():
-            files = [listed(file, folder) for file in block.files]
+            files = [file_entry(file, folder) for file in block.files]
             table = Table(
                 columns=(
                     Column(label="File"), Column(label="What it holds"), Column(label="Size"),
@@ -214,36 +231,48 @@ def _block(block: Block, folder: Path, width: float, height: float) -> Iterator[
             yield from table_flowables(table_cells(table), width)
 
 
-def _together(flowables: list[Any]) -> Iterator[Any]:
+def _keep_together(flowables: list[Any]) -> Iterator[Any]:
     """Keep lists on one page each."""
     from reportlab.platypus import KeepTogether
 
     yield from (KeepTogether(one) if isinstance(one, list) else one for one in flowables)
 
 
-def _picture(figure: Any, captions: list[str], width: float, height: float) -> list[Any]:
+def _figure_flow(figure: Any, captions: list[str], width: float, height: float) -> list[Any]:
     """A figure at its natural size, or as large as the page allows, with what it shows."""
     from reportlab.platypus import Image, Paragraph, Spacer
 
-    from trueterrain.report._pdf_style import escaped, styles
-    from trueterrain.report._picture import image
+    from trueterrain.report._pdf_style import escape_text, paragraph_styles
+    from trueterrain.report._picture import figure_image
 
-    data, wide, high = image(figure, width, _HIGHEST * height)
+    data, wide, high = figure_image(figure, width, _HIGHEST * height)
     found: list[Any] = [Image(data, width=wide, height=high, hAlign="LEFT")]
-    found += [Paragraph(escaped(text), styles()["caption"]) for text in captions if text]
+    found += [
+        Paragraph(escape_text(text), paragraph_styles()["caption"]) for text in captions if text
+    ]
     return [*found, Spacer(0, 8)]
 
 
-def _warnings(block: Warnings, width: float) -> Any:
+def _warning_box(block: Warnings, width: float) -> Any:
     from reportlab.platypus import Paragraph
     from reportlab.platypus import Table as Grid
 
-    from trueterrain.report._pdf_style import BOLD, DOUBT, DOUBT_PAPER, escaped, styles
+    from trueterrain.report._pdf_style import (
+        BOLD,
+        DOUBT,
+        DOUBT_PAPER,
+        escape_text,
+        paragraph_styles,
+    )
 
     if not block.items:
-        return Paragraph("Nothing doubtful was found.", styles()["note"])
-    head = Paragraph(f"<font name='{BOLD}' color='{DOUBT}'>⚠ Doubtful</font>", styles()["text"])
-    items = [Paragraph(f"• {escaped(item)}", styles()["text"]) for item in block.items]
+        return Paragraph("Nothing doubtful was found.", paragraph_styles()["note"])
+    head = Paragraph(
+        f"<font name='{BOLD}' color='{DOUBT}'>⚠ Doubtful</font>", paragraph_styles()["text"]
+    )
+    items = [
+        Paragraph(f"• {escape_text(item)}", paragraph_styles()["text"]) for item in block.items
+    ]
     look = [
         ("BACKGROUND", (0, 0), (-1, -1), DOUBT_PAPER), ("LINEBEFORE", (0, 0), (0, -1), 2, DOUBT),
         ("LEFTPADDING", (0, 0), (-1, -1), 9), ("RIGHTPADDING", (0, 0), (-1, -1), 9),
@@ -253,25 +282,28 @@ def _warnings(block: Warnings, width: float) -> Any:
                 spaceBefore=4, spaceAfter=10, splitInRow=1)  # fmt: skip
 
 
-def _origin(found: dict[str, Any], width: float) -> Iterator[Any]:
+def _provenance_flow(found: dict[str, Any], width: float) -> Iterator[Any]:
     """Steps that led to a result, whole: nothing is folded on paper."""
     from reportlab.platypus import Paragraph, Preformatted
 
-    from trueterrain.report._pdf_style import escaped, styles
+    from trueterrain.report._pdf_style import escape_text, paragraph_styles
     from trueterrain.report._pdf_table import table_flowables
 
-    yield Paragraph(escaped(found["name"]), styles()["step"])
+    yield Paragraph(escape_text(found["name"]), paragraph_styles()["step"])
     for number, step in enumerate(found["steps"], start=1):
         version = f" (trueterrain {step['version']})" if step["version"] else ""
         words = f"{number}. {step['step'] or _numbers.UNKNOWN}{version}"
-        yield Paragraph(escaped(words), styles()["text"])
+        yield Paragraph(escape_text(words), paragraph_styles()["text"])
         if step["inputs"]:
             hashes = Table(
                 columns=(Column(label="Input"), Column(label="SHA-256")),
                 rows=[(one.get("name"), one.get("sha256")) for one in step["inputs"]],
             )
-            yield from _together(table_flowables(table_cells(hashes), width))
+            yield from _keep_together(table_flowables(table_cells(hashes), width))
         if step["parameters"] != "{}":
             yield Preformatted(
-                step["parameters"], styles()["code"], maxLineLength=_CODE_LINE, newLineChars=""
+                step["parameters"],
+                paragraph_styles()["code"],
+                maxLineLength=_CODE_LINE,
+                newLineChars="",
             )

@@ -7,8 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from trueterrain._version import __version__
-from trueterrain.engine import whole_output
-from trueterrain.report._written import listed, origin, paragraphs, table_cells, tile
+from trueterrain.core import whole_output
+from trueterrain.report._written import (
+    file_entry,
+    number_tile,
+    provenance_entry,
+    split_paragraphs,
+    table_cells,
+)
 from trueterrain.report.parts import (
     Block,
     Files,
@@ -64,11 +70,11 @@ def write_report(report: Report, path: str | Path, *, force: bool = False) -> No
     True
     """
     with whole_output(path, force=force) as temporary:
-        page = _render(report, Path(path).absolute().parent)
+        page = _render_page(report, Path(path).absolute().parent)
         temporary.write_text(page, encoding="utf-8", newline="\n")
 
 
-def _render(report: Report, folder: Path) -> str:
+def _render_page(report: Report, folder: Path) -> str:
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
@@ -80,43 +86,43 @@ def _render(report: Report, folder: Path) -> str:
         {
             "id": f"section-{index}",
             "title": section.title,
-            "text": paragraphs(section.text),
+            "text": split_paragraphs(section.text),
             "blocks": [
-                _prepared(block, f"block-{index}-{place}", folder)
+                _prepare_block(block, f"block-{index}-{place}", folder)
                 for place, block in enumerate(section.blocks, start=1)
             ],
         }
         for index, section in enumerate(report.sections, start=1)
     ]
     blocks = [block for section in sections for block in section["blocks"]]
-    scripts = [_template("page.js")]
+    scripts = [_template_text("page.js")]
     if any(block["kind"] == "view" for block in blocks):
-        scripts = [_plotly(), _template("view.js"), *scripts]
+        scripts = [_plotly_source(), _template_text("view.js"), *scripts]
     return environment.get_template("report.html.j2").render(
         report=report,
-        tiles=[tile(number) for number in report.headline],
+        tiles=[number_tile(number) for number in report.headline],
         sections=sections,
         doubts=[block for block in blocks if block["kind"] == "warnings" and block["items"]],
-        provenance=[origin(name, steps) for name, steps in report.provenance.items()],
+        provenance=[provenance_entry(name, steps) for name, steps in report.provenance.items()],
         version=__version__,
-        style=Markup(_template("style.css")),
+        style=Markup(_template_text("style.css")),
         scripts=[Markup(script) for script in scripts],
-        policy=_policy(scripts),
+        policy=_content_policy(scripts),
     )
 
 
-def _prepared(block: Block, name: str, folder: Path) -> dict[str, Any]:
+def _prepare_block(block: Block, name: str, folder: Path) -> dict[str, Any]:
     """A block as the template wants it."""
     found: dict[str, Any]
     match block:
         case Text():
-            found = {"kind": "text", "paragraphs": paragraphs(block.paragraph)}
+            found = {"kind": "text", "paragraphs": split_paragraphs(block.paragraph)}
         case Table():
             found = {"kind": "table", **table_cells(block)}
         case Picture():
-            from trueterrain.report._picture import embed
+            from trueterrain.report._picture import embed_figure
 
-            source, width = embed(block.figure)
+            source, width = embed_figure(block.figure)
             found = {
                 "kind": "picture", "source": source, "width": width, "alt": block.alt,
                 "caption": block.caption,
@@ -124,31 +130,31 @@ def _prepared(block: Block, name: str, folder: Path) -> dict[str, Any]:
         case SurfaceView():
             from markupsafe import Markup
 
-            from trueterrain.report._view import prepare
+            from trueterrain.report._view import prepare_view
 
-            found = {"kind": "view", **prepare(block)}
+            found = {"kind": "view", **prepare_view(block)}
             # JSON stays the same, and nothing in it can end the element that holds it
             found["figure"] = Markup(found["figure"].replace("<", "\\u003c"))
             found["choices"] = [(value, f"{value:g}") for value in found["choices"]]
         case Warnings():
             found = {"kind": "warnings", "items": list(block.items)}
         case Files():
-            found = {"kind": "files", "files": [listed(file, folder) for file in block.files]}
+            found = {"kind": "files", "files": [file_entry(file, folder) for file in block.files]}
     return found | {"id": name}
 
 
-def _plotly() -> str:
+def _plotly_source() -> str:
     from plotly.offline import get_plotlyjs
 
     return str(get_plotlyjs())
 
 
-def _template(name: str) -> str:
+def _template_text(name: str) -> str:
     place = resources.files("trueterrain.report") / "templates" / name
     return place.read_text(encoding="utf-8")
 
 
-def _policy(scripts: list[str]) -> str:
+def _content_policy(scripts: list[str]) -> str:
     """What the page may do: run just these scripts, and load nothing from anywhere."""
     hashes = [
         f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'"

@@ -11,20 +11,20 @@ from trueterrain.roughness.filters import (
     MovingAverage,
     filter_profile,
 )
-from trueterrain.roughness.iri import IN_PER_MI, IriOptions, continuous_iri, iri
+from trueterrain.roughness.iri import IN_PER_MI, IriSettings, continuous_iri, iri
 from trueterrain.roughness.iso8608 import CLASS_LIMITS, N0, road_class, smoothing_bands
-from trueterrain.roughness.plausible import doubts
-from trueterrain.roughness.psd import PsdOptions, psd
+from trueterrain.roughness.plausible import flag_profile
+from trueterrain.roughness.psd import PsdSettings, psd
 from trueterrain.roughness.quarter_car import IRI_SPEED, QuarterCar
 from trueterrain.roughness.resample import resample_profile
-from trueterrain.roughness.ride_number import RIDE_NUMBER_CAR, RideNumberOptions, ride_number
+from trueterrain.roughness.ride_number import RIDE_NUMBER_CAR, RideNumberSettings, ride_number
 from trueterrain.roughness.straightedge import rolling_straightedge
 from trueterrain.roughness.stretches import (
     LONG_CONTINUOUS,
     SHORT_CONTINUOUS,
+    find_stretches,
     iri_histogram,
     localised_roughness,
-    stretches,
 )
 from trueterrain.roughness.wavebands import WAVEBANDS, waveband_rms
 
@@ -40,14 +40,15 @@ __all__ = [
     "WAVEBANDS",
     "Butterworth",
     "Filter",
-    "IriOptions",
+    "IriSettings",
     "MovingAverage",
-    "PsdOptions",
+    "PsdSettings",
     "QuarterCar",
-    "RideNumberOptions",
+    "RideNumberSettings",
     "continuous_iri",
-    "doubts",
     "filter_profile",
+    "find_stretches",
+    "flag_profile",
     "iri",
     "iri_histogram",
     "localised_roughness",
@@ -57,6 +58,5 @@ __all__ = [
     "road_class",
     "rolling_straightedge",
     "smoothing_bands",
-    "stretches",
     "waveband_rms",
 ]

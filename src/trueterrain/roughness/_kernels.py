@@ -5,7 +5,7 @@
 
 import math
 
-from trueterrain.engine.kernels import compile_kernel
+from trueterrain.core.kernels import compile_kernel
 
 # A Taylor series of exp(A t) is summed while the bound of its next term exceeds this [1]: below it,
 # terms are lost in the rounding of the sum
@@ -85,7 +85,7 @@ def equal_response(height, base, scale, S, p, state, out):
 
 
 @compile_kernel
-def _amount(output, squared):
+def _rectified_output(output, squared):
     return output * output if squared else abs(output)
 
 
@@ -111,9 +111,9 @@ def equal_sums(height, base, scale, S, p, duration, car, state, squared, edges, 
             stop = min(float(first), end)
             slope = (height[first - 1 + base] - height[first - 1]) * scale
             x0, x1, x2, x3 = _exact_step(x0, x1, x2, x3, slope, (stop - begin) * duration, car)
-            part += _amount(x2 - x0, squared) * (stop - begin)
+            part += _rectified_output(x2 - x0, squared) * (stop - begin)
             if stop == first:
-                total += _amount(x2 - x0, squared)
+                total += _rectified_output(x2 - x0, squared)
         whole = 0.0
         for i in range(first, last):
             slope = (height[i + base] - height[i]) * scale
@@ -123,13 +123,13 @@ def equal_sums(height, base, scale, S, p, duration, car, state, squared, edges, 
                 ((s20 * x0 + s21 * x1) + (s22 * x2 + s23 * x3)) + p2 * slope,
                 ((s30 * x0 + s31 * x1) + (s32 * x2 + s33 * x3)) + p3 * slope,
             )
-            whole += _amount(x2 - x0, squared)
+            whole += _rectified_output(x2 - x0, squared)
         total += whole
         part += whole
         if last >= first and end > last:
             slope = (height[last + base] - height[last]) * scale
             x0, x1, x2, x3 = _exact_step(x0, x1, x2, x3, slope, (end - last) * duration, car)
-            part += _amount(x2 - x0, squared) * (end - last)
+            part += _rectified_output(x2 - x0, squared) * (end - last)
         sums[k] = part
     return total
 
@@ -151,7 +151,7 @@ def mean_of_samples(station, height, half, out):
 
 
 @compile_kernel
-def _integral(station, height, begin, end, cell, datum):
+def _profile_integral(station, height, begin, end, cell, datum):
     """Integral of the straight-line profile less `datum`, and the cell in which it ended."""
     total = 0.0
     here = begin
@@ -177,7 +177,9 @@ def mean_of_lines(station, height, length, first, out):
     """
     half = 0.5 * length
     datum = height[first]
-    inside, _ = _integral(station, height, station[first] - half, station[first] + half, 0, datum)
+    inside, _ = _profile_integral(
+        station, height, station[first] - half, station[first] + half, 0, datum
+    )
     mean = datum + inside / length
     out[0] = mean
     ahead = 0
@@ -185,8 +187,8 @@ def mean_of_lines(station, height, length, first, out):
     for i in range(1, out.size):
         a, b = station[first + i - 1], station[first + i]
         datum = height[first + i]
-        entered, ahead = _integral(station, height, a + half, b + half, ahead, datum)
-        left, behind = _integral(station, height, a - half, b - half, behind, datum)
+        entered, ahead = _profile_integral(station, height, a + half, b + half, ahead, datum)
+        left, behind = _profile_integral(station, height, a - half, b - half, behind, datum)
         mean += (entered - left) / length
         out[i] = mean
 

@@ -18,7 +18,7 @@ _HANN_LINES = np.array([1.0, 4.0, 1.0]) / 6.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lines:
+class SpectralLines:
     """Lines of a spectrum, from one spacing of theirs on."""
 
     width: float
@@ -40,7 +40,7 @@ class Lines:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Bands:
+class FrequencyBands:
     """Bands over which lines are averaged."""
 
     lower: Array
@@ -52,16 +52,18 @@ class Bands:
     upper: Array
     "Upper edges [1/m]."
 
-    def __getitem__(self, which: npt.NDArray[np.bool_]) -> "Bands":
-        return Bands(lower=self.lower[which], centre=self.centre[which], upper=self.upper[which])
+    def __getitem__(self, which: npt.NDArray[np.bool_]) -> "FrequencyBands":
+        return FrequencyBands(
+            lower=self.lower[which], centre=self.centre[which], upper=self.upper[which]
+        )
 
 
-def lines(height: Array, step: float, block: int) -> Lines:
+def welch_lines(height: Array, step: float, block: int) -> SpectralLines:
     """Welch's method: Hann windows of `block` samples spread evenly, each freed of its trend."""
     from scipy.fft import prev_fast_len, rfft
 
     size = prev_fast_len(min(block, height.size), real=True)
-    starts = _starts(height.size, size)
+    starts = _block_starts(height.size, size)
     window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(size) / size)
     position = np.arange(size) - 0.5 * (size - 1)
     leverage = position / np.sum(position**2)
@@ -82,9 +84,9 @@ def lines(height: Array, step: float, block: int) -> Lines:
     if size % 2 == 0:
         density[-1] *= 0.5  # the highest line has no twin among the negative ones
     shift = (starts[1] - starts[0]) / size if starts.size > 1 else 1.0
-    return Lines(
+    return SpectralLines(
         width=1 / (size * step), density=density[1:], blocks=starts.size,
-        likeness=_likeness(starts.size, shift),
+        likeness=_line_covariance(starts.size, shift),
     )  # fmt: skip
 
 
@@ -93,16 +95,16 @@ def block_samples(length: float, step: float) -> int:
     return max(round(length / step), _LEAST_BLOCK)
 
 
-def within(bands: Bands, spectrum: Lines) -> npt.NDArray[np.bool_]:
+def resolved_bands(bands: FrequencyBands, spectrum: SpectralLines) -> npt.NDArray[np.bool_]:
     """Bands that the lines resolve: at least three wide, above the two that lose by the trend."""
     highest = spectrum.width * (spectrum.density.size + 0.5)
     wide = bands.upper - bands.lower >= _LEAST_LINES * spectrum.width
     return wide & (bands.lower >= 2.5 * spectrum.width) & (bands.upper <= highest)
 
 
-def smooth(density: Array, width: float, bands: Bands) -> Array:
+def smooth_bands(density: Array, width: float, bands: FrequencyBands) -> Array:
     """Mean density in each band; a line stands for the frequencies nearest to it."""
-    parts = (_shares(lower, upper) for lower, upper in _edges(bands, width))
+    parts = (_line_fractions(lower, upper) for lower, upper in _band_edges(bands, width))
     return np.array(
         [
             share @ density[first - 1 : first - 1 + share.size] / share.sum()
@@ -111,11 +113,11 @@ def smooth(density: Array, width: float, bands: Bands) -> Array:
     )
 
 
-def degrees_of_freedom(spectrum: Lines, bands: Bands) -> Array:
+def degrees_of_freedom(spectrum: SpectralLines, bands: FrequencyBands) -> Array:
     """Degrees of freedom of the mean density in each band, if the density is even there."""
     degrees = []
-    for lower, upper in _edges(bands, spectrum.width):
-        _, share = _shares(lower, upper)
+    for lower, upper in _band_edges(bands, spectrum.width):
+        _, share = _line_fractions(lower, upper)
         alike = spectrum.likeness[0] * np.sum(share**2)
         for apart in range(1, min(_LAGS, share.size)):
             alike += 2 * spectrum.likeness[apart] * np.sum(share[:-apart] * share[apart:])
@@ -123,19 +125,19 @@ def degrees_of_freedom(spectrum: Lines, bands: Bands) -> Array:
     return np.array(degrees)
 
 
-def expected(waviness: float, spectrum: Lines, bands: Bands) -> Array:
+def expected_bands(waviness: float, spectrum: SpectralLines, bands: FrequencyBands) -> Array:
     """Mean density in each band that a spectrum n ** -waviness shows through the window."""
     steep = spectrum.n**-waviness
     through = np.convolve(np.concatenate([[0.0], steep, steep[-1:]]), _HANN_LINES, mode="valid")
-    return smooth(through, spectrum.width, bands)
+    return smooth_bands(through, spectrum.width, bands)
 
 
-def _edges(bands: Bands, width: float) -> list[tuple[float, float]]:
+def _band_edges(bands: FrequencyBands, width: float) -> list[tuple[float, float]]:
     """Edges of bands in lines."""
     return list(zip((bands.lower / width).tolist(), (bands.upper / width).tolist(), strict=True))
 
 
-def _shares(lower: float, upper: float) -> tuple[int, Array]:
+def _line_fractions(lower: float, upper: float) -> tuple[int, Array]:
     """First line of a band, and how much of each of its lines lies in it."""
     first, last = int(lower + 0.5), int(upper + 0.5)
     line = np.arange(first, last + 1.0)
@@ -143,7 +145,7 @@ def _shares(lower: float, upper: float) -> tuple[int, Array]:
     return (first, share) if share[-1] > 0 else (first, share[:-1])
 
 
-def _starts(count: int, size: int) -> npt.NDArray[np.intp]:
+def _block_starts(count: int, size: int) -> npt.NDArray[np.intp]:
     """First samples of blocks that overlap by half or a little more, over the whole profile."""
     more = int(np.ceil(max(count - size, 0) / (0.5 * size) - _SPARE))
     if more <= 0:
@@ -151,7 +153,7 @@ def _starts(count: int, size: int) -> npt.NDArray[np.intp]:
     return np.rint(np.linspace(0, count - size, more + 1)).astype(np.intp)
 
 
-def _likeness(blocks: int, shift: float) -> Array:
+def _line_covariance(blocks: int, shift: float) -> Array:
     """Covariance of lines 0, 1, ... apart of averaged blocks that are `shift` of a block apart."""
     window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(_WINDOW) / _WINDOW)
     total = np.zeros(_LAGS)

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, get_args
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.errors import CoverageError, SchemaError
+from trueterrain.core.errors import CoverageError, SchemaError
 from trueterrain.roughness.quarter_car import IRI_SPEED, QuarterCar
 
 Array = npt.NDArray[np.float64]
@@ -27,7 +27,7 @@ Start = Literal["11m", "0.5s", "level"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class CarOptions(ABC):
+class QuarterCarSettings(ABC):
     """What every index has to settle whose car drives over a profile."""
 
     window: Window = "sayers"
@@ -76,11 +76,11 @@ class CarOptions(ABC):
 
     @property
     @abstractmethod
-    def lead(self) -> "Lead | None":
+    def lead(self) -> "LeadIn | None":
         """Chord with whose slope the car starts, None for a level start."""
 
 
-class Lead(NamedTuple):
+class LeadIn(NamedTuple):
     """First part of the profile, with whose slope the car starts."""
 
     length: float
@@ -91,7 +91,7 @@ class Lead(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class IriOptions(CarOptions):
+class IriSettings(QuarterCarSettings):
     """Conventions of the International Roughness Index; the defaults are those of Sayers's program.
 
     Conventions matter: on measured roads the kind of window changes the index by about 0.5 %, the
@@ -127,12 +127,12 @@ class IriOptions(CarOptions):
         _require_known("start", self.start, Start)
 
     @property
-    def lead(self) -> Lead | None:
+    def lead(self) -> LeadIn | None:
         """Chord with whose slope the car starts, None for a level start."""
         if self.start == "level":
             return None
         program = self.start == "11m"
-        return Lead(_START_LENGTH if program else _START_TIME * self.speed, program)
+        return LeadIn(_START_LENGTH if program else _START_TIME * self.speed, program)
 
 
 def require_positive(name: str, value: float, unit: str) -> None:
@@ -149,7 +149,7 @@ def _require_known(name: str, value: str, known: Any) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Drive:
+class ProfileDrive:
     """What the car drives over: a profile after its window, from station to station."""
 
     station: Array
@@ -167,7 +167,7 @@ class Drive:
     slope: float
     "Slope with which the car starts [m/m]."
 
-    options: CarOptions
+    options: QuarterCarSettings
     "Conventions."
 
     @property
@@ -185,7 +185,7 @@ class Drive:
         return k1 / mu, k2 / mu, c / mu, k2, c, bound
 
 
-def drive(station: Array, height: Array, options: CarOptions) -> Drive:
+def drive_profile(station: Array, height: Array, options: QuarterCarSettings) -> ProfileDrive:
     """Apply window and start to the heights of one track."""
     if station.size < 2:
         raise _too_short(station)
@@ -196,19 +196,19 @@ def drive(station: Array, height: Array, options: CarOptions) -> Drive:
     if options.window == "sayers":
         base = _sayers_base(station, step, options.window_length)
     elif options.window == "centred":
-        height = _centred(station, height, options.window_length)
+        height = _centred_mean(station, height, options.window_length)
     elif options.window == "exact":
-        station, height = _exact(station, height, options.window_length)
+        station, height = _exact_mean(station, height, options.window_length)
     steps = station.size - base
     if steps < 1:
         raise _too_short(station)
-    return Drive(
+    return ProfileDrive(
         station=station[: steps + 1], height=height, step=step, base=base, slope=slope,
         options=options,
     )  # fmt: skip
 
 
-def means(way: Drive, edges: Array, *, squared: bool = False) -> tuple[float, Array]:
+def mean_outputs(way: ProfileDrive, edges: Array, *, squared: bool = False) -> tuple[float, Array]:
     """Mean of abs(output), or of its square, over the whole way, and between edges [m] within it.
 
     It is in m/m, or its square.
@@ -223,7 +223,7 @@ def means(way: Drive, edges: Array, *, squared: bool = False) -> tuple[float, Ar
         return total, parts / widths
 
 
-def response(way: Drive) -> Array:
+def step_response(way: ProfileDrive) -> Array:
     """Output at the end of each step [m/m]."""
     from trueterrain.roughness import _kernels
 
@@ -277,7 +277,7 @@ def _too_short(station: Array) -> CoverageError:
     )
 
 
-def _equal_sums(way: Drive, edges: Array, squared: bool) -> tuple[float, Array]:
+def _equal_sums(way: ProfileDrive, edges: Array, squared: bool) -> tuple[float, Array]:
     from trueterrain.roughness import _kernels
 
     assert way.step is not None
@@ -294,7 +294,7 @@ def _equal_sums(way: Drive, edges: Array, squared: bool) -> tuple[float, Array]:
     return total / steps, parts[1:-1] * way.step
 
 
-def _unequal_sums(way: Drive, edges: Array, squared: bool) -> tuple[float, Array]:
+def _unequal_sums(way: ProfileDrive, edges: Array, squared: bool) -> tuple[float, Array]:
     from trueterrain.roughness import _kernels
 
     after = np.searchsorted(way.station, edges)
@@ -314,7 +314,7 @@ def _unequal_sums(way: Drive, edges: Array, squared: bool) -> tuple[float, Array
     return total / float(way.station[-1] - way.station[0]), np.diff(reached)
 
 
-def _start_slope(station: Array, height: Array, step: float | None, lead: Lead | None) -> float:
+def _start_slope(station: Array, height: Array, step: float | None, lead: LeadIn | None) -> float:
     if lead is None:
         return 0.0
     if lead.as_program and step is not None:
@@ -342,7 +342,7 @@ def _sayers_base(station: Array, step: float | None, length: float) -> int:
     return max(nearest_integer(length / step), 1)
 
 
-def _centred(station: Array, height: Array, length: float) -> Array:
+def _centred_mean(station: Array, height: Array, length: float) -> Array:
     from trueterrain.roughness import _kernels
 
     half = 0.5 * length * (1 + _ROUNDING)
@@ -353,7 +353,7 @@ def _centred(station: Array, height: Array, length: float) -> Array:
     return out
 
 
-def _exact(station: Array, height: Array, length: float) -> tuple[Array, Array]:
+def _exact_mean(station: Array, height: Array, length: float) -> tuple[Array, Array]:
     from trueterrain.roughness import _kernels
 
     room = 0.5 * length * (1 - _ROUNDING)

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.errors import CoverageError, SchemaError
-from trueterrain.kinds import check_profile
+from trueterrain.core.errors import CoverageError, SchemaError
+from trueterrain.core.schemas import check_profile
 
 Array = npt.NDArray[np.float64]
 
@@ -21,7 +21,7 @@ _LEFT = ("left", "l", "lelev", "lelev.")
 _RIGHT = ("right", "r", "relev", "relev.")
 
 
-def tracks(profile: xr.Dataset) -> tuple[Array, list[Array], list[str]]:
+def finite_tracks(profile: xr.Dataset) -> tuple[Array, list[Array], list[str]]:
     """Stations [m], the heights of each track [m], all of them finite, and their names."""
     check_profile(profile)
     station = np.ascontiguousarray(profile["s"], dtype=float)
@@ -67,7 +67,7 @@ def find_wheel_paths(names: list[str], asked: Sequence[str] | None) -> tuple[int
 
 
 @dataclass(frozen=True, kw_only=True)
-class Segments:
+class FixedSegments:
     """Fixed segments that follow each other, from the first sample on."""
 
     start: Array
@@ -99,10 +99,10 @@ class Segments:
         }
 
 
-def cut(station: Array, length: float | None) -> Segments:
+def cut_segments(station: Array, length: float | None) -> FixedSegments:
     """Segments of a length [m]; none if it is None."""
     if length is None:
-        return Segments(start=np.empty(0), end=np.empty(0), complete=np.empty(0, dtype=bool))
+        return FixedSegments(start=np.empty(0), end=np.empty(0), complete=np.empty(0, dtype=bool))
     room = float(station[-1] - station[0])
     spacing = room / max(station.size - 1, 1)
     if not (np.isfinite(length) and length >= spacing and length > 0):
@@ -114,10 +114,10 @@ def cut(station: Array, length: float | None) -> Segments:
     if station[-1] - edges[-1] > ROUNDING * spacing:
         edges = np.append(edges, station[-1])
         complete = np.append(complete, False)
-    return Segments(start=edges[:-1], end=edges[1:], complete=complete)
+    return FixedSegments(start=edges[:-1], end=edges[1:], complete=complete)
 
 
-def samples(station: Array, start: float, end: float) -> slice:
+def sample_range(station: Array, start: float, end: float) -> slice:
     """Samples from a start to an end [m], both included, however these are rounded."""
     slack = ROUNDING * float(station[-1] - station[0]) / (station.size - 1)
     first = int(np.searchsorted(station, start - slack))

@@ -15,11 +15,11 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.errors import CoverageError, SchemaError
-from trueterrain.kinds import make_profile
-from trueterrain.provenance import add_step
+from trueterrain.core.errors import CoverageError, SchemaError
+from trueterrain.core.provenance import add_step
+from trueterrain.core.schemas import make_profile
 from trueterrain.roughness._track import equal_step, require_positive
-from trueterrain.roughness._tracks import tracks
+from trueterrain.roughness._tracks import finite_tracks
 
 __all__ = ["FILTER_250_MM", "Butterworth", "Filter", "MovingAverage", "filter_profile"]
 
@@ -81,8 +81,8 @@ class MovingAverage(Filter):
     def filtered(self, station: Array, height: Array) -> Array:
         """Heights [m] of one track after the filter."""
         _require_room(station, max(self.shortest or 0.0, self.longest or 0.0))
-        low = height if self.shortest is None else _mean(station, height, self.shortest)
-        return low if self.longest is None else low - _mean(station, low, self.longest)
+        low = height if self.shortest is None else _moving_mean(station, height, self.shortest)
+        return low if self.longest is None else low - _moving_mean(station, low, self.longest)
 
     def gain(self, wavelength: npt.ArrayLike, *, spacing: float = 0.0) -> Array:
         """Amplitude of a sine after the filter over that before; negative if turned upside down.
@@ -159,14 +159,16 @@ class Butterworth(Filter):
         numpy.ndarray, shape of wavelength
             Gain [1].
         """
-        here = _warped(np.asarray(wavelength, dtype=float), spacing)
+        here = _warped_frequency(np.asarray(wavelength, dtype=float), spacing)
         total = np.ones_like(here)
         power = 2 * int(self.order)
         share = np.sqrt(2.0) - 1.0  # by which the cut-off of each run lies beyond that of both
         if self.shortest is not None:
-            total = total / (1 + share * (here / _warped(self.shortest, spacing)) ** power)
+            total = total / (
+                1 + share * (here / _warped_frequency(self.shortest, spacing)) ** power
+            )
         if self.longest is not None:
-            total = total / (1 + share * (_warped(self.longest, spacing) / here) ** power)
+            total = total / (1 + share * (_warped_frequency(self.longest, spacing) / here) ** power)
         return total
 
     def _sections(self, kind: str, length: float, step: float) -> tuple[Array, int]:
@@ -174,7 +176,7 @@ class Butterworth(Filter):
         from scipy.signal import butter, sos2zpk
 
         edge = (np.sqrt(2.0) - 1.0) ** (1 / (2 * int(self.order)))  # amplitude 2^-1/4 in each run
-        warped = _warped(length, step) * (1 / edge if kind == "lowpass" else edge)
+        warped = _warped_frequency(length, step) * (1 / edge if kind == "lowpass" else edge)
         frequency = 2 / np.pi * np.arctan(float(warped) * np.pi * step)  # [1] of the highest
         sections = butter(int(self.order), frequency, btype=kind, output="sos")
         slowest = float(np.max(np.abs(sos2zpk(sections)[1])))
@@ -226,7 +228,7 @@ def filter_profile(profile: xr.Dataset, by: Filter) -> xr.Dataset:
     >>> print(f"{float(band.height[1500:].max()):.3f} m")
     0.010 m
     """
-    station, heights, names = tracks(profile)
+    station, heights, names = finite_tracks(profile)
     rows = np.array([by.filtered(station, height) for height in heights])
     several = "track" in profile.dims
     kept = {
@@ -266,7 +268,7 @@ def _require_room(station: Array, length: float) -> None:
         )
 
 
-def _mean(station: Array, height: Array, length: float) -> Array:
+def _moving_mean(station: Array, height: Array, length: float) -> Array:
     """Mean of the straight lines over a length around each sample, beyond the ends of the image."""
     from trueterrain.roughness import _kernels
 
@@ -310,7 +312,7 @@ def _hat_integral(t: Array) -> Array:
     return np.where(t < 0, 0.5 * (1 + t) ** 2, 1 - 0.5 * (1 - t) ** 2)
 
 
-def _warped(length: npt.ArrayLike, spacing: float) -> Array:
+def _warped_frequency(length: npt.ArrayLike, spacing: float) -> Array:
     """Spatial frequency of a wavelength, as the bilinear transform of samples sees it [1/m]."""
     n = 1 / np.asarray(length, dtype=float)
     return np.asarray(np.tan(np.pi * n * spacing) / (np.pi * spacing) if spacing else n)

@@ -14,13 +14,13 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.errors import CoverageError
-from trueterrain.provenance import add_step
-from trueterrain.roughness._rate import rate
-from trueterrain.roughness._track import Drive, IriOptions, drive, response
-from trueterrain.roughness._tracks import ROUNDING, cut, find_wheel_paths, tracks
+from trueterrain.core.errors import CoverageError
+from trueterrain.core.provenance import add_step
+from trueterrain.roughness._rate import rate_track
+from trueterrain.roughness._track import IriSettings, ProfileDrive, drive_profile, step_response
+from trueterrain.roughness._tracks import ROUNDING, cut_segments, find_wheel_paths, finite_tracks
 
-__all__ = ["IN_PER_MI", "IriOptions", "continuous_iri", "iri"]
+__all__ = ["IN_PER_MI", "IriSettings", "continuous_iri", "iri"]
 
 #: What 1 m/km is in inches per mile [in/mi].
 IN_PER_MI = 63.36
@@ -34,7 +34,7 @@ _UNIT = {"units": "m/km"}
 def iri(
     profile: xr.Dataset,
     *,
-    options: IriOptions = IriOptions(),
+    options: IriSettings = IriSettings(),
     segment: float | None = None,
     wheel_paths: Sequence[str] | None = None,
 ) -> xr.Dataset:
@@ -88,7 +88,7 @@ def iri(
     Examples
     --------
     >>> import numpy as np
-    >>> from trueterrain.kinds import make_profile
+    >>> from trueterrain.core.schemas import make_profile
     >>> s = np.linspace(0.0, 450.0, 9001)
     >>> left = 0.005 * np.sin(2 * np.pi * s / 15)
     >>> profile = make_profile(s, [left, -left], tracks=["left", "right"])
@@ -98,9 +98,9 @@ def iri(
     >>> print(f"MRI {index.mri.item():.3f} m/km, HRI {index.hri.item():.3f} m/km")
     MRI 2.018 m/km, HRI 0.000 m/km
     """
-    station, heights, names = tracks(profile)
-    segments = cut(station, segment)
-    rated = [rate(station, height, options, segments) for height in heights]
+    station, heights, names = finite_tracks(profile)
+    segments = cut_segments(station, segment)
+    rated = [rate_track(station, height, options, segments) for height in heights]
     paths = find_wheel_paths(names, wheel_paths)
     kept = np.flatnonzero(np.isfinite(rated[0][1]))
     whole = _M_PER_KM * np.array([total for total, _ in rated])
@@ -111,7 +111,7 @@ def iri(
         left, right = paths
         mri, segment_mri = whole[[left, right]].mean(), parts[[left, right]].mean(axis=0)
         middle = 0.5 * (heights[left] + heights[right])
-        total, part = rate(station, middle, options, segments)
+        total, part = rate_track(station, middle, options, segments)
         hri, segment_hri = _M_PER_KM * total, _M_PER_KM * part[kept]
     data = xr.Dataset(
         {"iri": ("track", whole, _UNIT), "mri": ((), mri, _UNIT), "hri": ((), hri, _UNIT)},
@@ -131,7 +131,7 @@ def continuous_iri(
     length: float,
     *,
     step: float | None = None,
-    options: IriOptions = IriOptions(),
+    options: IriSettings = IriSettings(),
 ) -> xr.Dataset:
     """International Roughness Index in a window that slides along each track.
 
@@ -170,7 +170,7 @@ def continuous_iri(
     Examples
     --------
     >>> import numpy as np
-    >>> from trueterrain.kinds import make_profile
+    >>> from trueterrain.core.schemas import make_profile
     >>> s = np.arange(0.0, 300.0, 0.05)
     >>> profile = make_profile(s, np.where(s < 150, 0.0, 0.02))  # a step of 20 mm
     >>> sliding = continuous_iri(profile, 25.0, step=1.0)
@@ -185,12 +185,12 @@ def continuous_iri(
     if options.restart:
         message = "restart must be false for a sliding window, got True"
         raise ValueError(message)
-    station, heights, names = tracks(profile)
+    station, heights, names = finite_tracks(profile)
     rows = []
     for height in heights:
-        way = drive(station, height, options)
-        starts = _sliding(way, length, step)
-        rows.append(_slide(way, starts, length))
+        way = drive_profile(station, height, options)
+        starts = _window_starts(way, length, step)
+        rows.append(_sliding_iri(way, starts, length))
     data = xr.Dataset(
         {"iri": (("track", "s"), np.array(rows), _UNIT)},
         {
@@ -204,7 +204,7 @@ def continuous_iri(
     return add_step(data, "continuous_iri", parameters=settings, after=profile)
 
 
-def _sliding(way: Drive, length: float, step: float | None) -> Array:
+def _window_starts(way: ProfileDrive, length: float, step: float | None) -> Array:
     """Where the windows begin [m]."""
     room = float(way.station[-1] - way.station[0])
     spacing = room / (way.station.size - 1)
@@ -217,8 +217,8 @@ def _sliding(way: Drive, length: float, step: float | None) -> Array:
     return starts
 
 
-def _slide(way: Drive, starts: Array, length: float) -> Array:
-    travel = abs(response(way)) * np.diff(way.station)
+def _sliding_iri(way: ProfileDrive, starts: Array, length: float) -> Array:
+    travel = abs(step_response(way)) * np.diff(way.station)
     behind = np.concatenate([[0.0], np.cumsum(travel)])
     reached = np.interp([starts, starts + length], way.station, behind)
     rated: Array = _M_PER_KM * (reached[1] - reached[0]) / length

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.roughness._spectrum import Bands
+from trueterrain.roughness._spectrum import FrequencyBands
 
 __all__ = ["CLASS_LIMITS", "N0", "road_class", "smoothing_bands"]
 
@@ -63,7 +63,7 @@ def road_class(gd_n0: npt.ArrayLike) -> npt.NDArray[np.str_]:
     return np.asarray(names[np.where(np.isnan(value), names.size - 1, at)])
 
 
-def smoothing_bands() -> Bands:
+def smoothing_bands() -> FrequencyBands:
     """Bands over which the standard averages a spectrum before it is judged.
 
     Returns
@@ -87,6 +87,6 @@ def smoothing_bands() -> Bands:
     groups = (_OCTAVES, _THIRDS, _TWELFTHS)
     exponent = np.concatenate([at for at, _ in groups])
     half = np.concatenate([np.full(at.size, 0.5 / parts) for at, parts in groups])
-    return Bands(
+    return FrequencyBands(
         lower=2.0 ** (exponent - half), centre=2.0**exponent, upper=2.0 ** (exponent + half)
     )

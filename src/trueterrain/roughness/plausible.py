@@ -4,13 +4,18 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.errors import TrueTerrainError
-from trueterrain.kinds import ASSUMED
-from trueterrain.roughness._rate import rate
-from trueterrain.roughness._track import CarOptions, IriOptions, equal_step, nearest_integer
-from trueterrain.roughness._tracks import ROUNDING, cut, tracks
+from trueterrain.core.errors import TrueTerrainError
+from trueterrain.core.schemas import ASSUMED
+from trueterrain.roughness._rate import rate_track
+from trueterrain.roughness._track import (
+    IriSettings,
+    QuarterCarSettings,
+    equal_step,
+    nearest_integer,
+)
+from trueterrain.roughness._tracks import ROUNDING, cut_segments, finite_tracks
 
-__all__ = ["doubts", "rating_doubts"]
+__all__ = ["flag_profile", "rating_doubts"]
 
 Array = npt.NDArray[np.float64]
 
@@ -29,7 +34,7 @@ _UNIT = "are its heights in metres, not in feet or millimetres?"
 _SMOOTHED = "was it smoothed away by a search area or a filter, or is its unit larger than a metre?"
 
 
-def doubts(profile: xr.Dataset) -> list[str]:
+def flag_profile(profile: xr.Dataset) -> list[str]:
     """What is implausible about the heights of a profile, one sentence each.
 
     Parameters
@@ -59,24 +64,24 @@ def doubts(profile: xr.Dataset) -> list[str]:
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_profile
+    >>> from trueterrain.core.schemas import make_profile
     >>> s = np.arange(0.0, 200.0, 0.1)
     >>> doubts(make_profile(s, 0.08 * s + 0.005 * np.sin(s)))
     []
     >>> print(doubts(make_profile(s, 0.08 * s / 0.3048 + 0.005 * np.sin(s)))[0])
     track profile: climbs 0.26 m/m over 100 m; are its heights in metres, not in feet or ...
     """
-    station, heights, names = tracks(profile)
+    station, heights, names = finite_tracks(profile)
     assumed = profile.attrs.get(ASSUMED)
     roughest = _ROUGHEST_ROAD if assumed else _ROUGHEST
     return [str(assumed)] * bool(assumed) + [
         f"track {name}: {doubt}"
         for name, height in zip(names, heights, strict=True)
-        for doubt in _doubts(station, height, roughest)
+        for doubt in _flag_track(station, height, roughest)
     ]
 
 
-def rating_doubts(profile: xr.Dataset, options: CarOptions) -> list[str]:
+def rating_doubts(profile: xr.Dataset, options: QuarterCarSettings) -> list[str]:
     """What makes an index of a profile inaccurate, one sentence each.
 
     Parameters
@@ -94,7 +99,7 @@ def rating_doubts(profile: xr.Dataset, options: CarOptions) -> list[str]:
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_profile
+    >>> from trueterrain.core.schemas import make_profile
     >>> coarse = make_profile([0.0, 0.4, 0.8], [0.0, 0.0, 0.0])
     >>> for doubt in rating_doubts(coarse, IriOptions()):
     ...     print(doubt)
@@ -122,7 +127,7 @@ def rating_doubts(profile: xr.Dataset, options: CarOptions) -> list[str]:
     return found
 
 
-def _is_idle(station: Array, options: CarOptions) -> bool:
+def _is_idle(station: Array, options: QuarterCarSettings) -> bool:
     """Whether the moving average before the car changes nothing, though it is wanted."""
     length = options.window_length
     if options.window == "sayers":
@@ -131,17 +136,17 @@ def _is_idle(station: Array, options: CarOptions) -> bool:
     return options.window == "centred" and float(np.diff(station).min()) > 0.5 * length
 
 
-def _doubts(station: Array, height: Array, roughest: float) -> list[str]:
+def _flag_track(station: Array, height: Array, roughest: float) -> list[str]:
     found = []
     farthest = float(np.abs(height).max())
     if farthest > _HIGHEST:
         found.append(f"has heights up to {farthest:.6g} m from sea level; {_UNIT}")
-    grade, length = _steepest(station, height)
+    grade, length = _max_slope(station, height)
     if grade > _STEEPEST:
         found.append(f"climbs {grade:.2g} m/m over {length:g} m; {_UNIT}")
     try:
-        options = IriOptions(window="none", start="0.5s")
-        roughness = 1000.0 * rate(station, height, options, cut(station, None))[0]
+        options = IriSettings(window="none", start="0.5s")
+        roughness = 1000.0 * rate_track(station, height, options, cut_segments(station, None))[0]
     except TrueTerrainError:
         return found  # too short or too coarse to be rated, which whoever rates it will say
     if roughness > roughest:
@@ -151,7 +156,7 @@ def _doubts(station: Array, height: Array, roughest: float) -> list[str]:
     return found
 
 
-def _steepest(station: Array, height: Array) -> tuple[float, float]:
+def _max_slope(station: Array, height: Array) -> tuple[float, float]:
     """Largest slope of a chord, and the length of that chord [m]."""
     room = float(station[-1] - station[0])
     length = min(_GRADE_LENGTH, room)

@@ -15,16 +15,16 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.errors import CoverageError
-from trueterrain.provenance import add_step
+from trueterrain.core.errors import CoverageError
+from trueterrain.core.provenance import add_step
 from trueterrain.roughness import _spectrum
-from trueterrain.roughness._spectrum import Bands, Lines
+from trueterrain.roughness._spectrum import FrequencyBands, SpectralLines
 from trueterrain.roughness._track import require_positive
-from trueterrain.roughness._tracks import cut, samples, tracks
+from trueterrain.roughness._tracks import cut_segments, finite_tracks, sample_range
 from trueterrain.roughness.filters import require_equal
 from trueterrain.roughness.iso8608 import N0, road_class, smoothing_bands
 
-__all__ = ["PsdOptions", "psd"]
+__all__ = ["PsdSettings", "psd"]
 
 Array = npt.NDArray[np.float64]
 
@@ -38,7 +38,7 @@ _RATED = ("gd_n0", "gd_n0_low", "gd_n0_high", "waviness", "waviness_low", "wavin
 
 
 @dataclass(frozen=True, kw_only=True)
-class PsdOptions:
+class PsdSettings:
     """How a spectrum is taken and fitted.
 
     Examples
@@ -82,7 +82,7 @@ class PsdOptions:
 
 
 def psd(
-    profile: xr.Dataset, *, options: PsdOptions = PsdOptions(), segment: float | None = None
+    profile: xr.Dataset, *, options: PsdSettings = PsdSettings(), segment: float | None = None
 ) -> xr.Dataset:
     """Power spectral density of each track, smoothed, with class, Gd(n0) and waviness.
 
@@ -132,7 +132,7 @@ def psd(
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_profile
+    >>> from trueterrain.core.schemas import make_profile
     >>> from trueterrain.simulate.ground import Road
     >>> s = np.arange(0.0, 2000.0, 0.1)
     >>> road = make_profile(s, Road(road_class="B", seed=1).height(s, 0 * s))
@@ -140,16 +140,16 @@ def psd(
     >>> print(rated.road_class.item(), rated.gd_n0.item() < 128e-6)
     B True
     """
-    station, heights, names = tracks(profile)
+    station, heights, names = finite_tracks(profile)
     step = require_equal(station, "for a spectrum")
-    spectra = [_analysed(height, step, options) for height in heights]
-    data = _dataset(spectra, names)
+    spectra = [_analyse_track(height, step, options) for height in heights]
+    data = _psd_dataset(spectra, names)
     if segment is not None:
-        segments = cut(station, segment)
+        segments = cut_segments(station, segment)
         rows = []
         for height in heights:
             pieces = zip(segments.start, segments.end, segments.complete, strict=True)
-            rows.append([_piece(station, height, step, options, *piece) for piece in pieces])
+            rows.append([_rate_segment(station, height, step, options, *piece) for piece in pieces])
         parts = np.array(rows, dtype=float).reshape(len(names), -1, len(_RATED))
         for at, name in enumerate(_RATED):
             attrs = data[name].attrs
@@ -161,11 +161,11 @@ def psd(
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Analysed:
+class _TrackSpectrum:
     """Spectrum of a track and what was made of it."""
 
-    spectrum: Lines
-    bands: Bands
+    spectrum: SpectralLines
+    bands: FrequencyBands
     fitted: npt.NDArray[np.bool_]
     smoothed: Array
     degrees: Array
@@ -173,12 +173,12 @@ class _Analysed:
     rated: tuple[float, ...]
 
 
-def _analysed(height: Array, step: float, options: PsdOptions) -> _Analysed:
+def _analyse_track(height: Array, step: float, options: PsdSettings) -> _TrackSpectrum:
     from scipy.stats import chi2
 
-    spectrum = _spectrum.lines(height, step, _spectrum.block_samples(options.block, step))
+    spectrum = _spectrum.welch_lines(height, step, _spectrum.block_samples(options.block, step))
     bands = smoothing_bands()
-    bands = bands[_spectrum.within(bands, spectrum)]
+    bands = bands[_spectrum.resolved_bands(bands, spectrum)]
     fitted = (bands.centre >= options.lowest) & (bands.centre <= options.highest)
     if fitted.sum() < _LEAST_BANDS:
         length = step * (height.size - 1)
@@ -188,7 +188,7 @@ def _analysed(height: Array, step: float, options: PsdOptions) -> _Analysed:
             place="axis s",
             cure="Give a longer or finer profile, or fit other frequencies.",
         )
-    smoothed = _spectrum.smooth(spectrum.density, spectrum.width, bands)
+    smoothed = _spectrum.smooth_bands(spectrum.density, spectrum.width, bands)
     if not (smoothed[fitted] > 0).all():
         raise CoverageError(
             "is flat: its spectrum is 0", place="variable height", cure="Check the recording."
@@ -197,15 +197,19 @@ def _analysed(height: Array, step: float, options: PsdOptions) -> _Analysed:
     tail = 0.5 * (1 - options.confidence)
     low = degrees / chi2.ppf(1 - tail, degrees) * smoothed
     high = degrees / chi2.ppf(tail, degrees) * smoothed
-    rated = _fit(spectrum, bands[fitted], smoothed[fitted], degrees[fitted], options)
-    return _Analysed(
+    rated = _fit_spectrum(spectrum, bands[fitted], smoothed[fitted], degrees[fitted], options)
+    return _TrackSpectrum(
         spectrum=spectrum, bands=bands, fitted=fitted, smoothed=smoothed, degrees=degrees,
         interval=(low, high), rated=rated,
     )  # fmt: skip
 
 
-def _fit(
-    spectrum: Lines, bands: Bands, smoothed: Array, degrees: Array, options: PsdOptions
+def _fit_spectrum(
+    spectrum: SpectralLines,
+    bands: FrequencyBands,
+    smoothed: Array,
+    degrees: Array,
+    options: PsdSettings,
 ) -> tuple[float, ...]:
     """Gd(n0) and waviness, each with its interval, in the order of _RATED."""
     from scipy.special import polygamma, psi
@@ -221,7 +225,7 @@ def _fit(
     level = 0.0
     normal = columns.T * weight @ columns
     for _ in range(_STEPS):
-        shape = np.log(_spectrum.expected(waviness, spectrum, bands) * N0**waviness)
+        shape = np.log(_spectrum.expected_bands(waviness, spectrum, bands) * N0**waviness)
         rest = known - shape - level
         change = np.linalg.solve(normal, columns.T * weight @ rest)
         level += float(change[0])
@@ -237,13 +241,13 @@ def _fit(
     return (*gd.tolist(), waviness, waviness - float(reach[1]), waviness + float(reach[1]))
 
 
-def _piece(
-    station: Array, height: Array, step: float, options: PsdOptions,
+def _rate_segment(
+    station: Array, height: Array, step: float, options: PsdSettings,
     start: float, end: float, complete: bool,
 ) -> tuple[float, ...]:  # fmt: skip
-    inside = samples(station, start, end)
+    inside = sample_range(station, start, end)
     try:
-        return _analysed(height[inside], step, options).rated
+        return _analyse_track(height[inside], step, options).rated
     except CoverageError as error:
         if complete:
             error.place = f"segment from {start:g} to {end:g} m"
@@ -251,7 +255,7 @@ def _piece(
         return (np.nan,) * len(_RATED)
 
 
-def _dataset(spectra: list[_Analysed], names: list[str]) -> xr.Dataset:
+def _psd_dataset(spectra: list[_TrackSpectrum], names: list[str]) -> xr.Dataset:
     first = spectra[0]
     over_bands = {
         "smoothed": [one.smoothed for one in spectra],

@@ -6,9 +6,9 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.errors import CoverageError
-from trueterrain.kinds import check_profile, make_profile
-from trueterrain.provenance import add_step
+from trueterrain.core.errors import CoverageError
+from trueterrain.core.provenance import add_step
+from trueterrain.core.schemas import check_profile, make_profile
 
 Array = npt.NDArray[np.float64]
 
@@ -67,7 +67,7 @@ def resample_profile(profile: xr.Dataset, spacing: float) -> xr.Dataset:
     station = np.minimum(before[0] + spacing * np.arange(count + 1), before[-1])
     tracks = profile["track"].values.tolist() if "track" in profile.dims else None
     kept = {
-        name: _between(profile[name].values, before, station)
+        name: _interpolate_lines(profile[name].values, before, station)
         for name in ("height", "easting", "northing", "sd")
         if name in profile
     }
@@ -78,7 +78,7 @@ def resample_profile(profile: xr.Dataset, spacing: float) -> xr.Dataset:
     return add_step(out, "resample_profile", parameters={"spacing": spacing}, after=profile)
 
 
-def _between(values: Array, before: Array, station: Array) -> Array:
+def _interpolate_lines(values: Array, before: Array, station: Array) -> Array:
     """Values on the straight lines between samples, track by track."""
     rows = [np.interp(station, before, row) for row in np.atleast_2d(values)]
     return np.reshape(rows, (*values.shape[:-1], station.size))

@@ -17,13 +17,13 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.provenance import add_step
-from trueterrain.roughness._rate import rate
-from trueterrain.roughness._track import CarOptions, Lead, require_positive
-from trueterrain.roughness._tracks import cut, find_wheel_paths, tracks
+from trueterrain.core.provenance import add_step
+from trueterrain.roughness._rate import rate_track
+from trueterrain.roughness._track import LeadIn, QuarterCarSettings, require_positive
+from trueterrain.roughness._tracks import cut_segments, find_wheel_paths, finite_tracks
 from trueterrain.roughness.quarter_car import QuarterCar
 
-__all__ = ["RIDE_NUMBER_CAR", "RideNumberOptions", "ride_number"]
+__all__ = ["RIDE_NUMBER_CAR", "RideNumberSettings", "ride_number"]
 
 #: Car of the Ride Number: a light wheel and a stiff tyre, which feel waves up to about 10 m.
 RIDE_NUMBER_CAR = QuarterCar(
@@ -37,7 +37,7 @@ _ONE = {"units": "1"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class RideNumberOptions(CarOptions):
+class RideNumberSettings(QuarterCarSettings):
     """Conventions and constants of the Ride Number, not checked against the standard.
 
     Examples
@@ -76,15 +76,15 @@ class RideNumberOptions(CarOptions):
             require_positive(name, getattr(self, name), "")
 
     @property
-    def lead(self) -> Lead:
+    def lead(self) -> LeadIn:
         """Chord with whose slope the car starts."""
-        return Lead(self.start_length, as_program=True)
+        return LeadIn(self.start_length, as_program=True)
 
 
 def ride_number(
     profile: xr.Dataset,
     *,
-    options: RideNumberOptions = RideNumberOptions(),
+    options: RideNumberSettings = RideNumberSettings(),
     segment: float | None = None,
     wheel_paths: Sequence[str] | None = None,
 ) -> xr.Dataset:
@@ -132,7 +132,7 @@ def ride_number(
     Examples
     --------
     >>> import numpy as np
-    >>> from trueterrain.kinds import make_profile
+    >>> from trueterrain.core.schemas import make_profile
     >>> s = np.linspace(0.0, 450.0, 9001)
     >>> left = 0.002 * np.sin(2 * np.pi * s / 5)
     >>> profile = make_profile(s, [left, 0 * left], tracks=["left", "right"])
@@ -140,9 +140,9 @@ def ride_number(
     >>> print(rated.rn.values.round(2), round(rated.rn_both.item(), 2))
     [3.46 5.  ] 3.86
     """
-    station, heights, names = tracks(profile)
-    segments = cut(station, segment)
-    rated = [rate(station, height, options, segments, squared=True) for height in heights]
+    station, heights, names = finite_tracks(profile)
+    segments = cut_segments(station, segment)
+    rated = [rate_track(station, height, options, segments, squared=True) for height in heights]
     kept = np.flatnonzero(np.isfinite(rated[0][1]))
     whole = np.array([total for total, _ in rated])
     parts = np.array([part[kept] for _, part in rated])
@@ -168,6 +168,6 @@ def ride_number(
     return add_step(data, "ride_number", parameters=settings, after=profile)
 
 
-def _from_square(mean_square: Array | float, options: RideNumberOptions) -> Array:
+def _from_square(mean_square: Array | float, options: RideNumberSettings) -> Array:
     """Ride Number of a mean square of the travel [m²/m²]."""
     return np.asarray(options.best * np.exp(-options.steepness * np.sqrt(mean_square)))

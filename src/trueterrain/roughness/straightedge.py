@@ -3,10 +3,10 @@
 import numpy as np
 import xarray as xr
 
-from trueterrain.errors import CoverageError
-from trueterrain.provenance import add_step
+from trueterrain.core.errors import CoverageError
+from trueterrain.core.provenance import add_step
 from trueterrain.roughness._track import require_positive
-from trueterrain.roughness._tracks import ROUNDING, tracks
+from trueterrain.roughness._tracks import ROUNDING, finite_tracks
 
 __all__ = ["rolling_straightedge"]
 
@@ -45,14 +45,14 @@ def rolling_straightedge(profile: xr.Dataset, length: float = 3.0) -> xr.Dataset
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_profile
+    >>> from trueterrain.core.schemas import make_profile
     >>> s = np.arange(0.0, 30.0, 0.01)
     >>> beam = rolling_straightedge(make_profile(s, 0.005 * np.sin(2 * np.pi * s / 3.0)))
     >>> print(f"{1000 * float(beam.deviation.max()):.1f} mm at {float(beam.s[0]):.1f} m or later")
     10.0 mm at 1.5 m or later
     """
     require_positive("length", length, " m")
-    station, heights, names = tracks(profile)
+    station, heights, names = finite_tracks(profile)
     room = float(station[-1] - station[0])
     slack = ROUNDING * room / max(station.size - 1, 1)
     half = 0.5 * length

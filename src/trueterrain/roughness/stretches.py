@@ -6,17 +6,17 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.errors import SchemaError
-from trueterrain.provenance import add_step
-from trueterrain.roughness._track import IriOptions, require_positive
+from trueterrain.core.errors import SchemaError
+from trueterrain.core.provenance import add_step
+from trueterrain.roughness._track import IriSettings, require_positive
 from trueterrain.roughness.iri import IN_PER_MI, continuous_iri
 
 __all__ = [
     "LONG_CONTINUOUS",
     "SHORT_CONTINUOUS",
+    "find_stretches",
     "iri_histogram",
     "localised_roughness",
-    "stretches",
 ]
 
 Array = npt.NDArray[np.float64]
@@ -32,7 +32,7 @@ def localised_roughness(
     threshold: float,
     *,
     length: float = SHORT_CONTINUOUS[0],
-    options: IriOptions = IriOptions(),
+    options: IriSettings = IriSettings(),
 ) -> xr.Dataset:
     """Stretches of each track where the IRI in a sliding window exceeds a threshold.
 
@@ -69,7 +69,7 @@ def localised_roughness(
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_profile
+    >>> from trueterrain.core.schemas import make_profile
     >>> s = np.arange(0.0, 300.0, 0.05)
     >>> bump = make_profile(s, 0.02 * np.exp(-((s - 150.0) ** 2)))  # 20 mm high, 2 m long
     >>> rough = localised_roughness(bump, 5.0)
@@ -78,12 +78,12 @@ def localised_roughness(
     """
     require_positive("threshold", threshold, " m/km")
     sliding = continuous_iri(profile, length, options=options)
-    data = stretches(sliding["iri"], threshold)
+    data = find_stretches(sliding["iri"], threshold)
     settings = {"threshold": threshold, "length": length, "options": options}
     return add_step(data, "localised_roughness", parameters=settings, after=profile)
 
 
-def stretches(values: xr.DataArray, threshold: float) -> xr.Dataset:
+def find_stretches(values: xr.DataArray, threshold: float) -> xr.Dataset:
     """Stretches of each track where values along it exceed a threshold.
 
     Parameters
@@ -120,7 +120,7 @@ def stretches(values: xr.DataArray, threshold: float) -> xr.Dataset:
     rows = [
         (*row, str(name))
         for name, track in zip(values["track"].values, np.asarray(values), strict=True)
-        for row in _above(station, track, threshold)
+        for row in _stretches_above(station, track, threshold)
     ]
     table = np.array([row[:4] for row in rows], dtype=float).reshape(-1, 4).T
     metre, unit = {"units": "m"}, {"units": str(values.attrs.get("units", ""))}
@@ -160,7 +160,7 @@ def iri_histogram(index: xr.Dataset, edges: Sequence[float] | Array) -> xr.Datas
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_profile
+    >>> from trueterrain.core.schemas import make_profile
     >>> from trueterrain.roughness.iri import iri
     >>> s = np.arange(0.0, 400.0, 0.1)
     >>> half = make_profile(s, np.where(s < 200, 0.0, 0.01 * np.sin(2 * np.pi * s / 15)))
@@ -191,7 +191,7 @@ def iri_histogram(index: xr.Dataset, edges: Sequence[float] | Array) -> xr.Datas
     )
 
 
-def _above(station: Array, values: Array, threshold: float) -> list[tuple[float, ...]]:
+def _stretches_above(station: Array, values: Array, threshold: float) -> list[tuple[float, ...]]:
     """Start, end, peak and its place of each stretch above the threshold."""
     inside = np.concatenate([[False], values > threshold, [False]])
     first = np.flatnonzero(inside[1:] & ~inside[:-1])
@@ -199,13 +199,17 @@ def _above(station: Array, values: Array, threshold: float) -> list[tuple[float,
     found: list[tuple[float, ...]] = []
     for begin, end in zip(first.tolist(), behind.tolist(), strict=True):
         top = begin + int(np.argmax(values[begin:end]))
-        start = _crossing(station, values, threshold, begin) if begin else station[0]
-        stop = _crossing(station, values, threshold, end) if end < values.size else station[-1]
+        start = _threshold_crossing(station, values, threshold, begin) if begin else station[0]
+        stop = (
+            _threshold_crossing(station, values, threshold, end)
+            if end < values.size
+            else station[-1]
+        )
         found.append((float(start), float(stop), float(values[top]), float(station[top])))
     return found
 
 
-def _crossing(station: Array, values: Array, threshold: float, at: int) -> float:
+def _threshold_crossing(station: Array, values: Array, threshold: float, at: int) -> float:
     """Where the line from the value before to the one at `at` crosses the threshold."""
     share = (threshold - values[at - 1]) / (values[at] - values[at - 1])
     return float(station[at - 1] + share * (station[at] - station[at - 1]))

@@ -10,8 +10,8 @@ from collections.abc import Mapping
 import numpy as np
 import xarray as xr
 
-from trueterrain.provenance import add_step
-from trueterrain.roughness._tracks import cut, tracks
+from trueterrain.core.provenance import add_step
+from trueterrain.roughness._tracks import cut_segments, finite_tracks
 from trueterrain.roughness.filters import Butterworth, Filter
 
 __all__ = ["WAVEBANDS", "waveband_rms"]
@@ -66,7 +66,7 @@ def waveband_rms(
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_profile
+    >>> from trueterrain.core.schemas import make_profile
     >>> s = np.arange(0.0, 500.0, 0.1)
     >>> road = make_profile(s, 0.01 * np.sin(2 * np.pi * s / 5.0))
     >>> print((1000 * waveband_rms(road).rms.sel(track="profile")).round(2).values)
@@ -75,7 +75,7 @@ def waveband_rms(
     if not bands:
         message = "bands must name at least one band, got none"
         raise ValueError(message)
-    station, heights, names = tracks(profile)
+    station, heights, names = finite_tracks(profile)
     squares = np.array(
         [[band.filtered(station, height) ** 2 for band in bands.values()] for height in heights]
     )
@@ -84,7 +84,7 @@ def waveband_rms(
         {"track": names, "band": list(bands)},
     )
     if segment is not None:
-        segments = cut(station, segment)
+        segments = cut_segments(station, segment)
         inside = segments.owned(station)
         count = np.diff(inside)
         parts = np.add.reduceat(squares, inside[:-1], axis=-1) / np.maximum(count, 1)

@@ -5,14 +5,14 @@ import math
 import numpy as np
 from numba import prange
 
-from trueterrain.engine.kernels import compile_kernel
+from trueterrain.core.kernels import compile_kernel
 
 _BELOW = 1e-12  # [m] a beam this little below a cell's edge enters it from above all the same
 _ABOVE = 1e-9  # [m] along a ray, before it comes as low as the highest node: far above round-off
 
 
 @compile_kernel(parallel=True)
-def beams(
+def beam_rays(
     time, knot_start, knot_step, coefficients, lever, mounting, angle, delay,
     origin, direction, forward,
 ):  # fmt: skip
@@ -58,7 +58,7 @@ def beams(
 
 
 @compile_kernel
-def _first(
+def _first_intersection(
     ox, oy, oz, dx, dy, dz, furthest, spacing, first, index, height, block_top, tile_top, cells,
     block,
 ):  # fmt: skip
@@ -183,7 +183,7 @@ def _first(
 
 
 @compile_kernel(parallel=True)
-def cast(
+def cast_rays(
     origin, direction, forward, spot, furthest, spacing, first, index, height, block_top, tile_top,
     cells, block, distance, slope, missing,
 ):  # fmt: skip
@@ -203,7 +203,7 @@ def cast(
         total, met, middle = 0.0, 0, math.nan
         for r in range(rays):
             along, beside = spot[r, 0], spot[r, 1]
-            reached, slope_x, slope_y, tile_x, tile_y = _first(
+            reached, slope_x, slope_y, tile_x, tile_y = _first_intersection(
                 ox, oy, oz,
                 mx + along * fx + beside * sx,
                 my + along * fy + beside * sy,
@@ -224,7 +224,7 @@ def cast(
 
 
 @compile_kernel(parallel=True)
-def receive(
+def receive_beams(
     true_range, direction, slope, bright, speckle, noise, loss,
     nominal, gain, intensity_noise, floor, saturation, saturation_bias, range_noise, quantum,
     dropouts, ranges, counts, bias,

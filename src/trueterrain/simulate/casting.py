@@ -25,7 +25,7 @@ _SLOPE_STEP = 1e-6  # [m]
 _REACH = 8  # tiles around the vehicle that are kept: more than the largest range of a scanner
 
 
-def cast(
+def cast_beams(
     ground: Ground,
     origin: Float,
     direction: Float,
@@ -84,21 +84,21 @@ def _cast_raster(
     # a few begins tell where the scanner is; beams ask for the tiles that these leave out
     origin = beams[0]
     begins = raster.tile_of(*origin[:: max(len(origin) // 256, 1), :2].T)
-    used = _different(begins)
-    known &= _near(used, known)
+    used = _unique_tiles(begins)
+    known &= _nearby_tiles(used, known)
     known |= used
-    distance, slope, missing = _meet(raster.tiles(known), beams, spot, furthest)
+    distance, slope, missing = _meet_tiles(raster.tiles(known), beams, spot, furthest)
     todo = np.flatnonzero(distance < 0)
     while todo.size:
-        known |= _different(missing[todo])
+        known |= _unique_tiles(missing[todo])
         some = beams[0][todo], beams[1][todo], beams[2][todo]
-        again = _meet(raster.tiles(known), some, spot, furthest)
+        again = _meet_tiles(raster.tiles(known), some, spot, furthest)
         distance[todo], slope[todo], missing[todo] = again
         todo = todo[again[0] < 0]
     return distance, slope
 
 
-def _meet(
+def _meet_tiles(
     tiles: Tiles, beams: Beams, spot: Float, furthest: float
 ) -> tuple[Float, Float, npt.NDArray[np.int64]]:
     """Distances (-1 where a tile is missing), slopes, and the missing tiles."""
@@ -107,7 +107,7 @@ def _meet(
     number = len(beams[0])
     distance, slope = np.empty(number), np.full((number, 2), np.nan)
     missing = np.empty((number, 2), np.int64)
-    _kernels.cast(
+    _kernels.cast_rays(
         *beams, spot, furthest, tiles.spacing, tiles.first, tiles.index,
         tiles.height, tiles.block_top, tiles.tile_top, TILE_CELLS, BLOCK_CELLS,
         distance, slope, missing,
@@ -115,14 +115,14 @@ def _meet(
     return distance, slope, missing
 
 
-def _different(tiles: npt.NDArray[np.int64]) -> set[tuple[int, int]]:
+def _unique_tiles(tiles: npt.NDArray[np.int64]) -> set[tuple[int, int]]:
     """Tiles without repetition; one key per tile sorts much faster than rows of two."""
     key = np.unique((tiles[:, 0] << 32) + (tiles[:, 1] & 0xFFFFFFFF))
     row = ((key & 0xFFFFFFFF) ^ 0x80000000) - 0x80000000
     return set(zip((key >> 32).tolist(), row.tolist(), strict=True))
 
 
-def _near(used: set[tuple[int, int]], known: set[tuple[int, int]]) -> set[tuple[int, int]]:
+def _nearby_tiles(used: set[tuple[int, int]], known: set[tuple[int, int]]) -> set[tuple[int, int]]:
     """Those known tiles that lie within the reach of the beams; the others are left behind."""
     columns, rows = np.array(sorted(used)).T
     return {

@@ -13,7 +13,7 @@ _FASTEST = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
-class Clock:
+class SimulatedClock:
     """A clock that is wrong by an offset and a rate: true time = stamp + clock.
 
     What happens at the true time T gets the stamp ``T - clock``: a clock of +1 ms stamps all 1 ms

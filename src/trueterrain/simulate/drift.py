@@ -16,13 +16,13 @@ from typing import Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.errors import CoverageError, FormatError
+from trueterrain.core.errors import CoverageError, FormatError
 from trueterrain.simulate.noise import (
     GaussMarkov,
     SecondOrderGaussMarkov,
     check_not_negative,
     check_positive,
-    generator,
+    named_generator,
 )
 
 Float = npt.NDArray[np.float64]
@@ -231,7 +231,7 @@ def start_drift(drift: HeightDrift, *, seed: int, pass_number: int, rate: float)
     if isinstance(drift, GaussMarkovDrift):
         kind = GaussMarkov if drift.order == "first" else SecondOrderGaussMarkov
         process = kind(
-            rng=generator(seed, "navigation", f"pass {pass_number}", "height drift"),
+            rng=named_generator(seed, "navigation", f"pass {pass_number}", "height drift"),
             sd=drift.height_sd,
             correlation_time=drift.correlation_time,
             rate=rate,

@@ -6,17 +6,17 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.simulate.clock import Clock, check_next
+from trueterrain.simulate.clock import SimulatedClock, check_next
 from trueterrain.simulate.drift import GaussMarkovDrift, HeightDrift, start_drift
 from trueterrain.simulate.noise import (
     GaussMarkov,
     White,
     check_not_negative,
     check_positive,
-    generator,
+    named_generator,
 )
 from trueterrain.simulate.pose import COMPONENTS, PoseKnots
-from trueterrain.simulate.quality import Accuracy, PositionErrors, Quality, check_quality
+from trueterrain.simulate.quality import PositionAccuracy, PositionErrors, Quality, check_quality
 
 Float = npt.NDArray[np.float64]
 Block = dict[str, npt.NDArray[np.float64] | npt.NDArray[np.int8]]
@@ -70,7 +70,7 @@ class Navigation:
     quality: tuple[Quality, ...] = ()
     "States of the satellite positions in order of time; before the first there is a base station."
 
-    accuracy: Accuracy = field(default_factory=Accuracy)
+    accuracy: PositionAccuracy = field(default_factory=PositionAccuracy)
     "How wrong positions are in each state."
 
     optimism: float = 1.0
@@ -92,7 +92,7 @@ class Navigation:
                 raise ValueError(message)
             for component, value in zip(COMPONENTS[-size:], values, strict=True):
                 check_not_negative(**{f"{name} of {component}": value})
-        Clock(offset=self.clock_offset, rate=self.clock_rate)
+        SimulatedClock(offset=self.clock_offset, rate=self.clock_rate)
         check_quality(self.quality)
 
 
@@ -143,22 +143,22 @@ class NavigationStream:
         p = parameters
         name = f"pass {pass_number}"
         self.parameters = p
-        self._clock = Clock(offset=p.clock_offset, rate=p.clock_rate, begin=begin)
+        self._clock = SimulatedClock(offset=p.clock_offset, rate=p.clock_rate, begin=begin)
         self._begin = self._end = begin
         self._drift = start_drift(p.drift, seed=seed, pass_number=pass_number, rate=p.rate)
         self._horizontal = GaussMarkov(
-            rng=generator(seed, "navigation", name, "horizontal drift"),
+            rng=named_generator(seed, "navigation", name, "horizontal drift"),
             sd=(p.horizontal_sd, p.horizontal_sd),
             correlation_time=p.horizontal_time,
             rate=p.rate,
         )
         self._attitude = GaussMarkov(
-            rng=generator(seed, "navigation", name, "attitude drift"),
+            rng=named_generator(seed, "navigation", name, "attitude drift"),
             sd=p.attitude_sd,
             correlation_time=p.attitude_time,
             rate=p.rate,
         )
-        self._noise = White(rng=generator(seed, "navigation", name, "noise"), sd=p.noise)
+        self._noise = White(rng=named_generator(seed, "navigation", name, "noise"), sd=p.noise)
         self._quality = PositionErrors(p.quality, p.accuracy, seed, name, rate=p.rate)
         slow = [p.horizontal_sd, p.horizontal_sd, self._drift.sd, *p.attitude_sd]
         self._variance = np.square(slow) + np.square(p.noise)
@@ -187,7 +187,7 @@ class NavigationStream:
         rate = self.parameters.rate
         stamp = self._clock.ticks(begin, end, rate) / rate
         true_time = self._clock.true(stamp)
-        pose = _poses(knots, true_time)
+        pose = _poses_at(knots, true_time)
         self._end = end
         since = true_time - self._begin
         position, variance, code = self._quality.next(since)
@@ -209,7 +209,7 @@ class NavigationStream:
         return NavigationBlock(recorded, truth)
 
 
-def _poses(knots: PoseKnots, time: Float) -> Float:
+def _poses_at(knots: PoseKnots, time: Float) -> Float:
     pose = np.empty((time.size, len(COMPONENTS)))
     for first in range(0, time.size, _CHUNK):
         part = slice(first, first + _CHUNK)

@@ -19,7 +19,7 @@ Float = npt.NDArray[np.float64]
 _SECOND_ORDER = 2.146193220620583
 
 
-def generator(seed: int, *names: str) -> np.random.Generator:
+def named_generator(seed: int, *names: str) -> np.random.Generator:
     """Random generator of its own for each name: Philox, counter-based (Salmon et al. 2011).
 
     Parameters
@@ -72,7 +72,7 @@ class White:
 
     def __post_init__(self) -> None:
         """Check the values."""
-        self._sd = _components(sd=self.sd)[0]
+        self._sd = _component_arrays(sd=self.sd)[0]
 
     def next(self, n: int) -> Float:
         """The next samples.
@@ -113,7 +113,7 @@ class RandomWalk:
     def __post_init__(self) -> None:
         """Check the values."""
         check_positive(rate=self.rate)
-        self._sd = _components(density=self.density)[0] / np.sqrt(self.rate)
+        self._sd = _component_arrays(density=self.density)[0] / np.sqrt(self.rate)
         self._last: Float | None = None
 
     def next(self, n: int) -> Float:
@@ -135,7 +135,7 @@ class RandomWalk:
         drive = np.zeros((n, self._sd.size))
         drive[int(first) :] = self.rng.standard_normal((n - first, self._sd.size)) * self._sd
         last = np.zeros(self._sd.size) if self._last is None else self._last
-        walk = accumulate(1.0, drive, last)
+        walk = accumulate_samples(1.0, drive, last)
         self._last = walk[-1]
         return walk
 
@@ -169,7 +169,7 @@ class GaussMarkov:
     def __post_init__(self) -> None:
         """Check the values."""
         check_positive(correlation_time=self.correlation_time, rate=self.rate)
-        self._sd = _components(sd=self.sd)[0]
+        self._sd = _component_arrays(sd=self.sd)[0]
         step = 1.0 / (self.rate * self.correlation_time)
         self._keep = float(np.exp(-step))
         self._drive = self._sd * np.sqrt(-np.expm1(-2.0 * step))
@@ -197,7 +197,7 @@ class GaussMarkov:
             self._last = np.zeros(self._sd.size)
         else:
             drive *= self._drive
-        values = accumulate(self._keep, drive, self._last)
+        values = accumulate_samples(self._keep, drive, self._last)
         self._last = values[-1]
         return values
 
@@ -232,15 +232,15 @@ class SecondOrderGaussMarkov:
     def __post_init__(self) -> None:
         """Check the values."""
         check_positive(correlation_time=self.correlation_time, rate=self.rate)
-        self._sd = _components(sd=self.sd)[0]
+        self._sd = _component_arrays(sd=self.sd)[0]
         beta = _SECOND_ORDER / self.correlation_time
         step = beta / self.rate
         # The states x / sd and y = x / sd + (dx/dt) / (b sd) form a cascade of two processes of
         # first order; both have the same decay, so the drive of x contains step * y.
         keep = np.exp(-step)
         self._keep, self._feed = float(keep), float(step * keep)
-        self._start = _cholesky(np.array([[2.0, 1.0], [1.0, 1.0]]))
-        self._drive = _cholesky(_second_order_covariance(step))
+        self._start = _cholesky_factor(np.array([[2.0, 1.0], [1.0, 1.0]]))
+        self._drive = _cholesky_factor(_second_order_covariance(step))
         self._last: Float | None = None
 
     def next(self, n: int) -> Float:
@@ -260,22 +260,22 @@ class SecondOrderGaussMarkov:
         if n == 0:
             return np.zeros((0, size))
         random = self.rng.standard_normal((n, 2, size))
-        w_y, w_x = _correlated(self._drive, random)
+        w_y, w_x = _correlate_pairs(self._drive, random)
         if self._last is None:
-            start = np.stack(_correlated(self._start, random[:1]))
+            start = np.stack(_correlate_pairs(self._start, random[:1]))
             w_y[0], w_x[0] = start[:, 0]
             y_last = x_last = np.zeros(size)
         else:
             y_last, x_last = self._last
-        y = accumulate(self._keep, w_y, y_last)
+        y = accumulate_samples(self._keep, w_y, y_last)
         w_x[0] += self._feed * y_last
         w_x[1:] += self._feed * y[:-1]
-        x = accumulate(self._keep, w_x, x_last)
+        x = accumulate_samples(self._keep, w_x, x_last)
         self._last = np.stack([y[-1], x[-1]])
         return x * self._sd
 
 
-def accumulate(keep: float, drive: Float, last: Float) -> Float:
+def accumulate_samples(keep: float, drive: Float, last: Float) -> Float:
     """Samples ``x[i] = keep x[i - 1] + drive[i]``, one after the other, however many there are.
 
     Parameters
@@ -321,7 +321,7 @@ def check_not_negative(**values: float) -> None:
             raise ValueError(message)
 
 
-def _components(**values: npt.ArrayLike) -> tuple[Float, ...]:
+def _component_arrays(**values: npt.ArrayLike) -> tuple[Float, ...]:
     checked = []
     for name, value in values.items():
         array = np.atleast_1d(np.asarray(value, dtype=np.float64))
@@ -362,10 +362,10 @@ def _second_order_covariance(step: float) -> Float:
     return np.array([[yy, xy], [xy, xx]])
 
 
-def _cholesky(covariance: Float) -> Float:
+def _cholesky_factor(covariance: Float) -> Float:
     return np.linalg.cholesky(covariance).astype(np.float64)
 
 
-def _correlated(factor: Float, random: Float) -> tuple[Float, Float]:
+def _correlate_pairs(factor: Float, random: Float) -> tuple[Float, Float]:
     first, second = random[:, 0], random[:, 1]
     return factor[0, 0] * first, factor[1, 0] * first + factor[1, 1] * second

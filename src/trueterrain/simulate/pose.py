@@ -73,14 +73,14 @@ class PoseKnots:
             self.pose[piece + 1], step * self.rate[piece + 1],
             step**2 * self.acceleration[piece + 1],
         )  # fmt: skip
-        coefficients = quintic(*ends)
-        value = _horner(coefficients, x)
-        first = _horner([n * c for n, c in enumerate(coefficients)][1:], x)
-        second = _horner([n * (n - 1) * c for n, c in enumerate(coefficients)][2:], x)
+        coefficients = quintic_coefficients(*ends)
+        value = _evaluate_polynomial(coefficients, x)
+        first = _evaluate_polynomial([n * c for n, c in enumerate(coefficients)][1:], x)
+        second = _evaluate_polynomial([n * (n - 1) * c for n, c in enumerate(coefficients)][2:], x)
         return value, first / step, second / step**2
 
 
-def quintic(
+def quintic_coefficients(
     p0: Float, v0: Float, a0: Float, p1: Float, v1: Float, a1: Float
 ) -> tuple[Float, Float, Float, Float, Float, Float]:
     """Coefficients of the quintic on [0, 1] from value, first and second derivative at its ends.
@@ -108,7 +108,7 @@ def quintic(
     )
 
 
-def _horner(coefficients: "tuple[Float, ...] | list[Float]", x: Float) -> Float:
+def _evaluate_polynomial(coefficients: "tuple[Float, ...] | list[Float]", x: Float) -> Float:
     total = coefficients[-1]
     for coefficient in coefficients[-2::-1]:
         total = total * x + coefficient

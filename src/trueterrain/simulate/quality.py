@@ -14,7 +14,12 @@ from typing import Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.simulate.noise import accumulate, check_not_negative, check_positive, generator
+from trueterrain.simulate.noise import (
+    accumulate_samples,
+    check_not_negative,
+    check_positive,
+    named_generator,
+)
 
 Float = npt.NDArray[np.float64]
 
@@ -45,7 +50,7 @@ class Quality:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Accuracy:
+class PositionAccuracy:
     """How wrong positions are in each state, beyond the drift that a base station leaves (2 cm).
 
     Standard deviations are those that the thesis (chapter 2) gives for its receiver; the times
@@ -154,22 +159,30 @@ class PositionErrors:
     """
 
     def __init__(
-        self, quality: tuple[Quality, ...], accuracy: Accuracy, seed: int, name: str, *, rate: float
+        self,
+        quality: tuple[Quality, ...],
+        accuracy: PositionAccuracy,
+        seed: int,
+        name: str,
+        *,
+        rate: float,
     ) -> None:
         check_quality(quality)
         check_positive(rate=rate)
         self._step = 1.0 / rate
-        draws = generator(seed, "navigation", name, "quality of periods")
+        draws = named_generator(seed, "navigation", name, "quality of periods")
         first = Quality(begin=-np.finfo(np.float64).max, state="base station")
         self._periods = [self._period(q, accuracy, draws) for q in (first, *quality)]
         self._begins = np.array([period.begin for period in self._periods])
-        self._drive = generator(seed, "navigation", name, "quality")
+        self._drive = named_generator(seed, "navigation", name, "quality")
         self._now = -1
         self._epoch = 0
         self._variance = self._variance_before = 0.0
         self._last = np.zeros(3)
 
-    def _period(self, quality: Quality, accuracy: Accuracy, rng: np.random.Generator) -> _Period:
+    def _period(
+        self, quality: Quality, accuracy: PositionAccuracy, rng: np.random.Generator
+    ) -> _Period:
         sd = float(rng.uniform(*accuracy.standalone_sd))
         acceleration = rng.standard_normal(3) * accuracy.outage_acceleration
         sds = {"base station": 0.0, "decimetre": accuracy.decimetre_sd, "standalone": sd}
@@ -234,7 +247,7 @@ class PositionErrors:
         drive = self._drive.standard_normal((n, 3)) * scale
         # Each step of a constant acceleration adds a (t[m]^2 - t[m - 1]^2) / 2.
         drive += ((epoch - 0.5) * self._step**2)[:, None] * period.acceleration
-        error = accumulate(period.keep, drive, self._last)
+        error = accumulate_samples(period.keep, drive, self._last)
         kept = period.keep ** (2.0 * epoch)
         variance = (
             kept * self._variance_before

@@ -77,9 +77,9 @@ class Raster(Ground):
         self._most = _MOST_TILES
         self._last: tuple[list[tuple[int, int]], Tiles] | None = None
 
-    def describe(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Kind and parameters, for the provenance of what is cast on it."""
-        return {"kind": "Raster", "spacing": self.spacing, "ground": self.ground.describe()}
+        return {"kind": "Raster", "spacing": self.spacing, "ground": self.ground.to_dict()}
 
     def tile_of(self, x: npt.ArrayLike, y: npt.ArrayLike) -> Integer:
         """Column and row of the tile in which points lie.

@@ -39,7 +39,7 @@ def body_to_ground(angles: npt.ArrayLike) -> Float:
     >>> body_to_ground([0.0, 0.1, 0.0]) @ [1.0, 0.0, 0.0]
     array([ 0.995,  0.   , -0.0998])
     """
-    angles = _three("angles", angles)
+    angles = _require_angles("angles", angles)
     roll, pitch, yaw = np.moveaxis(angles, -1, 0)
     sr, cr, sp, cp, sy, cy = (
         np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch), np.sin(yaw), np.cos(yaw),
@@ -84,8 +84,8 @@ def angular_velocity(angles: npt.ArrayLike, rates: npt.ArrayLike) -> Float:
     >>> angular_velocity([np.pi / 2, 0.0, 0.0], [0.0, 0.0, 1.0]).round(12) + 0.0
     array([0., 1., 0.])
     """
-    roll, pitch, _ = np.moveaxis(_three("angles", angles), -1, 0)
-    roll_rate, pitch_rate, yaw_rate = np.moveaxis(_three("rates", rates), -1, 0)
+    roll, pitch, _ = np.moveaxis(_require_angles("angles", angles), -1, 0)
+    roll_rate, pitch_rate, yaw_rate = np.moveaxis(_require_angles("rates", rates), -1, 0)
     sr, cr, sp, cp = np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch)
     return np.stack(
         [
@@ -125,9 +125,9 @@ def angular_acceleration(
     >>> angular_acceleration([0.0, 0.0, 0.0], [1.0, 0.0, 2.0], [0.0, 0.0, 0.0])
     array([0., 2., 0.])
     """
-    roll, pitch, _ = np.moveaxis(_three("angles", angles), -1, 0)
-    p, q, r = np.moveaxis(_three("rates", rates), -1, 0)
-    dp, dq, dr = np.moveaxis(_three("accelerations", accelerations), -1, 0)
+    roll, pitch, _ = np.moveaxis(_require_angles("angles", angles), -1, 0)
+    p, q, r = np.moveaxis(_require_angles("rates", rates), -1, 0)
+    dp, dq, dr = np.moveaxis(_require_angles("accelerations", accelerations), -1, 0)
     sr, cr, sp, cp = np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch)
     return np.stack(
         [
@@ -139,7 +139,7 @@ def angular_acceleration(
     )
 
 
-def _three(name: str, values: npt.ArrayLike) -> Float:
+def _require_angles(name: str, values: npt.ArrayLike) -> Float:
     array = np.asarray(values, dtype=np.float64)
     if array.ndim == 0 or array.shape[-1] != 3:
         message = f"{name} must hold roll, pitch and yaw last, got shape {array.shape}."

@@ -11,11 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from trueterrain.formats.run import Mounting
-from trueterrain.simulate.casting import cast
-from trueterrain.simulate.clock import Clock, check_next
+from trueterrain.simulate.casting import cast_beams
+from trueterrain.simulate.clock import SimulatedClock, check_next
 from trueterrain.simulate.ground import Ground
-from trueterrain.simulate.noise import generator
-from trueterrain.simulate.pose import PoseKnots, quintic
+from trueterrain.simulate.noise import named_generator
+from trueterrain.simulate.pose import PoseKnots, quintic_coefficients
 from trueterrain.simulate.raster import Raster
 from trueterrain.simulate.rotation import body_to_ground
 
@@ -130,14 +130,16 @@ class Scanner:
     def __post_init__(self) -> None:
         """Check the values."""
         for name in ("rate", "swath", "nominal_height", "furthest", "gain", "saturation"):
-            _require(getattr(self, name) > 0, name, "greater than 0", getattr(self, name))
+            _require_parameter(getattr(self, name) > 0, name, "greater than 0", getattr(self, name))
         for name in ("range_noise", "quantum", "spot_length", "spot_width", "intensity_noise"):
-            _require(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
-        _require(self.beams >= 2, "beams", "at least 2", self.beams)
+            _require_parameter(getattr(self, name) >= 0, name, "at least 0", getattr(self, name))
+        _require_parameter(self.beams >= 2, "beams", "at least 2", self.beams)
         is_odd = self.spot_rays >= 1 and self.spot_rays % 2 == 1
-        _require(is_odd, "spot_rays", "odd and at least 1", self.spot_rays)
-        _require(0 < self.duty <= 1, "duty", "greater than 0 and at most 1", self.duty)
-        _require(0 <= self.dropouts < 1, "dropouts", "from 0 to less than 1", self.dropouts)
+        _require_parameter(is_odd, "spot_rays", "odd and at least 1", self.spot_rays)
+        _require_parameter(0 < self.duty <= 1, "duty", "greater than 0 and at most 1", self.duty)
+        _require_parameter(
+            0 <= self.dropouts < 1, "dropouts", "from 0 to less than 1", self.dropouts
+        )
 
     @property
     def angle(self) -> Float:
@@ -152,7 +154,7 @@ class Scanner:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Scans:
+class SimulatedScans:
     """Consecutive scans: what was recorded, and what is true."""
 
     time: Float
@@ -205,18 +207,18 @@ class ScannerStream:
     ) -> None:
         self.scanner = scanner
         self.mounting = mounting
-        self._clock = Clock(offset=mounting.scanner_clock)
+        self._clock = SimulatedClock(offset=mounting.scanner_clock)
         self._end = begin
         self.ground = ground
         self.reflectivity = reflectivity
         self._noise, self._speckle, self._loss = (
-            generator(seed, "scanner", f"pass {pass_number}", name)
+            named_generator(seed, "scanner", f"pass {pass_number}", name)
             for name in ("range", "intensity", "loss")
         )
         self._tiles: set[tuple[int, int]] = set()
         self._usual = 0.0  # range of the last block [m]
 
-    def record(self, knots: PoseKnots, begin: float, end: float) -> Scans:
+    def record(self, knots: PoseKnots, begin: float, end: float) -> SimulatedScans:
         """Scans whose first beam truly falls into [begin, end).
 
         Parameters
@@ -245,7 +247,7 @@ class ScannerStream:
         origin, direction, forward = (ray.reshape(-1, 3) for ray in rays)
         true_range, slope = self._cast(origin, direction, forward)
         ranges, counts, bias = self._receive(true_range, origin, direction, slope)
-        return Scans(
+        return SimulatedScans(
             time=stamp,
             range=ranges.reshape(shape),
             intensity=counts.reshape(shape),
@@ -255,7 +257,7 @@ class ScannerStream:
 
     def _beams(self, knots: PoseKnots, time: Float) -> tuple[Float, Float, Float]:
         """Origin and direction of every beam, and the scanner's forward axis."""
-        from trueterrain.simulate._kernels import beams
+        from trueterrain.simulate._kernels import beam_rays
 
         scanner = self.scanner
         step = float(knots.time[1] - knots.time[0])
@@ -263,14 +265,14 @@ class ScannerStream:
             message = f"the motion ends at {knots.time[-1]} s, before the last beam."
             raise ValueError(message)
         coefficients = np.stack(
-            quintic(
+            quintic_coefficients(
                 knots.pose[:-1], step * knots.rate[:-1], step**2 * knots.acceleration[:-1],
                 knots.pose[1:], step * knots.rate[1:], step**2 * knots.acceleration[1:],
             ),
             axis=1,
         )  # fmt: skip
         origin, direction, forward = (np.empty((time.size, scanner.beams, 3)) for _ in range(3))
-        beams(
+        beam_rays(
             time, float(knots.time[0]), step, coefficients,
             np.array(self.mounting.scanner_position),
             body_to_ground(self.mounting.scanner_rotation), scanner.angle, scanner.delay,
@@ -282,9 +284,9 @@ class ScannerStream:
         """Ranges averaged over the spot, and the slope of the ground in its middle."""
         scanner = self.scanner
         self._expect(origin, direction)
-        distance, slope = cast(
+        distance, slope = cast_beams(
             self.ground, origin, direction, furthest=scanner.furthest, known=self._tiles,
-            forward=forward, spot=_spot(scanner),
+            forward=forward, spot=_spot_directions(scanner),
         )  # fmt: skip
         usual = distance[::_SPARSE]
         self._usual = float(np.median(usual[np.isfinite(usual)])) if np.isfinite(usual).any() else 0
@@ -300,7 +302,7 @@ class ScannerStream:
         self, true_range: Float, origin: Float, direction: Float, slope: Float
     ) -> tuple[Float, npt.NDArray[np.uint16], Float]:
         """Recorded ranges and intensities, and the bias by saturation."""
-        from trueterrain.simulate._kernels import receive
+        from trueterrain.simulate._kernels import receive_beams
 
         scanner, size = self.scanner, true_range.size
         if self.reflectivity.period:
@@ -309,7 +311,7 @@ class ScannerStream:
         else:
             bright = np.array([self.reflectivity.ground])
         ranges, counts, bias = np.empty(size), np.empty(size, np.uint16), np.empty(size)
-        receive(
+        receive_beams(
             true_range, direction, slope, bright, self._speckle.standard_normal(size),
             self._noise.standard_normal(size), self._loss.random(size),
             scanner.nominal_height, scanner.gain, scanner.intensity_noise, scanner.floor,
@@ -319,7 +321,7 @@ class ScannerStream:
         return ranges, counts, bias
 
 
-def _spot(scanner: Scanner) -> Float:
+def _spot_directions(scanner: Scanner) -> Float:
     """By how much the rays that fill the spot are turned, along and across the lane [rad].
 
     The rays are a lattice over the spot: spread evenly over its length and over its width.
@@ -332,7 +334,7 @@ def _spot(scanner: Scanner) -> Float:
     return np.stack([along, across], axis=1) * turn
 
 
-def _require(holds: bool, name: str, rule: str, value: object) -> None:
+def _require_parameter(holds: bool, name: str, rule: str, value: object) -> None:
     if not holds:
         message = f"{name} must be {rule}, got {value}."
         raise ValueError(message)

@@ -15,7 +15,7 @@ import numpy.typing as npt
 Float = npt.NDArray[np.float64]
 
 
-class Progress(NamedTuple):
+class TravelState(NamedTuple):
     """How far and how fast a vehicle is at each of n times."""
 
     distance: Float
@@ -45,7 +45,7 @@ class Speed(ABC):
     def _pieces(self) -> _Pieces:
         """Polynomials from time 0 on."""
 
-    def at(self, time: npt.ArrayLike) -> Progress:
+    def at(self, time: npt.ArrayLike) -> TravelState:
         """Distance, speed and acceleration.
 
         Parameters
@@ -75,7 +75,7 @@ class Speed(ABC):
         before = t < 0.0
         distance[before], speed[before] = p[1][before] * t[before], p[1][before]
         acceleration[before] = 0.0
-        return Progress(distance + laps * self._per_period, speed, acceleration)
+        return TravelState(distance + laps * self._per_period, speed, acceleration)
 
     def duration(self, length: float) -> float:
         """Time at which a vehicle that begins at time 0 has driven a length.
@@ -125,10 +125,10 @@ class Speed(ABC):
         return (
             float(laps * period if laps else 0.0)
             + float(begin[j])
-            + _reach(powers[j], rest, float(longest))
+            + _reach_distance(powers[j], rest, float(longest))
         )
 
-    def describe(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Kind and parameters, for provenance."""
         names = getattr(self, "__dataclass_fields__", {})
         return {"kind": type(self).__name__, **{name: getattr(self, name) for name in names}}
@@ -167,7 +167,7 @@ class Constant(Speed):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Standing(Speed):
+class Standstill(Speed):
     """No motion at all.
 
     Examples
@@ -283,8 +283,10 @@ class StopAndGo(Speed):
 
     @cached_property
     def _pieces(self) -> _Pieces:
-        up = _eased(self.speed, self.acceleration, self.jerk)
-        down = [(time, -jerk) for time, jerk in _eased(self.speed, self.deceleration, self.jerk)]
+        up = _eased_phases(self.speed, self.acceleration, self.jerk)
+        down = [
+            (time, -jerk) for time, jerk in _eased_phases(self.speed, self.deceleration, self.jerk)
+        ]
         phases = [(self.stand, 0.0), *up, (self.drive, 0.0), *down]
         begins, powers = [], []
         time, distance, speed, acceleration = 0.0, 0.0, 0.0, 0.0
@@ -301,13 +303,13 @@ class StopAndGo(Speed):
         return _Pieces(np.array(begins), np.array(powers), time)
 
 
-def _eased(gain: float, acceleration: float, jerk: float) -> list[tuple[float, float]]:
+def _eased_phases(gain: float, acceleration: float, jerk: float) -> list[tuple[float, float]]:
     """Time and jerk of the phases that change the speed by `gain`."""
     ease = min(acceleration / jerk, float(np.sqrt(gain / jerk)))
     return [(ease, jerk), (max(gain / (jerk * ease) - ease, 0.0), 0.0), (ease, -jerk)]
 
 
-def _reach(powers: Float, distance: float, longest: float) -> float:
+def _reach_distance(powers: Float, distance: float, longest: float) -> float:
     """Time, from 0 to `longest`, at which a polynomial reaches a distance."""
     from scipy.optimize import brentq
 

@@ -14,27 +14,27 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from trueterrain.geometry.grid_frame import GridFrame, grid_frame, uv_to_xy, xy_to_uv
 from trueterrain.surface.evaluate import (
     heights_at,
     heights_at_uv,
     node_coordinates,
     surface_to_points,
 )
-from trueterrain.surface.reference_line import GridFrame, grid_frame, uv_to_xy, xy_to_uv
 
 if TYPE_CHECKING:
-    from trueterrain.surface.accumulate import CellSums
-    from trueterrain.surface.cells import Grid, grid_along, grid_over
-    from trueterrain.surface.coarse import down_sample
-    from trueterrain.surface.grid import GridOptions, grid_points, surface_of
-    from trueterrain.surface.holes import Filling, fill_holes
-    from trueterrain.surface.line import (
+    from trueterrain.geometry.reference_line import (
         ReferenceLine,
         line_from_trajectory,
         line_through,
         straight_line,
     )
-    from trueterrain.surface.runs import Pass, grid_runs
+    from trueterrain.surface.accumulate import CellSums
+    from trueterrain.surface.cells import Grid, grid_along, grid_over
+    from trueterrain.surface.coarse import down_sample
+    from trueterrain.surface.grid import GridSettings, grid_points, surface_of
+    from trueterrain.surface.holes import HoleSettings, fill_holes
+    from trueterrain.surface.runs import PassRecord, grid_runs
 
 # names whose modules need more, and are imported when they are used
 _LATER = {
@@ -47,11 +47,11 @@ _LATER = {
 
 __all__ = [
     "CellSums",
-    "Filling",
     "Grid",
     "GridFrame",
-    "GridOptions",
-    "Pass",
+    "GridSettings",
+    "HoleSettings",
+    "PassRecord",
     "ReferenceLine",
     "down_sample",
     "fill_holes",

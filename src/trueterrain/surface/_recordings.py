@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.errors import CoverageError
+from trueterrain.core.errors import CoverageError
 from trueterrain.formats.run import StoredArray, open_run
 from trueterrain.georeference import ScanGeometry, mounting_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from trueterrain.surface.runs import Pass
+    from trueterrain.surface.runs import PassRecord
 
 Index = npt.NDArray[np.intp]
 
@@ -40,7 +40,7 @@ class Recording:
         Whether intensities are wanted, if they were recorded.
     """
 
-    def __init__(self, one: "Pass", *, with_intensity: bool) -> None:
+    def __init__(self, one: "PassRecord", *, with_intensity: bool) -> None:
         tree = open_run(one.path)
         mounting = one.mounting or mounting_of(tree, path=one.path)
         scans = tree["scans"]

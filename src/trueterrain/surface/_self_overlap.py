@@ -11,7 +11,7 @@ _STEPS = 8  # of the width, by which a grid is looked at for overlaps
 _TOUCH = 0.02  # of the width, by which its parts may overlap: ends that meet, chords of bends
 
 
-def overlap(grid: Grid) -> tuple[float, float] | None:
+def find_self_overlap(grid: Grid) -> tuple[float, float] | None:
     """Stations of the first place where a grid along a line lies over an earlier part of itself.
 
     A bend never overlaps itself, since its radius is greater than the grid is wide; what is left
@@ -35,14 +35,14 @@ def overlap(grid: Grid) -> tuple[float, float] | None:
     size = np.linalg.norm(parts[:, [0, 1]] - parts[:, [2, 3]], axis=-1).max(initial=0.0)
     pairs = KDTree(parts.mean(axis=1)).query_pairs(size, output_type="ndarray")
     pairs = pairs[station[pairs[:, 1]] - station[pairs[:, 0]] > 0.5 * np.pi * width]
-    met = pairs[_depth(parts[pairs[:, 0]], parts[pairs[:, 1]]) > _TOUCH * width]
+    met = pairs[_overlap_depth(parts[pairs[:, 0]], parts[pairs[:, 1]]) > _TOUCH * width]
     if not met.size:
         return None
     first, second = met[np.lexsort(met.T)[0]]
     return float(station[first]), float(station[second])
 
 
-def _depth(a: Floats, b: Floats) -> Floats:
+def _overlap_depth(a: Floats, b: Floats) -> Floats:
     """How far convex quadrangles reach into each other, shape (n,) [m]; not positive if apart."""
     sides = np.concatenate([np.roll(one, -1, axis=1) - one for one in (a, b)], axis=1)
     across = np.stack([-sides[..., 1], sides[..., 0]], axis=-1)

@@ -14,7 +14,14 @@ import numpy as np
 import numpy.typing as npt
 
 from trueterrain.surface._recordings import Recording
-from trueterrain.surface.accumulate import Pose, Reach, Tally, Wanted, survey, work
+from trueterrain.surface.accumulate import (
+    KeptSums,
+    PoseVariance,
+    ReturnTotals,
+    ScanReach,
+    count_scan_visits,
+    scan_reaches,
+)
 from trueterrain.surface.cells import Grid
 
 _OF_PASSES = 20  # [bytes] for a cell, if there are several passes
@@ -23,7 +30,7 @@ _AGAIN = 2.0  # times that scans are worked on average, at most
 
 
 @dataclass(kw_only=True, eq=False)
-class Plan:
+class WindowPlan:
     """Windows, and what is known of the scans before; nothing if one window is enough."""
 
     windows: list[range]
@@ -32,13 +39,13 @@ class Plan:
     margin: int = 0
     "Rows to either side that they depend on."
 
-    reaches: list[Reach] = field(default_factory=list)
+    reaches: list[ScanReach] = field(default_factory=list)
     "Rows that the scans of each pass reach."
 
-    poses: list[Pose] = field(default_factory=list)
+    poses: list[PoseVariance] = field(default_factory=list)
     "What the pose adds to variances in each pass."
 
-    tally: Tally = field(default_factory=Tally)
+    tally: ReturnTotals = field(default_factory=ReturnTotals)
     "Of scans."
 
     missed: set[range] = field(default_factory=set)
@@ -59,7 +66,7 @@ class Plan:
             return None
         return np.flatnonzero(self._touches(self.reaches[number], window))
 
-    def reach_of(self, number: int, index: npt.NDArray[np.intp]) -> Reach | None:
+    def reach_of(self, number: int, index: npt.NDArray[np.intp]) -> ScanReach | None:
         """What is known of some scans of a pass, to be noted anew when they are worked."""
         return self.reaches[number].of(index) if self.reaches else None
 
@@ -67,7 +74,9 @@ class Plan:
         """Scans of a pass that were worked."""
         return int(self.reaches[number].found.sum())
 
-    def note(self, number: int, index: npt.NDArray[np.intp], found: Reach, window: range) -> None:
+    def note(
+        self, number: int, index: npt.NDArray[np.intp], found: ScanReach, window: range
+    ) -> None:
         """Note the rows that scans of a pass were found to reach while a window was worked."""
         guess = self.reaches[number].of(index)
         self.reaches[number].put(index, found)
@@ -76,20 +85,20 @@ class Plan:
                 if (self._touches(found, done) & ~self._touches(guess, done)).any():
                     self.missed.add(done)
 
-    def _touches(self, reach: Reach, window: range) -> npt.NDArray[np.bool_]:
+    def _touches(self, reach: ScanReach, window: range) -> npt.NDArray[np.bool_]:
         return reach.touches(window.start - self.margin, window.stop + self.margin)
 
 
 def plan_windows(
     grid: Grid,
     passes: Sequence[Recording],
-    wanted: Wanted,
+    wanted: KeptSums,
     *,
     margin: int,
     memory: int,
     threads: int,
     furthest: float,
-) -> Plan:
+) -> WindowPlan:
     """Windows whose sums take no more memory than is given, if scans do not reach over too many.
 
     Parameters
@@ -118,17 +127,21 @@ def plan_windows(
     cell = threads * wanted.bytes + (_OF_PASSES if len(passes) > 1 else 0)
     size = max(memory // (cell * columns) - 2 * margin, _LEAST * margin)
     if size >= rows:
-        return Plan(windows=[range(rows)])
-    found = [survey(grid, one.geometry, one.time, min(one.furthest, furthest)) for one in passes]
+        return WindowPlan(windows=[range(rows)])
+    found = [
+        scan_reaches(grid, one.geometry, one.time, min(one.furthest, furthest)) for one in passes
+    ]
     reaches, poses = [reach for reach, _, _ in found], [pose for _, pose, _ in found]
-    tally = Tally()
+    tally = ReturnTotals()
     for _, _, some in found:
         tally.add(some)
     count = -(-rows // size)
     while True:
         edges = np.linspace(0, rows, count + 1).round().astype(np.int64)
-        if work(reaches, edges, margin) <= _AGAIN * (tally.scans - tally.scans_uncovered):
+        if count_scan_visits(reaches, edges, margin) <= _AGAIN * (
+            tally.scans - tally.scans_uncovered
+        ):
             break
         count = (count + 1) // 2
     windows = [range(begin, end) for begin, end in pairwise(edges.tolist())]
-    return Plan(windows=windows, margin=margin, reaches=reaches, poses=poses, tally=tally)
+    return WindowPlan(windows=windows, margin=margin, reaches=reaches, poses=poses, tally=tally)

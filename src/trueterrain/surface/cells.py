@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.kinds import make_surface
-from trueterrain.surface.line import ReferenceLine, millimetres
-from trueterrain.surface.reference_line import Floats, GridFrame, grid_frame, xy_to_uv
+from trueterrain.core.schemas import make_surface
+from trueterrain.geometry.grid_frame import Floats, GridFrame, grid_frame, xy_to_uv
+from trueterrain.geometry.reference_line import ReferenceLine, require_millimetres
 
 _MOST = 500_000_000  # nodes, of 60 bytes with their sums
 _NEAR = 16  # nodes from one that is looked at to the next, where a scan is looked for
@@ -188,16 +188,16 @@ def grid_along(
 
     Examples
     --------
-    >>> from trueterrain.surface.line import straight_line
+    >>> from trueterrain.geometry.reference_line import straight_line
     >>> grid_along(straight_line((0, 0), (5, 0)), right=-1, left=1, spacing=0.02).shape
     (501, 101)
     """
-    step = line.spacing if spacing is None else millimetres(spacing, "spacing")
+    step = line.spacing if spacing is None else require_millimetres(spacing, "spacing")
     if not (np.isfinite([right, left]).all() and right < left):
         message = f"right must be less than left, got {right} and {left} m."
         raise ValueError(message)
     _require_room(line.u.size, (left - right) / step + 1)
-    v = _multiples(right, left, step)
+    v = _whole_multiples(right, left, step)
     kappa = line.curvature
     sharp = np.maximum(kappa * (v[0] - 0.5 * step), kappa * (v[-1] + 0.5 * step))
     if (sharp >= 1).any():
@@ -247,7 +247,7 @@ def grid_over(
         raise ValueError(message)
     _require_room((east - west) / along + 1, (north - south) / across + 1)
     return Grid(
-        line=None, u=_covering(west, east, along), v=_covering(south, north, across)
+        line=None, u=_covering_nodes(west, east, along), v=_covering_nodes(south, north, across)
     )  # fmt: skip
 
 
@@ -261,13 +261,13 @@ def _require_room(rows: float, columns: float) -> None:
         raise ValueError(message)
 
 
-def _multiples(low: float, high: float, step: float) -> Floats:
+def _whole_multiples(low: float, high: float, step: float) -> Floats:
     """Whole multiples of a step from the last one not above `low` to the first not below `high`."""
     first, last = int(np.floor(low / step + 1e-6)), int(np.ceil(high / step - 1e-6))
     return np.round(np.arange(first, last + 1) * step, 9)
 
 
-def _covering(low: float, high: float, step: float) -> Floats:
+def _covering_nodes(low: float, high: float, step: float) -> Floats:
     """Nodes whose cells cover a stretch, at least two."""
     first = int(np.floor(low / step + 0.5))
     last = int(np.floor(high / step + 0.5))

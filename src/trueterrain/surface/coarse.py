@@ -39,7 +39,7 @@ def down_sample(
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_surface
+    >>> from trueterrain.core.schemas import make_surface
     >>> ramp = make_surface(np.arange(15.0).reshape(3, 5), easting=np.arange(5),
     ...                     northing=np.arange(3))
     >>> coarse, report = down_sample(ramp, (1, 2))
@@ -58,14 +58,14 @@ def down_sample(
         raise ValueError(message)
     fine = np.asarray(surface["height"], dtype=np.float64)
     seen = np.isfinite(fine)
-    weight = _gathered(seen.astype(np.float64), factor)
+    weight = _gather_sums(seen.astype(np.float64), factor)
     with np.errstate(invalid="ignore", divide="ignore"):
-        height = _gathered(np.where(seen, fine, 0.0), factor) / weight
+        height = _gather_sums(np.where(seen, fine, 0.0), factor) / weight
     # a node that had no height does not get one from its neighbours
     height = np.where(seen[::first, ::second], height, np.nan)
     cells: dict[str, Any] = {"height": coarse["height"].copy(data=height)}
     if "count" in surface:
-        total = _gathered(np.asarray(surface["count"], dtype=np.float64), factor)
+        total = _gather_sums(np.asarray(surface["count"], dtype=np.float64), factor)
         cells["count"] = coarse["count"].copy(data=np.rint(total).astype(np.int64))
     for name in ("sd", "sd_relative"):
         if name not in surface:
@@ -73,16 +73,16 @@ def down_sample(
         known = np.asarray(surface[name], dtype=np.float64)
         has = seen & np.isfinite(known)
         with np.errstate(invalid="ignore", divide="ignore"):
-            mean = _gathered(np.where(has, known, 0.0), factor) / _gathered(
+            mean = _gather_sums(np.where(has, known, 0.0), factor) / _gather_sums(
                 has.astype(np.float64), factor
             )
         sd = np.where(np.isfinite(height), mean, np.nan)
         cells[name] = coarse[name].copy(data=sd)
     result = coarse.assign(cells)
-    return result, _loss(surface, result)
+    return result, _coarsening_loss(surface, result)
 
 
-def _gathered(values: Floats, factor: tuple[int, int]) -> Floats:
+def _gather_sums(values: Floats, factor: tuple[int, int]) -> Floats:
     """Sums around every so manieth node; nodes half-way are shared.
 
     A node at the edge, around which not all nodes are, stands for itself: a mean of one side would
@@ -106,7 +106,7 @@ def _gathered(values: Floats, factor: tuple[int, int]) -> Floats:
     return values
 
 
-def _loss(fine: xr.Dataset, coarse: xr.Dataset) -> dict[str, float]:
+def _coarsening_loss(fine: xr.Dataset, coarse: xr.Dataset) -> dict[str, float]:
     """How far the coarse surface is from the heights of the fine one."""
     from scipy.interpolate import RegularGridInterpolator
 

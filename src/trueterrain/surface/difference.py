@@ -10,12 +10,12 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.engine.robust import nmad
-from trueterrain.errors import CoverageError, SchemaError
-from trueterrain.kinds import check_surface, make_surface
-from trueterrain.provenance import add_step
+from trueterrain.core.errors import CoverageError, SchemaError
+from trueterrain.core.provenance import add_step
+from trueterrain.core.schemas import check_surface, make_surface
+from trueterrain.core.statistics import nmad
+from trueterrain.geometry.grid_frame import EDGE, grid_frame
 from trueterrain.surface.evaluate import heights_at
-from trueterrain.surface.reference_line import EDGE, grid_frame
 
 Floats = npt.NDArray[np.float64]
 
@@ -143,7 +143,7 @@ def surface_difference(
     known = np.isfinite(difference)
     if not known.any():
         raise CoverageError(
-            f"share no node with a height: {_extent(surface)}, and {_extent(reference)}",
+            f"share no node with a height: {_extent_text(surface)}, and {_extent_text(reference)}",
             place="surface and reference",
             cure="Check their coordinates, or choose a reference of the same place.",
         )
@@ -151,7 +151,7 @@ def surface_difference(
     if level == "median":
         difference -= np.median(difference[known])
     elif level == "plane":
-        difference -= _plane(difference, known)
+        difference -= _fit_plane(difference, known)
     data = _as_surface(difference, reference)
     return add_step(data, "surface_difference", parameters={"level": level}, after=surface)
 
@@ -267,7 +267,7 @@ def structure_function(
     dims = ("u", "v") if "u" in difference.dims else ("easting", "northing")
     dim = dims[0 if axis == "along" else 1]
     height = difference["height"].transpose(..., dim).values
-    step = _step(difference[dim].values, dim)
+    step = _node_spacing(difference[dim].values, dim)
     most = max(1, height.shape[1] // 2)
     decades = math.log10(most)
     lags = np.unique(np.rint(np.logspace(0, decades, int(per_decade * decades) + 2)).astype(int))
@@ -302,7 +302,7 @@ def _require_same_crs(surface: xr.Dataset, reference: xr.Dataset) -> None:
         )
         warnings.warn(message, stacklevel=3)
         return
-    from trueterrain.formats.crs import parse_crs
+    from trueterrain.geometry.crs import parse_crs
 
     mine, theirs = (parse_crs(name) for name in names)
     if not mine.equals(theirs, ignore_axis_order=True):
@@ -343,7 +343,7 @@ def _same_nodes(surface: xr.Dataset, reference: xr.Dataset) -> bool:
     return all(np.array_equal(surface[name], reference[name]) for name in names)
 
 
-def _plane(difference: Floats, known: npt.NDArray[np.bool_]) -> Floats:
+def _fit_plane(difference: Floats, known: npt.NDArray[np.bool_]) -> Floats:
     """Plane of least squares over the axes of the grid."""
     axes = [np.linspace(-1.0, 1.0, size) for size in difference.shape]
     first, second = np.meshgrid(*axes, indexing="ij")
@@ -375,7 +375,7 @@ def _question_feet(reference: xr.Dataset, difference: Floats) -> None:
         warnings.warn(message, stacklevel=3)
 
 
-def _extent(surface: xr.Dataset) -> str:
+def _extent_text(surface: xr.Dataset) -> str:
     ends = [
         f"{axis} {float(surface[axis].min()):.1f} to {float(surface[axis].max()):.1f} m"
         for axis in ("easting", "northing")
@@ -383,7 +383,7 @@ def _extent(surface: xr.Dataset) -> str:
     return ", ".join(ends)
 
 
-def _step(nodes: Floats, dim: str) -> float:
+def _node_spacing(nodes: Floats, dim: str) -> float:
     steps = np.diff(nodes)
     step = float(nodes[-1] - nodes[0]) / steps.size
     if np.abs(steps - step).max() > 0.01 * step:

@@ -4,10 +4,15 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.kinds import make_points
-from trueterrain.provenance import add_step
-from trueterrain.surface import _kernels
-from trueterrain.surface.reference_line import Floats, GridFrame, _flat, grid_frame, xy_to_uv
+from trueterrain.core.provenance import add_step
+from trueterrain.core.schemas import make_points
+from trueterrain.geometry.grid_frame import (
+    Floats,
+    GridFrame,
+    grid_frame,
+    interpolate_bilinear,
+    xy_to_uv,
+)
 
 
 def heights_at(surface: xr.Dataset, easting: npt.ArrayLike, northing: npt.ArrayLike) -> Floats:
@@ -28,13 +33,13 @@ def heights_at(surface: xr.Dataset, easting: npt.ArrayLike, northing: npt.ArrayL
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_surface
+    >>> from trueterrain.core.schemas import make_surface
     >>> ramp = make_surface([[0.0, 1.0], [0.0, 1.0]], easting=[0, 1], northing=[0, 1])
     >>> heights_at(ramp, [0.25, 2.0], [0.5, 0.5])
     array([0.25,  nan])
     """
     frame = grid_frame(surface)
-    return _heights(surface, frame, *xy_to_uv(frame, easting, northing))
+    return _interpolate_heights(surface, frame, *xy_to_uv(frame, easting, northing))
 
 
 def heights_at_uv(surface: xr.Dataset, u: npt.ArrayLike, v: npt.ArrayLike) -> Floats:
@@ -54,13 +59,13 @@ def heights_at_uv(surface: xr.Dataset, u: npt.ArrayLike, v: npt.ArrayLike) -> Fl
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_surface
+    >>> from trueterrain.core.schemas import make_surface
     >>> road = make_surface([[0.0, 1.0], [2.0, 3.0]], u=[0, 1], v=[0, 1], easting=[0, 1],
     ...                     northing=[0, 0])
     >>> heights_at_uv(road, 0.5, [0.0, 0.5])
     array([1. , 1.5])
     """
-    return _heights(surface, grid_frame(surface), u, v)
+    return _interpolate_heights(surface, grid_frame(surface), u, v)
 
 
 def node_coordinates(surface: xr.Dataset) -> tuple[Floats, Floats]:
@@ -78,7 +83,7 @@ def node_coordinates(surface: xr.Dataset) -> tuple[Floats, Floats]:
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_surface
+    >>> from trueterrain.core.schemas import make_surface
     >>> ramp = make_surface(np.zeros((2, 3)), easting=[0, 1, 2], northing=[5, 6])
     >>> node_coordinates(ramp)[1]
     array([[5., 5., 5.], [6., 6., 6.]])
@@ -107,7 +112,7 @@ def surface_to_points(surface: xr.Dataset) -> xr.Dataset:
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_surface
+    >>> from trueterrain.core.schemas import make_surface
     >>> ramp = make_surface([[0.0, 1.0], [np.nan, 2.0]], easting=[0, 1], northing=[0, 1])
     >>> surface_to_points(ramp).up.values
     array([0., 1., 2.])
@@ -128,11 +133,8 @@ def surface_to_points(surface: xr.Dataset) -> xr.Dataset:
     return add_step(points, "surface_to_points", after=surface)
 
 
-def _heights(surface: xr.Dataset, frame: GridFrame, u: npt.ArrayLike, v: npt.ArrayLike) -> Floats:
-    u, v, shape = _flat(u, v)
+def _interpolate_heights(
+    surface: xr.Dataset, frame: GridFrame, u: npt.ArrayLike, v: npt.ArrayLike
+) -> Floats:
     height = np.asarray(surface["height"], dtype=np.float64)
-    if "u" not in surface.dims:
-        height = height.T
-    z = np.empty(u.size)
-    _kernels.bilinear(frame.u, frame.v, height, frame.edge, u, v, z)
-    return z.reshape(shape)
+    return interpolate_bilinear(frame, height if "u" in surface.dims else height.T, u, v)

@@ -16,9 +16,9 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.errors import CoverageError, SchemaError
-from trueterrain.surface._finish import ROWS, Nodes, finish
-from trueterrain.surface.accumulate import CellSums, Tally, Wanted
+from trueterrain.core.errors import CoverageError, SchemaError
+from trueterrain.surface._finish import ROWS, NodeValues, finish_sums
+from trueterrain.surface.accumulate import CellSums, KeptSums, ReturnTotals
 from trueterrain.surface.cells import Grid
 
 Floats = npt.NDArray[np.float64]
@@ -28,7 +28,7 @@ Statistic = Literal["mean", "minimum", "maximum", "median", "percentile"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class GridOptions:
+class GridSettings:
     """What is taken of the returns in a cell."""
 
     statistic: Statistic = "mean"
@@ -89,7 +89,7 @@ class GridOptions:
             message = f"range_noise must be at least 0 m, got {self.range_noise}."
             raise ValueError(message)
 
-    def wanted(self, *, point_sd: bool = False) -> Wanted:
+    def wanted(self, *, point_sd: bool = False) -> KeptSums:
         """Sums that are needed.
 
         Parameters
@@ -102,7 +102,7 @@ class GridOptions:
         Wanted
             For `CellSums`.
         """
-        return Wanted(
+        return KeptSums(
             extremes=self.statistic in ("minimum", "maximum"),
             places=self.statistic == "mean" and self.level,
             point_sd=point_sd,
@@ -119,7 +119,7 @@ class GridOptions:
 
 def surface_of(
     sums: CellSums,
-    options: GridOptions = GridOptions(),
+    options: GridSettings = GridSettings(),
     *,
     crs: str = "",
     again: Callable[[CellSums], None] | None = None,
@@ -168,7 +168,7 @@ def surface_of(
     if missing:
         message = f"the sums lack {', '.join(missing)}, which {options.statistic} needs."
         raise ValueError(message)
-    nodes = Nodes.empty(sums.grid.shape)
+    nodes = NodeValues.empty(sums.grid.shape)
     finish_rows(sums, options, sums.rows, nodes, again)
     require_heights(nodes, options, sums.tally)
     return sums.grid.surface(
@@ -209,9 +209,9 @@ def name_deviations(
 
 def finish_rows(
     sums: CellSums,
-    options: GridOptions,
+    options: GridSettings,
     rows: range,
-    nodes: Nodes,
+    nodes: NodeValues,
     again: Callable[[CellSums], None] | None,
 ) -> None:
     """Numbers of some rows from the sums of their cells and of those around them.
@@ -232,7 +232,7 @@ def finish_rows(
     sums.total()
     with ThreadPoolExecutor(sums.threads) as pool:
         jobs = [
-            pool.submit(finish, sums, options, start, min(start + ROWS, rows.stop), nodes)
+            pool.submit(finish_sums, sums, options, start, min(start + ROWS, rows.stop), nodes)
             for start in range(rows.start, rows.stop, ROWS)
         ]
         for job in jobs:
@@ -243,7 +243,7 @@ def finish_rows(
         height[seen] = sums.quantile(options.share, rows, again)[seen]
 
 
-def require_heights(nodes: Nodes, options: GridOptions, tally: Tally) -> None:
+def require_heights(nodes: NodeValues, options: GridSettings, tally: ReturnTotals) -> None:
     """Raise CoverageError if no node has a height."""
     if any(np.isfinite(row).any() for row in nodes.height):
         return
@@ -263,7 +263,7 @@ def require_heights(nodes: Nodes, options: GridOptions, tally: Tally) -> None:
 def grid_points(
     points: xr.Dataset | Iterable[xr.Dataset],
     grid: Grid,
-    options: GridOptions = GridOptions(),
+    options: GridSettings = GridSettings(),
     *,
     threads: int = 1,
 ) -> xr.Dataset:
@@ -296,7 +296,7 @@ def grid_points(
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_points
+    >>> from trueterrain.core.schemas import make_points
     >>> from trueterrain.surface.cells import grid_over
     >>> points = make_points([0.1, 0.2, 0.9, 1.1], [0, 0, 1, 1], [5.0, 5.2, 7.0, 7.2])
     >>> grid_points(points, grid_over(0, 0, 1, 1, spacing=1.0), GridOptions(level=False)).height
@@ -310,7 +310,7 @@ def grid_points(
         raise ValueError(message)
     sums: CellSums | None = None
     crs, own = "", None
-    for block in _blocks(points):
+    for block in _point_blocks(points):
         found = str(block.attrs.get("crs", ""))
         if sums is None:
             own = next((name for name in ("sd", "sd_relative") if name in block), None)
@@ -321,13 +321,13 @@ def grid_points(
                 f"all points must have the same CRS, got {found[:40]!r} after {crs[:40]!r}",
                 cure="Transform them first, or name the CRS of all.",
             )
-        _add(sums, block, own)
+        _add_block(sums, block, own)
     if sums is None:
         raise CoverageError("there are no points to grid")
 
     def again(these: CellSums) -> None:
-        for block in _blocks(points):
-            _add(these, block, own)
+        for block in _point_blocks(points):
+            _add_block(these, block, own)
 
     if own != "sd":
         sums.datum_sd = None
@@ -335,16 +335,16 @@ def grid_points(
     return surface.assign_attrs(outside=sums.tally.outside)
 
 
-def _blocks(points: xr.Dataset | Iterable[xr.Dataset]) -> Iterable[xr.Dataset]:
+def _point_blocks(points: xr.Dataset | Iterable[xr.Dataset]) -> Iterable[xr.Dataset]:
     return [points] if isinstance(points, xr.Dataset) else points
 
 
-def _add(sums: CellSums, block: xr.Dataset, own: str | None) -> None:
+def _add_block(sums: CellSums, block: xr.Dataset, own: str | None) -> None:
     sd = block[own].values if own in block else None
     sums.add_points(block.easting.values, block.northing.values, block.up.values, sd)
 
 
-def trimmed(surface: xr.Dataset) -> xr.Dataset:
+def trim_surface(surface: xr.Dataset) -> xr.Dataset:
     """Surface without the cross-sections at both ends, or rows and columns, that have no height.
 
     Parameters
@@ -359,7 +359,7 @@ def trimmed(surface: xr.Dataset) -> xr.Dataset:
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_surface
+    >>> from trueterrain.core.schemas import make_surface
     >>> road = make_surface([[np.nan, np.nan], [1, 2], [1, 2]], u=[0, 1, 2], v=[0, 1],
     ...                     easting=[0, 1, 2], northing=[0, 0, 0])
     >>> trimmed(road).u.values

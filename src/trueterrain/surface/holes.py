@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.errors import SchemaError
+from trueterrain.core.errors import SchemaError
 from trueterrain.surface import _kernels
 
 Floats = npt.NDArray[np.float64]
@@ -23,7 +23,7 @@ _TOGETHER = 50_000  # nodes whose heights are found at once, if a hole has no mo
 
 
 @dataclass(frozen=True, kw_only=True)
-class Filling:
+class HoleSettings:
     """Which holes are filled."""
 
     largest: float = 0.1
@@ -37,7 +37,7 @@ class Filling:
 
 
 def fill_holes(
-    surface: xr.Dataset, filling: Filling = Filling(), *, in_place: bool = False
+    surface: xr.Dataset, filling: HoleSettings = HoleSettings(), *, in_place: bool = False
 ) -> tuple[xr.Dataset, dict[str, Any]]:
     """Fill interior holes up to a size, and say which there are.
 
@@ -70,7 +70,7 @@ def fill_holes(
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_surface
+    >>> from trueterrain.core.schemas import make_surface
     >>> road = make_surface([[0, 1, 2], [0, np.nan, 2], [0, 1, np.nan]], u=[0, 1, 2], v=[0, 1, 2],
     ...                     easting=[0, 1, 2], northing=[0, 0, 0])
     >>> whole, report = fill_holes(road, Filling(largest=1.0))
@@ -80,7 +80,7 @@ def fill_holes(
     dims = surface["height"].dims
     axes = [np.asarray(surface[dim], dtype=np.float64) for dim in dims]
     height = np.asarray(surface["height"], dtype=np.float64)
-    holes = _holes(height)
+    holes = _find_holes(height)
     if int(holes.nodes.sum()) == height.size:
         raise SchemaError("is missing everywhere", place="variable height")
     spacing = np.array([float(np.diff(axis).mean()) for axis in axes])
@@ -104,7 +104,7 @@ def fill_holes(
             for k, (a, b) in zip(order, middle[order].tolist(), strict=True)
         ],
     }
-    return _filled(surface, holes, small, spacing, in_place=in_place), report
+    return _fill_small_holes(surface, holes, small, spacing, in_place=in_place), report
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -146,7 +146,7 @@ class _Holes:
                 yield (column, row) if self.turned else (row, column)
 
 
-def _holes(height: Floats) -> _Holes:
+def _find_holes(height: Floats) -> _Holes:
     """All sets of nodes without height; runs along the axis that lies together in memory."""
     turned = abs(height.strides[0]) < abs(height.strides[1])
     cells = height.T if turned else height
@@ -160,7 +160,7 @@ def _holes(height: Floats) -> _Holes:
     return _Holes(runs=runs, hole=hole, low=low, high=high, nodes=nodes, turned=turned)
 
 
-def _filled(
+def _fill_small_holes(
     surface: xr.Dataset,
     holes: _Holes,
     small: npt.NDArray[np.bool_],
@@ -180,7 +180,7 @@ def _filled(
     if small.any() and not in_place:
         height = height.copy()
     for node in holes.nodes_of(small):
-        height[node] = _membrane(height, node, spacing)
+        height[node] = _solve_membrane(height, node, spacing)
         filled[node] = True
         stated = stated or any(not np.isnan(sd[node]).all() for sd in deviations.values())
     if stated:
@@ -194,7 +194,7 @@ def _filled(
     return result.assign({name: surface[name].copy(data=sd) for name, sd in deviations.items()})
 
 
-def _membrane(height: Floats, node: tuple[Integers, Integers], spacing: Floats) -> Floats:
+def _solve_membrane(height: Floats, node: tuple[Integers, Integers], spacing: Floats) -> Floats:
     """Heights of whole holes [m], in the order of their nodes; none is at the edge."""
     from scipy.sparse import coo_array
     from scipy.sparse.linalg import spsolve

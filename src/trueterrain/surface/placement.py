@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.errors import CoverageError
-from trueterrain.surface._self_overlap import overlap
-from trueterrain.surface.cells import Grid, grid_along, grid_over
-from trueterrain.surface.line import (
+from trueterrain.core.errors import CoverageError
+from trueterrain.geometry.reference_line import (
     ReferenceLine,
     line_from_trajectory,
     line_through,
     straight_line,
 )
+from trueterrain.surface._self_overlap import find_self_overlap
+from trueterrain.surface.cells import Grid, grid_along, grid_over
 
 if TYPE_CHECKING:
     from trueterrain.formats.run import Mounting
-    from trueterrain.surface.runs import Pass
+    from trueterrain.surface.runs import PassRecord
 
 Four = tuple[float, float, float, float]
 
@@ -28,7 +28,7 @@ _MOST_SMOOTHING = 1000.0  # [m] beyond, a line keeps nothing of a road
 
 
 @dataclass(frozen=True, kw_only=True)
-class Placement:
+class GridPlacement:
     """Where the nodes of a surface shall be."""
 
     spacing: float = 0.01
@@ -75,7 +75,7 @@ class Placement:
             message = f"smoothing must be from 0 to {_MOST_SMOOTHING:g} m, got {self.smoothing}."
             raise ValueError(message)
 
-    def of_runs(self, passes: "Sequence[Pass]") -> Grid:
+    def of_runs(self, passes: "Sequence[PassRecord]") -> Grid:
         """Grid for runs: along the way of the first, unless something else is asked for.
 
         Parameters
@@ -99,18 +99,21 @@ class Placement:
         if given is not None:
             return given
         if self.as_map:
-            return self._over([_extent(_way(one)) for one in passes], max(-self.right, self.left))
+            return self._over(
+                [_bounding_box(_scanner_positions(one)) for one in passes],
+                max(-self.right, self.left),
+            )
         first = passes[0]
-        begin, end = _times(first)
+        begin, end = _scan_time_span(first)
         line = line_from_trajectory(
             first.trajectory, spacing=self.spacing, half_width=max(-self.right, self.left),
-            smoothing=self.smoothing, lever=_mounting(first).scanner_position, begin=begin, end=end,
+            smoothing=self.smoothing, lever=_pass_mounting(first).scanner_position, begin=begin, end=end,
         )  # fmt: skip
-        beside = [_beside(line, _way(one)) for one in passes[1:]]
+        beside = [_lateral_extent(line, _scanner_positions(one)) for one in passes[1:]]
         right = self.right + min((low for low, _ in beside), default=0.0)
         left = self.left + max((high for _, high in beside), default=0.0)
         grid = grid_along(line, right=right, left=left, spacing=self.across)
-        met = overlap(grid)
+        met = find_self_overlap(grid)
         if met is not None and self.lap:
             whole = int(np.searchsorted(line.u, met[1])) - 1
             lap = ReferenceLine(
@@ -120,7 +123,7 @@ class Placement:
             return grid_along(lap, right=right, left=left, spacing=self.across)
         if met is not None:
             raise CoverageError(
-                _met(grid, met), path=first.path, place="way of the run",
+                _self_overlap_text(grid, met), path=first.path, place="way of the run",
                 cure=f"Take one lap: end {_time_at(first, met[1] / line.u[-1]):.1f} s (and begin); "
                 "or name the stretch with line or path, or a map with bounds.",
             )  # fmt: skip
@@ -159,10 +162,10 @@ class Placement:
                 half_width=max(-self.right, self.left, 0.0),
             )  # fmt: skip
             grid = self._along(line)
-            met = overlap(grid)
+            met = find_self_overlap(grid)
             if met is not None:
                 raise CoverageError(
-                    _met(grid, met), path=self.path,
+                    _self_overlap_text(grid, met), path=self.path,
                     cure="Give waypoints up to there, a narrower grid (right, left), or a map "
                     "with bounds.",
                 )  # fmt: skip
@@ -180,7 +183,7 @@ class Placement:
         )
 
 
-def _met(grid: Grid, met: tuple[float, float]) -> str:
+def _self_overlap_text(grid: Grid, met: tuple[float, float]) -> str:
     width = float(grid.v[-1] - grid.v[0])
     return (
         f"it comes back over itself: the grid, {width:g} m wide, lies at u = {met[1]:.2f} m over "
@@ -188,47 +191,47 @@ def _met(grid: Grid, met: tuple[float, float]) -> str:
     )
 
 
-def _time_at(one: "Pass", share: float) -> float:
+def _time_at(one: "PassRecord", share: float) -> float:
     """Time before which a share of the way is gone, down to a tenth of a second."""
-    way = _way(one)
+    way = _scanner_positions(one)
     gone = np.append(0.0, np.cumsum(np.hypot(*np.diff(way[:, :2], axis=0).T)))
-    at = np.interp(share * gone[-1], gone, _knots(one))
+    at = np.interp(share * gone[-1], gone, _motion_times(one))
     return float(np.floor(10 * at) / 10)
 
 
-def _mounting(one: "Pass") -> "Mounting":
+def _pass_mounting(one: "PassRecord") -> "Mounting":
     from trueterrain.formats.run import open_run
     from trueterrain.georeference import mounting_of
 
     return one.mounting or mounting_of(open_run(one.path), path=one.path)
 
 
-def _times(one: "Pass") -> tuple[float, float]:
+def _scan_time_span(one: "PassRecord") -> tuple[float, float]:
     """True times of the first and the last scan that the motion covers."""
     from trueterrain.formats.run import open_run
 
     stamps = np.asarray(open_run(one.path)["scans"]["time"], dtype=np.float64)
-    clock = _mounting(one).scanner_clock
+    clock = _pass_mounting(one).scanner_clock
     begin, end = (float(at) + clock for at in (np.nanmin(stamps), np.nanmax(stamps)))
     knots = one.trajectory.time
     return max(begin, float(knots[0])), min(end, float(knots[-1]))
 
 
-def _knots(one: "Pass") -> npt.NDArray[Any]:
+def _motion_times(one: "PassRecord") -> npt.NDArray[Any]:
     """Times of the motion while there are scans, shape (n,) [s]."""
-    begin, end = _times(one)
+    begin, end = _scan_time_span(one)
     time = one.trajectory.time
     return time[(time >= begin) & (time <= end)]
 
 
-def _way(one: "Pass") -> npt.NDArray[Any]:
+def _scanner_positions(one: "PassRecord") -> npt.NDArray[Any]:
     """Where the scanner is while it scans, shape (n, 3) [m]."""
-    poses = one.trajectory.at(_knots(one))
-    lever = np.array(_mounting(one).scanner_position)
+    poses = one.trajectory.at(_motion_times(one))
+    lever = np.array(_pass_mounting(one).scanner_position)
     return np.asarray(poses.position + poses.rotation.apply(lever))
 
 
-def _beside(line: ReferenceLine, way: npt.NDArray[Any]) -> tuple[float, float]:
+def _lateral_extent(line: ReferenceLine, way: npt.NDArray[Any]) -> tuple[float, float]:
     """How far a way runs to the right and to the left of a line, at least 0 m."""
     from scipy.spatial import KDTree
 
@@ -243,6 +246,6 @@ def _beside(line: ReferenceLine, way: npt.NDArray[Any]) -> tuple[float, float]:
     return float(v.min(initial=0.0)), float(v.max(initial=0.0))
 
 
-def _extent(way: npt.NDArray[Any]) -> Four:
+def _bounding_box(way: npt.NDArray[Any]) -> Four:
     low, high = way.min(axis=0), way.max(axis=0)
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])

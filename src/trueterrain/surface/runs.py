@@ -7,23 +7,18 @@ from typing import Any
 
 import xarray as xr
 
-from trueterrain import provenance
-from trueterrain.engine.progress import Progress, no_progress
-from trueterrain.errors import SchemaError
+from trueterrain.core import provenance
+from trueterrain.core.errors import SchemaError
+from trueterrain.core.progress import Progress, no_progress
 from trueterrain.formats.run import Mounting, open_run
 from trueterrain.georeference import Screening
 from trueterrain.motion.trajectory import Trajectory
-from trueterrain.surface._finish import Nodes, halo_of
+from trueterrain.surface._finish import NodeValues, halo_of
 from trueterrain.surface._recordings import Recording, origin_of, read_ahead
-from trueterrain.surface._windows import Plan, plan_windows
+from trueterrain.surface._windows import WindowPlan, plan_windows
 from trueterrain.surface.accumulate import CellSums
 from trueterrain.surface.cells import Grid
-from trueterrain.surface.grid import (
-    GridOptions,
-    finish_rows,
-    name_deviations,
-    require_heights,
-)
+from trueterrain.surface.grid import GridSettings, finish_rows, name_deviations, require_heights
 
 #: Scans in a block, unless told otherwise: whole chunks of a store.
 BLOCK = 4000
@@ -33,7 +28,7 @@ MEMORY = 256 << 20
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Pass:
+class PassRecord:
     """A run and its motion."""
 
     path: Path
@@ -47,9 +42,9 @@ class Pass:
 
 
 def grid_runs(
-    passes: Sequence[Pass],
+    passes: Sequence[PassRecord],
     grid: Grid,
-    options: GridOptions = GridOptions(),
+    options: GridSettings = GridSettings(),
     *,
     screening: Screening = Screening(),
     threads: int = 1,
@@ -112,14 +107,14 @@ def grid_runs(
         grid, recordings, wanted, margin=halo_of(options, grid), memory=memory, threads=threads,
         furthest=screening.furthest,
     )  # fmt: skip
-    nodes, tally = Nodes.empty(grid.shape), plan.tally
+    nodes, tally = NodeValues.empty(grid.shape), plan.tally
     sums = CellSums(grid, wanted, threads=threads, rows=slice(plan.rows), poses=plan.poses)
 
     def work(window: range) -> None:
         sums.move(plan.first(window))
 
         def add(those: CellSums) -> None:
-            _add(those, recordings, plan, window, screening, block, progress)
+            _add_scans(those, recordings, plan, window, screening, block, progress)
 
         add(sums)
         tally.add(sums.tally)
@@ -176,10 +171,10 @@ def _require_same(paths: Sequence[Path], origins: Sequence[tuple[float, ...]]) -
             )
 
 
-def _add(
+def _add_scans(
     sums: CellSums,
     recordings: Sequence[Recording],
-    plan: Plan,
+    plan: WindowPlan,
     window: range,
     screening: Screening,
     block: int,

@@ -7,7 +7,7 @@ import numpy.typing as npt
 import xarray as xr
 
 
-def summarise(surface: xr.Dataset) -> dict[str, Any]:
+def summarise_surface(surface: xr.Dataset) -> dict[str, Any]:
     """Size, spacing, counts and standard deviations of a surface.
 
     Parameters
@@ -24,7 +24,7 @@ def summarise(surface: xr.Dataset) -> dict[str, Any]:
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_surface
+    >>> from trueterrain.core.schemas import make_surface
     >>> road = make_surface([[0, 1], [2, np.nan]], easting=[0, 1], northing=[0, 1],
     ...                     count=[[4, 6], [8, 0]], sd=[[0.1, 0.2, ], [0.3, np.nan]])
     >>> summarise(road)["nodes"], summarise(road)["sd"]["median"]
@@ -38,22 +38,25 @@ def summarise(surface: xr.Dataset) -> dict[str, Any]:
         "size": dict(zip(dims, height.shape, strict=True)),
         "spacing": {dim: float(np.diff(surface[dim].values).mean()) for dim in dims},
         "nodes": int(seen.sum()),
-        "count": {"median": _median(count), "most": int(count.max()) if count.size else None},
-        **{name: _deviations(surface, name, seen) for name in ("sd", "sd_relative")},
+        "count": {
+            "median": _finite_median(count),
+            "most": int(count.max()) if count.size else None,
+        },
+        **{name: _sd_statistics(surface, name, seen) for name in ("sd", "sd_relative")},
     }
 
 
-def _deviations(
+def _sd_statistics(
     surface: xr.Dataset, name: str, seen: npt.NDArray[np.bool_]
 ) -> dict[str, float | None]:
     sd = surface[name].values[seen] if name in surface else np.empty(0)
     known = sd[np.isfinite(sd)]
     return {
-        "median": _median(known),
+        "median": _finite_median(known),
         "p95": float(np.percentile(known, 95)) if known.size else None,
         "largest": float(known.max()) if known.size else None,
     }
 
 
-def _median(values: npt.NDArray[Any]) -> float | None:
+def _finite_median(values: npt.NDArray[Any]) -> float | None:
     return float(np.median(values)) if values.size else None

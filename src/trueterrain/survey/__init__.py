@@ -6,7 +6,7 @@ from trueterrain.survey._clouds import merge_point_clouds
 from trueterrain.survey._settings import (
     MountingOverride,
     OutputSettings,
-    ProfileSettings,
+    ProfilePathSettings,
     RoughnessSettings,
     RunSettings,
     Survey,
@@ -20,7 +20,7 @@ __all__ = [
     "RESULT",
     "MountingOverride",
     "OutputSettings",
-    "ProfileSettings",
+    "ProfilePathSettings",
     "RoughnessSettings",
     "RunSettings",
     "Survey",

@@ -11,15 +11,15 @@ import numpy as np
 import numpy.typing as npt
 
 from trueterrain._version import __version__
-from trueterrain.engine import no_progress, whole_folder
-from trueterrain.engine.plain import finite
-from trueterrain.engine.progress import Progress
-from trueterrain.lanes.discontinuity import Agreement
-from trueterrain.lanes.merge import Merging
-from trueterrain.lanes.runs import merge_runs
+from trueterrain.alignment.discontinuity.alignment import DifferenceSummary
+from trueterrain.alignment.merge import MergeResult
+from trueterrain.alignment.run_passes import merge_runs
+from trueterrain.core import no_progress, whole_folder
+from trueterrain.core.json_values import json_values
+from trueterrain.core.progress import Progress
 from trueterrain.surface.evaluate import heights_at, node_coordinates
 from trueterrain.surface.runs import require_one_frame
-from trueterrain.survey._lane import Lane, Run, find_run, measure_lane, write_points
+from trueterrain.survey._lane import SurfaceResult, SurveyRun, find_run, measure_lane, write_points
 from trueterrain.survey._pictures import Pictures
 from trueterrain.survey._settings import Survey
 from trueterrain.verify.truth import TrueHeight
@@ -99,11 +99,11 @@ def run_survey(
 
     require_one_frame([Path(run.path) for run in survey.runs])
     with whole_folder(
-        folder, result=RESULT, force=force, inputs=_inputs(survey), names=REPORTED
+        folder, result=RESULT, force=force, inputs=_survey_inputs(survey), names=REPORTED
     ) as temporary:
         pictures = Pictures(temporary if survey.outputs.pictures else None)
         runs = [find_run(survey, run, progress) for run in survey.runs]
-        before, (runs, merging) = runs, _merged(survey, runs, threads, progress)
+        before, (runs, merging) = runs, _merge_runs(survey, runs, threads, progress)
         points = [write_points(survey, run, temporary, progress) for run in runs]
         together = [runs] if merging else [[run] for run in runs]
         lanes = [
@@ -121,16 +121,16 @@ def run_survey(
             pictures.of_whole(lane)
         if merging and survey.lanes:
             pictures.of_merging(merging, before, survey.lanes.cells.size)
-        numbers = finite({
+        numbers = json_values({
             "survey": survey.name,
             "title": survey.title,
             "version": __version__,
             "runs": [run.numbers for run in runs],
             "lanes": [lane.numbers for lane in lanes],
-            "merge": merging.summary() if merging else None,
+            "merge": merging.to_dict() if merging else None,
             "agreement": [
                 compared for one, other in itertools.combinations(lanes, 2)
-                if (compared := agreement(one, other)) is not None
+                if (compared := overlap_agreement(one, other)) is not None
             ],
         })  # fmt: skip
         (temporary / "result.json").write_text(
@@ -144,7 +144,7 @@ def run_survey(
     return SurveyResult(folder=Path(folder), files=written, numbers=numbers)
 
 
-def _inputs(survey: Survey) -> list[str]:
+def _survey_inputs(survey: Survey) -> list[str]:
     """All that a survey reads."""
     merging = survey.lanes
     others = [survey.grid.path, *(one.path for one in survey.profiles)]
@@ -153,9 +153,9 @@ def _inputs(survey: Survey) -> list[str]:
     return [*(run.path for run in survey.runs), *(path for path in others if path)]
 
 
-def _merged(
-    survey: Survey, runs: list[Run], threads: int, progress: Progress
-) -> tuple[list[Run], Merging | None]:
+def _merge_runs(
+    survey: Survey, runs: list[SurveyRun], threads: int, progress: Progress
+) -> tuple[list[SurveyRun], MergeResult | None]:
     """Runs brought into agreement, if the survey asks for it."""
     if survey.lanes is None:
         return runs, None
@@ -168,7 +168,9 @@ def _merged(
     return [replace(run, taken=passes[run.name]) for run in runs], merging
 
 
-def _truth_of(runs: list[Run], truth: Callable[[Path], TrueHeight | None]) -> TrueHeight | None:
+def _truth_of(
+    runs: list[SurveyRun], truth: Callable[[Path], TrueHeight | None]
+) -> TrueHeight | None:
     """True ground under several runs: where several know it, what the first says."""
     known = [found for run in runs if (found := truth(run.taken.path)) is not None]
     if len(known) < len(runs):
@@ -183,7 +185,7 @@ def _truth_of(runs: list[Run], truth: Callable[[Path], TrueHeight | None]) -> Tr
     return height
 
 
-def agreement(one: Lane, other: Lane) -> dict[str, Any] | None:
+def overlap_agreement(one: SurfaceResult, other: SurfaceResult) -> dict[str, Any] | None:
     """Differences of height where two lanes overlap.
 
     Parameters
@@ -198,7 +200,7 @@ def agreement(one: Lane, other: Lane) -> dict[str, Any] | None:
         apart ``median``, ``nmad``, ``rmse`` and ``p95`` [m]; None if they share too few nodes.
     """
     difference = heights_at(other.coarse, *node_coordinates(one.coarse)) - one.coarse.height.values
-    found = Agreement.of(difference)
+    found = DifferenceSummary.of(difference)
     if found.n < _FEW:
         return None
     return {"lanes": [one.name, other.name], **asdict(found)}

@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 
 from trueterrain._version import __version__
-from trueterrain.lanes._seams import seams_of
-from trueterrain.lanes.cells import LaneCells
-from trueterrain.lanes.merge import compared, require_different
+from trueterrain.alignment.merge import compare_passes, require_different
+from trueterrain.alignment.observations.cells import PassCells
+from trueterrain.alignment.seams import seams_of
 from trueterrain.report import Block, Number, Report, Section, Table, Text, Verdict, Warnings
-from trueterrain.survey._report_parts import columns, millimetres
+from trueterrain.survey._report_parts import parse_columns, to_millimetres
 
 
 def check_agreement(
-    cells: Sequence[LaneCells], *, limit: float, size: float, problems: Sequence[str] = ()
+    cells: Sequence[PassCells], *, limit: float, size: float, problems: Sequence[str] = ()
 ) -> dict[str, Any]:
     """Differences of passes where they overlap, and whether they keep a limit.
 
@@ -43,7 +43,7 @@ def check_agreement(
         If no cell is seen by two passes, or two passes hold the same returns.
     """
     require_different(cells)
-    pairs = compared(cells)
+    pairs = compare_passes(cells)
     none = {one.name: np.zeros(len(one)) for one in cells}
     seams, no_seams = seams_of(cells, none, size)
     paired = {name for pair in pairs for name in (pair.first, pair.second)}
@@ -85,19 +85,19 @@ def check_report(found: dict[str, Any], *, title: str) -> Report:
     Report
         To be written.
     """
-    limit = millimetres(found["limit"])
+    limit = to_millimetres(found["limit"])
     verdicts: list[Verdict | None] = [
         "good" if pair["agree"] else "bad" for pair in found["pairs"]
     ]  # fmt: skip
     blocks: list[Block] = [
         Table(
-            columns=columns(
+            columns=parse_columns(
                 "Passes; Cells; Median [mm] .2; NMAD [mm] .2; RMSE [mm] .2; 95 % [mm] .2"
             ),
             rows=[
                 (
                     f"{pair['second']} - {pair['first']}", pair["n"],
-                    *(millimetres(pair[name]) for name in ("median", "nmad", "rmse", "p95")),
+                    *(to_millimetres(pair[name]) for name in ("median", "nmad", "rmse", "p95")),
                 )
                 for pair in found["pairs"]
             ],
@@ -109,9 +109,9 @@ def check_report(found: dict[str, Any], *, title: str) -> Report:
     if found["seams"]:
         blocks.append(
             Table(
-                columns=columns("Passes; Seam [mm] .2"),
+                columns=parse_columns("Passes; Seam [mm] .2"),
                 rows=[
-                    (" - ".join(seam["lanes"]), millimetres(seam["median"]))
+                    (" - ".join(seam["lanes"]), to_millimetres(seam["median"]))
                     for seam in found["seams"]
                 ],
                 caption="Steps that the mean of the passes would make at the edges of the overlap.",
@@ -133,7 +133,7 @@ def check_report(found: dict[str, Any], *, title: str) -> Report:
             verdict="good" if found["agree"] else "bad", note=f"within {limit:g} mm (95 %)",
         ),
         Number(
-            label="Largest difference", value=millimetres(worst["p95"]), unit="mm", digits=1,
+            label="Largest difference", value=to_millimetres(worst["p95"]), unit="mm", digits=1,
             note=f"95 %, {worst['first']} and {worst['second']}",
         ),
     )  # fmt: skip

@@ -4,14 +4,10 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from trueterrain import formats, provenance
+from trueterrain import formats
 from trueterrain._version import __version__
-from trueterrain.engine import no_progress, whole_folder
-from trueterrain.engine.plain import finite
-from trueterrain.engine.progress import Progress
-from trueterrain.formats import PointFilter
-from trueterrain.lanes.clouds import (
-    CloudLane,
+from trueterrain.alignment.clouds.merge import (
+    CloudPass,
     CorrectedClouds,
     cloud_lanes,
     merge_clouds,
@@ -19,15 +15,19 @@ from trueterrain.lanes.clouds import (
     suggested_cell,
     with_cells,
 )
-from trueterrain.lanes.merge import MergeSettings, Merging
+from trueterrain.alignment.merge import MergeResult, MergeSettings
+from trueterrain.core import no_progress, provenance, whole_folder
+from trueterrain.core.json_values import json_values
+from trueterrain.core.progress import Progress
+from trueterrain.formats import PointFilter
 from trueterrain.report import File, Files, Picture, Report, Section, SurfaceView, Table, Warnings
-from trueterrain.surface.grid import GridOptions, trimmed
-from trueterrain.surface.placement import Placement
-from trueterrain.surface.summary import summarise
+from trueterrain.surface.grid import GridSettings, trim_surface
+from trueterrain.surface.placement import GridPlacement
+from trueterrain.surface.summary import summarise_surface
 from trueterrain.survey._chain import REPORTED, RESULT, SurveyResult
 from trueterrain.survey._pictures import Pictures
 from trueterrain.survey._report_merge import merge_headline, merge_section
-from trueterrain.survey._report_parts import columns, millimetres
+from trueterrain.survey._report_parts import parse_columns, to_millimetres
 
 _SURFACE = "merged"
 
@@ -100,36 +100,36 @@ def merge_point_clouds(
         merging, corrected = merge_clouds(lanes, settings, progress=progress)
         pictures = Pictures(temporary)
         pictures.of_merging(merging, [], settings.cells.size)
-        written = [*_clouds(corrected, temporary, progress)]
+        written = [*_write_clouds(corrected, temporary, progress)]
         progress("surface", 0, None)
-        placement = Placement(spacing=spacing or settings.cells.size)
+        placement = GridPlacement(spacing=spacing or settings.cells.size)
         grid = placement.of_points([one.lane.extent for one in corrected.values()])
-        surface = trimmed(merged_surface(corrected, grid, GridOptions(), threads=threads))
+        surface = trim_surface(merged_surface(corrected, grid, GridSettings(), threads=threads))
         formats.write(surface, temporary / f"{_SURFACE}.tif")
         written.append((f"{_SURFACE}.tif", "the merged surface"))
         pictures.of_surface(_SURFACE, surface)
-        numbers = finite({
+        numbers = json_values({
             "version": __version__,
             "lanes": {
                 name: {"points": lane.count, "area": lane.area, "time": lane.time}
                 for name, lane in lanes.items()
             },
             "cell": settings.cells.size,
-            "surface": summarise(surface),
-            "merge": merging.summary(),
+            "surface": summarise_surface(surface),
+            "merge": merging.to_dict(),
         })  # fmt: skip
         (temporary / "result.json").write_text(
             json.dumps(numbers, indent=2, allow_nan=False) + "\n"
         )
         view = SurfaceView(surface=surface, caption="The merged surface.")
-        report = _report(lanes, merging, pictures, view, [*written, *pictures.files])
+        report = _merge_report(lanes, merging, pictures, view, [*written, *pictures.files])
         write_report(report, temporary / "report.html")
         pictures.close()
         names = tuple(sorted(file.name for file in temporary.iterdir()))
     return SurveyResult(folder=Path(folder), files=names, numbers=numbers)
 
 
-def _clouds(
+def _write_clouds(
     corrected: CorrectedClouds, folder: Path, progress: Progress
 ) -> Sequence[tuple[str, str]]:
     found = []
@@ -141,16 +141,16 @@ def _clouds(
     return found
 
 
-def _report(
-    lanes: dict[str, CloudLane],
-    merging: Merging,
+def _merge_report(
+    lanes: dict[str, CloudPass],
+    merging: MergeResult,
     pictures: Pictures,
     view: SurfaceView,
     files: Sequence[tuple[str, str]],
 ) -> Report:
-    numbers = summarise(view.surface)
+    numbers = summarise_surface(view.surface)
     ground = Table(
-        columns=columns(
+        columns=parse_columns(
             "Nodes; Returns per node .0; sd, median [mm] .2; sd, 95 % [mm] .2; "
             "sd relative, median [mm] .2; sd relative, 95 % [mm] .2"
         ),
@@ -158,7 +158,7 @@ def _report(
             (
                 numbers["nodes"], numbers["count"]["median"],
                 *(
-                    millimetres(numbers[name][which])
+                    to_millimetres(numbers[name][which])
                     for name in ("sd", "sd_relative") for which in ("median", "p95")
                 ),
             )
@@ -168,7 +168,7 @@ def _report(
         "all passes share, and is empty where nothing is known of that.",
     )  # fmt: skip
     inputs = Table(
-        columns=columns("Pass; Points; Area [m²] .0; Points per m² .1"),
+        columns=parse_columns("Pass; Points; Area [m²] .0; Points per m² .1"),
         rows=[(name, lane.count, lane.area, lane.density) for name, lane in lanes.items()],
         caption="The passes.",
     )
@@ -189,5 +189,5 @@ def _report(
             Section(title="What went in", blocks=[inputs]),
             Section(title="Files", blocks=[Files(files=listed)]),
         ),
-        provenance={_SURFACE: provenance.steps(view.surface)},
+        provenance={_SURFACE: provenance.provenance_steps(view.surface)},
     )  # fmt: skip

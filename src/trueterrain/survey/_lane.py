@@ -9,14 +9,15 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from trueterrain import formats, provenance
-from trueterrain.engine.progress import Progress
-from trueterrain.errors import CoverageError, concerning
+from trueterrain import formats
+from trueterrain.core import provenance
+from trueterrain.core.errors import CoverageError, name_file_in_errors
+from trueterrain.core.progress import Progress
+from trueterrain.core.schemas import make_profile
 from trueterrain.formats.run import open_run
 from trueterrain.formats.table import read_waypoints
 from trueterrain.georeference import georeference, mounting_of
-from trueterrain.kinds import make_profile
-from trueterrain.motion import FusedMotion, Trajectory, fuse
+from trueterrain.motion import FusedMotion, Trajectory, fuse_motion
 from trueterrain.motion._scans import scan_problems
 from trueterrain.profile import (
     WheelPath,
@@ -26,17 +27,17 @@ from trueterrain.profile import (
     tyre_profile,
     waypoint_path,
 )
-from trueterrain.profile.area import area_doubt, reach
+from trueterrain.profile.area import area_doubt, area_reach
 from trueterrain.profile.envelope import tyre_envelope
-from trueterrain.roughness import doubts, iri
+from trueterrain.roughness import flag_profile, iri
 from trueterrain.roughness.plausible import rating_doubts
 from trueterrain.surface.coarse import down_sample
 from trueterrain.surface.evaluate import heights_at, node_coordinates, surface_to_points
-from trueterrain.surface.grid import trimmed
+from trueterrain.surface.grid import trim_surface
 from trueterrain.surface.holes import fill_holes
-from trueterrain.surface.runs import Pass, grid_runs
-from trueterrain.surface.summary import summarise
-from trueterrain.survey._settings import ProfileSettings, RunSettings, Survey, lane_name
+from trueterrain.surface.runs import PassRecord, grid_runs
+from trueterrain.surface.summary import summarise_surface
+from trueterrain.survey._settings import ProfilePathSettings, RunSettings, Survey, lane_name
 from trueterrain.verify.truth import TrueHeight, statistics_of
 
 _PARALLEL = 1.01  # by which one wheel path may be longer than the other
@@ -48,7 +49,7 @@ Look = Callable[[str, xr.Dataset, "dict[str, xr.Dataset]"], None]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Run:
+class SurveyRun:
     """A run of the survey, and its motion."""
 
     name: str
@@ -57,7 +58,7 @@ class Run:
     motion: FusedMotion
     "How the motion was found."
 
-    taken: Pass
+    taken: PassRecord
     "Where it is, the part of its motion that counts, and its mounting."
 
     numbers: dict[str, Any]
@@ -65,7 +66,7 @@ class Run:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Lane:
+class SurfaceResult:
     """What one run became, or several together."""
 
     name: str
@@ -87,7 +88,7 @@ class Lane:
     "Steps that led to the surface."
 
 
-def find_run(survey: Survey, run: RunSettings, progress: Progress) -> Run:
+def find_run(survey: Survey, run: RunSettings, progress: Progress) -> SurveyRun:
     """Open a run and find its motion.
 
     Parameters
@@ -106,35 +107,35 @@ def find_run(survey: Survey, run: RunSettings, progress: Progress) -> Run:
     """
     name, path = lane_name(run), Path(run.path)
     progress(f"{name}: motion", 0, None)
-    with concerning(path), warnings.catch_warnings():
+    with name_file_in_errors(path), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # what it warns of is among the problems as well
         tree = open_run(path)
         mounting = run.mounting.over(mounting_of(tree, path=path))
-        motion = fuse(tree, settings=survey.motion)
+        motion = fuse_motion(tree, settings=survey.motion)
         problems = [*motion.problems, *scan_problems(tree, motion.trajectory)]
         trajectory = motion.trajectory.between(run.begin, run.end)
     numbers = {
         "name": name,
         **_of_run(tree, path, trajectory),
         "mounting": asdict(mounting),
-        "motion": motion.summary(),
+        "motion": motion.to_dict(),
         "problems": problems,
     }
-    taken = Pass(path=path, trajectory=trajectory, mounting=mounting)
-    return Run(name=name, motion=motion, taken=taken, numbers=numbers)
+    taken = PassRecord(path=path, trajectory=trajectory, mounting=mounting)
+    return SurveyRun(name=name, motion=motion, taken=taken, numbers=numbers)
 
 
 def measure_lane(
     survey: Survey,
     name: str,
-    runs: Sequence[Run],
+    runs: Sequence[SurveyRun],
     folder: Path,
     *,
     threads: int,
     truth: TrueHeight | None,
     look: Look,
     progress: Progress,
-) -> Lane:
+) -> SurfaceResult:
     """Turn runs into one surface and profiles, and write them.
 
     Parameters
@@ -167,7 +168,7 @@ def measure_lane(
         passes, survey.grid.of_runs(passes), cells, screening=survey.screening,
         threads=threads, progress=lambda run, done, total: progress(f"{run}: scans", done, total),
     )  # fmt: skip
-    surface, holes = fill_holes(trimmed(surface), survey.holes, in_place=True)
+    surface, holes = fill_holes(trim_surface(surface), survey.holes, in_place=True)
     loss = None
     if survey.down_sample is not None:
         surface, loss = down_sample(surface, survey.down_sample)
@@ -177,34 +178,34 @@ def measure_lane(
         "holes": survey.holes, "down_sample": survey.down_sample,
     })  # fmt: skip
     progress(f"{name}: files", 0, None)
-    files = [*_surfaces(survey, surface, name, folder)]
+    files = [*_write_surfaces(survey, surface, name, folder)]
     progress(f"{name}: profiles", 0, None)
-    profiles, left_out = _profiles(survey, surface, name)
+    profiles, left_out = _extract_profiles(survey, surface, name)
     files += _profile_files(survey, profiles, name, folder)
-    index, unrated = _rated(survey, profiles)
+    index, unrated = _rate_profiles(survey, profiles)
     look(name, surface, profiles)
     numbers = {
         "name": name,
         "runs": [run.name for run in runs],
         "returns": tally,
-        "surface": {**summarise(surface), "holes": holes, "down_sample": loss},
+        "surface": {**summarise_surface(surface), "holes": holes, "down_sample": loss},
         "profiles": [
             {**_of_profile(profile, index.get(one)), "name": one}
             for one, profile in profiles.items()
         ],
         "wheel_paths": list(_wheel_paths(survey, profiles, index)),
-        "truth": None if truth is None else _against(survey, surface, truth, index),
-        "problems": [*_problems(tally, holes), *left_out, *unrated],
+        "truth": None if truth is None else _compare_with_truth(survey, surface, truth, index),
+        "problems": [*_list_problems(tally, holes), *left_out, *unrated],
         "files": [file for file, _ in files],
     }  # fmt: skip
-    return Lane(
-        name=name, coarse=_coarse(surface), profiles=profiles, files=tuple(files), numbers=numbers,
-        steps=provenance.steps(surface),
+    return SurfaceResult(
+        name=name, coarse=_view_surface(surface), profiles=profiles, files=tuple(files), numbers=numbers,
+        steps=provenance.provenance_steps(surface),
     )  # fmt: skip
 
 
 def write_points(
-    survey: Survey, run: Run, folder: Path, progress: Progress
+    survey: Survey, run: SurveyRun, folder: Path, progress: Progress
 ) -> tuple[str, str] | None:
     """Write every return of a run as a point, if the survey asks for it.
 
@@ -241,7 +242,7 @@ def write_points(
     return file, f"every return of {run.name} at its own time"
 
 
-def _surfaces(
+def _write_surfaces(
     survey: Survey, surface: xr.Dataset, name: str, folder: Path
 ) -> Iterator[tuple[str, str]]:
     for ending in survey.outputs.surface:
@@ -252,7 +253,7 @@ def _surfaces(
         yield file, f"{name}: surface" + (", nodes as points" if ending == "laz" else "")
 
 
-def _profiles(
+def _extract_profiles(
     survey: Survey, surface: xr.Dataset, lane: str
 ) -> tuple[dict[str, xr.Dataset], list[str]]:
     """Profiles by name, and why others could not be taken."""
@@ -267,7 +268,7 @@ def _profiles(
     return found, problems
 
 
-def taken_along(surface: xr.Dataset, wanted: ProfileSettings) -> xr.Dataset:
+def taken_along(surface: xr.Dataset, wanted: ProfilePathSettings) -> xr.Dataset:
     """Profile that a tyre feels along a path.
 
     Parameters
@@ -282,7 +283,7 @@ def taken_along(surface: xr.Dataset, wanted: ProfileSettings) -> xr.Dataset:
     xarray.Dataset
         Profile.
     """
-    path, options = _path(surface, wanted), wanted.tyre
+    path, options = _covered_path(surface, wanted), wanted.tyre
     if wanted.envelope is not None:
         return tyre_envelope(surface, path, tyre=wanted.envelope.model(), thin=options.thin)
     taken = options.taken()
@@ -294,7 +295,7 @@ def taken_along(surface: xr.Dataset, wanted: ProfileSettings) -> xr.Dataset:
     )  # fmt: skip
 
 
-def _path(surface: xr.Dataset, wanted: ProfileSettings) -> WheelPath:
+def _covered_path(surface: xr.Dataset, wanted: ProfilePathSettings) -> WheelPath:
     """Path as far as the surface lies under it, search areas included."""
     if wanted.offset is not None:
         path = offset_path(surface, wanted.offset, spacing=wanted.spacing)
@@ -304,7 +305,7 @@ def _path(surface: xr.Dataset, wanted: ProfileSettings) -> WheelPath:
         assert wanted.path is not None  # one of them is given
         path = waypoint_path(*read_waypoints(Path(wanted.path)), spacing=wanted.spacing)
     seen = np.flatnonzero(np.isfinite(heights_at(surface, path.easting, path.northing)))
-    margin = int(np.ceil(reach(wanted.tyre.search_area()) / wanted.spacing))
+    margin = int(np.ceil(area_reach(wanted.tyre.search_area()) / wanted.spacing))
     if seen.size < 2 * margin + 2:
         raise CoverageError(
             "the surface does not lie under the path", place=f"profile {wanted.name}",
@@ -323,7 +324,7 @@ def _profile_files(
             yield file, f"{lane}: profile {name}"
 
 
-def _rated(
+def _rate_profiles(
     survey: Survey, profiles: dict[str, xr.Dataset]
 ) -> tuple[dict[str, xr.Dataset], list[str]]:
     """Roughness of profiles, what is doubtful about it, and why others have none."""
@@ -336,7 +337,7 @@ def _rated(
         except (CoverageError, ValueError) as error:
             problems.append(f"profile {name} is not rated: {error}")
             continue
-        problems += doubts(profile.assign_attrs(track=name))
+        problems += flag_profile(profile.assign_attrs(track=name))
         unsure = rating_doubts(profile, survey.roughness.iri)
         problems += [f"profile {name}: {doubt}" for doubt in unsure]
     return found, problems
@@ -371,7 +372,7 @@ def _half_car(survey: Survey, left: xr.Dataset, right: xr.Dataset) -> float | No
         return None  # too short where both are
 
 
-def _against(
+def _compare_with_truth(
     survey: Survey, surface: xr.Dataset, truth: TrueHeight, index: dict[str, xr.Dataset]
 ) -> dict[str, Any]:
     """Errors of the heights, and the IRI [m/km] of the true ground along the same paths."""
@@ -423,7 +424,7 @@ def _of_profile(profile: xr.Dataset, index: xr.Dataset | None) -> dict[str, Any]
     return numbers
 
 
-def _problems(tally: dict[str, Any], holes: dict[str, Any]) -> Iterator[str]:
+def _list_problems(tally: dict[str, Any], holes: dict[str, Any]) -> Iterator[str]:
     words = {
         "scans_uncovered": "scans without motion are left out",
         "bridged": "scans lie at times that navigation did not see",
@@ -437,7 +438,7 @@ def _problems(tally: dict[str, Any], holes: dict[str, Any]) -> Iterator[str]:
         yield f"{many} left open, {holes['open_nodes']:,} nodes in all"
 
 
-def _coarse(surface: xr.Dataset) -> xr.Dataset:
+def _view_surface(surface: xr.Dataset) -> xr.Dataset:
     dims = surface["height"].dims
     factor = tuple(
         max(1, min(round(_VIEWED / float(np.diff(surface[dim]).mean())), surface.sizes[dim] - 1))

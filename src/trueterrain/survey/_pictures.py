@@ -13,8 +13,8 @@ from trueterrain import figures
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from trueterrain.lanes.merge import Merging
-    from trueterrain.survey._lane import Lane, Run
+    from trueterrain.alignment.merge import MergeResult
+    from trueterrain.survey._lane import SurfaceResult, SurveyRun
 
 _MOST = 0.99  # share of the cells whose differences before a common colour scale shows
 _SHOWN = 3  # profiles in one picture
@@ -49,13 +49,13 @@ class Pictures:
         profiles : dict of xarray.Dataset
             Its profiles by name.
         """
-        self.parts[lane] = _middle(surface)
+        self.parts[lane] = _middle_part(surface)
         self._keep(lane, "part", figures.surface_map(self.parts[lane]), "part of the surface")
         if profiles:
             some = dict(list(profiles.items())[:_SHOWN])
             self._keep(lane, "profiles", figures.profiles(some), "profiles")
 
-    def of_whole(self, lane: "Lane") -> None:
+    def of_whole(self, lane: "SurfaceResult") -> None:
         """Draw the whole surface.
 
         Parameters
@@ -77,7 +77,7 @@ class Pictures:
         """
         self._keep(lane, "surface", figures.surface_map(surface), "surface")
 
-    def of_motion(self, run: "Run") -> None:
+    def of_motion(self, run: "SurveyRun") -> None:
         """Draw how the body moved.
 
         Parameters
@@ -90,7 +90,7 @@ class Pictures:
         motion = {"time": t.time, "up": t.position[:, 2], "pitch": pitch, "roll": roll}
         self._keep(run.name, "motion", figures.body_motion(motion), "motion of the body")
 
-    def of_merging(self, merging: "Merging", runs: "Sequence[Run]", cell: float) -> None:
+    def of_merging(self, merging: "MergeResult", runs: "Sequence[SurveyRun]", cell: float) -> None:
         """Draw how passes were brought into agreement.
 
         Parameters
@@ -147,11 +147,11 @@ class Pictures:
         self.figures[lane, kind] = axes.figure
         if self.folder is not None:
             file = f"{lane}-{kind}.png"
-            figures.save(axes.figure, self.folder / file)
+            figures.save_figure(axes.figure, self.folder / file)
             self.files.append((file, f"{lane}: {what}"))
 
 
-def _middle(surface: xr.Dataset) -> xr.Dataset:
+def _middle_part(surface: xr.Dataset) -> xr.Dataset:
     """A part of a long lane from its middle, so that single stones are seen."""
     if "u" not in surface.dims:
         return surface

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Any
 
-from trueterrain.lanes.merge import Merging
+from trueterrain.alignment.merge import MergeResult
 from trueterrain.report import (
     Block,
     Column,
@@ -18,20 +18,20 @@ from trueterrain.report import (
     Text,
     Warnings,
 )
-from trueterrain.survey._lane import Lane
+from trueterrain.survey._lane import SurfaceResult
 from trueterrain.survey._pictures import Pictures
 from trueterrain.survey._report_merge import merge_headline, merge_section
-from trueterrain.survey._report_parts import columns, millimetres
+from trueterrain.survey._report_parts import parse_columns, to_millimetres
 from trueterrain.survey._settings import Survey
 
 
 def report_of(
     survey: Survey,
-    lanes: list[Lane],
+    lanes: list[SurfaceResult],
     numbers: dict[str, Any],
     pictures: Pictures,
     files: list[tuple[str, str]],
-    merging: Merging | None = None,
+    merging: MergeResult | None = None,
 ) -> Report:
     """Report of a survey.
 
@@ -58,31 +58,31 @@ def report_of(
     problems = [f"{lane.name}: {problem}" for lane in lanes for problem in lane.numbers["problems"]]
     sections = [
         Section(title="What is doubtful", blocks=[Warnings(items=problems)]) if problems else None,
-        _ground(lanes, pictures),
+        _ground_section(lanes, pictures),
         merge_section(merging, pictures) if merging else None,
-        _accuracy(numbers),
+        _accuracy_section(numbers),
         _against_truth(lanes),
-        _profiles(survey, lanes, pictures),
-        _motion(survey, numbers["runs"], pictures),
-        _inputs(numbers),
-        _files(files),
+        _profile_section(survey, lanes, pictures),
+        _motion_section(survey, numbers["runs"], pictures),
+        _input_section(numbers),
+        _file_section(files),
     ]
     return Report(
         title=survey.title or survey.name,
-        subtitle=f"Survey {survey.name}: " + _count(len(numbers["runs"]), "recorded run"),
-        headline=tuple(_headline(lanes, numbers, merging)),
+        subtitle=f"Survey {survey.name}: " + _count_text(len(numbers["runs"]), "recorded run"),
+        headline=tuple(_headline_numbers(lanes, numbers, merging)),
         sections=tuple(section for section in sections if section is not None),
         provenance={lane.name: lane.steps for lane in lanes},
     )
 
 
-def _headline(
-    lanes: list[Lane], numbers: dict[str, Any], merging: Merging | None
+def _headline_numbers(
+    lanes: list[SurfaceResult], numbers: dict[str, Any], merging: MergeResult | None
 ) -> Iterator[Number]:
     each = numbers["lanes"]
     yield Number(
         label="Driven", value=sum(run["driven"] for run in numbers["runs"]), unit="m", digits=0,
-        note=_count(len(numbers["runs"]), "run"),
+        note=_count_text(len(numbers["runs"]), "run"),
     )  # fmt: skip
     yield Number(
         label="Returns gridded", value=sum(lane["returns"]["used"] for lane in each) / 1e6,
@@ -96,7 +96,7 @@ def _headline(
         if known := [sd for sd in sds if sd is not None]:
             yield Number(
                 label=label, value=1000 * max(known), unit="mm", digits=2,
-                note="median over the nodes" + _worst(len(lanes)),
+                note="median over the nodes" + _worst_text(len(lanes)),
             )  # fmt: skip
     if merging is not None:
         yield from merge_headline(merging)
@@ -110,12 +110,12 @@ def _headline(
         yield Number(
             label="Error of heights about their median",
             value=1000 * max(truth["nmad"] for truth in truths), unit="mm", digits=2,
-            note="NMAD against the true ground" + _worst(len(lanes)),
+            note="NMAD against the true ground" + _worst_text(len(lanes)),
         )  # fmt: skip
-    yield from _roughness(each)
+    yield from _roughness_numbers(each)
 
 
-def _roughness(lanes: list[dict[str, Any]]) -> Iterator[Number]:
+def _roughness_numbers(lanes: list[dict[str, Any]]) -> Iterator[Number]:
     """MRI of each pair of wheel paths; without any, the IRI of each profile."""
     several = len(lanes) > 1
     pairs = [(lane["name"], pair) for lane in lanes for pair in lane["wheel_paths"]]
@@ -133,21 +133,21 @@ def _roughness(lanes: list[dict[str, Any]]) -> Iterator[Number]:
                 yield Number(label="IRI", value=profile["iri"], unit="m/km", digits=2, note=note)
 
 
-def _ground(lanes: list[Lane], pictures: Pictures) -> Section:
+def _ground_section(lanes: list[SurfaceResult], pictures: Pictures) -> Section:
     rows = [
         (
             lane.name, lane.numbers["surface"]["nodes"],
             " × ".join(f"{step:g} m" for step in lane.numbers["surface"]["spacing"].values()),
             lane.numbers["surface"]["count"]["median"],
-            *(millimetres(lane.numbers["surface"]["sd"][name]) for name in ("median", "p95")),
-            millimetres(lane.numbers["surface"]["sd_relative"]["median"]),
+            *(to_millimetres(lane.numbers["surface"]["sd"][name]) for name in ("median", "p95")),
+            to_millimetres(lane.numbers["surface"]["sd_relative"]["median"]),
             lane.numbers["surface"]["holes"]["filled_nodes"],
             lane.numbers["surface"]["holes"]["open_nodes"],
         )
         for lane in lanes
     ]  # fmt: skip
     table = Table(
-        columns=columns(
+        columns=parse_columns(
             "Lane; Nodes; Spacing; Returns per node .0; sd, median [mm] .3; sd, 95 % [mm] .3; "
             "sd relative, median [mm] .3; Filled nodes; Open nodes"
         ),
@@ -173,20 +173,20 @@ def _ground(lanes: list[Lane], pictures: Pictures) -> Section:
     return Section(title="The ground", blocks=blocks)
 
 
-def _accuracy(numbers: dict[str, Any]) -> Section:
+def _accuracy_section(numbers: dict[str, Any]) -> Section:
     rows = [
         (
             run["name"], run["motion"]["method"],
-            *(millimetres(run["motion"]["sd"][axis]) for axis in ("east", "north", "up")),
+            *(to_millimetres(run["motion"]["sd"][axis]) for axis in ("east", "north", "up")),
             *(
-                _mrad(run["motion"]["sd"][axis])
+                _to_milliradians(run["motion"]["sd"][axis])
                 for axis in ("about_east", "about_north", "about_up")
             ),
         )
         for run in numbers["runs"]
     ]  # fmt: skip
     motion = Table(
-        columns=columns(
+        columns=parse_columns(
             "Run; Method; East [mm] .1; North [mm] .1; Up [mm] .1; About east [mrad] .3; "
             "About north [mrad] .3; About up [mrad] .3"
         ),
@@ -197,14 +197,14 @@ def _accuracy(numbers: dict[str, Any]) -> Section:
     if numbers["agreement"]:
         blocks.append(
             Table(
-                columns=columns(
+                columns=parse_columns(
                     "Lanes; Nodes in common; Median [mm] .2; NMAD [mm] .2; RMSE [mm] .2; "
                     "95 % [mm] .2"
                 ),
                 rows=[
                     (
                         " - ".join(reversed(one["lanes"])), one["n"],
-                        *(millimetres(one[name]) for name in ("median", "nmad", "rmse", "p95")),
+                        *(to_millimetres(one[name]) for name in ("median", "nmad", "rmse", "p95")),
                     )
                     for one in numbers["agreement"]
                 ],
@@ -224,18 +224,18 @@ def _accuracy(numbers: dict[str, Any]) -> Section:
     return Section(title="How far it can be trusted", blocks=blocks)
 
 
-def _against_truth(lanes: list[Lane]) -> Section | None:
+def _against_truth(lanes: list[SurfaceResult]) -> Section | None:
     if any(lane.numbers["truth"] is None for lane in lanes):
         return None
     heights = Table(
-        columns=columns(
+        columns=parse_columns(
             "Lane; Nodes; Median [mm] .2; NMAD [mm] .2; RMS about the median [mm] .2; "
             "95 % [mm] .2"
         ),
         rows=[
             (
-                lane.name, truth["nodes"], millimetres(truth["median"]), millimetres(truth["nmad"]),
-                millimetres(truth["rms_about_median"]), millimetres(truth["p95"]),
+                lane.name, truth["nodes"], to_millimetres(truth["median"]), to_millimetres(truth["nmad"]),
+                to_millimetres(truth["rms_about_median"]), to_millimetres(truth["p95"]),
             )
             for lane in lanes
             for truth in [lane.numbers["truth"]["surface"]]
@@ -254,7 +254,7 @@ def _against_truth(lanes: list[Lane]) -> Section | None:
     if rated:
         blocks.append(
             Table(
-                columns=columns(
+                columns=parse_columns(
                     "Lane; Profile; IRI measured [m/km] .3; IRI of the true ground [m/km] .3; "
                     "Difference [%] .2"
                 ),
@@ -265,10 +265,12 @@ def _against_truth(lanes: list[Lane]) -> Section | None:
     return Section(title="Against the true ground", blocks=blocks)
 
 
-def _profiles(survey: Survey, lanes: list[Lane], pictures: Pictures) -> Section | None:
+def _profile_section(
+    survey: Survey, lanes: list[SurfaceResult], pictures: Pictures
+) -> Section | None:
     rows = [
         (
-            lane.name, profile["name"], profile["length"], millimetres(profile["sd_median"]),
+            lane.name, profile["name"], profile["length"], to_millimetres(profile["sd_median"]),
             profile["iri"],
         )
         for lane in lanes
@@ -278,7 +280,7 @@ def _profiles(survey: Survey, lanes: list[Lane], pictures: Pictures) -> Section 
         return None
     blocks: list[Block] = [
         Table(
-            columns=columns("Lane; Profile; Length [m] .2; sd, median [mm] .3; IRI [m/km] .2"),
+            columns=parse_columns("Lane; Profile; Length [m] .2; sd, median [mm] .3; IRI [m/km] .2"),
             rows=rows,
             caption="Profiles that a tyre feels, and their International Roughness Index. Their "
             "standard deviation is that of the statistic, by the heights under the tyre alone.",
@@ -292,7 +294,7 @@ def _profiles(survey: Survey, lanes: list[Lane], pictures: Pictures) -> Section 
     if both:
         blocks.append(
             Table(
-                columns=columns("Lane; Left; Right; MRI [m/km] .2; HRI [m/km] .2"),
+                columns=parse_columns("Lane; Left; Right; MRI [m/km] .2; HRI [m/km] .2"),
                 rows=both,
                 caption="Mean and half-car roughness index of two wheel paths: of profiles whose "
                 "names differ in left and right at their end. The second needs paths that are "
@@ -308,7 +310,7 @@ def _profiles(survey: Survey, lanes: list[Lane], pictures: Pictures) -> Section 
     if len(segments) > len(rows):
         blocks.append(
             Table(
-                columns=columns("Lane; Profile; From [m] .1; To [m] .1; IRI [m/km] .2"),
+                columns=parse_columns("Lane; Profile; From [m] .1; To [m] .1; IRI [m/km] .2"),
                 rows=segments,
                 caption=f"Segments of {survey.roughness.segment:g} m.",
             )
@@ -326,7 +328,7 @@ def _profiles(survey: Survey, lanes: list[Lane], pictures: Pictures) -> Section 
     return Section(title="Profiles and roughness", blocks=blocks)
 
 
-def _motion(survey: Survey, runs: list[dict[str, Any]], pictures: Pictures) -> Section:
+def _motion_section(survey: Survey, runs: list[dict[str, Any]], pictures: Pictures) -> Section:
     blocks: list[Block] = [
         Picture(
             figure=pictures.figures[run["name"], "motion"],
@@ -336,7 +338,9 @@ def _motion(survey: Survey, runs: list[dict[str, Any]], pictures: Pictures) -> S
         for run in runs
     ]
     noise = [
-        (run["name"], _noise(run["motion"]["noise"])) for run in runs if run["motion"]["noise"]
+        (run["name"], _noise_values(run["motion"]["noise"]))
+        for run in runs
+        if run["motion"]["noise"]
     ]
     if noise:
         columns = (Column(label="Run"), *(Column(label=label) for label in noise[0][1]))
@@ -352,7 +356,7 @@ def _motion(survey: Survey, runs: list[dict[str, Any]], pictures: Pictures) -> S
     return Section(title="Motion", text=text, blocks=blocks)
 
 
-def _noise(noise: dict[str, Any]) -> dict[str, str]:
+def _noise_values(noise: dict[str, Any]) -> dict[str, str]:
     """Values in words, since their units differ."""
     found = {}
     for name, value in noise.items():
@@ -362,9 +366,9 @@ def _noise(noise: dict[str, Any]) -> dict[str, str]:
     return found
 
 
-def _inputs(numbers: dict[str, Any]) -> Section:
+def _input_section(numbers: dict[str, Any]) -> Section:
     runs = Table(
-        columns=columns("Run; Store; Scans; Beams; Time [s] .1; Driven [m] .1"),
+        columns=parse_columns("Run; Store; Scans; Beams; Time [s] .1; Driven [m] .1"),
         rows=[
             tuple(run[key] for key in ("name", "path", "scans", "beams", "seconds", "driven"))
             for run in numbers["runs"]
@@ -372,7 +376,7 @@ def _inputs(numbers: dict[str, Any]) -> Section:
         caption="Recorded runs.",
     )
     returns = Table(
-        columns=columns("Lane; Returns gridded; Beside the grid; Doubtful; Scans left out"),
+        columns=parse_columns("Lane; Returns gridded; Beside the grid; Doubtful; Scans left out"),
         rows=[
             (
                 lane["name"],
@@ -393,19 +397,19 @@ def _inputs(numbers: dict[str, Any]) -> Section:
     return Section(title="What went in", text=text, blocks=[runs, returns])
 
 
-def _files(files: list[tuple[str, str]]) -> Section:
+def _file_section(files: list[tuple[str, str]]) -> Section:
     listed = [File(path=name, note=note) for name, note in files]
     listed.append(File(path="result.json", note="all numbers of this report"))
     return Section(title="Files", blocks=[Files(files=listed)])
 
 
-def _mrad(radians: float | None) -> float | None:
+def _to_milliradians(radians: float | None) -> float | None:
     return None if radians is None else 1000.0 * radians
 
 
-def _count(number: int, what: str) -> str:
+def _count_text(number: int, what: str) -> str:
     return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
-def _worst(lanes: int) -> str:
+def _worst_text(lanes: int) -> str:
     return ", worst lane" if lanes > 1 else ""

@@ -2,11 +2,11 @@
 
 from collections.abc import Iterator
 
-from trueterrain.lanes.merge import Merging
-from trueterrain.lanes.network import Adjustment
+from trueterrain.alignment.adjustment.network import Adjustment
+from trueterrain.alignment.merge import MergeResult
 from trueterrain.report import Block, Number, Picture, Section, Table, Text
 from trueterrain.survey._pictures import Pictures
-from trueterrain.survey._report_parts import columns, millimetres
+from trueterrain.survey._report_parts import parse_columns, to_millimetres
 
 _METHODS = {
     "network": "All passes were adjusted at once by least squares: each got a correction that "
@@ -30,7 +30,7 @@ _PICTURES = {
 }
 
 
-def merge_headline(merging: Merging) -> Iterator[Number]:
+def merge_headline(merging: MergeResult) -> Iterator[Number]:
     """Numbers of a merging to see first.
 
     Parameters
@@ -46,23 +46,23 @@ def merge_headline(merging: Merging) -> Iterator[Number]:
     worst = max(merging.pairs, key=lambda pair: pair.before.rmse, default=None)
     if worst is not None:
         yield Number(
-            label="Passes apart, before", value=millimetres(worst.before.rmse), unit="mm", digits=1,
+            label="Passes apart, before", value=to_millimetres(worst.before.rmse), unit="mm", digits=1,
             note=f"RMSE of {worst.first} and {worst.second}",
         )  # fmt: skip
         yield Number(
-            label="Passes apart, after", value=millimetres(worst.after.rmse), unit="mm", digits=2,
+            label="Passes apart, after", value=to_millimetres(worst.after.rmse), unit="mm", digits=2,
             note=f"RMSE of {worst.first} and {worst.second}",
         )  # fmt: skip
     seams = [seam for seam in merging.seams if seam.after.median == seam.after.median]
     if seams:
         most = max(seams, key=lambda seam: seam.after.median)
         yield Number(
-            label="Seam", value=millimetres(most.after.median), unit="mm", digits=2,
+            label="Seam", value=to_millimetres(most.after.median), unit="mm", digits=2,
             note=f"{1000 * most.before.median:.1f} mm before",
         )  # fmt: skip
 
 
-def merge_section(merging: Merging, pictures: Pictures) -> Section:
+def merge_section(merging: MergeResult, pictures: Pictures) -> Section:
     """Section on the agreement of the passes before and after.
 
     Parameters
@@ -77,8 +77,8 @@ def merge_section(merging: Merging, pictures: Pictures) -> Section:
     Section
         With tables and pictures.
     """
-    blocks: list[Block] = [_pairs(merging)]
-    blocks += [*_seams(merging), *_network(merging)]
+    blocks: list[Block] = [_pair_table(merging)]
+    blocks += [*_seam_blocks(merging), *_network_blocks(merging)]
     blocks += [
         Picture(figure=figure, alt=text, caption=text)
         for start, text in _PICTURES.items()
@@ -88,9 +88,9 @@ def merge_section(merging: Merging, pictures: Pictures) -> Section:
     return Section(title="How the passes agree", text=_METHODS[merging.method], blocks=blocks)
 
 
-def _pairs(merging: Merging) -> Table:
+def _pair_table(merging: MergeResult) -> Table:
     return Table(
-        columns=columns(
+        columns=parse_columns(
             "Passes; Cells; Median before [mm] .2; after [mm] .2; NMAD before [mm] .2; "
             "after [mm] .2; RMSE before [mm] .2; after [mm] .2; held back [mm] .2; "
             "95 % before [mm] .2; after [mm] .2; Rejected"
@@ -99,12 +99,12 @@ def _pairs(merging: Merging) -> Table:
             (
                 f"{pair.second} - {pair.first}", pair.before.n,
                 *(
-                    millimetres(getattr(state, name))
+                    to_millimetres(getattr(state, name))
                     for name in ("median", "nmad")
                     for state in (pair.before, pair.after)
                 ),
-                *(millimetres(state.rmse) for state in (pair.before, pair.after, pair.held_back)),
-                *(millimetres(state.p95) for state in (pair.before, pair.after)),
+                *(to_millimetres(state.rmse) for state in (pair.before, pair.after, pair.held_back)),
+                *(to_millimetres(state.p95) for state in (pair.before, pair.after)),
                 pair.rejected,
             )
             for pair in merging.pairs
@@ -114,14 +114,14 @@ def _pairs(merging: Merging) -> Table:
     )  # fmt: skip
 
 
-def _seams(merging: Merging) -> Iterator[Block]:
+def _seam_blocks(merging: MergeResult) -> Iterator[Block]:
     if merging.seams:
         yield Table(
-            columns=columns("Passes; Seam before [mm] .2; after [mm] .2"),
+            columns=parse_columns("Passes; Seam before [mm] .2; after [mm] .2"),
             rows=[
                 (
-                    " - ".join(seam.lanes), millimetres(seam.before.median),
-                    millimetres(seam.after.median),
+                    " - ".join(seam.lanes), to_millimetres(seam.before.median),
+                    to_millimetres(seam.after.median),
                 )
                 for seam in merging.seams
             ],
@@ -156,7 +156,7 @@ def describe_datum(found: Adjustment) -> str:
     )
 
 
-def _network(merging: Merging) -> Iterator[Block]:
+def _network_blocks(merging: MergeResult) -> Iterator[Block]:
     found = merging.adjustment
     if found is None:
         return
@@ -172,7 +172,9 @@ def _network(merging: Merging) -> Iterator[Block]:
         words += f" The data do not tell {', '.join(found.omitted)}, so these were left out."
     yield Text(paragraph=f"{words} {describe_datum(found)}")
     yield Table(
-        columns=columns("Pass; Chi-square .1; Degrees of freedom .1; Probability without drift .3"),
+        columns=parse_columns(
+            "Pass; Chi-square .1; Degrees of freedom .1; Probability without drift .3"
+        ),
         rows=[
             (test.name or "all together", test.statistic, test.freedom, test.p_value)
             for test in found.tests
@@ -182,10 +184,10 @@ def _network(merging: Merging) -> Iterator[Block]:
     )
     if found.closures:
         yield Table(
-            columns=columns("Loop; Before [mm] .2; After [mm] .2"),
+            columns=parse_columns("Loop; Before [mm] .2; After [mm] .2"),
             rows=[
                 (
-                    " - ".join(one.passes), millimetres(one.before), millimetres(one.after)
+                    " - ".join(one.passes), to_millimetres(one.before), to_millimetres(one.after)
                 )
                 for one in found.closures
             ],
@@ -195,7 +197,7 @@ def _network(merging: Merging) -> Iterator[Block]:
     alone = [(one.name, begin, end) for one in found.corrections for begin, end in one.unsupported]
     if alone:
         yield Table(
-            columns=columns("Pass; From [s] .1; To [s] .1"),
+            columns=parse_columns("Pass; From [s] .1; To [s] .1"),
             rows=alone,
             caption="Where no other pass sees the same ground: there smoothness alone ties the "
             "correction, and its standard deviation grows.",

@@ -7,7 +7,7 @@ from trueterrain.report import Column
 _COLUMN = re.compile(r"([^\[]+?)(?: \[([^\]]+)\])?(?: \.(\d))?")
 
 
-def columns(text: str) -> tuple[Column, ...]:
+def parse_columns(text: str) -> tuple[Column, ...]:
     """Columns of a table from text such as "Lane; Height [mm] .2": labels, units and decimals.
 
     Parameters
@@ -33,7 +33,7 @@ def columns(text: str) -> tuple[Column, ...]:
     )
 
 
-def millimetres(metres: float | None) -> float | None:
+def to_millimetres(metres: float | None) -> float | None:
     """Length in mm.
 
     Parameters

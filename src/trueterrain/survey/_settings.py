@@ -4,17 +4,17 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from trueterrain.errors import FormatError
+from trueterrain.alignment.merge import MergeSettings
+from trueterrain.core.errors import FormatError
 from trueterrain.formats.run import Mounting
 from trueterrain.formats.settings import check_name, read_settings, settings_template
 from trueterrain.georeference import Screening
-from trueterrain.lanes.merge import MergeSettings
 from trueterrain.motion import FusionSettings
-from trueterrain.profile import EnvelopeOptions, ProfileOptions
-from trueterrain.roughness import IriOptions
-from trueterrain.surface.grid import GridOptions
-from trueterrain.surface.holes import Filling
-from trueterrain.surface.placement import Placement
+from trueterrain.profile import EnvelopeSettings, TyreProfileSettings
+from trueterrain.roughness import IriSettings
+from trueterrain.surface.grid import GridSettings
+from trueterrain.surface.holes import HoleSettings
+from trueterrain.surface.placement import GridPlacement
 
 SurfaceFormat = Literal["crg", "tif", "zarr", "laz"]
 ProfileFormat = Literal["erd", "csv", "parquet"]
@@ -76,7 +76,7 @@ class RunSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ProfileSettings:
+class ProfilePathSettings:
     """A path along which a profile is taken, and what a tyre feels there."""
 
     name: str
@@ -94,11 +94,11 @@ class ProfileSettings:
     spacing: float = 0.01
     "Arc length between path points [m]."
 
-    tyre: ProfileOptions = field(default_factory=ProfileOptions)
+    tyre: TyreProfileSettings = field(default_factory=TyreProfileSettings)
     "What is taken of the heights around each path point."
 
-    envelope: EnvelopeOptions | None = field(
-        default=None, metadata={"table": EnvelopeOptions()}
+    envelope: EnvelopeSettings | None = field(
+        default=None, metadata={"table": EnvelopeSettings()}
     )  # fmt: skip
     "Tyre that rolls over the ground instead; none by default."
 
@@ -117,7 +117,7 @@ class RoughnessSettings:
     segment: float = 100.0
     "Length of the fixed segments [m]; the last one may be shorter."
 
-    iri: IriOptions = field(default_factory=IriOptions)
+    iri: IriSettings = field(default_factory=IriSettings)
     "Conventions of the International Roughness Index."
 
     def __post_init__(self) -> None:
@@ -174,20 +174,20 @@ class Survey:
     screening: Screening = field(default_factory=Screening)
     "Which returns are doubtful."
 
-    grid: Placement = field(default_factory=Placement)
+    grid: GridPlacement = field(default_factory=GridPlacement)
     """Where the nodes of the surfaces are; by default along the way of each run, or of the first
     of those that are merged."""
 
-    cells: GridOptions = field(default_factory=lambda: GridOptions(range_noise=0.0005))
+    cells: GridSettings = field(default_factory=lambda: GridSettings(range_noise=0.0005))
     "What is taken of the returns in a cell."
 
-    holes: Filling = field(default_factory=Filling)
+    holes: HoleSettings = field(default_factory=HoleSettings)
     "Which holes are filled."
 
     down_sample: tuple[int, int] | None = None
     "Nodes that become one, along and across, for smooth terrain; the loss is reported."
 
-    profiles: tuple[ProfileSettings, ...] = ()
+    profiles: tuple[ProfilePathSettings, ...] = ()
     "The paths along which profiles are taken."
 
     roughness: RoughnessSettings = field(default_factory=RoughnessSettings)
@@ -333,7 +333,7 @@ def survey_of(runs: "list[str] | list[Path]", **settings: Any) -> Survey:
     ['left', 'right']
     """
     wheels = (
-        ProfileSettings(name="left", offset=0.75), ProfileSettings(name="right", offset=-0.75),
+        ProfilePathSettings(name="left", offset=0.75), ProfilePathSettings(name="right", offset=-0.75),
     )  # fmt: skip
     given = {"profiles": wheels, **settings}
     return Survey(runs=tuple(RunSettings(path=str(run)) for run in runs), **given)

@@ -15,7 +15,7 @@ from trueterrain.vehicle.model import (
     linear_model,
     state_space,
 )
-from trueterrain.vehicle.modes import Modes, modes
+from trueterrain.vehicle.modes import Modes, vehicle_modes
 from trueterrain.vehicle.parameters import (
     GOLDEN_QUARTER_CAR,
     FullCarParameters,
@@ -27,9 +27,9 @@ from trueterrain.vehicle.response import (
     DiscreteModel,
     Response,
     VehicleState,
-    advance,
-    discretise,
-    respond,
+    advance_response,
+    discretise_model,
+    simulate_response,
     start_state,
 )
 
@@ -44,16 +44,16 @@ __all__ = [
     "StateSpace",
     "Tyre",
     "VehicleState",
-    "advance",
+    "advance_response",
     "contact_heights",
     "contact_margin",
-    "discretise",
+    "discretise_model",
     "frequency_response",
     "linear_model",
-    "modes",
     "named_vehicle",
-    "respond",
+    "simulate_response",
     "start_state",
     "state_space",
+    "vehicle_modes",
     "vehicle_names",
 ]

@@ -1,10 +1,10 @@
 """Loops of the time response and of the contact patch; arguments are checked by the callers."""
 
-from trueterrain.engine.kernels import compile_kernel
+from trueterrain.core.kernels import compile_kernel
 
 
 @compile_kernel
-def advance(gains, state, before, heights, out):
+def advance_states(gains, state, before, heights, out):
     """Write displacement, velocity and acceleration after each step into `out`, shape (N, 3n).
 
     ``gains``, shape (2n + 2w, 3n), hold the effect of state, wheel heights before and wheel heights

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.engine.welch import density_interval, welch
+from trueterrain.core.spectral_density import density_interval, welch_density
 from trueterrain.vehicle.model import Array
 
 _LEAST = 16  # samples of a segment
@@ -34,7 +34,9 @@ class VelocitySpectrum:
     "Degrees of freedom of each estimate."
 
 
-def integrate(acceleration: npt.ArrayLike, rate: float, *, corner: float = 0.3) -> Array:
+def integrate_acceleration(
+    acceleration: npt.ArrayLike, rate: float, *, corner: float = 0.3
+) -> Array:
     """Velocity from acceleration, without drift.
 
     Parameters
@@ -143,9 +145,9 @@ def velocity_spectrum(
     if not 0 < confidence < 1:
         message = f"confidence must be between 0 and 1, got {confidence}."
         raise ValueError(message)
-    velocity = integrate(acceleration, rate, corner=corner)
+    velocity = integrate_acceleration(acceleration, rate, corner=corner)
     size = segment_size(velocity.size, rate, segment)
-    frequency, density, degrees = welch(velocity, velocity, rate, size)
+    frequency, density, degrees = welch_density(velocity, velocity, rate, size)
     keep = frequency > corner
     frequency = frequency[keep]
     power: Array = density.real[keep] * (1 + (corner / frequency) ** _ORDER) ** 2

@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.errors import CoverageError
+from trueterrain.core.errors import CoverageError
 from trueterrain.vehicle.model import Array
 
 # Share of the spacing by which half a patch may miss a sample and still end there [1]
@@ -91,7 +91,7 @@ def contact_margin(spacing: float, patch_length: float) -> int:
     >>> contact_margin(0.005, 0.15)
     15
     """
-    return len(_weights(spacing, patch_length)) // 2
+    return len(_patch_weights(spacing, patch_length)) // 2
 
 
 def contact_heights(heights: npt.ArrayLike, spacing: float, patch_length: float) -> Array:
@@ -134,7 +134,7 @@ def contact_heights(heights: npt.ArrayLike, spacing: float, patch_length: float)
     >>> print(contact_heights(step, 0.05, 0.15))
     [0.00416667 0.03333333 0.06666667 0.09583333]
     """
-    weights = _weights(spacing, patch_length)
+    weights = _patch_weights(spacing, patch_length)
     strip = np.ascontiguousarray(heights, dtype=float)
     if strip.ndim == 1:
         strip = strip[:, None]
@@ -161,7 +161,7 @@ def contact_heights(heights: npt.ArrayLike, spacing: float, patch_length: float)
     return out
 
 
-def _weights(spacing: float, patch_length: float) -> Array:
+def _patch_weights(spacing: float, patch_length: float) -> Array:
     """Share of each sample in the mean over a patch about the middle one, odd in number."""
     if not (np.isfinite(spacing) and spacing > 0):
         message = f"spacing must be finite and greater than 0 m, got {spacing}"

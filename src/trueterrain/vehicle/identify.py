@@ -7,15 +7,15 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.engine.welch import welch
+from trueterrain.core.spectral_density import welch_density
 from trueterrain.vehicle._velocity import (
     VelocitySpectrum,
-    integrate,
+    integrate_acceleration,
     segment_size,
     velocity_spectrum,
 )
 from trueterrain.vehicle.model import Array, LinearModel, frequency_response, linear_model
-from trueterrain.vehicle.modes import modes
+from trueterrain.vehicle.modes import vehicle_modes
 from trueterrain.vehicle.parameters import QuarterCarParameters
 
 __all__ = [
@@ -24,7 +24,7 @@ __all__ = [
     "ModeRecording",
     "VelocitySpectrum",
     "identify_modes",
-    "integrate",
+    "integrate_acceleration",
     "velocity_spectrum",
 ]
 
@@ -222,8 +222,8 @@ def identify_modes(
     if not several:
         message = "recordings must hold at least one recording."
         raise ValueError(message)
-    powers = [power for number, one in enumerate(several) for power in _powers(one, number)]
-    return _fitted(powers, start, confidence, _spectra(several, confidence))
+    powers = [power for number, one in enumerate(several) for power in _signal_powers(one, number)]
+    return _fit_modes(powers, start, confidence, _signal_spectra(several, confidence))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -241,7 +241,9 @@ class _Power:
     sd: Array
 
 
-def _spectra(several: Sequence[ModeRecording], confidence: float) -> dict[str, VelocitySpectrum]:
+def _signal_spectra(
+    several: Sequence[ModeRecording], confidence: float
+) -> dict[str, VelocitySpectrum]:
     return {
         f"{number}: {name}": velocity_spectrum(
             values, one.rate, segment=one.segment, confidence=confidence
@@ -251,7 +253,7 @@ def _spectra(several: Sequence[ModeRecording], confidence: float) -> dict[str, V
     }
 
 
-def _powers(one: ModeRecording, number: int) -> list[_Power]:
+def _signal_powers(one: ModeRecording, number: int) -> list[_Power]:
     """Each signal over the excitation; if that is not known, over the first signal.
 
     Signals that come from one road scatter alike, so that what they are to each other is known far
@@ -266,15 +268,15 @@ def _powers(one: ModeRecording, number: int) -> list[_Power]:
     out = []
     for name, signal in signals.items():
         if over is None and name == first:
-            frequency, density, degrees = welch(signal, signal, one.rate, size)
+            frequency, density, degrees = welch_density(signal, signal, one.rate, size)
             log = np.log(density.real)
             log -= float(digamma(degrees / 2)) - math.log(degrees / 2)
             sd = np.full(frequency.size, math.sqrt(float(polygamma(1, degrees / 2))))
         else:
             base = signals[first] if over is None else over
-            frequency, cross, degrees = welch(base, signal, one.rate, size)
-            power = welch(base, base, one.rate, size)[1].real
-            own = welch(signal, signal, one.rate, size)[1].real
+            frequency, cross, degrees = welch_density(base, signal, one.rate, size)
+            power = welch_density(base, base, one.rate, size)[1].real
+            own = welch_density(signal, signal, one.rate, size)[1].real
             log = 2 * np.log(np.abs(cross) / power)
             incoherence = np.maximum(power * own / np.abs(cross) ** 2 - 1, 0.0)
             # noise of the base makes the ratio too small, by as much as incoherence at most
@@ -291,7 +293,7 @@ def _powers(one: ModeRecording, number: int) -> list[_Power]:
     return out
 
 
-def _fitted(
+def _fit_modes(
     powers: Sequence[_Power],
     start: tuple[float, float],
     confidence: float,
@@ -319,7 +321,7 @@ def _fitted(
             parts.append((power.log - _log_power(model, power) - gain) / power.sd)
         return np.concatenate(parts)
 
-    begin = np.concatenate([_begin(start), np.zeros(len(free))])
+    begin = np.concatenate([_start_parameters(start), np.zeros(len(free))])
     for at, recording in enumerate(free, start=4):
         model = linear_model(_quarter_car(begin[:4]))
         begin[at] = np.mean([
@@ -332,12 +334,12 @@ def _fitted(
     scatter = float(np.sqrt((found.fun**2).sum() / degrees))
     covariance = np.linalg.pinv(found.jac.T @ found.jac)[:4, :4]
     covariance *= max(scatter, 1.0) ** 2 * _HANN_CORRELATION
-    slope = _slopes(found.x[:4])
+    slope = _mode_derivatives(found.x[:4])
     sd = np.sqrt(np.diag(slope @ covariance @ slope.T))
     far = float(student.ppf(0.5 + confidence / 2, degrees / _HANN_CORRELATION))
     logs = _log_modes(found.x[:4])
     ride, hop = (
-        _mode(name, logs[at : at + 2], sd[at : at + 2], far)
+        _identified_mode(name, logs[at : at + 2], sd[at : at + 2], far)
         for name, at in (("ride", 0), ("hop", 2))
     )
     return IdentifiedModes(
@@ -346,7 +348,7 @@ def _fitted(
     )  # fmt: skip
 
 
-def _begin(start: tuple[float, float]) -> Array:
+def _start_parameters(start: tuple[float, float]) -> Array:
     """Logarithms of the parameters of a quarter car with about these frequencies."""
     ride, hop = (2 * math.pi * frequency for frequency in start)
     share = 0.15
@@ -383,11 +385,11 @@ def _log_power(model: LinearModel, power: _Power) -> Array:
 
 def _log_modes(logs: Array) -> Array:
     """Logarithms of frequency and damping ratio of ride and hop."""
-    found = modes(linear_model(_quarter_car(logs)))
+    found = vehicle_modes(linear_model(_quarter_car(logs)))
     return np.log(np.column_stack([found.natural_frequency, found.damping_ratio]).ravel())
 
 
-def _slopes(logs: Array) -> Array:
+def _mode_derivatives(logs: Array) -> Array:
     """Derivatives of the modes by the parameters, shape (4, 4)."""
     columns = []
     for at in range(4):
@@ -397,7 +399,7 @@ def _slopes(logs: Array) -> Array:
     return np.array(columns).T
 
 
-def _mode(name: str, logs: Array, sd: Array, reach: float) -> IdentifiedMode:
+def _identified_mode(name: str, logs: Array, sd: Array, reach: float) -> IdentifiedMode:
     frequency, damping = np.exp(logs).tolist()
     far = np.minimum(reach * sd, _BOUNDLESS)
     ends = np.exp([logs - far, logs + far])

@@ -111,8 +111,10 @@ def linear_model(parameters: QuarterCarParameters | FullCarParameters) -> Linear
 
 def _quarter_car(car: QuarterCarParameters) -> LinearModel:
     elongation = np.array([[1.0, -1.0, 0.0], [0.0, 1.0, -1.0]])  # of suspension and tyre
-    damping, wheel_damping = _assembled(elongation, [car.suspension_damping, car.tyre_damping], 2)
-    stiffness, wheel_stiffness = _assembled(
+    damping, wheel_damping = _assemble_matrices(
+        elongation, [car.suspension_damping, car.tyre_damping], 2
+    )
+    stiffness, wheel_stiffness = _assemble_matrices(
         elongation, [car.suspension_stiffness, car.tyre_stiffness], 2
     )
     return LinearModel(
@@ -139,7 +141,7 @@ def _full_car(car: FullCarParameters) -> LinearModel:
     elongation[8, [2, 3, 4]] = 1.0, -1 / car.front_track, 1 / car.front_track
     elongation[9, [2, 5, 6]] = 1.0, -1 / car.rear_track, 1 / car.rear_track
 
-    damping, wheel_damping = _assembled(
+    damping, wheel_damping = _assemble_matrices(
         elongation,
         [
             *_per_wheel(car.front_suspension_damping, car.rear_suspension_damping),
@@ -149,7 +151,7 @@ def _full_car(car: FullCarParameters) -> LinearModel:
         ],
         7,
     )
-    stiffness, wheel_stiffness = _assembled(
+    stiffness, wheel_stiffness = _assemble_matrices(
         elongation,
         [
             *_per_wheel(car.front_suspension_stiffness, car.rear_suspension_stiffness),
@@ -182,7 +184,9 @@ def _per_wheel(front: float, rear: float) -> list[float]:
     return [front, front, rear, rear]
 
 
-def _assembled(elongation: Array, coefficients: list[float], freedoms: int) -> tuple[Array, Array]:
+def _assemble_matrices(
+    elongation: Array, coefficients: list[float], freedoms: int
+) -> tuple[Array, Array]:
     """Matrix on the freedoms, and on the wheel heights moved to the right-hand side."""
     whole = elongation[:, :freedoms].T @ (np.array(coefficients)[:, None] * elongation)
     return whole[:, :freedoms], -whole[:, freedoms:]

@@ -37,7 +37,7 @@ class Modes:
     "Motion of the freedoms, complex as they lead or lag each other, shape (n, n), one per row."
 
 
-def modes(model: LinearModel) -> Modes:
+def vehicle_modes(model: LinearModel) -> Modes:
     """Natural frequencies, damping ratios and shapes, undamped and damped.
 
     Parameters
@@ -75,11 +75,11 @@ def modes(model: LinearModel) -> Modes:
     from scipy.linalg import eigh
 
     squares, columns = eigh(model.stiffness, model.mass)
-    undamped = _upright(columns.T, model.mass).real
-    first, second, shapes = _damped(model)
-    order = _matched(_likeness(undamped, shapes, model.mass))
+    undamped = _normalise_shapes(columns.T, model.mass).real
+    first, second, shapes = _damped_modes(model)
+    order = _match_modes(_modal_assurance(undamped, shapes, model.mass))
     first, second, shapes = first[order], second[order], shapes[order]
-    patterns = _matched(_likeness(undamped, model.mode_patterns, model.mass))
+    patterns = _match_modes(_modal_assurance(undamped, model.mode_patterns, model.mass))
     modulus = np.sqrt((first * second).real)
     return Modes(
         names=tuple(model.mode_names[index] for index in patterns),
@@ -89,11 +89,11 @@ def modes(model: LinearModel) -> Modes:
         natural_frequency=modulus / (2 * np.pi),
         damped_frequency=np.abs(first.imag) / (2 * np.pi),
         damping_ratio=-(first + second).real / (2 * modulus),
-        shape=_upright(shapes, model.mass),
+        shape=_normalise_shapes(shapes, model.mass),
     )
 
 
-def _damped(model: LinearModel) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+def _damped_modes(model: LinearModel) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
     """Both eigenvalues of each mode, shape (n,), and its shape, shape (n, n), in any order."""
     values, vectors = np.linalg.eig(state_space(model).A)
     values, shapes = values.astype(complex), vectors[: len(model.freedoms)].T.astype(complex)
@@ -105,13 +105,15 @@ def _damped(model: LinearModel) -> tuple[ComplexArray, ComplexArray, ComplexArra
     real = sorted(np.flatnonzero(values.imag == 0), key=lambda index: abs(values[index]))
     while real:
         slow = real.pop(0)
-        fast = real.pop(int(_likeness(shapes[[slow]], shapes[real], model.mass)[0].argmax()))
+        fast = real.pop(int(_modal_assurance(shapes[[slow]], shapes[real], model.mass)[0].argmax()))
         pairs.append((slow, fast))
     chosen, partners = np.array(pairs).T
     return values[chosen], second[partners], shapes[chosen]
 
 
-def _likeness(some: npt.NDArray[np.number], others: npt.NDArray[np.number], mass: Array) -> Array:
+def _modal_assurance(
+    some: npt.NDArray[np.number], others: npt.NDArray[np.number], mass: Array
+) -> Array:
     """Modal assurance criterion of each of `some` with each of `others`, from 0 to 1 (same)."""
     common = np.abs(some.conj() @ mass @ others.T) ** 2
     own = np.einsum("ij,jk,ik->i", some.conj(), mass, some).real
@@ -120,7 +122,7 @@ def _likeness(some: npt.NDArray[np.number], others: npt.NDArray[np.number], mass
     return likeness
 
 
-def _matched(likeness: Array) -> list[int]:
+def _match_modes(likeness: Array) -> list[int]:
     """Column of each row, every column once, from the likest pair on."""
     left = likeness.copy()
     columns = [0] * len(left)
@@ -131,7 +133,7 @@ def _matched(likeness: Array) -> list[int]:
     return columns
 
 
-def _upright(shapes: ComplexArray, mass: Array) -> ComplexArray:
+def _normalise_shapes(shapes: ComplexArray, mass: Array) -> ComplexArray:
     """Shapes of modal mass 1, turned so that the component of most energy is real and positive."""
     energy = np.abs(shapes) ** 2 * np.diag(mass)
     main = np.take_along_axis(shapes, energy.argmax(axis=1)[:, None], axis=1)

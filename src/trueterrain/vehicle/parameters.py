@@ -57,7 +57,7 @@ class QuarterCarParameters:
     "Damper between wheel and ground [N s/m]."
 
     def __post_init__(self) -> None:
-        _check(self)
+        _check_parameters(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,7 +139,7 @@ class FullCarParameters:
     "Height of the body's centre of gravity above the ground at rest; for placing instruments [m]."
 
     def __post_init__(self) -> None:
-        _check(self)
+        _check_parameters(self)
 
     @property
     def wheelbase(self) -> float:
@@ -210,7 +210,7 @@ class FullCarParameters:
         )
 
 
-def _check(parameters: QuarterCarParameters | FullCarParameters) -> None:
+def _check_parameters(parameters: QuarterCarParameters | FullCarParameters) -> None:
     for field in fields(parameters):
         value = getattr(parameters, field.name)
         may_be_zero = field.name.endswith(_MAY_BE_ZERO)

@@ -57,7 +57,7 @@ class Response(NamedTuple):
     "From the equations of motion, shape (samples, n) [m/s² or rad/s²]."
 
 
-def discretise(model: LinearModel, step: float) -> DiscreteModel:
+def discretise_model(model: LinearModel, step: float) -> DiscreteModel:
     """Exact change of a model over a step on which wheel heights are linear in time.
 
     Parameters
@@ -155,7 +155,7 @@ def start_state(
     )
 
 
-def advance(
+def advance_response(
     discrete: DiscreteModel, state: VehicleState, wheel_heights: npt.ArrayLike
 ) -> tuple[Response, VehicleState]:
     """Motion at the samples that follow a state.
@@ -198,7 +198,7 @@ def advance(
     [[0.0592 0.0887]
      [0.1005 0.1001]]
     """
-    from trueterrain.vehicle._kernels import advance as run
+    from trueterrain.vehicle._kernels import advance_states as run
 
     model = discrete.model
     heights = _wheel_table(model, wheel_heights)
@@ -217,7 +217,7 @@ def advance(
     )
 
 
-def respond(model: LinearModel, step: float, wheel_heights: npt.ArrayLike) -> Response:
+def simulate_response(model: LinearModel, step: float, wheel_heights: npt.ArrayLike) -> Response:
     """Motion over a whole run that starts at rest on its first wheel heights.
 
     Parameters
@@ -252,7 +252,7 @@ def respond(model: LinearModel, step: float, wheel_heights: npt.ArrayLike) -> Re
         message = "wheel_heights must have at least 1 sample, got 0"
         raise ValueError(message)
     start = start_state(model, heights[0])
-    rest, _ = advance(discretise(model, step), start, heights[1:])
+    rest, _ = advance_response(discretise_model(model, step), start, heights[1:])
     return Response(
         np.vstack([start.displacement, rest.displacement]),
         np.vstack([start.velocity, rest.velocity]),

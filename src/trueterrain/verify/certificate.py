@@ -9,41 +9,55 @@ import numpy as np
 import xarray as xr
 
 from trueterrain._version import __version__
-from trueterrain.engine.plain import finite
-from trueterrain.errors import SchemaError, concerning
+from trueterrain.core.errors import SchemaError, name_file_in_errors
+from trueterrain.core.json_values import json_values
+from trueterrain.core.provenance import describe_input
 from trueterrain.formats.settings import read_settings
 from trueterrain.motion import FusionSettings, Trajectory
-from trueterrain.provenance import describe_input
-from trueterrain.verify._descriptions import (
+from trueterrain.verify.descriptions import (
     KINDS,
     DriftTest,
     DynamicTest,
-    Stated,
     StaticTest,
+    TestDescription,
     description_template,
     fusion_of,
 )
 from trueterrain.verify.drift import DriftResult, drift_test
 from trueterrain.verify.dynamic import DynamicResult, dynamic_test
-from trueterrain.verify.findings import Finding
+from trueterrain.verify.findings.finding import Finding
 from trueterrain.verify.instruments import boresight_findings, clock_findings
-from trueterrain.verify.recorded import Recorded, contradictions, recorded, recorded_run
-from trueterrain.verify.registration import check_machined
+from trueterrain.verify.recorded import (
+    RecordingTime,
+    date_contradictions,
+    recorded_run,
+    recording_time,
+)
+from trueterrain.verify.registration.search import check_machined
 from trueterrain.verify.static import StaticResult, static_test
 
 __all__ = [
-    "Certified", "DriftTest", "DynamicTest", "Result", "Stated", "StaticTest", "certify",
-    "description_template", "fusion_of", "input_files", "write_errors",
+    "CertificateResult",
+    "DriftTest",
+    "DynamicTest",
+    "Result",
+    "StaticTest",
+    "TestDescription",
+    "certify_profiler",
+    "description_template",
+    "fusion_of",
+    "input_files",
+    "write_errors",
 ]  # fmt: skip
 
 Result = StaticResult | DynamicResult | DriftResult
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Certified:
+class CertificateResult:
     """What tests found, and from which files."""
 
-    test: Stated
+    test: TestDescription
     "Their description."
 
     results: dict[str, Result]
@@ -55,13 +69,13 @@ class Certified:
     instruments: tuple[Finding, ...] = ()
     "What clocks and mounting are off by, where runs for it were given."
 
-    recorded: tuple[Recorded, ...] = ()
+    recorded: tuple[RecordingTime, ...] = ()
     "When each file was recorded, as far as the data tell."
 
     @property
     def doubts(self) -> list[str]:
         """Where what is stated is not what the data tell."""
-        return contradictions(self.test.date, self.recorded)
+        return date_contradictions(self.test.date, self.recorded)
 
     @property
     def verdicts(self) -> dict[str, dict[str, bool]]:
@@ -78,26 +92,26 @@ class Certified:
         kept = [one for row in self.verdicts.values() for one in row.values()]
         return all(kept) if kept else None
 
-    def describe(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """The same as plain numbers and words, as for JSON; lengths in m, None where unlimited."""
         found: dict[str, Any] = {
             "version": __version__,
             "settings": asdict(self.test),
             "inputs": list(self.inputs),
-            "recorded": [one.describe() for one in self.recorded],
+            "recorded": [one.to_dict() for one in self.recorded],
             "doubts": self.doubts,
             "rows": [
-                {**found.describe(), "test": name, "verdicts": self.verdicts[name]}
+                {**found.to_dict(), "test": name, "verdicts": self.verdicts[name]}
                 for name, found in self.results.items()
             ],
-            "instruments": [one.describe() for one in self.instruments],
+            "instruments": [one.to_dict() for one in self.instruments],
             "passed": self.passed,
         }
-        described: dict[str, Any] = finite(found)
+        described: dict[str, Any] = json_values(found)
         return described
 
 
-def certify(kind: str, config: str | Path) -> Certified:
+def certify_profiler(kind: str, config: str | Path) -> CertificateResult:
     """Carry out the test that a file describes.
 
     Parameters
@@ -124,7 +138,7 @@ def certify(kind: str, config: str | Path) -> Certified:
         As by the tests.
     """
     config = Path(config)
-    test = _read(kind, config)
+    test = _read_description(kind, config)
     folder = config.parent
     clock = None if test.clock is None else folder / test.clock
     boresight = [folder / path for path in test.boresight]
@@ -140,17 +154,19 @@ def certify(kind: str, config: str | Path) -> Certified:
         profiles = [folder / path for path in test.profiles]
         others = [*profiles, *([] if test.reference is None else [folder / test.reference])]
     driven = dict.fromkeys([*runs.values(), *([] if clock is None else [clock]), *boresight])
-    times = [recorded(path.name, {}) for path in profiles] + [recorded_run(run) for run in driven]
+    times = [recording_time(path.name, {}) for path in profiles] + [
+        recorded_run(run) for run in driven
+    ]
     if isinstance(test, StaticTest):
-        results = _static(test, runs["static"], _machined(others[0]))
+        results = _static_results(test, runs["static"], _machined_profile(others[0]))
     elif isinstance(test, DynamicTest):
-        results = _dynamic(test, runs, _machined(others[0]))
+        results = _dynamic_results(test, runs, _machined_profile(others[0]))
     else:
-        results = _drift(test, profiles, next(iter(others[len(profiles) :]), None))
+        results = _drift_results(test, profiles, next(iter(others[len(profiles) :]), None))
     files = dict.fromkeys([config, *runs.values(), *others, *driven])
-    return Certified(
+    return CertificateResult(
         test=test, results=results, inputs=tuple(describe_input(path) for path in files),
-        instruments=tuple(_instruments(test, clock, boresight)), recorded=tuple(times),
+        instruments=tuple(_instrument_findings(test, clock, boresight)), recorded=tuple(times),
     )  # fmt: skip
 
 
@@ -177,7 +193,7 @@ def input_files(kind: str, config: str | Path) -> list[Path]:
         If the description is damaged or breaks a rule.
     """
     config = Path(config)
-    test = _read(kind, config)
+    test = _read_description(kind, config)
     names = [test.clock, *test.boresight]
     if isinstance(test, StaticTest):
         names += [test.run, test.machined]
@@ -188,7 +204,7 @@ def input_files(kind: str, config: str | Path) -> list[Path]:
     return [config, *(config.parent / name for name in names if name is not None)]
 
 
-def write_errors(found: Certified, folder: Path) -> list[tuple[str, str]]:
+def write_errors(found: CertificateResult, folder: Path) -> list[tuple[str, str]]:
     """Write the single errors, from which every figure can be recomputed, as CSV.
 
     Parameters
@@ -220,57 +236,59 @@ def write_errors(found: Certified, folder: Path) -> list[tuple[str, str]]:
     return files
 
 
-def _read(kind: str, config: Path) -> Stated:
+def _read_description(kind: str, config: Path) -> TestDescription:
     if kind not in KINDS:
         message = f"kind must be one of {', '.join(KINDS)}, got {kind!r}."
         raise ValueError(message)
     return read_settings(KINDS[kind], config)
 
 
-def _static(test: StaticTest, run: Path, machined: xr.Dataset) -> dict[str, Result]:
+def _static_results(test: StaticTest, run: Path, machined: xr.Dataset) -> dict[str, Result]:
     return {found.row.test: found for found in static_test(run, machined, test.test)}
 
 
-def _instruments(test: Stated, clock: Path | None, boresight: list[Path]) -> list[Finding]:
+def _instrument_findings(
+    test: TestDescription, clock: Path | None, boresight: list[Path]
+) -> list[Finding]:
     """What clocks and mounting are off by."""
     from trueterrain.formats.run import open_run
 
     fusion = test.fusion if isinstance(test, DynamicTest) else FusionSettings()
     found: list[Finding] = []
     if clock is not None:
-        with concerning(clock):
+        with name_file_in_errors(clock):
             delay = fusion.accelerometer_delay
             found += clock_findings(open_run(clock), accelerometer_delay=delay)
     if boresight:
-        motion = [_motion(path, fusion) for path in boresight]
+        motion = [_fused_trajectory(path, fusion) for path in boresight]
         found += boresight_findings(boresight, motion)
     return found
 
 
-def _motion(path: Path, fusion: FusionSettings) -> Trajectory:
+def _fused_trajectory(path: Path, fusion: FusionSettings) -> Trajectory:
     import warnings
 
     from trueterrain.formats.run import open_run
-    from trueterrain.motion import fuse
+    from trueterrain.motion import fuse_motion
 
-    with concerning(path), warnings.catch_warnings():
+    with name_file_in_errors(path), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # `trueterrain info` tells them
-        return fuse(open_run(path), settings=fusion).trajectory
+        return fuse_motion(open_run(path), settings=fusion).trajectory
 
 
-def _dynamic(
+def _dynamic_results(
     test: DynamicTest, runs: Mapping[str, Path], machined: xr.Dataset
 ) -> dict[str, Result]:
     found: dict[str, Result] = {}
     for name, path in runs.items():
         for method in test.methods:
-            trajectory = _motion(path, fusion_of(method, test.fusion))
+            trajectory = _fused_trajectory(path, fusion_of(method, test.fusion))
             row = f"{name}, {method}"
             found[row] = dynamic_test(path, machined, trajectory, test.test, name=row)
     return found
 
 
-def _drift(
+def _drift_results(
     test: DriftTest,
     files: Sequence[Path],
     reference: Path | None,
@@ -293,7 +311,7 @@ def _drift(
     return {"drift": drift_test([track(path) for path in files], true, test.test)}
 
 
-def _machined(path: Path) -> xr.Dataset:
+def _machined_profile(path: Path) -> xr.Dataset:
     profile = _open_profile(path)
     if profile.sizes.get("track") == 1:
         profile = profile.isel(track=0, drop=True)
@@ -303,7 +321,7 @@ def _machined(path: Path) -> xr.Dataset:
 
 def _open_profile(path: Path) -> xr.Dataset:
     from trueterrain import formats
-    from trueterrain.kinds import kind_of
+    from trueterrain.core.schemas import kind_of
 
     found = formats.open(path)
     if kind_of(found) != "profile":

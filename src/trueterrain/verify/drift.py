@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.errors import CoverageError
-from trueterrain.verify._errors import Row, described
-from trueterrain.verify.uncertainty import Figure, mean_figure, rms_figure
+from trueterrain.core.errors import CoverageError
+from trueterrain.verify.results import ResultRow, describe_figure
+from trueterrain.verify.statistics.uncertainty import AccuracyFigure, mean_figure, rms_figure
 
 Floats = npt.NDArray[np.float64]
 
@@ -62,27 +62,27 @@ class DriftResult:
     apart differ; ``allan``, the Allan deviation of means over so much; ``repeats``, the structure
     function of what differs from run to run [m]."""
 
-    row: Row
+    row: ResultRow
     "Row of the table; its noise is the repeatability of a single run."
 
-    repeatability: Figure
+    repeatability: AccuracyFigure
     "Standard deviation of a single run about what all share [m]."
 
-    shared: Figure | None
+    shared: AccuracyFigure | None
     """Root mean square of what all runs share, less what so many runs leave by chance; None without
     a reference, of which alone it can be known [m]."""
 
     runs: int
     "Runs that were compared."
 
-    def describe(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """The same as plain numbers and words, as for JSON, without the single errors."""
         return {
-            **self.row.describe(),
+            **self.row.to_dict(),
             "runs": self.runs,
             "length": float(np.ptp(self.errors["s"].values)),
-            "repeatability": described(self.repeatability),
-            "shared": self.shared and described(self.shared),
+            "repeatability": describe_figure(self.repeatability),
+            "shared": self.shared and describe_figure(self.shared),
             "growth": {
                 name: self.growth[name].values.tolist()
                 for name in ("distance", "structure", "allan", "repeats")
@@ -131,7 +131,7 @@ def drift_test(
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_profile
+    >>> from trueterrain.core.schemas import make_profile
     >>> s = np.arange(0, 2001.0)
     >>> drift = [1e-3 * np.random.default_rng(k).normal(size=s.size).cumsum() for k in (1, 2)]
     >>> flat = make_profile(s, 0 * s)
@@ -145,17 +145,17 @@ def drift_test(
             f"the drift test needs at least {_FEWEST} runs, got {len(profiles)}",
             cure="Repeat the run over the same path.",
         )
-    s = _places([*profiles, *([] if reference is None else [reference])], settings)
-    heights = np.stack([_at(profile, s) for profile in profiles])
+    s = _common_places([*profiles, *([] if reference is None else [reference])], settings)
+    heights = np.stack([_heights_at(profile, s) for profile in profiles])
     n = len(profiles)
     shared = heights.mean(axis=0)
     apart = (heights - shared) * math.sqrt(n / (n - 1))
-    error = apart if reference is None else heights - _at(reference, s)
+    error = apart if reference is None else heights - _heights_at(reference, s)
     mean = error.mean(axis=0)
     repeatability = rms_figure(apart, confidence=settings.confidence)
     bias = None
     if reference is not None:
-        bias = _shared(mean, repeatability, n, settings.confidence)
+        bias = _shared_error(mean, repeatability, n, settings.confidence)
     dataset = xr.Dataset(
         {
             "error": (("run", "s"), error), "mean": ("s", mean),
@@ -163,7 +163,7 @@ def drift_test(
         },
         {"s": s, "run": np.arange(n)},
     )  # fmt: skip
-    row = Row(
+    row = ResultRow(
         test="drift",
         rms=rms_figure(error, confidence=settings.confidence),
         off_edges=None,
@@ -175,12 +175,12 @@ def drift_test(
         count=error.size,
     )
     return DriftResult(
-        errors=dataset, growth=_growth(error, apart, settings.spacing), row=row,
+        errors=dataset, growth=_error_growth(error, apart, settings.spacing), row=row,
         repeatability=repeatability, shared=bias, runs=n,
     )  # fmt: skip
 
 
-def _places(profiles: list[xr.Dataset], settings: DriftSettings) -> Floats:
+def _common_places(profiles: list[xr.Dataset], settings: DriftSettings) -> Floats:
     """Places that all profiles reach."""
     for profile in profiles:
         if "track" in profile.dims:
@@ -203,7 +203,7 @@ def _places(profiles: list[xr.Dataset], settings: DriftSettings) -> Floats:
     return places
 
 
-def _at(profile: xr.Dataset, s: Floats) -> Floats:
+def _heights_at(profile: xr.Dataset, s: Floats) -> Floats:
     height = profile["height"].values
     known = np.isfinite(height)
     if not known.all():
@@ -214,7 +214,9 @@ def _at(profile: xr.Dataset, s: Floats) -> Floats:
     return np.asarray(np.interp(s, profile["s"].values, height))
 
 
-def _shared(mean: Floats, repeatability: Figure, runs: int, confidence: float) -> Figure:
+def _shared_error(
+    mean: Floats, repeatability: AccuracyFigure, runs: int, confidence: float
+) -> AccuracyFigure:
     """What all runs share, without what chance leaves in their mean."""
     found = rms_figure(mean, confidence=confidence)
     chance = repeatability.value**2 / runs
@@ -222,13 +224,13 @@ def _shared(mean: Floats, repeatability: Figure, runs: int, confidence: float) -
     def without(value: float) -> float:
         return math.sqrt(max(value**2 - chance, 0.0))
 
-    return Figure(
+    return AccuracyFigure(
         value=without(found.value), low=without(found.low), high=without(found.high),
         confidence=confidence, block=found.block, independent=found.independent,
     )  # fmt: skip
 
 
-def _growth(error: Floats, apart: Floats, spacing: float) -> xr.Dataset:
+def _error_growth(error: Floats, apart: Floats, spacing: float) -> xr.Dataset:
     n = error.shape[1]
     most = max(1, int(_LONGEST * (n - 1)))
     count = max(2, math.ceil(_PER_DECADE * math.log10(most)))

@@ -13,17 +13,17 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.errors import CoverageError, concerning
+from trueterrain.core.errors import CoverageError, name_file_in_errors
 from trueterrain.georeference import Screening
 from trueterrain.motion.trajectory import Trajectory
-from trueterrain.verify._common_findings import described
-from trueterrain.verify._dynamic_findings import dynamic_findings
-from trueterrain.verify._errors import Row, at_edges, distances, parts_of, row_of
-from trueterrain.verify._modes import Mode, modes_of, source_of
-from trueterrain.verify._registered import registered
-from trueterrain.verify._rejection import LEAST_SAMPLES, rejection_of
-from trueterrain.verify.findings import Finding
-from trueterrain.verify.registration import Registration, register
+from trueterrain.verify.error_modes import ErrorMode, modes_of, source_of
+from trueterrain.verify.findings.common import describe_findings
+from trueterrain.verify.findings.dynamic import dynamic_findings
+from trueterrain.verify.findings.finding import Finding
+from trueterrain.verify.motion_rejection import LEAST_SAMPLES, rejection_of
+from trueterrain.verify.registration.points import registered_points
+from trueterrain.verify.registration.search import Registration, register_profile
+from trueterrain.verify.results import ResultRow, at_edges, parts_of, profile_distances, row_of
 
 Floats = npt.NDArray[np.float64]
 
@@ -114,7 +114,7 @@ class DynamicResult:
     of a mean by the spread of its returns, ``distance`` from the machined line [m], ``count``,
     ``edge`` and ``time`` [s]."""
 
-    row: Row
+    row: ResultRow
     "Row of the table."
 
     registration: Registration
@@ -136,7 +136,7 @@ class DynamicResult:
     findings: tuple[Finding, ...] = ()
     "What was looked for besides: see `Finding`."
 
-    modes: tuple[Mode, ...] = ()
+    modes: tuple[ErrorMode, ...] = ()
     "The error on plate and floor by the modes of the body, from low to high frequencies."
 
     @property
@@ -144,7 +144,7 @@ class DynamicResult:
         """Which mode the error comes from, in a sentence."""
         return source_of(self.modes)
 
-    def describe(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """The same as plain numbers and words, as for JSON, without the single errors."""
         found = self.registration
         names = (
@@ -153,13 +153,13 @@ class DynamicResult:
         )  # fmt: skip
         bands = ("frequency", "motion", "error", "rejection", "low", "high")
         return {
-            **self.row.describe(),
+            **self.row.to_dict(),
             "speed": self.speed,
             "registration_found": {name: getattr(found, name) for name in names},
             "parts": {name: math.sqrt(value) for name, value in self.parts.items()},
             "rejection": {name: self.rejection[name].values.tolist() for name in bands},
-            "findings": described(self.findings),
-            "modes": [one.describe() for one in self.modes],
+            "findings": describe_findings(self.findings),
+            "modes": [one.to_dict() for one in self.modes],
             "source": self.source,
         }
 
@@ -217,20 +217,20 @@ def dynamic_test(
 
     source = None if isinstance(run, xr.DataTree) else Path(run)
     path = trajectory.between(settings.begin, settings.end)
-    with concerning(source):
+    with name_file_in_errors(source):
         strip = strip_of(run, path, settings)
         # within cells of some length the flanks of arcs bend, which looks like a stretch
-        cells = _cells(
+        cells = _cell_means(
             strip, min(_FINE, settings.spacing) if settings.stretch else settings.spacing
         )
-        found = register(
+        found = register_profile(
             cells["along"], cells["height"], machined,
             assumed=settings.assumed, search=settings.search, stretch=settings.stretch,
         )  # fmt: skip
-        table = _compared(strip, machined, found, settings)
+        table = _compare_cells(strip, machined, found, settings)
         on = (table.s.values >= 0) & (table.s.values <= found.length)
         errors = table.isel(s=np.flatnonzero(on))
-        distance = distances(machined, errors["s"].values, errors["height"].values)
+        distance = profile_distances(machined, errors["s"].values, errors["height"].values)
         errors = errors.assign(distance=("s", distance))
         _require_crossed(errors.sizes["s"], found.length, settings.spacing)
     error, edge = errors["error"].values, errors["edge"].values
@@ -244,14 +244,14 @@ def dynamic_test(
     speed = float(np.abs(np.polyfit(time - time.mean(), along - along.mean(), 1)[0]))
     tree = run if isinstance(run, xr.DataTree) else open_run(run)
     lever = np.array(mounting_of(tree, path=source).scanner_position)
-    rejection, modes = _spectra(source, table, path, lever, settings)
+    rejection, modes = _crossing_spectra(source, table, path, lever, settings)
     findings = dynamic_findings(
         tree, table, machined, found, path, lever, assumed=settings.assumed,
         screening=settings.screening,
     )  # fmt: skip
     return DynamicResult(
         errors=errors, row=row, registration=found,
-        registered=registered(cells["along"], cells["height"], found, settings.assumed),
+        registered=registered_points(cells["along"], cells["height"], found, settings.assumed),
         parts=parts, speed=speed, rejection=rejection, modes=modes, findings=findings,
     )  # fmt: skip
 
@@ -299,7 +299,7 @@ def strip_of(
     return {name: values[order] for name, values in strip.items()}
 
 
-def _cells(strip: dict[str, Floats], spacing: float) -> dict[str, Floats]:
+def _cell_means(strip: dict[str, Floats], spacing: float) -> dict[str, Floats]:
     """Means of cells along the way."""
     cell = np.floor(strip["along"] / spacing).astype(np.int64)
     first = np.flatnonzero(np.concatenate([[True], np.diff(cell) != 0]))
@@ -308,7 +308,7 @@ def _cells(strip: dict[str, Floats], spacing: float) -> dict[str, Floats]:
     return {"along": means["along"], "height": means["up"]}
 
 
-def _compared(
+def _compare_cells(
     strip: dict[str, Floats], machined: xr.Dataset, found: Registration, settings: DynamicSettings
 ) -> xr.Dataset:
     """Means of cells on plate and floor against the machined heights at the same places."""
@@ -366,15 +366,15 @@ def _require_plane(floor: Floats, plate: float) -> None:
         )
 
 
-def _spectra(
+def _crossing_spectra(
     source: Path | None,
     table: xr.Dataset,
     path: Trajectory,
     lever: Floats,
     settings: DynamicSettings,
-) -> tuple[xr.Dataset, tuple[Mode, ...]]:
+) -> tuple[xr.Dataset, tuple[ErrorMode, ...]]:
     """Spectra of error and motion over the time of the crossing, and the error by modes."""
-    from trueterrain.motion.frames import to_iso8855
+    from trueterrain.geometry.rotations import to_iso8855
 
     order = np.argsort(table["time"].values)
     time, error = (table[name].values[order] for name in ("time", "error"))

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import xarray as xr
 
-from trueterrain.errors import CoverageError, SchemaError
+from trueterrain.core.errors import CoverageError, SchemaError
 from trueterrain.formats.run import Mounting
 from trueterrain.georeference import Calibration, CalibrationSettings
 from trueterrain.georeference._observable import in_units, measured_within
 from trueterrain.motion import Trajectory
-from trueterrain.verify.findings import Finding, certain
+from trueterrain.verify.findings.finding import Finding, is_significant
 
 # A body that heaves at 0.5 m/s is 0.01 mm elsewhere after this; accelerometers are integrated, and
 # a wheel hop of 1 mm at 10 Hz is as far elsewhere after the second.
@@ -79,21 +79,21 @@ def clock_findings(run: xr.DataTree, *, accelerometer_delay: float = 0.0) -> lis
     try:
         found = accelerometer_clock_from_navigation(run, accelerometer_delay=accelerometer_delay)
     except CoverageError as error:
-        first = _untold(names[0], "s", _reason(error))
+        first = _unobservable_finding(names[0], "s", _reason_text(error))
         bound = " It is as true as the clock of the accelerometers, which is not told."
     else:
         clock, uncertainty = found.clock, found.sd
         filtered = "" if accelerometer_delay else " The delay of their filter is part of it."
-        first = _clock(names[0], clock - declared.accelerometer_clock, found.sd,
+        first = _clock_finding(names[0], clock - declared.accelerometer_clock, found.sd,
                        _LEAST_ACCELEROMETER_CLOCK, filtered)  # fmt: skip
     try:
         seen = scanner_clock_from_bounce(
             run, accelerometer_clock=clock, accelerometer_delay=accelerometer_delay
         )
     except CoverageError as error:
-        return [first, _untold(names[1], "s", _reason(error))]
+        return [first, _unobservable_finding(names[1], "s", _reason_text(error))]
     off, sd = seen.clock - declared.scanner_clock, math.hypot(seen.sd, uncertainty)
-    return [first, _clock(names[1], off, sd, _LEAST_SCANNER_CLOCK, bound)]
+    return [first, _clock_finding(names[1], off, sd, _LEAST_SCANNER_CLOCK, bound)]
 
 
 def boresight_findings(
@@ -137,7 +137,7 @@ def boresight_findings(
     finding for each angle, each component of the arm and the clock.
     """
     from trueterrain.formats.run import open_run
-    from trueterrain.georeference import calibrate, mounting_of
+    from trueterrain.georeference import calibrate_mounting, mounting_of
     from trueterrain.surface.runs import require_one_frame
 
     paths = [None if isinstance(run, xr.DataTree) else Path(run) for run in runs]
@@ -155,14 +155,14 @@ def boresight_findings(
                 path=path, place="attribute mounting", cure="Name runs of one mounting.",
             )  # fmt: skip
     try:
-        found = calibrate(runs, trajectories, settings=settings)
+        found = calibrate_mounting(runs, trajectories, settings=settings)
     except CoverageError as error:
-        return [_untold("mounting of the scanner", "1", _reason(error))]
-    return [_mounted(name, found, stated[0]) for name in settings.parameters]
+        return [_unobservable_finding("mounting of the scanner", "1", _reason_text(error))]
+    return [_mounting_finding(name, found, stated[0]) for name in settings.parameters]
 
 
-def _clock(name: str, off: float, sd: float, least: float, bound: str = "") -> Finding:
-    there = certain(off, sd, least=least)
+def _clock_finding(name: str, off: float, sd: float, least: float, bound: str = "") -> Finding:
+    there = is_significant(off, sd, least=least)
     field = "accelerometer_clock" if "accelerometers" in name else "scanner_clock"
     meaning = (
         f"Stamps are to be increased by so much more than the run says: set {field} of its "
@@ -174,27 +174,27 @@ def _clock(name: str, off: float, sd: float, least: float, bound: str = "") -> F
     )  # fmt: skip
 
 
-def _mounted(name: str, found: Calibration, declared: Mounting) -> Finding:
+def _mounting_finding(name: str, found: Calibration, declared: Mounting) -> Finding:
     """How much a parameter of the mounting is off, or why it is not told."""
     title, unit, effect = _NAMES[name]
     if name in found.not_observable:
         reason = found.reasons[found.not_observable.index(name)]
-        return _untold(title, unit, f"The passes do not tell it: {reason}")
+        return _unobservable_finding(title, unit, f"The passes do not tell it: {reason}")
     at = found.parameters.index(name)
-    off = float(found.value[at]) - _declared(declared, name)
+    off = float(found.value[at]) - _declared_value(declared, name)
     sd = float(found.sd[at])
     caused = {
         held: abs(float(found.sensitivity[at, k])) * measured_within(held)
         for k, held in enumerate(found.held)
     }
-    if certain(off, sd) and not certain(off, sd, least=sum(caused.values())):
+    if is_significant(off, sd) and not is_significant(off, sd, least=sum(caused.values())):
         other = max(caused, key=lambda held: caused[held])
         return Finding(
             name=title, value=off, sd=sd, unit=unit, detected=None,
             meaning=f"It {effect}, and so does {_NAMES[other][0]}, which these passes do not tell: "
             "either may be off. Measure the latter, and state it in the mounting.",
         )  # fmt: skip
-    there = certain(off, sd)
+    there = is_significant(off, sd)
     words = [
         f"It {effect}: state what was found in the mounting of the runs."
         if there else "It is as the mounting says, within four standard deviations."
@@ -209,17 +209,17 @@ def _mounted(name: str, found: Calibration, declared: Mounting) -> Finding:
     return Finding(name=title, value=off, sd=sd, unit=unit, detected=there, meaning=meaning)
 
 
-def _declared(mounting: Mounting, name: str) -> float:
+def _declared_value(mounting: Mounting, name: str) -> float:
     field, axis = _FIELDS[name]
     value = getattr(mounting, field)
     return float(value if axis is None else value[axis])
 
 
-def _reason(error: CoverageError) -> str:
+def _reason_text(error: CoverageError) -> str:
     """What hinders, and the cure, without the name of the file, which stands beside it."""
     return f"{error.problem}. {error.cure or ''}".rstrip()
 
 
-def _untold(name: str, unit: str, reason: str) -> Finding:
+def _unobservable_finding(name: str, unit: str, reason: str) -> Finding:
     words = reason[:1].upper() + reason[1:]
     return Finding(name=name, value=None, sd=None, unit=unit, detected=None, meaning=words)

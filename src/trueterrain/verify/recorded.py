@@ -23,7 +23,7 @@ _APART = 1  # [d] by which a stated date may differ: zones, and tests about midn
 
 
 @dataclass(frozen=True, kw_only=True)
-class Recorded:
+class RecordingTime:
     """When a file was recorded."""
 
     name: str
@@ -41,7 +41,7 @@ class Recorded:
     seconds: tuple[float, float] | None = None
     "GPS seconds of begin and end, since 1980 or of the week [s]."
 
-    def describe(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """The same as plain numbers and words, as for JSON."""
         return {
             "name": self.name, "begin": self.begin, "end": self.end, "scale": self.scale,
@@ -49,7 +49,7 @@ class Recorded:
         }  # fmt: skip
 
 
-def recorded_run(path: str | Path) -> Recorded:
+def recorded_run(path: str | Path) -> RecordingTime:
     """When a run was recorded.
 
     Parameters
@@ -73,12 +73,12 @@ def recorded_run(path: str | Path) -> Recorded:
     tree = open_run(path)
     ends = tree["navigation"].to_dataset()["time"].isel(epoch=[0, -1]).values
     attrs = {str(name): value for name, value in tree.attrs.items()}
-    return recorded(path.name, attrs, (float(ends[0]), float(ends[1])))
+    return recording_time(path.name, attrs, (float(ends[0]), float(ends[1])))
 
 
-def recorded(
+def recording_time(
     name: str, attrs: Mapping[str, Any], seconds: tuple[float, float] | None = None
-) -> Recorded:
+) -> RecordingTime:
     """When data were recorded, by what they are counted from.
 
     Parameters
@@ -105,8 +105,8 @@ def recorded(
     'not in the data: times count from any moment'
     """
 
-    def untold(why: str) -> Recorded:
-        return Recorded(name=name, begin=None, end=None, scale=f"not in the data: {why}")
+    def untold(why: str) -> RecordingTime:
+        return RecordingTime(name=name, begin=None, end=None, scale=f"not in the data: {why}")
 
     if seconds is None:
         return untold("profiles hold no times")
@@ -117,14 +117,14 @@ def recorded(
         begin, end = (f"{_DAYS[one.weekday()]} {one:%H:%M:%S}" for one in moments)
         scale = "GPS time; the week is not in the data"
     elif seconds[0] >= _SINCE_1980:
-        begin, end = (f"{_utc(one):%Y-%m-%d %H:%M:%S}" for one in seconds)
+        begin, end = (f"{_gps_to_utc(one):%Y-%m-%d %H:%M:%S}" for one in seconds)
         scale = "UTC"
     else:
         return untold("times are seconds neither of the GPS week nor since 1980")
-    return Recorded(name=name, begin=begin, end=end, scale=scale, seconds=seconds)
+    return RecordingTime(name=name, begin=begin, end=end, scale=scale, seconds=seconds)
 
 
-def contradictions(stated: str, found: tuple[Recorded, ...]) -> list[str]:
+def date_contradictions(stated: str, found: tuple[RecordingTime, ...]) -> list[str]:
     """Where the stated date is not that of the data.
 
     Parameters
@@ -160,7 +160,7 @@ def contradictions(stated: str, found: tuple[Recorded, ...]) -> list[str]:
 def _days_apart(day: dt.date, seconds: tuple[float, float]) -> int:
     """Days between a date and the recording, in the week that is nearest to it if none is known."""
     if seconds[0] >= _SINCE_1980:
-        first, last = (_utc(one).date() for one in seconds)
+        first, last = (_gps_to_utc(one).date() for one in seconds)
         return max(0, (first - day).days, (day - last).days)
     first, last = ((_EPOCH + dt.timedelta(seconds=one)).date() for one in seconds)
     length = (last - first).days
@@ -168,6 +168,6 @@ def _days_apart(day: dt.date, seconds: tuple[float, float]) -> int:
     return 0 if after <= length else min(after - length, 7 - after)
 
 
-def _utc(seconds: float) -> dt.datetime:
+def _gps_to_utc(seconds: float) -> dt.datetime:
     passed = [leaps for since, leaps in _LEAPS.items() if seconds >= since]
     return _EPOCH + dt.timedelta(seconds=seconds - max([_FIRST_LEAPS, *passed]))

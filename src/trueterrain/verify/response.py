@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.errors import CoverageError, SchemaError
-from trueterrain.kinds import check_profile
+from trueterrain.core.errors import CoverageError, SchemaError
+from trueterrain.core.schemas import check_profile
 from trueterrain.roughness.filters import require_equal
 from trueterrain.vehicle import (
     FullCarParameters,
@@ -20,7 +20,7 @@ from trueterrain.vehicle import (
     QuarterCarParameters,
     Response,
     linear_model,
-    respond,
+    simulate_response,
 )
 
 Float = npt.NDArray[np.float64]
@@ -82,7 +82,7 @@ def vehicle_response(
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_profile
+    >>> from trueterrain.core.schemas import make_profile
     >>> from trueterrain.vehicle import GOLDEN_QUARTER_CAR
     >>> s = np.arange(0.0, 60.0, 0.02)
     >>> wave = make_profile(s, 0.01 * np.sin(2 * np.pi * s / 10.0))
@@ -96,7 +96,7 @@ def vehicle_response(
     if not 0 <= lead < np.inf:
         message = f"lead must be at least 0 m, got {lead}."
         raise ValueError(message)
-    station, tracks, names = _tracks(profile)
+    station, tracks, names = _profile_tracks(profile)
     spacing = require_equal(station, "for a vehicle to drive on")
     step = spacing / speed
     model = linear_model(vehicle)
@@ -173,7 +173,7 @@ def compare_responses(
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_profile
+    >>> from trueterrain.core.schemas import make_profile
     >>> from trueterrain.vehicle import GOLDEN_QUARTER_CAR
     >>> s = np.arange(0.0, 60.0, 0.02)
     >>> bumps = np.where(s % 12.0 < 0.5, 0.01, 0.0)
@@ -199,7 +199,8 @@ def compare_responses(
             cure="Drive the same vehicle at the same speed over profiles of the same stations.",
         )
     table = {
-        name: _likeness(response[name], reference[name], bands, exponent) for name in QUANTITIES
+        name: _response_agreement(response[name], reference[name], bands, exponent)
+        for name in QUANTITIES
     }
     rows = [table[name] for name in QUANTITIES]
     data: dict[str, object] = {
@@ -262,7 +263,7 @@ def pseudo_damage(signal: npt.ArrayLike, *, exponent: float = 5.0) -> float:
     return float(sum(n * (0.5 * size) ** exponent for size, _, n, _, _ in extract_cycles(values)))
 
 
-def _tracks(profile: xr.Dataset) -> tuple[Float, Float, list[str]]:
+def _profile_tracks(profile: xr.Dataset) -> tuple[Float, Float, list[str]]:
     """Stations [m], heights (track, s) [m] and names of the tracks."""
     check_profile(profile)
     names = (
@@ -292,7 +293,7 @@ def _under_four_wheels(station: Float, tracks: Float, wheelbase: float) -> Float
 def _quarter_car(
     car: QuarterCarParameters, model: LinearModel, step: float, heights: Float
 ) -> dict[str, Float]:
-    motion = respond(model, step, heights)
+    motion = simulate_response(model, step, heights)
     body, wheel = motion.displacement.T
     force = _tyre_force(
         np.array([car.tyre_stiffness]), np.array([car.tyre_damping]), step, heights[:, None],
@@ -308,7 +309,7 @@ def _quarter_car(
 def _full_car(
     car: FullCarParameters, model: LinearModel, step: float, heights: Float
 ) -> dict[str, Float]:
-    motion = respond(model, step, heights)
+    motion = simulate_response(model, step, heights)
     x, y = car.wheel_positions.T
     above = np.stack([np.ones(4), -x, y])  # of heave, pitch and roll, at each wheel
     stiffness = np.repeat([car.front_tyre_stiffness, car.rear_tyre_stiffness], 2)
@@ -330,7 +331,7 @@ def _tyre_force(
     return np.asarray((spring + damper).T)
 
 
-def _likeness(
+def _response_agreement(
     response: xr.DataArray,
     reference: xr.DataArray,
     bands: Sequence[tuple[float, float]],
@@ -346,7 +347,9 @@ def _likeness(
         correlation = (a * b).sum() / np.sqrt(power_a * power_b)
         error = np.sqrt(((a - b) ** 2).sum() / power_b)
         step = float(response.time[1] - response.time[0])
-        ratio = [np.sqrt(_power(a, step, *band) / _power(b, step, *band)) for band in bands]
+        ratio = [
+            np.sqrt(_band_power(a, step, *band) / _band_power(b, step, *band)) for band in bands
+        ]
         damage = [sum(pseudo_damage(row, exponent=exponent) for row in rows) for rows in (a, b)]
         damage_ratio = np.float64(damage[0]) / damage[1]
     return {
@@ -355,7 +358,7 @@ def _likeness(
     }  # fmt: skip
 
 
-def _power(signal: Float, step: float, low: float, high: float) -> np.float64:
+def _band_power(signal: Float, step: float, low: float, high: float) -> np.float64:
     """Power within a band, up to a constant; NaN if the record has no line there."""
     from scipy.signal.windows import hann
 

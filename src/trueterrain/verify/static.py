@@ -10,14 +10,14 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.errors import CoverageError, concerning
+from trueterrain.core.errors import CoverageError, name_file_in_errors
 from trueterrain.georeference import Screening
-from trueterrain.verify._common_findings import described
-from trueterrain.verify._errors import Row, at_edges, distances, parts_of, row_of
-from trueterrain.verify._registered import registered
-from trueterrain.verify._static_findings import static_findings
-from trueterrain.verify.findings import Finding
-from trueterrain.verify.registration import Registration, register
+from trueterrain.verify.findings.common import describe_findings
+from trueterrain.verify.findings.finding import Finding
+from trueterrain.verify.findings.static import static_findings
+from trueterrain.verify.registration.points import registered_points
+from trueterrain.verify.registration.search import Registration, register_profile
+from trueterrain.verify.results import ResultRow, at_edges, parts_of, profile_distances, row_of
 
 Floats = npt.NDArray[np.float64]
 
@@ -95,7 +95,7 @@ class StaticResult:
     ``sd`` of a single scan, ``sd_mean``, ``distance`` from the machined line [m], ``intensity``
     (mean), ``edge`` and ``doubtful``."""
 
-    row: Row
+    row: ResultRow
     "Row of the table."
 
     registration: Registration
@@ -113,18 +113,18 @@ class StaticResult:
     findings: tuple[Finding, ...] = ()
     "What was looked for besides: see `Finding`."
 
-    def describe(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """The same as plain numbers and words, as for JSON, without the single errors."""
         found = self.registration
         names = (
             "shift", "offset", "tilt", "reversed", "residual", "unregistered", "outliers", "points",
         )  # fmt: skip
         return {
-            **self.row.describe(),
+            **self.row.to_dict(),
             "scans": self.scans,
             "registration_found": {name: getattr(found, name) for name in names},
             "parts": {name: math.sqrt(value) for name, value in self.parts.items()},
-            "findings": described(self.findings),
+            "findings": describe_findings(self.findings),
         }
 
 
@@ -184,14 +184,14 @@ def static_test(
     ways = [("static", Screening(nearest=screened.nearest, furthest=screened.furthest))]
     if screened.needs_intensity:
         ways.append(("static, screened", screened))
-    turned = _directions(mounting_of(tree, path=source), np.asarray(tree["scans/angle"]))
+    turned = _beam_directions(mounting_of(tree, path=source), np.asarray(tree["scans/angle"]))
     sums = [_Sums(way, screened) for _, way in ways]
-    for block in _first(tree, source, wanted):
+    for block in _first_scans(tree, source, wanted):
         for one in sums:
             one.add(block)
-    with concerning(source):
+    with name_file_in_errors(source):
         return [
-            _result(name, one, sums[0], turned, tree, machined, settings, wanted)
+            _static_result(name, one, sums[0], turned, tree, machined, settings, wanted)
             for (name, _), one in zip(ways, sums, strict=True)
         ]
 
@@ -234,7 +234,7 @@ class _Sums:
         return self._base + mean, np.sqrt(np.maximum(variance, 0.0))
 
 
-def _first(tree: xr.DataTree, source: Path | None, wanted: int) -> Iterator[xr.Dataset]:
+def _first_scans(tree: xr.DataTree, source: Path | None, wanted: int) -> Iterator[xr.Dataset]:
     from trueterrain.formats.run import scan_blocks
 
     for block in scan_blocks(tree if source is None else source):
@@ -244,7 +244,7 @@ def _first(tree: xr.DataTree, source: Path | None, wanted: int) -> Iterator[xr.D
         yield block.isel(scan=slice(0, left))
 
 
-def _directions(mounting: Any, angle: Floats) -> Floats:
+def _beam_directions(mounting: Any, angle: Floats) -> Floats:
     """Left and up in the body of a metre along each beam, shape (2, beam)."""
     from scipy.spatial.transform import Rotation
 
@@ -253,7 +253,7 @@ def _directions(mounting: Any, angle: Floats) -> Floats:
     return np.asarray(turn.apply(beams)[:, 1:].T)
 
 
-def _result(
+def _static_result(
     name: str,
     sums: _Sums,
     every: _Sums,
@@ -266,8 +266,8 @@ def _result(
     mean, sd = sums.means()
     good = np.flatnonzero((sums.count >= settings.present * scans) & np.isfinite(mean))
     along, up = mean[good] * turned[:, good]
-    found = register(along, up, machined, assumed=settings.assumed, search=settings.search)
-    looked_at = registered(along, up, found, settings.assumed)
+    found = register_profile(along, up, machined, assumed=settings.assumed, search=settings.search)
+    looked_at = registered_points(along, up, found, settings.assumed)
     s = found.positions(along)
     on = (s >= 0) & (s <= found.length)
     if on.sum() < _HEIGHTS:
@@ -279,7 +279,7 @@ def _result(
     noise = sd[good] * np.abs(turned[1, good])
     edge = at_edges(machined, s, settings.edge)
     doubtful = sums.doubtful[good] > 0.5 * count
-    distance = distances(machined, s, height)
+    distance = profile_distances(machined, s, height)
     columns = {
         "along": along, "up": up[on], "height": height, "machined": true, "error": height - true,
         "distance": distance, "sd": noise,

@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.engine.robust import MAD_TO_SD
-from trueterrain.errors import CoverageError
+from trueterrain.core.errors import CoverageError
+from trueterrain.core.statistics import MAD_TO_SD
+from trueterrain.geometry.grid_frame import grid_frame
 from trueterrain.surface.evaluate import heights_at
-from trueterrain.surface.reference_line import grid_frame
 
 if TYPE_CHECKING:
     from trueterrain.motion import Trajectory
@@ -145,7 +145,7 @@ def ground_errors(surface: xr.Dataset, truth: TrueHeight) -> dict[str, Any]:
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_surface
+    >>> from trueterrain.core.schemas import make_surface
     >>> road = make_surface([[1.0, 1.2], [1.1, 1.1]], easting=[0, 1], northing=[0, 1])
     >>> ground_errors(road, lambda easting, northing: 0 * easting + 1)["median"]
     0.1

@@ -9,11 +9,12 @@ import pytest
 import xarray as xr
 import zarr
 
-from trueterrain import formats, provenance
-from trueterrain.errors import CoverageError, FormatError, OutputError, SchemaError
+from trueterrain import formats
+from trueterrain.core import provenance
+from trueterrain.core.errors import CoverageError, FormatError, OutputError, SchemaError
+from trueterrain.core.schemas import make_points, make_profile, make_surface
 from trueterrain.formats import store
 from trueterrain.formats.store import _layout, _read, _statistics, _write
-from trueterrain.kinds import make_points, make_profile, make_surface
 
 CHUNK = 100  # points, instead of many: so that small stores have many chunks
 
@@ -95,7 +96,7 @@ def test_every_bit_comes_back(tmp_path, name):
             assert again[key].dtype == variable.dtype
             assert again[key].values.tobytes() == variable.values.tobytes()
     assert list(again.data_vars) == list(data.data_vars)
-    assert formats.recognise(tmp_path / "a.zarr").name == "Zarr"
+    assert formats.recognise_format(tmp_path / "a.zarr").name == "Zarr"
     assert formats.kind_of_file(tmp_path / "a.zarr") == data.attrs["kind"].split("/")[1]
     json.dumps(formats.info(tmp_path / "a.zarr"))
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from laspy.copc import Bounds as Box
 from laspy.copc import CopcInfoVlr, CopcReader, load_octree_for_query
 
-from trueterrain.formats.las._open import Bounds, Chunk, damage_named, read_chunk_table
+from trueterrain.formats.las._open import Bounds, LasChunk, damage_named, read_chunk_table
 
 _LARGEST = 2**31 - 1  # of the integers that LAS keeps coordinates in
 
@@ -21,7 +21,7 @@ def is_copc(header: Any) -> bool:
     return len(header.vlrs) > 0 and isinstance(header.vlrs[0], CopcInfoVlr)
 
 
-def query(path: Path, bounds: Bounds, size: int, selection: Any) -> Iterator[Any]:
+def query_nodes(path: Path, bounds: Bounds, size: int, selection: Any) -> Iterator[Any]:
     """Yield records of the points within bounds; each of about `size` points at most.
 
     A box that touches nodes with too many points is halved, level by level of the octree and along
@@ -34,21 +34,21 @@ def query(path: Path, bounds: Bounds, size: int, selection: Any) -> Iterator[Any
         _require_cube(reader)
         held = set(read_chunk_table(path, header, reader.laszip_vlr))
         west, south, east, north = bounds
-        low = _integers(header, np.array([west, south, -np.inf]), np.floor)
-        high = _integers(header, np.array([east, north, np.inf]), np.ceil)
+        low = _integer_coordinates(header, np.array([west, south, -np.inf]), np.floor)
+        high = _integer_coordinates(header, np.array([east, north, np.inf]), np.ceil)
         with damage_named(path, "COPC hierarchy"):
-            nodes = _nodes(reader, low, high, None)
+            nodes = _octree_nodes(reader, low, high, None)
             for node in nodes:
                 # room is made for as many bytes and points as a node announces
-                chunk = Chunk(node.offset, node.byte_size, node.point_count)
+                chunk = LasChunk(node.offset, node.byte_size, node.point_count)
                 if chunk not in held:
                     message = f"{node.key} is no chunk of the file: {chunk}"
                     raise ValueError(message)
         for level in sorted({node.key.level for node in nodes}):
-            yield from _parts(reader, path, low, high, level, size)
+            yield from _query_parts(reader, path, low, high, level, size)
 
 
-def _parts(
+def _query_parts(
     reader: Any,
     path: Path,
     low: npt.NDArray[np.int64],
@@ -57,7 +57,7 @@ def _parts(
     size: int,
 ) -> Iterator[Any]:
     with damage_named(path, f"COPC hierarchy, level {level}"):
-        nodes = _nodes(reader, low, high, level)
+        nodes = _octree_nodes(reader, low, high, level)
     count = sum(node.point_count for node in nodes)
     if count == 0:
         return
@@ -74,11 +74,11 @@ def _parts(
         if low[axis] <= middle < high[axis]:
             left, right = high.copy(), low.copy()
             left[axis], right[axis] = middle, middle + 1
-            yield from _parts(reader, path, low, left, level, size)
-            yield from _parts(reader, path, right, high, level, size)
+            yield from _query_parts(reader, path, low, left, level, size)
+            yield from _query_parts(reader, path, right, high, level, size)
             return
     with damage_named(path, f"COPC level {level}"):
-        record = reader.query(bounds=_box(reader.header, low, high), level=level)
+        record = reader.query(bounds=_query_box(reader.header, low, high), level=level)
     for start in range(0, len(record), size):
         yield laspy.ScaleAwarePointRecord(
             record.array[start : start + size],
@@ -88,14 +88,14 @@ def _parts(
         )
 
 
-def _nodes(
+def _octree_nodes(
     reader: Any, low: npt.NDArray[np.int64], high: npt.NDArray[np.int64], level: int | None
 ) -> list[Any]:
     nodes = load_octree_for_query(
         _Pages(reader.source),
         reader.copc_info,
         reader.root_page,
-        query_bounds=_box(reader.header, low, high),
+        query_bounds=_query_box(reader.header, low, high),
         level_range=None if level is None else range(level, level + 1),
     )
     return [node for node in nodes if node.point_count > 0]
@@ -128,14 +128,14 @@ def _require_cube(reader: Any) -> None:
         raise ValueError(message)
 
 
-def _box(header: Any, low: npt.NDArray[np.int64], high: npt.NDArray[np.int64]) -> Any:
+def _query_box(header: Any, low: npt.NDArray[np.int64], high: npt.NDArray[np.int64]) -> Any:
     # a quarter of a step wider: rounding must not lose the points on the faces
     mins = (low - 0.25) * header.scales + header.offsets
     maxs = (high + 0.25) * header.scales + header.offsets
     return Box(mins, maxs)
 
 
-def _integers(header: Any, values: npt.NDArray[np.float64], towards: Any) -> Any:
+def _integer_coordinates(header: Any, values: npt.NDArray[np.float64], towards: Any) -> Any:
     steps = towards((values - header.offsets) / header.scales)
     # one step within the range, since _box widens by a quarter
     return np.clip(steps, -_LARGEST + 1, _LARGEST - 1).astype(np.int64)

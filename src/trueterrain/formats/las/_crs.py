@@ -6,7 +6,7 @@ from typing import Any
 import pyproj
 from pyproj.exceptions import CRSError
 
-from trueterrain.formats.crs import Units, crs_in_metres, parse_crs, units_of
+from trueterrain.geometry.crs import Units, crs_in_metres, parse_crs, units_of
 
 _PROJECTION = "LASF_Projection"
 _WKT_RECORD, _GEOTIFF_RECORD = 2112, 34735
@@ -31,7 +31,7 @@ _SAME_UNIT = 1e-9  # within which two units are equal; both kinds of feet differ
 
 
 @dataclass(frozen=True, kw_only=True)
-class Reference:
+class CrsReference:
     """What a file says about the ground that its coordinates refer to."""
 
     crs: str = ""
@@ -61,7 +61,7 @@ class Reference:
         return f"{text} ({self.assumed})" if self.assumed else text
 
 
-def reference_of(header: Any) -> Reference:
+def reference_of(header: Any) -> CrsReference:
     """Reference of a LAS header."""
     records = [*header.vlrs.get_by_id(_PROJECTION)]
     if header.evlrs is not None:
@@ -78,11 +78,11 @@ def reference_of(header: Any) -> Reference:
         crs, keys, more = _from_geotiff(by_id)
         doubts += more
     if crs is None:
-        return Reference(doubts=("the CRS is missing", *doubts))
-    return _by_keys(_reference(crs, doubts), keys)
+        return CrsReference(doubts=("the CRS is missing", *doubts))
+    return _by_keys(_make_reference(crs, doubts), keys)
 
 
-def reference_named(crs: str) -> Reference:
+def reference_named(crs: str) -> CrsReference:
     """Reference that the user names instead of the file's own.
 
     Raises
@@ -90,7 +90,7 @@ def reference_named(crs: str) -> Reference:
     ValueError
         If the name means nothing.
     """
-    return _reference(parse_crs(crs), [])
+    return _make_reference(parse_crs(crs), [])
 
 
 def wkt_of(crs: str) -> str:
@@ -102,10 +102,10 @@ def wkt_of(crs: str) -> str:
         return str(parsed.to_wkt())
 
 
-def _reference(crs: pyproj.CRS, doubts: list[str]) -> Reference:
-    obstacle = _obstacle(crs)
+def _make_reference(crs: pyproj.CRS, doubts: list[str]) -> CrsReference:
+    obstacle = _unit_obstacle(crs)
     code = crs.to_epsg(min_confidence=100)
-    found = Reference(
+    found = CrsReference(
         crs=f"EPSG:{code}" if code else crs.to_wkt(), name=crs.name, obstacle=obstacle,
         doubts=tuple(doubts),
     )  # fmt: skip
@@ -116,13 +116,13 @@ def _reference(crs: pyproj.CRS, doubts: list[str]) -> Reference:
     return replace(found, crs=metric, name=parse_crs(metric).name, units=units, assumed=assumed)
 
 
-def _obstacle(crs: pyproj.CRS) -> str:
+def _unit_obstacle(crs: pyproj.CRS) -> str:
     if crs.is_geocentric:
         return "geocentric x, y, z"
     return "degrees" if crs.is_geographic else ""
 
 
-def _by_keys(reference: Reference, keys: dict[int, int]) -> Reference:
+def _by_keys(reference: CrsReference, keys: dict[int, int]) -> CrsReference:
     """Reference with the units that GeoTIFF keys name beside a code."""
     if reference.obstacle or not keys:
         return reference
@@ -161,7 +161,7 @@ def _from_geotiff(
     try:
         if code is not None:
             return pyproj.CRS.from_epsg(code), values, []
-        citation = _citation(keys, by_id)
+        citation = _key_citation(keys, by_id)
         named = pyproj.CRS.from_user_input(citation)
     except CRSError:
         return None, {}, ["the GeoTIFF keys name no CRS that is known"]
@@ -169,7 +169,7 @@ def _from_geotiff(
     return named, values, [doubt]
 
 
-def _citation(keys: dict[int, Any], by_id: dict[int, Any]) -> str:
+def _key_citation(keys: dict[int, Any], by_id: dict[int, Any]) -> str:
     key = keys.get(_CITATION)
     record = by_id.get(key.tiff_tag_location) if key is not None else None
     if key is None or record is None:

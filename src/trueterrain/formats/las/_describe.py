@@ -7,12 +7,12 @@ from typing import Any
 import laspy
 import numpy as np
 
+from trueterrain.core.schemas import COORDINATES
 from trueterrain.formats.las import _copc, _problems
-from trueterrain.formats.las._crs import Reference, reference_of
+from trueterrain.formats.las._crs import CrsReference, reference_of
 from trueterrain.formats.las._duplicates import DuplicateCounter
-from trueterrain.formats.las._open import chunks, opened
+from trueterrain.formats.las._open import open_reader, read_chunks
 from trueterrain.formats.las._read import ADJUSTED, BLOCK, time_kind, times_of
-from trueterrain.kinds import COORDINATES
 
 _SELECTION = laspy.DecompressionSelection
 _FIELDS = (
@@ -22,7 +22,7 @@ _FIELDS = (
 _GPS_EPOCH = dt.datetime(1980, 1, 6)  # GPS time has no zone and no leap seconds
 
 
-class Tally:
+class LasStatistics:
     """Everything that is counted while the points go by; memory does not grow with the file."""
 
     def __init__(self, header: Any) -> None:
@@ -96,12 +96,12 @@ def describe(path: str | Path) -> dict[str, Any]:
         If the file is damaged.
     """
     path = Path(path)
-    with opened(path, _FIELDS) as reader:
+    with open_reader(path, _FIELDS) as reader:
         header = reader.header
         name = "COPC" if _copc.is_copc(header) else "LAZ" if header.are_points_compressed else "LAS"
         reference = reference_of(header)
-        tally = Tally(header)
-        for record in chunks(reader, path, BLOCK):
+        tally = LasStatistics(header)
+        for record in read_chunks(reader, path, BLOCK):
             tally.add(record)
     return {
         "format": name,
@@ -109,42 +109,42 @@ def describe(path: str | Path) -> dict[str, Any]:
         "version": str(header.version),
         "point_format": header.point_format.id,
         "count": tally.count,
-        "extent": _extent(tally, reference),
+        "extent": _point_extent(tally, reference),
         "scale": (header.scales * np.array(reference.units.factors)).tolist(),
         "offset": (header.offsets * np.array(reference.units.factors)).tolist(),
         "crs": reference.crs,
         "crs_name": reference.name,
         "units": reference.conversion,
-        "time": _time(tally, header),
-        "density": _density(tally, reference),
-        "point_source_ids": _counts(tally.sources),
-        "returns": _counts(tally.returns),
-        "classes": _counts(tally.classes),
+        "time": _time_summary(tally, header),
+        "density": _point_density(tally, reference),
+        "point_source_ids": _nonzero_counts(tally.sources),
+        "returns": _nonzero_counts(tally.returns),
+        "classes": _nonzero_counts(tally.classes),
         "extra": [str(extra) for extra in header.point_format.extra_dimension_names],
         "software": str(header.generating_software).strip("\0 "),
         "problems": _problems.problems_of(header, reference, tally),
     }
 
 
-def _extent(tally: Tally, reference: Reference) -> dict[str, list[float]] | None:
+def _point_extent(tally: LasStatistics, reference: CrsReference) -> dict[str, list[float]] | None:
     if not tally.count:
         return None
     ends = zip(COORDINATES, tally.low, tally.high, reference.units.factors, strict=True)
     return {name: [float(low * unit), float(high * unit)] for name, low, high, unit in ends}
 
 
-def _time(tally: Tally, header: Any) -> dict[str, Any] | None:
+def _time_summary(tally: LasStatistics, header: Any) -> dict[str, Any] | None:
     if not tally.time or tally.time_zeros == tally.count:
         return None
     flag = "adjusted standard" if header.global_encoding.gps_time_type.value else "week seconds"
     start, end = tally.time
     summary: dict[str, Any] = {"kind": tally.time_kind, "flag": flag, "start": start, "end": end}
     if tally.time_kind == "adjusted standard":
-        summary |= {"first": _date(start), "last": _date(end)}
+        summary |= {"first": _gps_date(start), "last": _gps_date(end)}
     return summary
 
 
-def _date(time: float) -> str | None:
+def _gps_date(time: float) -> str | None:
     try:
         moment = _GPS_EPOCH + dt.timedelta(seconds=ADJUSTED + time)
     except OverflowError:
@@ -152,12 +152,12 @@ def _date(time: float) -> str | None:
     return moment.isoformat(sep=" ", timespec="seconds") + " GPS"
 
 
-def _density(tally: Tally, reference: Reference) -> float | None:
+def _point_density(tally: LasStatistics, reference: CrsReference) -> float | None:
     width, length = (tally.high - tally.low)[:2] * reference.units.horizontal
     if reference.obstacle or not tally.count or not width * length > 0:
         return None
     return float(tally.count / (width * length))
 
 
-def _counts(counts: Any) -> dict[str, int]:
+def _nonzero_counts(counts: Any) -> dict[str, int]:
     return {str(number): int(counts[number]) for number in np.flatnonzero(counts)}

@@ -8,8 +8,8 @@ import laspy
 import numpy as np
 import xarray as xr
 
-from trueterrain.errors import SchemaError
-from trueterrain.kinds import EXTRA, RETURN_ATTRIBUTES
+from trueterrain.core.errors import SchemaError
+from trueterrain.core.schemas import EXTRA, RETURN_ATTRIBUTES
 
 ANGLE_STEP = np.deg2rad(0.006)  # [rad] of the scan angle from point format 6 on
 _LARGEST_ANGLE = 30_000  # [steps] 180 deg
@@ -40,13 +40,13 @@ def variables_of(point_format: Any) -> tuple[str, ...]:
     time = {"time"} if "gps_time" in standard else set()
     known = {"intensity", "lane"} | time | angle | (standard & set(RETURN_ATTRIBUTES))
     order = ("intensity", "lane", "time", *RETURN_ATTRIBUTES)
-    return (*(name for name in order if name in known), *_extra(point_format))
+    return (*(name for name in order if name in known), *_extra_dimensions(point_format))
 
 
 def selection_of(point_format: Any, names: Collection[str]) -> Any:
     """Parts of a compressed point that these variables need."""
     selection = _PARTS.XY_RETURNS_CHANNEL | _PARTS.Z
-    extra = _extra(point_format)
+    extra = _extra_dimensions(point_format)
     for name in names:
         if name in extra:
             selection |= _PARTS.ALL_EXTRA_BYTES
@@ -58,7 +58,7 @@ def selection_of(point_format: Any, names: Collection[str]) -> Any:
 def values_of(record: Any, name: str) -> Any:
     """Values of a variable among points, but for times."""
     point_format = record.point_format
-    if name in (extra := _extra(point_format)):
+    if name in (extra := _extra_dimensions(point_format)):
         dimension, element = extra[name]
         values = record[dimension]
         return np.array(values if element is None else values[:, element],
@@ -72,7 +72,7 @@ def values_of(record: Any, name: str) -> Any:
 
 def attrs_of(point_format: Any, name: str) -> dict[str, Any]:
     """What a file says about extra bytes: description, and step and origin of scaled integers."""
-    if name in _DEVIATIONS or name not in (extra := _extra(point_format)):
+    if name in _DEVIATIONS or name not in (extra := _extra_dimensions(point_format)):
         return {}
     dimension, element = extra[name]
     found = point_format.dimension_by_name(dimension)
@@ -157,7 +157,7 @@ def whole_numbers(values: Any, name: str, least: int, most: int, done: int, path
     return values.astype(np.uint16) if least == 0 else values
 
 
-def _extra(point_format: Any) -> dict[str, tuple[str, int | None]]:
+def _extra_dimensions(point_format: Any) -> dict[str, tuple[str, int | None]]:
     """Variables from extra bytes: dimension, and number among those of one name."""
     found: dict[str, tuple[str, int | None]] = {}
     for dimension in point_format.extra_dimensions:

@@ -30,7 +30,7 @@ class DuplicateCounter:
 
     def add(self, x: npt.ArrayLike, y: npt.ArrayLike, z: npt.ArrayLike) -> None:
         """Add points by their integer coordinates."""
-        self._held.append(self._sampled(_hashes(x, y, z)))
+        self._held.append(self._sampled(_hash_coordinates(x, y, z)))
         while sum(held.size for held in self._held) > self._limit:
             self._bits += 1
             self._held = [self._sampled(np.concatenate(self._held))]
@@ -53,7 +53,9 @@ class DuplicateCounter:
         return hashes[(hashes & mask) == 0] if self._bits else hashes
 
 
-def _hashes(x: npt.ArrayLike, y: npt.ArrayLike, z: npt.ArrayLike) -> npt.NDArray[np.uint64]:
+def _hash_coordinates(
+    x: npt.ArrayLike, y: npt.ArrayLike, z: npt.ArrayLike
+) -> npt.NDArray[np.uint64]:
     factors = [np.uint64(number) for number in _MIX]
     mixed = np.zeros(np.size(x), dtype=np.uint64)
     for values, factor in zip((x, y, z), factors[:3], strict=True):

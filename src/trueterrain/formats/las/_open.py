@@ -13,7 +13,7 @@ import laspy
 import lazrs
 import numpy as np
 
-from trueterrain.errors import FormatError, TrueTerrainError
+from trueterrain.core.errors import FormatError, TrueTerrainError
 from trueterrain.formats.signature import open_regular
 
 # laspy logs what it raises as well; without a handler that ends up on stderr
@@ -34,7 +34,7 @@ _BYTES = 14  # kind of the extra bytes, which have a layer each
 _LARGEST_CHUNK = 1 << 20  # points for which there is room in any case
 
 
-class Chunk(NamedTuple):
+class LasChunk(NamedTuple):
     """Compressed points as the table of chunks describes them."""
 
     start: int
@@ -42,7 +42,7 @@ class Chunk(NamedTuple):
     points: int
 
 
-class _Record(NamedTuple):
+class _RecordLayout(NamedTuple):
     """How the records before and behind the points are laid out [bytes]."""
 
     name: str
@@ -51,12 +51,12 @@ class _Record(NamedTuple):
     length_size: int
 
 
-_VLR = _Record("record", 54, 20, 2)
-_EVLR = _Record("extended record", 60, 20, 8)
+_VLR = _RecordLayout("record", 54, 20, 2)
+_EVLR = _RecordLayout("extended record", 60, 20, 8)
 
 
 @contextmanager
-def opened(path: str | Path, selection: Any = None) -> Iterator[Any]:
+def open_reader(path: str | Path, selection: Any = None) -> Iterator[Any]:
     """Yield a `laspy.LasReader` of a file whose size fits its header."""
     path = Path(path)
     size = _require_las(path)
@@ -93,7 +93,7 @@ def damage_named(path: Path, place: str) -> Iterator[None]:
         ) from None
 
 
-def chunks(reader: Any, path: Path, size: int) -> Iterator[Any]:
+def read_chunks(reader: Any, path: Path, size: int) -> Iterator[Any]:
     """Yield the point records of an open file, `size` at a time; all that the header announces."""
     count = reader.header.point_count
     done = 0
@@ -143,7 +143,7 @@ def _require_las(path: Path) -> int:
 
 
 def _require_records(
-    stream: BinaryIO, path: Path, record: _Record, begin: int, count: int, end: int
+    stream: BinaryIO, path: Path, record: _RecordLayout, begin: int, count: int, end: int
 ) -> None:
     for number in range(1, count + 1):
         if begin + record.header <= end:
@@ -185,7 +185,7 @@ def _require_scales(path: Path, header: Any) -> None:
             )  # fmt: skip
 
 
-def read_chunk_table(path: Path, header: Any, record: Any = None) -> list[Chunk]:
+def read_chunk_table(path: Path, header: Any, record: Any = None) -> list[LasChunk]:
     """Chunks of compressed points, none of which asks for more than the file holds.
 
     lazrs makes room for whatever chunks, layers and the table of chunks announce, and ends the
@@ -209,7 +209,7 @@ def read_chunk_table(path: Path, header: Any, record: Any = None) -> list[Chunk]
         is_fixed = not lazrs.LazVlr(about).uses_variable_size_chunks()
         starts = [first, *(first + total for total in accumulate(size for _, size in found))]
         chunks = [
-            Chunk(start, size, per_chunk if is_fixed else points)
+            LasChunk(start, size, per_chunk if is_fixed else points)
             for start, (points, size) in zip(starts, found, strict=False)
         ]
         largest = max(header.point_count, _LARGEST_CHUNK)
@@ -280,7 +280,7 @@ def _require_items(path: Path, about: bytes, header: Any) -> int:
     return sum(size if kind == _BYTES else _LAYERS.get(kind, 0) for kind, size in items)
 
 
-def _layered_size(stream: BinaryIO, chunk: Chunk, header: Any, layers: int) -> int:
+def _layered_size(stream: BinaryIO, chunk: LasChunk, header: Any, layers: int) -> int:
     """Bytes that a chunk needs: its first point, the count of points, sizes of layers, layers."""
     head = int(header.point_format.size) + 4 + 4 * layers
     stream.seek(chunk.start)

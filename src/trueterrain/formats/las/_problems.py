@@ -4,11 +4,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from trueterrain.formats.las._crs import Reference
+from trueterrain.formats.las._crs import CrsReference
 from trueterrain.formats.las._read import ADJUSTED, SECONDS_OF_WEEK
 
 if TYPE_CHECKING:
-    from trueterrain.formats.las._describe import Tally
+    from trueterrain.formats.las._describe import LasStatistics
 
 _STRAY = 0.005  # an id with a smaller fraction of the points is no pass, but a remnant
 _COARSE = 0.001  # [m] millimetre work needs steps of a tenth of it
@@ -16,7 +16,7 @@ _NEAR_ROLLOVER = 3600.0  # [s] from either end of the week
 _LARGEST_EXTENT_ERROR = 1.5  # [steps] rounding of the header's extent
 
 
-def problems_of(header: Any, reference: Reference, tally: "Tally") -> list[str]:
+def problems_of(header: Any, reference: CrsReference, tally: "LasStatistics") -> list[str]:
     """Everything that is wrong or doubtful, in words."""
     if not tally.count:
         return ["there are no points", *reference.doubts]
@@ -29,7 +29,7 @@ def problems_of(header: Any, reference: Reference, tally: "Tally") -> list[str]:
     ]
 
 
-def _about_crs(reference: Reference) -> list[str]:
+def _about_crs(reference: CrsReference) -> list[str]:
     problems = list(reference.doubts)
     if reference.obstacle:
         problems.append(
@@ -46,7 +46,7 @@ def _about_waves(header: Any) -> list[str]:
     return []
 
 
-def _about_time(header: Any, tally: "Tally") -> list[str]:
+def _about_time(header: Any, tally: "LasStatistics") -> list[str]:
     if "gps_time" not in header.point_format.dimension_names:
         return ["the point format has no time"]
     problems = []
@@ -65,7 +65,7 @@ def _about_time(header: Any, tally: "Tally") -> list[str]:
     return problems
 
 
-def _about_kind(header: Any, tally: "Tally") -> list[str]:
+def _about_kind(header: Any, tally: "LasStatistics") -> list[str]:
     if not tally.time:
         return []
     start, end = tally.time
@@ -99,7 +99,7 @@ def _about_sources(sources: Any, count: int) -> list[str]:
     return problems
 
 
-def _about_places(header: Any, reference: Reference, tally: "Tally") -> list[str]:
+def _about_places(header: Any, reference: CrsReference, tally: "LasStatistics") -> list[str]:
     problems = []
     repeated = tally.duplicates.count
     if repeated:

@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from trueterrain import provenance
-from trueterrain.errors import CoverageError, FormatError
+from trueterrain.core import provenance
+from trueterrain.core.errors import CoverageError, FormatError
+from trueterrain.core.schemas import make_points
 from trueterrain.formats.las import _copc
-from trueterrain.formats.las._crs import Reference, reference_named, reference_of
+from trueterrain.formats.las._crs import CrsReference, reference_named, reference_of
 from trueterrain.formats.las._dimensions import (
     attrs_of,
     selection_of,
     values_of,
     variables_of,
 )
-from trueterrain.formats.las._open import Bounds, chunks, opened
-from trueterrain.kinds import make_points
+from trueterrain.formats.las._open import Bounds, open_reader, read_chunks
 
 BLOCK = 1_000_000  # points
 
@@ -35,7 +35,7 @@ def read(path: str | Path, *, bounds: Bounds | None = None, crs: str | None = No
 
     ``time`` is the GPS time, ``lane`` the point source id, ``sd`` and ``sd_relative`` the extra
     bytes of these names; all other dimensions have the names of
-    `trueterrain.kinds.RETURN_ATTRIBUTES`, other extra bytes ``extra_NAME``. Wave packets are not
+    `trueterrain.core.schemas.RETURN_ATTRIBUTES`, other extra bytes ``extra_NAME``. Wave packets are not
     read (``attrs["not_read"]``). Feet become metres, and the CRS one in metres.
     ``attrs["coordinate_scale"]`` and ``["coordinate_offset"]`` are the steps that coordinates were
     rounded to, and their origin [m]. ``attrs["gps_time_kind"]`` is ``"adjusted standard"`` or
@@ -64,7 +64,7 @@ def read(path: str | Path, *, bounds: Bounds | None = None, crs: str | None = No
     ValueError
         If `crs` or `bounds` mean nothing.
     """
-    parts = list(_stream(path, bounds, BLOCK, crs, None))
+    parts = list(_stream_points(path, bounds, BLOCK, crs, None))
     if not parts:
         place = "" if bounds is None else " within the bounds"
         raise CoverageError(f"there are no points{place}", path=path)
@@ -125,7 +125,7 @@ def blocks(
     if size < 1:
         message = f"size must be at least 1 point, got {size}."
         raise ValueError(message)
-    yield from _ahead(_with_history(path, bounds, size, crs, variables))
+    yield from _read_ahead(_with_history(path, bounds, size, crs, variables))
 
 
 def point_variables(path: str | Path) -> tuple[str, ...]:
@@ -146,11 +146,11 @@ def point_variables(path: str | Path) -> tuple[str, ...]:
     FormatError
         If the header is damaged.
     """
-    with opened(path) as reader:
+    with open_reader(path) as reader:
         return variables_of(reader.header.point_format)
 
 
-def header_of(path: str | Path, crs: str | None = None) -> tuple[Reference, Any]:
+def header_of(path: str | Path, crs: str | None = None) -> tuple[CrsReference, Any]:
     """Reference and extent of a file by its header alone.
 
     Parameters
@@ -172,9 +172,9 @@ def header_of(path: str | Path, crs: str | None = None) -> tuple[Reference, Any]
     FormatError
         If the header is damaged, or coordinates are degrees or geocentric.
     """
-    with opened(path) as reader:
+    with open_reader(path) as reader:
         override = None if crs is None else reference_named(crs)
-        reference = _reference(reader.header, Path(path), override)
+        reference = _crs_reference(reader.header, Path(path), override)
         factors = np.array(reference.units.factors)
         return reference, np.stack([reader.header.mins, reader.header.maxs]) * factors
 
@@ -187,7 +187,7 @@ def _with_history(
     variables: Collection[str] | None,
 ) -> Generator[xr.Dataset, None, None]:
     history: str | None = None
-    for block in _stream(path, bounds, size, crs, variables):
+    for block in _stream_points(path, bounds, size, crs, variables):
         if history is None:
             parameters = {"format": "LAS", "bounds": bounds, "crs": crs}
             # the hash of the whole file would cost more than the part that is read
@@ -198,7 +198,7 @@ def _with_history(
         yield block.assign_attrs(provenance=history)
 
 
-def _ahead(items: Generator[xr.Dataset, None, None]) -> Iterator[xr.Dataset]:
+def _read_ahead(items: Generator[xr.Dataset, None, None]) -> Iterator[xr.Dataset]:
     """Items in order, the next of which is made in a thread of its own."""
     with closing(items), ThreadPoolExecutor(1) as pool:
         waiting = pool.submit(next, items, None)
@@ -207,7 +207,7 @@ def _ahead(items: Generator[xr.Dataset, None, None]) -> Iterator[xr.Dataset]:
             yield item
 
 
-def _stream(
+def _stream_points(
     path: str | Path,
     bounds: Bounds | None,
     size: int,
@@ -216,11 +216,11 @@ def _stream(
 ) -> Iterator[xr.Dataset]:
     path = Path(path)
     _check_bounds(bounds)
-    reference, names, selection = _wanted(path, crs, variables)
+    reference, names, selection = _reading_plan(path, crs, variables)
     factors = reference.units.factors
-    with opened(path, selection) as reader:
+    with open_reader(path, selection) as reader:
         header = reader.header
-        attrs: dict[str, Any] = {"crs": reference.crs, **_history(header)}
+        attrs: dict[str, Any] = {"crs": reference.crs, **_read_provenance(header)}
         attrs["coordinate_scale"] = (np.asarray(header.scales) * factors).tolist()
         attrs["coordinate_offset"] = (np.asarray(header.offsets) * factors).tolist()
         if "wavepacket_index" in header.point_format.dimension_names:
@@ -228,27 +228,27 @@ def _stream(
         if bounds is not None and _copc.is_copc(header):
             across = factors[0]
             west, south, east, north = (edge / across for edge in bounds)
-            records = _copc.query(path, (west, south, east, north), size, selection)
+            records = _copc.query_nodes(path, (west, south, east, north), size, selection)
         else:
-            records = chunks(reader, path, size)
+            records = read_chunks(reader, path, size)
         for record in records:
-            points = _points(record, header, names, factors)
+            points = _make_points(record, header, names, factors)
             if points.sizes["point"] and "gps_time_kind" not in attrs and "time" in points:
                 attrs["gps_time_kind"] = time_kind(header, points.time.values)
             points = points.assign_attrs(attrs)
             if bounds is not None:
-                points = _cut(points, bounds)
+                points = _clip_points(points, bounds)
             if points.sizes["point"]:
                 yield points
 
 
-def _wanted(
+def _reading_plan(
     path: Path, crs: str | None, variables: Collection[str] | None
-) -> tuple[Reference, list[str], Any]:
+) -> tuple[CrsReference, list[str], Any]:
     """Reference of a file, variables to read, and what to decompress for them."""
     override = None if crs is None else reference_named(crs)
-    with opened(path) as reader:
-        reference = _reference(reader.header, path, override)
+    with open_reader(path) as reader:
+        reference = _crs_reference(reader.header, path, override)
         point_format = reader.header.point_format
         names = [n for n in variables_of(point_format) if variables is None or n in variables]
         return reference, names, selection_of(point_format, names)
@@ -273,7 +273,7 @@ def times_of(record: Any, header: Any) -> Any:
     return time
 
 
-def _points(
+def _make_points(
     record: Any, header: Any, names: list[str], factors: tuple[float, float, float]
 ) -> xr.Dataset:
     east, north, up = (
@@ -293,7 +293,7 @@ def _points(
     return points
 
 
-def _cut(points: xr.Dataset, bounds: Bounds) -> xr.Dataset:
+def _clip_points(points: xr.Dataset, bounds: Bounds) -> xr.Dataset:
     west, south, east, north = bounds
     x, y = points.easting.values, points.northing.values
     inside = (x >= west) & (x <= east) & (y >= south) & (y <= north)
@@ -312,7 +312,7 @@ def _check_bounds(bounds: Bounds | None) -> None:
         raise ValueError(message)
 
 
-def _reference(header: Any, path: Path, override: Reference | None) -> Reference:
+def _crs_reference(header: Any, path: Path, override: CrsReference | None) -> CrsReference:
     reference = override or reference_of(header)
     if reference.obstacle:
         raise FormatError(
@@ -326,7 +326,7 @@ def _reference(header: Any, path: Path, override: Reference | None) -> Reference
     return reference
 
 
-def _history(header: Any) -> dict[str, str]:
+def _read_provenance(header: Any) -> dict[str, str]:
     for record in header.vlrs.get_by_id("trueterrain"):
         try:
             history = json.loads(record.record_data)

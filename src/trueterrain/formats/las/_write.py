@@ -12,8 +12,9 @@ import xarray as xr
 from laspy.vlrs.known import WktCoordinateSystemVlr
 
 from trueterrain._version import __version__
-from trueterrain.engine import Checksums, not_whole, whole_output
-from trueterrain.errors import CoverageError, SchemaError
+from trueterrain.core import Checksums, not_whole, whole_output
+from trueterrain.core.errors import CoverageError, SchemaError
+from trueterrain.core.schemas import COORDINATES, check_points
 from trueterrain.formats.las._crs import wkt_of
 from trueterrain.formats.las._dimensions import (
     extra_parameters,
@@ -22,7 +23,6 @@ from trueterrain.formats.las._dimensions import (
     whole_numbers,
 )
 from trueterrain.formats.las._read import SECONDS_OF_WEEK
-from trueterrain.kinds import COORDINATES, check_points
 
 _COARSEST = 0.1  # [m] steps of coordinates; coarser ones leave no ground to measure
 _STEP = 0.0001  # [m] that coordinates are rounded to, unless they were to something finer
@@ -80,7 +80,7 @@ def write(
     --------
     >>> import tempfile
     >>> from trueterrain.formats.las import read
-    >>> from trueterrain.kinds import make_points
+    >>> from trueterrain.core.schemas import make_points
     >>> points = make_points([691000.0123], [5334000.0456], [512.0789], crs="EPSG:25832")
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     write(points, Path(folder) / "p.laz")
@@ -98,7 +98,7 @@ def write(
         first = next((part for part in parts if part.sizes.get("point", 0)), None)
         if first is None:
             raise CoverageError("there are no points to write", path=path)
-        header = _header(check_points(first, path=path), scale, path)
+        header = _make_header(check_points(first, path=path), scale, path)
         names = list(first.data_vars)
         compress = path.suffix.lower() == ".laz"
         done = 0
@@ -112,10 +112,10 @@ def write(
             ):
                 for part in chain([first], parts):
                     if list(check_points(part, path=path).data_vars) != names:
-                        raise _different(part, names, path)
+                        raise _variables_error(part, names, path)
                     for start in range(0, part.sizes["point"], _ROWS):
                         rows = part.isel(point=slice(start, start + _ROWS))
-                        record = _record(rows, header, done, path)
+                        record = _point_record(rows, header, done, path)
                         written.add("points", record.array)
                         writer.write_points(record)
                         done += rows.sizes["point"]
@@ -132,15 +132,15 @@ def _require_same(temporary: Path, written: Checksums, path: Path) -> None:
     found.require_same(written, path)
 
 
-def _header(first: xr.Dataset, scale: float | None, path: Path) -> Any:
+def _make_header(first: xr.Dataset, scale: float | None, path: Path) -> Any:
     point_format = point_format_of(first)
     header = laspy.LasHeader(version="1.4", point_format=point_format)
     header.generating_software = f"trueterrain {__version__}"
-    axes = [_lattice(first, axis, scale, path) for axis in range(3)]
+    axes = [_axis_lattice(first, axis, scale, path) for axis in range(3)]
     header.scales = np.array([step for step, _ in axes])
     header.offsets = np.array([offset for _, offset in axes])
     header.global_encoding.wkt = True  # the standard asks for it, whether there is a WKT or not
-    header.global_encoding.gps_time_type = laspy.header.GpsTimeType(_kind(first))
+    header.global_encoding.gps_time_type = laspy.header.GpsTimeType(_gps_time_kind(first))
     if crs := first.attrs.get("crs"):
         try:
             header.vlrs.append(WktCoordinateSystemVlr(wkt_of(crs)))
@@ -154,9 +154,11 @@ def _header(first: xr.Dataset, scale: float | None, path: Path) -> Any:
     return header
 
 
-def _lattice(points: xr.Dataset, axis: int, scale: float | None, path: Path) -> tuple[float, float]:
+def _axis_lattice(
+    points: xr.Dataset, axis: int, scale: float | None, path: Path
+) -> tuple[float, float]:
     """Step and offset of an axis [m], by which steps that coordinates came with are kept."""
-    middle = _middle(points, COORDINATES[axis], path)
+    middle = _coordinate_offset(points, COORDINATES[axis], path)
     scales = points.attrs.get("coordinate_scale")
     origins = points.attrs.get("coordinate_offset")
     if scales is None or origins is None:
@@ -171,14 +173,14 @@ def _lattice(points: xr.Dataset, axis: int, scale: float | None, path: Path) -> 
     return step, origin if abs(apart) < _LARGEST / 2 else float(origin + step * np.rint(apart))
 
 
-def _middle(points: xr.Dataset, name: str, path: Path) -> float:
+def _coordinate_offset(points: xr.Dataset, name: str, path: Path) -> float:
     values = points[name].values
     if not np.isfinite(values).all():
         raise _not_finite(values, name, 0, path)
     return float(np.rint(values.min() / 2 + values.max() / 2))
 
 
-def _kind(points: xr.Dataset) -> int:
+def _gps_time_kind(points: xr.Dataset) -> int:
     kind = points.attrs.get("gps_time_kind", "")
     if kind in _KINDS:
         return _KINDS[kind]
@@ -188,10 +190,10 @@ def _kind(points: xr.Dataset) -> int:
     return int(bool((time < 0).any() or (time > SECONDS_OF_WEEK).any()))
 
 
-def _record(points: xr.Dataset, header: Any, done: int, path: Path) -> Any:
+def _point_record(points: xr.Dataset, header: Any, done: int, path: Path) -> Any:
     record = laspy.ScaleAwarePointRecord.zeros(points.sizes["point"], header=header)
     for axis, name in enumerate(("easting", "northing", "up")):
-        steps = _steps(points, name, header.offsets[axis], header.scales[axis], done, path)
+        steps = _integer_steps(points, name, header.offsets[axis], header.scales[axis], done, path)
         record["XYZ"[axis]] = steps
     for name, field in _WHOLE.items():
         if name in points:
@@ -205,7 +207,7 @@ def _record(points: xr.Dataset, header: Any, done: int, path: Path) -> Any:
     return record
 
 
-def _steps(
+def _integer_steps(
     points: xr.Dataset, name: str, offset: float, scale: float, done: int, path: Path
 ) -> Any:
     values = points[name].values
@@ -235,7 +237,7 @@ def _not_finite(values: Any, name: str, done: int, path: Path) -> SchemaError:
     )
 
 
-def _different(part: xr.Dataset, names: list[Any], path: Path) -> SchemaError:
+def _variables_error(part: xr.Dataset, names: list[Any], path: Path) -> SchemaError:
     found = ", ".join(str(name) for name in part.data_vars)
     wanted = ", ".join(str(name) for name in names)
     return SchemaError(

@@ -12,7 +12,7 @@ Every other convention is converted here, once.
 `read_sbet`        Applanix smoothed best estimate of trajectory (17 doubles per record)
 `read_smrmsg`      Applanix accuracy of it (10 doubles per record)
 `read_boreas`      poses of the Boreas data set (CSV)
-`read_columns`     CSV or Parquet with columns that are named by `Columns`
+`read_columns`     CSV or Parquet with columns that are named by `NavigationColumns`
 =================  ==============================================================================
 """
 
@@ -22,14 +22,14 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from trueterrain.formats.navigation._schema import check_navigation, make_navigation
     from trueterrain.formats.navigation.boreas import read as read_boreas
-    from trueterrain.formats.navigation.columns import Columns
+    from trueterrain.formats.navigation.columns import NavigationColumns
     from trueterrain.formats.navigation.columns import read as read_columns
     from trueterrain.formats.navigation.sbet import read as read_sbet
     from trueterrain.formats.navigation.smrmsg import add_accuracy
     from trueterrain.formats.navigation.smrmsg import read as read_smrmsg
 
 __all__ = [
-    "Columns",
+    "NavigationColumns",
     "add_accuracy",
     "check_navigation",
     "make_navigation",

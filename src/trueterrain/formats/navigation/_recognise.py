@@ -49,8 +49,8 @@ def is_sbet(start: bytes, size: int) -> bool:
     >>> is_sbet(b"\0" * 136, 136)
     False
     """
-    records = _records(start, size, _SBET_FIELDS)
-    return bool(records) and all(map(_can_be_sbet, records)) and _forward(records)
+    records = _read_records(start, size, _SBET_FIELDS)
+    return bool(records) and all(map(_can_be_sbet, records)) and _times_ascend(records)
 
 
 def is_smrmsg(start: bytes, size: int) -> bool:
@@ -73,8 +73,8 @@ def is_smrmsg(start: bytes, size: int) -> bool:
     >>> is_smrmsg(struct.pack("<10d", 536258.0, *[0.05] * 9), 80)
     True
     """
-    records = _records(start, size, 10)
-    return bool(records) and all(map(_can_be_smrmsg, records)) and _forward(records)
+    records = _read_records(start, size, 10)
+    return bool(records) and all(map(_can_be_smrmsg, records)) and _times_ascend(records)
 
 
 def is_sbet_text(fields: Sequence[str]) -> bool:
@@ -141,7 +141,7 @@ def is_navigation(names: Sequence[str]) -> bool:
     return all(any(kind.match(name.strip()) for name in names) for kind in _NAMED)
 
 
-def _records(start: bytes, size: int, fields: int) -> list[tuple[float, ...]]:
+def _read_records(start: bytes, size: int, fields: int) -> list[tuple[float, ...]]:
     length = 8 * fields
     # text, read as doubles, may well be tiny numbers
     if all(32 <= byte < 127 or byte in b"\t\r\n" for byte in start[:length]):
@@ -150,7 +150,7 @@ def _records(start: bytes, size: int, fields: int) -> list[tuple[float, ...]]:
     return [struct.unpack_from(f"<{fields}d", start, length * i) for i in range(min(whole, 2))]
 
 
-def _forward(records: list[tuple[float, ...]]) -> bool:
+def _times_ascend(records: list[tuple[float, ...]]) -> bool:
     step = records[-1][0] - records[0][0]
     return len(records) == 1 or 0 < step < 60 or step < -_WEEK / 2
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.errors import FormatError
-from trueterrain.formats.navigation._schema import Clock
+from trueterrain.core.errors import FormatError
+from trueterrain.formats.navigation._schema import TimeChecker
 from trueterrain.formats.signature import open_regular
 
 Floats = npt.NDArray[np.float64]
@@ -60,11 +60,11 @@ def file_records(
             )
 
 
-class WeekClock:
+class WeekUnwrapper:
     """Seconds of the week made continuous: after a rollover, they count on beyond the week."""
 
     def __init__(self, path: Path) -> None:
-        self._clock = Clock(path=path, place="time")
+        self._clock = TimeChecker(path=path, place="time")
         self._last: float | None = None
         self._weeks = 0
         self.rollovers: list[int] = []  # records at which a week began
@@ -82,7 +82,7 @@ class WeekClock:
         return continuous
 
 
-def refuse(
+def refuse_value(
     path: Path, name: str, rule: str, values: Floats, bad: Any, first: int, cure: str
 ) -> None:
     """Raise a FormatError for the first value that is bad."""
@@ -96,14 +96,14 @@ def refuse(
         )
 
 
-def intervals(time: Floats) -> dict[str, Any]:
+def describe_intervals(time: Floats) -> dict[str, Any]:
     """Rate, jitter and gaps of times that run forward, for descriptions."""
-    tally = IntervalTally()
+    tally = IntervalStatistics()
     tally.add(time)
-    return tally.summary()
+    return tally.to_dict()
 
 
-class IntervalTally:
+class IntervalStatistics:
     """Median interval, its jitter, and gaps, found in one pass with flat memory."""
 
     _LISTED = 16  # gaps that are told one by one
@@ -147,7 +147,7 @@ class IntervalTally:
             if len(self.gaps) < self._LISTED:
                 self.gaps.append({"start": float(time[at]), "length": float(steps[at])})
 
-    def summary(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Count, time [s], rate [1/s], jitter [s] and gaps [s], as JSON takes them."""
         known = self.count > 1 and self.median > 0
         jitter = float(np.sqrt(self._squares / self._regular)) if self._regular else None

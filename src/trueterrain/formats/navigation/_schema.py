@@ -10,13 +10,13 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.errors import SchemaError
+from trueterrain.core.errors import SchemaError
 
 Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Variable:
+class SchemaVariable:
     """One variable of a schema."""
 
     dims: tuple[str, ...]
@@ -29,8 +29,8 @@ class Variable:
     "Whether the variable must be there."
 
 
-def _epoch(units: str, *, required: bool = True) -> Variable:
-    return Variable(dims=("epoch",), units=units, required=required)
+def _epoch_variable(units: str, *, required: bool = True) -> SchemaVariable:
+    return SchemaVariable(dims=("epoch",), units=units, required=required)
 
 
 POSITION = ("east", "north", "up")
@@ -38,11 +38,11 @@ ATTITUDE = ("roll", "pitch", "yaw")
 ACCURACY = tuple(f"sd_{name}" for name in (*POSITION, *ATTITUDE))
 
 NAVIGATION = {
-    "time": _epoch("s"),
-    **{name: _epoch("m") for name in POSITION},
-    **{name: _epoch("rad") for name in ATTITUDE},
-    **{f"sd_{name}": _epoch("m", required=False) for name in POSITION},
-    **{f"sd_{name}": _epoch("rad", required=False) for name in ATTITUDE},
+    "time": _epoch_variable("s"),
+    **{name: _epoch_variable("m") for name in POSITION},
+    **{name: _epoch_variable("rad") for name in ATTITUDE},
+    **{f"sd_{name}": _epoch_variable("m", required=False) for name in POSITION},
+    **{f"sd_{name}": _epoch_variable("rad", required=False) for name in ATTITUDE},
 }
 
 _BLOCK = 1 << 16  # epochs looked at at a time
@@ -126,7 +126,7 @@ class EpochRules:
 
     def __init__(self, *, path: str | Path | None = None, place: str = "") -> None:
         self._path, self._place = path, place
-        self._clock = Clock(path=path, place=_inside(place, "variable time"))
+        self._clock = TimeChecker(path=path, place=_join_place(place, "variable time"))
         self._count = 0
 
     def check(self, block: xr.Dataset) -> None:
@@ -172,12 +172,12 @@ class EpochRules:
             f"{rule}, got {values[first]:g} at index {self._count + first} "
             f"(time {time[first]:.6f} s){others}",
             path=self._path,
-            place=_inside(self._place, f"variable {name}"),
+            place=_join_place(self._place, f"variable {name}"),
             cure=cure,
         )
 
 
-class Clock:
+class TimeChecker:
     """Times that must be finite and run forward, kept up from block to block."""
 
     def __init__(self, *, path: str | Path | None, place: str) -> None:
@@ -215,7 +215,7 @@ class Clock:
 
 def check_structure(
     data: xr.Dataset,
-    schema: Mapping[str, Variable],
+    schema: Mapping[str, SchemaVariable],
     *,
     path: str | Path | None,
     place: str,
@@ -224,16 +224,18 @@ def check_structure(
     for name in data.data_vars:
         if name not in schema:
             raise SchemaError(
-                f"is unknown{suggestion(str(name), schema)}; known are {', '.join(schema)}",
+                f"is unknown{suggest_name(str(name), schema)}; known are {', '.join(schema)}",
                 path=path,
-                place=_inside(place, f"variable {name}"),
+                place=_join_place(place, f"variable {name}"),
             )
     for name, rule in schema.items():
         if name not in data:
             if rule.required:
-                raise SchemaError("is missing", path=path, place=_inside(place, f"variable {name}"))
+                raise SchemaError(
+                    "is missing", path=path, place=_join_place(place, f"variable {name}")
+                )
             continue
-        variable, where = data[name], _inside(place, f"variable {name}")
+        variable, where = data[name], _join_place(place, f"variable {name}")
         if variable.dims != rule.dims:
             found = ", ".join(str(dim) for dim in variable.dims)
             raise SchemaError(
@@ -264,11 +266,11 @@ def check_length(
         )
 
 
-def suggestion(name: str, known: Iterable[str]) -> str:
+def suggest_name(name: str, known: Iterable[str]) -> str:
     """``" (did you mean 'x'?)"`` if a known name is near."""
     near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
     return f" (did you mean {near[0]!r}?)" if near else ""
 
 
-def _inside(place: str, inner: str) -> str:
+def _join_place(place: str, inner: str) -> str:
     return f"{place}, {inner}" if place else inner

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.errors import FormatError, concerning
+from trueterrain.core.errors import FormatError, name_file_in_errors
 from trueterrain.formats._text_head import Head, find_head, number_of, split_line
 from trueterrain.formats.navigation._recognise import is_navigation
-from trueterrain.formats.navigation._schema import suggestion
+from trueterrain.formats.navigation._schema import suggest_name
 from trueterrain.formats.signature import open_regular
 from trueterrain.formats.table._parquet import import_pyarrow, parquet_damage_named
 
@@ -42,7 +42,7 @@ def table_columns(path: str | Path) -> list[str]:
     FormatError
         If the file is empty, damaged or has no header.
     """
-    return list(_open(Path(path)).columns)
+    return list(_open_table(Path(path)).columns)
 
 
 def table_whole(path: str | Path, names: Sequence[str]) -> dict[str, Floats]:
@@ -77,11 +77,11 @@ def table_blocks(
     FormatError
         Naming line and column: a missing column, a cell that is no number, a line of other length.
     """
-    table = _open(Path(path)) if head is None else _text_table(Path(path), head)
+    table = _open_table(Path(path)) if head is None else _text_table(Path(path), head)
     for name in names:
         if name not in table.columns:
             raise FormatError(
-                f"has no column {name!r}{suggestion(name, table.columns)}; it has "
+                f"has no column {name!r}{suggest_name(name, table.columns)}; it has "
                 f"{', '.join(table.columns[:12])}{', ...' if len(table.columns) > 12 else ''}",
                 path=path,
                 place="header",
@@ -97,7 +97,7 @@ def table_blocks(
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Table:
+class _NumberTable:
     path: Path
     columns: tuple[str, ...]
     separator: str | None = None  # of text; None: blanks
@@ -106,12 +106,15 @@ class _Table:
     file: Any = None  # of Parquet
 
 
-def _open(path: Path) -> _Table:
+def _open_table(path: Path) -> _NumberTable:
     with open_regular(path) as stream:
         start = stream.read(4)
     if start == b"PAR1":
         return _open_parquet(path)
-    with path.open(encoding="utf-8-sig", errors="replace", newline=None) as text, concerning(path):
+    with (
+        path.open(encoding="utf-8-sig", errors="replace", newline=None) as text,
+        name_file_in_errors(path),
+    ):
         head = find_head(text, is_navigation)
     if head is None:
         raise FormatError("is empty", path=path, place="line 1", cure="Copy or export it again.")
@@ -129,14 +132,14 @@ def _open(path: Path) -> _Table:
     return _text_table(path, head)
 
 
-def _text_table(path: Path, head: Head) -> _Table:
-    return _Table(
+def _text_table(path: Path, head: Head) -> _NumberTable:
+    return _NumberTable(
         path=path, columns=tuple(name.strip() for name in head.labels), separator=head.separator,
         decimal=head.decimal, header=head.first - 1,
     )  # fmt: skip
 
 
-def _text_blocks(table: _Table, names: list[str], size: int) -> Iterator[dict[str, Floats]]:
+def _text_blocks(table: _NumberTable, names: list[str], size: int) -> Iterator[dict[str, Floats]]:
     import pandas as pd
 
     indices = {table.columns.index(name): name for name in names}
@@ -148,29 +151,29 @@ def _text_blocks(table: _Table, names: list[str], size: int) -> Iterator[dict[st
             table.path, sep=table.separator or _PANDAS, header=None, skiprows=table.header,
             dtype=dtypes, decimal=table.decimal, chunksize=size, encoding="utf-8-sig",
             encoding_errors="replace", keep_default_na=False, na_values=list(_GAPS),
-            skipinitialspace=True, skip_blank_lines=True, comment="#", **_exact(pd.__version__),
+            skipinitialspace=True, skip_blank_lines=True, comment="#", **_exact_parser(pd.__version__),
         ) as reader:  # fmt: skip
             for frame in reader:
                 if frame.shape[1] != len(table.columns) or frame.iloc[:, -1].isna().any():
-                    _explain(table, indices)  # a line that was cut off looks like a gap
+                    _explain_rows(table, indices)  # a line that was cut off looks like a gap
                 row += len(frame)
                 yield {name: frame[i].to_numpy(dtype=np.float64) for i, name in indices.items()}
     except pd.errors.EmptyDataError:
         return
     except ValueError as error:  # pandas' own parser errors are ValueErrors, too
-        _explain(table, indices)
+        _explain_rows(table, indices)
         raise FormatError(
             f"cannot be read as a table ({error})", path=table.path, cure="Export it again."
         ) from None
 
 
-def _exact(pandas: str) -> dict[str, Any]:
+def _exact_parser(pandas: str) -> dict[str, Any]:
     """What makes pandas read every bit of a number, which it does by itself since 3.1."""
     version = tuple(int(part) for part in pandas.split(".")[:2])
     return {} if version >= (3, 1) else {"float_precision": "round_trip"}
 
 
-def _explain(table: _Table, indices: dict[int, str]) -> None:
+def _explain_rows(table: _NumberTable, indices: dict[int, str]) -> None:
     """Go through the file line by line and raise at the first that breaks a rule."""
     with table.path.open(encoding="utf-8-sig", errors="replace", newline=None) as stream:
         for number, line in enumerate(stream, start=1):
@@ -187,7 +190,7 @@ def _explain(table: _Table, indices: dict[int, str]) -> None:
             for index, name in indices.items():
                 if (
                     cells[index].strip() not in _GAPS
-                    and _number(cells[index], table.decimal) is None
+                    and _parse_number(cells[index], table.decimal) is None
                 ):
                     raise FormatError(
                         f"must be a number, got {cells[index][:80]!r}",
@@ -197,14 +200,16 @@ def _explain(table: _Table, indices: dict[int, str]) -> None:
                     )
 
 
-def _open_parquet(path: Path) -> _Table:
+def _open_parquet(path: Path) -> _NumberTable:
     _, pq = import_pyarrow(path)
     with parquet_damage_named(path):
         file = pq.ParquetFile(path, page_checksum_verification=True)
-        return _Table(path=path, columns=tuple(file.schema_arrow.names), file=file)
+        return _NumberTable(path=path, columns=tuple(file.schema_arrow.names), file=file)
 
 
-def _parquet_blocks(table: _Table, names: list[str], size: int) -> Iterator[dict[str, Floats]]:
+def _parquet_blocks(
+    table: _NumberTable, names: list[str], size: int
+) -> Iterator[dict[str, Floats]]:
     import pyarrow as pa
 
     for name in names:
@@ -231,6 +236,6 @@ def _is_content(line: str) -> bool:
     return bool(line.strip()) and not line.startswith("#")
 
 
-def _number(text: str, decimal: str) -> float | None:
+def _parse_number(text: str, decimal: str) -> float | None:
     value = number_of(text, decimal)
     return None if value is None or math.isinf(value) else value

@@ -23,13 +23,13 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from trueterrain import provenance
-from trueterrain.errors import FormatError
-from trueterrain.formats.navigation._frames import Turns
+from trueterrain.core import provenance
+from trueterrain.core.errors import FormatError
 from trueterrain.formats.navigation._recognise import BOREAS_COLUMNS
-from trueterrain.formats.navigation._records import Floats, IntervalTally
+from trueterrain.formats.navigation._records import Floats, IntervalStatistics
 from trueterrain.formats.navigation._schema import check_navigation, navigation_of
 from trueterrain.formats.navigation._tables import table_columns, table_whole
+from trueterrain.geometry.navigation_frames import YawUnwrapper
 
 #: Yaw of the lidar's x axis in the car, counter-clockwise from ahead [rad]: median over both drives
 #: of the difference between heading and course above 5 m/s (-46.78 and -46.82 deg).
@@ -81,7 +81,7 @@ def read(
         "up": columns["altitude"] - zero[2],
         "roll": -columns["roll"],
         "pitch": columns["pitch"],
-        "yaw": Turns().continued(-columns["heading"] - lidar_yaw),
+        "yaw": YawUnwrapper().continued(-columns["heading"] - lidar_yaw),
     }
     data = navigation_of(named, reference=list(zero), time_reference="utc")
     parameters = {"format": "Boreas", "reference": zero, "lidar_yaw": lidar_yaw}
@@ -110,14 +110,14 @@ def describe(path: str | Path) -> dict[str, Any]:
         As by `read`.
     """
     columns = _columns_of(Path(path))
-    tally = IntervalTally()
+    tally = IntervalStatistics()
     tally.add(columns["GPSTime"] * _MICROSECOND)
     speed = np.hypot(columns["vel_east"], columns["vel_north"])
     named = {"easting": "easting", "northing": "northing", "altitude": "up"}
     return {
         "format": "Boreas poses",
         "kind": "navigation",
-        **tally.summary(),
+        **tally.to_dict(),
         "extent": {
             ours: [float(columns[name].min()), float(columns[name].max())]
             for name, ours in named.items()

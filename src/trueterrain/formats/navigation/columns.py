@@ -8,19 +8,19 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from trueterrain import provenance
-from trueterrain.errors import FormatError, SchemaError
-from trueterrain.formats.navigation._frames import (
+from trueterrain.core import provenance
+from trueterrain.core.errors import FormatError, SchemaError
+from trueterrain.formats.navigation._recognise import TIME
+from trueterrain.formats.navigation._records import Floats, IntervalStatistics
+from trueterrain.formats.navigation._schema import EpochRules, check_length, navigation_of
+from trueterrain.formats.navigation._tables import ROWS, table_blocks, table_columns
+from trueterrain.geometry.navigation_frames import (
     Origin,
-    Turns,
+    YawUnwrapper,
     check_origin,
     enu_of_geodetic,
     iso8855_of_ned,
 )
-from trueterrain.formats.navigation._recognise import TIME
-from trueterrain.formats.navigation._records import Floats, IntervalTally
-from trueterrain.formats.navigation._schema import EpochRules, check_length, navigation_of
-from trueterrain.formats.navigation._tables import ROWS, table_blocks, table_columns
 
 _SD = ("sd_east", "sd_north", "sd_up", "sd_roll", "sd_pitch", "sd_yaw")
 _ANGLES = ("roll", "pitch", "yaw", "heading", "sd_roll", "sd_pitch", "sd_yaw")
@@ -38,7 +38,7 @@ def _require_one(what: str, one: dict[str, str], other: dict[str, str]) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Columns:
+class NavigationColumns:
     """Which column of a table holds what; the columns decide which convention is meant.
 
     Positions are either ``east``, ``north``, ``up`` [m] or ``longitude``, ``latitude`` [deg] and
@@ -134,10 +134,12 @@ class Columns:
 
 
 #: Columns named as the variables of navigation are.
-OURS = Columns(east="east", north="north", up="up", yaw="yaw")
+OURS = NavigationColumns(east="east", north="north", up="up", yaw="yaw")
 
 
-def read(path: str | Path, columns: Columns = OURS, *, origin: Origin | None = None) -> xr.Dataset:
+def read(
+    path: str | Path, columns: NavigationColumns = OURS, *, origin: Origin | None = None
+) -> xr.Dataset:
     r"""Navigation from a table.
 
     Parameters
@@ -184,7 +186,7 @@ def read(path: str | Path, columns: Columns = OURS, *, origin: Origin | None = N
 
 def blocks(
     path: str | Path,
-    columns: Columns = OURS,
+    columns: NavigationColumns = OURS,
     *,
     origin: Origin | None = None,
     size: int = ROWS,
@@ -215,7 +217,7 @@ def blocks(
     rules = EpochRules(path=path)
     used = columns.used()
     place = None if origin is None else check_origin(origin)
-    turns = Turns()
+    turns = YawUnwrapper()
     row = 0
     for raw in table_blocks(path, list(used.values()), size):
         values = {name: raw[column] for name, column in used.items()}
@@ -226,7 +228,7 @@ def blocks(
         if columns.is_geodetic and place is None:
             place = _first_place(values, path)
         named = {"time": values["time"] * columns.time_scale}
-        named |= _pose(values, place)
+        named |= _pose_columns(values, place)
         named["yaw"] = turns.continued(named["yaw"])
         named |= {name: values[name] for name in _SD if name in values}
         attrs = {} if place is None else {"origin": list(place)}
@@ -257,26 +259,26 @@ def describe(path: str | Path) -> dict[str, Any]:
     """
     names = table_columns(path)
     time = next(name for name in names if TIME.match(name.strip()))
-    tally = IntervalTally()
+    tally = IntervalStatistics()
     for block in table_blocks(path, [time]):
         tally.add(block[time])
     problems = tally.problems("navigation")
     if not set(OURS.used().values()) <= set(names):
         problems.append(
-            "its columns, units and signs are not known: name them with `Columns`, or in the "
+            "its columns, units and signs are not known: name them with `NavigationColumns`, or in the "
             "description of an import"
         )
     return {
         "format": "Navigation table",
         "kind": "navigation",
         "columns": names,
-        **tally.summary(),
+        **tally.to_dict(),
         "crs": "",
         "problems": problems,
     }
 
 
-def _pose(values: dict[str, Floats], place: Origin | None) -> dict[str, Floats]:
+def _pose_columns(values: dict[str, Floats], place: Origin | None) -> dict[str, Floats]:
     geodetic: dict[str, Floats] = {}
     if "longitude" in values and place is not None:
         longitude, latitude = np.deg2rad(values["longitude"]), np.deg2rad(values["latitude"])

@@ -20,29 +20,29 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from trueterrain import provenance
-from trueterrain.errors import FormatError
+from trueterrain.core import provenance
+from trueterrain.core.errors import FormatError
 from trueterrain.formats._text_head import Head, find_head
-from trueterrain.formats.navigation._frames import (
-    Origin,
-    Turns,
-    check_origin,
-    enu_of_geodetic,
-    iso8855_of_ned,
-)
 from trueterrain.formats.navigation._recognise import is_sbet_text
 from trueterrain.formats.navigation._records import (
     BLOCK,
     WEEK,
     Floats,
-    IntervalTally,
-    WeekClock,
+    IntervalStatistics,
+    WeekUnwrapper,
     file_records,
-    refuse,
+    refuse_value,
 )
 from trueterrain.formats.navigation._schema import EpochRules, check_length, navigation_of
 from trueterrain.formats.navigation._tables import table_blocks
 from trueterrain.formats.signature import open_regular
+from trueterrain.geometry.navigation_frames import (
+    Origin,
+    YawUnwrapper,
+    check_origin,
+    enu_of_geodetic,
+    iso8855_of_ned,
+)
 
 FIELDS = 17
 
@@ -125,11 +125,11 @@ def blocks(
         As by `read`; damage is found when it is reached.
     """
     path = Path(path)
-    clock, rules = WeekClock(path), EpochRules(path=path)
-    turns = Turns()
+    clock, rules = WeekUnwrapper(path), EpochRules(path=path)
+    turns = YawUnwrapper()
     place = None if origin is None else check_origin(origin)
-    for first, fields in _records(path, size):
-        _check(path, fields, first)
+    for first, fields in _record_blocks(path, size):
+        _check_fields(path, fields, first)
         time = clock.continued(fields[0])
         latitude, longitude, height, roll, pitch = fields[[1, 2, 3, 7, 8]]
         if place is None:
@@ -170,11 +170,11 @@ def describe(path: str | Path) -> dict[str, Any]:
         As by `read`.
     """
     path = Path(path)
-    clock, tally = WeekClock(path), IntervalTally()
+    clock, tally = WeekUnwrapper(path), IntervalStatistics()
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     fastest, latest = 0.0, 0.0
-    for first, fields in _records(path):
-        _check(path, fields, first)
+    for first, fields in _record_blocks(path):
+        _check_fields(path, fields, first)
         tally.add(clock.continued(fields[0]))
         place = np.stack([np.rad2deg(fields[2]), np.rad2deg(fields[1]), fields[3]])
         low, high = np.minimum(low, place.min(axis=1)), np.maximum(high, place.max(axis=1))
@@ -190,7 +190,7 @@ def describe(path: str | Path) -> dict[str, Any]:
     return {
         "format": "SBET",
         "kind": "navigation",
-        **tally.summary(),
+        **tally.to_dict(),
         "extent": extent,
         "speed": fastest,
         "crs": "",
@@ -198,7 +198,7 @@ def describe(path: str | Path) -> dict[str, Any]:
     }
 
 
-def _records(path: Path, size: int = BLOCK) -> Iterator[tuple[int, Floats]]:
+def _record_blocks(path: Path, size: int = BLOCK) -> Iterator[tuple[int, Floats]]:
     """First number and fields, shape (field, n), of records some at a time, in bytes or as text."""
     head = _text_head(path)
     if head is None:
@@ -225,21 +225,21 @@ def _text_head(path: Path) -> Head | None:
     return None if head is None or not is_sbet_text(head.labels) else head
 
 
-def _check(path: Path, fields: Floats, first: int) -> None:
+def _check_fields(path: Path, fields: Floats, first: int) -> None:
     latitude, longitude, height = fields[1:4]
     names = ("time", "latitude", "longitude", "height", *(f"velocity {axis}" for axis in "xyz"),
              "roll", "pitch", "platform heading", "wander angle")  # fmt: skip
     for name, values in zip(names, fields, strict=False):
         bad = ~np.isfinite(values)
-        refuse(path, name, "must be finite everywhere", values, bad, first, _SWAPPED)
+        refuse_value(path, name, "must be finite everywhere", values, bad, first, _SWAPPED)
     limits = (("latitude", latitude, 90), ("longitude", longitude, 360),
               ("roll", fields[7], 90), ("pitch", fields[8], 90))  # fmt: skip
     for name, values, limit in limits:
         rule = f"must be in radians and within {limit} deg ({np.deg2rad(limit):.4f} rad)"
         cure = "Convert degrees to radians." if np.all(np.abs(values) <= limit) else _SWAPPED
-        refuse(path, name, rule, values, np.abs(values) > np.deg2rad(limit), first, cure)
+        refuse_value(path, name, rule, values, np.abs(values) > np.deg2rad(limit), first, cure)
     bad = np.abs(height) > _HIGHEST
-    refuse(path, "height", f"must be within {_HIGHEST:g} m", height, bad, first, _SWAPPED)
+    refuse_value(path, "height", f"must be within {_HIGHEST:g} m", height, bad, first, _SWAPPED)
 
 
 def _origin_of(longitude: float, latitude: float, height: float) -> tuple[float, float, float]:

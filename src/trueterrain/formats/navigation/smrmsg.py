@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from trueterrain import provenance
-from trueterrain.errors import CoverageError
+from trueterrain.core import provenance
+from trueterrain.core.errors import CoverageError
 from trueterrain.formats.navigation._records import (
-    IntervalTally,
-    WeekClock,
+    IntervalStatistics,
+    WeekUnwrapper,
     file_records,
-    refuse,
+    refuse_value,
 )
 from trueterrain.formats.navigation._schema import ACCURACY, NAVIGATION
 
@@ -60,7 +60,7 @@ def read(path: str | Path) -> xr.Dataset:
         If time does not run forward.
     """
     path = Path(path)
-    clock = WeekClock(path)
+    clock = WeekUnwrapper(path)
     times: list[Any] = []
     columns: dict[str, list[Any]] = {name: [] for name in _SD}
     for first, fields in file_records(path, FIELDS, "SMRMSG"):
@@ -69,7 +69,7 @@ def read(path: str | Path) -> xr.Dataset:
             values = fields[index]
             bad = ~(np.isfinite(values) & (values >= 0))
             rule = "must be finite and not negative"
-            refuse(path, name, rule, values, bad, first, "It may be no SMRMSG file.")
+            refuse_value(path, name, rule, values, bad, first, "It may be no SMRMSG file.")
             columns[name].append(values * factor)
     variables: dict[str, Any] = {"time": ("epoch", np.concatenate(times), {"units": "s"})}
     for name, parts in columns.items():
@@ -142,12 +142,12 @@ def describe(path: str | Path) -> dict[str, Any]:
         As by `read`.
     """
     data = read(path)
-    tally = IntervalTally()
+    tally = IntervalStatistics()
     tally.add(data.time.values)
     return {
         "format": "SMRMSG",
         "kind": "accuracy",
-        **tally.summary(),
+        **tally.to_dict(),
         "median": {name: float(data[name].median()) for name in _SD},
         "largest": {name: float(data[name].max()) for name in _SD},
         "problems": tally.problems("accuracy"),

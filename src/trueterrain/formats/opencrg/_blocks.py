@@ -19,7 +19,7 @@ def row_blocks(shape: tuple[int, ...], multiple: int = 1) -> Iterator[slice]:
         yield slice(start, min(start + size, rows))
 
 
-def heights(surface: xr.Dataset, rows: slice) -> Floats:
+def block_heights(surface: xr.Dataset, rows: slice) -> Floats:
     """Heights of some cross-sections [m]; of a surface on disk, no more than these are loaded."""
     return np.asarray(surface["height"].variable[rows].values, dtype=np.float64)
 
@@ -28,4 +28,4 @@ def height_blocks(surface: xr.Dataset) -> Iterator[tuple[slice, Floats]]:
     """Heights of all cross-sections [m], block by block; of a surface on disk, in whole chunks."""
     chunks = surface["height"].encoding.get("preferred_chunks", {})
     for rows in row_blocks(surface["height"].shape, chunks.get("u", 1)):
-        yield rows, heights(surface, rows)
+        yield rows, block_heights(surface, rows)

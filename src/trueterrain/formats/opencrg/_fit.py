@@ -7,12 +7,12 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.errors import OutputError
+from trueterrain.core.errors import OutputError
+from trueterrain.core.schemas import check_surface, make_surface
 from trueterrain.formats.opencrg import _rules
 from trueterrain.formats.opencrg._blocks import height_blocks
-from trueterrain.formats.opencrg._holes import holes_in, patched
+from trueterrain.formats.opencrg._holes import holes_in, patch_surface
 from trueterrain.formats.opencrg._payload import HIGHEST
-from trueterrain.kinds import check_surface, make_surface
 
 Floats = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -36,7 +36,7 @@ def fit_to_rules(surface: xr.Dataset, path: Path) -> xr.Dataset:
     _require_chords(road, path)
     _require_curvature(road, path)
     _require_gentle(road, path)
-    return patched(road, _require_heights(road, path))
+    return patch_surface(road, _require_heights(road, path))
 
 
 def _along_easting(surface: xr.Dataset) -> xr.Dataset:
@@ -134,7 +134,7 @@ def _require_chords(road: xr.Dataset, path: Path) -> None:
 
 def _require_curvature(road: xr.Dataset, path: Path) -> None:
     u, v = (np.asarray(road[name], float) for name in ("u", "v"))
-    kappa = _rules.curvature(
+    kappa = _rules.line_curvature(
         np.asarray(road["easting"]), np.asarray(road["northing"]), float(u[1] - u[0])
     )
     sharp = np.flatnonzero(_rules.beyond_centre(kappa, v))

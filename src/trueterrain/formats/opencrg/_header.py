@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO, Literal
 
-from trueterrain.errors import FormatError
+from trueterrain.core.errors import FormatError
 
 NumberFormat = Literal["KRBI", "KDBI", "LRFI", "LDFI"]
 
@@ -34,7 +34,7 @@ LOST = "Export the file again, or restore the line in the header."
 
 
 @dataclass
-class Header:
+class CrgHeader:
     """What the header of an OpenCRG file says."""
 
     path: Path
@@ -66,12 +66,12 @@ class Header:
         return self.number_format in ("KRBI", "KDBI")
 
 
-def read_header(path: Path) -> Header:
+def read_header(path: Path) -> CrgHeader:
     """Header of an OpenCRG file that holds a grid, checked as far as it can be without the data."""
-    header = Header(path)
+    header = CrgHeader(path)
     with path.open("rb") as stream:
         _require_signature(stream, path)
-        _parse(stream, header)
+        _parse_header(stream, header)
     if header.reference is not None:
         raise FormatError(
             f"holds no grid, it only refers to {header.reference}",
@@ -90,7 +90,7 @@ def read_header(path: Path) -> Header:
     return header
 
 
-def stations(header: Header) -> int | None:
+def station_count(header: CrgHeader) -> int | None:
     """Count of cross-sections that the header announces, None if it leaves that to the data."""
     end = header.road.get("reference_line_end_u")
     if end is None:
@@ -133,7 +133,7 @@ def _require_signature(stream: BinaryIO, path: Path) -> None:
     )
 
 
-def _parse(stream: BinaryIO, header: Header) -> None:
+def _parse_header(stream: BinaryIO, header: CrgHeader) -> None:
     section = ""
     crlf = 0
     reference: list[str] = []
@@ -145,10 +145,10 @@ def _parse(stream: BinaryIO, header: Header) -> None:
         crlf += raw.endswith(b"\r\n")
         if len(raw) == _LONGEST_TEXT:
             break
-        line = _decode(raw)
+        line = _decode_line(raw)
         if len(line.partition("!")[0].rstrip()) > _LONGEST_LINE and section not in ("", "CT"):
             long_lines.append(number)
-        keyword = _keyword(line) if _ends_or_begins(line, section) else None
+        keyword = _section_keyword(line) if _ends_or_begins(line, section) else None
         if keyword is not None:
             if section and keyword:
                 raise FormatError(
@@ -159,13 +159,13 @@ def _parse(stream: BinaryIO, header: Header) -> None:
                     cure="Add the line.",
                 )
             if keyword == "$":
-                _finish(header, stream.tell(), number, crlf, long_lines)
+                _finish_header(header, stream.tell(), number, crlf, long_lines)
                 return
             if keyword and not seen and keyword != "CT":
                 header.problems.append(f"must begin with section $CT, but begins with ${keyword}")
             section = "" if section else keyword
             seen.add((section, ""))
-            _begin(header, section)
+            _begin_section(header, section)
         elif section:
             _parse_line(header, section, line, number, reference, seen)
     if reference:
@@ -179,8 +179,8 @@ def _parse(stream: BinaryIO, header: Header) -> None:
     )
 
 
-def _finish(
-    header: Header,
+def _finish_header(
+    header: CrgHeader,
     offset: int,
     lines: int,
     crlf: int,
@@ -197,7 +197,7 @@ def _finish(
         )
 
 
-def _decode(raw: bytes) -> str:
+def _decode_line(raw: bytes) -> str:
     try:
         return raw.decode("utf-8").rstrip("\r\n")
     except UnicodeDecodeError:
@@ -209,7 +209,7 @@ def _ends_or_begins(line: str, section: str) -> bool:
     return line.startswith("$") if section in ("CT", "ROAD_CRG_FILE") else line.lstrip()[:1] == "$"
 
 
-def _keyword(line: str) -> str:
+def _section_keyword(line: str) -> str:
     """Keyword of a line that begins with $: "$" before the data, empty if it names no section."""
     upper = line.strip().upper()
     if upper.startswith("$$$$"):
@@ -217,7 +217,7 @@ def _keyword(line: str) -> str:
     return next((name for name in _KEYWORDS if upper.startswith(f"${name}")), "")
 
 
-def _begin(header: Header, section: str) -> None:
+def _begin_section(header: CrgHeader, section: str) -> None:
     if section == "ROAD_CRG_OPTS":
         header.options = {}
     elif section == "ROAD_CRG_MODS":
@@ -225,7 +225,7 @@ def _begin(header: Header, section: str) -> None:
 
 
 def _parse_line(
-    header: Header,
+    header: CrgHeader,
     section: str,
     line: str,
     number: int,
@@ -247,7 +247,7 @@ def _parse_line(
 
 
 def _parse_parameter(
-    header: Header, section: str, text: str, number: int, seen: set[tuple[str, str]]
+    header: CrgHeader, section: str, text: str, number: int, seen: set[tuple[str, str]]
 ) -> None:
     name, equals, value = (part.strip() for part in text.partition("="))
     name = name.lower()
@@ -273,7 +273,7 @@ def _parse_parameter(
         target[name] = value if match is None else float(match.group())
 
 
-def _parse_channel(header: Header, text: str, number: int) -> None:
+def _parse_channel(header: CrgHeader, text: str, number: int) -> None:
     if text.startswith("#:"):
         name = text[2:6].upper()
         if name not in NUMBER_FORMATS:
@@ -303,13 +303,13 @@ def _parse_channel(header: Header, text: str, number: int) -> None:
             cure="Export the file again in metres and radians.",
         )
     if kind == "section":
-        header.sections.append(_section(header, name, number))
+        header.sections.append(_parse_section(header, name, number))
     elif not kind:
         header.problems.append(f"channel {name!r} is unknown and not read")
     header.channels.append(kind or "other")
 
 
-def _section(header: Header, name: str, number: int) -> tuple[str, float]:
+def _parse_section(header: CrgHeader, name: str, number: int) -> tuple[str, float]:
     text = name.removeprefix("long section").strip()
     position = re.fullmatch(r"at v\s*=\s*(.+)", text)
     match = _NUMBER.fullmatch(position.group(1) if position else text)
@@ -323,7 +323,7 @@ def _section(header: Header, name: str, number: int) -> tuple[str, float]:
     return "at v" if position else "number", float(match.group())
 
 
-def _compare_virtual_channel(header: Header, text: str) -> None:
+def _compare_virtual_channel(header: CrgHeader, text: str) -> None:
     fields = [part.strip() for part in text[2:].split(",")]
     if fields[0].lower() != "reference line u" or len(fields) < 4:
         return
@@ -338,7 +338,7 @@ def _compare_virtual_channel(header: Header, text: str) -> None:
             )
 
 
-def _require_road(header: Header) -> None:
+def _require_road(header: CrgHeader) -> None:
     increment = header.road.get("reference_line_increment")
     if increment is None or not increment > 0:
         problem = "is missing" if increment is None else f"must be greater than 0, got {increment}"

@@ -8,7 +8,7 @@ import xarray as xr
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
-from trueterrain.formats.opencrg._blocks import height_blocks, heights, row_blocks
+from trueterrain.formats.opencrg._blocks import block_heights, height_blocks, row_blocks
 from trueterrain.formats.opencrg._rules import interior_holes
 
 Floats = npt.NDArray[np.float64]
@@ -40,7 +40,7 @@ def fill_interior(surface: xr.Dataset) -> xr.Dataset:
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_surface
+    >>> from trueterrain.core.schemas import make_surface
     >>> road = make_surface([[0, 1, 2], [0, np.nan, 2], [np.nan, 1, 2]], u=[0, 1, 2], v=[0, 1, 2],
     ...                     easting=[0, 1, 2], northing=[0, 0, 0])
     >>> filled = fill_interior(road)
@@ -52,7 +52,7 @@ def fill_interior(surface: xr.Dataset) -> xr.Dataset:
         raise ValueError(message)
     columns = surface.sizes["v"]
     holes = [rows.start * columns + holes_in(block) for rows, block in height_blocks(surface)]
-    return patched(surface, np.concatenate(holes)).load()
+    return patch_surface(surface, np.concatenate(holes)).load()
 
 
 def holes_in(height: Floats) -> Index:
@@ -66,7 +66,7 @@ def holes_in(height: Floats) -> Index:
     return np.asarray(broken[row] * height.shape[1] + column)
 
 
-def patched(surface: xr.Dataset, holes: Index) -> xr.Dataset:
+def patch_surface(surface: xr.Dataset, holes: Index) -> xr.Dataset:
     """The surface as `fill_interior` returns it, but patched only where it is looked at.
 
     So neither a big surface in memory nor one on disk is copied for the sake of a few nodes.
@@ -78,26 +78,28 @@ def patched(surface: xr.Dataset, holes: Index) -> xr.Dataset:
         filled = xr.Variable(("u", "v"), np.zeros(shape, dtype=bool), {"units": "1"})
     changed = {"filled": filled}
     if holes.size:
-        changed["filled"] = _patched(filled, holes, np.ones(holes.size, dtype=bool))
-        changed["height"] = _patched(surface["height"].variable, holes, _membrane(surface, holes))
+        changed["filled"] = _patch_variable(filled, holes, np.ones(holes.size, dtype=bool))
+        changed["height"] = _patch_variable(
+            surface["height"].variable, holes, _solve_membrane(surface, holes)
+        )
         for name in ("sd", "sd_relative"):
             if name not in surface:
                 continue
             sd = surface[name].variable
             missing = np.full(holes.size, np.nan, dtype=np.result_type(sd.dtype, np.float32))
-            changed[name] = _patched(sd, holes, missing)
+            changed[name] = _patch_variable(sd, holes, missing)
     return surface.assign(changed).assign_attrs(filled=holes.size)
 
 
-def _patched(variable: xr.Variable, index: Index, values: npt.NDArray[Any]) -> xr.Variable:
+def _patch_variable(variable: xr.Variable, index: Index, values: npt.NDArray[Any]) -> xr.Variable:
     # protected and kept once it is whole, like what xarray opens from disk
-    lazy = indexing.LazilyIndexedArray(_Patched(variable, index, values))
+    lazy = indexing.LazilyIndexedArray(_PatchedArray(variable, index, values))
     # xarray leaves what protects arrays without types
     data = indexing.MemoryCachedArray(indexing.CopyOnWriteArray(lazy))  # type: ignore[arg-type,no-untyped-call]  # as xarray does
     return xr.Variable(variable.dims, data, variable.attrs, variable.encoding)
 
 
-class _Patched(BackendArray):
+class _PatchedArray(BackendArray):
     """An array that has other values in some places, which are put in when it is read."""
 
     def __init__(self, source: xr.Variable, index: Index, values: npt.NDArray[Any]) -> None:
@@ -124,7 +126,7 @@ class _Patched(BackendArray):
         return np.asarray(block.reshape(*np.shape(rows), self.shape[1])[..., key[1]])
 
 
-def _membrane(surface: xr.Dataset, holes: Index) -> Floats:
+def _solve_membrane(surface: xr.Dataset, holes: Index) -> Floats:
     """Heights of the holes [m]."""
     from scipy.sparse import coo_array
     from scipy.sparse.linalg import spsolve
@@ -144,41 +146,41 @@ def _membrane(surface: xr.Dataset, holes: Index) -> Floats:
         columns.append(equation)
         weights.append(-(to_before + to_after))
         for neighbour, weight in ((before, to_before), (after, to_after)):
-            number = _places(holes, neighbour)
+            number = _find_places(holes, neighbour)
             hole = number >= 0
             rows.append(equation[hole])
             columns.append(number[hole])
             weights.append(weight[hole])
-            known = rim.heights[_places(rim.nodes, neighbour[~hole])]
+            known = rim.heights[_find_places(rim.nodes, neighbour[~hole])]
             np.add.at(constant, equation[~hole], -weight[~hole] * known)
     entries = (np.concatenate(weights), (np.concatenate(rows), np.concatenate(columns)))
     matrix = coo_array(entries, shape=(holes.size, holes.size)).tocsc()
     return np.asarray(spsolve(matrix, constant))
 
 
-class _Rim(NamedTuple):
+class _HoleRim(NamedTuple):
     """The nodes around holes that have a height."""
 
     nodes: Index  # ascending, along the flattened array
     heights: Floats
 
 
-def _heights_around(surface: xr.Dataset, holes: Index) -> _Rim:
+def _heights_around(surface: xr.Dataset, holes: Index) -> _HoleRim:
     rows, columns = surface["height"].shape
     beside = np.concatenate([holes - columns, holes - 1, holes + 1, holes + columns])
     beside = np.unique(beside[(beside >= 0) & (beside < rows * columns)])
-    beside = beside[_places(holes, beside) < 0]
+    beside = beside[_find_places(holes, beside) < 0]
     found = np.empty(beside.size)
     for block in row_blocks((rows, columns)):
         first, last = np.searchsorted(beside, [block.start * columns, block.stop * columns])
         if first < last:
-            flat = heights(surface, block).reshape(-1)
+            flat = block_heights(surface, block).reshape(-1)
             found[first:last] = flat[beside[first:last] - block.start * columns]
     known = np.isfinite(found)
-    return _Rim(beside[known], found[known])
+    return _HoleRim(beside[known], found[known])
 
 
-def _places(ascending: Index, wanted: Index) -> Index:
+def _find_places(ascending: Index, wanted: Index) -> Index:
     """Where values stand in an array, -1 for those that do not."""
     at = np.searchsorted(ascending, wanted)
     inside = at < ascending.size
@@ -187,7 +189,7 @@ def _places(ascending: Index, wanted: Index) -> Index:
 
 
 def _second_differences(
-    holes: Index, rim: _Rim, shape: tuple[int, ...], axis: int, positions: Floats
+    holes: Index, rim: _HoleRim, shape: tuple[int, ...], axis: int, positions: Floats
 ) -> tuple[Index, Index, Index, Floats, Floats]:
     """Holes with a known or unknown height on both sides along an axis, and their weights [1/m²].
 
@@ -200,7 +202,7 @@ def _second_differences(
     number = np.flatnonzero((along > 0) & (along < positions.size - 1))
     for beside in (-step, step):
         node = holes[number] + beside
-        number = number[(_places(holes, node) >= 0) | (_places(rim.nodes, node) >= 0)]
+        number = number[(_find_places(holes, node) >= 0) | (_find_places(rim.nodes, node) >= 0)]
     at = along[number]
     left = positions[at] - positions[at - 1]
     right = positions[at + 1] - positions[at]

@@ -8,7 +8,7 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 
 
-def median(blocks: Callable[[], Iterable[Floats]], sample: Floats) -> float:
+def blockwise_median(blocks: Callable[[], Iterable[Floats]], sample: Floats) -> float:
     """Median of the finite values of all blocks.
 
     A sample says between which two values the median must lie; all values are counted, but only
@@ -39,13 +39,13 @@ def median(blocks: Callable[[], Iterable[Floats]], sample: Floats) -> float:
         if sample.size and share < 0.5:
             places = ((0.5 - share) * (sample.size - 1), (0.5 + share) * (sample.size - 1))
             bracket = (float(sample[int(places[0])]), float(sample[int(np.ceil(places[1]))]))
-        found = _within(blocks(), *bracket)
+        found = _median_between(blocks(), *bracket)
         if found is not None:
             return found
         share *= 2
 
 
-def _within(blocks: Iterable[Floats], low: float, high: float) -> float | None:
+def _median_between(blocks: Iterable[Floats], low: float, high: float) -> float | None:
     """The median, if it lies between two values."""
     below = lows = highs = above = 0
     between = []

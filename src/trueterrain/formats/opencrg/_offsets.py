@@ -8,13 +8,13 @@ an error.
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.errors import FormatError
-from trueterrain.formats.opencrg._header import LOST, Header
+from trueterrain.core.errors import FormatError
+from trueterrain.formats.opencrg._header import LOST, CrgHeader
 
 _COINCIDE = 1e-6  # [m] columns that are nearer to each other are the same
 
 
-def section_offsets(header: Header) -> npt.NDArray[np.float64]:
+def section_offsets(header: CrgHeader) -> npt.NDArray[np.float64]:
     """Offset v of each long section [m], in the order of the columns."""
     kinds = {kind for kind, _ in header.sections}
     if len(header.sections) < 2 or len(kinds) != 1:
@@ -36,12 +36,12 @@ def section_offsets(header: Header) -> npt.NDArray[np.float64]:
             cure=LOST,
         )
     if kinds == {"number"}:
-        return _numbered(header, values, right, left)
-    return _positioned(header, values, right, left)
+        return _numbered_offsets(header, values, right, left)
+    return _positioned_offsets(header, values, right, left)
 
 
-def _numbered(
-    header: Header, numbers: npt.NDArray[np.float64], right: float | None, left: float | None
+def _numbered_offsets(
+    header: CrgHeader, numbers: npt.NDArray[np.float64], right: float | None, left: float | None
 ) -> npt.NDArray[np.float64]:
     count = numbers.size
     if sorted(numbers) != list(range(1, count + 1)):
@@ -75,8 +75,8 @@ def _numbered(
     return right + increment * (numbers - 1)
 
 
-def _positioned(
-    header: Header, positions: npt.NDArray[np.float64], right: float | None, left: float | None
+def _positioned_offsets(
+    header: CrgHeader, positions: npt.NDArray[np.float64], right: float | None, left: float | None
 ) -> npt.NDArray[np.float64]:
     ascending = np.sort(positions)
     if (np.diff(ascending) < _COINCIDE).any():

@@ -11,9 +11,9 @@ import re
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.errors import FormatError
+from trueterrain.core.errors import FormatError
 from trueterrain.formats.opencrg._blocks import row_blocks
-from trueterrain.formats.opencrg._header import NUMBER_FORMATS, Header, stations
+from trueterrain.formats.opencrg._header import NUMBER_FORMATS, CrgHeader, station_count
 
 Floats = npt.NDArray[np.float64]
 
@@ -28,7 +28,7 @@ _CONVERTED = (
 _CUT = "The file is cut off or damaged: copy or export it again."
 
 
-class Numbers:
+class CrgPayload:
     """The numbers of an OpenCRG file: cross-sections of them are read when they are asked for.
 
     Parameters
@@ -44,7 +44,7 @@ class Numbers:
         If there are too few or too many, if damage has made one, or if text is no number.
     """
 
-    def __init__(self, header: Header, offsets: Floats) -> None:
+    def __init__(self, header: CrgHeader, offsets: Floats) -> None:
         self._header = header
         self._table: Floats | None = None
         self._dtype = np.dtype(">f8" if header.number_format == "KDBI" else ">f4")
@@ -100,9 +100,9 @@ class Numbers:
         return values
 
 
-def _require_length(header: Header, size: int) -> int:
+def _require_length(header: CrgHeader, size: int) -> int:
     """Count of cross-sections, if the numbers are as many as the header announces."""
-    rows, columns = stations(header), len(header.channels)
+    rows, columns = station_count(header), len(header.channels)
     assert rows is not None  # binary files must announce it
     needed = rows * columns * size
     padded = -(-needed // _RECORD) * _RECORD
@@ -126,7 +126,7 @@ def _require_length(header: Header, size: int) -> int:
 
 
 def _raise_wrong_length(
-    header: Header, payload: bytes, rows: int, needed: int, padded: int
+    header: CrgHeader, payload: bytes, rows: int, needed: int, padded: int
 ) -> None:
     row = needed // rows
     where = f"cross-section {min(len(payload) // row + 1, rows)} of {rows}"
@@ -152,7 +152,7 @@ def _raise_wrong_length(
     )
 
 
-def _from_text(header: Header, payload: bytes) -> Floats:
+def _from_text(header: CrgHeader, payload: bytes) -> Floats:
     width, per_line = NUMBER_FORMATS[header.number_format or "LRFI"]
     columns = len(header.channels)
     if payload.translate(None, bytes(range(32, 127)) + b"\r\n\t"):
@@ -173,14 +173,14 @@ def _from_text(header: Header, payload: bytes) -> Floats:
     joined = b"".join(
         line.ljust(length) for line, length in zip(lines, lengths * rows, strict=True)
     )
-    return _numbers(header, np.frombuffer(joined, dtype=f"S{width}")).reshape(rows, columns)
+    return _parse_fields(header, np.frombuffer(joined, dtype=f"S{width}")).reshape(rows, columns)
 
 
-def _require_lines(header: Header, lines: list[bytes], lengths: list[int], ended: bool) -> int:
+def _require_lines(header: CrgHeader, lines: list[bytes], lengths: list[int], ended: bool) -> int:
     """Count of cross-sections, if the lines are as many and as long as they must be."""
     per_row = len(lengths)
     rows, rest = divmod(len(lines), per_row)
-    announced = stations(header)
+    announced = station_count(header)
     if rest or rows < 2 or (announced is not None and rows != announced):
         expected = f"{announced}" if announced is not None else "2 or more"
         raise FormatError(
@@ -201,7 +201,7 @@ def _require_lines(header: Header, lines: list[bytes], lengths: list[int], ended
     return rows
 
 
-def _numbers(header: Header, fields: npt.NDArray[np.bytes_]) -> Floats:
+def _parse_fields(header: CrgHeader, fields: npt.NDArray[np.bytes_]) -> Floats:
     # a field with a star holds no number: *missing*, **unused** or stars alone
     missing = np.char.find(fields, b"*") >= 0
     values = np.full(fields.size, np.nan)
@@ -222,7 +222,7 @@ def _numbers(header: Header, fields: npt.NDArray[np.bytes_]) -> Floats:
     return values
 
 
-def _require_possible(header: Header, values: Floats, limits: Floats, first: int) -> None:
+def _require_possible(header: CrgHeader, values: Floats, limits: Floats, first: int) -> None:
     """Raise if a number of the cross-sections from `first` on is larger than it can be, or lost."""
     line = [k for k, kind in enumerate(header.channels) if kind in _LARGEST_CHANNEL]
     largest = np.fmax(np.fmax.reduce(values), -np.fmin.reduce(values))

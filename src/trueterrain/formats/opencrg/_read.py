@@ -10,14 +10,14 @@ import numpy.typing as npt
 import pycrg
 import xarray as xr
 
-from trueterrain import provenance
-from trueterrain.errors import FormatError
+from trueterrain.core import provenance
+from trueterrain.core.errors import FormatError
+from trueterrain.core.schemas import check_surface, make_surface
 from trueterrain.formats.opencrg import _rules
 from trueterrain.formats.opencrg._blocks import row_blocks
-from trueterrain.formats.opencrg._header import Header, read_header
+from trueterrain.formats.opencrg._header import CrgHeader, read_header
 from trueterrain.formats.opencrg._offsets import section_offsets
-from trueterrain.formats.opencrg._payload import Numbers
-from trueterrain.kinds import check_surface, make_surface
+from trueterrain.formats.opencrg._payload import CrgPayload
 
 Floats = npt.NDArray[np.float64]
 
@@ -68,7 +68,7 @@ def read(path: str | Path) -> xr.Dataset:
     (array([5., 6.]), array([7., 8.]))
     """
     path = Path(path)
-    surface = _assemble(_load(path))
+    surface = _assemble_surface(_load_file(path))
     return provenance.add_step(surface, "read", parameters={"format": "OpenCRG"}, inputs=[path])
 
 
@@ -104,58 +104,58 @@ def describe(path: str | Path) -> dict[str, Any]:
     >>> found["size"], found["extent"]["height"], found["problems"]
     ([2, 2], [5.0, 6.0], [])
     """
-    stored = _load(Path(path))
-    surface = _assemble(stored)
+    stored = _load_file(Path(path))
+    surface = _assemble_surface(stored)
     header = stored.header
     u, v, height = (np.asarray(surface[name]) for name in ("u", "v", "height"))
     easting, northing = (np.asarray(surface[name]) for name in ("easting", "northing"))
-    curvature = _rules.curvature(easting, northing, header.increment)
+    curvature = _rules.line_curvature(easting, northing, header.increment)
     steps = np.diff(v)
     even = bool(np.ptp(steps) < _SAME_PLACE)
-    corners = _corners(easting, northing, v)
+    corners = _section_ends(easting, northing, v)
     return {
         "format": "OpenCRG",
         "kind": "surface",
         "number_format": header.number_format,
         "size": [u.size, v.size],
         "spacing": {"u": header.increment, "v": round(float(steps.mean()), 9) if even else None},
-        "range": {"u": _range(u), "v": _range(v)},
+        "range": {"u": _value_range(u), "v": _value_range(v)},
         "extent": {
-            "easting": _range(corners[..., 0]),
-            "northing": _range(corners[..., 1]),
-            "height": _range(height),
+            "easting": _value_range(corners[..., 0]),
+            "northing": _value_range(corners[..., 1]),
+            "height": _value_range(height),
         },
         "missing": float(np.isnan(height).mean()),
-        "curvature": _range(curvature) if curvature.size else [0.0, 0.0],
+        "curvature": _value_range(curvature) if curvature.size else [0.0, 0.0],
         "crs": surface.attrs["crs"],
         "modifiers": header.modifiers,
         "options": header.options,
         "comment": "\n".join(header.comment).strip(),
-        "problems": [*header.problems, *_rules.doubts(header, surface, curvature)],
+        "problems": [*header.problems, *_rules.check_rules(header, surface, curvature)],
     }
 
 
-class _Stored(NamedTuple):
+class _StoredSurface(NamedTuple):
     """What stands in a file: its header, and the grid and reference line that follow."""
 
-    header: Header
+    header: CrgHeader
     offsets: Floats
     line: pycrg.CrgGrid
 
 
-def _load(path: Path) -> _Stored:
+def _load_file(path: Path) -> _StoredSurface:
     if not path.is_file():
         raise FormatError("does not exist or is no file", path=path, cure="Check the name.")
     header = read_header(path)
     offsets = section_offsets(header)
-    numbers = Numbers(header, offsets)
+    numbers = CrgPayload(header, offsets)
     numbers.require_possible()
     line = _reference_line(header)
     _require_agreement(header, numbers, line)
-    return _Stored(header, np.sort(offsets), line)
+    return _StoredSurface(header, np.sort(offsets), line)
 
 
-def _reference_line(header: Header) -> pycrg.CrgGrid:
+def _reference_line(header: CrgHeader) -> pycrg.CrgGrid:
     try:
         with pycrg.DataSet.open(header.path, apply_modifiers=False) as data:
             return data.grid()
@@ -168,7 +168,7 @@ def _reference_line(header: Header) -> pycrg.CrgGrid:
         ) from error
 
 
-def _require_agreement(header: Header, numbers: Numbers, line: pycrg.CrgGrid) -> None:
+def _require_agreement(header: CrgHeader, numbers: CrgPayload, line: pycrg.CrgGrid) -> None:
     """Two readers of one file must find the same: our own and the ASAM C-API.
 
     The heights of the C-API, held as float32, give way to those that stand in the file.
@@ -198,7 +198,7 @@ def _require_agreement(header: Header, numbers: Numbers, line: pycrg.CrgGrid) ->
             )
 
 
-def _assemble(stored: _Stored) -> xr.Dataset:
+def _assemble_surface(stored: _StoredSurface) -> xr.Dataset:
     header, v, line = stored.header, stored.offsets, stored.line
     banked = bool(line.bank.any())
     height = line.z  # no copy: a second one would not be small
@@ -214,7 +214,7 @@ def _assemble(stored: _Stored) -> xr.Dataset:
         northing=line.y,
         elevation=line.ref_z,
         banking=line.bank if banked else None,
-        crs=_marked(header, CRS_MARK),
+        crs=_marked_text(header, CRS_MARK),
     )
     _restore_history(surface, header)
     for name in ("modifiers", "options"):
@@ -223,13 +223,13 @@ def _assemble(stored: _Stored) -> xr.Dataset:
     return check_surface(surface, path=header.path)
 
 
-def _marked(header: Header, mark: str) -> str:
+def _marked_text(header: CrgHeader, mark: str) -> str:
     """Text that was broken into lines with a mark."""
     return "".join(line.removeprefix(mark) for line in header.comment if line.startswith(mark))
 
 
-def _restore_history(surface: xr.Dataset, header: Header) -> None:
-    text = _marked(header, HISTORY_MARK)
+def _restore_history(surface: xr.Dataset, header: CrgHeader) -> None:
+    text = _marked_text(header, HISTORY_MARK)
     try:
         history = json.loads(text) if text else None
     except json.JSONDecodeError:
@@ -239,7 +239,7 @@ def _restore_history(surface: xr.Dataset, header: Header) -> None:
         surface.attrs["provenance"] = json.dumps(history)
 
 
-def _corners(easting: Floats, northing: Floats, v: Floats) -> Floats:
+def _section_ends(easting: Floats, northing: Floats, v: Floats) -> Floats:
     """Both ends of each cross-section [m], on the mitre of its two chords of equal length."""
     along = np.stack([np.gradient(easting), np.gradient(northing)], axis=-1)
     chord = np.hypot(easting[1] - easting[0], northing[1] - northing[0])
@@ -249,6 +249,6 @@ def _corners(easting: Floats, northing: Floats, v: Floats) -> Floats:
     return np.stack([line + v[0] * normal, line + v[-1] * normal], axis=1)
 
 
-def _range(values: Floats) -> list[float] | None:
+def _value_range(values: Floats) -> list[float] | None:
     finite = values[np.isfinite(values)]
     return [float(finite.min()), float(finite.max())] if finite.size else None

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.formats.opencrg._header import Header
+from trueterrain.formats.opencrg._header import CrgHeader
 
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -20,7 +20,7 @@ LOOKED_UP = 199  # [steps] across the road, of the table in which the C-API look
 _AT_STEP = 1e-6  # [steps] by which a long section at the end of a step may miss it
 
 
-def curvature(easting: Floats, northing: Floats, increment: float) -> Floats:
+def line_curvature(easting: Floats, northing: Floats, increment: float) -> Floats:
     """Curvature of the reference line at its inner nodes [1/m], left turns positive."""
     x, y = np.diff(easting), np.diff(northing)
     return np.asarray((x[:-1] * y[1:] - y[:-1] * x[1:]) / increment**3)
@@ -63,7 +63,7 @@ def overlooked_sections(v: Floats) -> Mask:
     return np.asarray(shared & ~np.roll(shared, -1))
 
 
-def doubts(header: Header, surface: xr.Dataset, kappa: Floats) -> list[str]:
+def check_rules(header: CrgHeader, surface: xr.Dataset, kappa: Floats) -> list[str]:
     """What programs may stumble over, or read differently than this package does."""
     return [
         *_modifier_doubts(header),
@@ -73,7 +73,7 @@ def doubts(header: Header, surface: xr.Dataset, kappa: Floats) -> list[str]:
     ]
 
 
-def _modifier_doubts(header: Header) -> list[str]:
+def _modifier_doubts(header: CrgHeader) -> list[str]:
     if header.modifiers is None:
         return [
             "there is no section $ROAD_CRG_MODS: programs that apply the default modifiers move "
@@ -85,7 +85,7 @@ def _modifier_doubts(header: Header) -> list[str]:
     return []
 
 
-def _position_doubts(header: Header, surface: xr.Dataset) -> list[str]:
+def _position_doubts(header: CrgHeader, surface: xr.Dataset) -> list[str]:
     found = []
     v = np.asarray(surface["v"])
     for name, values in (
@@ -122,7 +122,7 @@ def _height_doubts(surface: xr.Dataset) -> list[str]:
     return found
 
 
-def _line_doubts(header: Header, surface: xr.Dataset, kappa: Floats) -> list[str]:
+def _line_doubts(header: CrgHeader, surface: xr.Dataset, kappa: Floats) -> list[str]:
     found = []
     easting, northing = np.asarray(surface["easting"]), np.asarray(surface["northing"])
     chords = np.hypot(np.diff(easting), np.diff(northing))

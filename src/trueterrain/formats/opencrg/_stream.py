@@ -16,10 +16,10 @@ import numpy.typing as npt
 import pycrg
 import xarray as xr
 
-from trueterrain.formats.opencrg._blocks import height_blocks, heights
+from trueterrain.formats.opencrg._blocks import block_heights, height_blocks
 from trueterrain.formats.opencrg._header import read_header
 from trueterrain.formats.opencrg._offsets import section_offsets
-from trueterrain.formats.opencrg._payload import Numbers
+from trueterrain.formats.opencrg._payload import CrgPayload
 
 Floats = npt.NDArray[np.float64]
 
@@ -53,10 +53,10 @@ def flat_road(path: Path, road: xr.Dataset, keywords: Mapping[str, Any]) -> Flat
     """Reference line that the C-API makes of what pycrg writes to a path."""
     pycrg.write(path, np.zeros((road.sizes["u"], 2)), v=road["v"].values[[0, -1]], **keywords)
     header = read_header(path)
-    numbers = Numbers(header, section_offsets(header))
+    numbers = CrgPayload(header, section_offsets(header))
     channels, _ = numbers[slice(0, numbers.rows)]
     with pycrg.DataSet.open(path, apply_modifiers=False) as data:
-        return FlatRoad(header=_header(path), channels=channels, grid=data.grid())
+        return FlatRoad(header=_header_bytes(path), channels=channels, grid=data.grid())
 
 
 def number_type(fmt: str) -> np.dtype[Any]:
@@ -67,7 +67,7 @@ def number_type(fmt: str) -> np.dtype[Any]:
 def with_sections(header: bytes, v: Floats, fmt: str, path: Path) -> bytes:
     """Header with other long sections between the same edges; a path is needed for a moment."""
     pycrg.write(path, np.zeros((2, v.size)), 1.0, v, fmt=fmt)
-    example = _header(path)
+    example = _header_bytes(path)
     # free text may look like anything, so it stays apart
     end_of_text = header.index(b"\n$\n")
     text, rest = header[:end_of_text], header[end_of_text:]
@@ -81,7 +81,7 @@ def write_whole(road: xr.Dataset, flat: FlatRoad, path: Path, keywords: Mapping[
     """Write the heights as text, all at once."""
     v = np.asarray(road["v"])
     every = slice(0, road.sizes["u"])
-    pycrg.write(path, heights(road, every) - flat.heights(v, every), v=v, **keywords)
+    pycrg.write(path, block_heights(road, every) - flat.heights(v, every), v=v, **keywords)
 
 
 def write_blocks(road: xr.Dataset, flat: FlatRoad, path: Path, fmt: str) -> None:
@@ -109,15 +109,15 @@ def write_blocks(road: xr.Dataset, flat: FlatRoad, path: Path, fmt: str) -> None
                 message = "the first height is so small that OpenCRG would misread it; make it 0"
                 raise ValueError(message)
             stream.write(content)
-        stream.write(padding(stream.tell() - len(header), fmt))
+        stream.write(record_padding(stream.tell() - len(header), fmt))
 
 
-def padding(length: int, fmt: str) -> bytes:
+def record_padding(length: int, fmt: str) -> bytes:
     """What fills the last record of numbers that are so many bytes long."""
     number = number_type(fmt)
     return np.full(-length % _RECORD // number.itemsize, np.nan, dtype=number).tobytes()
 
 
-def _header(path: Path) -> bytes:
+def _header_bytes(path: Path) -> bytes:
     content = path.read_bytes()
     return content[: content.index(_END) + len(_END)]

@@ -19,13 +19,13 @@ import numpy.typing as npt
 import pycrg
 import xarray as xr
 
-from trueterrain.errors import OutputError
+from trueterrain.core.errors import OutputError
 from trueterrain.formats.opencrg import _rules
 from trueterrain.formats.opencrg._blocks import height_blocks, row_blocks
-from trueterrain.formats.opencrg._header import Header, read_header, stations
+from trueterrain.formats.opencrg._header import CrgHeader, read_header, station_count
 from trueterrain.formats.opencrg._offsets import section_offsets
-from trueterrain.formats.opencrg._payload import Numbers
-from trueterrain.formats.opencrg._stream import FlatRoad, number_type, padding, with_sections
+from trueterrain.formats.opencrg._payload import CrgPayload
+from trueterrain.formats.opencrg._stream import FlatRoad, number_type, record_padding, with_sections
 
 Floats = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -67,30 +67,30 @@ def require_same(road: xr.Dataset, path: Path, fmt: str, flat: FlatRoad) -> None
     offsets = section_offsets(header)
     v = np.sort(offsets)
     _compare_positions(road, header, v, flat, path)
-    numbers = Numbers(header, offsets)
+    numbers = CrgPayload(header, offsets)
     kept = np.arange(v.size)
     if header.is_binary and path.stat().st_size - header.data_offset > _MOST_BYTES:
         size = number_type(fmt).itemsize
         most = min(max(2, _MOST_BYTES // (size * numbers.rows)), _MOST_SECTIONS)
         kept = np.unique(np.linspace(0, v.size - 1, most).astype(int))
-    cells = _Cells(numbers.rows, kept)
+    cells = _CheckCells(numbers.rows, kept)
     largest = _compare_numbers(road, numbers, flat, cells, path, fmt)
-    with _evaluated(path, header, kept, v, fmt) as crg:
+    with _evaluate_file(path, header, kept, v, fmt) as crg:
         _compare_line(crg, road, flat, path)
         _compare_evaluation(crg, road, cells, path, _ROUND_OFF + 2 * _C_API_ROUNDING * largest)
 
 
 def _compare_positions(
-    road: xr.Dataset, header: Header, v: Floats, flat: FlatRoad, path: Path
+    road: xr.Dataset, header: CrgHeader, v: Floats, flat: FlatRoad, path: Path
 ) -> None:
-    rows = stations(header) or road.sizes["u"]
+    rows = station_count(header) or road.sizes["u"]
     u = header.start + header.increment * np.arange(rows)
     for axis, found in (("u", u), ("v", v)):
         if road.sizes[axis] != found.size:
-            raise _difference(f"{found.size} of {road.sizes[axis]} nodes", axis, path)
+            raise _difference_error(f"{found.size} of {road.sizes[axis]} nodes", axis, path)
         off = float(np.abs(road[axis].values - found).max())
         if off > _SAME:
-            raise _difference(f"differences of {off:.3g} m", axis, path)
+            raise _difference_error(f"differences of {off:.3g} m", axis, path)
     moved = np.hypot(
         road["easting"].values - flat.grid.x,
         road["northing"].values - flat.grid.y,
@@ -109,22 +109,22 @@ def _compare_line(crg: pycrg.RoadSurface, road: xr.Dataset, flat: FlatRoad, path
     u, v = road["u"].values, road["v"].values
     ranges = np.array([crg.u_range(), crg.v_range()])
     if np.abs(ranges - [u[[0, -1]], v[[0, -1]]]).max() > _SAME:
-        raise _difference(f"the ranges {ranges.tolist()}", "u and v", path)
+        raise _difference_error(f"the ranges {ranges.tolist()}", "u and v", path)
     if crg.header.modifiers != {}:
-        raise _difference(f"the modifiers {crg.header.modifiers}", "modifiers", path)
+        raise _difference_error(f"the modifiers {crg.header.modifiers}", "modifiers", path)
     x, y = crg.uv_to_xy_many(u, np.zeros(u.size))
     off = float(np.hypot(x - flat.grid.x, y - flat.grid.y).max())
     if not off <= _SAME_PLACE:
-        raise _difference(f"nodes {off:.3g} m elsewhere", "reference line", path)
+        raise _difference_error(f"nodes {off:.3g} m elsewhere", "reference line", path)
 
 
-class _Cells:
+class _CheckCells:
     """Cells all over the road, and the heights in the middle of them that the file should give."""
 
     def __init__(self, rows: int, kept: Index) -> None:
         self.kept = kept  # long sections that bound the cells
         self._columns = kept.size - 1
-        self._step = _step((rows - 1) * self._columns, self._columns)
+        self._step = _sampling_step((rows - 1) * self._columns, self._columns)
         self._found: list[tuple[Index, Index, Floats]] = []
 
     def add(self, rows: slice, height: Floats) -> None:
@@ -142,7 +142,7 @@ class _Cells:
         return np.concatenate(i), np.concatenate(j), np.concatenate(middle)
 
 
-def _step(cells: int, columns: int) -> int:
+def _sampling_step(cells: int, columns: int) -> int:
     """Step from one cell to the next that is looked at, so that they lie in all columns."""
     step = -(-cells // _MOST_CELLS)
     while math.gcd(step, columns) > 1:
@@ -151,32 +151,32 @@ def _step(cells: int, columns: int) -> int:
 
 
 def _compare_numbers(
-    road: xr.Dataset, numbers: Numbers, flat: FlatRoad, cells: _Cells, path: Path, fmt: str
+    road: xr.Dataset, numbers: CrgPayload, flat: FlatRoad, cells: _CheckCells, path: Path, fmt: str
 ) -> float:
     """Compare every number of the file and return the size of the largest height in it [m]."""
     if numbers.shape != road["height"].shape:
-        raise _difference(f"{numbers.shape} heights", "height", path)
+        raise _difference_error(f"{numbers.shape} heights", "height", path)
     v = road["v"].values
     furthest = largest = 0.0
     height = np.full((1, v.size), np.nan)
     for rows, should in height_blocks(road):
         line, grid = numbers[rows]
         if not np.array_equal(line, flat.channels[rows], equal_nan=True):
-            raise _difference("other headings, slopes or bankings", "reference line", path)
+            raise _difference_error("other headings, slopes or bankings", "reference line", path)
         # the last cross-section before the block goes first, for the cells in between
         height = np.concatenate([height[-1:], grid])
         height[1:] += flat.heights(v, rows)
-        furthest = max(furthest, _furthest(height[1:], should, path))
+        furthest = max(furthest, _max_difference(height[1:], should, path))
         largest = max(largest, np.fmax.reduce(grid, axis=None), -np.fmin.reduce(grid, axis=None))
         cells.add(rows, height)
     step, rounding = _ROUNDING[fmt]
     if furthest > _ROUND_OFF + step + rounding * largest:
-        raise _difference(f"differences of {furthest:.3g} m", "height", path)
+        raise _difference_error(f"differences of {furthest:.3g} m", "height", path)
     return largest
 
 
 def _compare_evaluation(
-    crg: pycrg.RoadSurface, road: xr.Dataset, cells: _Cells, path: Path, tolerance: float
+    crg: pycrg.RoadSurface, road: xr.Dataset, cells: _CheckCells, path: Path, tolerance: float
 ) -> None:
     i, j, should = cells.all()
     u, v = road["u"].values, road["v"].values[cells.kept]
@@ -185,20 +185,20 @@ def _compare_evaluation(
     differ |= np.abs(should - found) > tolerance
     if differ.any():
         at = int(np.flatnonzero(differ)[0])
-        raise _difference(
+        raise _difference_error(
             f"{found[at]:.9g} m, not {should[at]:.9g} m",
             f"cell ({i[at]}, {cells.kept[j[at]]})",
             path,
         )
 
 
-def _furthest(found: Floats, should: Floats, path: Path) -> float:
+def _max_difference(found: Floats, should: Floats, path: Path) -> float:
     """Largest difference of heights [m], which must be missing in the same places."""
     off = np.abs(found - should)
     furthest = float(off.max())
     if math.isnan(furthest):
         if (np.isnan(found) != np.isnan(should)).any():
-            raise _difference(
+            raise _difference_error(
                 "heights where there should be none, or none where they should be", "height", path
             )
         furthest = float(np.nanmax(off))
@@ -206,8 +206,8 @@ def _furthest(found: Floats, should: Floats, path: Path) -> float:
 
 
 @contextmanager
-def _evaluated(
-    path: Path, header: Header, kept: Index, v: Floats, fmt: str
+def _evaluate_file(
+    path: Path, header: CrgHeader, kept: Index, v: Floats, fmt: str
 ) -> Iterator[pycrg.RoadSurface]:
     """The file in the C-API, with some of its long sections."""
     if kept.size == v.size:
@@ -221,9 +221,11 @@ def _evaluated(
             yield crg
 
 
-def _write_part(path: Path, header: Header, part: Path, kept: Index, v: Floats, fmt: str) -> None:
+def _write_part(
+    path: Path, header: CrgHeader, part: Path, kept: Index, v: Floats, fmt: str
+) -> None:
     """Copy a file with some of its long sections, byte by byte."""
-    rows, columns = stations(header) or 0, len(header.channels)
+    rows, columns = station_count(header) or 0, len(header.channels)
     before = columns - v.size
     chosen = np.concatenate([np.arange(before), before + kept])
     with path.open("rb") as source:
@@ -235,10 +237,10 @@ def _write_part(path: Path, header: Header, part: Path, kept: Index, v: Floats, 
                 content = source.read(count * number_type(fmt).itemsize)
                 table = np.frombuffer(content, dtype=number_type(fmt)).reshape(-1, columns)
                 stream.write(table[:, chosen].tobytes())
-            stream.write(padding(stream.tell() - len(text), fmt))
+            stream.write(record_padding(stream.tell() - len(text), fmt))
 
 
-def _difference(found: str, place: str, path: Path) -> OutputError:
+def _difference_error(found: str, place: str, path: Path) -> OutputError:
     return OutputError(
         f"what was written does not read back the same: {found}",
         path=path,

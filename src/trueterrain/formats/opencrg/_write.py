@@ -10,17 +10,16 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain import provenance
 from trueterrain._version import __version__
-from trueterrain.engine import require_writable, whole_output
-from trueterrain.errors import FormatError, OutputError
+from trueterrain.core import provenance, require_writable, whole_output
+from trueterrain.core.errors import FormatError, OutputError
+from trueterrain.core.schemas import SCHEMA, check_surface
 from trueterrain.formats.opencrg import _fit, _verify
-from trueterrain.formats.opencrg._blocks import height_blocks, heights
+from trueterrain.formats.opencrg._blocks import block_heights, height_blocks
 from trueterrain.formats.opencrg._header import NUMBER_FORMATS
-from trueterrain.formats.opencrg._median import median
+from trueterrain.formats.opencrg._median import blockwise_median
 from trueterrain.formats.opencrg._read import CRS_MARK, HISTORY_MARK
 from trueterrain.formats.opencrg._stream import FlatRoad, flat_road, write_blocks, write_whole
-from trueterrain.kinds import SCHEMA, check_surface
 
 Floats = npt.NDArray[np.float64]
 
@@ -88,7 +87,7 @@ def write(
     Examples
     --------
     >>> import tempfile
-    >>> from trueterrain.kinds import make_surface
+    >>> from trueterrain.core.schemas import make_surface
     >>> height = [[225.1, np.nan, 225.3], [225.1, 225.2, np.nan]]
     >>> road = make_surface(height, u=[0, 0.5], v=[-1, 0, 1], easting=[0, 0.5], northing=[0, 0])
     >>> with tempfile.TemporaryDirectory() as folder:
@@ -103,7 +102,7 @@ def write(
     path = Path(path)
     require_writable(path, force=force)
     road = _fit.fit_to_rules(surface, path)
-    keywords = _keywords(road, fmt, comment)
+    keywords = _header_keywords(road, fmt, comment)
     with whole_output(path, force=force) as temporary:
         try:
             flat = flat_road(temporary, road, keywords)
@@ -124,12 +123,12 @@ def write(
     return _with_record(road, flat, surface, fmt)
 
 
-def _keywords(road: xr.Dataset, fmt: str, comment: str | Iterable[str]) -> dict[str, Any]:
+def _header_keywords(road: xr.Dataset, fmt: str, comment: str | Iterable[str]) -> dict[str, Any]:
     """What stands in the file beside the heights, in the words of pycrg."""
     u, easting, northing, elevation = (
         np.asarray(road[name], float) for name in ("u", "easting", "northing", "elevation")
     )
-    above = _above(road, elevation)
+    above = _median_offset(road, elevation)
     start = float(elevation[0]) + (round(above, 3) if abs(above) > _SHIFTED_ABOVE else 0.0)
     return {
         "du": round(float(u[1] - u[0]), 3),
@@ -138,17 +137,17 @@ def _keywords(road: xr.Dataset, fmt: str, comment: str | Iterable[str]) -> dict[
         "y0": float(northing[0]),
         "z0": start,
         "end_xy": (float(easting[-1]), float(northing[-1])),
-        "phi": _heading(easting, northing),
+        "phi": _chord_headings(easting, northing),
         "slope": _constant_or_each(np.diff(elevation) / np.diff(u)),
         "banking": _constant_or_each(np.asarray(road["banking"])) if "banking" in road else None,
         "fmt": fmt,
-        "comment": _comment(road, comment),
-        "opts": _options(road) or None,
+        "comment": _comment_lines(road, comment),
+        "opts": _stored_options(road) or None,
         "mods": {},
     }
 
 
-def _above(road: xr.Dataset, elevation: Floats) -> float:
+def _median_offset(road: xr.Dataset, elevation: Floats) -> float:
     """Median of the heights above the reference line [m]."""
     v = np.asarray(road["v"], float)
 
@@ -157,13 +156,13 @@ def _above(road: xr.Dataset, elevation: Floats) -> float:
         return rest - np.asarray(road["banking"])[rows, None] * v if "banking" in road else rest
 
     some = slice(0, road.sizes["u"], max(1, road["height"].size // _SAMPLE))
-    return median(
+    return blockwise_median(
         lambda: (above(block, rows) for rows, block in height_blocks(road)),
-        above(heights(road, some), some),
+        above(block_heights(road, some), some),
     )
 
 
-def _heading(easting: Floats, northing: Floats) -> float | Floats:
+def _chord_headings(easting: Floats, northing: Floats) -> float | Floats:
     """Heading of each chord [rad], or of the whole line if it is straight."""
     along = np.array([easting[-1] - easting[0], northing[-1] - northing[0]])
     across = (easting - easting[0]) * along[1] - (northing - northing[0]) * along[0]
@@ -179,7 +178,7 @@ def _constant_or_each(values: Floats) -> float | Floats | None:
     return float(values.mean()) or None
 
 
-def _comment(road: xr.Dataset, comment: str | Iterable[str]) -> list[str]:
+def _comment_lines(road: xr.Dataset, comment: str | Iterable[str]) -> list[str]:
     lines = comment.splitlines() if isinstance(comment, str) else [str(line) for line in comment]
     found = [f"road surface written by trueterrain {__version__}"]
     for line in lines:
@@ -187,7 +186,7 @@ def _comment(road: xr.Dataset, comment: str | Iterable[str]) -> list[str]:
         found += textwrap.wrap(plain, _LINE - 1) or [""]
     # in free text, a $ at the start of a line would end the section
     found = [f" {line}" if line.startswith("$") else line for line in found]
-    history = json.dumps(provenance.steps(road), separators=(",", ":"))
+    history = json.dumps(provenance.provenance_steps(road), separators=(",", ":"))
     for mark, text in ((CRS_MARK, str(road.attrs.get("crs", ""))), (HISTORY_MARK, history)):
         if text.isascii() and text != "[]":
             size = _LINE - len(mark)
@@ -196,7 +195,7 @@ def _comment(road: xr.Dataset, comment: str | Iterable[str]) -> list[str]:
     return found
 
 
-def _options(road: xr.Dataset) -> dict[str, float]:
+def _stored_options(road: xr.Dataset) -> dict[str, float]:
     stored = json.loads(road.attrs.get("opencrg_options", "{}"))
     return {
         name: value
@@ -221,7 +220,7 @@ def _with_record(road: xr.Dataset, flat: FlatRoad, surface: xr.Dataset, fmt: str
         "crs": road.attrs.get("crs", ""),
         "filled": road.attrs["filled"],
     }
-    if options := _options(road):
+    if options := _stored_options(road):
         result.attrs["opencrg_options"] = json.dumps(options)
     check_surface(result)
     parameters = {"format": "OpenCRG", "fmt": fmt, "filled": road.attrs["filled"]}

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import xarray as xr
 
-from trueterrain.engine import Progress, no_progress
+from trueterrain.core import Progress, no_progress
 from trueterrain.formats.run._open import BLOCK, scan_blocks
 from trueterrain.formats.run._rules import check_run, group_of
 from trueterrain.formats.run._schema import QUANTUM, ROW_CHUNK, Mounting
@@ -67,14 +67,14 @@ def write(
             intensity = block["intensity"].values if "intensity" in block else None
             run.append_scans(block["time"].values, block["range"].values, intensity)
             progress("scans", block.attrs["first_scan"] + block.sizes["scan"], scans.sizes["scan"])
-        for part in _parts(group_of(tree, "navigation"), "epoch", ROW_CHUNK):
+        for part in _split_blocks(group_of(tree, "navigation"), "epoch", ROW_CHUNK):
             run.append_navigation(part)
         if sensors is not None:
-            for part in _parts(sensors, "sample", ROW_CHUNK):
+            for part in _split_blocks(sensors, "sample", ROW_CHUNK):
                 run.append_accelerometers(part["time"].values, part["acceleration"].values)
         for name, group in growing.items():
             dim = _time_of(group)
-            for part in _parts(group, dim, BLOCK):
+            for part in _split_blocks(group, dim, BLOCK):
                 run.append_truth(name, part, dim=dim)
 
 
@@ -83,6 +83,6 @@ def _time_of(group: xr.Dataset) -> str:
     return next((dim for dim in _ALONG_TIME if dim in group.sizes), "")
 
 
-def _parts(data: xr.Dataset, dim: str, size: int) -> Iterator[xr.Dataset]:
+def _split_blocks(data: xr.Dataset, dim: str, size: int) -> Iterator[xr.Dataset]:
     for start in range(0, data.sizes[dim], size):
         yield data.isel({dim: slice(start, start + size)})

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.errors import SchemaError, TrueTerrainError
+from trueterrain.core.errors import SchemaError, TrueTerrainError
 from trueterrain.formats._zarr import find_damaged_chunks, open_arrays
-from trueterrain.formats.navigation._records import IntervalTally
+from trueterrain.formats.navigation._records import IntervalStatistics
 from trueterrain.formats.run._open import open_tree, scan_blocks
 from trueterrain.formats.run._rules import group_of, row_blocks, rules_of, span_of
 from trueterrain.formats.run._schema import QUANTUM, Mounting
@@ -62,14 +62,14 @@ def describe(path: str | Path) -> dict[str, Any]:
     doubts: list[str] = []
     for name, dim in _TIMED.items():
         if _is_timed(tree, name, dim):
-            with _noted(problems):
-                summary[name], found = _timing(group_of(tree, name), name, dim)
+            with _note_problems(problems):
+                summary[name], found = _describe_timing(group_of(tree, name), name, dim)
                 doubts += found
     if "scans" in summary:
-        with _noted(problems):
+        with _note_problems(problems):
             doubts += _describe_scans(tree, summary)
     if "navigation" in summary:
-        with _noted(problems):
+        with _note_problems(problems):
             doubts += _describe_way(tree, summary)
     if "accelerometers" in summary:
         summary["accelerometers"]["sensors"] = tree.children["accelerometers"].sizes.get(
@@ -102,7 +102,7 @@ def problems_of(tree: xr.DataTree, path: str | Path | None = None) -> list[str]:
     """
     found: list[str] = []
     for index, rule in enumerate(rules_of(tree, path)):
-        with _noted(found):
+        with _note_problems(found):
             rule()
         if index == 0 and found:
             break
@@ -110,7 +110,7 @@ def problems_of(tree: xr.DataTree, path: str | Path | None = None) -> list[str]:
 
 
 @contextmanager
-def _noted(problems: list[str]) -> Iterator[None]:
+def _note_problems(problems: list[str]) -> Iterator[None]:
     """Keep what is wrong with the data as a problem, and go on."""
     try:
         yield
@@ -126,11 +126,11 @@ def _is_timed(tree: xr.DataTree, name: str, dim: str) -> bool:
     return time.dims == (dim,) and time.dtype.kind == "f"
 
 
-def _timing(group: xr.Dataset, name: str, dim: str) -> tuple[dict[str, Any], list[str]]:
-    tally = IntervalTally()
+def _describe_timing(group: xr.Dataset, name: str, dim: str) -> tuple[dict[str, Any], list[str]]:
+    tally = IntervalStatistics()
     for block in row_blocks(group, dim, ("time",)):
         tally.add(block["time"])
-    summary = tally.summary()
+    summary = tally.to_dict()
     doubts = [text for text in tally.problems(name) if "run forward" not in text]
     if summary["rate"] and summary["jitter"] and summary["jitter"] * summary["rate"] > _JITTER:
         doubts.append(
@@ -191,8 +191,8 @@ def _describe_way(tree: xr.DataTree, summary: dict[str, Any]) -> list[str]:
         high = np.fmax(high, np.fmax.reduce(rows[1:], axis=1, initial=-np.inf))
         number = done + np.arange(rows.shape[1])
         landmarks = rows[:, (number % stride == 0) | (number == count - 1)]
-        jump = max(jump, _steps(before, rows)[1])
-        length, speed = _steps(landmark, landmarks)
+        jump = max(jump, _travelled_steps(before, rows)[1])
+        length, speed = _travelled_steps(landmark, landmarks)
         way, fastest = way + length, max(fastest, speed)
         before, done = rows[:, -1:], done + rows.shape[1]
         landmark = landmarks[:, -1:] if landmarks.size else landmark
@@ -206,7 +206,7 @@ def _describe_way(tree: xr.DataTree, summary: dict[str, Any]) -> list[str]:
     return []
 
 
-def _steps(before: Floats, rows: Floats) -> tuple[float, float]:
+def _travelled_steps(before: Floats, rows: Floats) -> tuple[float, float]:
     """Length of the way through times and positions (4, epoch) [m], and largest speed [m/s]."""
     steps = np.diff(np.concatenate([before, rows], axis=1), axis=1)
     steps = steps[:, np.isfinite(steps).all(axis=0) & (steps[0] > 0)]

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.formats.navigation.columns import Columns
+from trueterrain.formats.navigation.columns import NavigationColumns
 from trueterrain.formats.run._schema import Mounting
 
 Floats = npt.NDArray[np.float64]
@@ -26,7 +26,7 @@ class NavigationFiles:
     accuracy: Path | None = None
     "SMRMSG file with the standard deviations."
 
-    columns: Columns | None = None
+    columns: NavigationColumns | None = None
     "Columns of a table; by default they are called as the variables of navigation."
 
     def __post_init__(self) -> None:

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from trueterrain import provenance
-from trueterrain.engine import Progress, no_progress
-from trueterrain.errors import FormatError
+from trueterrain.core import Progress, no_progress, provenance
+from trueterrain.core.errors import FormatError
 from trueterrain.formats.navigation import columns as tables
 from trueterrain.formats.navigation import sbet, smrmsg
 from trueterrain.formats.navigation._tables import table_blocks
@@ -20,7 +19,7 @@ from trueterrain.formats.run._files import (
     RunFiles,
     ScanTable,
 )
-from trueterrain.formats.run._scans import Scans, scan_table_blocks
+from trueterrain.formats.run._scans import ScanBlock, scan_table_blocks
 from trueterrain.formats.run._write import RunWriter
 from trueterrain.formats.settings import read_settings
 
@@ -82,7 +81,7 @@ def import_run(
     """
     description = Path(description)
     files = _with_folder(read_settings(RunFiles, description), description.parent)
-    epochs = _navigation(files, description)
+    epochs = _navigation_blocks(files, description)
     first = next(epochs)
     origin = files.origin or first.attrs["origin"]
     angle, delay = files.scans.fan()
@@ -97,12 +96,12 @@ def import_run(
         delay=delay,
         accelerometer_positions=None if sensors is None else sensors.positions,
         largest_range=files.scans.largest_range,
-        history=_history(files, description),
+        history=_import_provenance(files, description),
         force=force,
     ) as run:
         start, count = float(first["time"][0]), 0
         end = start
-        for block in _chained(first, epochs):
+        for block in _chain_blocks(first, epochs):
             run.append_navigation(block)
             end, count = float(block["time"][-1]), count + block.sizes["epoch"]
             progress("navigation", count, None)
@@ -111,7 +110,7 @@ def import_run(
             _import_accelerometers(run, sensors, progress)
 
 
-def _navigation(files: RunFiles, description: Path) -> Iterator[xr.Dataset]:
+def _navigation_blocks(files: RunFiles, description: Path) -> Iterator[xr.Dataset]:
     source = files.navigation
     if source.format == "sbet":
         blocks = sbet.blocks(source.file, origin=files.origin)
@@ -132,7 +131,7 @@ def _navigation(files: RunFiles, description: Path) -> Iterator[xr.Dataset]:
             yield smrmsg.add_accuracy(block, accuracy, path=source.accuracy)
 
 
-def _chained(first: xr.Dataset, others: Iterator[xr.Dataset]) -> Iterator[xr.Dataset]:
+def _chain_blocks(first: xr.Dataset, others: Iterator[xr.Dataset]) -> Iterator[xr.Dataset]:
     yield first
     yield from others
 
@@ -149,7 +148,7 @@ def _import_scans(
             true = block.time + files.mounting.scanner_clock
             inside = (true + delay.min() >= span[0]) & (true + delay.max() <= span[1])
             dropped += int(np.count_nonzero(~inside))
-        kept = block if inside.all() else _kept(block, inside)
+        kept = block if inside.all() else _select_scans(block, inside)
         if kept.time.size:
             run.append_scans(kept.time, kept.range, kept.intensity)
         written += kept.time.size
@@ -159,9 +158,11 @@ def _import_scans(
         warnings.warn(message, stacklevel=3)
 
 
-def _kept(block: Scans, inside: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> Scans:
+def _select_scans(
+    block: ScanBlock, inside: np.ndarray[tuple[int], np.dtype[np.bool_]]
+) -> ScanBlock:
     intensity = None if block.intensity is None else block.intensity[inside]
-    return Scans(time=block.time[inside], range=block.range[inside], intensity=intensity)
+    return ScanBlock(time=block.time[inside], range=block.range[inside], intensity=intensity)
 
 
 def _import_accelerometers(run: RunWriter, sensors: AccelerometerTable, progress: Progress) -> None:
@@ -184,13 +185,13 @@ def _with_folder(files: RunFiles, folder: Path) -> RunFiles:
         scans=replace(files.scans, file=folder / files.scans.file),
         accelerometers=sensors and replace(sensors, file=folder / sensors.file),
     )
-    for path in _paths(files):
+    for path in _source_paths(files):
         if not path.is_file():
             raise FormatError("does not exist", path=path, cure="Correct the description.")
     return files
 
 
-def _paths(files: RunFiles) -> list[Path]:
+def _source_paths(files: RunFiles) -> list[Path]:
     sensors = files.accelerometers
     named = [
         files.navigation.file,
@@ -201,9 +202,9 @@ def _paths(files: RunFiles) -> list[Path]:
     return [path for path in named if path is not None]
 
 
-def _history(files: RunFiles, description: Path) -> str:
+def _import_provenance(files: RunFiles, description: Path) -> str:
     data = provenance.add_step(
         xr.Dataset(), "import", parameters={"mounting": files.mounting, "name": files.name},
-        inputs=[description, *_paths(files)],
+        inputs=[description, *_source_paths(files)],
     )  # fmt: skip
     return str(data.attrs["provenance"])

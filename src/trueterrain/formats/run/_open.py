@@ -6,11 +6,11 @@ from pathlib import Path
 import xarray as xr
 from xarray.core import indexing
 
-from trueterrain.errors import FormatError
+from trueterrain.core.errors import FormatError
 from trueterrain.formats._zarr import (
     ARRAYS,
     StoredArray,
-    damaged,
+    damaged_error,
     find_groups,
     open_arrays,
     read_group_attrs,
@@ -84,7 +84,7 @@ def _make_tree(path: Path, arrays: dict[str, StoredArray]) -> xr.DataTree:
             data = xr.Dataset(variables[name], attrs=attrs.attrs)
             groups[name] = xr.decode_cf(data, decode_times=False, decode_timedelta=False)
         except (ValueError, TypeError) as error:
-            raise damaged(path, f"group {name}", error) from None
+            raise damaged_error(path, f"group {name}", error) from None
     return xr.DataTree.from_dict({name or "/": data for name, data in groups.items()})
 
 

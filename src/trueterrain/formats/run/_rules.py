@@ -8,15 +8,14 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.errors import SchemaError
+from trueterrain.core.errors import SchemaError
 from trueterrain.formats._zarr import open_arrays, require_whole
-from trueterrain.formats.navigation._frames import check_origin
 from trueterrain.formats.navigation._schema import (
-    Clock,
+    TimeChecker,
     check_length,
     check_navigation,
     check_structure,
-    suggestion,
+    suggest_name,
 )
 from trueterrain.formats.run._schema import (
     ACCELEROMETERS,
@@ -27,6 +26,7 @@ from trueterrain.formats.run._schema import (
     TIME_REFERENCES,
     Mounting,
 )
+from trueterrain.geometry.navigation_frames import check_origin
 
 Floats = npt.NDArray[np.float64]
 
@@ -66,7 +66,7 @@ def check_run(tree: xr.DataTree, path: str | Path | None = None) -> xr.DataTree:
     --------
     >>> check_run(xr.DataTree(xr.Dataset(attrs={"kind": "log"})), "x.zarr")
     Traceback (most recent call last):
-    trueterrain.errors.SchemaError: x.zarr: attribute kind: must be 'trueterrain/run', got 'log'...
+    trueterrain.core.errors.SchemaError: x.zarr: attribute kind: must be 'trueterrain/run', got 'log'...
     """
     for rule in rules_of(tree, path):
         rule()
@@ -161,7 +161,7 @@ def check_groups(tree: xr.DataTree, path: str | Path | None) -> None:
     for name in tree.children:
         if name not in known:
             raise SchemaError(
-                f"is unknown{suggestion(name, known)}; known are {', '.join(known)}",
+                f"is unknown{suggest_name(name, known)}; known are {', '.join(known)}",
                 path=path,
                 place=f"group {name}",
             )
@@ -185,7 +185,7 @@ def check_scans(tree: xr.DataTree, path: str | Path | None) -> None:
     check_length(scans, "beam", 1, path=path, place="scans")
     check_length(scans, "scan", 1, path=path, place="scans")
     _check_angles(scans["angle"].values, path)
-    clock = Clock(path=path, place="scans, variable time")
+    clock = TimeChecker(path=path, place="scans, variable time")
     for block in row_blocks(scans, "scan", ("time",)):
         clock.check(block["time"])
     _check_delays(scans["delay"].values, _first_interval(scans), path)
@@ -261,7 +261,7 @@ def check_accelerometers(tree: xr.DataTree, path: str | Path | None) -> None:
             place=f"{place}, variable position",
         )  # fmt: skip
     _require_finite(group["position"].values, f"{place}, variable position", path)
-    clock = Clock(path=path, place=f"{place}, variable time")
+    clock = TimeChecker(path=path, place=f"{place}, variable time")
     for block in row_blocks(group, "sample", ("time", "acceleration")):
         done, values = clock.count, block["acceleration"]
         clock.check(block["time"])

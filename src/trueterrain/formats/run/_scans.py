@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.errors import FormatError
+from trueterrain.core.errors import FormatError
 from trueterrain.formats.navigation._tables import table_blocks, table_columns
 from trueterrain.formats.run._files import ScanTable
 
@@ -20,7 +20,7 @@ _NEAR = 0.25  # of the spacing of the fan, within which an angle must meet a bea
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scans:
+class ScanBlock:
     """A block of scans."""
 
     time: Floats
@@ -28,7 +28,7 @@ class Scans:
     intensity: Floats | None
 
 
-def scan_table_blocks(path: Path, table: ScanTable, cells: int = ROWS) -> Iterator[Scans]:
+def scan_table_blocks(path: Path, table: ScanTable, cells: int = ROWS) -> Iterator[ScanBlock]:
     """Scans of a table block by block.
 
     Parameters
@@ -52,26 +52,28 @@ def scan_table_blocks(path: Path, table: ScanTable, cells: int = ROWS) -> Iterat
         a scan, times of beams that do not follow the fan.
     """
     if table.layout == "scans":
-        yield from _wide(path, table, cells)
+        yield from _wide_scans(path, table, cells)
     else:
-        yield from _long(path, table, cells)
+        yield from _long_scans(path, table, cells)
 
 
-def _wide(path: Path, table: ScanTable, cells: int) -> Iterator[Scans]:
+def _wide_scans(path: Path, table: ScanTable, cells: int) -> Iterator[ScanBlock]:
     _, delay = table.fan()
     labels = table_columns(path)
-    ranges = _numbered(path, labels, table.range, delay.size)
-    returns = _numbered(path, labels, table.intensity, delay.size) if table.intensity else []
+    ranges = _numbered_columns(path, labels, table.range, delay.size)
+    returns = (
+        _numbered_columns(path, labels, table.intensity, delay.size) if table.intensity else []
+    )
     names = [table.time, *ranges, *returns]
     for block in table_blocks(path, names, max(1, cells // delay.size)):
-        yield Scans(
+        yield ScanBlock(
             time=block[table.time] * table.time_scale,
             range=_in_metres(np.stack([block[name] for name in ranges], axis=-1), table),
             intensity=np.stack([block[name] for name in returns], axis=-1) if returns else None,
         )
 
 
-def _numbered(path: Path, labels: list[str], start: str, beams: int) -> list[str]:
+def _numbered_columns(path: Path, labels: list[str], start: str, beams: int) -> list[str]:
     found = {
         int(label.removeprefix(start)): label
         for label in labels
@@ -87,7 +89,7 @@ def _numbered(path: Path, labels: list[str], start: str, beams: int) -> list[str
     return [found[number] for number in sorted(found)]
 
 
-def _long(path: Path, table: ScanTable, cells: int) -> Iterator[Scans]:
+def _long_scans(path: Path, table: ScanTable, cells: int) -> Iterator[ScanBlock]:
     """Rows are sorted into scans; the last scan of a block waits for the rest of its rows."""
     where = table.beam or table.angle
     names = [table.time, where, table.range]
@@ -95,23 +97,23 @@ def _long(path: Path, table: ScanTable, cells: int) -> Iterator[Scans]:
     waiting: dict[str, Floats] | None = None
     row = 0  # of the first row that waits or comes
     for block in table_blocks(path, names, max(cells, table.fan()[0].size)):
-        rows = block if waiting is None else _joined(waiting, block)
-        sorter = _Sorter(path, table, rows, row)
+        rows = block if waiting is None else _join_columns(waiting, block)
+        sorter = _ScanSorter(path, table, rows, row)
         last = int(sorter.starts[-1])
         if last:
             yield sorter.scans(last)
         waiting = {name: values[last:] for name, values in rows.items()}
         row += last
     if waiting is not None:
-        sorter = _Sorter(path, table, waiting, row)
+        sorter = _ScanSorter(path, table, waiting, row)
         yield sorter.scans(waiting[table.time].size)
 
 
-def _joined(first: dict[str, Floats], then: dict[str, Floats]) -> dict[str, Floats]:
+def _join_columns(first: dict[str, Floats], then: dict[str, Floats]) -> dict[str, Floats]:
     return {name: np.concatenate([first[name], then[name]]) for name in then}
 
 
-class _Sorter:
+class _ScanSorter:
     """Sorts the rows of a table into scans."""
 
     def __init__(self, path: Path, table: ScanTable, rows: dict[str, Floats], row: int) -> None:
@@ -122,7 +124,7 @@ class _Sorter:
         self._time = stamps - self._delay[self._beam] if table.time_of == "beam" else stamps
         self.starts = self._starts_of(rows)
 
-    def scans(self, end: int) -> Scans:
+    def scans(self, end: int) -> ScanBlock:
         """Scans of the rows before `end`."""
         starts = self.starts[self.starts < end]
         number = np.repeat(np.arange(starts.size), np.diff([*starts, end]))
@@ -137,7 +139,9 @@ class _Sorter:
         if self._table.intensity:
             intensity = np.full(shape, np.nan)
             intensity.flat[cell] = self._rows[self._table.intensity][:end]
-        return Scans(time=time[starts], range=_in_metres(ranges, self._table), intensity=intensity)
+        return ScanBlock(
+            time=time[starts], range=_in_metres(ranges, self._table), intensity=intensity
+        )
 
     def _starts_of(self, rows: dict[str, Floats]) -> npt.NDArray[np.intp]:
         """Rows at which scans begin."""

@@ -6,8 +6,8 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from trueterrain.errors import SchemaError
-from trueterrain.formats.navigation._schema import NAVIGATION, Variable, suggestion
+from trueterrain.core.errors import SchemaError
+from trueterrain.formats.navigation._schema import NAVIGATION, SchemaVariable, suggest_name
 
 KIND = "trueterrain/run"
 
@@ -26,17 +26,17 @@ ROW_CHUNK = 1 << 16
 TIME_REFERENCES = ("gps", "run")
 
 SCANS = {
-    "time": Variable(dims=("scan",), units="s"),
-    "range": Variable(dims=("scan", "beam"), units="m"),
-    "intensity": Variable(dims=("scan", "beam"), units="1", required=False),
-    "angle": Variable(dims=("beam",), units="rad"),
-    "delay": Variable(dims=("beam",), units="s"),
+    "time": SchemaVariable(dims=("scan",), units="s"),
+    "range": SchemaVariable(dims=("scan", "beam"), units="m"),
+    "intensity": SchemaVariable(dims=("scan", "beam"), units="1", required=False),
+    "angle": SchemaVariable(dims=("beam",), units="rad"),
+    "delay": SchemaVariable(dims=("beam",), units="s"),
 }
 
 ACCELEROMETERS = {
-    "time": Variable(dims=("sample",), units="s"),
-    "acceleration": Variable(dims=("sample", "sensor"), units="m/s2"),
-    "position": Variable(dims=("sensor", "axis"), units="m"),
+    "time": SchemaVariable(dims=("sample",), units="s"),
+    "acceleration": SchemaVariable(dims=("sample", "sensor"), units="m/s2"),
+    "position": SchemaVariable(dims=("sensor", "axis"), units="m"),
 }
 
 GROUPS = {"scans": SCANS, "navigation": NAVIGATION, "accelerometers": ACCELEROMETERS}
@@ -123,7 +123,7 @@ class Mounting:
         for name in values:
             if name not in known:
                 raise SchemaError(
-                    f"the key {name!r} is unknown{suggestion(str(name), known)}; known are "
+                    f"the key {name!r} is unknown{suggest_name(str(name), known)}; known are "
                     f"{', '.join(known)}",
                     path=path,
                     place=place,

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import zarr
 
-from trueterrain.engine import Checksums
+from trueterrain.core import Checksums
 from trueterrain.formats._zarr import ARRAYS, choose_fill_value, make_compressors
 from trueterrain.formats.run._schema import ROW_CHUNK
 
@@ -18,7 +18,7 @@ _CHUNK_VALUES = 1_000_000  # values in a chunk of more than one dimension, at mo
 Array = npt.NDArray[Any]
 
 
-class GrowingStore:
+class AppendableStore:
     """Arrays of a Zarr store that rows are appended to.
 
     Rows wait until they fill a chunk, so that memory stays flat, each chunk is written once, and
@@ -27,7 +27,7 @@ class GrowingStore:
 
     def __init__(self, path: Path, attrs: Mapping[str, Any]) -> None:
         self._root = zarr.create_group(path, zarr_format=3, attributes=dict(attrs))
-        self._rows: dict[str, _Rows] = {}
+        self._rows: dict[str, _RowBuffer] = {}
         self._needed: list[str] = []
         self._arrays: list[zarr.Array[Any]] = []
         self._written = Checksums()
@@ -39,7 +39,7 @@ class GrowingStore:
 
     def set_attrs(self, group: str, attrs: Mapping[Any, Any]) -> None:
         """Attributes of a group."""
-        plain = json.loads(json.dumps(dict(attrs), default=_plain))
+        plain = json.loads(json.dumps(dict(attrs), default=_json_value))
         self._root.require_group(group).attrs.update(plain)
 
     def write(
@@ -65,7 +65,7 @@ class GrowingStore:
         chunk = chunk or _rows_of(like.shape)
         shape = (0, *like.shape[1:])
         array = self._create(path, shape, chunk, like.dtype, dims, attrs, fill)
-        self._rows[path] = _Rows(array, self._written)
+        self._rows[path] = _RowBuffer(array, self._written)
 
     def append(self, path: str, rows: Array) -> None:
         """Append rows to an array."""
@@ -109,7 +109,7 @@ class GrowingStore:
             fill_value=choose_fill_value(dtype) if fill is None else np.dtype(dtype).type(fill),
             compressors=make_compressors(1, "bitshuffle"),
             dimension_names=[str(dim) for dim in dims],
-            attributes=json.loads(json.dumps(dict(attrs), default=_plain)),
+            attributes=json.loads(json.dumps(dict(attrs), default=_json_value)),
             chunk_key_encoding={"name": "default", "separator": "."},
             # so that a chunk that is missing is known to be lost
             config={"write_empty_chunks": True},
@@ -118,7 +118,7 @@ class GrowingStore:
         return array
 
 
-class _Rows:
+class _RowBuffer:
     """Rows of an array, written whole chunk by whole chunk."""
 
     def __init__(self, array: zarr.Array[Any], written: Checksums) -> None:
@@ -163,7 +163,7 @@ def _rows_of(shape: tuple[int, ...]) -> int:
     return max(1, min(ROW_CHUNK, _CHUNK_VALUES // max(1, int(np.prod(shape[1:])))))
 
 
-def _plain(value: Any) -> Any:
+def _json_value(value: Any) -> Any:
     """What JSON takes for numbers of numpy; other things as text."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.errors import SchemaError
+from trueterrain.core.errors import SchemaError
 from trueterrain.formats.run._schema import QUANTUM
 
 Array = npt.NDArray[Any]
@@ -16,7 +16,9 @@ _STEPS_16 = 2**16 - 1  # the largest number marks no return
 _STEPS_32 = 2**32 - 1
 
 
-def quantised(ranges: npt.NDArray[Any], fill: int, first: int, path: Path) -> npt.NDArray[Any]:
+def quantise_ranges(
+    ranges: npt.NDArray[Any], fill: int, first: int, path: Path
+) -> npt.NDArray[Any]:
     """Ranges in steps; NaN becomes the number that marks no return."""
     steps = np.asarray(ranges, dtype=np.float64) / QUANTUM
     np.rint(steps, out=steps)

@@ -10,13 +10,12 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.engine import require_writable, whole_store
-from trueterrain.errors import FormatError, SchemaError
-from trueterrain.formats.navigation._frames import check_origin
+from trueterrain.core import require_writable, whole_store
+from trueterrain.core.errors import FormatError, SchemaError
 from trueterrain.formats.navigation._schema import (
     NAVIGATION,
-    Clock,
     EpochRules,
+    TimeChecker,
     check_structure,
     navigation_of,
 )
@@ -33,15 +32,16 @@ from trueterrain.formats.run._schema import (
     TIME_REFERENCES,
     Mounting,
 )
-from trueterrain.formats.run._store import GrowingStore
+from trueterrain.formats.run._store import AppendableStore
 from trueterrain.formats.run._values import (
     fan_of,
     fill_of,
     positions_of,
-    quantised,
+    quantise_ranges,
     require_shape,
     whole_intensity,
 )
+from trueterrain.geometry.navigation_frames import check_origin
 
 Array = npt.NDArray[Any]
 Floats = npt.NDArray[np.float64]
@@ -79,7 +79,7 @@ class RunWriter:
         Largest range that the scanner can give [m]; beyond 6.5534 m four bytes are kept instead of
         two.
     history : str
-        Provenance to begin with, as `trueterrain.provenance` keeps it.
+        Provenance to begin with, as `trueterrain.core.provenance` keeps it.
     force : bool
         Replace a run that is there already.
 
@@ -145,17 +145,17 @@ class RunWriter:
         self._truth = dict(truth or {})
         self._rules = EpochRules(path=self._path, place="navigation")
         self._clocks = {
-            group: Clock(path=self._path, place=f"{group}, variable time")
+            group: TimeChecker(path=self._path, place=f"{group}, variable time")
             for group in ("scans", "accelerometers")
         }
         self._stack = ExitStack()
         self._temporary: Path | None = None
-        self._opened: GrowingStore | None = None
+        self._opened: AppendableStore | None = None
 
     def __enter__(self) -> "RunWriter":
         with ExitStack() as stack:
             temporary = stack.enter_context(whole_store(self._path, ("run",), force=self._force))
-            self._temporary, self._opened = temporary, GrowingStore(temporary, self._attrs)
+            self._temporary, self._opened = temporary, AppendableStore(temporary, self._attrs)
             for group, data in self._truth.items():
                 self._append_truth(group, data, dim=None)
             self._stack = stack.pop_all()
@@ -176,7 +176,7 @@ class RunWriter:
             self._check()
 
     @property
-    def _store(self) -> GrowingStore:
+    def _store(self) -> AppendableStore:
         if self._opened is None:
             message = "a RunWriter must be used in a with statement, before its end."
             raise ValueError(message)
@@ -214,7 +214,7 @@ class RunWriter:
         first = self._clocks["scans"].count
         columns: dict[str, Array] = {
             "time": stamps,
-            "range": quantised(ranges, self._fill, first, self._path),
+            "range": quantise_ranges(ranges, self._fill, first, self._path),
         }
         if intensity is not None:
             values = np.asarray(intensity)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from trueterrain.formats._zarr import find_damaged_chunks
-from trueterrain.formats.store._layout import Stored, Values, opened
+from trueterrain.formats.store._layout import OpenedStore, Values, open_store
 from trueterrain.formats.store._read import read
 
 _EVEN = 1e-6  # [m] within which steps are equal
@@ -34,13 +34,17 @@ def describe(path: str | Path) -> dict[str, Any]:
         If it is no such store, arrays or chunks are missing, or those are damaged without which
         nothing can be said; other chunks that are damaged are among the problems.
     """
-    stored = opened(path)
+    stored = open_store(path)
     summary: dict[str, Any] = {"format": "Zarr", "kind": stored.kind}
     files = (file for file in stored.path.rglob("*") if file.is_file())
     summary["bytes"] = sum(file.stat().st_size for file in files)
     summary["variables"] = [entry.name for entry in stored.entries if not entry.coordinate]
     damage = find_damaged_chunks(stored.arrays.values())
-    about = {"points": _points, "surface": _surface, "profile": _profile}[stored.kind]
+    about = {
+        "points": _describe_points,
+        "surface": _describe_surface,
+        "profile": _describe_profile,
+    }[stored.kind]
     summary |= about(stored)
     summary["crs"] = str(stored.attrs.get("crs", ""))
     summary["problems"] = damage + summary["problems"]
@@ -50,7 +54,7 @@ def describe(path: str | Path) -> dict[str, Any]:
     return summary
 
 
-def _points(stored: Stored) -> dict[str, Any]:
+def _describe_points(stored: OpenedStore) -> dict[str, Any]:
     found = dict(stored.statistics)
     lost, time = found.pop("not_finite"), found.pop("time")
     if time is not None:
@@ -60,12 +64,12 @@ def _points(stored: Stored) -> dict[str, Any]:
     return found | {"problems": problems}
 
 
-def _surface(stored: Stored) -> dict[str, Any]:
+def _describe_surface(stored: OpenedStore) -> dict[str, Any]:
     dims = next(entry.dims for entry in stored.entries if entry.name == "height")
     axes = {dim: stored.values(dim) for dim in dims}
     found = {
         "size": [stored.sizes[dim] for dim in dims],
-        "spacing": {dim: _spacing(axis) for dim, axis in axes.items()},
+        "spacing": {dim: _equal_spacing(axis) for dim, axis in axes.items()},
     }
     if "u" in axes:
         found["range"] = {dim: [float(axis[0]), float(axis[-1])] for dim, axis in axes.items()}
@@ -74,12 +78,12 @@ def _surface(stored: Stored) -> dict[str, Any]:
     return found | stored.statistics | {"problems": problems}
 
 
-def _profile(stored: Stored) -> dict[str, Any]:
+def _describe_profile(stored: OpenedStore) -> dict[str, Any]:
     from trueterrain.formats.table._describe import describe_profile
 
     return describe_profile(read(stored.path))
 
 
-def _spacing(axis: Values) -> float | None:
+def _equal_spacing(axis: Values) -> float | None:
     steps = np.diff(axis)
     return round(float(steps.mean()), 9) if np.ptp(steps) < _EVEN else None

@@ -11,16 +11,16 @@ import numpy.typing as npt
 import xarray as xr
 import zarr
 
-from trueterrain.errors import FormatError, SchemaError
+from trueterrain.core.errors import FormatError, SchemaError
+from trueterrain.core.schemas import SCHEMA
 from trueterrain.formats._zarr import (
     StoredArray,
     choose_fill_value,
-    damaged,
+    damaged_error,
     make_compressors,
     read_group_attrs,
 )
 from trueterrain.formats.signature import kind_of_store
-from trueterrain.kinds import SCHEMA
 
 CHUNK = 250_000  # values; blocks of a million points are made of whole chunks
 
@@ -39,7 +39,7 @@ Values = npt.NDArray[Any]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Entry:
+class ArrayEntry:
     """What the summary says of an array."""
 
     name: str
@@ -70,13 +70,13 @@ _STATISTICS: dict[str, Any] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stored:
+class OpenedStore:
     """A store that is open, and has been found to be whole."""
 
     path: Path
     kind: str
     attrs: dict[str, Any]
-    entries: list[Entry]
+    entries: list[ArrayEntry]
     statistics: dict[str, Any]
     arrays: dict[str, StoredArray]
     bounds: StoredArray | None
@@ -102,7 +102,7 @@ class Stored:
         assert self.bounds is not None
         return self.bounds.read()
 
-    def variable(self, entry: Entry, rows: slice = slice(None)) -> xr.Variable:
+    def variable(self, entry: ArrayEntry, rows: slice = slice(None)) -> xr.Variable:
         """An array as it was before it was written."""
         attrs = dict(self.arrays[entry.name].attrs)
         values = self.values(entry.name, rows)
@@ -111,7 +111,9 @@ class Stored:
             try:
                 values = np.array(texts, dtype=str)[values]
             except (IndexError, ValueError, TypeError):
-                raise damaged(self.path, f"array {entry.name}", "numbers without text") from None
+                raise damaged_error(
+                    self.path, f"array {entry.name}", "numbers without text"
+                ) from None
         return xr.Variable(entry.dims, values, attrs)
 
 
@@ -177,20 +179,22 @@ def as_numbers(variable: xr.Variable) -> tuple[Any, dict[Any, Any]]:
 def plain_attrs(attrs: Mapping[Any, Any], place: str) -> dict[str, Any]:
     """Attributes as JSON keeps them."""
     try:
-        plain = json.loads(json.dumps(dict(attrs), default=_plain))
+        plain = json.loads(json.dumps(dict(attrs), default=_json_value))
     except TypeError as error:
         cure = "Keep numbers, texts, lists and tables of them only."
         raise SchemaError(f"attributes: {error}", place=place, cure=cure) from None
     return dict(plain)
 
 
-def write_summary(root: zarr.Group, entries: list[Entry], statistics: Mapping[str, Any]) -> None:
+def write_summary(
+    root: zarr.Group, entries: list[ArrayEntry], statistics: Mapping[str, Any]
+) -> None:
     """Write what must be there, when all of it is."""
     summary = {"variables": [asdict(entry) for entry in entries], "statistics": dict(statistics)}
     root.require_group(SUMMARY).attrs.update(plain_attrs(summary, SUMMARY))
 
 
-def opened(path: str | Path) -> Stored:
+def open_store(path: str | Path) -> OpenedStore:
     """Open a store.
 
     Raises
@@ -211,16 +215,16 @@ def opened(path: str | Path) -> Stored:
             f"must be {SCHEMA}, got {attrs.get('schema')!r}", path=path, place="attribute schema",
             cure="If it is newer, update trueterrain.",
         )  # fmt: skip
-    entries, statistics = _summary(path, kind)
-    arrays = {entry.name: _array(path, entry) for entry in entries}
-    return Stored(
+    entries, statistics = _read_summary(path, kind)
+    arrays = {entry.name: _open_array(path, entry) for entry in entries}
+    return OpenedStore(
         path=path,
         kind=kind,
         attrs=attrs,
         entries=entries,
         statistics=statistics,
         arrays=arrays,
-        bounds=_bounds(path, arrays["easting"]) if kind == "points" else None,
+        bounds=_chunk_bounds(path, arrays["easting"]) if kind == "points" else None,
         strange=sorted(part.name for part in path.iterdir() if part.is_dir()
                        and part.name not in {*arrays, SUMMARY}),
     )  # fmt: skip
@@ -231,54 +235,54 @@ def _is_folder_name(name: str) -> bool:
     return name.strip(". ") != "" and not set(name) & set("/\\\0")
 
 
-def _summary(path: Path, kind: str) -> tuple[list[Entry], dict[str, Any]]:
+def _read_summary(path: Path, kind: str) -> tuple[list[ArrayEntry], dict[str, Any]]:
     """What the summary says of the arrays, and its statistics."""
     from pydantic import TypeAdapter, ValidationError
 
     place = f"group {SUMMARY}"
     if not (path / SUMMARY / "zarr.json").is_file():
-        raise damaged(path, place, "it is missing")
+        raise damaged_error(path, place, "it is missing")
     about = read_group_attrs(path, SUMMARY)
     try:
         variables, statistics = (json.dumps(about.get(n)) for n in ("variables", "statistics"))
-        entries = TypeAdapter(list[Entry]).validate_json(variables, strict=True)
+        entries = TypeAdapter(list[ArrayEntry]).validate_json(variables, strict=True)
         TypeAdapter(_STATISTICS[kind]).validate_json(statistics, strict=True)
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
-        raise damaged(path, place, f"{where}: {first['msg']}") from None
+        raise damaged_error(path, place, f"{where}: {first['msg']}") from None
     names = [entry.name for entry in entries]
     wrong = [name for name in _NEEDED[kind] if name not in names]
     wrong += [name for name in names if names.count(name) > 1 or not _is_folder_name(name)]
     if wrong:
-        raise damaged(path, place, f"array {wrong[0]!r} is not listed once")
+        raise damaged_error(path, place, f"array {wrong[0]!r} is not listed once")
     return entries, dict(about["statistics"])
 
 
-def _array(path: Path, entry: Entry) -> StoredArray:
+def _open_array(path: Path, entry: ArrayEntry) -> StoredArray:
     """Array of a store, as the summary describes it, whose chunks are all there."""
     array = StoredArray(path, entry.name)
     is_ = (list(array.dims), list(array.shape), str(array.dtype))
     was = (entry.dims, entry.shape, entry.dtype)
     if is_ != was:
         how = " instead of ".join(f"{d} {s} {t}" for d, s, t in (is_, was))
-        raise damaged(path, f"array {entry.name}", how)
+        raise damaged_error(path, f"array {entry.name}", how)
     array.require_chunks()
     return array
 
 
-def _bounds(path: Path, points: StoredArray) -> StoredArray:
+def _chunk_bounds(path: Path, points: StoredArray) -> StoredArray:
     """Bounds of the chunks of points."""
     bounds = StoredArray(path, BOUNDS)
     chunks = -(-points.shape[0] // CHUNK)
     if bounds.shape != (chunks, 4):
         how = f"shape {list(bounds.shape)} instead of {[chunks, 4]}"
-        raise damaged(path, f"array {BOUNDS}", how)
+        raise damaged_error(path, f"array {BOUNDS}", how)
     bounds.require_chunks()
     return bounds
 
 
-def _plain(value: Any) -> Any:
+def _json_value(value: Any) -> Any:
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
     message = f"{type(value).__name__} cannot be kept in a store"

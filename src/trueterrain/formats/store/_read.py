@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from trueterrain.errors import CoverageError, FormatError, SchemaError
-from trueterrain.formats._zarr import damaged
-from trueterrain.formats.store._layout import CHUNK, Stored, Values, opened, rows_of
-from trueterrain.kinds import COORDINATES, check_points, check_profile, check_surface
+from trueterrain.core.errors import CoverageError, FormatError, SchemaError
+from trueterrain.core.schemas import COORDINATES, check_points, check_profile, check_surface
+from trueterrain.formats._zarr import damaged_error
+from trueterrain.formats.store._layout import CHUNK, OpenedStore, Values, open_store, rows_of
 
 BLOCK = 1_000_000  # points
 
@@ -45,10 +45,10 @@ def read(path: str | Path, *, between: tuple[float, float] | None = None) -> xr.
     ValueError
         If `between` is given for points, or means nothing.
     """
-    stored = opened(path)
+    stored = open_store(path)
     dim = rows_of(stored.kind, stored.sizes)
-    rows = slice(None) if between is None else _rows(stored, dim, between)
-    return _dataset(stored, dim, rows)
+    rows = slice(None) if between is None else _select_rows(stored, dim, between)
+    return _build_dataset(stored, dim, rows)
 
 
 def blocks(
@@ -97,16 +97,16 @@ def blocks(
         wanted = {*COORDINATES, *variables}
         entries = [one for one in stored.entries if one.coordinate or one.name in wanted]
         stored = replace(stored, entries=entries)
-    touched = None if bounds is None else _touched(stored.chunk_bounds(), bounds)
+    touched = None if bounds is None else _touched_chunks(stored.chunk_bounds(), bounds)
     for start in range(0, stored.sizes["point"], size):
         rows = slice(start, min(start + size, stored.sizes["point"]))
         if touched is not None:
-            rows = _narrowed(rows, touched)
+            rows = _narrow_rows(rows, touched)
         if rows.start == rows.stop:
             continue
-        points = _dataset(stored, "point", rows)
+        points = _build_dataset(stored, "point", rows)
         if bounds is not None:
-            points = _cut(points, bounds)
+            points = _clip_points(points, bounds)
         if points.sizes["point"]:
             yield points if crs is None else points.assign_attrs(crs=crs)
 
@@ -133,8 +133,8 @@ def point_variables(path: str | Path) -> tuple[str, ...]:
     return tuple(one.name for one in entries if one.name not in COORDINATES)
 
 
-def _opened_points(path: str | Path) -> Stored:
-    stored = opened(path)
+def _opened_points(path: str | Path) -> OpenedStore:
+    stored = open_store(path)
     if stored.kind != "points":
         raise FormatError(
             f"holds no points but a {stored.kind}", path=path,
@@ -143,7 +143,7 @@ def _opened_points(path: str | Path) -> Stored:
     return stored
 
 
-def _dataset(stored: Stored, dim: str, rows: slice) -> xr.Dataset:
+def _build_dataset(stored: OpenedStore, dim: str, rows: slice) -> xr.Dataset:
     variables: dict[str, xr.Variable] = {}
     coordinates: dict[str, xr.Variable] = {}
     for entry in stored.entries:
@@ -157,12 +157,12 @@ def _dataset(stored: Stored, dim: str, rows: slice) -> xr.Dataset:
         return _CHECKS[stored.kind](data, path=stored.path)
     except SchemaError as error:
         # it was checked when it was written
-        raise damaged(stored.path, error.place or "arrays", error.problem) from None
+        raise damaged_error(stored.path, error.place or "arrays", error.problem) from None
     except ValueError as error:
-        raise damaged(stored.path, "arrays", str(error)) from None
+        raise damaged_error(stored.path, "arrays", str(error)) from None
 
 
-def _rows(stored: Stored, dim: str, between: tuple[float, float]) -> slice:
+def _select_rows(stored: OpenedStore, dim: str, between: tuple[float, float]) -> slice:
     start, end = between
     if stored.kind == "points" or not start <= end:
         message = f"between must be two rising stations of a surface or a profile, got {between}."
@@ -191,7 +191,7 @@ def _check_bounds(bounds: Bounds | None) -> None:
         raise ValueError(message)
 
 
-def _touched(chunks: Values, bounds: Bounds) -> Values:
+def _touched_chunks(chunks: Values, bounds: Bounds) -> Values:
     """Numbers of the chunks that touch a place."""
     west, south, east, north = bounds
     apart = (
@@ -201,7 +201,7 @@ def _touched(chunks: Values, bounds: Bounds) -> Values:
     return np.flatnonzero(~apart)
 
 
-def _narrowed(rows: slice, touched: Values) -> slice:
+def _narrow_rows(rows: slice, touched: Values) -> slice:
     """Rows from the first chunk that is touched to the last one."""
     among = touched[(touched >= rows.start // CHUNK) & (touched <= (rows.stop - 1) // CHUNK)]
     if not among.size:
@@ -210,7 +210,7 @@ def _narrowed(rows: slice, touched: Values) -> slice:
     return slice(max(rows.start, first), min(rows.stop, last))
 
 
-def _cut(points: xr.Dataset, bounds: Bounds) -> xr.Dataset:
+def _clip_points(points: xr.Dataset, bounds: Bounds) -> xr.Dataset:
     west, south, east, north = bounds
     x, y = points.easting.values, points.northing.values
     inside: Any = (x >= west) & (x <= east) & (y >= south) & (y <= north)

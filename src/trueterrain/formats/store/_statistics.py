@@ -13,7 +13,7 @@ _SPANS = (*_PLACE, "up", "time")
 _MOST_LANES = 1000  # that are counted one by one
 
 
-class PointTally:
+class PointStatistics:
     """Counts points; memory grows by four numbers for each chunk."""
 
     def __init__(self) -> None:
@@ -30,12 +30,12 @@ class PointTally:
         place = [columns[name] for name in _PLACE]
         for start in range(0, columns["up"].size, CHUNK):
             west, east, south, north = (
-                end for axis in place for end in _span(axis[start : start + CHUNK])
+                end for axis in place for end in _finite_span(axis[start : start + CHUNK])
             )
             self._bounds.append(np.array([west, south, east, north]))
         for name, span in self._spans.items():
             if name in columns:
-                low, high = _span(columns[name])
+                low, high = _finite_span(columns[name])
                 self._spans[name] = [min(span[0], low), max(span[1], high)]
         finite = np.isfinite(place[0]) & np.isfinite(place[1]) & np.isfinite(columns["up"])
         self._not_finite += int(np.count_nonzero(~finite))
@@ -60,18 +60,18 @@ class PointTally:
         return found | self._returns.counts()
 
 
-class SurfaceTally:
+class SurfaceStatistics:
     """Counts the nodes of a surface, rows by rows."""
 
     def __init__(self, surface: xr.Dataset) -> None:
-        self._ground = _ground(surface)
+        self._ground = _ground_extent(surface)
         self._span = (np.inf, -np.inf)
         self._nodes = surface["height"].size
         self._known = 0
 
     def add(self, height: Values) -> None:
         """Count some rows."""
-        low, high = _span(height)
+        low, high = _finite_span(height)
         self._span = (min(self._span[0], low), max(self._span[1], high))
         self._known += int(np.count_nonzero(np.isfinite(height)))
 
@@ -84,10 +84,10 @@ class SurfaceTally:
         }
 
 
-def _ground(surface: xr.Dataset) -> dict[str, Any]:
+def _ground_extent(surface: xr.Dataset) -> dict[str, Any]:
     """Eastings and northings that a surface covers [m]."""
     if "u" not in surface.dims:
-        return {name: _span(surface[name].values) for name in _PLACE}
+        return {name: _finite_span(surface[name].values) for name in _PLACE}
     # a cross-section halves the angle between the chord that ends at its node and the next one
     ends, begins = surface["heading"].values, np.roll(surface["heading"].values, -1)
     begins[-1] = ends[-1]
@@ -95,10 +95,10 @@ def _ground(surface: xr.Dataset) -> dict[str, Any]:
     reach = surface["v"].values[[0, -1]] / np.cos(0.5 * (begins - ends))[:, None]
     easting = surface["easting"].values[:, None] - reach * np.sin(bisector)[:, None]
     northing = surface["northing"].values[:, None] + reach * np.cos(bisector)[:, None]
-    return {"easting": _span(easting), "northing": _span(northing)}
+    return {"easting": _finite_span(easting), "northing": _finite_span(northing)}
 
 
-def _span(values: Values) -> tuple[float, float]:
+def _finite_span(values: Values) -> tuple[float, float]:
     """Least and greatest of the finite values."""
     floats = np.asarray(values, dtype=np.float64)
     finite = np.isfinite(floats)

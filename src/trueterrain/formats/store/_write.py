@@ -8,12 +8,13 @@ import numpy as np
 import xarray as xr
 import zarr
 
-from trueterrain.engine import Checksums, whole_store
-from trueterrain.errors import CoverageError, SchemaError
+from trueterrain.core import Checksums, whole_store
+from trueterrain.core.errors import CoverageError, SchemaError
+from trueterrain.core.schemas import check_points, check_profile, check_surface, kind_of
 from trueterrain.formats.store._layout import (
     BOUNDS,
     CHUNK,
-    Entry,
+    ArrayEntry,
     Values,
     as_numbers,
     create_array,
@@ -22,8 +23,7 @@ from trueterrain.formats.store._layout import (
     rows_of,
     write_summary,
 )
-from trueterrain.formats.store._statistics import PointTally, SurfaceTally
-from trueterrain.kinds import check_points, check_profile, check_surface, kind_of
+from trueterrain.formats.store._statistics import PointStatistics, SurfaceStatistics
 
 _AT_ONCE = 4  # chunks that are written together, each by a thread of its own
 
@@ -63,7 +63,7 @@ def write(
     --------
     >>> import tempfile
     >>> from trueterrain.formats.store import read
-    >>> from trueterrain.kinds import make_points
+    >>> from trueterrain.core.schemas import make_points
     >>> points = make_points([0.1, 0.2], [1.0, 2.0], [0.3, 0.1 + 0.2], crs="EPSG:25832")
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     write(points, Path(folder) / "p.zarr")
@@ -87,12 +87,14 @@ def _write_whole(data: xr.Dataset, kind: str, target: Path, path: Path) -> None:
     """Variable by variable, some chunks at a time."""
     root = create_group(target, data.attrs)
     rows = rows_of(kind, data.sizes)
-    tally = SurfaceTally(data) if kind == "surface" else None
+    tally = SurfaceStatistics(data) if kind == "surface" else None
     entries = []
     for name, variable in data.variables.items():
         seen = tally.add if tally is not None and name == "height" else None
         array = _write_variable(root, str(name), variable, rows, seen, path)
-        entries.append(_entry(str(name), array, variable.dims, coordinate=name in data.coords))
+        entries.append(
+            _array_entry(str(name), array, variable.dims, coordinate=name in data.coords)
+        )
     write_summary(root, entries, {} if tally is None else tally.statistics())
 
 
@@ -133,8 +135,8 @@ def _write_variable(
 
 
 def _write_points(blocks: Iterable[xr.Dataset], target: Path, path: Path) -> None:
-    taken = _Taken(path)
-    tally = PointTally()
+    taken = _BlockLayout(path)
+    tally = PointStatistics()
     root: zarr.Group | None = None
     arrays: dict[str, zarr.Array[Any]] = {}
     written, found = Checksums(), Checksums()
@@ -165,13 +167,13 @@ def _write_points(blocks: Iterable[xr.Dataset], target: Path, path: Path) -> Non
         attrs={"edges": "west, south, east, north", "units": "m"}, rows="chunk",
     )[...] = bounds  # fmt: skip
     entries = [
-        _entry(name, array, ("point",), coordinate=name in taken.coordinates)
+        _array_entry(name, array, ("point",), coordinate=name in taken.coordinates)
         for name, array in arrays.items()
     ]
     write_summary(root, entries, tally.statistics())
 
 
-class _Taken:
+class _BlockLayout:
     """What the blocks of points have in common."""
 
     def __init__(self, path: Path) -> None:
@@ -225,25 +227,25 @@ def _whole_chunks(blocks: Iterable[dict[str, Values]]) -> Iterator[dict[str, Val
         waiting.append(block)
         held += next(iter(block.values())).size
         if held >= _AT_ONCE * CHUNK:
-            joined = _joined(waiting)
+            joined = _join_blocks(waiting)
             full = held // CHUNK * CHUNK
             yield {name: values[:full] for name, values in joined.items()}
             waiting = [{name: values[full:] for name, values in joined.items()}]
             held -= full
     if held:
-        yield _joined(waiting)
+        yield _join_blocks(waiting)
 
 
-def _joined(blocks: list[dict[str, Values]]) -> dict[str, Values]:
+def _join_blocks(blocks: list[dict[str, Values]]) -> dict[str, Values]:
     if len(blocks) == 1:
         return blocks[0]
     return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
 
 
-def _entry(
+def _array_entry(
     name: str, array: "zarr.Array[Any]", dims: tuple[Any, ...], *, coordinate: bool
-) -> Entry:
-    return Entry(
+) -> ArrayEntry:
+    return ArrayEntry(
         name=name, dims=[str(dim) for dim in dims], shape=list(array.shape),
         dtype=str(array.dtype), coordinate=coordinate,
     )  # fmt: skip

@@ -4,7 +4,7 @@
 profile  ``s,easting,northing,height,sd,count``; ``s`` and ``height`` are enough. Several tracks
          either in rows, with a column ``track``, or side by side: ``height_left,height_right``
 points   ``easting,northing,up`` (or ``x,y,z``); optional ``time``, ``intensity``, ``lane``, ``sd``,
-         ``sd_relative``, ``classification`` and the other `trueterrain.kinds.RETURN_ATTRIBUTES`,
+         ``sd_relative``, ``classification`` and the other `trueterrain.core.schemas.RETURN_ATTRIBUTES`,
          ``extra_NAME``
 path     ``easting,northing`` (or ``x,y``): waypoints in order, see `read_waypoints`
 =======  ========================================================================================
@@ -28,16 +28,16 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain import provenance
-from trueterrain.errors import FormatError
+from trueterrain.core import provenance
+from trueterrain.core.errors import FormatError
+from trueterrain.core.schemas import ASSUMED, COORDINATES
 from trueterrain.formats.signature import open_regular
 from trueterrain.formats.table._build import build_points, build_profile
-from trueterrain.formats.table._columns import Column, Layout
+from trueterrain.formats.table._columns import TableColumn, TableLayout
 from trueterrain.formats.table._describe import describe_points, describe_profile
 from trueterrain.formats.table._parquet import open_parquet, parquet_blocks
 from trueterrain.formats.table._text import Values, line_of_row, open_text, text_blocks
 from trueterrain.formats.table._write import write
-from trueterrain.kinds import ASSUMED, COORDINATES
 
 __all__ = ["blocks", "describe", "kind", "point_variables", "read", "read_waypoints", "write"]
 
@@ -64,10 +64,10 @@ def read(path: str | Path) -> xr.Dataset:
         Naming line and column: no number, a gap where none may be, s that does not ascend, a
         missing column, a wrong number of fields.
     """
-    source = _open(Path(path))
-    data = _whole(source).assign_attrs(source.attrs)
+    source = _open_table(Path(path))
+    data = _read_whole(source).assign_attrs(source.attrs)
     if source.assumed:
-        data = data.assign_attrs({ASSUMED: _assumption(source, data)})
+        data = data.assign_attrs({ASSUMED: _assumed_text(source, data)})
     parameters = {"format": source.format}
     return provenance.add_step(data, "read", parameters=parameters, inputs=[path])
 
@@ -115,7 +115,7 @@ def blocks(
         }
         points = build_points(taken).assign_attrs(attrs)
         if bounds is not None:
-            points = _cut(points, bounds)
+            points = _clip_points(points, bounds)
         if points.sizes["point"]:
             yield points
 
@@ -142,8 +142,8 @@ def point_variables(path: str | Path) -> tuple[str, ...]:
     return tuple(column.name for column in columns if column.name not in COORDINATES)
 
 
-def _open_points(path: str | Path) -> "_Source":
-    source = _open(Path(path))
+def _open_points(path: str | Path) -> "_TableSource":
+    source = _open_table(Path(path))
     if source.layout.kind != "points":
         raise FormatError(
             f"holds no points but a {source.layout.kind}",
@@ -183,8 +183,8 @@ def read_waypoints(path: str | Path) -> tuple[npt.NDArray[np.float64], npt.NDArr
     ...     read_waypoints(path)[1]
     array([0.   , 3.048])
     """
-    source = _open(Path(path), kind="path")
-    named = {column.name: array for column, array in _concatenated(source).items()}
+    source = _open_table(Path(path), kind="path")
+    named = {column.name: array for column, array in _concatenate_blocks(source).items()}
     easting, northing = named["easting"].astype(float), named["northing"].astype(float)
     if np.ptp(easting) == np.ptp(northing) == 0:
         raise FormatError(
@@ -213,7 +213,7 @@ def kind(path: str | Path) -> str:
     FormatError
         If columns are missing or the file is damaged.
     """
-    return _open(Path(path)).layout.kind
+    return _open_table(Path(path)).layout.kind
 
 
 def describe(path: str | Path) -> dict[str, Any]:
@@ -235,17 +235,17 @@ def describe(path: str | Path) -> dict[str, Any]:
     FormatError
         As by `read`.
     """
-    source = _open(Path(path))
+    source = _open_table(Path(path))
     summary: dict[str, Any] = {"format": source.format, "kind": source.layout.kind}
     summary["columns"] = [column.label for column in source.layout.columns]
     profile = None
     if source.layout.kind == "profile":
-        profile = _whole(source)
+        profile = _read_whole(source)
         summary |= describe_profile(profile)
     else:
         summary |= describe_points(source.blocks(_BLOCK))
     if source.assumed:
-        summary["problems"].append(_assumption(source, profile))
+        summary["problems"].append(_assumed_text(source, profile))
     summary["crs"] = source.attrs.get("crs", "")
     if source.layout.ignored:
         problem = f"columns that are not understood: {', '.join(source.layout.ignored)}"
@@ -256,22 +256,22 @@ def describe(path: str | Path) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Source:
+class _TableSource:
     path: Path
     format: str
-    layout: Layout
+    layout: TableLayout
     attrs: dict[str, Any]
     assumed: bool  # whether the columns and their units were guessed, since none is named
     blocks: Callable[[int | None], Iterator[Values]]
     place: Callable[[int], str]  # where in the file a row stands
 
 
-def _open(path: Path, *, kind: str | None = None) -> _Source:
+def _open_table(path: Path, *, kind: str | None = None) -> _TableSource:
     with open_regular(path) as stream:
         is_parquet = stream.read(4) == b"PAR1"
     if is_parquet:
         file, layout, attrs = open_parquet(path, kind=kind)
-        return _Source(
+        return _TableSource(
             path=path,
             format="Parquet",
             layout=layout,
@@ -281,7 +281,7 @@ def _open(path: Path, *, kind: str | None = None) -> _Source:
             place=lambda row: f"row {row + 1}",
         )
     table = open_text(path, kind=kind)
-    return _Source(
+    return _TableSource(
         path=path,
         format="CSV",
         layout=table.layout,
@@ -292,7 +292,7 @@ def _open(path: Path, *, kind: str | None = None) -> _Source:
     )
 
 
-def _assumption(source: _Source, data: xr.Dataset | None) -> str:
+def _assumed_text(source: _TableSource, data: xr.Dataset | None) -> str:
     """What was taken for granted of a table that names no columns."""
     names = [column.name for column in source.layout.columns]
     text = f"has no names of columns: they are taken as {', '.join(names)} in metres"
@@ -306,7 +306,7 @@ def _assumption(source: _Source, data: xr.Dataset | None) -> str:
     return f"{text}; name them and their units in a first line, such as {example}"
 
 
-def _whole(source: _Source) -> xr.Dataset:
+def _read_whole(source: _TableSource) -> xr.Dataset:
     if source.layout.kind == "path":
         raise FormatError(
             "has no heights, it is a path (easting, northing)",
@@ -314,13 +314,13 @@ def _whole(source: _Source) -> xr.Dataset:
             place="header",
             cure="Add a column of heights, or use it as a path.",
         )
-    values = _concatenated(source)
+    values = _concatenate_blocks(source)
     if source.layout.kind == "points":
         return build_points(values)
     return build_profile(values, source.layout, source.path, source.place)
 
 
-def _concatenated(source: _Source) -> dict[Column, Any]:
+def _concatenate_blocks(source: _TableSource) -> dict[TableColumn, Any]:
     parts = list(source.blocks(None))
     if len(parts) == 1:
         return parts[0]
@@ -329,7 +329,7 @@ def _concatenated(source: _Source) -> dict[Column, Any]:
     }
 
 
-def _cut(points: xr.Dataset, bounds: tuple[float, float, float, float]) -> xr.Dataset:
+def _clip_points(points: xr.Dataset, bounds: tuple[float, float, float, float]) -> xr.Dataset:
     west, south, east, north = bounds
     x, y = points.easting.values, points.northing.values
     inside = (x >= west) & (x <= east) & (y >= south) & (y <= north)

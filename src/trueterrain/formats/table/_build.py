@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.errors import FormatError
-from trueterrain.formats.table._columns import Layout
+from trueterrain.core.errors import FormatError
+from trueterrain.core.schemas import RETURN_ATTRIBUTES, make_points, make_profile
+from trueterrain.formats.table._columns import TableLayout
 from trueterrain.formats.table._text import Values
-from trueterrain.kinds import RETURN_ATTRIBUTES, make_points, make_profile
 
 _WHOLE_NUMBERS = (
     "lane", "count", "intensity", *(n for n, kind in RETURN_ATTRIBUTES.items() if kind[0] == "u"),
@@ -22,12 +22,12 @@ Place = Callable[[int], str]
 
 def build_points(values: Values) -> xr.Dataset:
     """Points from the columns of a table."""
-    named = {column.name: _whole(column.name, array) for column, array in values.items()}
+    named = {column.name: _as_integers(column.name, array) for column, array in values.items()}
     east, north, up = named.pop("easting"), named.pop("northing"), named.pop("up")
     return make_points(east, north, up, **named)
 
 
-def build_profile(values: Values, layout: Layout, path: Path, place: Place) -> xr.Dataset:
+def build_profile(values: Values, layout: TableLayout, path: Path, place: Place) -> xr.Dataset:
     """Profile from the columns of a table; `place` says where a row stands in the file."""
     named = {column.key: array for column, array in values.items()}
     if ("track", None) in named:
@@ -38,7 +38,7 @@ def build_profile(values: Values, layout: Layout, path: Path, place: Place) -> x
     names = sorted({name for name, _ in named})
     gaps = np.full(s.size, np.nan)
     stacked = {
-        name: _whole(name, np.stack([named.get((name, track), gaps) for track in tracks]))
+        name: _as_integers(name, np.stack([named.get((name, track), gaps) for track in tracks]))
         for name in names
     }
     if tracks == [None]:
@@ -64,7 +64,7 @@ def _from_rows(named: dict[tuple[str, str | None], Any], path: Path, place: Plac
                 cure="Write one file per track, or bring them to the same stations.",
             )
     stacked = {
-        name: _whole(name, np.stack([array[own] for own in rows]))
+        name: _as_integers(name, np.stack([array[own] for own in rows]))
         for name, array in columns.items()
     }
     if len(labels) == 1:
@@ -88,7 +88,7 @@ def _require_ascending(
         )
 
 
-def _whole(name: str, array: Any) -> Any:
+def _as_integers(name: str, array: Any) -> Any:
     """Counts and ids as integers, where they are."""
     if name in _WHOLE_NUMBERS and np.isfinite(array).all() and (array == np.rint(array)).all():
         return array.astype(np.int64)

@@ -6,8 +6,8 @@ import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from trueterrain.errors import FormatError
-from trueterrain.kinds import COORDINATES, EXTRA, RETURN_ATTRIBUTES
+from trueterrain.core.errors import FormatError
+from trueterrain.core.schemas import COORDINATES, EXTRA, RETURN_ATTRIBUTES
 
 _ANGLES = {"rad": 1.0, "deg": math.pi / 180}
 _LENGTHS = {
@@ -57,7 +57,7 @@ _REQUIRED = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Column:
+class TableColumn:
     """One column of a file that is understood."""
 
     index: int
@@ -73,14 +73,14 @@ class Column:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Layout:
+class TableLayout:
     """Meaning of a table."""
 
     kind: str  # points, profile or path
-    columns: tuple[Column, ...]
+    columns: tuple[TableColumn, ...]
     ignored: tuple[str, ...] = ()
 
-    def must_be_finite(self, column: Column) -> bool:
+    def must_be_finite(self, column: TableColumn) -> bool:
         """Whether a gap in the column makes the file useless; heights and sd may have gaps."""
         needed = _REQUIRED[self.kind]
         return column.name in needed and column.name != "height"
@@ -91,7 +91,7 @@ class Layout:
         return [column.track for column in self.columns if column.name == "height"]
 
 
-def layout_of(labels: list[str], path: str | Path, *, kind: str | None = None) -> Layout:
+def layout_of(labels: list[str], path: str | Path, *, kind: str | None = None) -> TableLayout:
     """Meaning of a table by the labels of its columns; `kind` asks for a certain one."""
     columns = _columns_of(labels, path)
     names = {column.name for column in columns}
@@ -99,7 +99,7 @@ def layout_of(labels: list[str], path: str | Path, *, kind: str | None = None) -
     if kind is not None:
         columns = [_named_for(kind, column, names) for column in columns]
     if kind is None or not {column.name for column in columns}.issuperset(_REQUIRED[kind]):
-        raise _missing(labels, names, kind, path)
+        raise _missing_error(labels, names, kind, path)
     kept = [
         column for column in columns
         if column.name in _KEPT[kind] or (kind == "points" and column.name.startswith(EXTRA))
@@ -110,7 +110,7 @@ def layout_of(labels: list[str], path: str | Path, *, kind: str | None = None) -
     _refuse_doubles(kept, path)
     used = {column.index for column in kept}
     ignored = tuple(label for index, label in enumerate(labels) if index not in used)
-    return Layout(kind=kind, columns=tuple(kept), ignored=ignored)
+    return TableLayout(kind=kind, columns=tuple(kept), ignored=ignored)
 
 
 def names_columns(labels: list[str]) -> bool:
@@ -122,7 +122,7 @@ def names_columns(labels: list[str]) -> bool:
     return _kind_of({column.name for column in columns}) is not None
 
 
-def layout_without_header(count: int, path: str | Path, *, kind: str | None = None) -> Layout:
+def layout_without_header(count: int, path: str | Path, *, kind: str | None = None) -> TableLayout:
     """Meaning of a table of numbers alone: two columns are s and height, three are points."""
     if kind == "path" and count >= 2:
         names: tuple[str, ...] = ("easting", "northing")
@@ -137,13 +137,13 @@ def layout_without_header(count: int, path: str | Path, *, kind: str | None = No
             place="line 1",
             cure="Add a first line with the names of the columns.",
         )
-    columns = [Column(index=i, label=name, name=name) for i, name in enumerate(names)]
+    columns = [TableColumn(index=i, label=name, name=name) for i, name in enumerate(names)]
     ignored = tuple(f"number {i + 1}" for i in range(len(names), count))
-    return Layout(kind=kind, columns=tuple(columns), ignored=ignored)
+    return TableLayout(kind=kind, columns=tuple(columns), ignored=ignored)
 
 
-def _columns_of(labels: list[str], path: str | Path) -> list[Column]:
-    understood = [_parse(index, label, path) for index, label in enumerate(labels)]
+def _columns_of(labels: list[str], path: str | Path) -> list[TableColumn]:
+    understood = [_parse_column(index, label, path) for index, label in enumerate(labels)]
     columns = [column for column in understood if column is not None]
     names = {column.name for column in columns}
     if "s" in names and not names & {"height", "up", "track"}:
@@ -152,14 +152,14 @@ def _columns_of(labels: list[str], path: str | Path) -> list[Column]:
     return sorted(columns, key=lambda column: column.index)
 
 
-def _parse(index: int, label: str, path: str | Path) -> Column | None:
+def _parse_column(index: int, label: str, path: str | Path) -> TableColumn | None:
     words, unit = _words_and_unit(label)
     head, *rest = _split_words(words)
     if head.lower() not in (*_ALIASES, *_NAMES, *RETURN_ATTRIBUTES) and " " in head:  # height mm
         head, *rest = words.split()
     name = _ALIASES.get(head.lower(), head.lower())
     if name.startswith(EXTRA):
-        return Column(index=index, label=words, name=words)
+        return TableColumn(index=index, label=words, name=words)
     if name not in (*_NAMES, *RETURN_ATTRIBUTES):
         return None
     units = _UNITS.get(name, {})
@@ -170,10 +170,10 @@ def _parse(index: int, label: str, path: str | Path) -> Column | None:
     if rest and name not in (*_PER_TRACK, "up"):
         return None
     track = "_".join(rest) or None
-    return _column(index, label, name, unit, path, track=track)
+    return _make_column(index, label, name, unit, path, track=track)
 
 
-def _parse_track(index: int, label: str, path: str | Path) -> Column | None:
+def _parse_track(index: int, label: str, path: str | Path) -> TableColumn | None:
     """Heights of a track that stand under its name alone: left, right [mm], track 1."""
     words, unit = _words_and_unit(label)
     parts = re.split(r"[\s_]+", words)
@@ -182,7 +182,7 @@ def _parse_track(index: int, label: str, path: str | Path) -> Column | None:
     named = [part for part in parts if part.lower() not in _FILLING]
     if not _TRACK.fullmatch("".join(named).lower()):
         return None
-    return _column(index, label, "height", unit, path, track=" ".join(named))
+    return _make_column(index, label, "height", unit, path, track=" ".join(named))
 
 
 def _words_and_unit(label: str) -> tuple[str, str]:
@@ -191,9 +191,9 @@ def _words_and_unit(label: str) -> tuple[str, str]:
     return (bracket[1], bracket[2].lower()) if bracket else (text, "")
 
 
-def _column(
+def _make_column(
     index: int, label: str, name: str, unit: str, path: str | Path, *, track: str | None
-) -> Column:
+) -> TableColumn:
     units = _UNITS.get(name, {})
     if unit and unit not in units and units:
         raise FormatError(
@@ -204,7 +204,7 @@ def _column(
         )
     text = label.strip().strip('"')
     scale = units.get(unit, 1.0)
-    return Column(index=index, label=text, name=name, track=track, scale=scale)
+    return TableColumn(index=index, label=text, name=name, track=track, scale=scale)
 
 
 def _split_words(words: str) -> list[str]:
@@ -229,7 +229,7 @@ def _kind_of(names: set[str]) -> str | None:
     return None
 
 
-def _named_for(kind: str, column: Column, names: set[str]) -> Column:
+def _named_for(kind: str, column: TableColumn, names: set[str]) -> TableColumn:
     if kind == "points" and column.name == "height" and "up" not in names:
         return replace(column, name="up")
     if kind == "profile" and column.name == "up" and "height" not in names:
@@ -239,7 +239,9 @@ def _named_for(kind: str, column: Column, names: set[str]) -> Column:
     return column
 
 
-def _missing(labels: list[str], names: set[str], kind: str | None, path: str | Path) -> FormatError:
+def _missing_error(
+    labels: list[str], names: set[str], kind: str | None, path: str | Path
+) -> FormatError:
     wanted = {
         "points": "easting, northing and up",
         "profile": "s and height",
@@ -262,8 +264,8 @@ def _missing(labels: list[str], names: set[str], kind: str | None, path: str | P
     return FormatError(f"needs columns {needs}, got {found}", path=path, place="header", cure=cure)
 
 
-def _refuse_doubles(columns: list[Column], path: str | Path) -> None:
-    seen: dict[tuple[str, str | None], Column] = {}
+def _refuse_doubles(columns: list[TableColumn], path: str | Path) -> None:
+    seen: dict[tuple[str, str | None], TableColumn] = {}
     for column in columns:
         other = seen.setdefault(column.key, column)
         if other is not column:

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from trueterrain.engine import Checksums, not_whole
-from trueterrain.errors import FormatError, TrueTerrainError
-from trueterrain.formats.table._columns import Layout, layout_of
+from trueterrain.core import Checksums, not_whole
+from trueterrain.core.errors import FormatError, TrueTerrainError
+from trueterrain.core.schemas import EXTRA
+from trueterrain.formats.table._columns import TableLayout, layout_of
 from trueterrain.formats.table._text import Values
-from trueterrain.kinds import EXTRA
 
 _METADATA = b"trueterrain"  # key under which CRS and provenance are kept
 _ROWS = 1_000_000  # that are read at a time
@@ -29,7 +29,7 @@ def import_pyarrow(path: Path) -> tuple[Any, Any]:
     return pa, pq
 
 
-def open_parquet(path: Path, *, kind: str | None = None) -> tuple[Any, Layout, dict[str, Any]]:
+def open_parquet(path: Path, *, kind: str | None = None) -> tuple[Any, TableLayout, dict[str, Any]]:
     """Open a file; returns pyarrow's file, the meaning of its columns, and our metadata."""
     _, pq = import_pyarrow(path)
     with parquet_damage_named(path):
@@ -58,7 +58,7 @@ def parquet_damage_named(path: Path) -> Iterator[None]:
 
 
 def parquet_blocks(
-    path: Path, file: Any, layout: Layout, size: int | None = None
+    path: Path, file: Any, layout: TableLayout, size: int | None = None
 ) -> Iterator[Values]:
     """Columns in SI, at most `size` rows at a time."""
     pa, _ = import_pyarrow(path)
@@ -75,9 +75,9 @@ def parquet_blocks(
                 if column.name == "track":
                     values[column] = np.array(array.to_pylist(), dtype=str)
                 else:
-                    numbers = _numbers(pa, array, column.label, path)
+                    numbers = _column_numbers(pa, array, column.label, path)
                     values[column] = numbers if column.scale == 1.0 else numbers * column.scale
-                    _check(layout, column, values[column], row, path)
+                    _check_values(layout, column, values[column], row, path)
             yield values
             row += batch.num_rows
         if row != rows:
@@ -85,7 +85,7 @@ def parquet_blocks(
             raise ValueError(message)
 
 
-def _numbers(pa: Any, array: Any, label: str, path: Path) -> Any:
+def _column_numbers(pa: Any, array: Any, label: str, path: Path) -> Any:
     if not (pa.types.is_integer(array.type) or pa.types.is_floating(array.type)):
         raise FormatError(
             f"must hold numbers, got {array.type}",
@@ -98,7 +98,7 @@ def _numbers(pa: Any, array: Any, label: str, path: Path) -> Any:
     return (array if keep else array.cast(pa.float64())).to_numpy(zero_copy_only=False)
 
 
-def _check(layout: Layout, column: Any, values: Any, row: int, path: Path) -> None:
+def _check_values(layout: TableLayout, column: Any, values: Any, row: int, path: Path) -> None:
     bad = ~np.isfinite(values) if layout.must_be_finite(column) else np.isinf(values)
     if bad.any():
         first = int(np.flatnonzero(bad)[0])

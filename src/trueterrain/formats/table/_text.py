@@ -9,19 +9,19 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from trueterrain.errors import FormatError, concerning
+from trueterrain.core.errors import FormatError, name_file_in_errors
 from trueterrain.formats._text_head import find_head, number_of, split_line
 from trueterrain.formats.signature import open_regular
 from trueterrain.formats.table._cells import bare_texts
 from trueterrain.formats.table._columns import (
-    Column,
-    Layout,
+    TableColumn,
+    TableLayout,
     layout_of,
     layout_without_header,
     names_columns,
 )
 
-Values = dict[Column, npt.NDArray[np.float64] | npt.NDArray[np.str_]]
+Values = dict[TableColumn, npt.NDArray[np.float64] | npt.NDArray[np.str_]]
 
 # pandas reads every bit of a number by itself since 3.1, and before that when told to
 _PANDAS = tuple(int(part) for part in pd.__version__.split(".")[:2])
@@ -42,13 +42,13 @@ class TextTable:
     named: bool  # whether the file names its columns
     first: int  # number of the first line of data, from 1
     fields: int
-    layout: Layout
+    layout: TableLayout
 
 
 def open_text(path: Path, *, kind: str | None = None) -> TextTable:
     """Read the head of a text table."""
-    encoding = _encoding(path)
-    with path.open(encoding=encoding, newline=None) as stream, concerning(path):
+    encoding = _detect_encoding(path)
+    with path.open(encoding=encoding, newline=None) as stream, name_file_in_errors(path):
         head = find_head(stream, names_columns)
     if head is None:
         raise FormatError("is empty", path=path, place="line 1", cure="Copy or export it again.")
@@ -98,8 +98,8 @@ def text_blocks(table: TextTable, size: int | None = None) -> Iterator[Values]:
         with reader:
             for frame in reader:
                 values = {c: frame[c.index].to_numpy() for c in columns}
-                if not explained and _suspicious(values):
-                    _explain(table)
+                if not explained and _has_gaps(values):
+                    _explain_rows(table)
                     explained = True  # the whole file has been gone through
                 yield {
                     c: bare_texts(array.astype(str)) if c.name == "track" else array * c.scale
@@ -113,7 +113,7 @@ def text_blocks(table: TextTable, size: int | None = None) -> Iterator[Values]:
             cure="Copy or export it again.",
         ) from None
     except ValueError as error:  # pandas' own parser errors are ValueErrors, too
-        _explain(table)
+        _explain_rows(table)
         raise FormatError(
             f"cannot be read as a table ({error})",
             path=table.path,
@@ -121,7 +121,7 @@ def text_blocks(table: TextTable, size: int | None = None) -> Iterator[Values]:
         ) from None
 
 
-def _suspicious(values: Values) -> bool:
+def _has_gaps(values: Values) -> bool:
     """Whether there are gaps: they may be meant, or be the trace of a line that was cut off."""
     return any(
         column.name != "track" and not np.isfinite(array.astype(float)).all()
@@ -129,7 +129,7 @@ def _suspicious(values: Values) -> bool:
     )
 
 
-def _explain(table: TextTable) -> None:
+def _explain_rows(table: TextTable) -> None:
     """Go through the file line by line and raise at the first that breaks a rule."""
     for number, row in numbered_rows(table):
         if len(row) != table.fields:
@@ -138,7 +138,7 @@ def _explain(table: TextTable) -> None:
             _check_cell(table, number, column, row[column.index])
 
 
-def _check_cell(table: TextTable, number: int, column: Column, text: str) -> None:
+def _check_cell(table: TextTable, number: int, column: TableColumn, text: str) -> None:
     if column.name == "track":
         return
     value = math.nan if text.strip() in _GAPS else number_of(text, table.decimal)
@@ -197,7 +197,7 @@ def _wrong_count(table: TextTable, number: int, found: int) -> FormatError:
     )
 
 
-def _encoding(path: Path) -> str:
+def _detect_encoding(path: Path) -> str:
     with open_regular(path) as stream:
         while block := stream.read(1 << 20):
             if b"\0" in block:

@@ -10,11 +10,9 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from trueterrain.engine import Checksums, whole_output
-from trueterrain.errors import CoverageError, SchemaError
-from trueterrain.formats.table._cells import guard_text
-from trueterrain.formats.table._parquet import ParquetWriter
-from trueterrain.kinds import (
+from trueterrain.core import Checksums, whole_output
+from trueterrain.core.errors import CoverageError, SchemaError
+from trueterrain.core.schemas import (
     COORDINATES,
     EXTRA,
     RETURN_ATTRIBUTES,
@@ -22,6 +20,8 @@ from trueterrain.kinds import (
     check_profile,
     kind_of,
 )
+from trueterrain.formats.table._cells import guard_text
+from trueterrain.formats.table._parquet import ParquetWriter
 
 _POINTS = (
     *COORDINATES, "time", "intensity", "lane", "sd", "sd_relative", *RETURN_ATTRIBUTES,
@@ -61,7 +61,7 @@ def write(
     Examples
     --------
     >>> import tempfile
-    >>> from trueterrain.kinds import make_profile
+    >>> from trueterrain.core.schemas import make_profile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     write(make_profile([0.0, 0.5], [0.1, 0.2]), Path(folder) / "p.csv")
     ...     print((Path(folder) / "p.csv").read_text().split())
@@ -76,13 +76,13 @@ def write(
         )
     with whole_output(path, force=force) as temporary:
         parts = chain([data]) if isinstance(data, xr.Dataset) else data
-        first = next((part for part in parts if _rows(part)), None)
+        first = next((part for part in parts if _count_rows(part)), None)
         if first is None:
             raise CoverageError("there are no points to write", path=path)
         attrs = {name: first.attrs[name] for name in _ATTRS if first.attrs.get(name)}
         names: list[str] | None = None
-        with _writer(temporary, attrs) as writer:
-            for columns in chain.from_iterable(map(_columns, chain([first], parts))):
+        with _open_writer(temporary, attrs) as writer:
+            for columns in chain.from_iterable(map(_table_columns, chain([first], parts))):
                 if names is not None and list(columns) != names:
                     raise SchemaError(
                         f"all blocks must have the same variables, got {', '.join(columns)} "
@@ -122,7 +122,7 @@ class _CsvWriter:
         found.require_same(self._written, path)
 
 
-def _writer(
+def _open_writer(
     temporary: Path, attrs: dict[str, Any]
 ) -> AbstractContextManager[_CsvWriter | ParquetWriter]:
     if temporary.suffix.lower() in (".parquet", ".pq"):
@@ -130,11 +130,11 @@ def _writer(
     return _CsvWriter(temporary)
 
 
-def _rows(data: xr.Dataset) -> int:
+def _count_rows(data: xr.Dataset) -> int:
     return data.sizes["point"] if "point" in data.dims else data.sizes.get("s", 0)
 
 
-def _columns(data: xr.Dataset) -> Iterator[dict[str, Any]]:
+def _table_columns(data: xr.Dataset) -> Iterator[dict[str, Any]]:
     if kind_of(data) == "points":
         check_points(data)
         for start in range(0, data.sizes["point"], _ROWS):
@@ -144,12 +144,14 @@ def _columns(data: xr.Dataset) -> Iterator[dict[str, Any]]:
         return
     check_profile(data)
     if "track" not in data.dims:
-        yield {"s": data.s.values} | _values(data)
+        yield {"s": data.s.values} | _profile_values(data)
         return
     for track in data.track.values:
         one = data.sel(track=track)
-        yield {"track": np.full(data.sizes["s"], str(track)), "s": one.s.values} | _values(one)
+        yield {"track": np.full(data.sizes["s"], str(track)), "s": one.s.values} | _profile_values(
+            one
+        )
 
 
-def _values(profile: xr.Dataset) -> dict[str, Any]:
+def _profile_values(profile: xr.Dataset) -> dict[str, Any]:
     return {name: profile[name].values for name in _PROFILE if name in profile}

@@ -6,10 +6,10 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.errors import CoverageError
-from trueterrain.profile.path import WheelPath
+from trueterrain.core.errors import CoverageError
+from trueterrain.geometry.grid_frame import grid_frame, xy_to_uv
+from trueterrain.geometry.path import WheelPath
 from trueterrain.surface.evaluate import heights_at_uv
-from trueterrain.surface.reference_line import grid_frame, xy_to_uv
 
 Float = npt.NDArray[np.float64]
 Integer = npt.NDArray[np.int64]
@@ -20,7 +20,7 @@ _EVEN = 1e-3  # [steps] by which a point may miss equal spacing, as where roughn
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Strip:
+class GroundStrip:
     """Ground along lines parallel to the path, for some path points in a row."""
 
     height: Float
@@ -68,9 +68,9 @@ class SurfaceLines:
         self._path = path
         self._heading = np.unwrap(path.heading)
         self.offsets = offsets
-        spacing = _spacing(path.s, "the path")
+        spacing = _equal_spacing(path.s, "the path")
         finest = float(np.diff(self._frame.u).min()) if step is None else step
-        self.stride, self.step = _sampling(spacing, finest, step)
+        self.stride, self.step = _sample_spacing(spacing, finest, step)
 
     def __len__(self) -> int:
         return len(self._path)
@@ -118,8 +118,8 @@ class ProfileLine:
     def __init__(self, s: Float, height: Float, step: float | None) -> None:
         self._height = height
         self.offsets = np.zeros(1)
-        spacing = _spacing(s, "the profile")
-        self.stride, self.step = _sampling(spacing, spacing if step is None else step, step)
+        spacing = _equal_spacing(s, "the profile")
+        self.stride, self.step = _sample_spacing(spacing, spacing if step is None else step, step)
 
     def __len__(self) -> int:
         return self._height.size
@@ -141,7 +141,7 @@ class ProfileLine:
 Lines = SurfaceLines | ProfileLine
 
 
-def strip_under(lines: Lines, begin: int, end: int, reach: float) -> tuple[Strip, Integer]:
+def strip_under(lines: Lines, begin: int, end: int, reach: float) -> tuple[GroundStrip, Integer]:
     """Ground under a tyre at path points `begin` to `end` (not included).
 
     Ahead of the path and behind it, where the ground ends, its last height is held.
@@ -169,17 +169,17 @@ def strip_under(lines: Lines, begin: int, end: int, reach: float) -> tuple[Strip
     height = np.ascontiguousarray(lines.samples(low, high + 1))
     known = np.array([low, high])
     if low < 0:
-        known[0] = -_hold(height[:, -low::-1])
+        known[0] = -_hold_heights(height[:, -low::-1])
     if high > last:
-        known[1] = last + _hold(height[:, last - low :])
-    strip = Strip(
+        known[1] = last + _hold_heights(height[:, last - low :])
+    strip = GroundStrip(
         height=height, step=lines.step, first=margin, stride=lines.stride,
         count=end - begin,
     )  # fmt: skip
     return strip, known
 
 
-def _hold(outward: Float) -> int:
+def _hold_heights(outward: Float) -> int:
     """Hold the last height of each line, outward from the end of the path; where that begins.
 
     Changes its argument, a view of the strip.
@@ -191,7 +191,7 @@ def _hold(outward: Float) -> int:
     return int(np.argmax(filled)) if filled.any() else outward.shape[1] - 1
 
 
-def _spacing(s: Float, what: str) -> float:
+def _equal_spacing(s: Float, what: str) -> float:
     """Distance between points, which must all be equal."""
     if s.size < 2:
         raise CoverageError(
@@ -209,7 +209,7 @@ def _spacing(s: Float, what: str) -> float:
     return spacing
 
 
-def _sampling(spacing: float, finest: float, asked: float | None) -> tuple[int, float]:
+def _sample_spacing(spacing: float, finest: float, asked: float | None) -> tuple[int, float]:
     """Quantity of samples from point to point, and the distance between them."""
     if asked is None:
         asked = min(max(finest, _FINEST), _COARSEST)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.profile.envelope._strip import Strip
+from trueterrain.profile.envelope._strip import GroundStrip
 
 Float = npt.NDArray[np.float64]
 
@@ -39,7 +39,11 @@ class Superellipse:
         return np.sign(x) * np.where(share < 1, steep * self.half_height / self.half_length, np.inf)
 
     def stand_on(
-        self, strip: Strip, groups: list[tuple[int, int]], group: list[int], shift: list[float]
+        self,
+        strip: GroundStrip,
+        groups: list[tuple[int, int]],
+        group: list[int],
+        shift: list[float],
     ) -> tuple[Float, Float]:
         """Heights of cams that stand on the ground, and the slope where they touch it.
 

@@ -4,15 +4,16 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain import provenance
-from trueterrain.engine.progress import Progress, no_progress
-from trueterrain.errors import CoverageError
-from trueterrain.kinds import check_profile, check_surface, kind_of, make_profile
+from trueterrain.core import provenance
+from trueterrain.core.errors import CoverageError
+from trueterrain.core.progress import Progress, no_progress
+from trueterrain.core.schemas import check_profile, check_surface, kind_of, make_profile
+from trueterrain.geometry.path import WheelPath
 from trueterrain.profile.envelope._strip import (
+    GroundStrip,
     Integer,
     Lines,
     ProfileLine,
-    Strip,
     SurfaceLines,
     strip_under,
 )
@@ -21,7 +22,6 @@ from trueterrain.profile.envelope.cams import TandemCams
 from trueterrain.profile.envelope.disc import RigidDisc
 from trueterrain.profile.envelope.springs import RadialSpringTyre
 from trueterrain.profile.extract import Ground, ThinPolicy
-from trueterrain.profile.path import WheelPath
 
 Float = npt.NDArray[np.float64]
 
@@ -99,7 +99,7 @@ def tyre_envelope(
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_profile
+    >>> from trueterrain.core.schemas import make_profile
     >>> step = make_profile(np.arange(200) * 0.01, np.repeat([0.0, 0.02], 100))
     >>> felt = tyre_envelope(step, tyre=RigidDisc(radius=0.3))
     >>> felt.height.values[[80, 90, 95, 100]]
@@ -150,7 +150,7 @@ def effective_road(
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_profile
+    >>> from trueterrain.core.schemas import make_profile
     >>> ramp = make_profile(np.arange(200) * 0.01, 0.02 * np.arange(200) * 0.01)
     >>> print(f"{effective_road(ramp).slope.values[100]:.3f}")
     0.020
@@ -176,7 +176,7 @@ def effective_road(
     policy = minimum_cover, thin
     if path is not None:
         lines = SurfaceLines(check_surface(ground), path, tyre.offsets, step)
-        road = _rolled(lines, path.s, tyre, policy, progress)
+        road = _roll_tyre(lines, path.s, tyre, policy, progress)
         road["easting"] = ("s", path.easting, {"units": "m"})
         road["northing"] = ("s", path.northing, {"units": "m"})
     else:
@@ -200,7 +200,7 @@ def _on_tracks(
 
     def of(track: xr.Dataset) -> xr.Dataset:
         line = ProfileLine(s, np.asarray(track.height, float), step)
-        road = _rolled(line, s, tyre, policy, progress)
+        road = _roll_tyre(line, s, tyre, policy, progress)
         places = {name: track[name] for name in ("easting", "northing") if name in track}
         return road.assign({name: ("s", at.values, at.attrs) for name, at in places.items()})
 
@@ -213,7 +213,7 @@ def _on_tracks(
     )
 
 
-def _rolled(
+def _roll_tyre(
     lines: Lines,
     s: Float,
     tyre: Envelope,
@@ -227,7 +227,7 @@ def _rolled(
     for begin in range(0, s.size, block):
         end = min(begin + block, s.size)
         strip, known = strip_under(lines, begin, end, tyre.reach)
-        counts, within = _counts(strip, tyre.reach)
+        counts, within = _count_heights(strip, tyre.reach)
         rolled: dict[str, Float | Integer] = {**tyre.roll(strip), "count": counts}
         sample = np.arange(begin, end) * lines.stride
         held[begin:end] = (sample - within < known[0]) | (sample + within > known[1])
@@ -252,7 +252,7 @@ def _rolled(
     )
 
 
-def _counts(strip: Strip, reach: float) -> tuple[Integer, int]:
+def _count_heights(strip: GroundStrip, reach: float) -> tuple[Integer, int]:
     """Quantity of samples with a height in the reach of each path point, and how far that is."""
     within = int(np.ceil(reach / strip.step - 1e-6))  # samples; a piece of ground has two ends
     known = np.isfinite(strip.height).sum(axis=0)

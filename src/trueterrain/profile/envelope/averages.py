@@ -6,7 +6,7 @@ import numpy as np
 
 from trueterrain.profile.area import _require_positive
 from trueterrain.profile.distribution import HeightDistributions
-from trueterrain.profile.envelope._strip import Float, Strip
+from trueterrain.profile.envelope._strip import Float, GroundStrip
 from trueterrain.profile.envelope.disc import lines_amid_strips, lines_to_the_edges, require_width
 from trueterrain.profile.envelope.tyres import PASSENGER_TYRE, TyreData
 from trueterrain.profile.statistic import Window
@@ -56,7 +56,7 @@ class LineLaser:
         """Offsets of the heights, left positive [m]."""
         return lines_to_the_edges(self.width, self.spots)
 
-    def roll(self, strip: Strip) -> dict[str, Float]:
+    def roll(self, strip: GroundStrip) -> dict[str, Float]:
         """Bridge value abreast of each path point.
 
         Parameters
@@ -133,7 +133,7 @@ class PatchMean:
         """Offsets of the lines, left positive [m]."""
         return lines_amid_strips(self.width, self.lines)
 
-    def roll(self, strip: Strip) -> dict[str, Float]:
+    def roll(self, strip: GroundStrip) -> dict[str, Float]:
         """Mean under the patch at each path point.
 
         Parameters

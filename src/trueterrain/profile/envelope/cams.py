@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trueterrain.profile.area import _require_positive
-from trueterrain.profile.envelope._strip import Float, Strip
+from trueterrain.profile.envelope._strip import Float, GroundStrip
 from trueterrain.profile.envelope._superellipse import Superellipse
 from trueterrain.profile.envelope.disc import lines_to_the_edges, require_width
 from trueterrain.profile.envelope.tyres import PASSENGER_TYRE, TyreData
@@ -109,7 +109,7 @@ class TandemCams:
         """Offsets of the lines the cams follow, left positive [m]."""
         return lines_to_the_edges(self.width, self.across)
 
-    def roll(self, strip: Strip) -> dict[str, Float]:
+    def roll(self, strip: GroundStrip) -> dict[str, Float]:
         """Let the cams follow the ground.
 
         Parameters

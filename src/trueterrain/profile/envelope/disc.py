@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trueterrain.profile.area import _require_positive
-from trueterrain.profile.envelope._strip import Float, Strip
+from trueterrain.profile.envelope._strip import Float, GroundStrip
 from trueterrain.profile.envelope._superellipse import Superellipse
 from trueterrain.profile.envelope.tyres import PASSENGER_TYRE, TyreData
 
@@ -70,7 +70,7 @@ class RigidDisc:
         """Offsets of the lines it rolls on, left positive [m]."""
         return lines_to_the_edges(self.width, self.lines)
 
-    def roll(self, strip: Strip) -> dict[str, Float]:
+    def roll(self, strip: GroundStrip) -> dict[str, Float]:
         """Let it roll over the ground.
 
         Parameters

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trueterrain.profile.area import _require_positive
-from trueterrain.profile.envelope._strip import Float, Strip
+from trueterrain.profile.envelope._strip import Float, GroundStrip
 from trueterrain.profile.envelope.disc import lines_amid_strips, require_width
 from trueterrain.profile.envelope.tyres import PASSENGER_TYRE, TyreData
 
@@ -145,7 +145,7 @@ class RadialSpringTyre:
         """Offsets of the middles of its sections, left positive [m]."""
         return lines_amid_strips(self.width, self.sections)
 
-    def roll(self, strip: Strip) -> dict[str, Float]:
+    def roll(self, strip: GroundStrip) -> dict[str, Float]:
         """Let it roll over the ground.
 
         Parameters

@@ -5,9 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.profile.area import EDGE_TOLERANCE, SearchArea, reach
+from trueterrain.geometry.path import WheelPath
+from trueterrain.profile.area import EDGE_TOLERANCE, SearchArea, area_reach
 from trueterrain.profile.distribution import HeightDistributions
-from trueterrain.profile.path import WheelPath
 
 Float = npt.NDArray[np.float64]
 Integer = npt.NDArray[np.int64]
@@ -57,14 +57,14 @@ def distributions_along(
         fill(start, dx, dy, heights)
         if level:
             settings = _LEVEL_STEP, _LEVEL_TOLERANCE, _LEVEL_ITERATIONS
-            _kernels.level(start, dx, dy, heights, *settings)
+            _kernels.level_areas(start, dx, dy, heights, *settings)
         _kernels.sort_heights(start, dx, dy, heights, distances)
     return HeightDistributions(start=start, heights=heights, distances=distances)
 
 
 def kernel_area(area: SearchArea) -> tuple[int, Float, float]:
     """Shape, half axes and reach of a search area, as the kernels take them."""
-    return int(area.shape), np.array(area.half_axes) + EDGE_TOLERANCE, reach(area)
+    return int(area.shape), np.array(area.half_axes) + EDGE_TOLERANCE, area_reach(area)
 
 
 def path_arrays(path: WheelPath) -> tuple[Float, Float]:

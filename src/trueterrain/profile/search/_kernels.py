@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numba import prange
 
-from trueterrain.engine.kernels import compile_kernel
+from trueterrain.core.kernels import compile_kernel
 
 _EMPTY = -1
 
@@ -27,7 +27,7 @@ def _is_inside(shape, half, cos, sin, px, py):
 
 
 @compile_kernel
-def _slot(keys, key):
+def _hash_slot(keys, key):
     """Slot of a key in an open addressed hash table, or the empty one where it would be."""
     mask = keys.size - 1
     slot = ((key * 0x9E3779B97F4A7C15) >> 20) & mask
@@ -104,7 +104,7 @@ def number_cells(column, row, columns, cells_per_metre, reach, at, low, keys, nu
         for r in range(bottom, top + 1):
             for c in range(left, right + 1):
                 key = r * columns + c
-                slot = _slot(keys, key)
+                slot = _hash_slot(keys, key)
                 if keys[slot] == _EMPTY:
                     keys[slot] = key
                     numbers[slot] = quantity
@@ -129,7 +129,7 @@ def find_cells(
         if not coarse[int(r * coarse_scale[1]), int(c * coarse_scale[0])]:
             continue
         key = r * columns + c
-        slot = _slot(keys, key)
+        slot = _hash_slot(keys, key)
         if keys[slot] == key:
             found[n] = numbers[slot]
     return found
@@ -170,7 +170,9 @@ def gather_scattered(
         write = start[k] if fill else 0
         for r in range(bottom, top + 1):
             for c in range(left, right + 1):
-                cell = numbers[_slot(keys, r * columns + c)]  # all that are touched have a number
+                cell = numbers[
+                    _hash_slot(keys, r * columns + c)
+                ]  # all that are touched have a number
                 for n in range(begin[cell], begin[cell + 1]):
                     px, py = points[n, 0] - x, points[n, 1] - y
                     if _is_inside(shape, half, cos, sin, px, py):
@@ -184,7 +186,7 @@ def gather_scattered(
 
 
 @compile_kernel(parallel=True)
-def level(start, dx, dy, z, step, tolerance, iterations):
+def level_areas(start, dx, dy, z, step, tolerance, iterations):
     """Take the slope out of each search area: z - b dx - c dy of a robust plane a + b dx + c dy.
 
     The plane first minimises the sum of absolute residuals (reweighted least squares), so that a

@@ -10,11 +10,11 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.profile.area import SearchArea, reach
-from trueterrain.profile.path import WheelPath
+from trueterrain.geometry.grid_frame import GridFrame, grid_frame, xy_to_uv
+from trueterrain.geometry.path import WheelPath
+from trueterrain.profile.area import SearchArea, area_reach
 from trueterrain.profile.search._gather import NOTHING, Fill, Gatherer, kernel_area, path_arrays
 from trueterrain.profile.search.scattered import ScatteredHeights
-from trueterrain.surface.reference_line import GridFrame, grid_frame, xy_to_uv
 
 Float = npt.NDArray[np.float64]
 Integer = npt.NDArray[np.int64]
@@ -63,7 +63,7 @@ def grid_gatherer(surface: xr.Dataset, area: SearchArea) -> Gatherer:
         edge = np.flatnonzero(at_edge)
         if edge.size == 0:
             return counts, walk
-        counts[edge], fill_edge = _scattered(frame, height, path, edge, area)
+        counts[edge], fill_edge = _search_scattered(frame, height, path, edge, area)
 
         def fill(start: Integer, *output: Float) -> None:
             walk(start, *output)
@@ -74,7 +74,7 @@ def grid_gatherer(surface: xr.Dataset, area: SearchArea) -> Gatherer:
     return gather
 
 
-def _scattered(
+def _search_scattered(
     frame: GridFrame, height: Float, path: WheelPath, some: Integer, area: SearchArea
 ) -> tuple[Integer, Fill]:
     """Count the nodes in some search areas by searching them as scattered points."""
@@ -92,7 +92,7 @@ def _scattered(
         origin = np.stack([frame.origin_easting[cut], frame.origin_northing[cut]], axis=-1)
         normal = np.stack([frame.normal_easting[cut], frame.normal_northing[cut]], axis=-1)
         ends = np.concatenate([origin + v * normal for v in frame.v[[0, -1]]])
-        low, high = ends.min(axis=0) - reach(area), ends.max(axis=0) + reach(area)
+        low, high = ends.min(axis=0) - area_reach(area), ends.max(axis=0) + area_reach(area)
         if ((at >= low) & (at <= high)).all(axis=1).any():
             nodes = origin[:, None] + frame.v[:, None] * normal[:, None]
             scattered.add_heights(nodes[..., 0].ravel(), nodes[..., 1].ravel(), height[cut].ravel())

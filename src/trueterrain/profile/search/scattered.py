@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.profile.area import SearchArea, reach
-from trueterrain.profile.path import WheelPath
+from trueterrain.geometry.path import WheelPath
+from trueterrain.profile.area import SearchArea, area_reach
 from trueterrain.profile.search._gather import NOTHING, Fill, Gatherer, kernel_area, path_arrays
 
 Float = npt.NDArray[np.float64]
@@ -35,7 +35,7 @@ class ScatteredHeights:
         from trueterrain.profile.search._kernels import number_cells
 
         self._area = area
-        self._reach = reach(area)
+        self._reach = area_reach(area)
         cell = 2.001 * self._reach  # a search area then touches at most four cells
         at, _ = path_arrays(path)
         margin = self._reach + cell  # so that no cell number is negative

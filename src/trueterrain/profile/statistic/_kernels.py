@@ -8,11 +8,11 @@ import math
 import numpy as np
 from numba import prange
 
-from trueterrain.engine.kernels import compile_kernel
+from trueterrain.core.kernels import compile_kernel
 
 
 @compile_kernel(parallel=True)
-def mean(start, z):
+def area_mean(start, z):
     """Mean and its standard error s / sqrt(n)."""
     value, sd = np.full(start.size - 1, np.nan), np.full(start.size - 1, np.nan)
     for k in prange(start.size - 1):
@@ -33,7 +33,7 @@ def mean(start, z):
 
 
 @compile_kernel(parallel=True)
-def quantile(start, z, probability, weights, weights_begin):
+def area_quantile(start, z, probability, weights, weights_begin):
     """Sample quantile (linear between order statistics) and its Maritz-Jarrett standard error.
 
     ``weights[weights_begin[n]:][:n]`` are the weights of a slice of n heights.
@@ -63,7 +63,7 @@ def quantile(start, z, probability, weights, weights_begin):
 
 
 @compile_kernel(parallel=True)
-def window(start, z, low, high):
+def area_window(start, z, low, high):
     """Mean of the ranks between two shares of the heights, and its winsorised standard error."""
     value, sd = np.full(start.size - 1, np.nan), np.full(start.size - 1, np.nan)
     for k in prange(start.size - 1):
@@ -186,18 +186,18 @@ def continued_quantile(start, z, probability, resolution, same, gap):
             knots, recorded = knots + 1, z[m]
         edge[knots], share[knots] = recorded + 0.5 * resolution, 1.0
         knots += 1
-        value[k], mass = _continued(edge, share, knots, probability)
+        value[k], mass = _extrapolate_quantile(edge, share, knots, probability)
         if n > 1:
             half = math.sqrt(probability * (1.0 - probability) / n)
-            low, _ = _continued(edge, share, knots, max(probability - half, 0.0))
-            high, _ = _continued(edge, share, knots, min(probability + half, 1.0))
+            low, _ = _extrapolate_quantile(edge, share, knots, max(probability - half, 0.0))
+            high, _ = _extrapolate_quantile(edge, share, knots, min(probability + half, 1.0))
             inside = resolution * mass * mass * math.sqrt(1.0 / 12.0 + (probability - 0.5) ** 2)
             sd[k] = math.hypot(0.5 * (high - low), inside)
     return value, sd
 
 
 @compile_kernel
-def _continued(edge, share, knots, probability):
+def _extrapolate_quantile(edge, share, knots, probability):
     """Height at which the PCHIP through the knots reaches a probability, and its step's share."""
     piece = 0
     while piece < knots - 2 and share[piece + 1] < probability:
@@ -241,7 +241,7 @@ def _continued(edge, share, knots, probability):
 
 
 @compile_kernel(parallel=True)
-def steepest(start, z, bandwidth, smallest, steps, tie):
+def area_steepest(start, z, bandwidth, smallest, steps, tie):
     """Height where the smoothed CPF is steepest: the mode of a triweight kernel density.
 
     Of modes that are equally high within the share `tie`, the one nearest to the median counts, of
@@ -255,7 +255,7 @@ def steepest(start, z, bandwidth, smallest, steps, tie):
         n = last - first
         if n == 0:
             continue
-        scatter, spread = _scatter(z, first, last)
+        scatter, spread = _sample_scatter(z, first, last)
         h = bandwidth
         if h <= 0.0:  # normal-scale rule for the slope of a density, in the triweight's units
             h = max(2.978 * 0.9686 * spread * n ** (-1.0 / 7.0), smallest)
@@ -274,13 +274,13 @@ def steepest(start, z, bandwidth, smallest, steps, tie):
                 after, jump = 0.0, False
                 if left < last:
                     jump = z[left] >= x + h
-                    after = _density(z, left, last, x, h)
+                    after = _kernel_density(z, left, last, x, h)
                 if turn == 0:
                     highest = max(highest, after)
                 # a mode between two places rises above the higher one by less than a tenth
                 elif here >= 0.9 * highest and here >= before and here >= after:
-                    top = _mode(z, first, last, x - 2.0 * step, x, h)
-                    at = _density(z, first, last, top, h)
+                    top = _density_mode(z, first, last, x - 2.0 * step, x, h)
+                    at = _kernel_density(z, first, last, top, h)
                     equal = abs(at - best_density) <= tie * at
                     nearer = abs(top - median) < abs(best - median) - tie * h
                     if (equal and nearer) or (not equal and at > best_density):
@@ -311,7 +311,7 @@ def steepest(start, z, bandwidth, smallest, steps, tie):
 
 
 @compile_kernel
-def _scatter(z, first, last):
+def _sample_scatter(z, first, last):
     """Standard deviation, and that of a normal density with the same quarters if it is less."""
     n = last - first
     average = squares = 0.0
@@ -325,7 +325,7 @@ def _scatter(z, first, last):
 
 
 @compile_kernel
-def _density(z, first, last, x, h):
+def _kernel_density(z, first, last, x, h):
     """Sum of triweight kernels at x, up to a factor."""
     total = 0.0
     for m in range(first, last):
@@ -338,7 +338,7 @@ def _density(z, first, last, x, h):
 
 
 @compile_kernel
-def _mode(z, first, last, low, high, h):
+def _density_mode(z, first, last, low, high, h):
     """Place between two heights where the density stops to rise."""
     for _ in range(60):
         x = 0.5 * (low + high)

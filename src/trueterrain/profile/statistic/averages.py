@@ -38,7 +38,7 @@ class Mean:
         """
         from trueterrain.profile.statistic import _kernels
 
-        height, sd = _kernels.mean(distributions.start, distributions.heights)
+        height, sd = _kernels.area_mean(distributions.start, distributions.heights)
         return height, sd
 
 

@@ -75,7 +75,7 @@ class Percentile:
             height, sd = _kernels.continued_quantile(start, heights, probability, *settings)
         else:
             weights, begin = _maritz_jarrett(np.unique(distributions.count), probability)
-            height, sd = _kernels.quantile(start, heights, probability, weights, begin)
+            height, sd = _kernels.area_quantile(start, heights, probability, weights, begin)
         return height, sd
 
 
@@ -168,7 +168,7 @@ class Window:
 
         high = 1 - self.skip / 100
         low = max(high - self.size / 100, 0.0)
-        height, sd = _kernels.window(distributions.start, distributions.heights, low, high)
+        height, sd = _kernels.area_window(distributions.start, distributions.heights, low, high)
         return height, sd
 
 

@@ -86,7 +86,7 @@ class SteepestCpf:
     def _modes(self, distributions: HeightDistributions) -> tuple[Float, Float, Float]:
         from trueterrain.profile.statistic import _kernels
 
-        height, sd, used = _kernels.steepest(
+        height, sd, used = _kernels.area_steepest(
             distributions.start,
             distributions.heights,
             self.bandwidth or 0.0,

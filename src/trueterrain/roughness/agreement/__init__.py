@@ -9,18 +9,18 @@
 """
 
 from trueterrain.roughness.agreement.heights import height_errors
-from trueterrain.roughness.agreement.limits import AgreementLimits, Check, judge
-from trueterrain.roughness.agreement.options import AIRFIELD_FILTER, IRI_FILTER, AgreementOptions
-from trueterrain.roughness.agreement.rating import agreement, filtered_profiles
+from trueterrain.roughness.agreement.limits import AgreementLimits, LimitCheck, check_limits
+from trueterrain.roughness.agreement.options import AIRFIELD_FILTER, IRI_FILTER, AgreementSettings
+from trueterrain.roughness.agreement.rating import filtered_profiles, profile_agreement
 
 __all__ = [
     "AIRFIELD_FILTER",
     "IRI_FILTER",
     "AgreementLimits",
-    "AgreementOptions",
-    "Check",
-    "agreement",
+    "AgreementSettings",
+    "LimitCheck",
+    "check_limits",
     "filtered_profiles",
     "height_errors",
-    "judge",
+    "profile_agreement",
 ]

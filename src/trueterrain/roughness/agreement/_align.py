@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.errors import CoverageError
-from trueterrain.roughness.agreement._signal import Signal
-from trueterrain.roughness.agreement.options import AgreementOptions
+from trueterrain.core.errors import CoverageError
+from trueterrain.roughness.agreement._signal import FilteredSignal
+from trueterrain.roughness.agreement.options import AgreementSettings
 
 Array = npt.NDArray[np.float64]
 
@@ -29,7 +29,7 @@ _STRETCHES = 3  # stretches of a profile from which on a scale can be told from 
 _SHORTEST = 20.0  # [m] of a stretch
 
 
-class Likeness(NamedTuple):
+class SignalCorrelation(NamedTuple):
     """How alike two signals are where they overlap, and how to make them more so."""
 
     rating: float
@@ -48,7 +48,9 @@ class Likeness(NamedTuple):
     "Sums of all products of 1, b, b', x b' and a, see `_kernels.products`."
 
 
-def likeness(first: Signal, second: Signal, shift: float, scale: float) -> Likeness:
+def correlate_signals(
+    first: FilteredSignal, second: FilteredSignal, shift: float, scale: float
+) -> SignalCorrelation:
     """How alike two signals are at a shift [m] and a scale [m/m]."""
     from trueterrain.roughness.agreement import _kernels
 
@@ -57,22 +59,22 @@ def likeness(first: Signal, second: Signal, shift: float, scale: float) -> Liken
     begin = max(0, int(np.ceil(-behind / (1 + scale) - _AT_SAMPLE)))
     sums = np.zeros((5, 5))
     place = behind + begin * (1 + scale)
-    _kernels.products(first.values, begin, second.cubics, step, place, 1 + scale, sums)
+    _kernels.accumulate_products(first.values, begin, second.cubics, step, place, 1 + scale, sums)
     sums += np.triu(sums, 1).T
     count = max(sums[0, 0], 1.0)
     aa = sums[4, 4] - sums[0, 4] ** 2 / count
     bb = sums[1, 1] - sums[0, 1] ** 2 / count
     ab = sums[1, 4] - sums[0, 1] * sums[0, 4] / count
     if not (aa > 0 and bb > 0):
-        return Likeness(-np.inf, -np.inf, np.nan, (count - 1) * step, sums)
-    return Likeness(
+        return SignalCorrelation(-np.inf, -np.inf, np.nan, (count - 1) * step, sums)
+    return SignalCorrelation(
         rating=float(ab / max(aa, bb)), correlation=float(ab / np.sqrt(aa * bb)),
         sd_ratio=float(np.sqrt(bb / aa)), overlap=float((count - 1) * step), products=sums,
     )  # fmt: skip
 
 
 def best_shift(
-    first: Signal, second: Signal, options: AgreementOptions
+    first: FilteredSignal, second: FilteredSignal, options: AgreementSettings
 ) -> tuple[float, float | None]:
     """Shift at which the rating is largest [m]: among whole samples, then between them.
 
@@ -91,11 +93,11 @@ def best_shift(
     count = end - begin
     enough = count * step >= options.minimum_overlap
     if not enough.any():
-        raise _apart(first, second, options)
+        raise _overlap_error(first, second, options)
     lags, begin, end, count = lags[enough], begin[enough], end[enough], count[enough]
     products = correlate(b, a, mode="full", method="fft")[lags + a.size - 1]
-    sum_a, square_a = _sums(a, begin, end)
-    sum_b, square_b = _sums(b, begin + lags, end + lags)
+    sum_a, square_a = _running_sums(a, begin, end)
+    sum_b, square_b = _running_sums(b, begin + lags, end + lags)
     covariance = products - sum_a * sum_b / count
     larger = np.maximum(square_a - sum_a**2 / count, square_b - sum_b**2 / count)
     flat = np.full_like(larger, -np.inf)  # where there is nothing to compare
@@ -103,12 +105,14 @@ def best_shift(
     shifts = offset + lags * step
     ties = np.flatnonzero(ratings >= ratings.max() - _SAME)
     best = int(ties[np.argmin(np.abs(shifts[ties]))])
-    shift, _ = refine(first, second, float(shifts[best]), 0.0, options, with_scale=False)
-    rival = _rival(ratings, best)
+    shift, _ = refine_registration(
+        first, second, float(shifts[best]), 0.0, options, with_scale=False
+    )
+    rival = _second_peak(ratings, best)
     return shift, None if rival is None else float(shifts[rival])
 
 
-def _rival(ratings: Array, best: int) -> int | None:
+def _second_peak(ratings: Array, best: int) -> int | None:
     """Sample of another peak nearly as high as the best, None if there is none."""
     low = np.flatnonzero(ratings < _VALLEY * ratings[best])
     before, behind = low[low < best], low[low > best]
@@ -121,20 +125,20 @@ def _rival(ratings: Array, best: int) -> int | None:
 
 
 def best_scale(
-    first: Signal, second: Signal, shift: float, options: AgreementOptions
+    first: FilteredSignal, second: FilteredSignal, shift: float, options: AgreementSettings
 ) -> tuple[float, float]:
     """Shift [m] and scale [m/m] at which the signals agree best."""
-    starts = (shift, 0.0), _stacked(first, second, shift, options)
-    start = max(starts, key=lambda pair: likeness(first, second, *pair).correlation)
-    return refine(first, second, *start, options)
+    starts = (shift, 0.0), _stack_correlations(first, second, shift, options)
+    start = max(starts, key=lambda pair: correlate_signals(first, second, *pair).correlation)
+    return refine_registration(first, second, *start, options)
 
 
-def refine(
-    first: Signal,
-    second: Signal,
+def refine_registration(
+    first: FilteredSignal,
+    second: FilteredSignal,
     shift: float,
     scale: float,
-    options: AgreementOptions,
+    options: AgreementSettings,
     *,
     with_scale: bool = True,
 ) -> tuple[float, float]:
@@ -143,14 +147,14 @@ def refine(
     Gauss and Newton's method on first = mean + gain * second(x + shift + scale (x - start)): mean
     and gain are free, so that the least squares are where the correlation is largest.
     """
-    here = likeness(first, second, shift, scale)
+    here = correlate_signals(first, second, shift, scale)
     for _ in range(_MOST):
-        change = _correction(first, here.products, with_scale=with_scale)
-        largest = _farthest(first, change)
+        change = _registration_step(first, here.products, with_scale=with_scale)
+        largest = _max_station_change(first, change)
         change *= min(1.0, 4 * first.step / largest) if largest > 0 else 1.0
         for _ in range(_HALVINGS):
             trial = float(shift + change[0]), float(scale + change[1])
-            there = likeness(first, second, *trial)
+            there = correlate_signals(first, second, *trial)
             enough = there.overlap >= 0.5 * options.minimum_overlap
             if enough and there.correlation >= here.correlation - _ROUNDING:
                 break
@@ -158,12 +162,12 @@ def refine(
         else:
             break
         (shift, scale), here = trial, there
-        if _farthest(first, change) < _STILL:
+        if _max_station_change(first, change) < _STILL:
             break
     return shift, scale
 
 
-def _correction(first: Signal, products: Array, *, with_scale: bool) -> Array:
+def _registration_step(first: FilteredSignal, products: Array, *, with_scale: bool) -> Array:
     """What to add to shift and scale: one linear least-squares problem."""
     unknowns = 4 if with_scale else 3
     solved = np.linalg.lstsq(
@@ -174,13 +178,13 @@ def _correction(first: Signal, products: Array, *, with_scale: bool) -> Array:
     return np.array([solved[2], far]) / gain
 
 
-def _farthest(first: Signal, change: Array) -> float:
+def _max_station_change(first: FilteredSignal, change: Array) -> float:
     """Largest change of a station [m]."""
     return float(abs(change[0]) + abs(change[1]) * first.length)
 
 
-def _stacked(
-    first: Signal, second: Signal, shift: float, options: AgreementOptions
+def _stack_correlations(
+    first: FilteredSignal, second: FilteredSignal, shift: float, options: AgreementSettings
 ) -> tuple[float, float]:
     """Shift and scale at which the correlations of many short stretches are largest together.
 
@@ -189,7 +193,7 @@ def _stacked(
     each pair of shift and scale gives it.
     """
     step = first.step
-    width = _width(first.values) * step
+    width = _correlation_width(first.values) * step
     length = max(width / options.max_scale, _SHORTEST)
     count = min(int(first.length / length), int(first.length / _SHORTEST))
     if first.length < _STRETCHES * _SHORTEST:
@@ -204,7 +208,7 @@ def _stacked(
     total = np.zeros((scales.size, shifts.size))
     for begin, end in pairwise(edges):
         middle = 0.5 * (begin + end - 1) * step
-        lowest, table = _stretch(first, second, begin, end, middle, options)
+        lowest, table = _correlate_stretch(first, second, begin, end, middle, options)
         at = (shifts + scales[:, None] * middle - lowest) / step
         at = np.clip(np.rint(at).astype(np.int64), 0, table.size - 1)
         total += table[at]
@@ -212,8 +216,13 @@ def _stacked(
     return float(shifts[column]), float(scales[row])
 
 
-def _stretch(
-    first: Signal, second: Signal, begin: int, end: int, middle: float, options: AgreementOptions
+def _correlate_stretch(
+    first: FilteredSignal,
+    second: FilteredSignal,
+    begin: int,
+    end: int,
+    middle: float,
+    options: AgreementSettings,
 ) -> tuple[float, Array]:
     """Correlations of a stretch with the second signal: lowest shift [m], one value per sample."""
     from scipy.signal import correlate
@@ -232,7 +241,7 @@ def _stretch(
     other = other - other.mean()
     size = np.full(high - low + 1, end - begin)
     where = np.arange(size.size)
-    sums, squares = _sums(other, where, where + size)
+    sums, squares = _running_sums(other, where, where + size)
     spread = np.maximum(squares - sums**2 / size, 0.0)
     products = correlate(other, part, mode="valid", method="fft")
     scale = np.sqrt(float(part @ part) * spread)
@@ -242,7 +251,9 @@ def _stretch(
     return lowest * step + offset, table
 
 
-def _sums(values: Array, begin: npt.NDArray[np.int64], end: npt.NDArray[np.int64]) -> list[Array]:
+def _running_sums(
+    values: Array, begin: npt.NDArray[np.int64], end: npt.NDArray[np.int64]
+) -> list[Array]:
     """Sums of values and of their squares from `begin` to before `end`."""
     return [
         (sums := np.concatenate([[0.0], np.cumsum(power)]))[end] - sums[begin]
@@ -250,7 +261,7 @@ def _sums(values: Array, begin: npt.NDArray[np.int64], end: npt.NDArray[np.int64
     ]
 
 
-def _width(values: Array) -> int:
+def _correlation_width(values: Array) -> int:
     """Lag [samples] at which the autocorrelation of a signal has fallen to a half."""
     from scipy.signal import correlate
 
@@ -260,7 +271,9 @@ def _width(values: Array) -> int:
     return max(1, int(below[0])) if below.size else part.size
 
 
-def _apart(first: Signal, second: Signal, options: AgreementOptions) -> CoverageError:
+def _overlap_error(
+    first: FilteredSignal, second: FilteredSignal, options: AgreementSettings
+) -> CoverageError:
     ranges = [f"{one.start:g} to {one.start + one.length:g} m" for one in (first, second)]
     message = (
         f"overlap by less than {options.minimum_overlap:g} m behind the filter: "

@@ -4,9 +4,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from trueterrain.roughness.agreement._pair import Pair
-from trueterrain.roughness.agreement._signal import Track
-from trueterrain.roughness.agreement.options import AgreementOptions
+from trueterrain.roughness.agreement._pair import RegisteredPair
+from trueterrain.roughness.agreement._signal import ProfileTrack
+from trueterrain.roughness.agreement.options import AgreementSettings
 
 # ratios that a wrong unit leaves
 _UNITS = {
@@ -20,19 +20,19 @@ _AT_LIMIT = 0.02  # share of a search range that counts as its end
 
 
 def pair_doubts(
-    first: Track, second: Track, pair: Pair, options: AgreementOptions
+    first: ProfileTrack, second: ProfileTrack, pair: RegisteredPair, options: AgreementSettings
 ) -> Iterator[str]:
     """What is doubtful about two tracks beside each other."""
     like, shift, scale = pair.plain, pair.shift, pair.scale
     both = f"{first.name} and {second.name}"
-    unit = _unit(second.length / first.length)
+    unit = _suspected_unit(second.length / first.length)
     longer, shorter = (second, first) if second.length > first.length else (first, second)
     lengths = f"{longer.name} is {longer.length:g} m long, {shorter.name} {shorter.length:g} m"
     if unit:
         yield f"{lengths}: are the stations of {longer.name} in {unit}?"
     elif longer.length - shorter.length > max(_UNLIKE * longer.length, options.max_shift):
         yield f"{lengths}: only the {like.overlap:.4g} m that they share are compared"
-    if abs(like.correlation) > _ALIKE and (unit := _unit(like.sd_ratio)):
+    if abs(like.correlation) > _ALIKE and (unit := _suspected_unit(like.sd_ratio)):
         taller, lower = (second, first) if like.sd_ratio > 1 else (first, second)
         ratio = max(like.sd_ratio, 1 / like.sd_ratio)
         yield (
@@ -50,7 +50,7 @@ def pair_doubts(
         yield f"{both}: the best scale, {scale:.3%}, is at the end of the search; allow more"
 
 
-def _unit(ratio: float) -> str:
+def _suspected_unit(ratio: float) -> str:
     """Unit that was taken for metres, if a ratio looks like it."""
     ratio = max(ratio, 1 / ratio) if ratio > 0 else np.inf
     for name, factor in _UNITS.items():

@@ -1,10 +1,10 @@
 """Loop over the samples that two signals share; arguments are checked by the callers."""
 
-from trueterrain.engine.kernels import compile_kernel
+from trueterrain.core.kernels import compile_kernel
 
 
 @compile_kernel
-def products(a, begin, coefficients, step, place, stride, sums):
+def accumulate_products(a, begin, coefficients, step, place, stride, sums):
     """Add to `sums` all products of 1, b, b', x b' and a, shape (5, 5), its upper half.
 
     a[begin + i] is beside b at `place` + i `stride` samples of b, whose cubics are `coefficients`

@@ -6,26 +6,26 @@ from typing import NamedTuple
 import numpy as np
 
 from trueterrain.roughness.agreement._align import (
-    Likeness,
+    SignalCorrelation,
     best_scale,
     best_shift,
-    likeness,
-    refine,
+    correlate_signals,
+    refine_registration,
 )
-from trueterrain.roughness.agreement._signal import Track, signal_of
-from trueterrain.roughness.agreement.options import AgreementOptions
+from trueterrain.roughness.agreement._signal import ProfileTrack, signal_of
+from trueterrain.roughness.agreement.options import AgreementSettings
 
 
-class Pair(NamedTuple):
+class RegisteredPair(NamedTuple):
     """A pair of tracks, registered."""
 
-    plain: Likeness
+    plain: SignalCorrelation
     "How alike they are at the best shift."
 
     shift: float
     "The best shift [m]."
 
-    corrected: Likeness
+    corrected: SignalCorrelation
     "How alike they are at the best shift and scale; as `plain` if no scale was sought."
 
     corrected_shift: float
@@ -47,23 +47,25 @@ class Pair(NamedTuple):
         return -(self.corrected_shift + self.scale * ahead / (1 + self.scale))
 
 
-def register(first: Track, second: Track, options: AgreementOptions) -> Pair:
+def register_pair(
+    first: ProfileTrack, second: ProfileTrack, options: AgreementSettings
+) -> RegisteredPair:
     """Best shift of a pair, and best scale if it is sought."""
     step = options.step or min(first.spacing, second.spacing)
     one, other = signal_of(first, options, step), signal_of(second, options, step)
     starts = one.start, other.start
     shift, rival = best_shift(one, other, options)
-    plain = likeness(one, other, shift, 0.0)
+    plain = correlate_signals(one, other, shift, 0.0)
     if options.max_scale == 0:
-        return Pair(plain, shift, plain, shift, np.nan, rival, starts)
+        return RegisteredPair(plain, shift, plain, shift, np.nan, rival, starts)
     found, coarse = best_scale(one, other, shift, options)
     # a filter works in metres: so the profile is scaled first, and filtered then
     origin = float(second.station[0])
     station = origin + (second.station - origin) / (1 + coarse)
     other = signal_of(replace(second, station=station), options, step)
     near = origin + (one.start + found - origin) / (1 + coarse) - one.start
-    rest, fine = refine(one, other, near, 0.0, options)
-    corrected = likeness(one, other, rest, fine)
+    rest, fine = refine_registration(one, other, near, 0.0, options)
+    corrected = correlate_signals(one, other, rest, fine)
     there = origin + (1 + coarse) * (one.start + rest - origin)
     scale = (1 + coarse) * (1 + fine) - 1
-    return Pair(plain, shift, corrected, there - one.start, scale, rival, starts)
+    return RegisteredPair(plain, shift, corrected, there - one.start, scale, rival, starts)

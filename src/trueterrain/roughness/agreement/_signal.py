@@ -10,10 +10,15 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.errors import CoverageError, TrueTerrainError
-from trueterrain.roughness._track import CarOptions, drive, equal_step, response
-from trueterrain.roughness._tracks import tracks
-from trueterrain.roughness.agreement.options import AgreementOptions
+from trueterrain.core.errors import CoverageError, TrueTerrainError
+from trueterrain.roughness._track import (
+    QuarterCarSettings,
+    drive_profile,
+    equal_step,
+    step_response,
+)
+from trueterrain.roughness._tracks import finite_tracks
+from trueterrain.roughness.agreement.options import AgreementSettings
 from trueterrain.roughness.filters import Filter
 
 if TYPE_CHECKING:
@@ -27,7 +32,7 @@ _FEWEST = 4  # samples of a cubic spline
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Track:
+class ProfileTrack:
     """One track of a profile, as it was measured."""
 
     name: str
@@ -51,7 +56,7 @@ class Track:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Signal:
+class FilteredSignal:
     """A filtered track at equal spacing."""
 
     name: str
@@ -89,23 +94,23 @@ class Signal:
         return np.ascontiguousarray(self.spline.c)
 
 
-def tracks_of(name: str, profile: xr.Dataset, *, from_zero: bool) -> dict[str, Track]:
+def tracks_of(name: str, profile: xr.Dataset, *, from_zero: bool) -> dict[str, ProfileTrack]:
     """Tracks of a profile by name; one alone is called "profile"."""
-    with _naming(name):
-        station, heights, labels = tracks(profile)
+    with _name_profile(name):
+        station, heights, labels = finite_tracks(profile)
     if from_zero:
         station = station - station[0]
     if len(labels) == 1:
-        return {_SINGLE: Track(name=name, station=station, height=heights[0])}
+        return {_SINGLE: ProfileTrack(name=name, station=station, height=heights[0])}
     return {
-        label: Track(name=f"{name}, track {label}", station=station, height=height)
+        label: ProfileTrack(name=f"{name}, track {label}", station=station, height=height)
         for label, height in zip(labels, heights, strict=True)
     }
 
 
-def signal_of(track: Track, options: AgreementOptions, step: float) -> Signal:
+def signal_of(track: ProfileTrack, options: AgreementSettings, step: float) -> FilteredSignal:
     """A track behind the filter, at equal spacing."""
-    at, values = _settled(track, options)
+    at, values = _settled_signal(track, options)
     if not np.isfinite(values).all() or np.ptp(values) == 0:
         message = "is flat: behind the filter there is nothing to compare"
         raise CoverageError(message, place=track.name)
@@ -116,12 +121,14 @@ def signal_of(track: Track, options: AgreementOptions, step: float) -> Signal:
         spline = CubicSpline(at, values)
         at = at[0] + step * np.arange(int((at[-1] - at[0]) / step + _EQUAL) + 1)
         values = spline(at)
-    return Signal(name=track.name, start=float(at[0]), step=step, values=values - values.mean())
+    return FilteredSignal(
+        name=track.name, start=float(at[0]), step=step, values=values - values.mean()
+    )
 
 
-def _settled(track: Track, options: AgreementOptions) -> tuple[Array, Array]:
+def _settled_signal(track: ProfileTrack, options: AgreementSettings) -> tuple[Array, Array]:
     """Stations [m] and values of a track behind the filter, where that has settled."""
-    car = isinstance(options.filter, CarOptions)
+    car = isinstance(options.filter, QuarterCarSettings)
     left_out = options.settled if car or options.filter is None else 2 * options.settled
     least = left_out + options.minimum_overlap
     if track.station.size < _FEWEST or track.length < least:
@@ -131,8 +138,8 @@ def _settled(track: Track, options: AgreementOptions) -> tuple[Array, Array]:
         )
         cure = "Choose a shorter settling length, or a longer profile."
         raise CoverageError(message, place=track.name, cure=cure)
-    with _naming(track.name):
-        at, values = _filtered(track, options.filter)
+    with _name_profile(track.name):
+        at, values = _filter_track(track, options.filter)
     first, last = track.station[0] + options.settled, track.station[-1]
     keep = (at >= first) & (at <= (last if car else last - options.settled))
     if np.count_nonzero(keep) < _FEWEST:
@@ -141,7 +148,9 @@ def _settled(track: Track, options: AgreementOptions) -> tuple[Array, Array]:
     return at[keep], values[keep]
 
 
-def _filtered(track: Track, by: CarOptions | Filter | None) -> tuple[Array, Array]:
+def _filter_track(
+    track: ProfileTrack, by: QuarterCarSettings | Filter | None
+) -> tuple[Array, Array]:
     """Stations [m] and values of a track behind a filter.
 
     Each value of a car stands where the middle of its moving average is: that of Sayers's program
@@ -152,13 +161,13 @@ def _filtered(track: Track, by: CarOptions | Filter | None) -> tuple[Array, Arra
         return track.station, track.height
     if isinstance(by, Filter):
         return track.station, by.filtered(track.station, track.height)
-    way = drive(track.station, track.height, by)
+    way = drive_profile(track.station, track.height, by)
     ahead = 0.0 if way.step is None else 0.5 * (way.base - 1) * way.step
-    return way.station[1:] + ahead, response(way)
+    return way.station[1:] + ahead, step_response(way)
 
 
 @contextmanager
-def _naming(name: str) -> Iterator[None]:
+def _name_profile(name: str) -> Iterator[None]:
     """Name a profile in the errors of a block."""
     try:
         yield

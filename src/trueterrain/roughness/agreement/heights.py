@@ -7,13 +7,13 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.engine.robust import nmad
-from trueterrain.errors import CoverageError
-from trueterrain.provenance import add_step
-from trueterrain.roughness.agreement._pair import register
-from trueterrain.roughness.agreement._signal import Track
-from trueterrain.roughness.agreement.options import AgreementOptions
-from trueterrain.roughness.agreement.rating import checked
+from trueterrain.core.errors import CoverageError
+from trueterrain.core.provenance import add_step
+from trueterrain.core.statistics import nmad
+from trueterrain.roughness.agreement._pair import register_pair
+from trueterrain.roughness.agreement._signal import ProfileTrack
+from trueterrain.roughness.agreement.options import AgreementSettings
+from trueterrain.roughness.agreement.rating import check_tracks
 
 Array = npt.NDArray[np.float64]
 
@@ -29,7 +29,7 @@ def height_errors(
     *,
     registration: Registration = "distance",
     trend: int | None = 1,
-    options: AgreementOptions = AgreementOptions(),
+    options: AgreementSettings = AgreementSettings(),
 ) -> xr.Dataset:
     """Heights of profiles above a reference, after registration of shift, scale and trend.
 
@@ -75,7 +75,7 @@ def height_errors(
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_profile
+    >>> from trueterrain.core.schemas import make_profile
     >>> s = np.arange(0.0, 100.0, 0.05)
     >>> road = 0.01 * np.sin(s)
     >>> runs = {"R": road, "1": road + 0.001 * (s > 50), "2": road - 0.001 * (s > 50)}
@@ -90,7 +90,7 @@ def height_errors(
     if trend is not None and trend < 0:
         message = f"trend must be a degree of at least 0, or None, got {trend}"
         raise ValueError(message)
-    tracks = checked(profiles, reference, options)
+    tracks = check_tracks(profiles, reference, options)
     names = [name for name in profiles if name != reference]
     labels = list(tracks[reference])
     station = tracks[reference][labels[0]].station
@@ -99,10 +99,10 @@ def height_errors(
     for row, label in enumerate(labels):
         for column, name in enumerate(names):
             first, second = tracks[reference][label], tracks[name][label]
-            shift, scale = _placement(first, second, registration, options)
+            shift, scale = _station_mapping(first, second, registration, options)
             placed[:, row, column] = shift, scale
-            error[row, column] = _above(first, second, shift, scale, trend)
-    data = _described(error, station, labels, names).assign(
+            error[row, column] = _height_above(first, second, shift, scale, trend)
+    data = _describe_errors(error, station, labels, names).assign(
         best_shift=(("track", "profile"), placed[0], _LENGTHS),
         scale=(("track", "profile"), placed[1], {"units": "m/m"}),
     )
@@ -112,20 +112,25 @@ def height_errors(
     return add_step(data, "height_errors", parameters=settings)
 
 
-def _placement(
-    first: Track, second: Track, registration: Registration, options: AgreementOptions
+def _station_mapping(
+    first: ProfileTrack,
+    second: ProfileTrack,
+    registration: Registration,
+    options: AgreementSettings,
 ) -> tuple[float, float]:
     """Shift at the first station of the reference [m], and scale [m/m]."""
     if registration == "none":
         return 0.0, 0.0
-    pair = register(first, second, options)
+    pair = register_pair(first, second, options)
     if registration == "shift" or not np.isfinite(pair.scale):
         return pair.shift, 0.0
     ahead = pair.starts[0] - float(first.station[0])
     return pair.corrected_shift - pair.scale * ahead, pair.scale
 
 
-def _above(first: Track, second: Track, shift: float, scale: float, trend: int | None) -> Array:
+def _height_above(
+    first: ProfileTrack, second: ProfileTrack, shift: float, scale: float, trend: int | None
+) -> Array:
     """Height of the second above the first at the stations of the first; NaN beside it."""
     at = first.station + shift + scale * (first.station - first.station[0])
     there = np.interp(at, second.station, second.height, left=np.nan, right=np.nan)
@@ -146,9 +151,11 @@ def _above(first: Track, second: Track, shift: float, scale: float, trend: int |
     return np.asarray(error)
 
 
-def _described(error: Array, station: Array, labels: list[str], names: list[str]) -> xr.Dataset:
+def _describe_errors(
+    error: Array, station: Array, labels: list[str], names: list[str]
+) -> xr.Dataset:
     """Errors with their statistics, of each profile and over repeats."""
-    statistics = np.array([[_statistics(one) for one in track] for track in error])
+    statistics = np.array([[_error_statistics(one) for one in track] for track in error])
     mean, sd = error.mean(axis=1), np.full_like(error[:, 0], np.nan)
     if len(names) > 1:
         sd = np.where(np.isfinite(mean), error.std(axis=1, ddof=1), np.nan)
@@ -159,8 +166,8 @@ def _described(error: Array, station: Array, labels: list[str], names: list[str]
             "error": (("track", "profile", "s"), error, _LENGTHS),
             "mean_error": (("track", "s"), mean, _LENGTHS),
             "sd": (("track", "s"), sd, _LENGTHS),
-            "bias": ("track", _means(np.abs(mean)), _LENGTHS),
-            "precision": ("track", _means(sd), _LENGTHS),
+            "bias": ("track", _row_means(np.abs(mean)), _LENGTHS),
+            "precision": ("track", _row_means(sd), _LENGTHS),
         },
         {"track": labels, "profile": names, "s": ("s", station, _LENGTHS)},
     )
@@ -170,13 +177,13 @@ def _described(error: Array, station: Array, labels: list[str], names: list[str]
     })  # fmt: skip
 
 
-def _means(rows: Array) -> Array:
+def _row_means(rows: Array) -> Array:
     """Mean of what is known of each row; NaN if nothing is."""
     known = [row[np.isfinite(row)] for row in rows]
     return np.array([row.mean() if row.size else np.nan for row in known])
 
 
-def _statistics(error: Array) -> tuple[float, ...]:
+def _error_statistics(error: Array) -> tuple[float, ...]:
     known = error[np.isfinite(error)]
     size = np.abs(known)
     return (

@@ -44,7 +44,7 @@ class AgreementLimits:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Check:
+class LimitCheck:
     """One verdict."""
 
     name: str
@@ -69,12 +69,12 @@ class Check:
     "Why it could not be judged; else empty."
 
 
-def judge(
+def check_limits(
     found: xr.Dataset,
     errors: xr.Dataset | None = None,
     *,
     limits: AgreementLimits = AgreementLimits(),
-) -> list[Check]:
+) -> list[LimitCheck]:
     """Hold what was found against limits; a check that cannot be made says why.
 
     Parameters
@@ -93,7 +93,7 @@ def judge(
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_profile
+    >>> from trueterrain.core.schemas import make_profile
     >>> from trueterrain.roughness.agreement import agreement
     >>> s = np.arange(0.0, 100.0, 0.05)
     >>> found = agreement({name: make_profile(s, 0.01 * np.sin(s**1.2)) for name in ("1", "2")})
@@ -105,7 +105,7 @@ def judge(
     return [
         check
         for track in found["track"].values
-        for check in _judged(
+        for check in _check_each(
             found.sel(track=track),
             None if errors is None else errors.sel(track=track),
             str(track),
@@ -114,47 +114,51 @@ def judge(
     ]
 
 
-def _judged(
+def _check_each(
     found: xr.Dataset, errors: xr.Dataset | None, track: str, limits: AgreementLimits
-) -> Iterator[Check]:
+) -> Iterator[LimitCheck]:
     reference = found.attrs.get("reference")
     alone = "there are less than two repeats"
     unknown = "no reference is given"
-    yield _least("repeatability", track, float(found["repeatability"]), limits.repeatability, alone)
-    yield _least("accuracy", track, float(found["accuracy"]), limits.accuracy, unknown)
+    yield _check_min(
+        "repeatability", track, float(found["repeatability"]), limits.repeatability, alone
+    )
+    yield _check_min("accuracy", track, float(found["accuracy"]), limits.accuracy, unknown)
     worst, why = np.nan, unknown
     if reference is not None:
         against = found["distance_error"].sel(first=reference)
         worst = float(np.abs(against.values).max())
         why = "the scale of the distance was not sought"
-    yield _largest("distance error", track, worst, limits.distance_error, "m/m", why)
+    yield _check_max("distance error", track, worst, limits.distance_error, "m/m", why)
     for name, limit in (("bias", limits.bias), ("precision", limits.precision)):
         value = np.nan if errors is None else float(errors[name])
         missing = "no errors of heights are given" if errors is None else alone
-        yield _largest(name, track, value, limit, "m", missing)
+        yield _check_max(name, track, value, limit, "m", missing)
 
 
-def _least(name: str, track: str, value: float, limit: float | None, missing: str) -> Check:
+def _check_min(
+    name: str, track: str, value: float, limit: float | None, missing: str
+) -> LimitCheck:
     passed = bool(limit is not None and value >= limit)
-    return _check(name, track, value, limit, "1", missing, passed)
+    return _make_check(name, track, value, limit, "1", missing, passed)
 
 
-def _largest(
+def _check_max(
     name: str, track: str, value: float, limit: float | None, unit: str, missing: str
-) -> Check:
+) -> LimitCheck:
     passed = bool(limit is not None and value <= limit)
-    return _check(name, track, value, limit, unit, missing, passed)
+    return _make_check(name, track, value, limit, unit, missing, passed)
 
 
-def _check(
+def _make_check(
     name: str, track: str, value: float, limit: float | None, unit: str, missing: str, passed: bool
-) -> Check:
+) -> LimitCheck:
     reason = ""
     if not np.isfinite(value):
         reason = missing
     elif limit is None:
         reason = "no limit is given"
-    return Check(
+    return LimitCheck(
         name=name, track=track, value=value, limit=limit, unit=unit,
         passed=None if reason else passed, reason=reason,
     )  # fmt: skip

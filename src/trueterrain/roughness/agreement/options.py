@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trueterrain.roughness._track import CarOptions, IriOptions
+from trueterrain.roughness._track import IriSettings, QuarterCarSettings
 from trueterrain.roughness.filters import Butterworth, Filter
 
 #: The filter of the International Roughness Index: 0.25 m moving average and golden car. The exact
 #: window is the same whatever the spacing, so that unlike profilers are compared by one filter.
-IRI_FILTER = IriOptions(window="exact")
+IRI_FILTER = IriSettings(window="exact")
 
 #: Band-pass from 8 m to 90 m, of the sixth order in both runs together: cut-offs and order are what
 #: the scope of ASTM E950 names for airfields. Whether it runs back as well was not checked there.
@@ -21,7 +21,7 @@ _SETTLING = 30.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class AgreementOptions:
+class AgreementSettings:
     """How two profiles are compared; the defaults suit the International Roughness Index.
 
     Examples
@@ -33,8 +33,8 @@ class AgreementOptions:
     ValueError: max_shift must be finite and at least 0 m, got -1
     """
 
-    filter: CarOptions | Filter | None = IRI_FILTER
-    """What the profiles pass before they are compared: a car (`IriOptions`: the slope whose mean
+    filter: QuarterCarSettings | Filter | None = IRI_FILTER
+    """What the profiles pass before they are compared: a car (`IriSettings`: the slope whose mean
     magnitude is the IRI), a filter of `trueterrain.roughness.filters`, or None for the heights as
     they are."""
 
@@ -76,7 +76,7 @@ class AgreementOptions:
         """Length that is left out where the filter settles [m]."""
         if self.settle is not None:
             return self.settle
-        if isinstance(self.filter, CarOptions):
+        if isinstance(self.filter, QuarterCarSettings):
             return _SETTLING
         if self.filter is None:
             return 0.0

@@ -8,14 +8,14 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.errors import SchemaError
-from trueterrain.provenance import add_step
-from trueterrain.roughness._track import CarOptions
+from trueterrain.core.errors import SchemaError
+from trueterrain.core.provenance import add_step
+from trueterrain.roughness._track import QuarterCarSettings
 from trueterrain.roughness.agreement._doubts import pair_doubts
-from trueterrain.roughness.agreement._pair import Pair, register
-from trueterrain.roughness.agreement._signal import Track, signal_of, tracks_of
-from trueterrain.roughness.agreement.options import AgreementOptions
-from trueterrain.roughness.plausible import doubts as implausible
+from trueterrain.roughness.agreement._pair import RegisteredPair, register_pair
+from trueterrain.roughness.agreement._signal import ProfileTrack, signal_of, tracks_of
+from trueterrain.roughness.agreement.options import AgreementSettings
+from trueterrain.roughness.plausible import flag_profile as implausible
 
 Array = npt.NDArray[np.float64]
 
@@ -25,14 +25,14 @@ _PAIRWISE = {
 }  # fmt: skip
 
 #: Names and tracks of profiles: tracks[name][track].
-Tracks = dict[str, dict[str, Track]]
+Tracks = dict[str, dict[str, ProfileTrack]]
 
 
-def agreement(
+def profile_agreement(
     profiles: Mapping[str, xr.Dataset],
     *,
     reference: str | None = None,
-    options: AgreementOptions = AgreementOptions(),
+    options: AgreementSettings = AgreementSettings(),
 ) -> xr.Dataset:
     """Rate how well profiles agree: each pair, all repeats, and each against a reference.
 
@@ -100,7 +100,7 @@ def agreement(
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_profile
+    >>> from trueterrain.core.schemas import make_profile
     >>> s = np.arange(0.0, 200.0, 0.05)
     >>> road = lambda x: 0.01 * np.sin(x / 2) + 0.004 * np.sin(2.7 * x)
     >>> late = make_profile(s, 0.9 * road(s - 0.123))
@@ -109,7 +109,7 @@ def agreement(
     >>> print(f"{one.rating:.2f} at {1000 * one.best_shift:.1f} mm")
     0.90 at 123.0 mm
     """
-    tracks = checked(profiles, reference, options)
+    tracks = check_tracks(profiles, reference, options)
     names = list(profiles)
     labels = list(tracks[names[0]])
     values = {name: np.zeros((len(labels), len(names), len(names))) for name in _PAIRWISE}
@@ -120,9 +120,9 @@ def agreement(
     ]
     for row, label in enumerate(labels):
         mine = {name: tracks[name][label] for name in names}
-        for (i, one), (j, other) in _pairs(names, reference):
-            pair = register(mine[one], mine[other], options)
-            _write(values, row, i, j, pair)
+        for (i, one), (j, other) in _list_pairs(names, reference):
+            pair = register_pair(mine[one], mine[other], options)
+            _write_pair(values, row, i, j, pair)
             doubts += pair_doubts(mine[one], mine[other], pair, options)
         for i, name in enumerate(names):
             _write_same(values, row, i, mine[name].length, options)
@@ -137,7 +137,7 @@ def agreement(
         {"track": labels, "first": names, "second": names},
         {"doubts": doubts} | ({} if reference is None else {"reference": reference}),
     )
-    data = data.assign(_scores(data, reference))
+    data = data.assign(_track_scores(data, reference))
     return add_step(data, "agreement", parameters={"options": options, "reference": reference})
 
 
@@ -147,7 +147,7 @@ def filtered_profiles(
     reference: str | None = None,
     track: str | None = None,
     correct_distance: bool = False,
-    options: AgreementOptions = AgreementOptions(),
+    options: AgreementSettings = AgreementSettings(),
 ) -> xr.Dataset:
     """Filtered profiles on the stations of one of them, each at its best shift.
 
@@ -180,13 +180,13 @@ def filtered_profiles(
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_profile
+    >>> from trueterrain.core.schemas import make_profile
     >>> s = np.arange(0.0, 100.0, 0.05)
     >>> both = {"R": make_profile(s, np.sin(s) / 99), "A": make_profile(s, np.sin(s - 0.2) / 99)}
     >>> print(filtered_profiles(both).best_shift.values.round(4))
     [0.  0.2]
     """
-    tracks = checked(profiles, reference, options)
+    tracks = check_tracks(profiles, reference, options)
     base = next(iter(profiles)) if reference is None else reference
     label = _one_track(list(tracks[base]), track)
     names = [base, *(name for name in profiles if name != base)]
@@ -194,7 +194,7 @@ def filtered_profiles(
     step = min(tracks[name][label].spacing for name in names) if not options.step else options.step
     target = signal_of(tracks[base][label], options, step)
     for name in names[1:]:
-        pair = register(tracks[base][label], tracks[name][label], options)
+        pair = register_pair(tracks[base][label], tracks[name][label], options)
         scaled = correct_distance and np.isfinite(pair.scale)
         rating = pair.corrected.rating if scaled else pair.plain.rating
         shift, scale = (pair.corrected_shift, pair.scale) if scaled else (pair.shift, 0.0)
@@ -203,7 +203,7 @@ def filtered_profiles(
         inside = (at >= other.start) & (at <= other.start + other.length)
         rows.append(np.where(inside, other.spline(at), np.nan))
         ratings, shifts, scales = [*ratings, rating], [*shifts, shift], [*scales, scale]
-    unit = {"units": "m/m" if isinstance(options.filter, CarOptions) else "m"}
+    unit = {"units": "m/m" if isinstance(options.filter, QuarterCarSettings) else "m"}
     return xr.Dataset(
         {
             "filtered": (("profile", "s"), np.array([target.values, *rows]), unit),
@@ -215,8 +215,8 @@ def filtered_profiles(
     )
 
 
-def checked(
-    profiles: Mapping[str, xr.Dataset], reference: str | None, options: AgreementOptions
+def check_tracks(
+    profiles: Mapping[str, xr.Dataset], reference: str | None, options: AgreementSettings
 ) -> Tracks:
     """Tracks of all profiles, which must be the same."""
     if len(profiles) < 2:
@@ -240,7 +240,7 @@ def checked(
     return tracks
 
 
-def _pairs(
+def _list_pairs(
     names: list[str], reference: str | None
 ) -> list[tuple[tuple[int, str], tuple[int, str]]]:
     """All pairs; the reference is the first of its own, else that whose name comes first."""
@@ -248,7 +248,7 @@ def _pairs(
     return list(itertools.combinations(order, 2))
 
 
-def _write(values: dict[str, Array], row: int, i: int, j: int, pair: Pair) -> None:
+def _write_pair(values: dict[str, Array], row: int, i: int, j: int, pair: RegisteredPair) -> None:
     """A pair and its reverse."""
     plain, corrected, scale = pair.plain, pair.corrected, pair.scale
     known = np.isfinite(scale)
@@ -269,7 +269,7 @@ def _write(values: dict[str, Array], row: int, i: int, j: int, pair: Pair) -> No
 
 
 def _write_same(
-    values: dict[str, Array], row: int, i: int, length: float, options: AgreementOptions
+    values: dict[str, Array], row: int, i: int, length: float, options: AgreementSettings
 ) -> None:
     for name in ("rating", "correlation", "sd_ratio"):
         values[name][row, i, i] = 1.0
@@ -280,7 +280,7 @@ def _write_same(
     values["distance_error"][row, i, i] = 0.0 if sought else np.nan
 
 
-def _scores(data: xr.Dataset, reference: str | None) -> dict[str, xr.DataArray]:
+def _track_scores(data: xr.Dataset, reference: str | None) -> dict[str, xr.DataArray]:
     """Repeatability and accuracy of each track."""
     repeats = [name for name in data["first"].values if name != reference]
     scores = {}

@@ -10,7 +10,7 @@ of the body, its angular velocity w and acceleration w' in body axes, and the se
 the body. Tilt of the road (g cos(roll) cos(pitch)) and centripetal terms are contained.
 """
 
-from trueterrain.simulate.accelerometers._parameters import Accelerometers, triangle
+from trueterrain.simulate.accelerometers._parameters import Accelerometers, sensor_triangle
 from trueterrain.simulate.accelerometers._stream import (
     AccelerometerBlock,
     AccelerometerStream,
@@ -21,6 +21,6 @@ __all__ = [
     "AccelerometerBlock",
     "AccelerometerStream",
     "Accelerometers",
+    "sensor_triangle",
     "specific_force",
-    "triangle",
 ]

@@ -5,11 +5,11 @@ import math
 import numpy as np
 from numba import prange
 
-from trueterrain.engine.kernels import compile_kernel
+from trueterrain.core.kernels import compile_kernel
 
 
 @compile_kernel
-def _piece(knots, time, guess):
+def _find_interval(knots, time, guess):
     """Last knot at or before a time, and never the last of all."""
     last = knots.size - 2
     k = min(max(guess, 0), last)
@@ -21,7 +21,7 @@ def _piece(knots, time, guess):
 
 
 @compile_kernel
-def _quintic(x, step, per_step, k, c, pose, rate, acceleration):
+def _evaluate_quintic(x, step, per_step, k, c, pose, rate, acceleration):
     """Value, first and second derivative of component c after knot k, at the share x of a step."""
     p0, p1 = pose[k, c], pose[k + 1, c]
     v0, v1 = rate[k, c] * step, rate[k + 1, c] * step
@@ -46,16 +46,16 @@ def specific_force(times, knots, pose, rate, acceleration, positions, axes, grav
     per_second = (knots.size - 1) / (knots[-1] - knots[0])
     for i in prange(n):
         time = times[i]
-        k = _piece(knots, time, int((time - knots[0]) * per_second))
+        k = _find_interval(knots, time, int((time - knots[0]) * per_second))
         step = knots[k + 1] - knots[k]
         per_step = 1.0 / step
         x = (time - knots[k]) * per_step
-        _, _, east = _quintic(x, step, per_step, k, 0, pose, rate, acceleration)
-        _, _, north = _quintic(x, step, per_step, k, 1, pose, rate, acceleration)
-        _, _, up = _quintic(x, step, per_step, k, 2, pose, rate, acceleration)
-        roll, p, dp = _quintic(x, step, per_step, k, 3, pose, rate, acceleration)
-        pitch, q, dq = _quintic(x, step, per_step, k, 4, pose, rate, acceleration)
-        yaw, r, dr = _quintic(x, step, per_step, k, 5, pose, rate, acceleration)
+        _, _, east = _evaluate_quintic(x, step, per_step, k, 0, pose, rate, acceleration)
+        _, _, north = _evaluate_quintic(x, step, per_step, k, 1, pose, rate, acceleration)
+        _, _, up = _evaluate_quintic(x, step, per_step, k, 2, pose, rate, acceleration)
+        roll, p, dp = _evaluate_quintic(x, step, per_step, k, 3, pose, rate, acceleration)
+        pitch, q, dq = _evaluate_quintic(x, step, per_step, k, 4, pose, rate, acceleration)
+        yaw, r, dr = _evaluate_quintic(x, step, per_step, k, 5, pose, rate, acceleration)
         sr, cr = math.sin(roll), math.cos(roll)
         sp, cp = math.sin(pitch), math.cos(pitch)
         sy, cy = math.sin(yaw), math.cos(yaw)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.simulate.clock import Clock
+from trueterrain.simulate.clock import SimulatedClock
 from trueterrain.simulate.noise import check_not_negative, check_positive
 
 Float = npt.NDArray[np.float64]
@@ -16,7 +16,7 @@ Position = tuple[float, float, float]
 STANDARD_GRAVITY = 9.80665
 
 
-def triangle(centre: Position, radius: float = 0.5) -> tuple[Position, Position, Position]:
+def sensor_triangle(centre: Position, radius: float = 0.5) -> tuple[Position, Position, Position]:
     """Positions of three coplanar sensors: one ahead of a centre, two behind, left and right.
 
     Parameters
@@ -59,7 +59,7 @@ class Accelerometers:
     drawn for it from the seed (``bias_sd``, ``scale_sd``, ``tilt_sd``), the same in all passes.
     """
 
-    positions: tuple[Position, ...] = triangle((0.0, 0.0, 0.0))
+    positions: tuple[Position, ...] = sensor_triangle((0.0, 0.0, 0.0))
     "Position of each sensor in the body [m]; by default a triangle around its origin."
 
     rate: float = 2000.0
@@ -145,7 +145,7 @@ class Accelerometers:
         if not self.full_scale > 0:
             message = f"full_scale must be greater than 0 m/s^2, got {self.full_scale}."
             raise ValueError(message)
-        Clock(offset=self.clock_offset, rate=self.clock_rate)
+        SimulatedClock(offset=self.clock_offset, rate=self.clock_rate)
         self._check_filter()
 
     def _check_filter(self) -> None:

@@ -7,8 +7,8 @@ import numpy.typing as npt
 
 from trueterrain.simulate.accelerometers import _kernels
 from trueterrain.simulate.accelerometers._parameters import STANDARD_GRAVITY, Accelerometers
-from trueterrain.simulate.clock import Clock, check_next
-from trueterrain.simulate.noise import RandomWalk, White, generator
+from trueterrain.simulate.clock import SimulatedClock, check_next
+from trueterrain.simulate.noise import RandomWalk, White, named_generator
 from trueterrain.simulate.pose import PoseKnots
 
 Float = npt.NDArray[np.float64]
@@ -144,22 +144,22 @@ class AccelerometerStream:
         self.group_delay = p.group_delay
         self._positions = np.array(p.positions, dtype=np.float64)
         sensors = len(self._positions)
-        self.bias = _constant(p.bias, p.bias_sd, (sensors,), seed, "bias")
-        self.scale = _constant(p.scale, p.scale_sd, (sensors,), seed, "scale")
-        self.tilt = _constant(p.tilt, p.tilt_sd, (sensors, 2), seed, "tilt")
-        self.axes = _axes(self.tilt)
-        self._clock = Clock(offset=p.clock_offset, rate=p.clock_rate, begin=begin)
+        self.bias = _constant_error(p.bias, p.bias_sd, (sensors,), seed, "bias")
+        self.scale = _constant_error(p.scale, p.scale_sd, (sensors,), seed, "scale")
+        self.tilt = _constant_error(p.tilt, p.tilt_sd, (sensors, 2), seed, "tilt")
+        self.axes = _tilted_axes(self.tilt)
+        self._clock = SimulatedClock(offset=p.clock_offset, rate=p.clock_rate, begin=begin)
         self._end = begin
         # Without a filter there is nothing between two samples that could reach a reading.
         self._inner = int(p.oversampling) if p.filter_order else 1
         name = f"pass {pass_number}"
         frequency = p.rate * self._inner
         self._noise = White(
-            rng=generator(seed, "accelerometers", name, "noise"),
+            rng=named_generator(seed, "accelerometers", name, "noise"),
             sd=np.full(sensors, p.noise_density * np.sqrt(0.5 * frequency)),
         )
         self._walk = RandomWalk(
-            rng=generator(seed, "accelerometers", name, "bias walk"),
+            rng=named_generator(seed, "accelerometers", name, "bias walk"),
             density=np.full(sensors, p.bias_walk),
             rate=p.rate,
         )
@@ -253,7 +253,7 @@ class _Filter:
         return np.asarray(filtered)
 
 
-def _constant(
+def _constant_error(
     given: "tuple[float, ...] | tuple[tuple[float, float], ...]",
     sd: float,
     shape: tuple[int, ...],
@@ -261,11 +261,11 @@ def _constant(
     name: str,
 ) -> Float:
     """Constant error of each sensor: what is given and what is drawn."""
-    drawn = sd * generator(seed, "accelerometers", name).standard_normal(shape)
+    drawn = sd * named_generator(seed, "accelerometers", name).standard_normal(shape)
     return drawn + np.array(given, dtype=np.float64) if len(given) else drawn
 
 
-def _axes(tilt: Float) -> Float:
+def _tilted_axes(tilt: Float) -> Float:
     """Unit vectors ``Rx(first) Ry(second) z``."""
     about_x, about_y = tilt[:, 0], tilt[:, 1]
     return np.stack(

@@ -21,7 +21,7 @@ _WHOLE = 1e-6  # [1] of a knot, by which a time may miss it
 _ENDLESS = 2**62  # [1] knots
 
 
-class Chunk(NamedTuple):
+class MotionChunk(NamedTuple):
     """Consecutive knots; knot k is at time k / rate."""
 
     first: int
@@ -51,7 +51,7 @@ class Motion(ABC):
         return -math.inf, math.inf
 
     @abstractmethod
-    def _chunks(self, first: int) -> Iterator[Chunk]:
+    def _chunks(self, first: int) -> Iterator[MotionChunk]:
         """Chunks that follow each other; the first one begins at knot `first` or before."""
 
     def blocks(
@@ -116,7 +116,7 @@ class Motion(ABC):
         edges = [*(begin + n * block for n in range(number)), end]
         first = math.floor((begin - margin) * self.rate + _WHOLE)
         source = self._chunks(first)
-        held: list[Chunk] = []
+        held: list[MotionChunk] = []
         for early, late in pairwise(edges):
             first = math.floor((early - margin) * self.rate + _WHOLE)
             last = math.ceil((late + margin) * self.rate - _WHOLE)
@@ -146,14 +146,14 @@ class Motion(ABC):
         """
         return next(iter(self.blocks(begin, end, end - begin, margin=margin)))[2]
 
-    def describe(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Kind and parameters of the motion, for provenance."""
         names = getattr(self, "__dataclass_fields__", {})
         fields = {name: getattr(self, name) for name in names}
         return {
             "kind": type(self).__name__,
             **{
-                name: value.describe() if hasattr(value, "describe") else value
+                name: value.to_dict() if hasattr(value, "describe") else value
                 for name, value in fields.items()
             },
         }
@@ -166,7 +166,7 @@ class FormulaMotion(Motion):
     def _values(self, time: Float) -> Float:
         """Pose, rate and acceleration at times, shape (3, n, 6)."""
 
-    def _chunks(self, first: int) -> Iterator[Chunk]:
+    def _chunks(self, first: int) -> Iterator[MotionChunk]:
         size = round(CHUNK * self.rate)
         lowest, highest = self._known()
         for number in count(first // size):
@@ -174,7 +174,7 @@ class FormulaMotion(Motion):
             end = min((number + 1) * size, highest + 1)
             if begin >= end:
                 return
-            yield Chunk(begin, self._values(np.arange(begin, end) / self.rate))
+            yield MotionChunk(begin, self._values(np.arange(begin, end) / self.rate))
 
     def _known(self) -> tuple[int, int]:
         """Numbers of the first and the last knot at which the motion is known."""

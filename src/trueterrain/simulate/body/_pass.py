@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.simulate.course import Course, Lane
+from trueterrain.simulate.course import Course, OffsetLine
 from trueterrain.simulate.speed import Speed
 
 Float = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pass:
+class PassPlan:
     """One drive along a lane.
 
     The origin of the body is on the lane and its x axis along it: the body does not slip sideways.
@@ -91,12 +91,12 @@ class Pass:
         out[2, :, 2] = place.curvature_slope * speed**2 + place.curvature * acceleration
         return out
 
-    def describe(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Parameters of the pass, for provenance."""
         return {
             "kind": "Pass",
-            "course": self.course.describe(),
-            "speed": self.speed.describe(),
+            "course": self.course.to_dict(),
+            "speed": self.speed.to_dict(),
             "lane": self.lane,
             "reverse": self.reverse,
             "start": self.start,
@@ -104,5 +104,7 @@ class Pass:
         }
 
     @cached_property
-    def _lane(self) -> Lane:
-        return Lane(course=self.course, offset=self.lane, reverse=self.reverse, start=self.start)
+    def _lane(self) -> OffsetLine:
+        return OffsetLine(
+            course=self.course, offset=self.lane, reverse=self.reverse, start=self.start
+        )

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trueterrain.simulate.body._motion import FormulaMotion, check_rate
-from trueterrain.simulate.body._pass import Pass
+from trueterrain.simulate.body._pass import PassPlan
 from trueterrain.simulate.ground import Ground
 from trueterrain.simulate.pose import COMPONENTS
 from trueterrain.vehicle import FullCarParameters, linear_model, start_state
@@ -173,7 +173,7 @@ class Follower(FormulaMotion):
     [[5. 0. 2. 0. 0. 0.]]
     """
 
-    drive: Pass
+    drive: PassPlan
     "Course, lane and speed."
 
     up: float = 2.0
@@ -326,9 +326,9 @@ class Prescribed(FormulaMotion):
             math.floor(last * self.rate + 1e-6) / self.rate if math.isfinite(last) else last,
         )
 
-    def describe(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Kind and parameters of the motion, for provenance."""
-        return super().describe() | {"function": getattr(self.function, "__qualname__", "")}
+        return super().to_dict() | {"function": getattr(self.function, "__qualname__", "")}
 
     def _values(self, time: Float) -> Float:
         parts = [np.asarray(part, dtype=float) for part in self.function(time)]

@@ -10,12 +10,12 @@ import numpy.typing as npt
 
 from trueterrain.simulate.body._motion import (
     CHUNK,
-    Chunk,
     Motion,
+    MotionChunk,
     check_at_least_0,
     check_rate,
 )
-from trueterrain.simulate.body._pass import Pass
+from trueterrain.simulate.body._pass import PassPlan
 from trueterrain.simulate.body._wheels import WheelPaths
 from trueterrain.simulate.ground import Ground
 from trueterrain.vehicle import (
@@ -24,8 +24,8 @@ from trueterrain.vehicle import (
     QuarterCarParameters,
     Tyre,
     VehicleState,
-    advance,
-    discretise,
+    advance_response,
+    discretise_model,
     linear_model,
     start_state,
 )
@@ -68,7 +68,7 @@ class BodyMotion(Motion):
     [[40.      0.      2.8045  0.     -0.05    0.    ]]
     """
 
-    drive: Pass
+    drive: PassPlan
     "Course, lane and speed."
 
     ground: Ground
@@ -144,24 +144,24 @@ class BodyMotion(Motion):
         """
         return self._paths.heights(self.drive.speed.at(time).distance)
 
-    def describe(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Kind and parameters of the motion, for provenance."""
         vehicle = {"kind": type(self.vehicle).__name__, **asdict(self.vehicle)}
-        return super().describe() | {"vehicle": vehicle, "tyre": asdict(self.tyre)}
+        return super().to_dict() | {"vehicle": vehicle, "tyre": asdict(self.tyre)}
 
-    def _chunks(self, first: int) -> Iterator[Chunk]:
+    def _chunks(self, first: int) -> Iterator[MotionChunk]:
         """From the start of the vehicle on: what it does depends on all that went before."""
         del first
         begin, last = self._knots_known
         size = round(CHUNK * self.rate)
-        discrete = discretise(self._model, 1.0 / self.rate)
+        discrete = discretise_model(self._model, 1.0 / self.rate)
         state: VehicleState | None = None
         for knot in range(begin, last + 1, size):
             time = np.arange(knot, min(knot + size, last + 1)) / self.rate
             heights = self.wheel_heights(time)
             if state is None:
                 state = self._start(time[0], heights[0])
-                response, end = advance(discrete, state, heights[1:])
+                response, end = advance_response(discrete, state, heights[1:])
                 parts = [
                     np.vstack([before, after])
                     for before, after in zip(
@@ -172,9 +172,9 @@ class BodyMotion(Motion):
                 ]
                 state = end
             else:
-                response, state = advance(discrete, state, heights)
+                response, state = advance_response(discrete, state, heights)
                 parts = list(response)
-            yield Chunk(knot, self._assembled(time, np.stack(parts)))
+            yield MotionChunk(knot, self._assembled(time, np.stack(parts)))
 
     def _assembled(self, time: Float, response: Float) -> Float:
         """All components from the freedoms of the model, shape (3, n, freedoms)."""

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.errors import CoverageError
-from trueterrain.simulate.course import Lane
+from trueterrain.core.errors import CoverageError
+from trueterrain.simulate.course import OffsetLine
 from trueterrain.simulate.ground import Ground
 from trueterrain.vehicle import Tyre, contact_heights, contact_margin
 
@@ -24,7 +24,7 @@ class WheelPaths:
     ground: Ground
     "The ground."
 
-    lane: Lane
+    lane: OffsetLine
     "The lane."
 
     wheels: tuple[tuple[str, float, float], ...]

@@ -9,10 +9,18 @@ import numpy as np
 import numpy.typing as npt
 
 from trueterrain.simulate.course import _kernels
-from trueterrain.simulate.course._line import Float, Groups, Line, Stretch, chain, grouped, place
+from trueterrain.simulate.course._line import (
+    Float,
+    Groups,
+    Line,
+    Stretch,
+    chain_stretches,
+    group_pieces,
+    place_on_line,
+)
 
 
-class Placement(NamedTuple):
+class LinePlacement(NamedTuple):
     """Where a line is at each of n stations, and how it turns there."""
 
     position: Float
@@ -63,7 +71,7 @@ class Course(ABC):
         curvatures = [stretches[0].begin, *(part.end for part in stretches)]
         return tuple(zip(stations.tolist(), curvatures, strict=True))
 
-    def at(self, station: npt.ArrayLike, offset: npt.ArrayLike = 0.0) -> Placement:
+    def at(self, station: npt.ArrayLike, offset: npt.ArrayLike = 0.0) -> LinePlacement:
         """Position, heading and curvature of the reference line, or of a line parallel to it.
 
         Parameters
@@ -97,7 +105,7 @@ class Course(ABC):
         if not (np.isfinite(stations).all() and np.isfinite(offsets).all()):
             raise ValueError("station and offset must be finite.")
         laps = np.floor(stations / self.length) if self.closed else np.zeros(stations.size)
-        out = place(self._line, stations - laps * self.length, open_ended=not self.closed)
+        out = place_on_line(self._line, stations - laps * self.length, open_ended=not self.closed)
         x, y, heading, curvature, slope = out.T
         heading = heading + laps * self.turn
         stretch = 1.0 - curvature * offsets  # [m/m] length of the parallel line
@@ -109,7 +117,7 @@ class Course(ABC):
                 f"got {offsets[worst]} m."
             )
         position = np.column_stack([x - offsets * np.sin(heading), y + offsets * np.cos(heading)])
-        return Placement(position, heading, curvature / stretch, slope / stretch**3)
+        return LinePlacement(position, heading, curvature / stretch, slope / stretch**3)
 
     def project(self, x: npt.ArrayLike, y: npt.ArrayLike) -> tuple[Float, Float]:
         """Station and offset of points: the inverse of `at`.
@@ -134,27 +142,27 @@ class Course(ABC):
         px = np.ascontiguousarray(x, dtype=float).ravel()
         py = np.ascontiguousarray(y, dtype=float).ravel()
         u, v = np.empty(px.size), np.empty(px.size)
-        _kernels.project(px, py, *self._line, *self._groups, not self.closed, u, v)
+        _kernels.project_points(px, py, *self._line, *self._groups, not self.closed, u, v)
         if self.closed:
             u[u >= self.length] = 0.0
         return u, v
 
-    def describe(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Kind and parameters of the course, for provenance."""
         names = getattr(self, "__dataclass_fields__", {})
         return {"kind": type(self).__name__, **{name: getattr(self, name) for name in names}}
 
     @cached_property
     def _line(self) -> Line:
-        return chain(self._stretches(), *self._start())
+        return chain_stretches(self._stretches(), *self._start())
 
     @cached_property
     def _groups(self) -> Groups:
-        return grouped(self._line)
+        return group_pieces(self._line)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lane:
+class OffsetLine:
     """A line at a constant offset from a course, driven in either direction.
 
     Distances are those along the lane itself, from where a vehicle begins. In a curve they differ
@@ -234,7 +242,7 @@ class Lane:
             station[after] = line.begin[-1] + along[after] - borders[-1]
         return np.asarray(station + laps * self.course.length)
 
-    def at(self, distance: npt.ArrayLike) -> Placement:
+    def at(self, distance: npt.ArrayLike) -> LinePlacement:
         """Position, heading and curvature as a vehicle in the lane meets them.
 
         Parameters

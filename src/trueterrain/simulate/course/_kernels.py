@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numba import prange
 
-from trueterrain.engine.kernels import compile_kernel
+from trueterrain.core.kernels import compile_kernel
 
 _ROUNDS = 30  # Newton's method needs about 4
 _CLOSE = 1e-13  # [1] of the length of a piece, at which it stops
@@ -18,7 +18,7 @@ _FLATTEST = 0.05  # [1] least slope that it believes: it is negative beyond the 
 
 
 @compile_kernel
-def place(station, begin, length, x, y, heading, bend, twist, a, b, open_ended, out):
+def place_stations(station, begin, length, x, y, heading, bend, twist, a, b, open_ended, out):
     """Write easting, northing, heading, curvature and its slope at each station into `out`."""
     last = length.size - 1
     for n in range(station.size):
@@ -76,7 +76,7 @@ def _nearest_on(px, py, j, length, x, y, heading, bend, twist, a, b):
 
 
 @compile_kernel(parallel=True)
-def project(
+def project_points(
     px, py, begin, length, x, y, heading, bend, twist, a, b,
     middle_x, middle_y, first, group_x, group_y, group_reach, open_ended, u, v,
 ):  # fmt: skip

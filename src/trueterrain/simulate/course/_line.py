@@ -90,7 +90,9 @@ class Groups(NamedTuple):
     "Distance from it that no point of the group exceeds, shape (groups,) [m]."
 
 
-def chain(stretches: Iterable[Stretch], east: float, north: float, heading: float) -> Line:
+def chain_stretches(
+    stretches: Iterable[Stretch], east: float, north: float, heading: float
+) -> Line:
     """Line of stretches, one after the other, from a point and a heading.
 
     Notes
@@ -99,7 +101,9 @@ def chain(stretches: Iterable[Stretch], east: float, north: float, heading: floa
     exp(i (b t + g t^2 / 2)), whose series follows from (n + 1) c_{n+1} = i (b c_n + g c_{n-1});
     its integral is the position.
     """
-    length, bend, twist = np.array([piece for stretch in stretches for piece in _cut(stretch)]).T
+    length, bend, twist = np.array(
+        [piece for stretch in stretches for piece in _cut_stretch(stretch)]
+    ).T
     b, g = bend * length, twist * length**2
     series = np.zeros((_POWERS, length.size), dtype=complex)
     series[0] = 1.0
@@ -108,13 +112,13 @@ def chain(stretches: Iterable[Stretch], east: float, north: float, heading: floa
         series[n + 1] = 1j * (b * series[n] + g * before) / (n + 1)
     powers = np.zeros((length.size, _POWERS + 1), dtype=complex)
     powers[:, 1:] = (length * series).T / np.arange(1, _POWERS + 1)
-    headings = heading + _running(b + 0.5 * g)
+    headings = heading + _running_sums(b + 0.5 * g)
     ends = np.exp(1j * headings[:-1]) * powers.sum(axis=1)
     return Line(
-        begin=_running(length),
+        begin=_running_sums(length),
         length=length,
-        x=east + _running(ends.real),
-        y=north + _running(ends.imag),
+        x=east + _running_sums(ends.real),
+        y=north + _running_sums(ends.imag),
         heading=headings,
         bend=bend,
         twist=twist,
@@ -123,9 +127,9 @@ def chain(stretches: Iterable[Stretch], east: float, north: float, heading: floa
     )
 
 
-def grouped(line: Line) -> Groups:
+def group_pieces(line: Line) -> Groups:
     """Middles and reaches of the pieces of a line and of groups of them."""
-    middle = place(line, line.begin[:-1] + 0.5 * line.length, open_ended=False)
+    middle = place_on_line(line, line.begin[:-1] + 0.5 * line.length, open_ended=False)
     first = np.append(np.arange(0, line.length.size, _GROUP), line.length.size)
     x, y, reach = (np.empty(first.size - 1) for _ in range(3))
     for n, (begin, end) in enumerate(pairwise(first)):
@@ -135,14 +139,14 @@ def grouped(line: Line) -> Groups:
     return Groups(middle[:, 0].copy(), middle[:, 1].copy(), first, x, y, reach)
 
 
-def place(line: Line, station: Float, *, open_ended: bool) -> Float:
+def place_on_line(line: Line, station: Float, *, open_ended: bool) -> Float:
     """Easting, northing, heading, curvature and its slope at stations, shape (n, 5)."""
     out = np.empty((station.size, 5))
-    _kernels.place(np.ascontiguousarray(station), *line, open_ended, out)
+    _kernels.place_stations(np.ascontiguousarray(station), *line, open_ended, out)
     return out
 
 
-def _cut(stretch: Stretch) -> list[tuple[float, float, float]]:
+def _cut_stretch(stretch: Stretch) -> list[tuple[float, float, float]]:
     """Length, first curvature and its slope of equal pieces of a stretch that turn little."""
     twist = (stretch.end - stretch.begin) / stretch.length
     turn = max(abs(stretch.begin), abs(stretch.end)) * stretch.length
@@ -151,5 +155,5 @@ def _cut(stretch: Stretch) -> list[tuple[float, float, float]]:
     return [(step, stretch.begin + twist * step * n, twist) for n in range(number)]
 
 
-def _running(steps: Float) -> Float:
+def _running_sums(steps: Float) -> Float:
     return np.concatenate([[0.0], np.cumsum(steps)])

@@ -8,7 +8,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from trueterrain.simulate.course._course import Course
-from trueterrain.simulate.course._line import Stretch, chain
+from trueterrain.simulate.course._line import Stretch, chain_stretches
 
 Turn = Literal["left", "right"]
 
@@ -87,7 +87,7 @@ class Arc(_Placed):
         _check_curve(self.turn_to, self.radius, self.angle, self.transition)
 
     def _stretches(self) -> tuple[Stretch, ...]:
-        return _curve(self.turn_to, self.radius, self.angle, self.transition)
+        return _curve_stretches(self.turn_to, self.radius, self.angle, self.transition)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,7 +133,7 @@ class Oval(_Placed):
     def _stretches(self) -> tuple[Stretch, ...]:
         half = (
             Stretch(length=self.straight),
-            *_curve(self.turn_to, self.radius, np.pi, self.transition),
+            *_curve_stretches(self.turn_to, self.radius, np.pi, self.transition),
         )
         return half + half
 
@@ -160,7 +160,7 @@ class Stretches(_Placed):
         if not self.parts:
             raise ValueError("parts must hold at least one stretch, got none.")
         if self.close:
-            line = chain(self.parts, *self._start())
+            line = chain_stretches(self.parts, *self._start())
             gap = np.hypot(line.x[-1] - line.x[0], line.y[-1] - line.y[0])
             laps = (line.heading[-1] - line.heading[0]) / (2 * np.pi)
             if gap > _CLOSED or abs(laps - round(laps)) * 2 * np.pi > _CLOSED:
@@ -224,9 +224,9 @@ class Waypoints(Course):
 
     @cached_property
     def _solution(self) -> tuple[float, tuple[Stretch, ...]]:
-        from trueterrain.simulate.course._waypoints import clothoids
+        from trueterrain.simulate.course._waypoints import clothoids_through
 
-        return clothoids(np.asarray(self.points, dtype=float), closed=self.close)
+        return clothoids_through(np.asarray(self.points, dtype=float), closed=self.close)
 
     def _start(self) -> tuple[float, float, float]:
         east, north = self.points[0]
@@ -236,7 +236,9 @@ class Waypoints(Course):
         return self._solution[1]
 
 
-def _curve(turn_to: Turn, radius: float, angle: float, transition: float) -> tuple[Stretch, ...]:
+def _curve_stretches(
+    turn_to: Turn, radius: float, angle: float, transition: float
+) -> tuple[Stretch, ...]:
     curvature = (1.0 if turn_to == "left" else -1.0) / radius
     arc = radius * angle - transition  # each clothoid turns half as far as an arc of its length
     parts = [

@@ -18,7 +18,7 @@ _SHARPEST = np.pi  # [rad] largest turn from a point to the next
 _LONGEST = 3.0  # [1] longest way from a point to the next, as a multiple of the chord
 
 
-def clothoids(points: Float, *, closed: bool) -> tuple[float, tuple[Stretch, ...]]:
+def clothoids_through(points: Float, *, closed: bool) -> tuple[float, tuple[Stretch, ...]]:
     """First heading, and a clothoid from each point to the next.
 
     Parameters
@@ -56,11 +56,13 @@ def clothoids(points: Float, *, closed: bool) -> tuple[float, tuple[Stretch, ...
         curvature[[0, -1]] = 0.0
     worst = np.inf
     for _ in range(_ROUNDS):
-        error, matrix = _conditions(chord, heading, curvature, length, begin, end, extra, closed)
+        error, matrix = _continuity_conditions(
+            chord, heading, curvature, length, begin, end, extra, closed
+        )
         worst = np.abs(error).max()
         if worst < _EXACT or not np.isfinite(worst):
             break
-        step = _solve(matrix, -error)
+        step = _solve_sparse(matrix, -error)
         turn, bend, longer = np.split(step, [heading.size, 2 * heading.size])
         share = min(1.0, 0.5 / max(np.abs(turn).max(), np.abs(longer).max(), 1e-300))
         heading = heading + share * turn
@@ -97,7 +99,7 @@ def _first_headings(direction: Float, chord: Float, closed: bool) -> tuple[Float
     return np.concatenate([[first], inner, [last]]), 0
 
 
-def _conditions(
+def _continuity_conditions(
     chord: npt.NDArray[np.complex128], heading: Float, curvature: Float, length: Float,
     begin: npt.NDArray[np.int64], end: npt.NDArray[np.int64], extra: Float, closed: bool,
 ) -> tuple[Float, tuple[Float, Float, Float, int]]:  # fmt: skip
@@ -143,7 +145,7 @@ def _conditions(
     return error, (values, rows, columns, error.size)
 
 
-def _solve(matrix: tuple[Float, Float, Float, int], right: Float) -> Float:
+def _solve_sparse(matrix: tuple[Float, Float, Float, int], right: Float) -> Float:
     from scipy.sparse import csc_matrix
     from scipy.sparse.linalg import splu
 

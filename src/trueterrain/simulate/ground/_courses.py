@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from trueterrain import provenance
-from trueterrain.kinds import check_surface
+from trueterrain.core import provenance
+from trueterrain.core.schemas import check_surface
 from trueterrain.simulate.course import Course
 from trueterrain.simulate.ground._ground import Floats, Ground, check_finite, check_not_negative
 
@@ -189,10 +189,10 @@ class AlongCourse(Ground):
         )
         return cls(ground=ground, course=course, banking=table, **others)
 
-    def describe(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Kind and parameters, with descriptions of ground and course."""
-        whole = super().describe()
-        return whole | {"ground": self.ground.describe(), "course": self.course.describe()}
+        whole = super().to_dict()
+        return whole | {"ground": self.ground.to_dict(), "course": self.course.to_dict()}
 
     def _height(self, x: Floats, y: Floats) -> Floats:
         u, v = self.course.project(x, y)
@@ -206,7 +206,7 @@ class AlongCourse(Ground):
                 first = self.ground._height(u[late] - self.course.length, v[late])
                 height[late] = (1.0 - share) * height[late] + share * first
         elevation, banking = self._tables
-        return height + (_value(elevation, u) + self.slope * u) + _value(banking, u) * v
+        return height + (_table_value(elevation, u) + self.slope * u) + _table_value(banking, u) * v
 
     @cached_property
     def _tables(self) -> tuple[StationTable | float, StationTable | float]:
@@ -228,7 +228,7 @@ class Repeated(Ground):
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_surface
+    >>> from trueterrain.core.schemas import make_surface
     >>> ramp = make_surface([[0.0, 0.0], [1.0, 1.0]], u=[0, 2], v=[-1, 1], easting=[0, 2],
     ...                     northing=[0, 0])
     >>> Repeated(surface=ramp).height([0.5, 1.5, 2.5, 4.5, -0.5], 0.0)
@@ -280,19 +280,19 @@ class Repeated(Ground):
 
         return cls(surface=opencrg.read(path), **others)
 
-    def describe(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Kind and parameters, and the steps that led to the surface."""
-        whole = super().describe()
+        whole = super().to_dict()
         del whole["surface"]
-        return whole | {"steps": provenance.steps(self.surface)}
+        return whole | {"steps": provenance.provenance_steps(self.surface)}
 
     def _height(self, x: Floats, y: Floats) -> Floats:
         from trueterrain.surface.evaluate import heights_at_uv
 
         (u0, u1), (v0, v1) = self._part
-        u = u0 + (_folded(x, u1 - u0) if self.mirrored else np.remainder(x, u1 - u0))
+        u = u0 + (_fold_station(x, u1 - u0) if self.mirrored else np.remainder(x, u1 - u0))
         if self.across:
-            v = v0 + _folded(y - v0, v1 - v0)
+            v = v0 + _fold_station(y - v0, v1 - v0)
         else:
             v = np.where((y >= v0) & (y <= v1), y, np.inf)
         return np.asarray(heights_at_uv(self.surface, np.clip(u, u0, u1), np.maximum(v, v0)))
@@ -307,11 +307,11 @@ class Repeated(Ground):
         )
 
 
-def _value(table: StationTable | float, station: Floats) -> Floats | float:
+def _table_value(table: StationTable | float, station: Floats) -> Floats | float:
     return table.at(station) if isinstance(table, StationTable) else table
 
 
-def _folded(x: Floats, length: float) -> Floats:
+def _fold_station(x: Floats, length: float) -> Floats:
     """Place from 0 to `length` of a point that goes to and fro between them."""
     there_and_back = np.remainder(x, 2.0 * length)
     return np.asarray(np.minimum(there_and_back, 2.0 * length - there_and_back))

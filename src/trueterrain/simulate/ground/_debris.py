@@ -104,7 +104,9 @@ class Stones(Ground):
     def _height(self, x: Floats, y: Floats) -> Floats:
         sizes = (self._cell, self.diameter_min, self.diameter_max, self.height_ratio)
         cos, sin = np.cos(self._turn), np.sin(self._turn)
-        return np.asarray(_kernels.stones(self.seed, *sizes, cos * x + sin * y, cos * y - sin * x))
+        return np.asarray(
+            _kernels.stone_heights(self.seed, *sizes, cos * x + sin * y, cos * y - sin * x)
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -56,7 +56,7 @@ class Ground(ABC):
     def _height(self, x: Floats, y: Floats) -> Floats:
         """Height at finite points in contiguous arrays of one dimension."""
 
-    def describe(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Kind and parameters of the ground, for the provenance of what is sampled from it."""
         names = getattr(self, "__dataclass_fields__", {})
         return {"kind": type(self).__name__, **{name: getattr(self, name) for name in names}}
@@ -64,7 +64,7 @@ class Ground(ABC):
     def __add__(self, other: object) -> "Sum":
         if not isinstance(other, Ground):
             return NotImplemented
-        return Sum(parts=(*_parts(self), *_parts(other)))
+        return Sum(parts=(*_ground_parts(self), *_ground_parts(other)))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -91,9 +91,9 @@ class Sum(Ground):
             total = total + part._height(x, y)
         return total
 
-    def describe(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Kind of the ground and descriptions of its parts."""
-        return {"kind": "Sum", "parts": [part.describe() for part in self.parts]}
+        return {"kind": "Sum", "parts": [part.to_dict() for part in self.parts]}
 
 
 def along_across(x: Floats, y: Floats, direction: float) -> tuple[Floats, Floats]:
@@ -152,5 +152,5 @@ def check_seed(seed: int) -> None:
         raise ValueError(f"seed must be at least 0 and less than 2**63, got {seed}.")
 
 
-def _parts(ground: Ground) -> tuple[Ground, ...]:
+def _ground_parts(ground: Ground) -> tuple[Ground, ...]:
     return ground.parts if isinstance(ground, Sum) else (ground,)

@@ -130,9 +130,9 @@ class Road(Ground):
             np.float64(at_n0) * (np.asarray(n, dtype=np.float64) / N0) ** -self.waviness
         )
 
-    def describe(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Kind and parameters of the ground, and Gd(n0) [m^3]."""
-        return super().describe() | {"gd_n0": float(self.gd(N0))}
+        return super().to_dict() | {"gd_n0": float(self.gd(N0))}
 
     def _height(self, x: Floats, y: Floats) -> Floats:
         return np.asarray(_kernels.plane_waves(self._waves, x, y))

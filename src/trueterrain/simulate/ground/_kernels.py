@@ -13,13 +13,13 @@ import numpy as np
 import numpy.typing as npt
 from numba import prange
 
-from trueterrain.engine.kernels import compile_kernel
+from trueterrain.core.kernels import compile_kernel
 
 Floats = npt.NDArray[np.float64]
 _Function = TypeVar("_Function", bound=Callable[..., object])
 
 
-def _kernel(function: _Function) -> _Function:
+def _compile_kernel(function: _Function) -> _Function:
     """Compile a loop, and keep its type."""
     return cast("_Function", compile_kernel(function))
 
@@ -91,42 +91,42 @@ class Paving(NamedTuple):
     undulation_length: float
 
 
-@_kernel
-def _mix(z: np.uint64) -> np.uint64:
+@_compile_kernel
+def _mix_bits(z: np.uint64) -> np.uint64:
     z = (z ^ (z >> _S30)) * _MIX_1
     z = (z ^ (z >> _S27)) * _MIX_2
     return z ^ (z >> _S31)
 
 
-@_kernel
-def _key(seed: int) -> np.uint64:
+@_compile_kernel
+def _seed_key(seed: int) -> np.uint64:
     """What the functions below take as their seed: neighbouring seeds far apart."""
-    return _mix(np.uint64(seed) + _GOLDEN)
+    return _mix_bits(np.uint64(seed) + _GOLDEN)
 
 
-@_kernel
-def _hash(seed: np.uint64, salt: int, i: int, j: int) -> np.uint64:
-    return _mix(
+@_compile_kernel
+def _hash_cell(seed: np.uint64, salt: int, i: int, j: int) -> np.uint64:
+    return _mix_bits(
         seed + np.uint64(salt) * _GOLDEN + np.uint64(i) * _APART_I + np.uint64(j) * _APART_J
     )
 
 
-@_kernel
-def _unit(seed: np.uint64, salt: int, i: int, j: int) -> float:
+@_compile_kernel
+def _unit_uniform(seed: np.uint64, salt: int, i: int, j: int) -> float:
     """Uniform in [0, 1)."""
-    return float(_hash(seed, salt, i, j) >> _S11) * 2.0**-53
+    return float(_hash_cell(seed, salt, i, j) >> _S11) * 2.0**-53
 
 
-@_kernel
-def _even(seed: np.uint64, salt: int, i: int, j: int) -> float:
+@_compile_kernel
+def _symmetric_uniform(seed: np.uint64, salt: int, i: int, j: int) -> float:
     """Uniform in [-1, 1)."""
-    return 2.0 * _unit(seed, salt, i, j) - 1.0
+    return 2.0 * _unit_uniform(seed, salt, i, j) - 1.0
 
 
-@_kernel
-def _normal(seed: np.uint64, salt: int, i: int, j: int) -> float:
+@_compile_kernel
+def _cell_normal(seed: np.uint64, salt: int, i: int, j: int) -> float:
     """Nearly normal, unit variance, within +-3.47: the sum of four uniform numbers."""
-    h = _hash(seed, salt, i, j)
+    h = _hash_cell(seed, salt, i, j)
     total = 0.0
     for _ in range(4):
         total += float(h & _LOW_16)
@@ -134,73 +134,79 @@ def _normal(seed: np.uint64, salt: int, i: int, j: int) -> float:
     return (total - _MEAN_OF_SUM) / _SD_OF_SUM
 
 
-@_kernel
-def _smooth(t: float) -> float:
+@_compile_kernel
+def _smooth_step(t: float) -> float:
     return t * t * (3.0 - 2.0 * t)
 
 
-@_kernel
+@_compile_kernel
 def _noise_line(seed: np.uint64, salt: int, i: int, t: float) -> float:
     """Smooth line number i through uniform values in [-1, 1) at whole t."""
     j = math.floor(t)
-    s = _smooth(t - j)
-    return (1.0 - s) * _even(seed, salt, i, j) + s * _even(seed, salt, i, j + 1)
+    s = _smooth_step(t - j)
+    return (1.0 - s) * _symmetric_uniform(seed, salt, i, j) + s * _symmetric_uniform(
+        seed, salt, i, j + 1
+    )
 
 
-@_kernel
-def _noise(seed: np.uint64, salt: int, x: float, y: float) -> float:
+@_compile_kernel
+def _value_noise(seed: np.uint64, salt: int, x: float, y: float) -> float:
     """Smooth field through normal values at whole x and y; unit mean square."""
     i, j = math.floor(x), math.floor(y)
-    s, t = _smooth(x - i), _smooth(y - j)
-    near = (1.0 - t) * _normal(seed, salt, i, j) + t * _normal(seed, salt, i, j + 1)
-    far = (1.0 - t) * _normal(seed, salt, i + 1, j) + t * _normal(seed, salt, i + 1, j + 1)
+    s, t = _smooth_step(x - i), _smooth_step(y - j)
+    near = (1.0 - t) * _cell_normal(seed, salt, i, j) + t * _cell_normal(seed, salt, i, j + 1)
+    far = (1.0 - t) * _cell_normal(seed, salt, i + 1, j) + t * _cell_normal(
+        seed, salt, i + 1, j + 1
+    )
     return ((1.0 - s) * near + s * far) / _NOISE_POWER
 
 
-@_kernel
+@_compile_kernel
 def uniform_numbers(seed: int, salt: int, number: int) -> Floats:
     """Numbers in [0, 1): element i depends on seed, salt and i alone."""
-    key = _key(seed)
+    key = _seed_key(seed)
     out = np.empty(number)
     for i in range(number):
-        out[i] = _unit(key, salt, i, 0)
+        out[i] = _unit_uniform(key, salt, i, 0)
     return out
 
 
-@_kernel
+@_compile_kernel
 def _row_joint(seed: np.uint64, p: Paving, i: int, v: float) -> float:
     """Where the joint before row i lies along the road, at v across."""
     wave = p.row_waviness * _noise_line(seed, _ROW_WAVE, i, v / p.row_waviness_length)
-    return i * p.row_pitch + p.row_scatter * _even(seed, _ROW, i, 0) + wave
+    return i * p.row_pitch + p.row_scatter * _symmetric_uniform(seed, _ROW, i, 0) + wave
 
 
-@_kernel
+@_compile_kernel
 def _side_joint(seed: np.uint64, p: Paving, i: int, j: int) -> float:
     """Where the joint to the right of block j of row i lies across the road, at mid-row."""
-    bond = p.bond * (i & 1) + p.bond_scatter * _even(seed, _BOND, i, 0)
-    return (j + bond) * p.block_pitch + p.block_scatter * _even(seed, _SIDE, i, j)
+    bond = p.bond * (i & 1) + p.bond_scatter * _symmetric_uniform(seed, _BOND, i, 0)
+    return (j + bond) * p.block_pitch + p.block_scatter * _symmetric_uniform(seed, _SIDE, i, j)
 
 
-@_kernel
+@_compile_kernel
 def _slanted_joint(seed: np.uint64, p: Paving, i: int, j: int, away: float) -> float:
     """The same joint, a distance away from mid-row."""
-    return _side_joint(seed, p, i, j) + p.block_slant * _even(seed, _SLANT, i, j) * away
+    return (
+        _side_joint(seed, p, i, j) + p.block_slant * _symmetric_uniform(seed, _SLANT, i, j) * away
+    )
 
 
-@_kernel
+@_compile_kernel
 def _field_edge(seed: np.uint64, p: Paving, lane: int, k: int, v: float) -> float:
     """Where field k of a lane begins along the road, at v across."""
     shift = _noise_line(seed, _EDGE, k * _FAR + lane, 2.0 * v / p.field_width)
     return (k + p.field_length_scatter * shift) * p.field_length
 
 
-@_kernel
-def _field(seed: np.uint64, p: Paving, lane: int, k: int) -> float:
+@_compile_kernel
+def _field_height(seed: np.uint64, p: Paving, lane: int, k: int) -> float:
     sign = 1.0 - 2.0 * ((lane + k) & 1)
-    return sign * p.field_height + p.field_scatter * _normal(seed, _FIELD, lane, k)
+    return sign * p.field_height + p.field_scatter * _cell_normal(seed, _FIELD, lane, k)
 
 
-@_kernel
+@_compile_kernel
 def _lane_level(seed: np.uint64, p: Paving, lane: int, u: float, v: float) -> float:
     k = math.floor(u / p.field_length)
     before = _field_edge(seed, p, lane, k, v)
@@ -213,26 +219,28 @@ def _lane_level(seed: np.uint64, p: Paving, lane: int, u: float, v: float) -> fl
         k += 1
         before = after
         after = _field_edge(seed, p, lane, k + 1, v)
-    level = _field(seed, p, lane, k)
+    level = _field_height(seed, p, lane, k)
     other, edge, distance = k - 1, k, u - before
     if after - u < distance:
         other, edge, distance = k + 1, k + 1, after - u
-    ramp = p.field_ramp * (1.0 + p.field_ramp_scatter * _even(seed, _RAMP, lane, edge))
+    ramp = p.field_ramp * (1.0 + p.field_ramp_scatter * _symmetric_uniform(seed, _RAMP, lane, edge))
     if distance < 0.5 * ramp:
-        level += (0.5 - _ramp(distance / ramp)) * (_field(seed, p, lane, other) - level)
+        level += (0.5 - _smooth_ramp(distance / ramp)) * (
+            _field_height(seed, p, lane, other) - level
+        )
     return level
 
 
-@_kernel
-def _ramp(t: float) -> float:
+@_compile_kernel
+def _smooth_ramp(t: float) -> float:
     """Odd smooth ramp from 0 at t = 0 to 0.5 at t = 0.5."""
     return t * (1.5 - 2.0 * t * t)
 
 
-@_kernel
-def _level(seed: np.uint64, p: Paving, u: float, v: float) -> float:
+@_compile_kernel
+def _bed_height(seed: np.uint64, p: Paving, u: float, v: float) -> float:
     """Height of the bed that the blocks are laid on."""
-    level = p.undulation * _noise(
+    level = p.undulation * _value_noise(
         seed, _UNDULATION, u / p.undulation_length, v / p.undulation_length
     )
     if p.field_height == 0.0 and p.field_scatter == 0.0:
@@ -242,52 +250,58 @@ def _level(seed: np.uint64, p: Paving, u: float, v: float) -> float:
     right = (v - lane * p.field_width) / p.lane_ramp
     left = ((lane + 1) * p.field_width - v) / p.lane_ramp
     if right < 0.5:
-        own += (0.5 - _ramp(right)) * (_lane_level(seed, p, lane - 1, u, v) - own)
+        own += (0.5 - _smooth_ramp(right)) * (_lane_level(seed, p, lane - 1, u, v) - own)
     elif left < 0.5:
-        own += (0.5 - _ramp(left)) * (_lane_level(seed, p, lane + 1, u, v) - own)
+        own += (0.5 - _smooth_ramp(left)) * (_lane_level(seed, p, lane + 1, u, v) - own)
     return level + own
 
 
-@_kernel
-def _top(seed: np.uint64, p: Paving, i: int, j: int, u: float, v: float) -> float:
+@_compile_kernel
+def _block_top(seed: np.uint64, p: Paving, i: int, j: int, u: float, v: float) -> float:
     """Height of the top of block j of row i, continued beyond its edges."""
     at_u = (i + 0.5) * p.row_pitch
     at_v = 0.5 * (_side_joint(seed, p, i, j) + _side_joint(seed, p, i, j + 1))
     du, dv = u - at_u, v - at_v
     half_u, half_v = 0.25 * p.row_pitch, 0.25 * p.block_pitch
-    before, after = _level(seed, p, at_u - half_u, at_v), _level(seed, p, at_u + half_u, at_v)
-    right, left = _level(seed, p, at_u, at_v - half_v), _level(seed, p, at_u, at_v + half_v)
+    before, after = (
+        _bed_height(seed, p, at_u - half_u, at_v),
+        _bed_height(seed, p, at_u + half_u, at_v),
+    )
+    right, left = (
+        _bed_height(seed, p, at_u, at_v - half_v),
+        _bed_height(seed, p, at_u, at_v + half_v),
+    )
     slope_u = p.bedding * (after - before) / (2.0 * half_u)
     slope_v = p.bedding * (left - right) / (2.0 * half_v)
-    slope_u += p.lean + p.tilt_scatter * _normal(seed, _TILT_U, i, j)
-    slope_v += p.tilt_scatter * _normal(seed, _TILT_V, i, j)
+    slope_u += p.lean + p.tilt_scatter * _cell_normal(seed, _TILT_U, i, j)
+    slope_v += p.tilt_scatter * _cell_normal(seed, _TILT_V, i, j)
     height = 0.25 * (before + after + right + left) + slope_u * du + slope_v * dv
-    height += p.height_scatter * _normal(seed, _HEIGHT, i, j)
+    height += p.height_scatter * _cell_normal(seed, _HEIGHT, i, j)
     along, across = 2.0 * du / p.row_pitch, 2.0 * dv / p.block_pitch
     return height - p.crown * (along * along + across * across)
 
 
-@_kernel
-def _fall(p: Paving, distance: float) -> float:
+@_compile_kernel
+def _shoulder_fall(p: Paving, distance: float) -> float:
     """How far the shoulder has fallen at a distance from the middle of a joint: 1 is the floor."""
     t = (distance - 0.5 * p.joint_width) / p.shoulder
     if t <= 0.0:
         return 1.0
-    return 0.0 if t >= 1.0 else 1.0 - _smooth(t)
+    return 0.0 if t >= 1.0 else 1.0 - _smooth_step(t)
 
 
-@_kernel
-def _share(p: Paving, distance: float) -> float:
+@_compile_kernel
+def _neighbour_fraction(p: Paving, distance: float) -> float:
     """Share of the neighbour in the height: one half in the middle of the joint."""
     t = 0.5 * distance / (0.5 * p.joint_width + p.shoulder)
-    return 0.0 if t >= 0.5 else 0.5 - _ramp(t)
+    return 0.0 if t >= 0.5 else 0.5 - _smooth_ramp(t)
 
 
-@_kernel
-def _row(seed: np.uint64, p: Paving, i: int, u: float, v: float) -> tuple[float, float]:
+@_compile_kernel
+def _row_height(seed: np.uint64, p: Paving, i: int, u: float, v: float) -> tuple[float, float]:
     """Height of the tops of row i, and how far the shoulders at its side joints have fallen."""
     away = u - (i + 0.5) * p.row_pitch
-    bond = p.bond * (i & 1) + p.bond_scatter * _even(seed, _BOND, i, 0)
+    bond = p.bond * (i & 1) + p.bond_scatter * _symmetric_uniform(seed, _BOND, i, 0)
     j = math.floor(v / p.block_pitch - bond)
     right = _slanted_joint(seed, p, i, j, away)
     left = _slanted_joint(seed, p, i, j + 1, away)
@@ -299,17 +313,17 @@ def _row(seed: np.uint64, p: Paving, i: int, u: float, v: float) -> tuple[float,
         j += 1
         right = left
         left = _slanted_joint(seed, p, i, j + 1, away)
-    height = _top(seed, p, i, j, u, v)
+    height = _block_top(seed, p, i, j, u, v)
     distance = min(v - right, left - v)
-    share = _share(p, distance)
+    share = _neighbour_fraction(p, distance)
     if share > 0.0:
-        other = _top(seed, p, i, j - 1 if v - right < left - v else j + 1, u, v)
+        other = _block_top(seed, p, i, j - 1 if v - right < left - v else j + 1, u, v)
         height += share * (other - height)
-    return height, _fall(p, distance)
+    return height, _shoulder_fall(p, distance)
 
 
-@_kernel
-def _paved(seed: np.uint64, p: Paving, u: float, v: float) -> float:
+@_compile_kernel
+def _pavement_height(seed: np.uint64, p: Paving, u: float, v: float) -> float:
     i = math.floor(u / p.row_pitch)
     before = _row_joint(seed, p, i, v)
     after = _row_joint(seed, p, i + 1, v)
@@ -321,31 +335,33 @@ def _paved(seed: np.uint64, p: Paving, u: float, v: float) -> float:
         i += 1
         before = after
         after = _row_joint(seed, p, i + 1, v)
-    height, fallen = _row(seed, p, i, u, v)
+    height, fallen = _row_height(seed, p, i, u, v)
     distance = min(u - before, after - u)
-    share = _share(p, distance)
+    share = _neighbour_fraction(p, distance)
     if share > 0.0:
-        other, _ = _row(seed, p, i - 1 if u - before < after - u else i + 1, u, v)
+        other, _ = _row_height(seed, p, i - 1 if u - before < after - u else i + 1, u, v)
         height += share * (other - height)
-    fallen = 1.0 - (1.0 - fallen) * (1.0 - _fall(p, distance))
+    fallen = 1.0 - (1.0 - fallen) * (1.0 - _shoulder_fall(p, distance))
     if fallen > 0.0:
-        uneven = _noise(seed, _DEPTH, u / p.row_pitch, v / p.block_pitch)
+        uneven = _value_noise(seed, _DEPTH, u / p.row_pitch, v / p.block_pitch)
         uneven = max(-1.0, min(1.0, p.joint_depth_scatter * uneven))
         height -= p.joint_depth * (1.0 + uneven) * fallen
-    return height + p.texture * _noise(seed, _TEXTURE, u / p.texture_length, v / p.texture_length)
+    return height + p.texture * _value_noise(
+        seed, _TEXTURE, u / p.texture_length, v / p.texture_length
+    )
 
 
 @_parallel_kernel
 def belgian_block(seed: int, paving: Paving, u: Floats, v: Floats) -> Floats:
     """Height [m] of a Belgian block pavement at u along and v across the road."""
-    key = _key(seed)
+    key = _seed_key(seed)
     out = np.empty(u.size)
     for n in prange(u.size):
-        out[n] = _paved(key, paving, u[n], v[n])
+        out[n] = _pavement_height(key, paving, u[n], v[n])
     return out
 
 
-@_kernel
+@_compile_kernel
 def _add_wave(wave: Floats, x: Floats, y: Floats, out: Floats) -> None:
     """Add amplitude * cos(2 pi (kx x + ky y + phase)).
 
@@ -386,42 +402,42 @@ def plane_waves(waves: Floats, x: Floats, y: Floats) -> Floats:
 
 
 @_parallel_kernel
-def stones(
+def stone_heights(
     seed: int, cell: float, smallest: float, largest: float, ratio: float, x: Floats, y: Floats
 ) -> Floats:
     """Height [m] of half-ellipsoids, one wholly within each square cell."""
-    key = _key(seed)
+    key = _seed_key(seed)
     out = np.zeros(x.size)
     for n in prange(x.size):
         i, j = math.floor(x[n] / cell), math.floor(y[n] / cell)
-        diameter = smallest * (largest / smallest) ** _unit(key, _STONE_SIZE, i, j)
+        diameter = smallest * (largest / smallest) ** _unit_uniform(key, _STONE_SIZE, i, j)
         spare = cell - diameter
-        dx = x[n] - i * cell - 0.5 * diameter - spare * _unit(key, _STONE_U, i, j)
-        dy = y[n] - j * cell - 0.5 * diameter - spare * _unit(key, _STONE_V, i, j)
+        dx = x[n] - i * cell - 0.5 * diameter - spare * _unit_uniform(key, _STONE_U, i, j)
+        dy = y[n] - j * cell - 0.5 * diameter - spare * _unit_uniform(key, _STONE_V, i, j)
         inside = 1.0 - 4.0 * (dx * dx + dy * dy) / (diameter * diameter)
         if inside > 0.0:
             out[n] = ratio * diameter * math.sqrt(inside)
     return out
 
 
-@_kernel
+@_compile_kernel
 def _crack_line(seed: np.uint64, spacing: float, meander: float, i: int, v: float) -> float:
     """Where transverse crack i lies along the road, at v across."""
     wander = 0.75 * _noise_line(seed, _CRACK_COARSE, i, v / spacing)
     wander += 0.25 * _noise_line(seed, _CRACK_FINE, i, 8.0 * v / spacing)
-    return (i + 0.5 + 0.25 * _even(seed, _CRACK, i, 0)) * spacing + meander * wander
+    return (i + 0.5 + 0.25 * _symmetric_uniform(seed, _CRACK, i, 0)) * spacing + meander * wander
 
 
-@_kernel
+@_compile_kernel
 def _crack_opening(seed: np.uint64, share: float, length: float, i: int, v: float) -> float:
     """Opening of transverse crack i at v across: 1 where it is, 0 where it is not."""
     j = math.floor(v / length)
-    if _unit(seed, _CRACK_SHARE, i, j) >= share:
+    if _unit_uniform(seed, _CRACK_SHARE, i, j) >= share:
         return 0.0
     opening = 1.0
-    if _unit(seed, _CRACK_SHARE, i, j - 1) >= share:
+    if _unit_uniform(seed, _CRACK_SHARE, i, j - 1) >= share:
         opening = min(opening, (v / length - j) / _CRACK_TAPER)
-    if _unit(seed, _CRACK_SHARE, i, j + 1) >= share:
+    if _unit_uniform(seed, _CRACK_SHARE, i, j + 1) >= share:
         opening = min(opening, (j + 1 - v / length) / _CRACK_TAPER)
     return opening
 
@@ -438,7 +454,7 @@ def transverse_cracks(
     v: Floats,
 ) -> Floats:
     """Depth of the cracks as a share of the full depth; u along and v across the road [m]."""
-    key = _key(seed)
+    key = _seed_key(seed)
     out = np.zeros(u.size)
     for n in prange(u.size):
         middle = math.floor(u[n] / spacing)
@@ -454,12 +470,12 @@ def transverse_cracks(
     return out
 
 
-@_kernel
+@_compile_kernel
 def _seed_point(key: np.uint64, i: int, j: int) -> tuple[float, float]:
-    return i + _unit(key, _CELL_U, i, j), j + _unit(key, _CELL_V, i, j)
+    return i + _unit_uniform(key, _CELL_U, i, j), j + _unit_uniform(key, _CELL_V, i, j)
 
 
-@_kernel
+@_compile_kernel
 def _edge_distance(key: np.uint64, share: float, x: float, y: float) -> float:
     """Distance from the nearest cracked edge of the Voronoi cells of one point per unit square."""
     i0, j0 = math.floor(x), math.floor(y)
@@ -471,11 +487,11 @@ def _edge_distance(key: np.uint64, share: float, x: float, y: float) -> float:
             if distance < nearest:
                 nearest, own_i, own_j = distance, i, j
     ax, ay = _seed_point(key, own_i, own_j)
-    own = _unit(key, _CRACK_SHARE, own_i, own_j)
+    own = _unit_uniform(key, _CRACK_SHARE, own_i, own_j)
     edge = np.inf
     for i in range(own_i - 2, own_i + 3):
         for j in range(own_j - 2, own_j + 3):
-            both = own + _unit(key, _CRACK_SHARE, i, j)  # the same from either side
+            both = own + _unit_uniform(key, _CRACK_SHARE, i, j)  # the same from either side
             if (i == own_i and j == own_j) or both - math.floor(both) >= share:
                 continue
             bx, by = _seed_point(key, i, j)
@@ -490,13 +506,13 @@ def alligator_cracks(
     seed: int, spacing: float, meander: float, share: float, width: float, x: Floats, y: Floats
 ) -> Floats:
     """Depth of the cracks as a share of the full depth."""
-    key = _key(seed)
+    key = _seed_key(seed)
     out = np.zeros(x.size)
     for n in prange(x.size):
         a, b = x[n] / spacing, y[n] / spacing
         warp = meander / spacing / _LARGEST_NOISE
-        shift_a = warp * _noise(key, _CRACK_COARSE, 2.0 * a, 2.0 * b)
-        shift_b = warp * _noise(key, _CRACK_FINE, 2.0 * a, 2.0 * b)
+        shift_a = warp * _value_noise(key, _CRACK_COARSE, 2.0 * a, 2.0 * b)
+        shift_b = warp * _value_noise(key, _CRACK_FINE, 2.0 * a, 2.0 * b)
         t = 2.0 * spacing * _edge_distance(key, share, a + shift_a, b + shift_b) / width
         if t < 1.0:
             out[n] = 1.0 - t * t

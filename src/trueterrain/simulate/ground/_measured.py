@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from trueterrain import provenance
-from trueterrain.kinds import check_surface
+from trueterrain.core import provenance
+from trueterrain.core.schemas import check_surface
 from trueterrain.simulate.ground._ground import Floats, Ground
 
 
@@ -18,7 +18,7 @@ class Measured(Ground):
 
     Examples
     --------
-    >>> from trueterrain.kinds import make_surface
+    >>> from trueterrain.core.schemas import make_surface
     >>> ramp = make_surface([[0.0, 1.0], [0.0, 1.0]], easting=[0, 1], northing=[0, 1])
     >>> Measured(surface=ramp).height([0.25, 2.0], 0.5)
     array([0.25,  nan])
@@ -53,6 +53,6 @@ class Measured(Ground):
 
         return np.asarray(heights_at(self.surface, x, y))
 
-    def describe(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Kind of the ground and the steps that led to its surface."""
-        return {"kind": "Measured", "steps": provenance.steps(self.surface)}
+        return {"kind": "Measured", "steps": provenance.provenance_steps(self.surface)}

@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.kinds import make_points, make_surface
-from trueterrain.provenance import add_step
+from trueterrain.core.provenance import add_step
+from trueterrain.core.schemas import make_points, make_surface
 from trueterrain.simulate.ground._ground import Floats, Ground, check_seed
 
 _WHOLE = 1e-6  # [1] how far a length may miss a whole number of spacings
@@ -44,7 +44,7 @@ def sample_surface(
     x = np.asarray(easting, dtype=np.float64)
     y = np.asarray(northing, dtype=np.float64)
     surface = make_surface(ground.height(x, y[:, None]), easting=x, northing=y)
-    return add_step(surface, "sample_surface", parameters={"ground": ground.describe()})
+    return add_step(surface, "sample_surface", parameters={"ground": ground.to_dict()})
 
 
 def sample_road(
@@ -123,7 +123,7 @@ def sample_road(
     bare = make_surface(np.zeros((chords + 1, strips + 1)), **line)
     surface = make_surface(ground.height(*node_coordinates(bare)), **line)
     parameters = {
-        "ground": ground.describe(),
+        "ground": ground.to_dict(),
         "start": start,
         "heading": heading,
         "curvature": curvature,
@@ -191,7 +191,7 @@ def sample_points(
         up = up + noise_sd * random.standard_normal(int(number))
         optional["sd"] = np.full(int(number), float(noise_sd))
     points = make_points(easting, northing, up, **optional)
-    parameters = {"ground": ground.describe(), "extent": extent, "seed": seed, "noise_sd": noise_sd}
+    parameters = {"ground": ground.to_dict(), "extent": extent, "seed": seed, "noise_sd": noise_sd}
     return add_step(points, "sample_points", parameters=parameters)
 
 

@@ -1,6 +1,6 @@
 """Scenes: the virtual profiler on known ground, recorded as runs whose truth is known."""
 
-from trueterrain.simulate.scene._parts import Drive, Road, Standing, Truth, Vehicle
+from trueterrain.simulate.scene._parts import RoadShape, ScenePass, Standing, TruthSettings, Vehicle
 from trueterrain.simulate.scene._plate import CalibrationPlate
 from trueterrain.simulate.scene._record import record_pass, record_scene
 from trueterrain.simulate.scene._scene import (
@@ -14,12 +14,12 @@ from trueterrain.simulate.scene._scene import (
 
 __all__ = [
     "CalibrationPlate",
-    "Drive",
-    "Road",
+    "RoadShape",
     "Scene",
+    "ScenePass",
     "Stage",
     "Standing",
-    "Truth",
+    "TruthSettings",
     "Vehicle",
     "read_scene",
     "record_pass",

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from trueterrain.errors import FormatError, TrueTerrainError
+from trueterrain.core.errors import FormatError, TrueTerrainError
 from trueterrain.formats.settings import parse_settings, settings_template
 from trueterrain.simulate.course import Arc, Oval, Straight, Stretches, Waypoints
 from trueterrain.simulate.ground import (
@@ -76,7 +76,7 @@ class MeasuredFile:
     "Offsets between which it is used, so as to leave out ragged edges [m]; all by default."
 
 
-def build(kinds: Mapping[str, type], table: Table, place: str, *, path: Path | None) -> Any:
+def build_kind(kinds: Mapping[str, type], table: Table, place: str, *, path: Path | None) -> Any:
     """Object that a table with a key ``kind`` describes.
 
     Parameters
@@ -115,14 +115,14 @@ def build(kinds: Mapping[str, type], table: Table, place: str, *, path: Path | N
         raise FormatError(f"{problem} ({hint})", path=path, place=place)
     try:
         if kind == MEASURED:
-            return _measured(parse_settings(MeasuredFile, values), path)
+            return _measured_ground(parse_settings(MeasuredFile, values), path)
         return parse_settings(kinds[kind], values)
     except (TrueTerrainError, ValueError) as error:
         problem = error.problem if isinstance(error, FormatError) else str(error)
         raise FormatError(problem, path=path, place=place) from None
 
 
-def catalogue() -> str:
+def kind_catalogue() -> str:
     """All kinds with their parameters, as comments for a template.
 
     Returns
@@ -146,7 +146,7 @@ def catalogue() -> str:
     return "\n".join(f"# {line}".rstrip() for line in lines) + "\n"
 
 
-def _measured(settings: MeasuredFile, path: Path | None) -> Repeated:
+def _measured_ground(settings: MeasuredFile, path: Path | None) -> Repeated:
     file = (Path() if path is None else path.parent) / settings.file
     options = asdict(settings)
     del options["file"]

@@ -21,7 +21,7 @@ _QUARTER, _RIGID = "quarter car", "rigid"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Road:
+class RoadShape:
     """How the ground lies along the course."""
 
     along_course: bool = False
@@ -80,7 +80,7 @@ class Standing:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Drive:
+class ScenePass:
     """One pass over the ground: one recorded run."""
 
     name: str
@@ -145,7 +145,7 @@ class Vehicle:
         """Check model and parameters."""
         known = [*vehicle_names(), _QUARTER, _RIGID]
         if self.model not in known:
-            message = f"model {self.model!r} is unknown ({hint(self.model, known)})."
+            message = f"model {self.model!r} is unknown ({suggest_name(self.model, known)})."
             raise ValueError(message)
         check_finite(self, "height", "roll", "pitch")
         if self.model != _RIGID and (self.roll or self.pitch or self.waves):
@@ -171,7 +171,7 @@ class Vehicle:
         known = [entry.name for entry in dataclasses.fields(car)]
         for name in self.parameters:
             if name not in known:
-                message = f"parameters.{name} is unknown ({hint(name, known)})."
+                message = f"parameters.{name} is unknown ({suggest_name(name, known)})."
                 raise ValueError(message)
         values: dict[str, float] = dataclasses.asdict(car) | self.parameters
         try:
@@ -182,7 +182,7 @@ class Vehicle:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Truth:
+class TruthSettings:
     """What the truth of a run shall hold besides the exact motion and the injected errors."""
 
     spacing: float = 0.02
@@ -198,7 +198,7 @@ class Truth:
             raise ValueError(message)
 
 
-def hint(name: str, known: list[str]) -> str:
+def suggest_name(name: str, known: list[str]) -> str:
     """Known name that is nearest, or all of them."""
     near = difflib.get_close_matches(name.lower(), known, n=1)
     return f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"

@@ -95,13 +95,13 @@ class CalibrationPlate(Ground):
         relief = np.zeros_like(along)
         for number, shape in enumerate(self.cleats):
             apart = along - (number - 0.5 * (len(self.cleats) - 1)) * self.pitch
-            relief = np.maximum(relief, _relief(shape, apart / half))
+            relief = np.maximum(relief, _cleat_relief(shape, apart / half))
         profile = self.thickness + self.rise * relief
         on_plate = (np.abs(along) <= 0.5 * self.length) & (np.abs(across) <= 0.5 * self.width)
         return np.where(on_plate, profile, 0.0)
 
 
-def _relief(shape: Shape, place: Float) -> Float:
+def _cleat_relief(shape: Shape, place: Float) -> Float:
     """Share of the rise of a cleat at places from -1 at one foot to 1 at the other."""
     if shape == "rectangle":
         return np.where(np.abs(place) <= 1.0, 1.0, 0.0)

@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.engine import Progress, no_progress, require_writable, whole_stores
+from trueterrain.core import Progress, no_progress, require_writable, whole_stores
+from trueterrain.core.provenance import add_step
+from trueterrain.core.schemas import make_surface
 from trueterrain.formats.run import Mounting, RunWriter
-from trueterrain.kinds import make_surface
-from trueterrain.provenance import add_step
 from trueterrain.simulate.accelerometers import AccelerometerStream
 from trueterrain.simulate.body import Motion
 from trueterrain.simulate.ground import Ground
@@ -21,9 +21,9 @@ from trueterrain.simulate.navigation import NavigationStream
 from trueterrain.simulate.pose import COMPONENTS, PoseKnots
 from trueterrain.simulate.raster import Raster
 from trueterrain.simulate.rotation import body_to_ground
-from trueterrain.simulate.scanner import ScannerStream, Scans
+from trueterrain.simulate.scanner import ScannerStream, SimulatedScans
 from trueterrain.simulate.scene._kinds import MEASURED
-from trueterrain.simulate.scene._parts import Drive
+from trueterrain.simulate.scene._parts import ScenePass
 from trueterrain.simulate.scene._scene import Scene, Stage, set_stage
 
 Float = npt.NDArray[np.float64]
@@ -91,7 +91,7 @@ def record_scene(
 
 def record_pass(
     stage: Stage,
-    drive: Drive,
+    drive: ScenePass,
     motion: Motion,
     target: str | Path,
     *,
@@ -149,18 +149,20 @@ def record_pass(
         delay=scene.scanner.delay,
         accelerometer_positions=np.array(scene.accelerometers.positions),
         largest_range=scene.scanner.furthest,
-        history=_history(stage, drive, number),
+        history=_scene_provenance(stage, drive, number),
         force=force,
     ) as run:
         for begin, end, knots in motion.blocks(-_LEAD, duration + _LEAD, block, margin=_MARGIN):
             epochs = navigation.record(knots, begin, end)
             run.append_navigation(epochs.recorded)
-            run.append_truth("navigation", _along(epochs.truth, "epoch"))
+            run.append_truth("navigation", _block_dataset(epochs.truth, "epoch"))
             samples = accelerometers.record(knots, begin, end)
             run.append_accelerometers(**samples.recorded)
-            felt = _along(samples.truth, "sample", "sensor").merge(_constant_errors(accelerometers))
+            felt = _block_dataset(samples.truth, "sample", "sensor").merge(
+                _constant_errors(accelerometers)
+            )
             run.append_truth("accelerometers", felt, dim="sample")
-            driven = _knots(knots, begin, end, last=end == duration + _LEAD)
+            driven = _motion_knots(knots, begin, end, last=end == duration + _LEAD)
             run.append_truth("body", driven)
             if drive.standing is None or begin == -_LEAD:
                 shown.append(driven)
@@ -168,15 +170,15 @@ def record_pass(
             if last > first:
                 scans = scanner.record(knots, first, last)
                 run.append_scans(scans.time, scans.range, scans.intensity)
-                run.append_truth("scanner", _poses(knots, scans, mounting))
+                run.append_truth("scanner", _scanner_poses(knots, scans, mounting))
                 if scene.truth.returns:
-                    run.append_truth("returns", _errors(scans), dim="scan")
+                    run.append_truth("returns", _range_errors(scans), dim="scan")
                 progress(drive.name, last, duration)
             for part in shown.rows(end=end == duration + _LEAD):
                 run.append_truth("ground", part, dim="u")
 
 
-def _history(stage: Stage, drive: Drive, number: int) -> str:
+def _scene_provenance(stage: Stage, drive: ScenePass, number: int) -> str:
     """Provenance: the whole scene, which pass, and the measured surfaces."""
     folder = stage.path.parent if stage.path else Path()
     measured = [table["file"] for table in stage.scene.ground if table.get("kind") == MEASURED]
@@ -273,13 +275,13 @@ class _Shown:
         return np.asarray(end + way[:, None] * np.array([1.0, *ahead, 0.0]))[::side]
 
 
-def _along(block: Mapping[str, npt.ArrayLike], *dims: str) -> xr.Dataset:
+def _block_dataset(block: Mapping[str, npt.ArrayLike], *dims: str) -> xr.Dataset:
     return xr.Dataset(
         {name: (dims[: np.ndim(values)], np.asarray(values)) for name, values in block.items()}
     )
 
 
-def _knots(knots: PoseKnots, begin: float, end: float, *, last: bool) -> xr.Dataset:
+def _motion_knots(knots: PoseKnots, begin: float, end: float, *, last: bool) -> xr.Dataset:
     """Knots of the exact motion in [begin, end), and the one after the end of the last block."""
     step = knots.time[1] - knots.time[0]
     inside = (knots.time >= begin - 1e-9) & (knots.time < end + (step if last else 0.0) - 1e-9)
@@ -288,7 +290,7 @@ def _knots(knots: PoseKnots, begin: float, end: float, *, last: bool) -> xr.Data
         columns[name] = knots.pose[inside, number]
         columns[f"{name}_rate"] = knots.rate[inside, number]
         columns[f"{name}_acceleration"] = knots.acceleration[inside, number]
-    return _along(columns, "knot")
+    return _block_dataset(columns, "knot")
 
 
 def _constant_errors(accelerometers: AccelerometerStream) -> xr.Dataset:
@@ -297,7 +299,7 @@ def _constant_errors(accelerometers: AccelerometerStream) -> xr.Dataset:
     return xr.Dataset({"scale_error": ("sensor", scale), "axis": (("sensor", "component"), axis)})
 
 
-def _poses(knots: PoseKnots, scans: Scans, mounting: Mounting) -> xr.Dataset:
+def _scanner_poses(knots: PoseKnots, scans: SimulatedScans, mounting: Mounting) -> xr.Dataset:
     """Exact pose of the scanner at the first beam of every scan, and the true mounting."""
     time = scans.time + mounting.scanner_clock
     pose, _, _ = knots.at(time)
@@ -310,11 +312,11 @@ def _poses(knots: PoseKnots, scans: Scans, mounting: Mounting) -> xr.Dataset:
         np.arctan2(turned[:, 1, 0], turned[:, 0, 0]),
     )
     columns = dict(zip(COMPONENTS, [*at.T, *angles], strict=True))
-    poses = _along({"time": time, **columns}, "scan")
+    poses = _block_dataset({"time": time, **columns}, "scan")
     return poses.assign_attrs(mounting=mounting.to_attrs())
 
 
-def _errors(scans: Scans) -> xr.Dataset:
+def _range_errors(scans: SimulatedScans) -> xr.Dataset:
     """Error of every range: recorded less exact."""
     error = (scans.range - scans.true_range) / _MICROMETRE
     steps = np.where(np.isnan(error), _LOST, np.rint(error)).astype(np.int32)

@@ -6,24 +6,24 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from trueterrain.errors import FormatError
-from trueterrain.formats.navigation._frames import check_origin
+from trueterrain.core.errors import FormatError
 from trueterrain.formats.run import Mounting
 from trueterrain.formats.settings import check_name, read_settings, settings_template
-from trueterrain.simulate.accelerometers import Accelerometers, triangle
-from trueterrain.simulate.body import BodyMotion, Follower, Motion, Parked, Pass
+from trueterrain.geometry.navigation_frames import check_origin
+from trueterrain.simulate.accelerometers import Accelerometers, sensor_triangle
+from trueterrain.simulate.body import BodyMotion, Follower, Motion, Parked, PassPlan
 from trueterrain.simulate.course import Course
 from trueterrain.simulate.ground import AlongCourse, Ground, Sum
 from trueterrain.simulate.navigation import Navigation
 from trueterrain.simulate.scanner import Reflectivity, Scanner
-from trueterrain.simulate.scene._kinds import COURSES, GROUNDS, SPEEDS, build, catalogue
+from trueterrain.simulate.scene._kinds import COURSES, GROUNDS, SPEEDS, build_kind, kind_catalogue
 from trueterrain.simulate.scene._parts import (
-    Drive,
-    Road,
+    RoadShape,
+    ScenePass,
     Standing,
-    Truth,
+    TruthSettings,
     Vehicle,
-    hint,
+    suggest_name,
 )
 from trueterrain.vehicle import FullCarParameters
 
@@ -58,10 +58,10 @@ class Scene:
     ground: tuple[dict[str, Any], ...] = ({"kind": "belgian-block"},)
     "Layers of the ground, each with its kind and parameters; their heights add up."
 
-    road: Road = field(default_factory=Road)
+    road: RoadShape = field(default_factory=RoadShape)
     "How the ground lies along the course."
 
-    passes: tuple[Drive, ...] = (Drive(name="pass"),)
+    passes: tuple[ScenePass, ...] = (ScenePass(name="pass"),)
     "The passes."
 
     vehicle: Vehicle = field(default_factory=Vehicle)
@@ -85,11 +85,11 @@ class Scene:
     "The navigation."
 
     accelerometers: Accelerometers = field(
-        default_factory=lambda: Accelerometers(positions=triangle(LASER, 0.5))
+        default_factory=lambda: Accelerometers(positions=sensor_triangle(LASER, 0.5))
     )
     "The accelerometers."
 
-    truth: Truth = field(default_factory=Truth)
+    truth: TruthSettings = field(default_factory=TruthSettings)
     "What the truth holds."
 
     def __post_init__(self) -> None:
@@ -139,7 +139,7 @@ class Stage:
     path: Path | None
     "File of the scene, for messages."
 
-    def motion(self, drive: Drive) -> Motion:
+    def motion(self, drive: ScenePass) -> Motion:
         """How the body moves in a pass.
 
         Parameters
@@ -178,13 +178,13 @@ class Stage:
             )
             raise ValueError(message)
 
-    def _motion(self, drive: Drive, place: str) -> Motion:
+    def _motion(self, drive: ScenePass, place: str) -> Motion:
         vehicle = self.scene.vehicle
         if drive.standing is not None:
             return self._parked(drive.standing)
-        way = Pass(
+        way = PassPlan(
             course=self.course,
-            speed=build(SPEEDS, drive.speed, f"{place}, speed", path=self.path),
+            speed=build_kind(SPEEDS, drive.speed, f"{place}, speed", path=self.path),
             lane=drive.lane,
             reverse=drive.reverse,
             start=drive.start,
@@ -223,7 +223,7 @@ def scene_names() -> list[str]:
     >>> "belgian-two-lanes" in scene_names()
     True
     """
-    return sorted(file.name.removesuffix(".toml") for file in _folder().iterdir()
+    return sorted(file.name.removesuffix(".toml") for file in _scene_folder().iterdir()
                   if file.name.endswith(".toml"))  # fmt: skip
 
 
@@ -259,10 +259,10 @@ def read_scene(scene: str | Path) -> tuple[Scene, Path]:
         if str(scene) not in scene_names():
             message = (
                 f"{scene}: no ready scene has this name, and it is no .toml file "
-                f"({hint(str(scene), scene_names())})."
+                f"({suggest_name(str(scene), scene_names())})."
             )
             raise ValueError(message)
-        path = Path(str(_folder() / f"{scene}.toml"))
+        path = Path(str(_scene_folder() / f"{scene}.toml"))
     return read_settings(Scene, path), path
 
 
@@ -286,14 +286,14 @@ def set_stage(scene: Scene, *, path: Path | None = None) -> Stage:
     FormatError
         If a kind is unknown or a parameter breaks a rule.
     """
-    course: Course = build(COURSES, scene.course, "course", path=path)
+    course: Course = build_kind(COURSES, scene.course, "course", path=path)
     layers = [
-        build(GROUNDS, table, f"ground {number}", path=path)
+        build_kind(GROUNDS, table, f"ground {number}", path=path)
         for number, table in enumerate(scene.ground, start=1)
     ]
     ground: Ground = layers[0] if len(layers) == 1 else Sum(parts=tuple(layers))
     try:
-        ground = _laid(ground, course, scene.road)
+        ground = _lay_ground(ground, course, scene.road)
     except ValueError as error:
         raise FormatError(str(error), path=path, place="road") from None
     return Stage(scene=scene, course=course, ground=ground, path=path)
@@ -313,10 +313,10 @@ def scene_template(scene: Scene | None = None) -> str:
         TOML that `read_scene` reads.
     """
     scene = Scene(name="scene") if scene is None else scene
-    return settings_template(scene, title="A scene of the virtual profiler.") + catalogue()
+    return settings_template(scene, title="A scene of the virtual profiler.") + kind_catalogue()
 
 
-def _laid(ground: Ground, course: Course, road: Road) -> Ground:
+def _lay_ground(ground: Ground, course: Course, road: RoadShape) -> Ground:
     if not (road.along_course or road.slope or road.banking or road.superelevation):
         return ground
     if road.superelevation:
@@ -326,5 +326,5 @@ def _laid(ground: Ground, course: Course, road: Road) -> Ground:
     return AlongCourse(ground=ground, course=course, slope=road.slope, banking=road.banking)
 
 
-def _folder() -> Any:
+def _scene_folder() -> Any:
     return resources.files("trueterrain.simulate.scene") / "scenes"

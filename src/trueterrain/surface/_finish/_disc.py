@@ -9,13 +9,13 @@ import numpy.typing as npt
 from trueterrain.surface.cells import Grid
 
 if TYPE_CHECKING:
-    from trueterrain.surface.grid import GridOptions
+    from trueterrain.surface.grid import GridSettings
 
 _HALO = 6  # rows around a node that its numbers depend on, beside the radius
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Disc:
+class NodeDisc:
     """Cells around a node that its height is taken from."""
 
     ahead: npt.NDArray[np.int64]
@@ -28,7 +28,7 @@ class Disc:
     "Weight of their returns [1]."
 
 
-def disc_of(options: "GridOptions", grid: Grid) -> Disc | None:
+def disc_of(options: "GridSettings", grid: Grid) -> NodeDisc | None:
     """Cells whose middle lies in the disc around a node; None for the own cell alone."""
     if not options.radius:
         return None
@@ -39,10 +39,10 @@ def disc_of(options: "GridOptions", grid: Grid) -> Disc | None:
     inside = distance <= options.radius * (1 + 1e-9)
     # nearer than half a cell is as near as can be told
     weight = np.maximum(distance[inside], 0.5 * min(steps)) ** -options.power
-    return Disc(ahead=i[inside], left=j[inside], weight=weight / weight.max())
+    return NodeDisc(ahead=i[inside], left=j[inside], weight=weight / weight.max())
 
 
-def halo_of(options: "GridOptions", grid: Grid) -> int:
+def halo_of(options: "GridSettings", grid: Grid) -> int:
     """Rows to either side of a node that its numbers depend on."""
     disc = disc_of(options, grid)
     return _HALO + (int(np.abs(disc.ahead).max()) if disc else 0)

@@ -4,14 +4,14 @@ import math
 
 import numpy as np
 
-from trueterrain.engine.kernels import compile_kernel
+from trueterrain.core.kernels import compile_kernel
 
 #: Cells to either side whose scatter is pooled.
 REACH = 2
 
 
 @compile_kernel(error_model="numpy")
-def moments(count, totals, squares, step, mean, deviation):
+def cell_moments(count, totals, squares, step, mean, deviation):
     """Mean of each cell, and the sum of squared deviations from it; NaN where none is."""
     for i in range(count.shape[0]):
         for j in range(count.shape[1]):
@@ -37,7 +37,7 @@ def moments(count, totals, squares, step, mean, deviation):
 
 
 @compile_kernel(error_model="numpy")
-def _slope(before, here, after, steeper):
+def _limited_slope(before, here, after, steeper):
     """Mean of the steps to both sides, no steeper than so many times the gentler one."""
     a, b = here - before, after - here
     if math.isnan(a):
@@ -52,24 +52,24 @@ def _slope(before, here, after, steeper):
 
 
 @compile_kernel(error_model="numpy")
-def slopes(height, steeper, ahead, left):
+def cell_slopes(height, steeper, ahead, left):
     """Slopes per cell along both axes."""
     rows, columns = height.shape
     for i in range(rows):
         for j in range(columns):
             here = height[i, j]
-            ahead[i, j] = _slope(
+            ahead[i, j] = _limited_slope(
                 height[i - 1, j] if i > 0 else math.nan, here,
                 height[i + 1, j] if i < rows - 1 else math.nan, steeper,
             )  # fmt: skip
-            left[i, j] = _slope(
+            left[i, j] = _limited_slope(
                 height[i, j - 1] if j > 0 else math.nan, here,
                 height[i, j + 1] if j < columns - 1 else math.nan, steeper,
             )  # fmt: skip
 
 
 @compile_kernel(error_model="numpy")
-def level(mean, count, alongs, acrosses, parts, ahead, left, height):
+def level_means(mean, count, alongs, acrosses, parts, ahead, left, height):
     """Means brought from the mean place of the returns to the nodes."""
     for i in range(mean.shape[0]):
         for j in range(mean.shape[1]):
@@ -83,7 +83,7 @@ def level(mean, count, alongs, acrosses, parts, ahead, left, height):
 
 
 @compile_kernel(error_model="numpy")
-def scatter(deviation, count, weight, between, ahead, left, levelled, total, free):
+def cell_scatter(deviation, count, weight, between, ahead, left, levelled, total, free):
     """What is left of squared deviations without slope and passes, and its degrees of freedom."""
     passes = between.size > 0
     for i in range(deviation.shape[0]):
@@ -101,7 +101,7 @@ def scatter(deviation, count, weight, between, ahead, left, levelled, total, fre
 
 
 @compile_kernel(error_model="numpy")
-def box(values, row, out):
+def box_sums(values, row, out):
     """Sums over the cells around, `REACH` to either side, added in an order of their own.
 
     `row` is room for one row and the reach to both sides, where nothing is added.
@@ -121,7 +121,7 @@ def box(values, row, out):
 
 
 @compile_kernel(error_model="numpy")
-def pool(total, free, least, single):
+def pool_variance(total, free, least, single):
     """Variance of a single return, not less than `least`; NaN if neither tells it."""
     for i in range(total.shape[0]):
         for j in range(total.shape[1]):
@@ -132,7 +132,7 @@ def pool(total, free, least, single):
 
 
 @compile_kernel(error_model="numpy")
-def conclude(
+def finish_rows(
     value, single, n, effective, pose, ahead, left, sideways, along, across, spread, least, first,
     height, sd, count,
 ):  # fmt: skip
@@ -154,7 +154,7 @@ def conclude(
 
 
 @compile_kernel(error_model="numpy")
-def search(
+def search_disc(
     mean, count, alongs, acrosses, parts, ahead, left, weight, levelled, found, n, effective,
     slope_ahead, slope_left,
 ):  # fmt: skip

@@ -8,14 +8,14 @@ import numpy as np
 import numpy.typing as npt
 
 from trueterrain.surface._finish import _kernels
-from trueterrain.surface._finish._disc import Disc, disc_of, halo_of
+from trueterrain.surface._finish._disc import NodeDisc, disc_of, halo_of
 from trueterrain.surface.accumulate import STEP, CellSums
 from trueterrain.surface.accumulate._kernels import MIDDLE
 from trueterrain.surface.accumulate._pose import VARIANCE_STEP
 from trueterrain.surface.accumulate._sums import PARTS
 
 if TYPE_CHECKING:
-    from trueterrain.surface.grid import GridOptions
+    from trueterrain.surface.grid import GridSettings
 
 Floats = npt.NDArray[np.float64]
 
@@ -27,7 +27,7 @@ _STEEPER = 2.0  # times the gentler of both sides, a slope is believed
 
 
 @dataclass(frozen=True, eq=False)
-class Nodes:
+class NodeValues:
     """Numbers of all nodes of a grid: 16 bytes for each."""
 
     height: Floats
@@ -40,12 +40,14 @@ class Nodes:
     "Returns, shape (u, v)."
 
     @classmethod
-    def empty(cls, shape: tuple[int, int]) -> "Nodes":
+    def empty(cls, shape: tuple[int, int]) -> "NodeValues":
         """Room for so many nodes."""
         return cls(np.empty(shape), np.empty(shape, np.float32), np.empty(shape, np.int32))
 
 
-def finish(sums: CellSums, options: "GridOptions", begin: int, end: int, nodes: Nodes) -> None:
+def finish_sums(
+    sums: CellSums, options: "GridSettings", begin: int, end: int, nodes: NodeValues
+) -> None:
     """Numbers of the rows from `begin` to before `end`; the sums hold those around them too."""
     disc = disc_of(options, sums.grid)
     halo = halo_of(options, sums.grid)
@@ -60,19 +62,19 @@ def finish(sums: CellSums, options: "GridOptions", begin: int, end: int, nodes: 
 
     weights, places = of(part.count), (of(part.alongs), of(part.acrosses))
     mean, deviation = np.empty(weights.shape), np.empty(weights.shape)
-    _kernels.moments(weights, of(part.totals), of(part.squares), STEP, mean, deviation)
+    _kernels.cell_moments(weights, of(part.totals), of(part.squares), STEP, mean, deviation)
     levelled = options.level and options.statistic == "mean"
     slopes = np.empty_like(mean), np.empty_like(mean)
-    _kernels.slopes(mean, _STEEPER, *slopes)
+    _kernels.cell_slopes(mean, _STEEPER, *slopes)
     value = mean
     if levelled:
         value = np.empty_like(mean)
         for round_ in range(_ROUNDS):
             if round_:
-                _kernels.slopes(value, _STEEPER, *slopes)
-            _kernels.level(mean, weights, *places, PARTS, *slopes, value)
+                _kernels.cell_slopes(value, _STEEPER, *slopes)
+            _kernels.level_means(mean, weights, *places, PARTS, *slopes, value)
     pose, between = sums.pose_variance(around)
-    single = _single(
+    single = _return_variance(
         deviation, weights, sums.weight, between, slopes, options.range_noise, levelled=levelled
     )
     if part.variances.size:
@@ -81,24 +83,24 @@ def finish(sums: CellSums, options: "GridOptions", begin: int, end: int, nodes: 
         pose = pose + np.maximum(own - options.range_noise**2, 0.0)
     n = effective = weights / sums.weight
     if disc is not None:
-        value, n, effective = _searched(mean, weights, sums.weight, places, disc, slopes)
+        value, n, effective = _search_heights(mean, weights, sums.weight, places, disc, slopes)
     if options.statistic in ("minimum", "maximum"):
         low = options.statistic == "minimum"
         stored = of(part.lows if low else part.highs) - float(MIDDLE)
         value, effective = (-stored if low else stored) * STEP, np.ones_like(n)
-    _kernels.conclude(
+    _kernels.finish_rows(
         value, single, n, effective, pose, *slopes, sums.sideways_variance(), *sums.grid.spacing,
-        _spread(options.share), options.minimum_count, begin - around.start,
+        _quantile_variance_factor(options.share), options.minimum_count, begin - around.start,
         nodes.height[begin:end], nodes.sd[begin:end], nodes.count[begin:end],
     )  # fmt: skip
 
 
-def _searched(
+def _search_heights(
     mean: Floats,
     weights: Any,
     weight: int,
     places: tuple[Any, Any],
-    disc: Disc,
+    disc: NodeDisc,
     slopes: tuple[Floats, Floats],
 ) -> tuple[Floats, Floats, Floats]:
     """Heights from discs; counts, and how many returns of equal weight they are worth.
@@ -109,14 +111,14 @@ def _searched(
     levelled = places[0].size > 0
     if not levelled:
         places = np.zeros_like(weights), np.zeros_like(weights)
-    _kernels.search(
+    _kernels.search_disc(
         mean, weights, *places, PARTS, disc.ahead, disc.left, disc.weight, levelled, found, n,
         effective, *slopes,
     )  # fmt: skip
     return found, n / weight, effective / weight
 
 
-def _spread(share: float | None) -> float:
+def _quantile_variance_factor(share: float | None) -> float:
     """Variance of a quantile of many normal values over that of their mean."""
     if share is None:
         return 1.0
@@ -124,7 +126,7 @@ def _spread(share: float | None) -> float:
     return share * (1 - share) / normal.pdf(normal.inv_cdf(share)) ** 2
 
 
-def _single(
+def _return_variance(
     deviation: Floats,
     weights: Any,
     weight: int,
@@ -136,13 +138,13 @@ def _single(
 ) -> Floats:
     """Variance of a single return from the scatter in the cells around [m²]."""
     total, free = np.empty_like(deviation), np.empty_like(deviation)
-    _kernels.scatter(
+    _kernels.cell_scatter(
         deviation, weights, weight, np.empty((0, 0)) if between is None else between, *slopes,
         levelled, total, free,
     )  # fmt: skip
     sums = np.empty_like(total), np.empty_like(free)
     row = np.empty(total.shape[1] + 2 * _kernels.REACH)
-    _kernels.box(total, row, sums[0])
-    _kernels.box(free, row, sums[1])
-    _kernels.pool(*sums, noise**2, sums[0])
+    _kernels.box_sums(total, row, sums[0])
+    _kernels.box_sums(free, row, sums[1])
+    _kernels.pool_variance(*sums, noise**2, sums[0])
     return sums[0]

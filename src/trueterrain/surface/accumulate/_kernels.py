@@ -9,14 +9,14 @@ import math
 
 import numpy as np
 
-from trueterrain.engine.kernels import compile_kernel
+from trueterrain.core.kernels import compile_kernel
 
 #: Whole numbers as which least and greatest heights are kept: 0 stands for none.
 MIDDLE = 1 << 30
 
 
 @compile_kernel
-def _place(expansion, beam, ranges, scale, begin, end, where):
+def _place_returns(expansion, beam, ranges, scale, begin, end, where):
     """Places of the returns of one piece of a scan, axis by axis."""
     x1, x2 = beam[1, begin:end], beam[2, begin:end]
     s0, s1, s2 = beam[3, begin:end], beam[4, begin:end], beam[5, begin:end]
@@ -35,7 +35,7 @@ def _place(expansion, beam, ranges, scale, begin, end, where):
 
 
 @compile_kernel
-def scans(
+def accumulate_scans(
     begin, end, expansion, first, beam, ranges, scale, missing, nearest, furthest,
     intensity, floor, saturation, good, doubtful,
     px, py, nx, ny, dx, dy, lean, widen, length, hint,
@@ -67,7 +67,9 @@ def scans(
     rows = touched.size
     for n in range(begin, end):
         for p in range(pieces):
-            _place(expansion[n * pieces + p], beam, ranges[n], scale, first[p], first[p + 1], where)
+            _place_returns(
+                expansion[n * pieces + p], beam, ranges[n], scale, first[p], first[p + 1], where
+            )
         i = np.int64(hint[n])
         fresh = np.int64(1)
         if noted and reach_found[n]:
@@ -182,7 +184,7 @@ def scans(
 
 
 @compile_kernel
-def poses(body, variance, pieces, px, py, nx, ny, hint, unit, sums):
+def accumulate_poses(body, variance, pieces, px, py, nx, ny, hint, unit, sums):
     """Variances of scans from the pose in the middle of each, into the sums of rows."""
     last = sums.shape[0] - 1
     for n in range(hint.size):
@@ -212,7 +214,7 @@ def _add_pose(at, c, px, py, nx, ny, unit, row):
 
 
 @compile_kernel
-def variances(coefficient, v, out):
+def pose_variances(coefficient, v, out):
     """A + b v + c v², at least 0."""
     for i in range(out.shape[0]):
         a, b, c = coefficient[0, i], coefficient[1, i], coefficient[2, i]
@@ -221,7 +223,7 @@ def variances(coefficient, v, out):
 
 
 @compile_kernel
-def _strip(px, py, nx, ny, i, x, y):
+def _find_strip(px, py, nx, ny, i, x, y):
     """Strip that holds a place, looked for from strip i on."""
     last = px.size - 2
     while i > 0 and (x - px[i]) * ny[i] - (y - py[i]) * nx[i] < 0.0:
@@ -232,7 +234,7 @@ def _strip(px, py, nx, ny, i, x, y):
 
 
 @compile_kernel
-def reach(
+def scan_reach(
     expansion, pieces, piece, beam, furthest, px, py, nx, ny, dx, dy, hint, right, left, spare,
     low, high,
 ):  # fmt: skip
@@ -257,8 +259,8 @@ def reach(
                 r = min(r, max((left - offset) / aside, 0.0))
             elif aside < 0.0:
                 r = min(r, max((right - offset) / aside, 0.0))
-            begin = _strip(px, py, nx, ny, i, where[0], where[1])
-            end = _strip(px, py, nx, ny, begin, where[0] + r * ray[0], where[1] + r * ray[1])
+            begin = _find_strip(px, py, nx, ny, i, where[0], where[1])
+            end = _find_strip(px, py, nx, ny, begin, where[0] + r * ray[0], where[1] + r * ray[1])
             first = min(first, begin, end)
             last = max(last, begin, end)
         # a strip reaches half-way into the rows of both its nodes
@@ -267,7 +269,7 @@ def reach(
 
 
 @compile_kernel
-def points(
+def accumulate_points(
     begin, end, u, v, z, sd, first_u, per_along, rows, v_right, per_across, columns, per_step,
     parts, furthest_height, variance_unit, first_row, touched, count, totals, squares, lows, highs,
     alongs, acrosses, variances, tally, first_cell, cursor, values,
@@ -319,7 +321,7 @@ def points(
 
 
 @compile_kernel
-def merge(count, totals, squares, lows, highs, alongs, acrosses, variances, touched, other):
+def merge_sums(count, totals, squares, lows, highs, alongs, acrosses, variances, touched, other):
     """Add the sums of another accumulator, row by row where it has any, and leave zeros there."""
     columns = count.size // touched.size
     for row in range(touched.size):
@@ -342,20 +344,20 @@ def merge(count, totals, squares, lows, highs, alongs, acrosses, variances, touc
         if variances.size:
             for cell in range(begin, end):
                 variances[cell] += other[7][cell]
-        _clear(row, columns, other)
+        _clear_row(row, columns, other)
 
 
 @compile_kernel
-def clear(sums):
+def clear_sums(sums):
     """Leave zeros in an accumulator, row by row where it has any sums."""
     columns = sums[0].size // sums[8].size
     for row in range(sums[8].size):
         if sums[8][row]:
-            _clear(row, columns, sums)
+            _clear_row(row, columns, sums)
 
 
 @compile_kernel
-def _clear(row, columns, sums):
+def _clear_row(row, columns, sums):
     count, totals, squares, lows, highs, alongs, acrosses, variances, touched = sums
     begin, end = row * columns, (row + 1) * columns
     count[begin:end] = 0
@@ -373,7 +375,7 @@ def _clear(row, columns, sums):
 
 
 @compile_kernel
-def quantiles(values, ends, share, out):
+def cell_quantiles(values, ends, share, out):
     """Quantile of the heights of each cell, between two of them by their shares; sorts them."""
     begin = 0
     for cell in range(ends.size):

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 
 from trueterrain.surface.accumulate import _kernels
-from trueterrain.surface.accumulate._pose import Pose
-from trueterrain.surface.accumulate._tally import Tally, Wanted
+from trueterrain.surface.accumulate._pose import PoseVariance
+from trueterrain.surface.accumulate._tally import KeptSums, ReturnTotals
 from trueterrain.surface.cells import Grid
 
 
 @dataclass
-class Part:
+class ThreadSums:
     """Sums of one thread, flat; what is not wanted has no room.
 
     Memory that is never touched costs nothing, so each thread can have all cells.
@@ -27,11 +27,11 @@ class Part:
     acrosses: Any
     variances: Any
     touched: Any
-    pose: Pose
-    tally: Tally = field(default_factory=Tally)
+    pose: PoseVariance
+    tally: ReturnTotals = field(default_factory=ReturnTotals)
 
     @classmethod
-    def empty(cls, grid: Grid, rows: int, wanted: Wanted) -> "Part":
+    def empty(cls, grid: Grid, rows: int, wanted: KeptSums) -> "ThreadSums":
         """All sums zero, for some rows of a grid."""
         cells = rows * grid.shape[1]
 
@@ -48,7 +48,7 @@ class Part:
             acrosses=some(wanted.places, np.int32),
             variances=some(wanted.point_sd, np.int64),
             touched=np.zeros(rows, np.bool_),
-            pose=Pose.empty(grid),
+            pose=PoseVariance.empty(grid),
         )
 
     @property
@@ -64,16 +64,16 @@ class Part:
         """All sums of cells, and which rows have any, as the loops take them."""
         return (*self.cells, self.variances, self.touched)
 
-    def take(self, other: "Part") -> None:
+    def take(self, other: "ThreadSums") -> None:
         """Add the sums of another thread, and leave nothing there."""
-        _kernels.merge(*self.sums, other.sums)
+        _kernels.merge_sums(*self.sums, other.sums)
         self.pose.sums[...] += other.pose.sums
         other.pose.sums[...] = 0
         self.tally.add(other.tally)
-        other.tally = Tally()
+        other.tally = ReturnTotals()
 
     def clear(self) -> None:
         """Leave nothing; the room stays, which takes less time than to get new."""
-        _kernels.clear(self.sums)
+        _kernels.clear_sums(self.sums)
         self.pose.sums[...] = 0
-        self.tally = Tally()
+        self.tally = ReturnTotals()

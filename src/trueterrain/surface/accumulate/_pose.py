@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.georeference import Expansion
+from trueterrain.georeference import PoseExpansion
 from trueterrain.surface.accumulate import _kernels
 from trueterrain.surface.cells import Grid
 
@@ -22,20 +22,20 @@ VARIANCE_STEP = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class Pose:
+class PoseVariance:
     """Variance of a height that comes from the pose of a pass, as a + b v + c v² in each row."""
 
     sums: Integers
     "Of a, b, c, of the mean variance of east and north, and of scans, shape (row, 5)."
 
     @classmethod
-    def empty(cls, grid: Grid) -> "Pose":
+    def empty(cls, grid: Grid) -> "PoseVariance":
         """All sums zero."""
         return cls(np.zeros((grid.shape[0], 5), np.int64))
 
     def add(
         self,
-        motion: Expansion,
+        motion: PoseExpansion,
         pieces: int,
         hint: npt.NDArray[Any],
         grid: Grid,
@@ -47,7 +47,9 @@ class Pose:
         variance = motion.variance
         if datum_sd:
             variance = variance - np.array([datum_sd**2, 0, 0, 0, 0, 0, 0])
-        _kernels.poses(motion.body, variance, pieces, x, y, nx, ny, hint, VARIANCE_STEP, self.sums)
+        _kernels.accumulate_poses(
+            motion.body, variance, pieces, x, y, nx, ny, hint, VARIANCE_STEP, self.sums
+        )
 
     @cached_property
     def coefficient(self) -> Floats:
@@ -71,5 +73,5 @@ class Pose:
         """Variance of a height in the cells of some rows, at the offsets v [m²]."""
         coefficient = self.coefficient[:, rows]
         found = np.empty((coefficient.shape[1], v.size))
-        _kernels.variances(coefficient, v, found)
+        _kernels.pose_variances(coefficient, v, found)
         return found

@@ -18,7 +18,7 @@ COLLECTED = 50_000_000
 
 
 @dataclass(eq=False)
-class Collection:
+class HeightCollection:
     """Room for the heights of some cells, one cell after the other."""
 
     first_cell: int = 0
@@ -26,8 +26,8 @@ class Collection:
     values: Any = field(default_factory=lambda: np.empty(0, np.int32))
 
 
-def quantiles(
-    count: npt.NDArray[np.int32], share: float, collect: Callable[[Collection], None]
+def cell_quantiles(
+    count: npt.NDArray[np.int32], share: float, collect: Callable[[HeightCollection], None]
 ) -> npt.NDArray[np.float64]:
     """Quantile of the heights in each cell in steps; NaN where there is none.
 
@@ -52,11 +52,11 @@ def quantiles(
     """
     rows, columns = count.shape
     found = np.full((rows, columns), np.nan)
-    for begin, end in _stretches(count.sum(axis=1, dtype=np.int64)):
+    for begin, end in _row_stretches(count.sum(axis=1, dtype=np.int64)):
         ends = np.cumsum(count[begin:end].ravel(), dtype=np.int64)
         if not ends[-1]:
             continue
-        room = Collection(
+        room = HeightCollection(
             first_cell=begin * columns, cursor=np.concatenate([[0], ends[:-1]]),
             values=np.empty(ends[-1] + 1, np.int32),
         )  # fmt: skip
@@ -64,11 +64,11 @@ def quantiles(
         if not np.array_equal(room.cursor, ends):
             message = "the data must be the same when they are added again."
             raise ValueError(message)
-        _kernels.quantiles(room.values, ends, share, found[begin:end].reshape(-1))
+        _kernels.cell_quantiles(room.values, ends, share, found[begin:end].reshape(-1))
     return found
 
 
-def _stretches(returns: npt.NDArray[np.int64]) -> list[tuple[int, int]]:
+def _row_stretches(returns: npt.NDArray[np.int64]) -> list[tuple[int, int]]:
     """Stretches of rows that hold no more returns than are collected at once, if a row does not."""
     found, begin, held = [], 0, 0
     for row, some in enumerate(returns.tolist()):

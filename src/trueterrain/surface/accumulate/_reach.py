@@ -6,11 +6,11 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.georeference import Expansion, ScanGeometry
+from trueterrain.georeference import PoseExpansion, ScanGeometry
 from trueterrain.motion.trajectory import BRIDGED
 from trueterrain.surface.accumulate import _kernels
-from trueterrain.surface.accumulate._pose import Pose
-from trueterrain.surface.accumulate._tally import Tally
+from trueterrain.surface.accumulate._pose import PoseVariance
+from trueterrain.surface.accumulate._tally import ReturnTotals
 from trueterrain.surface.cells import Grid
 
 Index = slice | npt.NDArray[np.intp]
@@ -22,7 +22,7 @@ _ASIDE = 0.3  # [m] beside the grid to which they are followed: it may curve
 
 
 @dataclass(kw_only=True, eq=False)
-class Reach:
+class ScanReach:
     """Rows that some scans reach: first a good guess, then what was found."""
 
     hint: npt.NDArray[np.int32]
@@ -38,16 +38,16 @@ class Reach:
     "Whether the scan was worked, so that the rows are those of its returns, shape (scan,)."
 
     @classmethod
-    def unknown(cls, scans: int) -> "Reach":
+    def unknown(cls, scans: int) -> "ScanReach":
         """Room for so many scans, which reach no row."""
         hint, low, high = np.zeros((3, scans), np.int32)
         return cls(hint=hint, low=low, high=high - 1, found=np.zeros(scans, np.bool_))
 
-    def of(self, index: Index) -> "Reach":
+    def of(self, index: Index) -> "ScanReach":
         """Those of some scans."""
-        return Reach(**{entry.name: getattr(self, entry.name)[index] for entry in fields(self)})
+        return ScanReach(**{entry.name: getattr(self, entry.name)[index] for entry in fields(self)})
 
-    def put(self, index: Index, those: "Reach") -> None:
+    def put(self, index: Index, those: "ScanReach") -> None:
         """Take over what was found of some scans."""
         for entry in fields(self):
             getattr(self, entry.name)[index] = getattr(those, entry.name)
@@ -58,8 +58,12 @@ class Reach:
 
 
 def near_line(
-    grid: Grid, geometry: ScanGeometry, time: npt.NDArray[np.float64], pose: Pose, tally: Tally
-) -> tuple[Expansion, npt.NDArray[np.int64]]:
+    grid: Grid,
+    geometry: ScanGeometry,
+    time: npt.NDArray[np.float64],
+    pose: PoseVariance,
+    tally: ReturnTotals,
+) -> tuple[PoseExpansion, npt.NDArray[np.int64]]:
     """Motion of scans, and a strip of the line near each; what the pose adds to variances is noted.
 
     Parameters
@@ -91,9 +95,9 @@ def near_line(
     return motion, hint
 
 
-def survey(
+def scan_reaches(
     grid: Grid, geometry: ScanGeometry, time: npt.NDArray[np.float64], furthest: float
-) -> tuple[Reach, Pose, Tally]:
+) -> tuple[ScanReach, PoseVariance, ReturnTotals]:
     """Look at the motion of all scans of a pass: which rows they may reach.
 
     Parameters
@@ -116,18 +120,18 @@ def survey(
     tally : Tally
         Of scans, not yet of returns.
     """
-    reach, pose, tally = Reach.unknown(time.size), Pose.empty(grid), Tally()
+    reach, pose, tally = ScanReach.unknown(time.size), PoseVariance.empty(grid), ReturnTotals()
     covered = np.flatnonzero(geometry.covers(time))
-    tally.add(Tally(scans=time.size, scans_uncovered=time.size - covered.size))
+    tally.add(ReturnTotals(scans=time.size, scans_uncovered=time.size - covered.size))
     beams = np.unique(np.linspace(0, geometry.angle.size - 1, _RAYS).round().astype(np.int64))
     piece = np.searchsorted(geometry.first, beams, side="right") - 1
     edge = 0.5 * grid.spacing[1] + _ASIDE
     for start in range(0, covered.size, _CHUNK):
         some = covered[start : start + _CHUNK]
         motion, hint = near_line(grid, geometry, time[some], pose, tally)
-        here = Reach.unknown(some.size)
+        here = ScanReach.unknown(some.size)
         here.hint[:] = hint
-        _kernels.reach(
+        _kernels.scan_reach(
             motion.coefficient, geometry.pieces, piece, geometry.beam[:, beams], furthest,
             *grid.strips[:6], here.hint, grid.v[0] - edge, grid.v[-1] + edge, _SPARE,
             here.low, here.high,
@@ -136,7 +140,9 @@ def survey(
     return reach, pose, tally
 
 
-def work(reaches: Sequence[Reach], edges: npt.NDArray[np.int64], margin: int) -> int:
+def count_scan_visits(
+    reaches: Sequence[ScanReach], edges: npt.NDArray[np.int64], margin: int
+) -> int:
     """Scans that are worked for all windows between edges, each as often as it is."""
     found = 0
     for reach in reaches:

@@ -12,7 +12,7 @@ _NONE: Any = np.empty((0, 0))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Returns:
+class StoredReturns:
     """Ranges of some scans as they are stored, and what is needed to sort them into cells."""
 
     geometry: ScanGeometry
@@ -49,12 +49,12 @@ class Returns:
             message = "floor and saturation need intensities, which were not recorded."
             raise ValueError(message)
 
-    def of(self, some: slice | npt.NDArray[np.bool_]) -> "Returns":
+    def of(self, some: slice | npt.NDArray[np.bool_]) -> "StoredReturns":
         """Those of some scans."""
         intensity = None if self.intensity is None else self.intensity[some]
         return replace(self, time=self.time[some], ranges=self.ranges[some], intensity=intensity)
 
-    def covered(self) -> "Returns":
+    def covered(self) -> "StoredReturns":
         """Those of scans that the motion covers."""
         covered = self.geometry.covers(self.time)
         return self if covered.all() else self.of(covered)

@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.errors import SchemaError
+from trueterrain.core.errors import SchemaError
 from trueterrain.georeference import ScanGeometry, Screening
 from trueterrain.surface.accumulate import _kernels
-from trueterrain.surface.accumulate._part import Part
-from trueterrain.surface.accumulate._pose import VARIANCE_STEP, Pose
-from trueterrain.surface.accumulate._quantiles import Collection, quantiles
-from trueterrain.surface.accumulate._reach import Reach, near_line
-from trueterrain.surface.accumulate._returns import Returns
-from trueterrain.surface.accumulate._tally import Tally, Wanted
+from trueterrain.surface.accumulate._part import ThreadSums
+from trueterrain.surface.accumulate._pose import VARIANCE_STEP, PoseVariance
+from trueterrain.surface.accumulate._quantiles import HeightCollection, cell_quantiles
+from trueterrain.surface.accumulate._reach import ScanReach, near_line
+from trueterrain.surface.accumulate._returns import StoredReturns
+from trueterrain.surface.accumulate._tally import KeptSums, ReturnTotals
 from trueterrain.surface.cells import Grid
 
 Floats = npt.NDArray[np.float64]
@@ -35,7 +35,7 @@ CHUNK = 2048
 _HIGHEST = 10_000.0  # [m] least and greatest heights are kept as 30 bit numbers
 _SHARE = 256  # scans that are worth a thread
 _POINTS = 1 << 18  # points whose places are worked out at once
-_UNNOTED = Reach.unknown(0)
+_UNNOTED = ScanReach.unknown(0)
 
 
 class CellSums:
@@ -61,11 +61,11 @@ class CellSums:
     def __init__(
         self,
         grid: Grid,
-        wanted: Wanted = Wanted(),
+        wanted: KeptSums = KeptSums(),
         *,
         threads: int = 1,
         rows: slice | None = None,
-        poses: Sequence[Pose] = (),
+        poses: Sequence[PoseVariance] = (),
     ) -> None:
         if threads < 1:
             message = f"threads must be at least 1, got {threads}."
@@ -78,13 +78,13 @@ class CellSums:
         "Of the height that all passes have in common, beside the sums [m]; None if not known."
         self.rows = range(grid.shape[0])[slice(None) if rows is None else rows]
         self._known = poses
-        self._finished: list[Pose] = []  # of earlier passes
-        self._pose: Pose | None = None  # of this pass, until scans are added
-        self._parts = [Part.empty(grid, len(self.rows), wanted)]
+        self._finished: list[PoseVariance] = []  # of earlier passes
+        self._pose: PoseVariance | None = None  # of this pass, until scans are added
+        self._parts = [ThreadSums.empty(grid, len(self.rows), wanted)]
         self._weight: int | None = None  # of a good return
         self._earlier: npt.NDArray[np.int32] | None = None  # counts before this pass
         self._independent: Floats | None = None  # of finished passes, see _close_pass
-        self._collection: Collection | None = None  # heights are collected instead of added
+        self._collection: HeightCollection | None = None  # heights are collected instead of added
         self._moves = False  # so the room of threads is needed again
 
     @property
@@ -93,9 +93,9 @@ class CellSums:
         return 1 if self._weight is None else self._weight
 
     @property
-    def tally(self) -> Tally:
+    def tally(self) -> ReturnTotals:
         """How many returns went where."""
-        total = Tally()
+        total = ReturnTotals()
         for part in self._parts:
             total.add(part.tally)
         return total
@@ -110,7 +110,7 @@ class CellSums:
         scale: float = 1.0,
         missing: float | None = None,
         screening: Screening = Screening(),
-        reach: Reach | None = None,
+        reach: ScanReach | None = None,
     ) -> None:
         """Add scans, straight from ranges.
 
@@ -142,13 +142,13 @@ class CellSums:
         """
         time = np.asarray(time, dtype=np.float64)
         self._note_datum(geometry.trajectory.datum_sd)
-        returns = Returns(
+        returns = StoredReturns(
             geometry=geometry, time=time, ranges=ranges, intensity=intensity, scale=scale,
             missing=ranges.dtype.type(missing) if missing is not None else np.float64(np.nan),
             screening=screening, weights=self._weights(screening),
         )  # fmt: skip
 
-        def work(part: Part, begin: int, end: int) -> None:
+        def work(part: ThreadSums, begin: int, end: int) -> None:
             for start in range(begin, end, CHUNK):
                 some = slice(start, min(start + CHUNK, end))
                 self._sort(part, returns.of(some), None if reach is None else reach.of(some))
@@ -186,14 +186,14 @@ class CellSums:
         self._note_datum(0.0 if self.wanted.point_sd else None)
         along, across = self.grid.spacing
         rows, columns = self.grid.shape
-        into = self._collection or Collection()
+        into = self._collection or HeightCollection()
 
-        def work(part: Part, begin: int, end: int) -> None:
+        def work(part: ThreadSums, begin: int, end: int) -> None:
             tally = np.zeros(4, np.int64)
             for start in range(begin, end, _POINTS):
                 stop = min(start + _POINTS, end)
                 u, v = self.grid.locate(x[start:stop], y[start:stop])
-                _kernels.points(
+                _kernels.accumulate_points(
                     0, stop - start, u, v, z[start:stop], own[start:stop],
                     self.grid.u[0], 1 / along, rows, self.grid.v[0], 1 / across, columns, 1 / STEP,
                     PARTS, _HIGHEST, VARIANCE_STEP, self.rows.start, part.touched, *part.cells,
@@ -209,7 +209,7 @@ class CellSums:
         self._close_pass()
         self.passes += 1
 
-    def total(self) -> Part:
+    def total(self) -> ThreadSums:
         """Sums of all threads."""
         first = self._parts[0]
         for part in self._parts[1:]:
@@ -263,7 +263,7 @@ class CellSums:
         columns = self.grid.shape[1]
         first = rows.start - self.rows.start
 
-        def collect(room: Collection) -> None:
+        def collect(room: HeightCollection) -> None:
             room.first_cell += first * columns
             self._collection = room
             try:
@@ -272,7 +272,7 @@ class CellSums:
                 self._collection = None
 
         count = self._cells(self.total().count)[first : first + len(rows)]
-        return quantiles(count, share, collect) * STEP
+        return cell_quantiles(count, share, collect) * STEP
 
     def pose_variance(self, rows: slice) -> tuple[Floats, Floats | None]:
         """Variance of the mean height of each cell that comes from the pose.
@@ -325,12 +325,12 @@ class CellSums:
     def _cells(self, values: Any) -> Any:
         return values.reshape(len(self.rows), self.grid.shape[1])
 
-    def _pose_now(self) -> Pose:
+    def _pose_now(self) -> PoseVariance:
         """Of this pass, as far as it was added."""
         if self._known:
             return self._known[self.passes - 1]
         if self._pose is None:
-            self._pose = Pose(self.total().pose.sums)
+            self._pose = PoseVariance(self.total().pose.sums)
         return self._pose
 
     def _close_pass(self) -> None:
@@ -351,7 +351,7 @@ class CellSums:
             self._independent[1, some] += n * variance
         self._earlier[...] = count
         self._finished.append(pose)
-        self._parts[0].pose, self._pose = Pose.empty(self.grid), None
+        self._parts[0].pose, self._pose = PoseVariance.empty(self.grid), None
 
     def _weights(self, screening: Screening) -> tuple[int, int]:
         good = GOOD if screening.needs_intensity and 0 < screening.weight < 1 else 1
@@ -361,14 +361,14 @@ class CellSums:
         self._weight = good
         return good, round(good * screening.weight)
 
-    def _share(self, work: Callable[[Part, int, int], None], size: int, least: int) -> None:
+    def _share(self, work: Callable[[ThreadSums, int, int], None], size: int, least: int) -> None:
         """Give each thread a stretch of the data, and sums of its own."""
         self._pose = None
         threads = max(1, min(self.threads, size // least))
         if self._collection is not None:
             threads = 1  # all write to one place
         while len(self._parts) < threads:
-            self._parts.append(Part.empty(self.grid, len(self.rows), self.wanted))
+            self._parts.append(ThreadSums.empty(self.grid, len(self.rows), self.wanted))
         edges = np.linspace(0, size, threads + 1).astype(int).tolist()
         if threads == 1:
             work(self._parts[0], 0, size)
@@ -382,23 +382,23 @@ class CellSums:
         for job in jobs:
             job.result()
 
-    def _sort(self, part: Part, returns: Returns, reach: Reach | None) -> None:
+    def _sort(self, part: ThreadSums, returns: StoredReturns, reach: ScanReach | None) -> None:
         """Sort the returns of some scans into cells; if it was not done before, look at them."""
         grid, geometry, collection = self.grid, returns.geometry, self._collection
         if reach is None:
-            counts = Tally(scans=returns.time.size)
+            counts = ReturnTotals(scans=returns.time.size)
             returns = returns.covered()
             counts.scans_uncovered = counts.scans - returns.time.size
-            pose = Pose.empty(grid) if collection else part.pose
+            pose = PoseVariance.empty(grid) if collection else part.pose
             motion, hint = near_line(grid, geometry, returns.time, pose, counts)
             if not collection:
                 part.tally.add(counts)
             reach = _UNNOTED
         else:
             motion, hint = geometry.expand(returns.time), reach.hint.astype(np.int64)
-        into = collection or Collection()
+        into = collection or HeightCollection()
         tally = np.zeros(4, np.int64)
-        _kernels.scans(
+        _kernels.accumulate_scans(
             0, returns.time.size, motion.coefficient, geometry.first, geometry.beam,
             *returns.loops, *grid.strips, hint, grid.v[0], 1 / grid.spacing[1], grid.shape[1],
             1 / STEP, PARTS, _HIGHEST, self.rows.start, part.touched, *part.cells, tally,

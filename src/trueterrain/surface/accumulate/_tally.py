@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wanted:
+class KeptSums:
     """Which sums are kept; each costs memory."""
 
     extremes: bool = False
@@ -29,7 +29,7 @@ class Wanted:
 
 
 @dataclass
-class Tally:
+class ReturnTotals:
     """How many returns went where."""
 
     used: int = 0
@@ -53,7 +53,7 @@ class Tally:
     bridged: int = 0
     "Scans at times at which no instrument saw the motion."
 
-    def add(self, other: "Tally") -> None:
+    def add(self, other: "ReturnTotals") -> None:
         """Add another one."""
         for entry in fields(self):
             setattr(self, entry.name, getattr(self, entry.name) + getattr(other, entry.name))
@@ -61,4 +61,4 @@ class Tally:
     def note(self, counts: npt.NDArray[np.int64]) -> None:
         """Add what a loop counted: good returns, doubtful ones, those outside and too high."""
         used, doubtful, outside, too_high = counts.tolist()
-        self.add(Tally(used=used, doubtful=doubtful, outside=outside, too_high=too_high))
+        self.add(ReturnTotals(used=used, doubtful=doubtful, outside=outside, too_high=too_high))

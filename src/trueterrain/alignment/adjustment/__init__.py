@@ -1,0 +1,1 @@
+"""Least-squares adjustment of passes: spline corrections, robust weights, choice of stiffness."""

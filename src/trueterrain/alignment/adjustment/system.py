@@ -1,0 +1,430 @@
+"""Unknowns of the adjustment, their normal equations, and what is known of them before.
+
+Each component of the correction of a pass is a constant part, the *offset*, and a spline that
+wanders about it. The constant parts of the heights are free. The datum of a group of passes, of
+which none is fixed, is that the mean of their corrections, each over its whole time, is 0.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from trueterrain.alignment.adjustment import _kernels
+from trueterrain.alignment.adjustment.normal_equations import (
+    AdjustmentSolution,
+    ComponentPrior,
+    NormalEquations,
+    PriorInformation,
+)
+from trueterrain.alignment.adjustment.shared_cells import SharedCells
+from trueterrain.alignment.adjustment.sparse_cholesky import SparsePattern, pattern_of
+from trueterrain.alignment.adjustment.spline import SplineKnots, knots_over
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
+DATUM_SD = 1e-4  # [m] by which one offset of each group is held until the datum is applied
+_MEAN_BASIS = np.array([1.0, 11.0, 11.0, 1.0]) / 24.0  # of the four basis functions, an interval
+LEAST_SD = 1e-7  # [m] or [rad] of what shall not wander
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _GroupDatum:
+    """Mean height of the corrections of a group, which shall be 0."""
+
+    unknowns: Integers
+    "Unknowns that it depends on."
+
+    weights: Floats
+    "How much on each."
+
+    offsets: Integers
+    "Offsets of the heights of the group."
+
+    def mean_of(self, x: Floats) -> float:
+        """Mean height by some unknowns [m]."""
+        return float((self.weights * x[self.unknowns]).sum())
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AdjustmentSystem:
+    """Unknowns of all passes that are corrected, and which of them meet in which cell."""
+
+    shared: SharedCells
+    "The observations."
+
+    components: tuple[str, ...]
+    "Components of the corrections."
+
+    knots: tuple[SplineKnots | None, ...]
+    "Knots of each pass; None if it is fixed."
+
+    first: Integers
+    "First interval of each pass, and their number, shape (lane + 1,)."
+
+    interval: Integers
+    "Interval of each entry, -1 where the pass is fixed, shape (n,)."
+
+    weights: Floats
+    "Weights of its four coefficients, shape (n, 4)."
+
+    factor: Floats
+    "What one unit of each component adds to the height of an entry, shape (n, k)."
+
+    unknown: Integers
+    "Unknowns of each interval: 4 of each component, then the offsets, shape (interval, 5 k)."
+
+    lists: tuple[Integers, Integers, Integers, Integers] = field(repr=False)
+    "Pairs of intervals: head, next, first, second."
+
+    pattern: SparsePattern = field(repr=False)
+    "Where the matrix has elements: those of the pairs, then those of the prior."
+
+    relative: tuple[Floats, ...] = field(repr=False)
+    "How sure the navigation is at each coefficient, in units of the median of all, per pass."
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self.pattern.size
+
+    def equations(self, weight: Floats, use: Flags) -> NormalEquations:
+        """Normal equations of some cells.
+
+        Parameters
+        ----------
+        weight : numpy.ndarray, shape (n,)
+            Weight of each entry [1/m²].
+        use : numpy.ndarray of bool, shape (cell,)
+            Cells that count.
+
+        Returns
+        -------
+        Equations
+            Without the prior.
+        """
+        head, after, _, second = self.lists
+        k = 4 * len(self.components)
+        blocks, right = np.zeros((second.size, k, k)), np.zeros((self.first[-1], k))
+        square, freedom = _kernels.assemble_normal_equations(
+            self.shared.start, use, self.interval, self.weights, self.factor, weight,
+            self.shared.entries.height, head, after, second, blocks, right,
+        )  # fmt: skip
+        return NormalEquations(blocks=blocks, right=right, square=square, freedom=freedom)
+
+    def solve(self, equations: NormalEquations, known: PriorInformation) -> AdjustmentSolution:
+        """Most likely corrections.
+
+        Parameters
+        ----------
+        equations : Equations
+            Normal equations of the cells.
+        known : Known
+            What is known before.
+
+        Returns
+        -------
+        Solution
+            Of all unknowns.
+
+        Raises
+        ------
+        TrueTerrainError
+            If the equations do not determine them.
+        """
+        elements = known.elements.copy()
+        _kernels.scatter_blocks(
+            equations.blocks, self.lists[2], self.lists[3], self.unknown, self.pattern.slot,
+            elements,
+        )  # fmt: skip
+        right = np.zeros(self.size)
+        _kernels.add_right(equations.right, self.unknown, right)
+        factor = self.pattern.factor(elements)
+        x = factor.solve(right)
+        likelihood = (
+            known.log_determinant
+            - factor.log_determinant
+            - equations.square
+            + float((right * x).sum())
+        )
+        for datum in self._datums:
+            x[datum.offsets] -= datum.mean_of(x)
+        return AdjustmentSolution(
+            factor=factor, x=x, coefficients=self.coefficients(x),
+            log_likelihood=0.5 * likelihood,
+        )  # fmt: skip
+
+    def corrections(self, coefficients: Floats) -> Floats:
+        """Correction of the height of each entry, shape (n,) [m]."""
+        out = np.empty(self.interval.size)
+        _kernels.evaluate_corrections(self.interval, self.weights, self.factor, coefficients, out)
+        return out
+
+    def in_deviations(self, solution: AdjustmentSolution, change: Floats) -> Floats:
+        """Change of the unknowns in standard deviations.
+
+        Parameters
+        ----------
+        solution : Solution
+            Solved equations, which say how sure the unknowns are.
+        change : numpy.ndarray, shape (n,)
+            Change of the unknowns.
+
+        Returns
+        -------
+        numpy.ndarray, shape (n,)
+            Independent parts of it. By the root of the sum of their squares no correction, and no
+            sum or difference of corrections, changes by more of its own standard deviation.
+        """
+        change = change.copy()
+        for datum in self._datums:  # heights as a whole are as the equations hold them
+            change[datum.offsets] -= change[datum.offsets[0]]
+        return solution.factor.whiten(change)
+
+    def covariance(self, solution: AdjustmentSolution) -> Floats:
+        """Covariance of the coefficients of pairs of intervals, offsets included.
+
+        Parameters
+        ----------
+        solution : Solution
+            Solved equations.
+
+        Returns
+        -------
+        numpy.ndarray, shape (pair, 4 k, 4 k)
+            In the order of the pairs; relative to the datum.
+        """
+        _, _, one, two = self.lists
+        size = 4 * len(self.components)
+        row, column = np.broadcast_arrays(
+            self.unknown[one][:, :, None], self.unknown[two][:, None, :]
+        )
+        found = solution.factor.inverse_at(row.ravel(), column.ravel()).reshape(row.shape)
+        found[:, :, :size] += np.repeat(found[:, :, size:], 4, axis=2)
+        found[:, :size] += np.repeat(found[:, size:], 4, axis=1)
+        found = found[:, :size, :size]
+        # covariance with the mean that is taken away; both intervals are of one group
+        for datum in self._datums:
+            right = np.zeros(self.size)
+            right[datum.unknowns] = datum.weights
+            with_mean = solution.factor.solve(right)
+            each = self.coefficients(with_mean)
+            mine = np.isin(self.unknown[:, size], datum.offsets)
+            pairs = np.flatnonzero(mine[one])
+            found[pairs, :4] -= each[two[pairs], None, :]
+            found[pairs, :, :4] -= each[one[pairs], :, None]
+            found[pairs, :4, :4] += datum.mean_of(with_mean)
+        return found
+
+    @cached_property
+    def _datums(self) -> list[_GroupDatum]:
+        """Datums of the groups of which no pass is fixed."""
+        found = []
+        for members in _datum_groups(self.shared):
+            unknowns, weights, offsets = [], [], []
+            for lane in members:
+                coefficients, offset = self.lane_unknowns(lane)
+                parts = np.zeros(coefficients.shape[1])
+                for k in range(4):
+                    parts[k : parts.size - 3 + k] += _MEAN_BASIS[k]
+                unknowns += [coefficients[0], offset[:1]]
+                weights += [parts / parts.sum() / members.size, np.array([1.0 / members.size])]
+                offsets.append(offset[0])
+            found.append(
+                _GroupDatum(
+                    unknowns=np.concatenate(unknowns), weights=np.concatenate(weights),
+                    offsets=np.array(offsets),
+                )
+            )  # fmt: skip
+        return found
+
+    def lane_unknowns(self, lane: int) -> tuple[Integers, Integers]:
+        """Unknowns of a pass: coefficients (component, n), and offsets (component,)."""
+        rows = self.unknown[self.first[lane] : self.first[lane + 1]]
+        k = len(self.components)
+        begin = rows[0, : 4 * k : 4]
+        return begin[:, None] + np.arange(rows.shape[0] + 3), rows[0, 4 * k :]
+
+    def coefficients(self, x: Floats) -> Floats:
+        """Coefficients of each interval, offsets included, by some unknowns."""
+        k = len(self.components)
+        each = x[self.unknown]
+        return each[:, : 4 * k] + np.repeat(each[:, 4 * k :], 4, axis=1)
+
+    def known(self, prior: Mapping[str, ComponentPrior]) -> PriorInformation:
+        """What is known before, as elements of the matrix.
+
+        Parameters
+        ----------
+        prior : mapping of str to Prior
+            What is known of each component.
+
+        Returns
+        -------
+        Known
+            To solve with.
+        """
+        values, log_determinant = [], 0.0
+        for lane, knots in enumerate(self.knots):
+            if knots is None:
+                continue
+            for name in self.components:
+                wander = prior[name].wander
+                sd = np.maximum(wander.sd * self.relative[lane], LEAST_SD)
+                rows = wander.whitening(sd, knots.spacing)
+                log_determinant += 2.0 * float(np.log(rows[0]).sum())
+                values += _squared_band(rows)
+                offset_sd = prior[name].offset_sd
+                values.append(np.array([offset_sd**-2.0]))
+                if np.isfinite(offset_sd):
+                    log_determinant -= 2.0 * float(np.log(offset_sd))
+        values += [np.array([DATUM_SD**-2.0]) for _ in _datum_groups(self.shared)]
+        elements = self.pattern.sum(np.concatenate(values))
+        return PriorInformation(elements=elements, log_determinant=log_determinant)
+
+
+def build_system(
+    shared: SharedCells, components: Sequence[str], spacing: float, lanes_sd: Sequence[Floats]
+) -> AdjustmentSystem:
+    """Unknowns of an adjustment.
+
+    Parameters
+    ----------
+    shared : Shared
+        The observations.
+    components : sequence of str
+        Components of the corrections.
+    spacing : float
+        Spacing of the knots [s] or [m].
+    lanes_sd : sequence of numpy.ndarray
+        Of each pass: times and standard deviations by the navigation, shape (2, m); empty if it
+        says nothing.
+
+    Returns
+    -------
+    System
+        Ready to be solved.
+    """
+    lanes = len(shared.names)
+    knots = tuple(
+        None
+        if shared.fixed[p]
+        else knots_over(float(shared.span[p, 0]), float(shared.span[p, 1]), spacing)
+        for p in range(lanes)
+    )
+    intervals = [0 if one is None else one.intervals for one in knots]
+    first = np.concatenate([[0], np.cumsum(intervals)]).astype(np.int64)
+    interval, weights = _locate_knots(shared, knots, first)
+    unknown, places_row, places_column, size = _number_unknowns(knots, len(components), shared)
+    lists = _kernels.pairs_of(shared.start, interval, int(first[-1]))
+    row, column = pair_places(unknown, lists[2], lists[3])
+    pattern = pattern_of(
+        np.concatenate([row, places_row]), np.concatenate([column, places_column]), size,
+        wide=np.unique(unknown[:, 4 * len(components) :]),
+    )  # fmt: skip
+    return AdjustmentSystem(
+        shared=shared, components=tuple(components), knots=knots, first=first, interval=interval,
+        weights=weights, factor=_design_factors(shared, components), unknown=unknown, lists=lists,
+        pattern=pattern, relative=_relative_sd(knots, lanes_sd),
+    )  # fmt: skip
+
+
+def _locate_knots(
+    shared: SharedCells, knots: Sequence[SplineKnots | None], first: Integers
+) -> tuple[Integers, Floats]:
+    interval = np.full(shared.lane.size, -1, np.int64)
+    weights = np.zeros((shared.lane.size, 4))
+    for lane, one in enumerate(knots):
+        if one is not None:
+            mine = np.flatnonzero(shared.lane == lane)
+            at, by = one.basis(shared.entries.time[mine])
+            interval[mine], weights[mine] = first[lane] + at, by
+    return interval, weights
+
+
+def _design_factors(shared: SharedCells, components: Sequence[str]) -> Floats:
+    entries = shared.entries
+    of = {
+        "height": np.ones(shared.lane.size), "roll": entries.offset, "pitch": entries.ahead,
+        "east": -entries.slope_east, "north": -entries.slope_north,
+    }  # fmt: skip
+    return np.stack([of[name] for name in components], axis=1)
+
+
+def _relative_sd(
+    knots: Sequence[SplineKnots | None], lanes_sd: Sequence[Floats]
+) -> tuple[Floats, ...]:
+    known = [part[1] for part in lanes_sd if part.size]
+    usual = float(np.median(np.concatenate(known))) if known else 1.0
+    return tuple(
+        np.zeros(0) if one is None
+        else np.interp(one.places, *said) / usual if said.size
+        else np.ones(one.intervals + 3)
+        for one, said in zip(knots, lanes_sd, strict=True)
+    )  # fmt: skip
+
+
+def _number_unknowns(
+    knots: Sequence[SplineKnots | None], k: int, shared: SharedCells
+) -> tuple[Integers, Integers, Integers, int]:
+    """Unknowns of each interval, rows and columns of the elements of the prior, and how many."""
+    counts = [0 if one is None else one.intervals + 3 for one in knots]
+    offsets = k * sum(counts)
+    unknown, row, column, offset_of = [], [], [], np.full(len(knots), -1, np.int64)
+    begin, offset = 0, offsets
+    for lane, one in enumerate(knots):
+        if one is None:
+            continue
+        n = counts[lane]
+        starts = begin + n * np.arange(k)
+        at = np.arange(one.intervals)[:, None]
+        coefficients = [start + at + np.arange(4) for start in starts]
+        of_lane = np.broadcast_to(offset + np.arange(k), (one.intervals, k))
+        unknown.append(np.concatenate([*coefficients, of_lane], axis=1))
+        for part, start in enumerate(starts):
+            for back in range(3):
+                row.append(start + np.arange(back, n))
+                column.append(start + np.arange(n - min(back, n)))
+            row.append(np.array([offset + part]))
+            column.append(np.array([offset + part]))
+        offset_of[lane] = offset
+        begin, offset = begin + k * n, offset + k
+    for members in _datum_groups(shared):
+        row.append(offset_of[members[:1]])
+        column.append(offset_of[members[:1]])
+    return (
+        np.concatenate(unknown).astype(np.int64), np.concatenate(row).astype(np.int64),
+        np.concatenate(column).astype(np.int64), offset,
+    )  # fmt: skip
+
+
+def _datum_groups(shared: SharedCells) -> list[Integers]:
+    """Passes of each group of which none is fixed."""
+    groups = [np.flatnonzero(shared.group == number) for number in np.unique(shared.group)]
+    return [members for members in groups if not shared.fixed[members].any()]
+
+
+def pair_places(unknown: Integers, one: Integers, two: Integers) -> tuple[Integers, Integers]:
+    """Rows and columns of the elements that the blocks of pairs add to, in the order they do."""
+    size = unknown.shape[1]
+    row = np.broadcast_to(unknown[one][:, :, None], (one.size, size, size))
+    column = np.broadcast_to(unknown[two][:, None, :], (one.size, size, size))
+    lower = np.tril(np.ones((size, size), bool))
+    wanted = np.where((one == two)[:, None, None], lower, True)
+    return row[wanted], column[wanted]
+
+
+def _squared_band(rows: Floats) -> list[Floats]:
+    """Diagonals of RᵀR, R having `rows` as its diagonals."""
+    n = rows.shape[1]
+    a, b, c = rows
+    main = a**2
+    main[:-1] += b[1:] ** 2
+    main[:-2] += c[2:] ** 2
+    beside = a[1:] * b[1:]
+    beside[:-1] += b[2:] * c[2:]
+    return [main, beside, (a * c)[2:] if n > 2 else np.zeros(0)]

@@ -1,0 +1,471 @@
+"""Which points of which files belong to which pass, read block by block."""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from trueterrain import formats
+from trueterrain.alignment.discontinuity.sparse_sums import SparseSums
+from trueterrain.core.errors import CoverageError, SchemaError, name_file_in_errors
+from trueterrain.core.progress import Progress, no_progress
+from trueterrain.core.schemas import COORDINATES
+from trueterrain.formats import PointFilter
+from trueterrain.formats.point_filter import ReturnCounts, classes_needed
+
+WEEK = 604_800.0  # [s]
+
+#: Variables beside coordinates that tell to which pass a point belongs, and when it was seen.
+HEIGHTS = ("time", "lane")
+
+_CELL = 1.0  # [m] side of the squares in which points are counted
+_REMNANT = 0.005  # share of the points of a file below which a number in it is no pass
+_PER_CELL = 15.0  # points that a cell should have of each pass
+_SIZES = (0.1, 0.2, 0.25, 0.5, 1.0, 2.0)  # [m]
+_SLIGHT = 0.01  # of the area of the largest lane, below which one does not count
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CloudPass:
+    """One pass in point clouds. Called, it yields its points block by block."""
+
+    name: str
+    "Name of the pass."
+
+    files: tuple[Path, ...]
+    "Files that hold its points."
+
+    number: int | None
+    "Its ``lane`` in these files (point_source_id); None if all points are its."
+
+    label: int
+    "What ``lane`` becomes: a number that no other pass has."
+
+    numbers: tuple[int, ...]
+    "All numbers (point_source_id) of its points."
+
+    override: str | None
+    "Coordinate reference system that is taken instead of what the files say."
+
+    only: PointFilter | None
+    "Which points of the files are taken."
+
+    crs: str
+    "Coordinate reference system; empty if it is not known."
+
+    count: int
+    "Points."
+
+    area: float
+    "Of the squares of 1 m in which it has points [m²]."
+
+    extent: tuple[float, float, float, float]
+    "West, south, east and north of its points [m]."
+
+    time: tuple[float, float] | None
+    "First and last time [s]; None if its points have none."
+
+    variables: tuple[str, ...]
+    "Variables that all of its points have."
+
+    classes: Mapping[str, int]
+    "Points by class, where they are classified and classes were not chosen."
+
+    doubts: tuple[str, ...]
+    "What is doubtful about it, in words."
+
+    @property
+    def density(self) -> float:
+        """Points per square metre of what it covers [1/m²]."""
+        return self.count / self.area
+
+    @property
+    def time_kind(self) -> str:
+        """What its times can be: ``week seconds``, ``standard``, or empty if it has none."""
+        if self.time is None:
+            return ""
+        first, last = self.time
+        return "week seconds" if first >= 0 and last <= WEEK else "standard"
+
+    def __call__(self) -> Iterator[xr.Dataset]:
+        """Blocks of its points."""
+        for _, block in blocks_of([self]):
+            yield block
+
+    def heights(self) -> Iterator[xr.Dataset]:
+        """Blocks of its points with coordinates and time alone: read faster."""
+        for _, block in blocks_of([self], HEIGHTS):
+            yield block
+
+    def part(self, block: xr.Dataset) -> xr.Dataset:
+        """Its points among those of a block, without those whose time says nothing."""
+        mine = np.ones(block.sizes["point"], np.bool_)
+        if self.number is not None and "lane" in block:
+            mine &= block["lane"].values == self.number
+        if self.time is not None:
+            time = block["time"].values
+            mine &= (time >= self.time[0]) & (time <= self.time[1])
+        return block if mine.all() else block.isel(point=np.flatnonzero(mine))
+
+
+def blocks_of(
+    lanes: Collection[CloudPass], variables: Collection[str] | None = None
+) -> Iterator[tuple[CloudPass, xr.Dataset]]:
+    """Points of several lanes, block by block, each file read once.
+
+    Parameters
+    ----------
+    lanes : collection of CloudLane
+        The lanes.
+    variables : collection of str, optional
+        Variables that are read; by default all.
+
+    Yields
+    ------
+    CloudLane
+        One of them.
+    xarray.Dataset
+        Some of its points.
+    """
+    for file in dict.fromkeys(file for lane in lanes for file in lane.files):
+        mine = [lane for lane in lanes if file in lane.files]
+        for block in formats.point_blocks(
+            file, crs=mine[0].override, variables=variables, only=mine[0].only
+        ):
+            for lane in mine:
+                part = lane.part(block)
+                if part.sizes["point"]:
+                    yield lane, part
+
+
+def cloud_lanes(
+    files: Sequence[str | Path],
+    *,
+    split: bool | None = None,
+    crs: str | None = None,
+    only: PointFilter | None = None,
+    progress: Progress = no_progress,
+) -> dict[str, CloudPass]:
+    """Lanes in point clouds: each file one, or told apart by the number of their points.
+
+    Parameters
+    ----------
+    files : sequence of str or Path
+        LAS, LAZ, COPC, CSV or Parquet files, or Zarr stores, of points.
+    split : bool, optional
+        Whether ``lane`` (point_source_id) tells passes apart, across files too, so that tiles can
+        be given; by default where there is one file.
+    crs : str, optional
+        EPSG code or WKT to take instead of what the files say.
+    only : PointFilter, optional
+        Which points are taken; by default all.
+    progress : callable, optional
+        Called with a task, the amount done and the total.
+
+    Returns
+    -------
+    dict of CloudLane
+        By name: that of the file without its ending, or the number. All files are read once.
+
+    Raises
+    ------
+    ValueError
+        If there is no file, one is given twice, or two lanes would have one name.
+    SchemaError
+        If files have different coordinate reference systems.
+    CoverageError
+        If a file holds no points.
+    FormatError
+        If a file is damaged, or something else than points.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from trueterrain.core.schemas import make_points
+    >>> points = make_points([1.0, 2.0, 3.0], [0.0] * 3, [7.0] * 3, lane=[4, 4, 9],
+    ...                      time=[10.0, 10.1, 200.0])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     formats.write(points, Path(folder) / "road.laz")
+    ...     lanes = cloud_lanes([Path(folder) / "road.laz"])
+    >>> [(one.name, one.count, one.time) for one in lanes.values()]
+    [('4', 2, (10.0, 10.1)), ('9', 1, (200.0, 200.0))]
+    """
+    paths = [Path(file) for file in files]
+    if not paths:
+        message = "files must name at least one file."
+        raise ValueError(message)
+    for path in paths:
+        if sum(other.resolve() == path.resolve() for other in paths) > 1:
+            message = f"{path} is given twice; name each pass once."
+            raise ValueError(message)
+    split = len(paths) == 1 if split is None else split
+    looks: dict[Path, dict[int, _CloudInspection]] = {}
+    for number, path in enumerate(paths):
+        progress("look at clouds", number, len(paths))
+        looks[path] = _inspect_file(path, crs, only)
+    progress("look at clouds", len(paths), len(paths))
+    _require_one_crs({path: next(iter(found.values())).crs for path, found in looks.items()})
+    if split:
+        by_number: dict[int, dict[Path, _CloudInspection]] = {}
+        for path, found in looks.items():
+            for number, look in found.items():
+                by_number.setdefault(number, {})[path] = look
+        without_source = _without_source(by_number)
+        single = len(by_number) == 1
+        found_lanes = [
+            _cloud_pass(
+                next(iter(parts)).stem if single else str(number),
+                number,
+                number,
+                parts,
+                crs,
+                only,
+                without_source if number == min(by_number) else (),
+            )
+            for number, parts in sorted(by_number.items())
+        ]
+    else:
+        found_lanes = _one_each(looks, crs, only)
+    return {lane.name: lane for lane in found_lanes}
+
+
+def suggested_cell(lanes: Mapping[str, CloudPass]) -> float:
+    """Size of cells in which the sparsest lane has some 15 points.
+
+    Parameters
+    ----------
+    lanes : mapping of str to CloudLane
+        The lanes; those that cover next to nothing do not count.
+
+    Returns
+    -------
+    float
+        0.1, 0.2, 0.25, 0.5, 1 or 2 m.
+
+    Raises
+    ------
+    ValueError
+        If there are no lanes.
+    """
+    if not lanes:
+        message = "there must be at least one lane."
+        raise ValueError(message)
+    least = _SLIGHT * max(lane.area for lane in lanes.values())
+    wanted = max(np.sqrt(_PER_CELL / lane.density) for lane in lanes.values() if lane.area >= least)
+    return min(_SIZES, key=lambda size: abs(np.log(size / wanted)))
+
+
+@dataclass(kw_only=True)
+class _CloudInspection:
+    """What a first look at some points finds."""
+
+    crs: str
+    numbers: tuple[int, ...]
+    variables: tuple[str, ...]
+    lost: frozenset[str] = frozenset()
+    "Variables that only some of the points have."
+    classes: ReturnCounts = field(default_factory=ReturnCounts)
+    count: int = 0
+    untimed: int = 0
+    zeros: int = 0
+    span: tuple[float, float] = (np.inf, -np.inf)
+    "First and last time that is not 0."
+    low: tuple[float, float] = (np.inf, np.inf)
+    high: tuple[float, float] = (-np.inf, -np.inf)
+    squares: SparseSums = field(default_factory=lambda: SparseSums(1))
+
+    def add(self, block: xr.Dataset) -> None:
+        """Count points of a block."""
+        x, y = block["easting"].values, block["northing"].values
+        self.count += x.size
+        self.classes.add(block)
+        good = np.isfinite(x) & np.isfinite(y)
+        if good.any():
+            place = np.stack([x[good], y[good]])
+            self.low = _elementwise_min(self.low, place.min(axis=1))
+            self.high = _elementwise_max(self.high, place.max(axis=1))
+            self.squares.add(*np.floor(place / _CELL).astype(np.int64))
+        if "time" in block:
+            self._add_times(np.asarray(block["time"], dtype=np.float64))
+
+    def _add_times(self, time: npt.NDArray[np.float64]) -> None:
+        known = time[np.isfinite(time)]
+        some = known[known != 0]
+        self.untimed += time.size - known.size
+        self.zeros += known.size - some.size
+        if some.size:
+            self.span = (
+                min(self.span[0], float(some.min())), max(self.span[1], float(some.max()))
+            )  # fmt: skip
+
+    @property
+    def times(self) -> tuple[float, float] | None:
+        """First and last time; None if they say nothing."""
+        if "time" not in self.variables or self.span[0] > self.span[1]:
+            return None
+        # 0 is a time among seconds that are counted from a start, else it is none
+        first = min(self.span[0], 0.0) if self.zeros and not self.zeros_missing else self.span[0]
+        return (first, self.span[1]) if first < self.span[1] or self.count == 1 else None
+
+    @property
+    def zeros_missing(self) -> bool:
+        """Whether times of 0 mean that there is none."""
+        return self.zeros > 0 and abs(self.span[0]) > WEEK
+
+
+def _elementwise_min(
+    one: tuple[float, float], other: npt.NDArray[np.float64]
+) -> tuple[float, float]:
+    return min(one[0], float(other[0])), min(one[1], float(other[1]))
+
+
+def _elementwise_max(
+    one: tuple[float, float], other: npt.NDArray[np.float64]
+) -> tuple[float, float]:
+    return max(one[0], float(other[0])), max(one[1], float(other[1]))
+
+
+def _inspect_file(
+    path: Path, crs: str | None, only: PointFilter | None
+) -> dict[int, _CloudInspection]:
+    """What a file holds of each number."""
+    found: dict[int, _CloudInspection] = {}
+    needed = (*HEIGHTS, *classes_needed(only))
+    with name_file_in_errors(path):
+        known = (*COORDINATES, *formats.point_variables(path))
+        for block in formats.point_blocks(path, crs=crs, variables=needed, only=only):
+            lane = block["lane"].values if "lane" in block else np.zeros(block.sizes["point"])
+            for number in np.unique(lane):
+                mine = np.flatnonzero(lane == number)
+                part = block if mine.size == lane.size else block.isel(point=mine)
+                look = found.setdefault(
+                    int(number),
+                    _CloudInspection(
+                        crs=str(block.attrs.get("crs", "")),
+                        numbers=(int(number),),
+                        variables=known,
+                    ),
+                )
+                look.add(part)
+        if not found:
+            raise CoverageError("holds no points", path=path, cure="Leave it out.")
+    return found
+
+
+def _without_source(by_number: dict[int, dict[Path, _CloudInspection]]) -> list[str]:
+    """Take number 0 out if it is no pass, and say so.
+
+    In LAS files 0 says that a point has no source; points that were made up have neither source nor
+    time.
+    """
+    none = by_number.get(0, {})
+    others = [look for number in by_number if number for look in by_number[number].values()]
+    if not none or not others or any(look.times for look in none.values()):
+        return []
+    if any(look.times is None for look in others):
+        return []
+    del by_number[0]
+    count = sum(look.count for look in none.values())
+    return [f"{count} points of source 0 are left out: they have no time, so they are no pass"]
+
+
+def _require_one_crs(known: Mapping[Path, str]) -> None:
+    (first, crs), *others = known.items()
+    for path, other in others:
+        if other != crs:
+            raise SchemaError(
+                f"has the coordinate reference system {_crs_text(other)}, but that of {first.name} is "
+                f"{_crs_text(crs)}",
+                path=path, cure="Bring all lanes into one, or state it with --crs.",
+            )  # fmt: skip
+
+
+def _crs_text(crs: str) -> str:
+    return repr(crs if len(crs) < 40 else crs[:36] + " ...") if crs else "unknown"
+
+
+def _one_each(
+    looks: Mapping[Path, dict[int, _CloudInspection]], crs: str | None, only: PointFilter | None
+) -> list[CloudPass]:
+    """One lane of each file."""
+    stems = [path.stem for path in looks]
+    names = {
+        path: path.stem if stems.count(path.stem) == 1 else f"{path.parent.name}-{path.stem}"
+        for path in looks
+    }
+    for name in names.values():
+        if list(names.values()).count(name) > 1:
+            message = f"files must have names that differ, got {name} twice; rename one."
+            raise ValueError(message)
+    numbers = [next(iter(found)) for found in looks.values() if len(found) == 1]
+    kept = len(set(numbers)) == len(looks) and 0 not in numbers
+    lanes = []
+    for order, path in enumerate(sorted(looks, key=lambda one: names[one]), 1):
+        found = looks[path]
+        whole = _combine_inspections(list(found.values()))
+        several = [n for n, look in found.items() if look.count >= _REMNANT * whole.count]
+        doubts = []
+        if len(several) > 1:
+            passes = ", ".join(str(number) for number in sorted(several))
+            doubts.append(
+                f"{names[path]} holds points of several passes (point_source_id {passes}), which "
+                "are taken for one: let the number tell them apart"
+            )
+        label = next(iter(found)) if kept else order
+        lanes.append(_cloud_pass(names[path], None, label, {path: whole}, crs, only, doubts))
+    return lanes
+
+
+def _combine_inspections(looks: Sequence[_CloudInspection]) -> _CloudInspection:
+    """What several looks found."""
+    first = looks[0]
+    whole = _CloudInspection(
+        crs=first.crs, variables=first.variables,
+        numbers=tuple(sorted({number for look in looks for number in look.numbers})),
+    )  # fmt: skip
+    for look in looks:
+        some = {*whole.variables} ^ {*look.variables}
+        whole.lost |= look.lost | some
+        whole.variables = tuple(name for name in whole.variables if name in look.variables)
+        whole.classes.merge(look.classes)
+        whole.count += look.count
+        whole.untimed += look.untimed
+        whole.zeros += look.zeros
+        whole.span = (min(whole.span[0], look.span[0]), max(whole.span[1], look.span[1]))
+        whole.low = _elementwise_min(whole.low, np.array(look.low))
+        whole.high = _elementwise_max(whole.high, np.array(look.high))
+        column, row, _ = look.squares.sums()
+        whole.squares.add(column, row)
+    return whole
+
+
+def _cloud_pass(
+    name: str,
+    number: int | None,
+    label: int,
+    parts: Mapping[Path, _CloudInspection],
+    crs: str | None,
+    only: PointFilter | None,
+    doubts: Sequence[str] = (),
+) -> CloudPass:
+    whole = _combine_inspections(list(parts.values()))
+    times = whole.times
+    found = list(doubts)
+    if whole.lost:
+        lost = ", ".join(sorted(whole.lost))
+        found.append(f"{name}: {lost} are left out, since not all of its files have them")
+    if times is not None:
+        dropped = whole.untimed + (whole.zeros if whole.zeros_missing else 0)
+        if dropped:
+            found.append(f"{name}: {dropped} of {whole.count} points have no time and are left out")
+            whole.count -= dropped
+    return CloudPass(
+        name=name, files=tuple(parts), number=number, numbers=whole.numbers, label=label,
+        override=crs, only=only, crs=whole.crs, classes=whole.classes.classes,
+        count=whole.count, area=whole.squares.sums()[0].size * _CELL**2,
+        extent=(*whole.low, *whole.high), time=times, variables=whole.variables,
+        doubts=tuple(found),
+    )  # fmt: skip

@@ -1,0 +1,1 @@
+"""Observations of the adjustment: ground that several passes saw, cell by cell."""

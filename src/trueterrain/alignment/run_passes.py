@@ -1,0 +1,221 @@
+"""Recorded runs brought into agreement: their cells are compared, their motion is corrected."""
+
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from trueterrain import formats
+from trueterrain.alignment.apply import corrected_trajectory, fixed_trajectory, trajectory_along
+from trueterrain.alignment.discontinuity.alignment import align_lanes
+from trueterrain.alignment.discontinuity.reference_path import ReferencePath, waypoint_reference
+from trueterrain.alignment.discontinuity.result import PassAlignment
+from trueterrain.alignment.merge import MergeResult, MergeSettings, merge_cells
+from trueterrain.alignment.observations.cells import PassCells, cells_of_run, lane_cells
+from trueterrain.core.errors import SchemaError
+from trueterrain.core.progress import Progress, no_progress
+from trueterrain.formats.run import open_run
+from trueterrain.georeference import Screening, georeference, mounting_of
+from trueterrain.surface.runs import PassRecord, require_one_frame
+
+
+def merge_runs(
+    passes: Mapping[str, PassRecord],
+    settings: MergeSettings = MergeSettings(),
+    *,
+    screening: Screening = Screening(),
+    drift_time: float | None = None,
+    threads: int = 1,
+    progress: Progress = no_progress,
+) -> tuple[MergeResult, dict[str, PassRecord]]:
+    """Bring recorded runs into agreement.
+
+    Parameters
+    ----------
+    passes : mapping of str to Pass
+        Runs with their motion, by name.
+    settings : MergeSettings
+        How.
+    screening : Screening
+        Which returns are doubtful, and what becomes of them.
+    drift_time : float, optional
+        Time after which the autocorrelation of the drift of navigation is 1/e, as fusion measured
+        it [s], unless the settings name another one.
+    threads : int
+        Runs that are looked at at once; results do not depend on it.
+    progress : callable, optional
+        Called with a task, the amount done and the total.
+
+    Returns
+    -------
+    merging : Merging
+        Corrections, and agreement before and after.
+    passes : dict of Pass
+        The runs with their motion corrected.
+
+    Raises
+    ------
+    CoverageError
+        If no cell is seen by two passes, or an overlap is too thin for the method.
+    SchemaError
+        If control points have no standard deviations.
+    TrueTerrainError
+        If the adjustment does not converge.
+    """
+    if settings.network.correlation_time is None and drift_time is not None:
+        network = replace(settings.network, correlation_time=drift_time)
+        settings = replace(settings, network=network)
+    cells = cells_of_passes(
+        passes, settings, screening=screening, threads=threads, progress=progress
+    )
+    control = [] if settings.control is None else [control_cells(settings.control, settings)]
+    merging = merge_cells(
+        cells, settings, control=control, progress=progress,
+        align=lambda: _align_runs(passes, settings, screening, progress),
+    )  # fmt: skip
+    return merging, {name: _correct_pass(one, name, merging) for name, one in passes.items()}
+
+
+def cells_of_passes(
+    passes: Mapping[str, PassRecord],
+    settings: MergeSettings = MergeSettings(),
+    *,
+    screening: Screening = Screening(),
+    threads: int = 1,
+    progress: Progress = no_progress,
+) -> list[PassCells]:
+    """Cells that each of several runs saw.
+
+    Parameters
+    ----------
+    passes : mapping of str to Pass
+        Runs with their motion, by name.
+    settings : MergeSettings
+        Size of the cells, and which of them are used.
+    screening : Screening
+        Which returns are doubtful, and what becomes of them.
+    threads : int
+        Runs that are looked at at once.
+    progress : callable, optional
+        Called with a task, the amount done and the total.
+
+    Returns
+    -------
+    list of LaneCells
+        In the order of the passes.
+
+    Raises
+    ------
+    SchemaError
+        If the runs have different origins.
+    CoverageError
+        If the motion covers no scan of a run, or no cell has enough returns.
+    """
+    require_one_frame([one.path for one in passes.values()])
+    progress("cells of passes", 0, len(passes))
+    with ThreadPoolExecutor(threads) as pool:
+        jobs = [
+            pool.submit(
+                cells_of_run, one.path, one.trajectory, settings.cells, name=name,
+                mounting=one.mounting, screening=screening,
+            )
+            for name, one in passes.items()
+        ]  # fmt: skip
+        cells = []
+        for job in jobs:
+            cells.append(job.result())
+            progress("cells of passes", len(cells), len(passes))
+    return cells
+
+
+def control_cells(path: str | Path, settings: MergeSettings) -> PassCells:
+    """Control points as cells that stay as they are.
+
+    Parameters
+    ----------
+    path : str or Path
+        Points with ``sd``, in the frame of the passes.
+    settings : MergeSettings
+        Size of the cells.
+
+    Returns
+    -------
+    LaneCells
+        One entry for each point.
+
+    Raises
+    ------
+    SchemaError
+        If the points have no standard deviations.
+    FormatError
+        If it is no file of points.
+    """
+    points = formats.open(path)
+    if "sd" not in points or "up" not in points:
+        raise SchemaError(
+            "control needs the columns easting, northing, up and sd", path=path,
+            cure="Add a column sd: how sure each height is [m].",
+        )  # fmt: skip
+    x, y = points["easting"].values, points["northing"].values
+    column, row = (np.floor(at / settings.cells.size).astype(np.int64) for at in (x, y))
+    return lane_cells(
+        f"control {Path(path).stem}", (column << 32) + row, 0.0, points["up"].values,
+        variance=points["sd"].values ** 2, easting=x, northing=y,
+    )  # fmt: skip
+
+
+def reference_path(settings: MergeSettings) -> ReferencePath | None:
+    """Reference path that the settings name.
+
+    Parameters
+    ----------
+    settings : MergeSettings
+        File of waypoints.
+
+    Returns
+    -------
+    ReferencePath or None
+        None if they name none.
+    """
+    if settings.path is None:
+        return None
+    from trueterrain.formats.table import read_waypoints
+
+    return waypoint_reference(
+        *read_waypoints(Path(settings.path)), spacing=settings.discontinuity.spacing
+    )  # fmt: skip
+
+
+def _align_runs(
+    passes: Mapping[str, PassRecord],
+    settings: MergeSettings,
+    screening: Screening,
+    progress: Progress,
+) -> PassAlignment:
+    def points(one: PassRecord) -> Callable[[], Iterator[xr.Dataset]]:
+        return lambda: georeference(one.path, one.trajectory, one.mounting, screening=screening)
+
+    return align_lanes(
+        {name: points(one) for name, one in passes.items()}, settings.discontinuity,
+        paths=reference_path(settings), fix=next(iter(settings.fixed), None), progress=progress,
+    )  # fmt: skip
+
+
+def _correct_pass(one: PassRecord, name: str, merging: MergeResult) -> PassRecord:
+    if merging.alignment is not None:
+        mounting = one.mounting or mounting_of(open_run(one.path), path=one.path)
+        raised = trajectory_along(
+            one.trajectory, merging.alignment, name, lever=mounting.scanner_position
+        )
+        return replace(one, trajectory=raised)
+    found = merging.adjustment
+    if found is None:
+        return one
+    if name in found.names:
+        moved = corrected_trajectory(one.trajectory, found.correction(name))
+    else:
+        moved = fixed_trajectory(one.trajectory, found.datum_sd[name])
+    return replace(one, trajectory=moved)

@@ -1,0 +1,23 @@
+"""How work is carried out: whole outputs or none, progress, blocks."""
+
+from trueterrain.core.output import (
+    require_writable,
+    whole_folder,
+    whole_output,
+    whole_store,
+    whole_stores,
+)
+from trueterrain.core.progress import Progress, no_progress
+from trueterrain.core.readback import Checksums, not_whole
+
+__all__ = [
+    "Checksums",
+    "Progress",
+    "no_progress",
+    "not_whole",
+    "require_writable",
+    "whole_folder",
+    "whole_output",
+    "whole_store",
+    "whole_stores",
+]

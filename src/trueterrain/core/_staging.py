@@ -1,0 +1,219 @@
+"""Hidden folders in which outputs are written, and what becomes of those of processes that died.
+
+Each output has one, beside it or in it: ``.NAME.trueterrain-part``. Its process holds a lock on a
+file in it, which ends with the process, however it ends. Whoever gets the lock later knows that
+the owner is dead: it completes a move that had begun, and removes the rest.
+"""
+
+import json
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from trueterrain.core._rename import (
+    defer_signals,
+    is_folder,
+    publish_file,
+    publish_folder,
+    remove_path,
+    replace_entry,
+)
+from trueterrain.core.errors import OutputError
+from trueterrain.core.manifest import MANIFEST
+from trueterrain.core.readback import refuse_full_disk
+
+ENDING = ".trueterrain-part"
+NEW, OLD = "new", "old"  # folders of what is being written, and of what it replaces
+_LOCK, _JOURNAL = "lock", "journal.json"
+
+
+@contextmanager
+def staging_folder(folder: Path, name: str, output: Path) -> Iterator[Path]:
+    """Hidden folder that this process alone writes to; removed at the end with all that is in it.
+
+    Parameters
+    ----------
+    folder : Path
+        Where it is made, on the file system of the output.
+    name : str
+        Name of the output.
+    output : Path
+        Path of the output in messages.
+
+    Yields
+    ------
+    Path
+        The hidden folder, with an empty folder ``new``.
+
+    Raises
+    ------
+    OutputError
+        If another process writes the same output, or the disk is full.
+    """
+    recover_folder(folder)
+    staging, lock = folder / f".{name}{ENDING}", None
+    try:
+        with defer_signals():  # a signal finds the folder known, or not there
+            staging, lock = _lock_folder(staging, output)
+        (staging / NEW).mkdir()
+        yield staging
+    except OSError as error:
+        refuse_full_disk(error, output)
+        raise
+    finally:
+        if lock is not None:
+            try:
+                if not (staging / _JOURNAL).exists():  # else the next call completes the move
+                    _discard_folder(staging)
+            finally:
+                os.close(lock)
+
+
+def recover_folder(folder: Path) -> None:
+    """Complete or remove what processes that died left of their outputs in a folder."""
+    for staging in sorted(folder.glob(f".*{ENDING}")):
+        try:
+            lock = os.open(staging / _LOCK, os.O_RDWR)
+        except OSError:
+            # removed halfway, or just being made; its owner makes it again then
+            with suppress(OSError):
+                staging.rmdir()
+            continue
+        try:
+            if _lock_file(lock) and _is_lock_of(staging, lock):
+                _resume_move(staging)
+                _discard_folder(staging)
+        finally:
+            os.close(lock)
+
+
+def move_in(staging: Path, names: Sequence[str], removed: Sequence[str] = ()) -> None:
+    """Move what was written into the folder that holds the hidden one, all of it or nothing.
+
+    Once the journal is there, the next call completes what this one cannot.
+
+    Parameters
+    ----------
+    staging : Path
+        The hidden folder, inside the folder of the outputs.
+    names : sequence of str
+        Files and folders in ``new`` to move; those of the same name are replaced.
+    removed : sequence of str
+        Files in the folder of the outputs that the new ones make void.
+    """
+    folder, draft = staging.parent, staging / f"{_JOURNAL}.part"
+    about = {
+        "names": sorted(names, key=lambda name: name == MANIFEST),  # the manifest is the last
+        "replaced": [name for name in names if os.path.lexists(folder / name)],
+        "removed": list(removed),
+    }
+    with draft.open("w", encoding="utf-8") as stream:
+        json.dump(about, stream)
+        stream.flush()
+        os.fsync(stream.fileno())
+    with defer_signals():
+        draft.rename(staging / _JOURNAL)
+        try:
+            _resume_move(staging)
+        except OSError as error:
+            raise OutputError(
+                f"could not be completed ({error.strerror}); what was written is in {staging}",
+                path=error.filename2 or error.filename or folder,
+                cure="When the reason is gone, the next call into this folder completes it.",
+            ) from error
+
+
+def is_staging(path: Path) -> bool:
+    """Whether this is the hidden folder of an output."""
+    return path.name.startswith(".") and path.name.endswith(ENDING)
+
+
+def _resume_move(staging: Path) -> None:
+    """Complete a move that had begun, from wherever it stopped."""
+    folder, new, old = staging.parent, staging / NEW, staging / OLD
+    if (staging / _JOURNAL).exists():
+        about = json.loads((staging / _JOURNAL).read_text(encoding="utf-8"))
+        if (new / MANIFEST).exists():
+            (folder / MANIFEST).unlink(missing_ok=True)  # no result from here to the last move
+        for name in about["removed"]:
+            (folder / name).unlink(missing_ok=True)
+            for above in (folder / name).relative_to(folder).parents:
+                with suppress(OSError):  # holds other files
+                    if above.name:
+                        (folder / above).rmdir()
+        for name in about["names"]:
+            if not os.path.lexists(new / name):
+                continue
+            if name in about["replaced"]:
+                replace_entry(new / name, folder / name, old)
+            elif is_folder(new / name):
+                publish_folder(new / name, folder / name)
+            else:
+                publish_file(new / name, folder / name)
+        remove_path(old)
+        (staging / _JOURNAL).unlink()
+    if old.is_dir():  # a store that was about to be replaced
+        for path in old.iterdir():
+            if not os.path.lexists(folder / path.name):
+                path.rename(folder / path.name)
+
+
+def _lock_folder(staging: Path, output: Path) -> tuple[Path, int]:
+    """Make the hidden folder and lock it."""
+    while True:
+        made = not staging.exists()
+        staging.mkdir(exist_ok=True)
+        try:
+            lock = os.open(staging / _LOCK, os.O_RDWR | os.O_CREAT, 0o666)
+        except FileNotFoundError:  # another process has just finished, and removed it
+            continue
+        taken = _lock_file(lock)
+        if taken is False or (taken is None and not made):
+            os.close(lock)
+            cure = "Wait until it is done, or choose another name."
+            if taken is None:
+                cure += f" If there is none, remove {staging}."
+            raise OutputError("is being written by another process", path=output, cure=cure)
+        if _is_lock_of(staging, lock):
+            _resume_move(staging)
+            _clear_folder(staging)
+            return staging, lock
+        os.close(lock)
+
+
+def _lock_file(file: int) -> bool | None:
+    """Lock a file until it is closed: True, False if another process has, None if none can."""
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        return None
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:  # a file system without locks
+        return None
+    return True
+
+
+def _is_lock_of(staging: Path, file: int) -> bool:
+    """Whether the file is the lock still, not one that its owner has removed meanwhile."""
+    try:
+        return os.path.samestat((staging / _LOCK).stat(), os.fstat(file))
+    except FileNotFoundError:
+        return False
+
+
+def _clear_folder(staging: Path) -> None:
+    for path in staging.iterdir():
+        if path.name != _LOCK:
+            remove_path(path)
+
+
+def _discard_folder(staging: Path) -> None:
+    """Remove the hidden folder, the lock last; what remains, the next call removes."""
+    with suppress(OSError):
+        _clear_folder(staging)
+        (staging / _LOCK).unlink(missing_ok=True)
+        staging.rmdir()

@@ -1,0 +1,56 @@
+"""Results as JSON takes them, and text as a terminal and a figure take it."""
+
+import math
+import re
+from typing import Any
+
+# what commands a terminal, or turns the order of what it shows: all but tab and line feed
+_CONTROLS = re.compile("[\\x00-\\x08\\x0b-\\x1f\\x7f-\\x9f\\u2028-\\u202e\\u2066-\\u2069]")
+
+
+def printable_text(text: str) -> str:
+    """Text in which control characters, as of file names or headers, are written as escapes.
+
+    Parameters
+    ----------
+    text : str
+        Any text.
+
+    Returns
+    -------
+    str
+        Text that shows what it is, whoever wrote it.
+
+    Examples
+    --------
+    >>> len("a" + chr(27) + "[31m"), len(printable("a" + chr(27) + "[31m"))
+    (6, 9)
+    """
+    return _CONTROLS.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), text)
+
+
+def json_values(value: Any) -> Any:
+    """As JSON gives it back: tuples become lists, what is not finite null.
+
+    Parameters
+    ----------
+    value : object
+        Dictionaries, lists, tuples, words and numbers in each other.
+
+    Returns
+    -------
+    object
+        The same, to be written.
+
+    Examples
+    --------
+    >>> finite({"sd": (0.1, float("nan"))})
+    {'sd': [0.1, None]}
+    """
+    if isinstance(value, dict):
+        return {name: json_values(item) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [json_values(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,1 @@
+"""Figures of accuracy tests: events, calibration surfaces, results."""

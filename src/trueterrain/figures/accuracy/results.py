@@ -1,0 +1,320 @@
+"""What tests of accuracy found: profiles over a plate, errors, rejection, and drift."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+
+from trueterrain.figures import canvas
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_MILLI = 1e3
+_GAP = 3.0  # times the usual step from which a line is broken
+_RIM = 4.0  # times the greatest error off edges at which the drawing ends
+
+
+def plate_profile(errors: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
+    """Measured profile over a calibration plate on the machined one (Fig. 3-18 of Smith 2009).
+
+    Parameters
+    ----------
+    errors : xarray.Dataset
+        ``errors`` of a static or dynamic test: ``height`` and ``machined`` over s [m].
+    ax : Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    Axes
+        Position on the plate and height [m].
+
+    Examples
+    --------
+    >>> found = xr.Dataset({"height": ("s", [0.0, 0.04]), "machined": ("s", [0.0, 0.05])},
+    ...                    {"s": [0.0, 0.1]})
+    >>> plate_profile(found).get_ylabel()
+    'Height [mm]'
+    """
+    ax = canvas.axes_or_new(ax, height=3.0)
+    s = errors["s"].values
+    order = np.argsort(s)
+    ax.plot(
+        s[order], errors["machined"].values[order], color="0.55", linewidth=2.2, label="machined"
+    )  # fmt: skip
+    ax.plot(
+        s[order], errors["height"].values[order], ".", color=canvas.COLOURS[0], markersize=3,
+        label="measured, registered",
+    )  # fmt: skip
+    scale = canvas.height_scale(errors["machined"].values, errors["height"].values)
+    canvas.scale_axis(ax.yaxis, scale, "Height")
+    return _finish_axes(ax, "Position on the plate [m]", exaggerated=True)
+
+
+def plate_error(errors: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
+    """Error over a calibration plate, and its standard deviation (Figs 3-17, 3-19, 3-23).
+
+    Parameters
+    ----------
+    errors : xarray.Dataset
+        ``errors`` of a static or dynamic test: ``error``, ``sd`` [m], ``edge`` over s [m], and
+        perhaps ``doubtful``.
+    ax : Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    Axes
+        Position on the plate [m] and error [m]; errors beside edges and of doubtful intensity are
+        marked. Errors at upright faces, which may be as large as these, stand at the rim as
+        triangles if they would hide the others.
+
+    Examples
+    --------
+    >>> found = xr.Dataset({"error": ("s", [1e-4, 2e-4]), "sd": ("s", [1e-4, 1e-4]),
+    ...                     "edge": ("s", [False, True])}, {"s": [0.0, 0.1]})
+    >>> len(plate_error(found).get_legend().get_texts())
+    3
+    """
+    ax = canvas.axes_or_new(ax, height=3.0)
+    order = np.argsort(errors["s"].values)
+    sorted_ = errors.isel(s=order)
+    s, error, sd = (sorted_[name].values for name in ("s", "error", "sd"))
+    edge = sorted_["edge"].values
+    doubtful = sorted_["doubtful"].values if "doubtful" in sorted_ else np.zeros_like(edge)
+    ax.axhline(0.0, color="0.5", linewidth=0.8)
+    ax.fill_between(s, -sd, sd, color="0.85", linewidth=0, label="standard deviation")
+    for number, (name, where) in enumerate(
+        (("error", ~edge & ~doubtful), ("beside an edge", edge), ("doubtful", doubtful & ~edge))
+    ):
+        if where.any():
+            colour = canvas.COLOURS[number]
+            ax.plot(s[where], error[where], ".", color=colour, markersize=4, label=name)
+    most = _RIM * float(np.abs(error[~edge]).max(initial=0.0))
+    beyond = edge & (np.abs(error) > most)
+    noted = most > 0 and bool(beyond.any())
+    if noted:
+        ax.set_ylim(-most, most)
+        for sign, marker in ((1, "^"), (-1, "v")):
+            at = s[beyond & (np.sign(error) == sign)]
+            ax.plot(
+                at, np.full(at.size, 0.96 * sign * most), marker, color=canvas.COLOURS[1],
+                markersize=5,
+            )  # fmt: skip
+        canvas.annotate_axes(
+            ax, f"{beyond.sum()} beyond, up to {_MILLI * np.abs(error).max():.1f} mm"
+        )
+        error = error[~beyond]
+    canvas.scale_axis(ax.yaxis, canvas.height_scale(error, sd), "Error")
+    return _finish_axes(ax, "Position on the plate [m]", noted=noted)
+
+
+def plate_errors(errors: Mapping[str, xr.Dataset], *, ax: "Axes | None" = None) -> "Axes":
+    """Errors over a calibration plate as several ways of processing find them, on the same axes.
+
+    Parameters
+    ----------
+    errors : mapping of str to xarray.Dataset
+        By name of the way, at most seven: ``error`` over s [m].
+    ax : Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    Axes
+        Position on the plate and error [m]; lines are broken where nothing was measured.
+
+    Examples
+    --------
+    >>> found = xr.Dataset({"error": ("s", [1e-4, 2e-4])}, {"s": [0.0, 0.1]})
+    >>> len(plate_errors({"first": found, "second": found}).get_legend().get_texts())
+    2
+    """
+    ax = canvas.axes_or_new(ax, height=3.0)
+    ax.axhline(0.0, color="0.5", linewidth=0.8)
+    for colour, (name, one) in zip(canvas.COLOURS, errors.items(), strict=False):
+        order = np.argsort(one["s"].values)
+        s, error = (one[key].values[order] for key in ("s", "error"))
+        step = np.diff(s)
+        after = np.flatnonzero(step > _GAP * np.median(step)) + 1
+        ax.plot(
+            np.insert(s, after, np.nan), np.insert(error, after, np.nan), ".-",
+            color=colour, linewidth=0.9, markersize=2.5, label=name,
+        )  # fmt: skip
+    every = np.concatenate([one["error"].values for one in errors.values()])
+    canvas.scale_axis(ax.yaxis, canvas.height_scale(every), "Error")
+    return _finish_axes(ax, "Position on the plate [m]")
+
+
+def place_spread(spread: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
+    """How figures depend on where a plate truly lies beside a whole sample.
+
+    Parameters
+    ----------
+    spread : xarray.Dataset
+        ``rms`` (row, beside) and ``low`` and ``high`` (row), what is published [m]; ``beside`` is
+        a share of the spacing of the samples.
+    ax : Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    Axes
+        Place beside a whole sample [samples] and root mean square error [mm]; what is published is
+        a band or a dashed line of the same colour.
+
+    Examples
+    --------
+    >>> found = xr.Dataset({"rms": (("row", "beside"), [[1e-3, 2e-3]]), "low": ("row", [1e-3]),
+    ...                     "high": ("row", [2e-3])}, {"row": ["static"], "beside": [0.0, 0.4]})
+    >>> place_spread(found).get_ylabel()
+    'RMS error [mm]'
+    """
+    ax = canvas.axes_or_new(ax, height=3.4)
+    beside = spread["beside"].values
+    for number, row in enumerate(spread["row"].values):
+        one, colour = spread.sel(row=row), canvas.COLOURS[number % len(canvas.COLOURS)]
+        low, high = (_MILLI * float(one[name]) for name in ("low", "high"))
+        ax.plot(
+            beside, _MILLI * one["rms"].values, ".-", color=colour, linewidth=1.3, label=str(row)
+        )
+        if high > low:
+            ax.axhspan(low, high, color=colour, alpha=0.2, linewidth=0)
+        else:
+            ax.axhline(low, color=colour, linewidth=1.0, linestyle="--")
+    ax.set_ylim(bottom=0.0)
+    ax.set_ylabel("RMS error [mm]")
+    return _finish_axes(ax, "Begin of the plate behind a sample [spacings]")
+
+
+def motion_rejection(rejection: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
+    """Body-motion rejection of a profile by frequency, with its interval.
+
+    Parameters
+    ----------
+    rejection : xarray.Dataset
+        ``rejection`` of a dynamic test: ``rejection``, ``low``, ``high`` [dB] over ``frequency``.
+    ax : Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    Axes
+        Frequency [Hz] and rejection [dB].
+
+    Examples
+    --------
+    >>> found = xr.Dataset({name: ("frequency", [20.0, 30.0]) for name in
+    ...                     ("rejection", "low", "high")}, {"frequency": [1.0, 2.0]})
+    >>> motion_rejection(found).get_ylabel()
+    'Body-motion rejection [dB]'
+    """
+    ax = canvas.axes_or_new(ax, height=3.0)
+    frequency = rejection["frequency"].values
+    ax.axhline(0.0, color="0.5", linewidth=0.8)
+    ax.fill_between(
+        frequency, rejection["low"].values, rejection["high"].values,
+        color=canvas.COLOURS[5], alpha=0.35, linewidth=0, label="interval",
+    )  # fmt: skip
+    ax.plot(
+        frequency, rejection["rejection"].values, color=canvas.COLOURS[0], linewidth=1.4,
+        label="rejection",
+    )  # fmt: skip
+    ax.set_xscale("log")
+    ax.set_ylabel("Body-motion rejection [dB]")
+    return _finish_axes(ax, "Frequency [Hz]")
+
+
+def drift_errors(errors: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
+    """Errors of repeated runs against distance (Fig. 2-2 of Smith 2009).
+
+    Parameters
+    ----------
+    errors : xarray.Dataset
+        ``errors`` of a drift test: ``error`` (run, s) and ``mean`` [m].
+    ax : Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    Axes
+        Distance and error [m].
+
+    Examples
+    --------
+    >>> found = xr.Dataset({"error": (("run", "s"), [[0.0, 1e-3], [0.0, 2e-3]]),
+    ...                     "mean": ("s", [0.0, 1.5e-3])}, {"s": [0.0, 100.0], "run": [0, 1]})
+    >>> drift_errors(found).get_xlabel()
+    'Distance [m]'
+    """
+    ax = canvas.axes_or_new(ax, height=3.0)
+    ax.axhline(0.0, color="0.5", linewidth=0.8)
+    s = errors["s"].values
+    for number, run in enumerate(errors["error"].values):
+        label = "single runs" if number == 0 else None
+        ax.plot(s, run, color=canvas.COLOURS[5], linewidth=0.8, label=label)
+    ax.plot(s, errors["mean"].values, color=canvas.COLOURS[1], linewidth=1.6, label="their mean")
+    canvas.scale_axis(ax.yaxis, canvas.height_scale(errors["error"].values), "Error")
+    return _finish_axes(ax, "Distance [m]")
+
+
+def drift_growth(growth: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
+    """How much errors grow with distance: structure functions and Allan deviation.
+
+    Parameters
+    ----------
+    growth : xarray.Dataset
+        ``growth`` of a drift test: ``structure``, ``repeats``, ``allan`` [m] over ``distance``.
+    ax : Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    Axes
+        Distance [m] and root mean square change [mm], both logarithmic.
+
+    Raises
+    ------
+    ValueError
+        If the errors are the same everywhere.
+
+    Examples
+    --------
+    >>> found = xr.Dataset({name: ("distance", [1e-3, 2e-3]) for name in
+    ...                     ("structure", "repeats", "allan")}, {"distance": [1.0, 4.0]})
+    >>> drift_growth(found).get_ylabel()
+    'Change [mm]'
+    """
+    names = {
+        "structure": "change over the distance", "repeats": "of it, from run to run",
+        "allan": "Allan deviation of means over it",
+    }  # fmt: skip
+    if not any((growth[name].values > 0).any() for name in names):
+        message = "growth must not be zero everywhere: the errors are the same at all places."
+        raise ValueError(message)
+    ax = canvas.axes_or_new(ax, height=3.4)
+    for number, (name, label) in enumerate(names.items()):
+        seen = growth[name].values > 0
+        ax.plot(
+            growth["distance"].values[seen], _MILLI * growth[name].values[seen],
+            color=canvas.COLOURS[number], linewidth=1.3, marker="o", markersize=3, label=label,
+        )  # fmt: skip
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.set_ylabel("Change [mm]")
+    return _finish_axes(ax, "Distance [m]")
+
+
+def _finish_axes(
+    ax: "Axes", label: str, *, exaggerated: bool = False, noted: bool = False
+) -> "Axes":
+    ax.set_xlabel(label)
+    ax.margins(x=0)
+    ax.grid(color="0.9", linewidth=0.6)
+    ax.set_axisbelow(True)
+    if exaggerated:
+        canvas.note_exaggeration(ax)
+    canvas.legend_above(ax, notes=exaggerated or noted)
+    return ax

@@ -1,0 +1,1 @@
+"""Figures of passes brought into agreement."""

@@ -1,0 +1,205 @@
+"""Corrections of passes, beside what the navigation said of itself."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from trueterrain.figures import canvas
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from trueterrain.alignment import SplineCorrection
+
+Floats = npt.NDArray[np.float64]
+
+#: What corrections follow: the time of a pass, or the station along the road.
+Along = Literal["time", "station"]
+
+_PER_KNOT = 8  # samples from one knot to the next
+_MOST = 20_000  # samples of a line
+_DASH = 5.0  # [points] of the dashes of what the navigation claims
+_HATCHES = ("///", "\\\\\\", "|||", "---")
+_NAMES = {"east": "Correction to east", "north": "Correction to north"}
+_ANGLES = ("roll", "pitch")
+
+
+def lane_correction(
+    corrections: "SplineCorrection | Sequence[SplineCorrection]",
+    *,
+    component: str = "height",
+    navigation_sd: Mapping[str, tuple[npt.ArrayLike, npt.ArrayLike]] | None = None,
+    along: Along = "time",
+    ax: "Axes | None" = None,
+) -> "Axes":
+    """What is added to one pass or several, how sure it is, and what the navigation claimed.
+
+    Parameters
+    ----------
+    corrections : Correction or sequence of Correction
+        Corrections of the network adjustment.
+    component : str
+        One of height, roll, pitch, east and north.
+    navigation_sd : mapping of str to (time, sd), optional
+        By the name of the pass: standard deviation of the component by the navigation [m] or [rad],
+        and its times [s]. An honest navigation makes corrections that seldom leave it.
+    along : {"time", "station"}
+        Whether corrections follow time [s], each drawn from its own begin on, or station [m].
+    ax : Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    Axes
+        Time [s] or station [m], and correction [m] or [rad], with a band of one standard deviation,
+        whose median is in the legend. Hatched is where no other pass saw the same ground, so that
+        smoothness alone ties the correction.
+
+    Raises
+    ------
+    ValueError
+        If there is no correction, the component was not estimated, or the navigation's standard
+        deviations are of no pass or do not fit their times.
+
+    Examples
+    --------
+    >>> from trueterrain.alignment import adjust, lane_cells
+    >>> cell, time = np.arange(400), np.arange(400) * 0.1
+    >>> found = adjust([
+    ...     lane_cells(name, cell, time, up + np.sin(cell), variance=1e-6, easting=0.5 * cell)
+    ...     for name, up in (("east", 0.005), ("west", -0.005))])
+    >>> lane_correction(found.corrections).get_ylabel()
+    'Correction of height [mm]'
+    """
+    drawn = as_corrections(corrections, component)
+    claimed = navigation_sd or {}
+    for name in claimed:
+        if name not in [one.name for one in drawn]:
+            message = f"navigation_sd must be of a pass that is drawn, got {name!r}."
+            raise ValueError(message)
+    ax = canvas.axes_or_new(ax, height=3.4)
+    ax.axhline(0.0, color="0.5", linewidth=0.8)
+    reach = []
+    for number, one in enumerate(drawn):
+        colour = canvas.COLOURS[number % len(canvas.COLOURS)]
+        origin = one.knots.begin if along == "time" else 0.0
+        reach.append(_draw_correction(ax, one, component, colour, origin))
+        if one.name in claimed:
+            time, sd = _navigation_sd(one, *claimed[one.name])
+            share = (number, len(drawn))
+            reach.append(_draw_claim(ax, time - origin, sd, colour, share))
+        _shade_unsupported(ax, one, number, colour, origin)
+    if claimed:
+        ax.plot([], [], color="0.3", linewidth=1.0, linestyle=(0, (_DASH, _DASH)),
+                label="± 1 sd that navigation claims")  # fmt: skip
+    if component in _ANGLES:
+        canvas.scale_axis(
+            ax.yaxis, canvas.LengthScale(factor=1e3, unit="mrad"), f"Correction of {component}"
+        )
+    else:
+        name = _NAMES.get(component, f"Correction of {component}")
+        canvas.scale_axis(ax.yaxis, canvas.height_scale(*reach), name)
+    ax.set_xlabel(
+        "Time since the begin of each correction [s]" if along == "time" else "Station [m]"
+    )
+    ax.margins(x=0)
+    ax.grid(color="0.9", linewidth=0.6)
+    ax.set_axisbelow(True)
+    canvas.legend_above(ax, columns=3, notes=False)
+    return ax
+
+
+def as_corrections(
+    corrections: "SplineCorrection | Sequence[SplineCorrection]", component: str
+) -> "list[SplineCorrection]":
+    """Corrections as a list, each of which holds the component."""
+    drawn = list(corrections) if isinstance(corrections, Sequence) else [corrections]
+    if not drawn:
+        message = "corrections must hold at least 1 correction, got none."
+        raise ValueError(message)
+    for one in drawn:
+        if component not in one.components:
+            message = (
+                f"component must be one of {', '.join(one.components)}, those of the correction "
+                f"of {one.name}, got {component!r}."
+            )
+            raise ValueError(message)
+    return drawn
+
+
+def component_sd(correction: "SplineCorrection", time: Floats, component: str) -> Floats:
+    """Standard deviation of one component, what is too fine for its knots not included."""
+    interval, weights = correction.knots.basis(time)
+    first = 4 * correction.components.index(component)
+    of_it = correction.covariance[:, first : first + 4, first : first + 4]
+    variance = np.einsum("ni,nij,nj->n", weights, of_it[interval], weights, optimize=True)
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+
+
+def _draw_correction(
+    ax: "Axes", one: "SplineCorrection", component: str, colour: str, origin: float
+) -> Floats:
+    samples = min(_PER_KNOT * one.knots.intervals, _MOST) + 1
+    time = np.linspace(one.knots.begin, one.knots.end, samples)
+    value = one(time, component)
+    sd = component_sd(one, time, component)
+    if component == "height":  # as `SplineCorrection.sd` has it
+        sd = np.hypot(sd, one.left)
+    ax.fill_between(time - origin, value - sd, value + sd, color=colour, alpha=0.3, linewidth=0)
+    factor, unit = (1e6, "µrad") if component in _ANGLES else (1e3, "mm")
+    ax.plot(
+        time - origin, value, color=colour, linewidth=1.5,
+        label=f"{one.name}, band ± 1 sd: {factor * np.median(sd):.2g} {unit}",
+    )  # fmt: skip
+    return np.concatenate([value - sd, value + sd])
+
+
+def _navigation_sd(
+    one: "SplineCorrection", time: npt.ArrayLike, sd: npt.ArrayLike
+) -> tuple[Floats, Floats]:
+    """What the navigation says within the reach of a correction."""
+    times, sds = np.asarray(time, dtype=np.float64), np.asarray(sd, dtype=np.float64)
+    if times.ndim != 1 or times.shape != sds.shape:
+        message = (
+            f"navigation_sd of {one.name} must hold one standard deviation for each time, got the "
+            f"shapes {times.shape} and {sds.shape}."
+        )
+        raise ValueError(message)
+    within = (times >= one.knots.begin) & (times <= one.knots.end)
+    if not within.any():
+        message = (
+            f"navigation_sd of {one.name} must hold times from {one.knots.begin:g} to "
+            f"{one.knots.end:g}, those of its correction, got none."
+        )
+        raise ValueError(message)
+    times, sds = times[within], sds[within]
+    every = -(-times.size // _MOST)
+    return times[::every], sds[::every]
+
+
+def _draw_claim(
+    ax: "Axes", time: Floats, sd: Floats, colour: str, share: tuple[int, int]
+) -> Floats:
+    """Dashes about 0; those of several passes take turns, so that equal ones are all seen."""
+    number, total = share
+    gap = _DASH * max(total - 1, 1)
+    for side in (-1, 1):
+        ax.plot(
+            time, side * sd, color=colour, linewidth=1.0,
+            linestyle=((_DASH + gap) - _DASH * number, (_DASH, gap)),
+        )  # fmt: skip
+    return np.concatenate([sd, -sd])
+
+
+def _shade_unsupported(
+    ax: "Axes", one: "SplineCorrection", number: int, colour: str, origin: float
+) -> None:
+    label: str | None = f"{one.name}: tied by smoothness alone"
+    for begin, end in one.unsupported:
+        ax.axvspan(
+            begin - origin, end - origin, facecolor="none", edgecolor=colour, alpha=0.4,
+            hatch=_HATCHES[number % len(_HATCHES)], linewidth=0, label=label,
+        )  # fmt: skip
+        label = None

@@ -1,0 +1,1 @@
+"""Figures of profiles and of the search areas they come from."""

@@ -1,0 +1,1 @@
+"""Figures of roughness: indices, spectra, evenness, agreement."""

@@ -1,0 +1,66 @@
+"""How much of a road is how rough."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+
+from trueterrain.figures import canvas
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_BAR = 0.8  # share of a class that its bars fill
+
+
+def roughness_histogram(shares: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
+    """Share of each track in classes of roughness, as bars.
+
+    Parameters
+    ----------
+    shares : xarray.Dataset
+        What `trueterrain.roughness.iri_histogram` returns.
+    ax : Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    Axes
+        Classes of the index [m/km] and share of the length [%].
+
+    Examples
+    --------
+    >>> from trueterrain.core.schemas import make_profile
+    >>> from trueterrain.roughness import iri, iri_histogram
+    >>> heights = np.cumsum(np.random.default_rng(1).standard_normal(5000)) * 5e-4
+    >>> road = make_profile(0.1 * np.arange(5000), heights)
+    >>> ax = roughness_histogram(iri_histogram(iri(road, segment=20.0), [1.0, 2.0, 3.0]))
+    >>> [tick.get_text() for tick in ax.get_xticklabels()]
+    ['< 1', '1–2', '2–3', '> 3']
+    """
+    ax = canvas.axes_or_new(ax, height=3.0)
+    count = shares.sizes["track"]
+    place = np.arange(shares.sizes["class"])
+    width = _BAR / count
+    for number, track in enumerate(shares["track"].values):
+        ax.bar(
+            place + (number - 0.5 * (count - 1)) * width,
+            100 * shares["share"].sel(track=track).values,
+            width,
+            color=canvas.COLOURS[number % len(canvas.COLOURS)],
+            label=f"{track}" if count > 1 else None,
+        )
+    edges = zip(shares["above"].values, shares["below"].values, strict=True)
+    ax.set_xticks(place, [_class_name(above, below) for above, below in edges])
+    ax.set_xlabel("IRI [m/km]")
+    ax.set_ylabel("Share of the length [%]")
+    ax.grid(axis="y", color="0.9", linewidth=0.6)
+    ax.set_axisbelow(True)
+    canvas.legend_above(ax, notes=False)
+    return ax
+
+
+def _class_name(above: float, below: float) -> str:
+    if above == 0:
+        return f"< {below:.3g}"
+    return f"> {above:.3g}" if np.isinf(below) else f"{above:.3g}–{below:.3g}"

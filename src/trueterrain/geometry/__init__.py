@@ -1,0 +1,1 @@
+"""Geometry: plane curves with stations, grids along them, rotations, geodesy, coordinate reference systems."""

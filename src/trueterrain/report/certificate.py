@@ -1,0 +1,341 @@
+"""Certificate of a test of accuracy: what was tested, how, what was found, and from what."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from trueterrain.report import (
+    Block,
+    Column,
+    File,
+    Files,
+    Number,
+    Picture,
+    Report,
+    Section,
+    Table,
+    Text,
+    Warnings,
+)
+from trueterrain.report.findings import findings_blocks, modes_table
+
+if TYPE_CHECKING:
+    from trueterrain.verify.certificate import CertificateResult, Result
+    from trueterrain.verify.statistics.uncertainty import AccuracyFigure
+
+_MILLI = 1e3
+_DIGITS = 3  # of millimetres
+
+_METHODS = {
+    "static": "Each beam of a standing scanner meets the same place in every scan. The mean of its "
+    "ranges gives a height, their spread the noise. The machined profile is laid onto these "
+    "heights by a robust fit of offset, tilt and lateral shift, which are reported on their own; "
+    "what is left at each place is the error.",
+    "dynamic": "Returns of a strip beside the way of the vehicle are averaged in cells along it. "
+    "Against each mean stands the mean machined height at the places of the same returns, after a "
+    "robust fit of offset, tilt and shift along the way. Body-motion rejection is the spectrum of "
+    "the height of the laser over that of the error.",
+    "drift": "Heights of repeated runs along one path are compared at equal distances with a "
+    "reference or, without one, with their mean. What differs between runs is repeatability; what "
+    "they share is bias, which only a reference tells.",
+}
+_FOUND = (
+    "What this test looked for besides the size of errors; of clocks, levers and angles, what is "
+    "to be added to what the run says. Found is what is beyond four times its sd, and matters."
+)
+_CAUSES = {
+    "noise": "noise of the mean", "bias": "bias", "shape": "neither noise nor bias",
+    "edge": "beside edges", "reflectivity": "doubtful intensity",
+}  # fmt: skip
+
+
+def certificate_of(found: "CertificateResult", files: list[tuple[str, str]]) -> Report:
+    """Certificate of a test.
+
+    Parameters
+    ----------
+    found : Certified
+        Results and inputs.
+    files : list of tuple of str
+        Names of the files beside the certificate, and what they hold.
+
+    Returns
+    -------
+    Report
+        To be written.
+    """
+    import matplotlib.pyplot as plt
+
+    test = found.test
+    kind = test.kind
+    sections = [_stated_section(found, kind), _figure_section(found)]
+    sections += [_result_section(name, result) for name, result in found.results.items()]
+    if found.instruments:
+        sections.append(_instrument_section(found))
+    sections.append(_input_section(found, files))
+    report = Report(
+        title=test.title or f"Accuracy of a profiler: {kind} test",
+        subtitle=", ".join(text for text in (test.system, test.date) if text),
+        headline=tuple(_headline_numbers(found)),
+        sections=tuple(sections),
+    )
+    plt.close("all")  # the report keeps the figures; pyplot need not
+    return report
+
+
+def _headline_numbers(found: "CertificateResult") -> Iterator[Number]:
+    for name, result in found.results.items():
+        kept = found.verdicts[name].get("rms")
+        limit = found.test.limits.rms
+        figure = result.row.rms
+        least = "" if figure.trusted else "at least "
+        interval = f"{least}{_MILLI * figure.low:.3f} to {_MILLI * figure.high:.3f} mm"
+        yield Number(
+            label=f"RMS, {name}", value=_MILLI * figure.value, unit="mm", digits=_DIGITS,
+            verdict=None if kept is None else ("good" if kept else "bad"),
+            note=interval if limit is None else f"{interval}; limit {_MILLI * limit:g} mm",
+        )  # fmt: skip
+    if found.passed is not None:
+        yield Number(
+            label="All limits", value="kept" if found.passed else "not kept",
+            verdict="good" if found.passed else "bad",
+        )  # fmt: skip
+
+
+def _stated_section(found: "CertificateResult", kind: str) -> Section:
+    test = found.test
+    rows: list[list[str | None]] = [
+        ["System", test.system or None], ["Conditions", test.conditions or None],
+        ["Date", test.date or None], ["Test", kind],
+    ]  # fmt: skip
+    table = Table(columns=(Column(label="Stated"), Column(label="As given")), rows=rows)
+    times = Table(
+        columns=(
+            Column(label="Recorded"), Column(label="From"), Column(label="To"),
+            Column(label="Time scale"),
+        ),
+        rows=[[one.name, one.begin, one.end, one.scale] for one in found.recorded],
+        caption="When it was recorded, as the data themselves tell.",
+    )  # fmt: skip
+    blocks: list[Block] = [table, times]
+    if found.doubts:
+        blocks.append(Warnings(items=found.doubts))
+    return Section(title="What was tested", blocks=[*blocks, Text(paragraph=_METHODS[kind])])
+
+
+def _instrument_section(found: "CertificateResult") -> Section:
+    """What clocks and mounting are off by."""
+    text = (
+        "What is to be added to what the runs say of their clocks and of where the scanner sits. "
+        "It was not applied: figures are those of the runs as they are."
+    )
+    blocks = findings_blocks(
+        found.instruments,
+        caption="Found less stated, with four times its sd as the bound of what is there.",
+    )
+    return Section(title="Clocks and mounting", text=text, blocks=blocks)
+
+
+def _figure_section(found: "CertificateResult") -> Section:
+    columns = ("RMS", "Off edges", "Distance", "Maximum", "Bias", "Noise", "Registration")
+    rows: list[list[str | float | None]] = []
+    for name, result in found.results.items():
+        row, known = result.row, _with_intervals(result)
+        lengths = {key: one.value for key, one in known.items()}
+        order = (
+            lengths["RMS"], lengths.get("off edges"), lengths.get("distance"), row.maximum,
+            lengths["bias"], row.noise, row.registration,
+        )  # fmt: skip
+        rows.append([name, *(_to_millimetres(value) for value in order), row.count])
+    table = Table(
+        columns=(
+            Column(label="Test"),
+            *(Column(label=label, unit="mm", digits=_DIGITS) for label in columns),
+            Column(label="n", digits=0),
+        ),
+        rows=rows,
+        caption="Off edges: RMS without what lies beside steep faces. "
+        "Distance: RMS of the shortest distance from the machined line.",
+    )
+    return Section(title="Figures", blocks=[table, *_interval_notes(found), *_limit_blocks(found)])
+
+
+def _with_intervals(result: "Result") -> "dict[str, AccuracyFigure]":
+    """Figures of a test that have an interval."""
+    row = result.row
+    figures = {
+        "RMS": row.rms, "off edges": row.off_edges, "distance": row.distance, "bias": row.bias,
+    }  # fmt: skip
+    return {key: one for key, one in figures.items() if one is not None}
+
+
+def _interval_notes(found: "CertificateResult") -> Iterator[Block]:
+    known = {name: _with_intervals(result) for name, result in found.results.items()}
+    confidence = next(iter(found.results.values())).row.rms.confidence
+    yield Table(
+        columns=(
+            Column(label="Test"), Column(label="Figure"),
+            *(Column(label=one, unit="mm", digits=_DIGITS) for one in ("Value", "From", "To")),
+            Column(label="Independent errors", digits=0),
+        ),
+        rows=[
+            [name, key, _to_millimetres(one.value), _to_millimetres(one.low), _to_millimetres(one.high), one.independent]
+            for name, figures in known.items()
+            for key, one in figures.items()
+        ],
+        caption=f"Intervals that hold the true value in {100 * confidence:g} % of repeats "
+        "(the widest of block bootstrap, correlation, and power by wavelength).",
+    )  # fmt: skip
+    few = {
+        name: {key: one for key, one in figures.items() if not one.trusted}
+        for name, figures in known.items()
+    }
+    doubts = [
+        f"{name}, {', '.join(figures)}: of no more than "
+        f"{max(one.independent for one in figures.values()):.0f} independent errors, which "
+        "tell little of others: the interval is at least so wide. Repeat the test, or "
+        "lengthen it; at edges, where single returns count most, judge by the others."
+        for name, figures in few.items()
+        if figures
+    ]
+    if doubts:
+        yield Warnings(items=doubts)
+
+
+def _limit_blocks(found: "CertificateResult") -> Iterator[Block]:
+    kept = [
+        (name, figure, one) for name, row in found.verdicts.items() for figure, one in row.items()
+    ]
+    if not kept:
+        return
+    cautious = "upper ends of the intervals, which few independent errors do not tell"
+    yield Table(
+        columns=(
+            Column(label="Test"), Column(label="Figure"), Column(label="Limit", unit="mm"),
+        ),
+        rows=[
+            [name, figure.replace("_", " "), _to_millimetres(getattr(found.test.limits, figure))]
+            for name, figure, _ in kept
+        ],
+        verdicts=["good" if one else "bad" for *_, one in kept],
+        caption=f"Limits that were given, against the "
+        f"{cautious if found.test.cautious else 'figures'}.",
+    )  # fmt: skip
+
+
+def _result_section(name: str, result: "Result") -> Section:
+    from trueterrain import figures
+    from trueterrain.verify.drift import DriftResult
+    from trueterrain.verify.dynamic import DynamicResult
+
+    if isinstance(result, DriftResult):
+        blocks: list[Block] = [
+            _axes_picture(
+                figures.drift_errors(result.errors), "Errors of the runs against distance."
+            ),
+            _axes_picture(
+                figures.drift_growth(result.growth), "How much errors change over a distance."
+            ),
+            _drift_table(result),
+        ]
+        return Section(title=name[:1].upper() + name[1:], blocks=blocks)
+    caption = f"Greatest error {_MILLI * result.row.maximum:.3f} mm."
+    blocks = [
+        _axes_picture(figures.plate_profile(result.errors), "Measured and machined profile."),
+        _axes_picture(figures.plate_error(result.errors), caption),
+        _registration_table(result.registration),
+        _error_parts_table(result.parts),
+    ]
+    if isinstance(result, DynamicResult):
+        rejection = figures.motion_rejection(result.rejection)
+        blocks.append(
+            _axes_picture(
+                rejection, f"How much body motion is rejected, at {result.speed:.2f} m/s."
+            )
+        )
+        blocks.append(modes_table(result))
+    blocks += findings_blocks(result.findings, caption=_FOUND)
+    return Section(title=name[:1].upper() + name[1:], blocks=blocks)
+
+
+def _axes_picture(ax: Any, caption: str) -> Picture:
+    return Picture(figure=ax, alt=f"{ax.get_ylabel()} over {ax.get_xlabel()}", caption=caption)
+
+
+def _registration_table(found: Any) -> Table:
+    rows = [
+        ["Begin of the plate in the scan", _to_millimetres(found.shift), "mm"],
+        ["Offset", _to_millimetres(found.offset), "mm"],
+        ["Tilt", _MILLI * found.tilt, "mrad"],
+        ["Residual without outliers", _to_millimetres(found.residual), "mm"],
+        [
+            "Residual at the assumed place, before the shift",
+            _to_millimetres(found.unregistered),
+            "mm",
+        ],
+    ]
+    if found.stretch:
+        rows.append(["Length that is measured too long", _MILLI * found.stretch, "mm/m"])
+    return Table(
+        columns=(Column(label="Registration"), Column(label="Found", digits=_DIGITS),
+                 Column(label="Unit")),
+        rows=rows,
+        caption="How the plate lay; not charged to the heights. "
+        f"{found.outliers} of {found.points} points are outliers of this fit.",
+    )  # fmt: skip
+
+
+def _error_parts_table(parts: dict[str, float]) -> Table:
+    total = sum(parts.values())
+    return Table(
+        columns=(
+            Column(label="Part of the error"), Column(label="Root", unit="mm", digits=_DIGITS),
+            Column(label="Share of the mean square", unit="%", digits=1),
+        ),
+        rows=[
+            [_CAUSES[name], _MILLI * value**0.5, 100 * value / total if total else None]
+            for name, value in parts.items()
+        ],
+        caption="Where the error comes from; mean squares add up to that of all errors.",
+    )  # fmt: skip
+
+
+def _drift_table(result: Any) -> Table:
+    def cells(name: str, figure: "AccuracyFigure | None") -> list[str | float | None]:
+        if figure is None:
+            return [name, None, None, None]
+        return [
+            name,
+            *(_to_millimetres(value) for value in (figure.value, figure.low, figure.high)),
+        ]
+
+    return Table(
+        columns=(
+            Column(label="Part of the error"),
+            *(Column(label=one, unit="mm", digits=_DIGITS) for one in ("Figure", "from", "to")),
+        ),
+        rows=[
+            cells("Repeatability of a single run", result.repeatability),
+            cells("Bias that all runs share", result.shared),
+        ],
+        caption=f"{result.runs} runs; bias is known against a reference only.",
+    )
+
+
+def _input_section(found: "CertificateResult", files: list[tuple[str, str]]) -> Section:
+    from trueterrain._version import __version__
+
+    table = Table(
+        columns=(Column(label="Input"), Column(label="SHA-256")),
+        rows=[[one["name"], one["sha256"]] for one in found.inputs],
+        caption="Of a folder, the names and contents of all files in it are hashed in order.",
+    )
+    text = (
+        f"Made with trueterrain {__version__}. Every figure follows from the files below; all of "
+        "it is repeated by `trueterrain verify` from the inputs with these hashes."
+    )
+    listed = Files(files=[File(path=name, note=note) for name, note in files])
+    return Section(title="From what it is recomputed", text=text, blocks=[table, listed])
+
+
+def _to_millimetres(value: float | None) -> float | None:
+    return None if value is None else _MILLI * value

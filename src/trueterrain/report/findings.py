@@ -1,0 +1,115 @@
+"""Findings as people read them: what was looked for, how large it is, and what it means."""
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from trueterrain.report import Block, Column, Table, Warnings
+from trueterrain.verify.findings.finding import Finding
+
+if TYPE_CHECKING:
+    from trueterrain.verify.dynamic import DynamicResult
+
+_UNITS = {"s": ("ms", 1e3), "rad": ("deg", math.degrees(1.0)), "m": ("mm", 1e3)}
+_DIGITS = 4  # of milliseconds, degrees and millimetres
+_WORDS = {True: "found", False: "not found", None: "cannot be told"}
+_PERCENT, _MILLI = 100, 1e3
+
+
+def findings_blocks(findings: Sequence[Finding], *, caption: str = "") -> list[Block]:
+    """Table of what was looked for, and what was found in words.
+
+    Parameters
+    ----------
+    findings : sequence of Finding
+        What was looked for.
+    caption : str
+        What they have in common.
+
+    Returns
+    -------
+    list of Block
+        Values in ms, deg and mm.
+    """
+    table = Table(
+        columns=(
+            Column(label="Looked for"), Column(label="Value", digits=_DIGITS),
+            Column(label="sd", digits=_DIGITS), Column(label="Unit"), Column(label="There"),
+            Column(label="Meaning"),
+        ),
+        rows=[
+            [one.name, _scale_value(one.value, one.unit), _scale_value(one.sd, one.unit), _shown_unit(one.unit),
+             _WORDS[one.detected], one.meaning]
+            for one in findings
+        ],
+        caption=caption,
+    )  # fmt: skip
+    there = [in_words(one) for one in findings if one.detected]
+    return [table, Warnings(items=there)] if there else [table]
+
+
+def modes_table(result: "DynamicResult") -> Table:
+    """Table of the modes of the body from which the error comes.
+
+    Parameters
+    ----------
+    result : DynamicResult
+        With its modes.
+
+    Returns
+    -------
+    Table
+        A row for each band of frequencies.
+    """
+    motions = list(dict.fromkeys(name for one in result.modes for name in one.coherence))
+    threshold = max((one.threshold for one in result.modes), default=1.0)
+    return Table(
+        columns=(
+            Column(label="Band"), Column(label="From", unit="Hz", digits=1),
+            Column(label="To", unit="Hz", digits=1),
+            Column(label="Share of the mean square", unit="%", digits=1),
+            Column(label="RMS", unit="mm", digits=3),
+            *(Column(label=f"Coherence with {name}", digits=2) for name in motions),
+        ),
+        rows=[
+            [
+                one.name, one.low, one.high,
+                None if one.share is None else _PERCENT * one.share,
+                None if one.rms is None else _MILLI * one.rms,
+                *(one.coherence.get(name) for name in motions),
+            ]
+            for one in result.modes
+        ],
+        caption=f"{result.source} Errors on plate and floor that do not move with the body reach "
+        f"a squared coherence of {threshold:.2f} in one of 100 cases.",
+    )  # fmt: skip
+
+
+def in_words(finding: Finding) -> str:
+    """A finding in a line.
+
+    Parameters
+    ----------
+    finding : Finding
+        What was looked for.
+
+    Returns
+    -------
+    str
+        Its name, what was found of it, and what that means.
+    """
+    value, sd = _scale_value(finding.value, finding.unit), _scale_value(finding.sd, finding.unit)
+    found = _WORDS[finding.detected]
+    if value is not None:
+        found += f", {value:.4g} {_shown_unit(finding.unit) or ''}".rstrip()
+        found += "" if sd is None else f" (sd {sd:.2g})"
+    return f"{finding.name}: {found}. {finding.meaning}"
+
+
+def _scale_value(value: float | None, unit: str) -> float | None:
+    return None if value is None else value * _UNITS.get(unit, (unit, 1.0))[1]
+
+
+def _shown_unit(unit: str) -> str | None:
+    known = _UNITS.get(unit, (unit, 1.0))[0]
+    return None if known == "1" else known

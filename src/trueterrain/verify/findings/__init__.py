@@ -1,0 +1,1 @@
+"""Findings: faults that a test looked for, and what it found."""

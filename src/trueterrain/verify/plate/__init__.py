@@ -1,0 +1,1 @@
+"""Calibration surfaces: design, parts, and what a scanner sees of them."""

@@ -1,0 +1,1 @@
+"""Registration: position of a measured profile on a machined one."""

@@ -1,0 +1,1 @@
+"""Statistics of correlated errors: effective number, intervals, regression."""

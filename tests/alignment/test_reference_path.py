@@ -1,0 +1,296 @@
+"""Reference paths against lines and circles with a formula."""
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+
+from trueterrain.alignment.discontinuity.reference_path import (
+    ReferencePath,
+    centre_reference,
+    keep_to_middle,
+    overlap_edges,
+    polar_reference,
+    straight_reference,
+    waypoint_reference,
+)
+from trueterrain.alignment.discontinuity.seam import PairCells
+from trueterrain.alignment.discontinuity.sparse_sums import pack_cell
+from trueterrain.alignment.observations.overlap import (
+    OccupiedCells,
+    Overlap,
+    occupied_cells,
+    overlap_of,
+)
+from trueterrain.core.errors import CoverageError
+from trueterrain.core.schemas import make_points
+
+EXACT = 1e-9  # [m] round-off
+SPLINE = 1e-5  # [m] a cubic spline through waypoints 1 m apart on a circle of 30 m
+CHORD = 0.25**2 / (8 * 30) + 1e-6  # [m] a circle of 30 m less its chords of 0.25 m
+MIDDLE = 0.02  # [m] middle of an overlap 6 cells wide, whose edges cut cells of 0.1 m
+RADIUS = 30.0  # [m]
+
+
+def on_circle(s: np.ndarray, v: np.ndarray | float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    return (RADIUS - v) * np.cos(s / RADIUS), (RADIUS - v) * np.sin(s / RADIUS)
+
+
+def cells_along(way, begin: float, end: float, right: float, left: float) -> OccupiedCells:
+    """Cells of 0.1 m of a lane with points every 0.04 m."""
+    s, v = (
+        at.ravel() for at in np.meshgrid(np.arange(begin, end, 0.04), np.arange(right, left, 0.04))
+    )
+    x, y = way(s, v)
+    return occupied_cells(make_points(x, y, 0 * x + (right > -0.5)), 0.1)
+
+
+def overlap_along(way, length: float) -> Overlap:
+    """Overlap of 0.6 m in the middle of two lanes."""
+    return overlap_of(
+        cells_along(way, 0.0, length, -0.3, 2.0), cells_along(way, 0.0, length, -2.0, 0.3)
+    )
+
+
+def test_straight_paths_have_equal_steps_and_tell_stations() -> None:
+    path = straight_reference((10, 20), (16, 28), spacing=0.5)
+    assert path.easting.size == 21
+    assert path.length == pytest.approx(10.0, abs=EXACT)
+    npt.assert_allclose(path.heading, np.arctan2(8, 6), rtol=0, atol=EXACT)
+    s, v = np.array([0.0, 3.3, 9.9]), np.array([0.0, 2.0, -30.0])  # beyond the wide strip as well
+    found = path.locate(10 + 0.6 * s - 0.8 * v, 20 + 0.8 * s + 0.6 * v)
+    npt.assert_allclose(found.station, s, rtol=0, atol=EXACT)
+    npt.assert_allclose(found.offset, v, rtol=0, atol=EXACT)
+    assert not found.beyond.any()
+
+
+def test_places_beyond_the_ends_get_the_station_of_the_end() -> None:
+    path = straight_reference((0, 0), (10, 0))
+    found = path.locate([-3.0, -1e-3, 10.001, 99.0], [1.0, 0.0, 0.0, -2.0])
+    npt.assert_array_equal(found.station, [0.0, 0.0, 10.0, 10.0])
+    assert found.beyond.all()
+
+
+def test_places_that_are_not_finite_have_no_station() -> None:
+    found = straight_reference((0, 0), (10, 0)).locate([np.nan, 1.0], [0.0, np.inf])
+    assert np.isnan(found.station).all()
+    assert not found.beyond.any()
+
+
+def test_waypoints_on_an_arc_give_arc_lengths() -> None:
+    s = np.arange(0, 60.5, 1.0)
+    path = waypoint_reference(*on_circle(s))
+    npt.assert_allclose(np.hypot(path.easting, path.northing), RADIUS, rtol=0, atol=SPLINE)
+    wanted = on_circle(path.station)
+    npt.assert_allclose((path.easting, path.northing), wanted, rtol=0, atol=10 * SPLINE)
+    places, offset = np.array([5.03, 31.4, 55.5]), np.array([2.0, -7.0, 0.1])
+    found = path.locate(*on_circle(places, offset))
+    npt.assert_allclose(found.station, places, rtol=0, atol=CHORD)
+    npt.assert_allclose(found.offset, offset, rtol=0, atol=CHORD)
+
+
+def test_a_closed_path_is_periodic() -> None:
+    s = np.linspace(0, 2 * np.pi * RADIUS, 180, endpoint=False)
+    for repeated in (s, np.append(s, 0.0)):
+        ring = waypoint_reference(*on_circle(repeated), closed=True)
+        assert ring.length == pytest.approx(2 * np.pi * RADIUS, abs=1e-4)
+        gap = np.hypot(ring.easting[0] - ring.easting[-1], ring.northing[0] - ring.northing[-1])
+        assert gap == pytest.approx(ring.spacing, abs=SPLINE)
+    near_start = np.array([-0.4, -1e-4, 0.0, 1e-4, 0.4])
+    found = ring.locate(*on_circle(near_start, 1.0))
+    npt.assert_allclose(
+        (found.station + 1) % ring.length - 1, near_start, rtol=0, atol=1e-4 + CHORD
+    )
+    assert not found.beyond.any()
+
+
+@pytest.mark.parametrize("clockwise", [False, True])
+def test_polar_stations_are_angles_times_the_radius(clockwise) -> None:
+    path = polar_reference((5.0, -3.0), 20.0, start_angle=0.5, clockwise=clockwise)
+    way = -1 if clockwise else 1
+    angle, radius = np.array([0.0, 1.0, 3.0, 6.2]), np.array([20.0, 18.0, 25.0, 20.5])
+    found = path.locate(
+        5.0 + radius * np.cos(0.5 + way * angle), -3.0 + radius * np.sin(0.5 + way * angle)
+    )
+    circumference = path.length
+    assert circumference == pytest.approx(40 * np.pi, abs=EXACT)
+    off = (found.station - 20 * angle + 1) % circumference - 1
+    npt.assert_allclose(off, 0.0, rtol=0, atol=1e-6)
+    npt.assert_allclose(found.offset, way * (20.0 - radius), rtol=0, atol=EXACT)
+
+
+def test_at_is_the_inverse_of_locate() -> None:
+    path = waypoint_reference(*on_circle(np.arange(0, 60.5, 1.0)))
+    s, v = np.array([1.03, 20.2, 58.0]), np.array([1.5, -2.0, 0.0])
+    found = path.locate(*path.at(s, v))
+    npt.assert_allclose(found.station, s, rtol=0, atol=1e-4)
+    npt.assert_allclose(found.offset, v, rtol=0, atol=CHORD)
+
+
+@pytest.mark.parametrize(
+    ("way", "length"),
+    [
+        (lambda s, v: (s, v), 20.0),
+        (lambda s, v: (-0.6 * s - 0.8 * v, 0.8 * s - 0.6 * v), 20.0),
+        (on_circle, 80.0),  # more than a third of the way around
+    ],
+    ids=["east", "north-west", "curve"],
+)
+def test_the_centre_of_an_overlap_is_found(way, length) -> None:
+    overlap = overlap_along(way, length)
+    path = centre_reference(overlap)
+    assert not path.closed
+    truth = waypoint_reference(*way(np.linspace(0, length, 200), np.zeros(200)))
+    found = truth.locate(path.easting, path.northing)
+    npt.assert_allclose(found.offset, 0.0, rtol=0, atol=3 * MIDDLE)
+    assert np.sqrt(np.mean(found.offset**2)) < MIDDLE
+    assert np.ptp(found.station) > length - 1.0
+    width = overlap_edges(overlap, path).width
+    # cells of 6 points count whole where an edge cuts them: up to a diagonal of one is too much
+    assert 0.6 - EXACT < np.nanmedian(width) < 0.6 + 0.142
+
+
+def test_the_centre_of_a_ring_is_found_closed() -> None:
+    overlap = overlap_along(on_circle, 2 * np.pi * RADIUS)
+    path = centre_reference(overlap)
+    assert path.closed
+    npt.assert_allclose(np.hypot(path.easting, path.northing), RADIUS, rtol=0, atol=2 * MIDDLE)
+    assert path.length == pytest.approx(2 * np.pi * RADIUS, abs=0.2)
+    turn = np.unwrap(path.heading)
+    assert turn[-1] > turn[0]  # counter-clockwise
+
+
+def test_pieces_of_an_overlap_are_joined() -> None:
+    left = cells_along(lambda s, v: (s, v), 0.0, 30.0, -0.3, 2.0)
+    rights = [
+        make_points(*(at.ravel() for at in np.meshgrid(east, np.arange(-2, 0.3, 0.04))), up)
+        for east, up in (
+            (np.arange(0, 10, 0.04), np.zeros(250 * 58)),
+            (np.arange(12, 30, 0.04), np.zeros(450 * 58)),
+        )
+    ]
+    path = centre_reference(overlap_of(left, occupied_cells(rights, 0.1)))
+    assert path.length == pytest.approx(30.0, abs=1.0)
+    npt.assert_allclose(path.northing, 0.0, rtol=0, atol=3 * MIDDLE)
+
+
+def test_search_areas_follow_an_overlap_that_sways_and_the_path_does_not() -> None:
+    def swaying(s: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return s, v + 0.2 * np.sin(2 * np.pi * s / 2.8)
+
+    overlap = overlap_along(swaying, 25.0)
+    path = centre_reference(overlap)
+    npt.assert_allclose(path.northing[8:-8], 0.0, rtol=0, atol=0.05)  # [m] a quarter of the sway
+    moved = keep_to_middle(overlap, path)
+    x, y = moved.places
+    inner = slice(4, -4)
+    # over 0.4 m the mean of the sway is 3.3 % less than in the middle; where the overlap runs along
+    # the cells, both of its edges are off by up to half a cell
+    npt.assert_allclose(
+        y[inner], 0.2 * np.sin(2 * np.pi * x[inner] / 2.8), rtol=0, atol=0.2 * 0.033 + 0.05
+    )
+    npt.assert_array_equal(moved.easting, path.easting)
+
+
+def test_overlaps_without_length_are_refused() -> None:
+    speck = overlap_of(
+        cells_along(lambda s, v: (s, v), 0, 0.3, -0.3, 2.0),
+        cells_along(lambda s, v: (s, v), 0, 0.3, -2.0, -0.15),
+    )
+    with pytest.raises(
+        CoverageError, match=r"overlap of first and second: has no middle .* shorter than"
+    ):
+        centre_reference(speck, spacing=1.0)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: straight_reference((0, 0), (0.1, 0)), "shorter than the spacing"),
+        (lambda: straight_reference((0, 0), (0, 0)), "at least 2 different waypoints, got 1"),
+        (lambda: waypoint_reference([0, np.nan], [0, 1]), "finite waypoints"),
+        (lambda: waypoint_reference([0, 1], [0, 1], spacing=0), "spacing must be greater"),
+        (lambda: waypoint_reference([0, 1], [0, 1], closed=True), "at least 3 different"),
+        (lambda: polar_reference((0, 0), -1.0), "radius greater than 0 m"),
+        (lambda: polar_reference((0, 0), 1.0, spacing=-1), "spacing must be greater"),
+        (
+            lambda: ReferencePath(easting=np.zeros(2), northing=np.zeros(3), spacing=1.0),
+            "arrays of one length",
+        ),
+        (
+            lambda: ReferencePath(easting=np.zeros(1), northing=np.zeros(1), spacing=1.0),
+            "at least 2 reference points",
+        ),
+        (
+            lambda: ReferencePath(
+                easting=np.zeros(2), northing=np.arange(2.0), spacing=1.0, aside=np.zeros(3)
+            ),
+            "aside must hold",
+        ),
+        (lambda: waypoint_reference([0, 9, 0.1], [0, 0, 0.1], spacing=2.5), "must be smooth"),
+    ],
+)
+def test_paths_that_make_no_sense_are_refused(call, message) -> None:
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+def scattered(rng, n):
+    return rng.integers(0, 4000, (2, n))
+
+
+def in_a_box(rng, n):
+    return rng.integers(0, rng.integers(1, 60, (2, 1)), (2, n))
+
+
+def in_three_pieces(rng, n):
+    return rng.integers(0, 8, (2, 3 * n)) + np.repeat([0, 1, 2], n) * rng.integers(0, 900, (2, 1))
+
+
+def random_walk(rng, n):
+    return np.cumsum(rng.integers(-1, 2, (2, n)), axis=1)
+
+
+def ring(rng, n):
+    angle = np.linspace(0, 2 * np.pi, 4 * n)
+    return np.floor(rng.uniform(2, 40) * np.stack([np.cos(angle), np.sin(angle)]))
+
+
+def spiral(rng, n):
+    angle = np.arange(4 * n) * rng.uniform(0.02, 0.3)
+    return np.floor(angle * np.stack([np.cos(angle), np.sin(angle)]))
+
+
+def three_legs(rng, n):
+    t, none = np.arange(n), np.zeros(n)
+    return np.stack([np.concatenate([t, none, t]), np.concatenate([none, t, t])])
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize(
+    "shape", [scattered, in_a_box, in_three_pieces, random_walk, ring, spiral, three_legs]
+)
+def test_an_overlap_of_any_shape_has_a_path_or_says_why_not(shape, seed) -> None:
+    """Cells of real overlaps lie in pieces, rings and single cells; nothing else may come of them.
+
+    A path that is found tells stations of all cells, and steps at the edges.
+    """
+    rng = np.random.default_rng(seed)
+    key = np.unique(pack_cell(*np.asarray(shape(rng, int(rng.integers(1, 250))), np.int64)))
+    cell = float(rng.choice([0.1, 0.25, 1.0, 2.0]))
+    few, many = (
+        OccupiedCells(cell=cell, key=key, count=np.full(key.size, n), total=0 * key) for n in (5, 6)
+    )
+    overlap = Overlap(lanes=("a", "b"), cells=(few, many), key=key)
+    problem = ""
+    try:
+        path = centre_reference(
+            overlap, spacing=2.5 * cell, smoothing=(20 + 80 * (seed % 2)) * cell
+        )
+    except CoverageError as error:
+        problem = error.problem
+    else:
+        cells = PairCells(overlap)
+        assert np.isfinite(path.locate(*cells.centres).offset).all()
+        cells.seam(np.zeros((2, key.size)), path, 1.0, 3 * cell)
+        overlap_edges(overlap, keep_to_middle(overlap, path))
+    assert not problem or problem.startswith("has no middle to lay a reference path along")
