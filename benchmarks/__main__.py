@@ -19,9 +19,12 @@ def main() -> int:
         print(f"{module} ...", file=sys.stderr)
         # each in a process of its own, so that none is charged with the memory of another
         done = subprocess.run(
-            [sys.executable, "-c", _RUN.format(module=module)], cwd=here, stdout=subprocess.PIPE,
-            text=True, check=False,
-        )  # fmt: skip
+            [sys.executable, "-c", _RUN.format(module=module)],
+            cwd=here,
+            stdout=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
         if done.returncode:  # the others are worth their numbers still
             failed = True
         else:

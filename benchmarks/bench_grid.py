@@ -79,16 +79,18 @@ def in_memory() -> list[dict[str, Any]]:
         if apart > APART:
             message = f"{apart:.2%} of the peer's returns lie in other cells"
             raise AssertionError(message)
-        rows.append({
-            "name": f"ranges in memory -> (u,v) cells, {ranges.size / 1e6:.0f} M returns",
-            "ours": speed,
-            "peer": peer,
-            "peer_name": f"numpy + binned_statistic_2d, {name}",
-            "unit": "M returns/s",
-            "ratio": speed / peer,
-            "budget": ">= 120 M returns/s" + (f", ratio >= {least}" if least else ""),
-            "met": speed >= 120 and (least is None or speed / peer >= least),
-        })  # fmt: skip
+        rows.append(
+            {
+                "name": f"ranges in memory -> (u,v) cells, {ranges.size / 1e6:.0f} M returns",
+                "ours": speed,
+                "peer": peer,
+                "peer_name": f"numpy + binned_statistic_2d, {name}",
+                "unit": "M returns/s",
+                "ratio": speed / peer,
+                "budget": ">= 120 M returns/s" + (f", ratio >= {least}" if least else ""),
+                "met": speed >= 120 and (least is None or speed / peer >= least),
+            }
+        )
     return rows
 
 
@@ -160,9 +162,11 @@ def long_run() -> dict[str, Any]:
         path = Path(folder) / "run.zarr"
         write_run(path, SCANS, times=LONG)
         finished = subprocess.run(
-            [sys.executable, __file__, str(path), str(LONG)], check=True, stdout=subprocess.PIPE,
+            [sys.executable, __file__, str(path), str(LONG)],
+            check=True,
+            stdout=subprocess.PIPE,
             text=True,
-        )  # fmt: skip
+        )
     surface, gigabytes, filled, nodes = (float(word) for word in finished.stdout.split())
     return {
         "name": f"Zarr on disk -> surface with sd, {LONG * SCANS * BEAMS / 1e6:.0f} M returns, "
@@ -209,11 +213,14 @@ def drive(duration: float) -> Trajectory:
     position = np.stack([x, y, 2 + 0.02 * np.sin(9 * t)], axis=1)
     velocity = np.stack([SPEED * np.cos(yaw), SPEED * np.sin(yaw), 0.18 * np.cos(9 * t)], axis=1)
     return Trajectory(
-        time=t, position=position, velocity=velocity,
+        time=t,
+        position=position,
+        velocity=velocity,
         quaternion=Rotation.from_euler("Z", yaw[:, None]).as_quat(),
         angular_velocity=np.tile([0, 0, CURVE], (t.size, 1)),
-        covariance=np.tile(1e-6 * np.eye(6), (t.size, 1, 1)), flag=np.zeros(t.size, np.uint8),
-    )  # fmt: skip
+        covariance=np.tile(1e-6 * np.eye(6), (t.size, 1, 1)),
+        flag=np.zeros(t.size, np.uint8),
+    )
 
 
 def fan() -> tuple[np.ndarray, np.ndarray]:
@@ -246,9 +253,14 @@ def add(grid: Grid, geometry: ScanGeometry, stamps: np.ndarray, ranges: np.ndarr
 
 
 def by_scipy(
-    trajectory: Trajectory, grid: Grid, stamps: np.ndarray, ranges: np.ndarray, angle: np.ndarray,
-    delay: np.ndarray, each: bool,
-) -> np.ndarray:  # fmt: skip
+    trajectory: Trajectory,
+    grid: Grid,
+    stamps: np.ndarray,
+    ranges: np.ndarray,
+    angle: np.ndarray,
+    delay: np.ndarray,
+    each: bool,
+) -> np.ndarray:
     """Count, mean and standard deviation the way one would write them on numpy and scipy.
 
     With a pose for `each` return, as accuracy asks for, or one attitude for a scan.
@@ -296,9 +308,15 @@ def write_run(path: Path, scans: int, times: int = 1) -> None:
     """A run of plain scans, which are repeated so many times."""
     angle, delay = fan()
     with RunWriter(
-        path, name="bench", origin=(11.0, 48.0, 500.0), time_reference="run", mounting=Mounting(),
-        angle=angle, delay=delay, largest_range=6.0,
-    ) as run:  # fmt: skip
+        path,
+        name="bench",
+        origin=(11.0, 48.0, 500.0),
+        time_reference="run",
+        mounting=Mounting(),
+        angle=angle,
+        delay=delay,
+        largest_range=6.0,
+    ) as run:
         t = np.arange(-0.1, times * scans / RATE + 0.2, 0.01)
         still = dict.fromkeys(("north", "up", "roll", "pitch", "yaw"), np.zeros(t.size))
         run.append_navigation({"time": t, "east": SPEED * t, **still})

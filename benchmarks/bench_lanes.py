@@ -51,10 +51,11 @@ STRIPS = {
     DRIFTING: ["las_with_origin_dsmMarker.laz"],
     "7705x 706-707": [
         f"test_data_770{east}_6277{north}_LA93_IGN69.laz"
-        for east in (50, 55, 60) for north in (55, 60)
+        for east in (50, 55, 60)
+        for north in (55, 60)
     ],
     "St Barth 4320-4330": ["St_Barth_RGAF09_UTM20N_IGN_1988_SB_subset_100m.laz"],
-}  # fmt: skip
+}
 Pair = tuple[PassCells, PassCells]
 Fit = Callable[[Pair, np.ndarray], np.ndarray]
 
@@ -99,19 +100,30 @@ def merging() -> dict[str, Any]:
         both = min(elapsed(merged) for _ in range(3))
     returns = 2 * bench_grid.SCANS * bench_grid.BEAMS / 1e6
     return {
-        "name": f"two lanes merged and gridded, {returns:.0f} M returns", "ours": both,
-        "peer": once, "peer_name": "gridding them once", "unit": "s", "ratio": both / once,
-        "budget": "ratio <= 2.5", "met": both / once <= 2.5,
-    }  # fmt: skip
+        "name": f"two lanes merged and gridded, {returns:.0f} M returns",
+        "ours": both,
+        "peer": once,
+        "peer_name": "gridding them once",
+        "unit": "s",
+        "ratio": both / once,
+        "budget": "ratio <= 2.5",
+        "met": both / once <= 2.5,
+    }
 
 
 def record(path: Path, north: float, height: float) -> None:
     """A run over level ground in a lane, whose navigation drifts by up to a height [m]."""
     angle, delay = bench_grid.fan()
     with RunWriter(
-        path, name="bench", origin=(11.0, 48.0, 500.0), time_reference="run", mounting=Mounting(),
-        angle=angle, delay=delay, largest_range=6.0,
-    ) as run:  # fmt: skip
+        path,
+        name="bench",
+        origin=(11.0, 48.0, 500.0),
+        time_reference="run",
+        mounting=Mounting(),
+        angle=angle,
+        delay=delay,
+        largest_range=6.0,
+    ) as run:
         t = np.arange(-0.1, bench_grid.SCANS / bench_grid.RATE + 0.2, 0.01)
         still = dict.fromkeys(("roll", "pitch", "yaw"), np.zeros(t.size))
         up = 2.0 + 0.02 * np.sin(9 * t) + height * np.sin(t / 5)
@@ -144,10 +156,16 @@ def cost() -> list[dict[str, Any]]:
         seconds = time.perf_counter() - begin
         more = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024 / length
         used.append(seconds)
-        rows.append(row(
-            f"adjust {length:g} km of {PASSES} passes, {found.ground.cell.size:,} cells, "
-            f"{more:.0f} MB/km", seconds, "s", "<= 60 s", seconds <= 60,
-        ))  # fmt: skip
+        rows.append(
+            row(
+                f"adjust {length:g} km of {PASSES} passes, {found.ground.cell.size:,} cells, "
+                f"{more:.0f} MB/km",
+                seconds,
+                "s",
+                "<= 60 s",
+                seconds <= 60,
+            )
+        )
     growth = float(np.log(used[-1] / used[-2]) / np.log(LENGTHS[-1] / LENGTHS[-2]))
     rows.append(row("exponent of the cost from 10 to 100 km", growth, "1", "<= 1.1", growth <= 1.1))
     return rows
@@ -157,9 +175,10 @@ def road(length: float) -> list[PassCells]:
     """Passes over a road of some kilometres, each with a drift of its own."""
     rng = np.random.default_rng(1)
     along, across = np.meshgrid(
-        np.arange(CELL / 2, 1e3 * length, CELL), np.arange(CELL / 2, WIDTH, CELL) - WIDTH / 2,
+        np.arange(CELL / 2, 1e3 * length, CELL),
+        np.arange(CELL / 2, WIDTH, CELL) - WIDTH / 2,
         indexing="ij",
-    )  # fmt: skip
+    )
     s, v = along.ravel(), across.ravel()
     ground = rng.normal(0, 0.05, s.size)
     clock = np.arange(0.0, 1e3 * length / SPEED + 1.0, 0.02)
@@ -168,10 +187,19 @@ def road(length: float) -> list[PassCells]:
         process = SecondOrderGaussMarkov(rng=rng, sd=0.018, correlation_time=25.0, rate=50.0)
         drift = process.next(clock.size)[:, 0] + rng.normal(0, 0.03)
         height = ground + np.interp(s / SPEED, clock, drift) + rng.normal(0, NOISE, s.size)
-        passes.append(lane_cells(
-            f"pass {number}", np.arange(s.size), s / SPEED, height, variance=NOISE**2, easting=s,
-            northing=v, offset=v, count=20,
-        ))  # fmt: skip
+        passes.append(
+            lane_cells(
+                f"pass {number}",
+                np.arange(s.size),
+                s / SPEED,
+                height,
+                variance=NOISE**2,
+                easting=s,
+                northing=v,
+                offset=v,
+                count=20,
+            )
+        )
     return passes
 
 
@@ -215,11 +243,16 @@ def strips() -> list[dict[str, Any]]:
         rows += [
             {
                 "name": f"{name}, {len(pair[0])} cells held back in turn, raw {raw:.1f} mm",
-                "ours": ours, "peer": value, "peer_name": peer, "unit": "mm RMS",
-                "ratio": value / ours, "budget": budget, "met": ours <= limit,
+                "ours": ours,
+                "peer": value,
+                "peer_name": peer,
+                "unit": "mm RMS",
+                "ratio": value / ours,
+                "budget": budget,
+                "met": ours <= limit,
             }
             for peer, value in peers.items()
-        ]  # fmt: skip
+        ]
     return rows
 
 
@@ -237,14 +270,15 @@ def strip_cells(files: list[Path]) -> Pair:
     kept = np.isin(strip, two)
     points = make_points(
         *(column[name][ground][kept] for name in ("x", "y", "z")),
-        time=column["gps_time"][ground][kept], lane=strip[kept].astype(np.uint16),
-    )  # fmt: skip
+        time=column["gps_time"][ground][kept],
+        lane=strip[kept].astype(np.uint16),
+    )
     options = CellSettings(size=1.0, minimum_count=3, largest_sd=SMOOTH, visit_gap=60.0)
     one, other = cells_of_points(points, options)
     even = [
-        cells.part(np.isin(cells.cell, smooth(points, lane))) for cells, lane in
-        zip((one, other), two, strict=True)
-    ]  # fmt: skip
+        cells.part(np.isin(cells.cell, smooth(points, lane)))
+        for cells, lane in zip((one, other), two, strict=True)
+    ]
     _, first, second = np.intersect1d(even[0].cell, even[1].cell, return_indices=True)
     return even[0].part(first), even[1].part(second)
 
@@ -364,6 +398,12 @@ PEERS = SIMPLE | {"simple ICP": icp}
 def row(name: str, ours: float, unit: str, budget: str, met: bool) -> dict[str, Any]:
     """Row without a peer."""
     return {
-        "name": name, "ours": ours, "peer": None, "peer_name": None, "unit": unit, "ratio": None,
-        "budget": budget, "met": met,
-    }  # fmt: skip
+        "name": name,
+        "ours": ours,
+        "peer": None,
+        "peer_name": None,
+        "unit": unit,
+        "ratio": None,
+        "budget": budget,
+        "met": met,
+    }

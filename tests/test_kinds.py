@@ -20,9 +20,12 @@ NODES = np.arange(4.0)
 
 def road(**changes):
     arguments = {
-        "height": np.zeros((4, 3)), "u": NODES, "v": [-1.0, 0.0, 1.0],
-        "easting": NODES, "northing": np.zeros(4),
-    }  # fmt: skip
+        "height": np.zeros((4, 3)),
+        "u": NODES,
+        "v": [-1.0, 0.0, 1.0],
+        "easting": NODES,
+        "northing": np.zeros(4),
+    }
     return make_surface(**{**arguments, **changes})
 
 

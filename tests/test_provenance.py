@@ -45,10 +45,12 @@ def test_the_record_is_plain_json():
 def test_a_store_is_known_by_the_names_and_contents_in_it(tmp_path):
     hashes = []
     for name, files in (
-        ("a", {"x": b"1", "sub/y": b"2"}), ("same", {"sub/y": b"2", "x": b"1"}),
-        ("content", {"x": b"1", "sub/y": b"3"}), ("name", {"z": b"1", "sub/y": b"2"}),
+        ("a", {"x": b"1", "sub/y": b"2"}),
+        ("same", {"sub/y": b"2", "x": b"1"}),
+        ("content", {"x": b"1", "sub/y": b"3"}),
+        ("name", {"z": b"1", "sub/y": b"2"}),
         ("moved", {"x": b"12", "sub/y": b""}),
-    ):  # fmt: skip
+    ):
         for path, content in files.items():
             file = tmp_path / name / path
             file.parent.mkdir(parents=True, exist_ok=True)

@@ -16,10 +16,12 @@ def two_lanes() -> dict[str, PassRecord]:
     """Passes over 20 m of the scene belgian-two-lanes, with fewer beams and scans."""
     scene, _ = read_scene("belgian-two-lanes")
     short = replace(
-        scene, course={"kind": "straight", "length": 20.0}, raster=0.01,
+        scene,
+        course={"kind": "straight", "length": 20.0},
+        raster=0.01,
         scanner=replace(scene.scanner, beams=235, rate=500.0, spot_rays=1),
         truth=replace(scene.truth, returns=False),
-    )  # fmt: skip
+    )
     paths = record_scene(short, Path(tempfile.mkdtemp()))
     return {
         drive.name: PassRecord(path=path, trajectory=fuse_motion(open_run(path)).trajectory)

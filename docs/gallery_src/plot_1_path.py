@@ -71,9 +71,14 @@ ax = figures.surface_map(road, frame="ground")
 ax.plot(*printed.T, "--", color="white", linewidth=3)
 ax.plot(*printed.T, "--", color="black", linewidth=1.5, label="Eq. 5-5 as printed")
 ax.plot(
-    path.easting, path.northing, "o", color="white", markeredgecolor="#D55E00", markersize=5,
+    path.easting,
+    path.northing,
+    "o",
+    color="white",
+    markeredgecolor="#D55E00",
+    markersize=5,
     label=f"path points, every {spacing:g} m (error {error:.0e} of it)",
-)  # fmt: skip
+)
 if ax.get_legend():
     ax.get_legend().remove()  # one legend for all, below
 ax.figure.legend(loc="outside lower left", ncols=3, frameon=False, fontsize="small")

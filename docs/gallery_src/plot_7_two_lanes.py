@@ -28,9 +28,13 @@ folder = Path(tempfile.mkdtemp())
 
 few = replace(scene.scanner, beams=20, rate=10.0, spot_rays=1)
 long = replace(
-    scene, course={"kind": "straight", "length": 300.0}, ground=({"kind": "plane"},),
-    vehicle=Vehicle(model="rigid"), scanner=few, truth=replace(scene.truth, spacing=1.0),
-)  # fmt: skip
+    scene,
+    course={"kind": "straight", "length": 300.0},
+    ground=({"kind": "plane"},),
+    vehicle=Vehicle(model="rigid"),
+    scanner=few,
+    truth=replace(scene.truth, spacing=1.0),
+)
 stage = set_stage(long)
 runs = []
 for number, drive in enumerate(long.passes):

@@ -45,9 +45,13 @@ time, _, acceleration = laser("quarter car")
 rate = 1 / (time[1] - time[0])
 figure, (above, below) = plt.subplots(2, 1, figsize=(8, 6.4), layout="constrained")
 figures.spectrum(
-    acceleration, rate, segment=4.0, frequencies=(0.4, 40.0), ax=above,
+    acceleration,
+    rate,
+    segment=4.0,
+    frequencies=(0.4, 40.0),
+    ax=above,
     peaks={"primary ride": (0.8, 2.0), "wheel hop": (8.0, 14.0)},
-)  # fmt: skip
+)
 time, up, _ = laser("golden car")
 figures.laser_displacement({"time": time, "up": up}, end=4.5, ax=below)
 below.set_xlim(1.0, 4.5)

@@ -64,9 +64,13 @@ def _counted(rows: tuple[ResultRow, ...]) -> Iterator[list[str]]:
         trusted = sum(one.trusted for one in found)
         independent = float(np.median([one.independent for one in found]))
         yield [
-            rows[0].test, label, f"{1000 * truth:.3f}", str(held), str(trusted),
+            rows[0].test,
+            label,
+            f"{1000 * truth:.3f}",
+            str(held),
+            str(trusted),
             f"{independent:.0f}",
-        ]  # fmt: skip
+        ]
 
 
 if __name__ == "__main__":

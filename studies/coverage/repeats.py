@@ -59,9 +59,12 @@ def dynamic(seed: int) -> list[ResultRow]:
         for method in ("thesis", "rts"):
             motion = fuse_motion(open_run(run), settings=FusionSettings(method=method)).trajectory
             found = dynamic_test(
-                run, _machined(), motion, DynamicSettings(screening=SCREENING),
+                run,
+                _machined(),
+                motion,
+                DynamicSettings(screening=SCREENING),
                 name=f"dynamic, {method}",
-            )  # fmt: skip
+            )
             rows.append(found.row)
     return rows
 

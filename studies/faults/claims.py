@@ -8,13 +8,20 @@ from page import looked_for
 #: Who must find what.
 FOUND = {
     "static": (
-        "boresight, roll", "saturated cleat", "plate beside its place", "scans dropped",
+        "boresight, roll",
+        "saturated cleat",
+        "plate beside its place",
+        "scans dropped",
     ),
     "dynamic": (
-        "clock of the scanner", "lever arm, ahead", "lever arm, to the left", "saturated cleat",
-        "scale of the accelerometers", "scans dropped",
+        "clock of the scanner",
+        "lever arm, ahead",
+        "lever arm, to the left",
+        "saturated cleat",
+        "scale of the accelerometers",
+        "scans dropped",
     ),
-}  # fmt: skip
+}
 UNTOLD = {"dynamic": ("boresight, roll", "lever arm, up", "plate beside its place")}
 
 _SURE = 4.0  # standard deviations

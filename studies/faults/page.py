@@ -29,11 +29,13 @@ def page(tested: Sequence[Tested]) -> str:
     assert place is not None
     text = TEXT.read_text(encoding="utf-8")
     for name, value in {
-        "{{table}}": _table(tested), "{{modes}}": _modes(tested),
+        "{{table}}": _table(tested),
+        "{{modes}}": _modes(tested),
         "{pitch_mm}": f"{1e3 * (by_name['boresight, pitch'].fault.injected or 0.0):.1f}",
-        "{pitch_value}": _written(pitch), "{pitch_word}": _FOUND[pitch.detected].strip("*"),
+        "{pitch_value}": _written(pitch),
+        "{pitch_word}": _FOUND[pitch.detected].strip("*"),
         "{place_sd}": place.meaning.split(":")[0].split("sure ")[-1],
-    }.items():  # fmt: skip
+    }.items():
         text = text.replace(name, value)
     return HEAD + text
 

@@ -21,8 +21,13 @@ LEAD = 0.1  # [s] of motion before the first scan
 
 #: Where boards with three cleats lie along the way [m], and under which wheels.
 BOARDS = (
-    (7.4, "both"), (10.1, "both"), (12.8, "both"), (14.4, "left"), (16.4, "right"), (18.2, "both"),
-)  # fmt: skip
+    (7.4, "both"),
+    (10.1, "both"),
+    (12.8, "both"),
+    (14.4, "left"),
+    (16.4, "right"),
+    (18.2, "both"),
+)
 _TRACK = 0.75  # [m] of a wheel from the middle
 
 
@@ -64,48 +69,76 @@ _DEGREE = math.radians(0.1)
 FAULTS = (
     Fault(name="nothing", size="–"),
     Fault(
-        name="clock of the scanner", size="1 ms", declared={"scanner_clock": 0.001},
-        finding="clock of the scanner", injected=-0.001,
+        name="clock of the scanner",
+        size="1 ms",
+        declared={"scanner_clock": 0.001},
+        finding="clock of the scanner",
+        injected=-0.001,
     ),
     Fault(
-        name="boresight, roll", size="0.1°", declared={"scanner_rotation": (_DEGREE, 0.0, 0.0)},
-        finding="boresight roll", injected=-_DEGREE,
+        name="boresight, roll",
+        size="0.1°",
+        declared={"scanner_rotation": (_DEGREE, 0.0, 0.0)},
+        finding="boresight roll",
+        injected=-_DEGREE,
     ),
     Fault(
-        name="boresight, pitch", size="0.1°", declared={"scanner_rotation": (0.0, _DEGREE, 0.0)},
-        finding="lever arm ahead, or boresight pitch", injected=2.0 * math.tan(_DEGREE),
+        name="boresight, pitch",
+        size="0.1°",
+        declared={"scanner_rotation": (0.0, _DEGREE, 0.0)},
+        finding="lever arm ahead, or boresight pitch",
+        injected=2.0 * math.tan(_DEGREE),
     ),
     Fault(
-        name="lever arm, ahead", size="10 mm",
+        name="lever arm, ahead",
+        size="10 mm",
         declared={"scanner_position": (LASER[0] + 0.01, LASER[1], LASER[2])},
-        finding="lever arm ahead, or boresight pitch", injected=-0.01,
+        finding="lever arm ahead, or boresight pitch",
+        injected=-0.01,
     ),
     Fault(
-        name="lever arm, to the left", size="10 mm",
+        name="lever arm, to the left",
+        size="10 mm",
         declared={"scanner_position": (LASER[0], LASER[1] + 0.01, LASER[2])},
-        finding="lever arm to the left", injected=-0.01,
+        finding="lever arm to the left",
+        injected=-0.01,
     ),
     Fault(
-        name="lever arm, up", size="10 mm",
+        name="lever arm, up",
+        size="10 mm",
         declared={"scanner_position": (LASER[0], LASER[1], LASER[2] + 0.01)},
-        finding="lever arm up", injected=-0.01,
+        finding="lever arm up",
+        injected=-0.01,
     ),
     Fault(
-        name="saturated cleat", size="0.7 to 0.8 mm", white=True, finding="error of bright ground",
+        name="saturated cleat",
+        size="0.7 to 0.8 mm",
+        white=True,
+        finding="error of bright ground",
         injected=0.0007,
     ),
     Fault(
-        name="scale of the accelerometers", size="2 %", scale=0.02,
-        finding="scale of the accelerometers", injected=0.02,
+        name="scale of the accelerometers",
+        size="2 %",
+        scale=0.02,
+        finding="scale of the accelerometers",
+        injected=0.02,
     ),
     Fault(
-        name="plate beside its place", size="5 mm", beside=0.005, finding="place of the plate",
+        name="plate beside its place",
+        size="5 mm",
+        beside=0.005,
+        finding="place of the plate",
         injected=0.005,
     ),
     Fault(
-        name="scans dropped", size="20", dropped=20, finding="scans lost", injected=20.0,
+        name="scans dropped",
+        size="20",
+        dropped=20,
+        finding="scans lost",
+        injected=20.0,
     ),
-)  # fmt: skip
+)
 
 
 def static_scene(fault: Fault, *, seed: int = 1) -> Scene:
@@ -116,9 +149,14 @@ def static_scene(fault: Fault, *, seed: int = 1) -> Scene:
     plate = {"kind": "plate", "east": SIDE - fault.beside, "north": LASER[0]}
     stripe = Reflectivity(period=10.0, width=0.076, stripe=0.9) if fault.white else Reflectivity()
     return _scene(
-        fault, name="static", seed=seed, ground=(plate,), reflectivity=stripe, raster=0.002,
+        fault,
+        name="static",
+        seed=seed,
+        ground=(plate,),
+        reflectivity=stripe,
+        raster=0.002,
         passes=(ScenePass(name="run", standing=Standing(duration=0.5, yaw=0.5 * math.pi)),),
-    )  # fmt: skip
+    )
 
 
 def dynamic_scene(fault: Fault, *, seed: int = 1) -> Scene:
@@ -128,20 +166,35 @@ def dynamic_scene(fault: Fault, *, seed: int = 1) -> Scene:
     for at, wheels in BOARDS:
         sides = {"both": (1, -1), "left": (1,), "right": (-1,)}[wheels]
         ground += [
-            {"kind": "plate", "east": at, "north": side * _TRACK, "width": 0.3, "thickness": 0.0,
-             "length": 1.3, "pitch": 0.488, "cleat": 0.17, "rise": 0.05}
+            {
+                "kind": "plate",
+                "east": at,
+                "north": side * _TRACK,
+                "width": 0.3,
+                "thickness": 0.0,
+                "length": 1.3,
+                "pitch": 0.488,
+                "cleat": 0.17,
+                "rise": 0.05,
+            }
             for side in sides
-        ]  # fmt: skip
+        ]
     # a stripe over the first cleat and 50 mm on both sides of it
     begin = MIDDLE - 0.304 - 0.088
     stripe = Reflectivity(period=begin, width=0.176, stripe=0.9) if fault.white else Reflectivity()
     vehicle = read_scene("dynamic-plate-excited")[0].vehicle
     return _scene(
-        fault, name="dynamic", seed=seed, ground=tuple(ground), reflectivity=stripe, raster=0.005,
+        fault,
+        name="dynamic",
+        seed=seed,
+        ground=tuple(ground),
+        reflectivity=stripe,
+        raster=0.005,
         course={"kind": "straight", "length": MIDDLE + 0.6 + FLOOR - LASER[0] + 0.8},
-        vehicle=vehicle, scanner=Scanner(beams=235, swath=1.0),
+        vehicle=vehicle,
+        scanner=Scanner(beams=235, swath=1.0),
         passes=(ScenePass(name="run", speed={"kind": "constant", "speed": SPEED}),),
-    )  # fmt: skip
+    )
 
 
 def _scene(fault: Fault, **parts: Any) -> Scene:

@@ -30,12 +30,12 @@ def claims(judged: list[Judged]) -> list[tuple[str, bool]]:
 
     discs = [
         (verdict.group, verdict.name)
-        for verdict in judged[0].verdicts if verdict.group in STATISTICS
-    ]  # fmt: skip
+        for verdict in judged[0].verdicts
+        if verdict.group in STATISTICS
+    ]
     profiles = [
-        (verdict.group, verdict.name)
-        for verdict in judged[0].verdicts if verdict.group == LASER[0]
-    ]  # fmt: skip
+        (verdict.group, verdict.name) for verdict in judged[0].verdicts if verdict.group == LASER[0]
+    ]
 
     anywhere = [
         (verdict.group, verdict.name)
@@ -65,7 +65,8 @@ def claims(judged: list[Judged]) -> list[tuple[str, bool]]:
             "of 25 mm, in force, acceleration and travel",
             all(
                 of(what, ("85th percentile", "r = 100 mm"), road) < 0.5 * of(what, MEDIAN, road)
-                for what in ("force", "acceleration", "travel") for road in BLOCKS
+                for what in ("force", "acceleration", "travel")
+                for road in BLOCKS
             ),
         ),
         (
@@ -133,7 +134,8 @@ def claims(judged: list[Judged]) -> list[tuple[str, bool]]:
             "no statistic and not even the bare line moves the index by more than 4 %",
             all(
                 abs(NUMBERS["iri"](verdict)) < 0.04
-                for road in judged for verdict in road.verdicts
+                for road in judged
+                for verdict in road.verdicts
                 if verdict.group in ("line", *STATISTICS)
             ),
         ),
@@ -152,10 +154,11 @@ def claims(judged: list[Judged]) -> list[tuple[str, bool]]:
             all(
                 abs(NUMBERS[f"full_{what}"](verdict) - NUMBERS[what](verdict)) < 0.12
                 for what in ("acceleration", "force", "travel")
-                for road in judged for verdict in road.verdicts
+                for road in judged
+                for verdict in road.verdicts
             ),
         ),
-    ]  # fmt: skip
+    ]
 
 
 def claims_of_spectra(judged: list[Judged]) -> list[tuple[str, bool]]:
@@ -166,10 +169,11 @@ def claims_of_spectra(judged: list[Judged]) -> list[tuple[str, bool]]:
 
     below_8_hz = [
         abs(float(ratio) - 1)
-        for road in judged for verdict in road.verdicts
+        for road in judged
+        for verdict in road.verdicts
         if (verdict.group, verdict.name) in DRAWN
         for ratio in verdict.quarter.band_ratio.sel(quantity=list(ROWS))[:, :2].values.ravel()
-    ]  # fmt: skip
+    ]
     by_force = LINE, MEDIAN, ("70th percentile", "r = 100 mm"), LASER
     return [
         ("up to 8 Hz all that is drawn is within 4 % of the reference", max(below_8_hz) < 0.04),
@@ -221,10 +225,11 @@ def claims_of_tyres(rolled: list[Rolled]) -> list[tuple[str, bool]]:
             "both tyres: the laser as wide as the patch is nearer than that of 100 mm",
             all(
                 road.felt[tyre][WIDE_LASER].longer < road.felt[tyre][ON_LASER].longer
-                for road in rolled for tyre in road.felt
+                for road in rolled
+                for tyre in road.felt
             ),
         ),
-    ]  # fmt: skip
+    ]
 
 
 def verdicts_on(judged: list[Judged], course: str) -> list[Verdict]:

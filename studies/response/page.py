@@ -74,9 +74,11 @@ def value(judged: list[Judged], what: str, group: str, name: str, road: str) -> 
     ask = NUMBERS[what]
     found = [
         ask(verdict)
-        for one in judged if road in (one.course, "mean")
-        for verdict in one.verdicts if (verdict.group, verdict.name) == (group, name)
-    ]  # fmt: skip
+        for one in judged
+        if road in (one.course, "mean")
+        for verdict in one.verdicts
+        if (verdict.group, verdict.name) == (group, name)
+    ]
     if not found:
         raise KeyError(f"{what} of {group}, {name} on {road}")
     return float(np.mean(np.abs(found))) if road == "mean" else found[0]
@@ -158,9 +160,15 @@ def _overview(judged: list[Judged]) -> str:
         return [*errors, *ranges]
 
     heads = [
-        "reduction", "body acceleration", "tyre force", "suspension travel", "tyre force, full car",
-        "tyre force, cams as judge", "damage", "MRI",
-    ]  # fmt: skip
+        "reduction",
+        "body acceleration",
+        "tyre force",
+        "suspension travel",
+        "tyre force, full car",
+        "tyre force, cams as judge",
+        "damage",
+        "MRI",
+    ]
     return _table(heads, _rows(judged[0].verdicts, cells))
 
 
@@ -169,20 +177,28 @@ def _details(road: Judged) -> str:
         quarter, full = verdict.quarter, verdict.full
         bands = quarter.band_ratio.sel(quantity="tyre_force").values
         return [
-            *(f"{_percent(float(error))} ({_percent(float(rms) - 1, signed=True)})"
-              for error, rms in zip(quarter.error, quarter.rms_ratio, strict=True)),
+            *(
+                f"{_percent(float(error))} ({_percent(float(rms) - 1, signed=True)})"
+                for error, rms in zip(quarter.error, quarter.rms_ratio, strict=True)
+            ),
             f"{float(quarter.correlation.sel(quantity='tyre_force')):.3f}",
             " ".join(f"{band:.2f}" for band in bands),
             _written("damage", NUMBERS["damage"](verdict)),
             " / ".join(_percent(float(error)) for error in full.error),
             _percent(verdict.iri - 1, signed=True),
-        ]  # fmt: skip
+        ]
 
     heads = [
-        "reduction", "body acceleration", "tyre force", "suspension travel",
-        "correlation of force", "force by band", "damage",
-        "full car: acceleration / force / travel", "MRI",
-    ]  # fmt: skip
+        "reduction",
+        "body acceleration",
+        "tyre force",
+        "suspension travel",
+        "correlation of force",
+        "force by band",
+        "damage",
+        "full car: acceleration / force / travel",
+        "MRI",
+    ]
     return _table(heads, _rows(road.verdicts, cells))
 
 

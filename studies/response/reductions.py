@@ -71,41 +71,56 @@ def reductions() -> list[Reduction]:
         *_group("70th percentile", _percentiles(70.0, 50, 100)),
         *_group("85th percentile", _percentiles(85.0, 25, 50, 75, 100)),
         *_group("95th percentile", _percentiles(95.0, 50, 100)),
-        *_group("other statistics, r = 50 mm", {
-            "bridge value (15 % skipped, 70 % averaged)": _taken(
-                Window(skip=15, size=70), _disc(50)
-            ),
-            "trimmed mean (10 % at either end)": _taken(Window(skip=10, size=80), _disc(50)),
-            "mean weighted by distance": _taken(InverseDistance(of="mean"), _disc(50)),
-            "median weighted by distance": _taken(InverseDistance(of="median"), _disc(50)),
-            "steepest CPF": _taken(SteepestCpf(), _disc(50)),
-        }),
-        *_group("contact patch, 130 mm by 140 mm", {
-            "median": _taken(Median(), patch),
-            "mean": _rolls(PatchMean.of(PASSENGER_TYRE)),
-            "85th percentile": _taken(Percentile(percent=85.0), patch),
-        }),
-        *_group("envelope on the surface", {
-            "line laser of 100 mm": _rolls(LineLaser()),
-            "rigid disc": _rolls(disc),
-            "tandem cams": _rolls(cams),
-        }),
-        *_group("envelope on a profile", {
-            "rigid disc on the bare line": _rolls_on(line, disc),
-            "tandem cams on the bare line": _rolls_on(line, cams),
-            "radial springs on the bare line": _rolls_on(line, TYRE),
-            "rigid disc on the median, r = 25 mm": _rolls_on(median, disc),
-            "tandem cams on the median, r = 25 mm": _rolls_on(median, cams),
-            "radial springs on the median, r = 25 mm": _rolls_on(median, TYRE),
-            "radial springs on the mean, r = 50 mm": _rolls_on(_taken(Mean(), _disc(50)), TYRE),
-            "radial springs on the line laser": _rolls_on(_rolls(LineLaser()), TYRE),
-        }),
-        *_group("the reference, otherwise", {
-            "radial springs under half as much load again": _rolls(
-                RadialSpringTyre.of(PASSENGER_TYRE, load=1.5 * LOAD)
-            ),
-        }),
-    ]  # fmt: skip
+        *_group(
+            "other statistics, r = 50 mm",
+            {
+                "bridge value (15 % skipped, 70 % averaged)": _taken(
+                    Window(skip=15, size=70), _disc(50)
+                ),
+                "trimmed mean (10 % at either end)": _taken(Window(skip=10, size=80), _disc(50)),
+                "mean weighted by distance": _taken(InverseDistance(of="mean"), _disc(50)),
+                "median weighted by distance": _taken(InverseDistance(of="median"), _disc(50)),
+                "steepest CPF": _taken(SteepestCpf(), _disc(50)),
+            },
+        ),
+        *_group(
+            "contact patch, 130 mm by 140 mm",
+            {
+                "median": _taken(Median(), patch),
+                "mean": _rolls(PatchMean.of(PASSENGER_TYRE)),
+                "85th percentile": _taken(Percentile(percent=85.0), patch),
+            },
+        ),
+        *_group(
+            "envelope on the surface",
+            {
+                "line laser of 100 mm": _rolls(LineLaser()),
+                "rigid disc": _rolls(disc),
+                "tandem cams": _rolls(cams),
+            },
+        ),
+        *_group(
+            "envelope on a profile",
+            {
+                "rigid disc on the bare line": _rolls_on(line, disc),
+                "tandem cams on the bare line": _rolls_on(line, cams),
+                "radial springs on the bare line": _rolls_on(line, TYRE),
+                "rigid disc on the median, r = 25 mm": _rolls_on(median, disc),
+                "tandem cams on the median, r = 25 mm": _rolls_on(median, cams),
+                "radial springs on the median, r = 25 mm": _rolls_on(median, TYRE),
+                "radial springs on the mean, r = 50 mm": _rolls_on(_taken(Mean(), _disc(50)), TYRE),
+                "radial springs on the line laser": _rolls_on(_rolls(LineLaser()), TYRE),
+            },
+        ),
+        *_group(
+            "the reference, otherwise",
+            {
+                "radial springs under half as much load again": _rolls(
+                    RadialSpringTyre.of(PASSENGER_TYRE, load=1.5 * LOAD)
+                ),
+            },
+        ),
+    ]
 
 
 _AVERAGE = PatchMean(length=0.25, width=0.0, lines=1)

@@ -107,22 +107,30 @@ COURSES = (
         name="measured block",
         what="Belgian block measured on a proving ground (ASAM OpenCRG sample data, 10 m on a grid "
         "of 10 mm), copied end to end, every other copy backwards",
-        ground=measured_block, length=60.0, speed=30.0,
+        ground=measured_block,
+        length=60.0,
+        speed=30.0,
     ),
     Course(
         name="generated block",
         what="`BelgianBlock`, made to the measures of that road",
-        ground=generated_block, length=60.0, speed=30.0,
+        ground=generated_block,
+        length=60.0,
+        speed=30.0,
     ),
     Course(
         name="asphalt",
         what="ISO 8608 class B with 5 stones of 10 to 30 mm per square metre, transverse cracks of "
         "20 mm every 3 m and alligator cracks of 10 mm",
-        ground=asphalt, length=120.0, speed=80.0,
+        ground=asphalt,
+        length=120.0,
+        speed=80.0,
     ),
     Course(
         name="highway",
         what="ISO 8608 class A, waves down to 0.1 m",
-        ground=highway, length=200.0, speed=120.0,
+        ground=highway,
+        length=200.0,
+        speed=120.0,
     ),
-)  # fmt: skip
+)

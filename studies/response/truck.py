@@ -90,9 +90,10 @@ def roll(course: Course) -> Rolled:
                     surface, path, statistic=statistic, area=Disc(radius=radius / 1000)
                 ).height
             )
-            for name, statistic in STATISTICS.items() for radius in RADII
+            for name, statistic in STATISTICS.items()
+            for radius in RADII
         },
-    }  # fmt: skip
+    }
     felt = {}
     for name, data in TYRES.items():
         truth = rolled(data)
@@ -115,8 +116,9 @@ def growths(rolled: Sequence[Rolled]) -> list[float]:
     """Best radius for the truck over that for the passenger car, of all statistics and roads."""
     return [
         best_radius(road, "truck", name) / best_radius(road, "passenger", name)
-        for road in rolled for name in STATISTICS
-    ]  # fmt: skip
+        for road in rolled
+        for name in STATISTICS
+    ]
 
 
 def _apart(difference: Float, patch: float) -> Felt:

@@ -46,10 +46,14 @@ def driving(step=0.005, *, lean=0.0, covariance=None):
     rate = attitude.inv().apply([0.0, 0.0, SPEED / RADIUS])
     own = np.zeros((6, 6)) if covariance is None else covariance
     return Trajectory(
-        time=t, position=position, velocity=velocity, quaternion=attitude.as_quat(),
-        angular_velocity=rate, covariance=np.tile(own, (t.size, 1, 1)),
+        time=t,
+        position=position,
+        velocity=velocity,
+        quaternion=attitude.as_quat(),
+        angular_velocity=rate,
+        covariance=np.tile(own, (t.size, 1, 1)),
         flag=np.zeros(t.size, np.uint8),
-    )  # fmt: skip
+    )
 
 
 def correction(*components, seed=1):
@@ -61,11 +65,15 @@ def correction(*components, seed=1):
     wave = np.sin(knots.places[None, :] + np.arange(k)[:, None])
     root = rng.normal(0, 1e-3, (knots.intervals, 4 * k, 4 * k))
     return SplineCorrection(
-        name="b", knots=knots, components=components,
+        name="b",
+        knots=knots,
+        components=components,
         coefficients=np.array([size[name] for name in components])[:, None] * wave,
-        offset=np.zeros(k), covariance=root @ root.transpose(0, 2, 1), left=5e-4,
+        offset=np.zeros(k),
+        covariance=root @ root.transpose(0, 2, 1),
+        left=5e-4,
         supported=np.ones(knots.intervals, bool),
-    )  # fmt: skip
+    )
 
 
 def seen(trajectory, time, arm):
@@ -247,8 +255,10 @@ def test_points_have_the_sd_of_the_correction_and_their_own():
     assert plain.up.attrs == {"units": "m"}
     (step,) = provenance_steps(plain)
     assert step["parameters"] == {
-        "method": "network", "lane": "b", "components": ["height", "roll"]
-    }  # fmt: skip
+        "method": "network",
+        "lane": "b",
+        "components": ["height", "roll"],
+    }
 
 
 def test_what_is_needed_to_correct_points_is_said():
@@ -264,9 +274,13 @@ def alignment(path, height):
     """Correction of one of two lanes along a path; the other is fixed."""
     one = StationCorrection(path=path, height=height, begin=0.0, end=path.length)
     return PassAlignment(
-        options=DiscontinuitySettings(), lanes=("a", "b"), pairs=(), corrections={"b": one},
-        states=(), left_out={},
-    )  # fmt: skip
+        options=DiscontinuitySettings(),
+        lanes=("a", "b"),
+        pairs=(),
+        corrections={"b": one},
+        states=(),
+        left_out={},
+    )
 
 
 @pytest.mark.parametrize("bent", [False, True])

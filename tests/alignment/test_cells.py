@@ -10,9 +10,18 @@ from trueterrain.core.schemas import make_points
 
 HEIGHT_STEP = 1e-5  # [m] in which heights are added up
 COLUMNS = (
-    "cell", "time", "easting", "northing", "height", "variance", "count", "slope_east",
-    "slope_north", "offset", "ahead",
-)  # fmt: skip
+    "cell",
+    "time",
+    "easting",
+    "northing",
+    "height",
+    "variance",
+    "count",
+    "slope_east",
+    "slope_north",
+    "offset",
+    "ahead",
+)
 
 
 def cloud(n=20_000, seed=1, *, corner=(0.0, 0.0), slope=(0.02, -0.03), noise=0.001):

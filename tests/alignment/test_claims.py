@@ -37,10 +37,17 @@ def two_lanes(seed, duration, *, drift=GaussMarkovDrift(), claim=CLAIM, cell=CEL
         height = ground + np.interp(x / SPEED, time, found) + rng.normal(0, NOISE, x.size)
         lanes.append(
             lane_cells(
-                name, number, x / SPEED, height, variance=1e-7, easting=x, northing=y,
-                sd_time=time, sd_height=np.full(time.size, claim),
+                name,
+                number,
+                x / SPEED,
+                height,
+                variance=1e-7,
+                easting=x,
+                northing=y,
+                sd_time=time,
+                sd_height=np.full(time.size, claim),
             )
-        )  # fmt: skip
+        )
     return lanes, time, drifts
 
 
@@ -95,9 +102,7 @@ def test_absolute_standard_deviations_hold_for_many_passes_and_a_fixed_one(passe
 def datum_of(settings=FEW, *, duration=8.0, passes=2, claim=CLAIM, **more):
     """Standard deviation of the datum of passes without drift, and their adjustment."""
     still = GaussMarkovDrift(height_sd=0.0, between_passes=0.0)
-    lanes, time, _ = two_lanes(
-        3, duration, drift=still, cell=0.25, passes=passes, claim=claim
-    )  # fmt: skip
+    lanes, time, _ = two_lanes(3, duration, drift=still, cell=0.25, passes=passes, claim=claim)
     found = adjust_passes(lanes, settings=settings, **more)
     assert len(set(found.datum_sd.values())) == 1
     return found.datum_sd["left"], found, time
@@ -128,9 +133,14 @@ def test_fixed_passes_control_and_settings_give_the_datum():
     lanes, _, _ = two_lanes(3, 8.0, cell=0.25)
     point = lanes[0].part(np.arange(0, len(lanes[0]), 20))
     control = lane_cells(
-        "bench marks", point.cell, 0.0, point.height, variance=1e-6, easting=point.easting,
+        "bench marks",
+        point.cell,
+        0.0,
+        point.height,
+        variance=1e-6,
+        easting=point.easting,
         northing=point.northing,
-    )  # fmt: skip
+    )
     assert datum_of(control=[control])[0] == 0.0  # it is in the corrections
     assert datum_of(control=[control], fixed=("left",))[0] == pytest.approx(CLAIM)
     for more in ({}, {"fixed": ("left",)}, {"control": [control]}):
@@ -151,10 +161,15 @@ def test_the_datum_of_passes_without_claims_is_not_known():
 def test_ground_apart_has_datums_of_its_own():
     near, far = two_lanes(3, 8.0, cell=0.25)[0], two_lanes(4, 8.0, cell=0.25)[0]
     away = [
-        replace(one, name=f"{one.name} away", cell=one.cell + (1 << 50), easting=one.easting + 1e4,
-                sd_height=3.0 * one.sd_height)
+        replace(
+            one,
+            name=f"{one.name} away",
+            cell=one.cell + (1 << 50),
+            easting=one.easting + 1e4,
+            sd_height=3.0 * one.sd_height,
+        )
         for one in far
-    ]  # fmt: skip
+    ]
     found = adjust_passes([*near, *away], settings=FEW)
     assert found.datum_sd["left"] == found.datum_sd["right"] < 0.5 * found.datum_sd["left away"]
 
@@ -176,18 +191,30 @@ def test_the_claim_of_the_navigation_counts_where_little_was_seen():
     lanes, time, _ = two_lanes(1, 8.0)
     same = lanes[0].height + np.random.default_rng(9).normal(0, NOISE, len(lanes[0]))
     alike = lane_cells(
-        "right", lanes[0].cell, lanes[0].time, same, variance=1e-7, easting=lanes[0].easting,
-        northing=lanes[0].northing, sd_time=time, sd_height=np.full(time.size, CLAIM),
-    )  # fmt: skip
+        "right",
+        lanes[0].cell,
+        lanes[0].time,
+        same,
+        variance=1e-7,
+        easting=lanes[0].easting,
+        northing=lanes[0].northing,
+        sd_time=time,
+        sd_height=np.full(time.size, CLAIM),
+    )
     settings = NetworkSettings(components=("height",))
     sure = adjust_passes([lanes[0], alike], settings=settings).correction("left").sd(time)
     unclaimed = [
         lane_cells(
-            one.name, one.cell, one.time, one.height, variance=1e-7, easting=one.easting,
+            one.name,
+            one.cell,
+            one.time,
+            one.height,
+            variance=1e-7,
+            easting=one.easting,
             northing=one.northing,
         )
         for one in (lanes[0], alike)
-    ]  # fmt: skip
+    ]
     blind = adjust_passes(unclaimed, settings=settings).correction("left").sd(time)
     assert sure.mean() > 0.001
     assert blind.mean() < 0.5 * sure.mean()
@@ -200,11 +227,16 @@ def test_the_grid_method_tells_where_steps_remain():
     there = np.abs(lanes[0].easting - 20.05) < 0.2
     again = [
         lane_cells(
-            one.name, one.cell, one.time, ground + up * there, variance=1e-7, easting=one.easting,
+            one.name,
+            one.cell,
+            one.time,
+            ground + up * there,
+            variance=1e-7,
+            easting=one.easting,
             northing=one.northing,
         )
         for one, up in zip(lanes, (0.0, 0.01), strict=True)
-    ]  # fmt: skip
+    ]
     again[1] = replace(again[1], height=again[1].height + 1e-6)  # else they were the same twice
     grid = MergeSettings(method="grid")
     (problem,) = merge_cells(again, grid).problems

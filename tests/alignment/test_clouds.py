@@ -45,7 +45,7 @@ def drift(name, t):
 
 def cloud(
     name, *, right=0.0, width=2.0, density=400, begin=START, seed=None, drifts=True, slope=0.02
-):  # fmt: skip
+):
     """Points of a pass along x, from `right` to the left."""
     rng = np.random.default_rng(ord(name) if seed is None else seed)
     n = int(LENGTH * width * density)
@@ -203,9 +203,7 @@ def test_order_of_files_does_not_matter(two, merged):
 def test_other_formats_are_lanes_too(ending, tmp_path):
     for name, one in zip("ab", pair(), strict=True):
         formats.write(one.isel(point=slice(0, None, 4)), tmp_path / f"{name}.{ending}")
-    lanes = cloud_lanes(
-        [tmp_path / f"{name}.{ending}" for name in "ab"], crs="EPSG:2154"
-    )  # fmt: skip
+    lanes = cloud_lanes([tmp_path / f"{name}.{ending}" for name in "ab"], crs="EPSG:2154")
     merging, corrected = merge_clouds(lanes, with_cells(MergeSettings(), suggested_cell(lanes)))
     (agreement,) = merging.pairs
     assert agreement.held_back.rmse < 0.1 * agreement.before.rmse
@@ -216,10 +214,14 @@ def test_the_merged_surface_is_nearer_to_the_ground_than_either(merged):
     _, corrected = merged
     grid = grid_over(0.5, 0.2, LENGTH - 0.5, 3.1, spacing=0.2)
     surface = merged_surface(corrected, grid, GridSettings(minimum_count=8))
-    raw = merged_surface(merge_clouds(
-        {name: one.lane for name, one in corrected.items()},
-        replace(SETTINGS, method="grid"),
-    )[1], grid, GridSettings(minimum_count=8))  # fmt: skip
+    raw = merged_surface(
+        merge_clouds(
+            {name: one.lane for name, one in corrected.items()},
+            replace(SETTINGS, method="grid"),
+        )[1],
+        grid,
+        GridSettings(minimum_count=8),
+    )
     x, y = np.meshgrid(surface.easting.values, surface.northing.values)
     truth = ground(x, y).reshape(surface.height.shape)
     error, before = (one.height.values - truth for one in (surface, raw))
@@ -238,9 +240,10 @@ def test_the_sd_of_the_merged_surface_holds(tmp_path):
         lanes = cloud_lanes(written(tmp_path / str(seed), a=a, b=b))
         _, corrected = merge_clouds(lanes, replace(SETTINGS, fixed=("a",)))
         surface = merged_surface(
-            corrected, grid_over(0.5, 0.3, LENGTH - 0.5, 2.9, spacing=0.2),
+            corrected,
+            grid_over(0.5, 0.3, LENGTH - 0.5, 2.9, spacing=0.2),
             GridSettings(minimum_count=8),
-        )  # fmt: skip
+        )
         x, y = np.meshgrid(surface.easting.values, surface.northing.values)
         error = surface.height.values - ground(x, y, 0.0).reshape(surface.height.shape)
         ratios.append((error / surface.sd_relative.values) ** 2)
@@ -331,7 +334,7 @@ def test_without_time_corrections_follow_the_way(given, tmp_path):
             path = waypoint_reference([0, LENGTH], [1.5, 1.5], spacing=1.0)
         merging, corrected = merge_clouds(
             cloud_lanes(files), SETTINGS, path=path if given else None
-        )  # fmt: skip
+        )
         (agreement,) = merging.pairs
         assert agreement.held_back.rmse < 0.15 * agreement.before.rmse
         where = "the path given" if given else "the middle of each lane"
@@ -380,9 +383,13 @@ def test_points_of_no_source_and_no_time_are_no_pass(tmp_path):
     assert merging.problems[0].startswith("4800 points of source 0 are left out")
     assert merging.pairs[0].held_back.rmse < 1e-3  # [m] as without them
     (alone,) = cloud_lanes(
-        written(tmp_path / "two", made_up=points.isel(point=points.lane.values == 0),
-                road=points.isel(point=points.lane.values == 11)), split=True,
-    ).values()  # fmt: skip
+        written(
+            tmp_path / "two",
+            made_up=points.isel(point=points.lane.values == 0),
+            road=points.isel(point=points.lane.values == 11),
+        ),
+        split=True,
+    ).values()
     assert (alone.name, alone.number) == ("road", 11)  # by the file that holds it
     timed = points.assign(time=points.time + 1.0 + 0.001 * np.arange(points.sizes["point"]))
     assert list(cloud_lanes(written(tmp_path / "t", road=timed))) == ["0", "11", "12"]
@@ -414,9 +421,7 @@ def test_what_not_all_lanes_know_is_left_out(tmp_path):
     bright = a.assign(intensity=("point", np.full(48_000, 7), {"units": "1"}))
     for name, one in (("a", bright), ("b", b)):
         formats.write(one, tmp_path / f"{name}.zarr")
-    _, corrected = merge_clouds(
-        cloud_lanes([tmp_path / f"{name}.zarr" for name in "ab"]), SETTINGS
-    )  # fmt: skip
+    _, corrected = merge_clouds(cloud_lanes([tmp_path / f"{name}.zarr" for name in "ab"]), SETTINGS)
     names = [set(block.data_vars) for block in corrected.blocks()]
     assert all(found == names[0] for found in names)
     assert "intensity" not in names[0]

@@ -252,9 +252,11 @@ def test_medians_leave_out_what_lies_on_the_road_in_one_pass() -> None:
     leaf = make_points(x, y, np.full(60, 123.3))
     lanes["left"] = xr.concat([lanes["left"], leaf], "point")
     mean = align_lanes(lanes, fix="right").pairs[0].discontinuity
-    median = align_lanes(
-        lanes, DiscontinuitySettings(statistic="median"), fix="right"
-    ).pairs[0].discontinuity  # fmt: skip
+    median = (
+        align_lanes(lanes, DiscontinuitySettings(statistic="median"), fix="right")
+        .pairs[0]
+        .discontinuity
+    )
     assert mean.lanes == ("right", "left")
     assert np.nanmax(mean.raw[1]) > 0.01
     # half a bin, by the share that the leaf has of the points
@@ -465,9 +467,11 @@ def test_waypoints_of_a_curve_give_what_the_found_centre_gives() -> None:
     found = align_lanes(lanes)
     at = circle(np.array([6.0, 10.0, 14.0]), np.full(3, 0.8))
     npt.assert_allclose(
-        given.correction("left", *at).height, found.correction("left", *at).height,
-        rtol=0, atol=DRIFT,
-    )  # fmt: skip
+        given.correction("left", *at).height,
+        found.correction("left", *at).height,
+        rtol=0,
+        atol=DRIFT,
+    )
 
 
 class TestLowPass:

@@ -38,11 +38,14 @@ def drifting(run: Path) -> tuple[Trajectory, xr.Dataset]:
     ]
     n = body.sizes["knot"]
     trajectory = Trajectory(
-        time=body["time"].values, position=position, velocity=velocity,
+        time=body["time"].values,
+        position=position,
+        velocity=velocity,
         quaternion=Rotation.from_euler("ZYX", np.stack([yaw, pitch, roll], axis=1)).as_quat(),
-        angular_velocity=np.stack(turning, axis=1), covariance=np.zeros((n, 6, 6)),
+        angular_velocity=np.stack(turning, axis=1),
+        covariance=np.zeros((n, 6, 6)),
         flag=np.zeros(n, np.uint8),
-    )  # fmt: skip
+    )
     return trajectory, truth
 
 
@@ -51,10 +54,12 @@ def driven(tmp_path_factory) -> tuple[dict[str, list[xr.Dataset]], dict[str, xr.
     """Points of 6 m of both lanes from a scanner with a quarter of the beams and of the rate."""
     scene, _ = read_scene("belgian-two-lanes")
     scene = replace(
-        scene, raster=0.01, truth=TruthSettings(spacing=0.1, returns=False),
+        scene,
+        raster=0.01,
+        truth=TruthSettings(spacing=0.1, returns=False),
         scanner=replace(scene.scanner, beams=235, rate=400.0, spot_rays=1),
         passes=tuple(replace(drive, start=5.0, length=6.0) for drive in scene.passes),
-    )  # fmt: skip
+    )
     points, truths = {}, {}
     for run in record_scene(scene, tmp_path_factory.mktemp("runs")):
         name = run.stem.removeprefix("belgian-two-lanes-")
@@ -88,9 +93,11 @@ def test_the_drift_that_was_injected_is_what_is_found(driven, aligned) -> None:
     injected = behind["left"] - behind["right"]
     inner = ~vector.gap
     npt.assert_allclose(
-        (vector.filtered[0] - vector.filtered[1])[inner].mean(), injected[inner].mean(),
-        rtol=0, atol=SEAM,
-    )  # fmt: skip
+        (vector.filtered[0] - vector.filtered[1])[inner].mean(),
+        injected[inner].mean(),
+        rtol=0,
+        atol=SEAM,
+    )
     off = (vector.filtered[0] - vector.filtered[1] - injected)[inner]
     assert np.sqrt(np.mean(off**2)) < DRIFT
 

@@ -72,10 +72,12 @@ def two_lanes(tmp_path_factory, data):
     first, second = sorted((data / "scanning" / "trajectories").glob("boreas-*.csv"))
     drift = MeasuredDrift(first=first, second=second)
     scene = replace(
-        scene, course={"kind": "straight", "length": 20.0}, raster=0.01,
+        scene,
+        course={"kind": "straight", "length": 20.0},
+        raster=0.01,
         scanner=replace(scene.scanner, beams=300),
         navigation=replace(scene.navigation, drift=drift),
-    )  # fmt: skip
+    )
     return passes_of(record_scene(scene, tmp_path_factory.mktemp("two")), scene)
 
 
@@ -132,9 +134,10 @@ def test_the_ground_of_passes_in_agreement_is_as_sure_as_their_datum(two_lanes, 
     ]
     npt.assert_allclose(datum, np.hypot(*reported) / 2, rtol=0.05)  # 4 s of a drift of 25 s
     surface, _ = grid_runs(
-        list(passes.values()), GridPlacement(spacing=0.05, lap=True).of_runs(list(passes.values())),
+        list(passes.values()),
+        GridPlacement(spacing=0.05, lap=True).of_runs(list(passes.values())),
         GridSettings(range_noise=0.0005, agreed=True),
-    )  # fmt: skip
+    )
     extra = surface.sd.values**2 - surface.sd_relative.values**2
     npt.assert_allclose(extra[np.isfinite(extra)], datum**2, rtol=1e-3)  # float32
     one = passes["left"]
@@ -171,9 +174,11 @@ def test_the_order_of_the_passes_does_not_matter(cells):
         time = one.correction(name).knots.begin + np.linspace(0, 3, 50)
         for component in ("height", "roll", "east"):
             npt.assert_allclose(
-                other.correction(name)(time, component), one.correction(name)(time, component),
-                rtol=0, atol=SAME,
-            )  # fmt: skip
+                other.correction(name)(time, component),
+                one.correction(name)(time, component),
+                rtol=0,
+                atol=SAME,
+            )
 
 
 def test_what_only_one_pass_saw_is_rejected_and_bends_nothing(cells):
@@ -219,9 +224,11 @@ def three_lanes(tmp_path_factory):
     """A part of the ready scene: the middle lane driven against the others."""
     scene, _ = read_scene("three-lanes")
     scene = replace(
-        scene, course={"kind": "straight", "length": 30.0}, raster=0.01,
+        scene,
+        course={"kind": "straight", "length": 30.0},
+        raster=0.01,
         scanner=replace(scene.scanner, beams=160),
-    )  # fmt: skip
+    )
     return passes_of(record_scene(scene, tmp_path_factory.mktemp("three")), scene)
 
 
@@ -235,10 +242,12 @@ def cross_slope(surface, passes):
     v = surface["v"].values
     good = np.isfinite(found)
     rows = good.sum(axis=1) > 0.8 * v.size
-    return np.array([
-        np.polyfit(v[known], row[known], 1)[0]
-        for row, known in zip(found[rows], good[rows], strict=True)
-    ])  # fmt: skip
+    return np.array(
+        [
+            np.polyfit(v[known], row[known], 1)[0]
+            for row, known in zip(found[rows], good[rows], strict=True)
+        ]
+    )
 
 
 def test_three_lanes_close_and_are_not_twisted(three_lanes):
@@ -265,10 +274,12 @@ def lap(tmp_path_factory):
     """A lap and some metres of a small oval."""
     scene, _ = read_scene("oval")
     scene = replace(
-        scene, course={"kind": "oval", "straight": 12.0, "radius": 14.0, "transition": 8.0},
-        scanner=replace(scene.scanner, beams=80), raster=0.02,
+        scene,
+        course={"kind": "oval", "straight": 12.0, "radius": 14.0, "transition": 8.0},
+        scanner=replace(scene.scanner, beams=80),
+        raster=0.02,
         passes=(replace(scene.passes[0], length=140.0),),
-    )  # fmt: skip
+    )
     return passes_of(record_scene(scene, tmp_path_factory.mktemp("oval")), scene)
 
 

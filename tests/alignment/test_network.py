@@ -31,9 +31,10 @@ class Road:
     def __init__(self, length=300.0, width=3.0, seed=1):
         self.rng = np.random.default_rng(seed)
         along, across = np.meshgrid(
-            np.arange(SIZE / 2, length, SIZE), np.arange(SIZE / 2, width, SIZE) - width / 2,
+            np.arange(SIZE / 2, length, SIZE),
+            np.arange(SIZE / 2, width, SIZE) - width / 2,
             indexing="ij",
-        )  # fmt: skip
+        )
         self.s, self.v = along.ravel(), across.ravel()
         self.ground = self.rng.normal(0, 0.05, self.s.size)
         self.clock = np.arange(0, length / SPEED + 1, 0.02)
@@ -52,9 +53,16 @@ class Road:
         up = np.interp(time, self.clock, np.broadcast_to(drift, self.clock.shape))
         height = self.ground[some] + up + roll * offset + self.rng.normal(0, noise, s.size)
         return lane_cells(
-            name, np.flatnonzero(some), begin + time, height, variance=noise**2, easting=s,
-            northing=v, offset=offset, count=30,
-        )  # fmt: skip
+            name,
+            np.flatnonzero(some),
+            begin + time,
+            height,
+            variance=noise**2,
+            easting=s,
+            northing=v,
+            offset=offset,
+            count=30,
+        )
 
 
 def corrections(adjustment, time):
@@ -254,9 +262,15 @@ def test_a_closed_course_closes_on_itself():
         )
     cell, time, height = (np.concatenate(one) for one in zip(*parts, strict=True))
     oval = lane_cells(
-        "oval", cell, time, height, variance=NOISE**2, easting=np.tile(road.s, 2),
-        northing=np.tile(road.v, 2), count=30,
-    )  # fmt: skip
+        "oval",
+        cell,
+        time,
+        height,
+        variance=NOISE**2,
+        easting=np.tile(road.s, 2),
+        northing=np.tile(road.v, 2),
+        count=30,
+    )
     found = adjust_passes([oval], settings=PLAIN)
     (loop,) = found.closures
     assert loop.passes == ("oval",)
@@ -284,9 +298,11 @@ def test_groups_of_passes_have_datums_of_their_own():
     road = Road()
     left, right = road.s < 140.0, road.s > 160.0
     lanes = [
-        road.drive("a", 0.01, some=left), road.drive("b", 0.03, some=left),
-        road.drive("c", 0.05, some=right), road.drive("d", 0.01, some=right),
-    ]  # fmt: skip
+        road.drive("a", 0.01, some=left),
+        road.drive("b", 0.03, some=left),
+        road.drive("c", 0.05, some=right),
+        road.drive("d", 0.01, some=right),
+    ]
     found = adjust_passes(lanes, settings=replace(PLAIN, strength=0.0))
     assert found.groups == (("a", "b"), ("c", "d"))
     offsets = [float(found.correction(name)(20.0)) for name in "abcd"]
@@ -309,9 +325,10 @@ def test_both_too_stiff_and_too_loose_predict_worse():
     found = adjust_passes([road.drive(name, road.wander()) for name in "ab"], settings=PLAIN)
     best = found.chosen
     curve = {
-        one.strength: one for one in found.trials
+        one.strength: one
+        for one in found.trials
         if (one.knot_spacing, one.order) == (best.knot_spacing, best.order)
-    }  # fmt: skip
+    }
     stiffest = min(one.held_back for one in found.trials if one.strength <= 1e-4)
     assert stiffest > 1.2 * best.held_back
     assert max(curve.values(), key=lambda one: one.log_likelihood) == best
@@ -327,9 +344,11 @@ def test_horizontal_shift_needs_relief():
 
     def with_slope(cells, by):
         return replace(
-            cells, slope_east=slope[0], slope_north=slope[1],
+            cells,
+            slope_east=slope[0],
+            slope_north=slope[1],
             height=cells.height - by @ slope,
-        )  # fmt: skip
+        )
 
     lanes = [with_slope(road.drive("a"), 0 * shift), with_slope(road.drive("b", 0.01), shift)]
     found = adjust_passes(lanes, fixed=["a"], settings=settings)
@@ -426,11 +445,15 @@ def rough_network(seed):
         at, back = cell[seen], rng.random() < 0.5
         lanes.append(
             lane_cells(
-                f"p{number}", at, (n - at if back else at) / speed, height[seen],
-                variance=noise**2 * rng.choice([1, 0.01]), easting=0.5 * at,
+                f"p{number}",
+                at,
+                (n - at if back else at) / speed,
+                height[seen],
+                variance=noise**2 * rng.choice([1, 0.01]),
+                easting=0.5 * at,
                 offset=rng.uniform(-1, 1, at.size),
             )
-        )  # fmt: skip
+        )
     return lanes
 
 

@@ -20,9 +20,7 @@ SLOWEST = 8.0  # [m/s] of the passes, which are driven at 10 m/s
 def runs(tmp_path_factory):
     """Two lanes of 12 m that overlap by half a metre, and their motion; cells of both."""
     scene, _ = read_scene("three-lanes")
-    passes = tuple(
-        replace(one, start=20.0, length=12.0, reverse=False) for one in scene.passes[:2]
-    )  # fmt: skip
+    passes = tuple(replace(one, start=20.0, length=12.0, reverse=False) for one in scene.passes[:2])
     ground = ({"kind": "road", "road_class": "C", "seed": 5, "waves": 256},)
     scene = replace(scene, passes=passes, ground=ground, raster=0.02)
     found = []

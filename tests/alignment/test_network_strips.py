@@ -14,10 +14,11 @@ PAIRS = {
     "dsmMarker": ["las_with_origin_dsmMarker.laz"],
     "706-707": [
         f"test_data_770{east}_6277{north}_LA93_IGN69.laz"
-        for east in (50, 55, 60) for north in (55, 60)
+        for east in (50, 55, 60)
+        for north in (55, 60)
     ],
     "4320-4330": ["St_Barth_RGAF09_UTM20N_IGN_1988_SB_subset_100m.laz"],
-}  # fmt: skip
+}
 
 
 @pytest.fixture
@@ -77,9 +78,11 @@ def test_strips_that_drift_agree_at_least_as_well_as_by_any_simple_correction(st
     one, other = strips
     simple = [
         left_by_columns(strips),
-        left_by_columns(strips, one.time), left_by_columns(strips, other.time),
-        left_by_columns(strips, one.easting), left_by_columns(strips, one.northing),
-    ]  # fmt: skip
+        left_by_columns(strips, one.time),
+        left_by_columns(strips, other.time),
+        left_by_columns(strips, one.easting),
+        left_by_columns(strips, one.northing),
+    ]
     assert left_by_network(strips) <= min(simple)
 
 

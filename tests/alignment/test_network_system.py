@@ -26,9 +26,15 @@ def observed():
     def drive(name, cells, time):
         n = cells.size
         return lane_cells(
-            name, cells, time, rng.normal(0, 0.05, n), variance=rng.uniform(0.5, 2.0, n) * 1e-6,
-            easting=cells.astype(float), offset=rng.normal(size=n), count=9,
-        )  # fmt: skip
+            name,
+            cells,
+            time,
+            rng.normal(0, 0.05, n),
+            variance=rng.uniform(0.5, 2.0, n) * 1e-6,
+            easting=cells.astype(float),
+            offset=rng.normal(size=n),
+            count=9,
+        )
 
     twice = np.concatenate([np.arange(40), np.arange(10)])
     times = np.concatenate([0.3 * np.arange(40), 30.0 + 0.3 * np.arange(10)])
@@ -38,8 +44,9 @@ def observed():
             drive("b", np.arange(20, 60), 0.4 * np.arange(40)[::-1]),
             drive("c", np.arange(5, 30), 0.2 * np.arange(25)),
         ],
-        (), (),
-    )  # fmt: skip
+        (),
+        (),
+    )
     weight = rng.uniform(0.2, 1.0, shared.lane.size) / shared.entries.variance
     return shared, weight
 
@@ -180,9 +187,7 @@ def test_sparse_factors_solve_and_invert(matrix):
     factor = pattern.factor(elements)
     right = np.linspace(-1, 1, 41)
     assert_allclose(factor.solve(right), np.linalg.solve(full, right), rtol=0, atol=RELATIVE)
-    assert_allclose(
-        factor.log_determinant, np.linalg.slogdet(full)[1], rtol=RELATIVE, atol=0
-    )  # fmt: skip
+    assert_allclose(factor.log_determinant, np.linalg.slogdet(full)[1], rtol=RELATIVE, atol=0)
     inverse = np.linalg.inv(full)
     for one, other in ((row, column), (diagonal, diagonal)):
         found = factor.inverse_at(one, other)

@@ -88,10 +88,15 @@ def correction():
     knots = SplineKnots(begin=0.0, spacing=2.0, intervals=5)
     parts = rng.normal(size=(5, 8, 8))
     return SplineCorrection(
-        name="a", knots=knots, components=("height", "roll"), coefficients=rng.normal(size=(2, 8)),
-        offset=np.zeros(2), covariance=parts @ parts.transpose(0, 2, 1), left=0.3,
+        name="a",
+        knots=knots,
+        components=("height", "roll"),
+        coefficients=rng.normal(size=(2, 8)),
+        offset=np.zeros(2),
+        covariance=parts @ parts.transpose(0, 2, 1),
+        left=0.3,
         supported=np.array([True, False, False, True, False]),
-    )  # fmt: skip
+    )
 
 
 def test_height_and_roll_add_up(correction):

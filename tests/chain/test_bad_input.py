@@ -35,9 +35,11 @@ def recorded(tmp_path_factory):
     """Six metres of a smooth road at 5 m/s, with default errors."""
     scene, _ = read_scene("belgian-two-lanes")
     scene = replace(
-        scene, **NARROW, passes=(replace(scene.passes[0], start=20.0, length=6.0),),
+        scene,
+        **NARROW,
+        passes=(replace(scene.passes[0], start=20.0, length=6.0),),
         ground=({"kind": "road", "road_class": "A", "seed": 3, "waves": 100},),
-    )  # fmt: skip
+    )
     (path,) = record_scene(scene, tmp_path_factory.mktemp("runs"))
     return path
 

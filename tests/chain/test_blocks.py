@@ -28,18 +28,26 @@ def long_run(tmp_path_factory):
     time = np.arange(-0.1, 30.15, 0.05)
     yaw = 0.04 * time
     pose = {
-        "time": time, "east": 50 * np.sin(yaw), "north": 50 * (1 - np.cos(yaw)),
-        "up": 0.8 + 0.01 * np.sin(7 * time), "roll": 0.01 * np.sin(5 * time),
-        "pitch": 0.01 * np.cos(6 * time), "yaw": yaw,
-    }  # fmt: skip
+        "time": time,
+        "east": 50 * np.sin(yaw),
+        "north": 50 * (1 - np.cos(yaw)),
+        "up": 0.8 + 0.01 * np.sin(7 * time),
+        "roll": 0.01 * np.sin(5 * time),
+        "pitch": 0.01 * np.cos(6 * time),
+        "yaw": yaw,
+    }
     stamps = np.arange(SCANS) / 4000
     ranges = 2.0 / np.cos(ANGLE) + 0.01 * rng.standard_normal((SCANS, ANGLE.size))
     ranges[rng.random(ranges.shape) < 0.01] = np.nan
     with RunWriter(
-        path, name="long", origin=(11.0, 48.0, 500.0), time_reference="run",
-        mounting=Mounting(scanner_position=LEVER), angle=ANGLE,
+        path,
+        name="long",
+        origin=(11.0, 48.0, 500.0),
+        time_reference="run",
+        mounting=Mounting(scanner_position=LEVER),
+        angle=ANGLE,
         delay=np.linspace(0, 2e-4, ANGLE.size),
-    ) as run:  # fmt: skip
+    ) as run:
         run.append_navigation(pose)
         run.append_scans(stamps, ranges)
     trajectory = fuse_motion(

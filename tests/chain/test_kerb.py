@@ -28,9 +28,12 @@ def run(tmp_path_factory):
     """The scene with the default errors of all instruments; 60 beams in the middle."""
     scene, path = read_scene("kerb")
     scene = replace(
-        scene, scanner=Scanner(beams=60, swath=0.4), truth=TruthSettings(returns=False, spacing=0.1),
-        raster=0.01, passes=(replace(scene.passes[0], start=6.0, length=12.0),),
-    )  # fmt: skip
+        scene,
+        scanner=Scanner(beams=60, swath=0.4),
+        truth=TruthSettings(returns=False, spacing=0.1),
+        raster=0.01,
+        passes=(replace(scene.passes[0], start=6.0, length=12.0),),
+    )
     (recorded,) = record_scene(scene, tmp_path_factory.mktemp("runs"), path=path)
     return recorded
 
@@ -46,10 +49,12 @@ def held_still(motion):
     _, _, yaw = rotations.to_iso8855(motion.at(motion.time).rotation)
     level = np.full(yaw.size, motion.position[:, 2].mean())
     return replace(
-        motion, position=np.column_stack([motion.position[:, :2], level]),
-        velocity=motion.velocity * [1, 1, 0], quaternion=rotations.from_iso8855(0, 0, yaw).as_quat(),
+        motion,
+        position=np.column_stack([motion.position[:, :2], level]),
+        velocity=motion.velocity * [1, 1, 0],
+        quaternion=rotations.from_iso8855(0, 0, yaw).as_quat(),
         angular_velocity=motion.angular_velocity * [0, 0, 1],
-    )  # fmt: skip
+    )
 
 
 def middle(run, trajectory):

@@ -48,17 +48,30 @@ SAME = 1e-9  # [m] points from the same attitude in other angles: round-off
 GRAVITY = 9.80665  # [m/s^2] as it is in the simulation
 
 SCANNER = Scanner(
-    beams=120, swath=0.6, range_noise=0.0, intensity_noise=0.0, floor=0.0, saturation_bias=0.0,
-    dropouts=0.0, spot_rays=1,
-)  # fmt: skip
+    beams=120,
+    swath=0.6,
+    range_noise=0.0,
+    intensity_noise=0.0,
+    floor=0.0,
+    saturation_bias=0.0,
+    dropouts=0.0,
+    spot_rays=1,
+)
 NAVIGATION = Navigation(
-    drift=GaussMarkovDrift(height_sd=0.0, between_passes=0.0), horizontal_sd=0.0,
-    attitude_sd=(0.0,) * 3, noise=(0.0,) * 6,
-)  # fmt: skip
+    drift=GaussMarkovDrift(height_sd=0.0, between_passes=0.0),
+    horizontal_sd=0.0,
+    attitude_sd=(0.0,) * 3,
+    noise=(0.0,) * 6,
+)
 ACCELEROMETERS = Accelerometers(
-    positions=sensor_triangle(LASER, 0.5), noise_density=0.0, bias_sd=0.0, bias_walk=0.0, scale_sd=0.0,
-    tilt_sd=0.0, filter_order=0,
-)  # fmt: skip
+    positions=sensor_triangle(LASER, 0.5),
+    noise_density=0.0,
+    bias_sd=0.0,
+    bias_walk=0.0,
+    scale_sd=0.0,
+    tilt_sd=0.0,
+    filter_order=0,
+)
 
 STRAIGHT = {"kind": "straight", "length": 40.0}
 OVAL = {"kind": "oval", "straight": 30.0, "radius": 25.0, "transition": 15.0}
@@ -75,12 +88,17 @@ def recorded(request, tmp_path_factory):
     course, road, start = COURSES[request.param]
     kerb = {"kind": "step", "position": start - 0.5, "rise": 0.03}
     scene = Scene(
-        name="perfect", course=course, road=replace(road, along_course=True), raster=0.01,
+        name="perfect",
+        course=course,
+        road=replace(road, along_course=True),
+        raster=0.01,
         ground=({"kind": "road", "road_class": "A", "seed": 11, "waves": 300}, kerb),
-        passes=(ScenePass(name="pass", start=start, length=3.0),), scanner=SCANNER,
-        navigation=NAVIGATION, accelerometers=ACCELEROMETERS,
+        passes=(ScenePass(name="pass", start=start, length=3.0),),
+        scanner=SCANNER,
+        navigation=NAVIGATION,
+        accelerometers=ACCELEROMETERS,
         truth=TruthSettings(returns=False, spacing=0.1),
-    )  # fmt: skip
+    )
     (run,) = record_scene(scene, tmp_path_factory.mktemp("runs"))
     return run, Raster(set_stage(scene).ground, spacing=scene.raster)
 
@@ -132,11 +150,12 @@ CONVENTIONS = {
     "omega, phi, kappa": (rotations.to_opk, rotations.from_opk),
     **{
         f"thesis, {use}": (
-            partial(rotations.to_thesis_eq_2_1, use=use), partial(rotations.from_thesis_eq_2_1, use=use),
+            partial(rotations.to_thesis_eq_2_1, use=use),
+            partial(rotations.from_thesis_eq_2_1, use=use),
         )
         for use in ("flu to enu", "flu to nwu", "frd to ned", "enu to rfu")
     },
-}  # fmt: skip
+}
 
 SAME_NUMBERS = {"SPAN": "SBET", "thesis, enu to rfu": "omega, phi, kappa"}
 

@@ -75,9 +75,12 @@ class Certificate:
     def _truth(self):
         line, width = self._grid.line, self._grid.v.size
         true = make_surface(
-            np.repeat(self._true_cells(0.0)[:, None], width, axis=1), u=line.u, v=self._grid.v,
-            easting=line.easting, northing=line.northing,
-        )  # fmt: skip
+            np.repeat(self._true_cells(0.0)[:, None], width, axis=1),
+            u=line.u,
+            v=self._grid.v,
+            easting=line.easting,
+            northing=line.northing,
+        )
         return tyre_profile(true, self._path).height.values
 
     def _surface(self, trajectory, moved):
@@ -138,9 +141,12 @@ def put_together(way, heights):
     position, velocity = way.position.copy(), way.velocity.copy()
     position[:, 2], velocity[:, 2] = at.position[:, 2], at.velocity[:, 2]
     return replace(
-        way, position=position, velocity=velocity, angular_velocity=at.angular_velocity,
+        way,
+        position=position,
+        velocity=velocity,
+        angular_velocity=at.angular_velocity,
         quaternion=Rotation.from_euler("ZYX", np.hstack([yaw, tilt])).as_quat(),
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="module")

@@ -97,8 +97,9 @@ def sha256(path):
     """Hash of a file, or of the names, sizes and contents of all files in a folder, in order."""
     digest = hashlib.sha256()
     if path.is_dir():
-        inside = sorted(file.relative_to(path).as_posix() for file in path.rglob("*")
-                        if file.is_file())  # fmt: skip
+        inside = sorted(
+            file.relative_to(path).as_posix() for file in path.rglob("*") if file.is_file()
+        )
         for name in inside:
             content = (path / name).read_bytes()
             digest.update(name.encode() + b"\0" + str(len(content)).encode() + b"\0" + content)
@@ -200,13 +201,19 @@ def over_plate(folder, name, plate, confidence=0.95):
         "doubtful intensity": (error[doubtful & ~edge] ** 2).sum() / n,
     }
     return {
-        "table": table, "figures": figures, "parts": parts, "n": n,
+        "table": table,
+        "figures": figures,
+        "parts": parts,
+        "n": n,
         "values": {
-            "RMS": np.sqrt(np.mean(error**2)), "off edges": np.sqrt(np.mean(error[~edge] ** 2)),
-            "distance": np.sqrt(np.mean(table["distance"] ** 2)), "bias": error.mean(),
+            "RMS": np.sqrt(np.mean(error**2)),
+            "off edges": np.sqrt(np.mean(error[~edge] ** 2)),
+            "distance": np.sqrt(np.mean(table["distance"] ** 2)),
+            "bias": error.mean(),
         },
-        "maximum": np.abs(error).max(), "noise": np.sqrt(np.mean(single)),
-    }  # fmt: skip
+        "maximum": np.abs(error).max(),
+        "noise": np.sqrt(np.mean(single)),
+    }
 
 
 def over_distance(folder, referenced, confidence=0.95):
@@ -230,8 +237,15 @@ def over_distance(folder, referenced, confidence=0.95):
         "bias": mean_figure(error, confidence=confidence),
     }
     return {
-        "table": table, "error": error, "apart": apart, "figures": figures, "n": error.size,
+        "table": table,
+        "error": error,
+        "apart": apart,
+        "figures": figures,
+        "n": error.size,
         "values": {"RMS": np.sqrt(np.mean(error**2)), "bias": error.mean()},
-        "maximum": np.abs(error).max(), "noise": np.sqrt(np.mean(apart**2)),
-        "repeatability": repeatability, "shared": shared, "runs": runs,
-    }  # fmt: skip
+        "maximum": np.abs(error).max(),
+        "noise": np.sqrt(np.mean(apart**2)),
+        "repeatability": repeatability,
+        "shared": shared,
+        "runs": runs,
+    }

@@ -36,9 +36,13 @@ LOWER = 0.042  # [m] of the second and fourth pass
 def drive(name, *, reverse=False, lane=0.0, speed=5.0):
     """A pass whose laser, 2.25 m behind the body, sees stations 8.75 to 16.75 m."""
     return ScenePass(
-        name=name, reverse=reverse, lane=lane, start=14.5 if reverse else 11.0, length=8.0,
+        name=name,
+        reverse=reverse,
+        lane=lane,
+        start=14.5 if reverse else 11.0,
+        length=8.0,
         speed={"kind": "constant", "speed": speed},
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="module")
@@ -46,17 +50,23 @@ def scene():
     """Both ways in one lane, and faster in the lanes beside; a navigation that hardly drifts."""
     found, _ = read_scene("boresight")
     return replace(
-        found, raster=0.01, truth=TruthSettings(returns=False, spacing=0.1),
+        found,
+        raster=0.01,
+        truth=TruthSettings(returns=False, spacing=0.1),
         scanner=Scanner(beams=200, rate=1000.0, range_noise=2e-4, spot_rays=1),
         navigation=Navigation(
-            drift=GaussMarkovDrift(height_sd=0.0, between_passes=-LOWER), horizontal_sd=1e-4,
-            attitude_sd=(1e-5, 1e-5, 1e-5), noise=(1e-4, 1e-4, 1e-4, 1e-5, 1e-5, 1e-5),
+            drift=GaussMarkovDrift(height_sd=0.0, between_passes=-LOWER),
+            horizontal_sd=1e-4,
+            attitude_sd=(1e-5, 1e-5, 1e-5),
+            noise=(1e-4, 1e-4, 1e-4, 1e-5, 1e-5, 1e-5),
         ),
         passes=(
-            drive("there"), drive("back", reverse=True), drive("left", lane=1.0, speed=9.0),
+            drive("there"),
+            drive("back", reverse=True),
+            drive("left", lane=1.0, speed=9.0),
             drive("right", reverse=True, lane=-1.0, speed=7.0),
         ),
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="module")
@@ -102,8 +112,9 @@ def test_the_mounting_is_found_and_a_survey_takes_it(run, runs, scene, taped, tm
     npt.assert_allclose(found["offset"], [0, -LOWER, 0, -LOWER], rtol=0, atol=OFFSET)
 
     text = output.read_text()
-    assert re.search(r"# Roll, pitch, yaw \[rad\]; standard deviation: (\d\.\de-\d\d(, )?){3}\n",
-                     text)  # fmt: skip
+    assert re.search(
+        r"# Roll, pitch, yaw \[rad\]; standard deviation: (\d\.\de-\d\d(, )?){3}\n", text
+    )
     assert re.search(r"# Forward, left, up \[m\]; standard deviation: held, \d.*, held\n", text)
     shutil.copytree(runs[0], tmp_path / "there.zarr")
     survey = tmp_path / "survey.toml"

@@ -104,9 +104,10 @@ class Certificate:
         self.rows = {row["test"]: row for row in self.document["rows"]}
         self.found = {
             row: over_distance(self.folder, "reference" in self.settings)
-            if self.kind == "drift" else over_plate(self.folder, row, self.plate)
+            if self.kind == "drift"
+            else over_plate(self.folder, row, self.plate)
             for row in self.rows
-        }  # fmt: skip
+        }
         for row, one in self.found.items():
             if self.kind == "drift":
                 one["registration"] = None
@@ -147,8 +148,10 @@ class Certificate:
     def tables(self):
         """Rows that tables must show, by section and first head: words as words, figures in mm."""
         expected = {}
-        stated = [[name.capitalize(), self.settings.get(name) or None]
-                  for name in ("system", "conditions", "date")]  # fmt: skip
+        stated = [
+            [name.capitalize(), self.settings.get(name) or None]
+            for name in ("system", "conditions", "date")
+        ]
         expected["What was tested", "Stated"] = [*stated, ["Test", self.kind]]
         runs = [path for path in self.inputs if path.suffix == ".zarr"]
         timeless = [(path.name, "times count from any moment") for path in runs]
@@ -158,29 +161,54 @@ class Certificate:
             [name, None, None, f"not in the data: {why}"] for name, why in timeless
         ]
         expected["Figures", "Test", "RMS"] = [
-            [row, *(millis(value) for value in (
-                one["values"]["RMS"], one["values"].get("off edges"),
-                one["values"].get("distance"), one["maximum"], one["values"]["bias"],
-                one["noise"], one["registration"],
-            )), one["n"]]
+            [
+                row,
+                *(
+                    millis(value)
+                    for value in (
+                        one["values"]["RMS"],
+                        one["values"].get("off edges"),
+                        one["values"].get("distance"),
+                        one["maximum"],
+                        one["values"]["bias"],
+                        one["noise"],
+                        one["registration"],
+                    )
+                ),
+                one["n"],
+            ]
             for row, one in self.found.items()
-        ]  # fmt: skip
+        ]
         expected["Figures", "Test", "Figure", "Value"] = [
-            [row, name, MILLI * one["values"][name], MILLI * one["figures"][name].low,
-             MILLI * one["figures"][name].high, one["figures"][name].independent]
-            for row, one in self.found.items() for name in ROWS if name in one["figures"]
-        ]  # fmt: skip
+            [
+                row,
+                name,
+                MILLI * one["values"][name],
+                MILLI * one["figures"][name].low,
+                MILLI * one["figures"][name].high,
+                one["figures"][name].independent,
+            ]
+            for row, one in self.found.items()
+            for name in ROWS
+            if name in one["figures"]
+        ]
         if self.limits:
             expected["Figures", "Test", "Figure", "Limit"] = [
-                [row, limit.replace("_", " "), MILLI * self.settings["limits"][limit],
-                 "✓ as required" if self.kept(row, limit) else "✗ not as required"]
+                [
+                    row,
+                    limit.replace("_", " "),
+                    MILLI * self.settings["limits"][limit],
+                    "✓ as required" if self.kept(row, limit) else "✗ not as required",
+                ]
                 for row, limit in self.limits
-            ]  # fmt: skip
+            ]
         for row, one in self.found.items():
             section = row[:1].upper() + row[1:]
-            expected |= self._drift(section, one) if self.kind == "drift" else (
-                self._over_plate(section, one, self.rows[row])
-            )  # fmt: skip
+            expected |= (
+                self._drift(section, one)
+                if self.kind == "drift"
+                else (self._over_plate(section, one, self.rows[row]))
+            )
         expected["From what it is recomputed", "Input"] = [
             [path.name, sha256(path)] for path in self.inputs
         ]
@@ -194,44 +222,66 @@ class Certificate:
                 ["Offset", millis(one["offset"]), "mm"],
                 ["Tilt", MILLI * math.atan(one["tilt"]), "mrad"],
                 ["Residual without outliers", millis(one["registration"]), "mm"],
-                ["Residual at the assumed place, before the shift", millis(one["unregistered"]),
-                 "mm"],
+                [
+                    "Residual at the assumed place, before the shift",
+                    millis(one["unregistered"]),
+                    "mm",
+                ],
             ],
             (section, "Part of the error"): [
                 [name, MILLI * math.sqrt(value), 100 * value / total]
                 for name, value in one["parts"].items()
             ],
-        }  # fmt: skip
+        }
         words = {True: "found", False: "not found", None: "cannot be told"}
         expected[section, "Looked for"] = [
-            [finding["name"], *(None if finding[key] is None else
-                                finding[key] * INSTRUMENTS.get(finding["unit"], 1.0)
-                                for key in ("value", "sd")),
-             {"s": "ms", "rad": "deg", "m": "mm", "1": None}.get(finding["unit"], finding["unit"]),
-             words[finding["detected"]], finding["meaning"]]
+            [
+                finding["name"],
+                *(
+                    None
+                    if finding[key] is None
+                    else finding[key] * INSTRUMENTS.get(finding["unit"], 1.0)
+                    for key in ("value", "sd")
+                ),
+                {"s": "ms", "rad": "deg", "m": "mm", "1": None}.get(
+                    finding["unit"], finding["unit"]
+                ),
+                words[finding["detected"]],
+                finding["meaning"],
+            ]
             for finding in row.get("findings", [])
-        ]  # fmt: skip
+        ]
         if "modes" in row:
             motions = dict.fromkeys(name for mode in row["modes"] for name in mode["coherence"])
             expected[section, "Band"] = [
-                [mode["name"], mode["low"], mode["high"],
-                 None if mode["share"] is None else 100 * mode["share"], millis(mode["rms"]),
-                 *(mode["coherence"].get(name) for name in motions)]
+                [
+                    mode["name"],
+                    mode["low"],
+                    mode["high"],
+                    None if mode["share"] is None else 100 * mode["share"],
+                    millis(mode["rms"]),
+                    *(mode["coherence"].get(name) for name in motions),
+                ]
                 for mode in row["modes"]
-            ]  # fmt: skip
+            ]
         return expected
 
     def _drift(self, section, one):
         repeats = one["repeatability"]
         return {
             (section, "Part of the error"): [
-                ["Repeatability of a single run", MILLI * one["noise"], MILLI * repeats.low,
-                 MILLI * repeats.high],
-                ["Bias that all runs share", *(
-                    [None] * 3 if one["shared"] is None else [MILLI * x for x in one["shared"]]
-                )],
+                [
+                    "Repeatability of a single run",
+                    MILLI * one["noise"],
+                    MILLI * repeats.low,
+                    MILLI * repeats.high,
+                ],
+                [
+                    "Bias that all runs share",
+                    *([None] * 3 if one["shared"] is None else [MILLI * x for x in one["shared"]]),
+                ],
             ]
-        }  # fmt: skip
+        }
 
     def figures_in_words(self):
         """Figures that sentences and tiles may name, in mm and in their own units."""
@@ -240,8 +290,11 @@ class Certificate:
             allowed.append(MILLI * one["maximum"])
             for figure in one["figures"].values():
                 allowed += [MILLI * figure.value, MILLI * figure.low, MILLI * figure.high]
-            few = [figure.independent for figure in one["figures"].values()
-                   if figure.independent < ENOUGH]  # fmt: skip
+            few = [
+                figure.independent
+                for figure in one["figures"].values()
+                if figure.independent < ENOUGH
+            ]
             allowed += [max(few)] if few else []
             allowed += [one[name] for name in ("outliers", "points", "runs") if name in one]
             table = one["table"]
@@ -250,8 +303,11 @@ class Certificate:
             allowed += [mode["threshold"] for mode in self.rows[row].get("modes", [])]
             for finding in self.rows[row].get("findings", []):
                 scale = INSTRUMENTS.get(finding["unit"], 1.0)
-                allowed += [finding[key] * scale for key in ("value", "sd")
-                            if finding["detected"] and finding[key] is not None]  # fmt: skip
+                allowed += [
+                    finding[key] * scale
+                    for key in ("value", "sd")
+                    if finding["detected"] and finding[key] is not None
+                ]
         allowed += [MILLI * limit for limit in self.settings.get("limits", {}).values()]
         return [*allowed, self.doubts]
 
@@ -292,8 +348,11 @@ def test_every_table_shows_what_follows_from_the_files(read):
             words = [re.sub(r" *\[.*", "", head.strip()) for head in heads]
             if words[0] == "File":
                 continue  # looked at below
-            keys = [key for key in expected
-                    if key[0] == section and list(key[1:]) == words[: len(key) - 1]]  # fmt: skip
+            keys = [
+                key
+                for key in expected
+                if key[0] == section and list(key[1:]) == words[: len(key) - 1]
+            ]
             assert len(keys) == 1, f"{section}, {words}: has no counterpart"
             wanted = expected.pop(keys[0])
             assert len(rows) == len(wanted), keys
@@ -368,9 +427,8 @@ def test_result_json_holds_the_same_figures(read):
 
 def test_files_are_as_large_as_is_said(read):
     ((_, _, rows),) = [
-        table for table in read.page.sections["From what it is recomputed"]
-        if table[1][0] == "File"
-    ]  # fmt: skip
+        table for table in read.page.sections["From what it is recomputed"] if table[1][0] == "File"
+    ]
     for name, _, size in rows:
         value, unit = size.replace("\u202f", " ").replace("\u00a0", " ").split()
         digits = len(value.partition(".")[2])
@@ -414,8 +472,7 @@ def test_no_other_shift_fits_better(over):
         assert cost <= (1 + FLAT) * close
         around = min(fit.cost(one["shift"] + by, cut) for by in np.linspace(-1e-3, 1e-3, 101))
         assert cost <= around + cut**2 / one["points"]
-        turned = Fit(pd.DataFrame({"along": fit.x, "up": fit.z}), over.plate,
-                     turned=not fit.turned)  # fmt: skip
+        turned = Fit(pd.DataFrame({"along": fit.x, "up": fit.z}), over.plate, turned=not fit.turned)
         assert cost < turned.cost(one["shift"], cut)
 
 

@@ -12,10 +12,27 @@ from trueterrain.cli import command_line
 from trueterrain.cli._console import compiling_noted
 
 COMMANDS = (
-    "calibrate", "compare", "convert", "demo", "doctor", "event", "georeference", "grid",
-    "info", "init", "iri", "merge", "plate", "plot", "profile", "psd", "rn", "run", "simulate",
+    "calibrate",
+    "compare",
+    "convert",
+    "demo",
+    "doctor",
+    "event",
+    "georeference",
+    "grid",
+    "info",
+    "init",
+    "iri",
+    "merge",
+    "plate",
+    "plot",
+    "profile",
+    "psd",
+    "rn",
+    "run",
+    "simulate",
     "verify",
-)  # fmt: skip
+)
 
 
 def test_help_lists_every_command(run):

@@ -52,12 +52,21 @@ def test_json_of_profiles(run, profiles):
     assert document["doubts"] == []
     track = document["tracks"][0]
     assert [(pair["first"], pair["second"]) for pair in track["pairs"]] == [
-        ("R.erd", "one.erd"), ("R.erd", "two.erd"), ("one.erd", "two.erd"),
-    ]  # fmt: skip
-    assert_allclose([pair["best_shift"] for pair in track["pairs"]], [0.25, 0.1, -0.15], rtol=0,
-                    atol=1e-3)  # fmt: skip
-    truth = profile_agreement({"R": make_profile(S, road(S)), "1": make_profile(S, road(S - 0.25)),
-                       "2": make_profile(S, 0.8 * road(S - 0.1))}, reference="R")  # fmt: skip
+        ("R.erd", "one.erd"),
+        ("R.erd", "two.erd"),
+        ("one.erd", "two.erd"),
+    ]
+    assert_allclose(
+        [pair["best_shift"] for pair in track["pairs"]], [0.25, 0.1, -0.15], rtol=0, atol=1e-3
+    )
+    truth = profile_agreement(
+        {
+            "R": make_profile(S, road(S)),
+            "1": make_profile(S, road(S - 0.25)),
+            "2": make_profile(S, 0.8 * road(S - 0.1)),
+        },
+        reference="R",
+    )
     assert_allclose(track["accuracy"], truth.accuracy.item(), rtol=0, atol=WRITTEN)
     assert_allclose(track["repeatability"], truth.repeatability.item(), rtol=0, atol=WRITTEN)
     assert [one["profile"] for one in track["heights"]] == ["one.erd", "two.erd"]

@@ -101,11 +101,18 @@ def test_no_name_of_a_file_commands_the_terminal(run, tmp_path):
     path = tmp_path / f"a{ESCAPE}.csv"
     path.write_text(PROFILE)
     for arguments in (
-        ["info", path], ["iri", path], ["iri", f"{path}.none"], ["psd", path], ["rn", path],
-        ["evenness", path], ["compare", path, path], ["plot", path, "-o", f"{path}.png"],
-        ["convert", path, "-o", f"{path}.erd"], ["init", "drift", path, path],
+        ["info", path],
+        ["iri", path],
+        ["iri", f"{path}.none"],
+        ["psd", path],
+        ["rn", path],
+        ["evenness", path],
+        ["compare", path, path],
+        ["plot", path, "-o", f"{path}.png"],
+        ["convert", path, "-o", f"{path}.erd"],
+        ["init", "drift", path, path],
         ["simulate", f"{path}.toml", "-o", tmp_path],
-    ):  # fmt: skip
+    ):
         finished = run(*arguments)
         text = finished.out + finished.err
         assert "owned" in text, arguments

@@ -69,9 +69,10 @@ def test_surface_to_points_in_every_format(run, road, tmp_path):
         plane = 2 + 0.01 * (points.easting - 100) + 0.02 * (points.northing - 200)
         npt.assert_allclose(points.up, plane, **HALF_STEP)
     assert laspy.read(tmp_path / "p.laz").header.parse_crs().to_epsg() == 25832
-    assert "not kept, since the format cannot hold it: CRS" in run(
-        "convert", road, "-o", tmp_path / "q.csv", "--crs", "EPSG:25832"
-    ).err  # fmt: skip
+    assert (
+        "not kept, since the format cannot hold it: CRS"
+        in run("convert", road, "-o", tmp_path / "q.csv", "--crs", "EPSG:25832").err
+    )
 
 
 def test_real_road_to_laz(run, data, tmp_path):
@@ -241,8 +242,9 @@ def test_stores_that_are_foreign_or_damaged_are_one_line(run, profile, tmp_path)
     assert run("convert", profile, "-o", tmp_path / "a.zarr").code == 0
     (tmp_path / "a.zarr" / "height" / "c.0").unlink()
     for name, words in (
-        ("foreign", "of no kind that is known"), ("a", "array height: 1 of 1 chunks are missing"),
-    ):  # fmt: skip
+        ("foreign", "of no kind that is known"),
+        ("a", "array height: 1 of 1 chunks are missing"),
+    ):
         for command in (("convert",), ("info",)):
             output = ("-o", tmp_path / "new.csv") if command == ("convert",) else ()
             refused(run(*command, tmp_path / f"{name}.zarr", *output), f"{name}.zarr", words)

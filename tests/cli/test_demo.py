@@ -12,14 +12,26 @@ import trueterrain as tt
 LENGTH = 12.0  # [m] the shortest, to be quick
 NAME = "belgian-block"
 PROFILES = (
-    "left-lane-left", "left-lane-right", "seam", "right-lane-left", "right-lane-right",
+    "left-lane-left",
+    "left-lane-right",
+    "seam",
+    "right-lane-left",
+    "right-lane-right",
     "left-lane-left-point",
-)  # fmt: skip
+)
 PICTURES = (
-    f"{NAME}-surface", f"{NAME}-part", f"{NAME}-profiles", "left-motion", "right-motion",
-    "merge-correction", "merge-before", "merge-after", "merge-choice", "merge-spectrum",
+    f"{NAME}-surface",
+    f"{NAME}-part",
+    f"{NAME}-profiles",
+    "left-motion",
+    "right-motion",
+    "merge-correction",
+    "merge-before",
+    "merge-after",
+    "merge-choice",
+    "merge-spectrum",
     "merge-seam",
-)  # fmt: skip
+)
 FILES = (
     {f"{NAME}.crg", "report.html", "result.json"}
     | {f"{NAME}-{profile}.{ending}" for profile in PROFILES for ending in ("erd", "csv")}

@@ -20,8 +20,14 @@ def test_the_event_of_the_thesis(run):
     assert (finished.code, finished.err) == (0, "")
     document = json.loads(finished.out)
     assert list(document) == [
-        "design", "vehicle", "predicted", "cut_list", "speeds", "doubts", "files",
-    ]  # fmt: skip
+        "design",
+        "vehicle",
+        "predicted",
+        "cut_list",
+        "speeds",
+        "doubts",
+        "files",
+    ]
     design = document["design"]
     assert (design["number"], design["length"]) == (5, 2.44)
     assert_allclose(design["speed"], 5.368, rtol=0, atol=EXACT)
@@ -41,19 +47,31 @@ def test_numbers_are_those_of_the_library(run):
     assert_allclose(document["design"]["speed"], design.speed, rtol=0, atol=EXACT)
     assert_allclose(document["predicted"]["laser_span"], moved.laser_span, rtol=0, atol=EXACT)
     assert_allclose(
-        list(document["predicted"]["energy"].values()), list(moved.energy.values()), rtol=0,
+        list(document["predicted"]["energy"].values()),
+        list(moved.energy.values()),
+        rtol=0,
         atol=EXACT,
-    )  # fmt: skip
+    )
     assert document["design"]["tolerances"] == dict(design.tolerances)
 
 
 def test_what_is_given_replaces_what_the_vehicle_has(run):
     document = json.loads(
         run(
-            "event", "design", "--wheelbase", "4", "--ride-tolerance", "0.2", "--track", "1.9",
-            "--band", "10", "12", "--json",
+            "event",
+            "design",
+            "--wheelbase",
+            "4",
+            "--ride-tolerance",
+            "0.2",
+            "--track",
+            "1.9",
+            "--band",
+            "10",
+            "12",
+            "--json",
         ).out
-    )  # fmt: skip
+    )
     assert document["design"]["length"] == 2.0
     assert document["design"]["inputs"]["tolerances"]["ride"] == 0.2
     assert document["cut_list"][0]["length"] == pytest.approx(2.8)
@@ -63,10 +81,14 @@ def test_what_is_given_replaces_what_the_vehicle_has(run):
 def test_text_names_sizes_lumber_driving_and_motion(run):
     text = run("event", "design", *THESIS).out
     for part in (
-        "5.37 m/s (19.3 km/h, 12.0 mile/h)", "spacing a  0.488 +- 0.0", "5 of 2x8",
+        "5.37 m/s (19.3 km/h, 12.0 mile/h)",
+        "spacing a  0.488 +- 0.0",
+        "5 of 2x8",
         "rip from 184 mm",
-        "laser 41 mm from peak to peak", "Of the body, pitch gets most", "as printed, w/a is 0.348",
-    ):  # fmt: skip
+        "laser 41 mm from peak to peak",
+        "Of the body, pitch gets most",
+        "as printed, w/a is 0.348",
+    ):
         assert part.lower() in text.lower(), part
 
 
@@ -84,13 +106,18 @@ def test_a_vehicle_of_your_own(run, tmp_path):
     assert_allclose(document["design"]["inputs"]["ride"], event_inputs(car).ride, atol=EXACT)
     design = design_event(event_inputs(car))
     moved = cross_event(
-        car, ExcitationEvent(**design.ground).height, design.speed, length=design.extent,
+        car,
+        ExcitationEvent(**design.ground).height,
+        design.speed,
+        length=design.extent,
         laser=(-2.0, 0.1),
-    )  # fmt: skip
+    )
     assert_allclose(document["predicted"]["laser_span"], moved.laser_span, rtol=0, atol=EXACT)
-    scene.write_text(scene.read_text().replace("van", "quarter car").replace(
-        ", parameters = { sprung_mass = 1800.0 }", ""
-    ))  # fmt: skip
+    scene.write_text(
+        scene.read_text()
+        .replace("van", "quarter car")
+        .replace(", parameters = { sprung_mass = 1800.0 }", "")
+    )
     error = run("event", "design", "--vehicle", scene).err
     assert "vehicle must have four wheels, got the model 'quarter car'" in error
 

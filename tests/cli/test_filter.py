@@ -68,8 +68,11 @@ def test_every_format_of_profiles_can_be_written(run, road, tmp_path, ending):
     if ending != "csv":  # which has no place for it
         (read,) = [step for step in provenance_steps(out) if step["step"] == "filter_profile"]
         assert read["parameters"]["by"] == {
-            "kind": "Butterworth", "shortest": 2.0, "longest": None, "order": 3,
-        }  # fmt: skip
+            "kind": "Butterworth",
+            "shortest": 2.0,
+            "longest": None,
+            "order": 3,
+        }
         assert [step["inputs"][0]["name"] for step in provenance_steps(out)[:1]] == ["road.erd"]
 
 

@@ -28,9 +28,11 @@ def recorded(tmp_path_factory):
     """Some metres of a ready scene with default errors, and its stage."""
     scene, _ = read_scene("belgian-two-lanes")
     scene = replace(
-        scene, passes=(replace(scene.passes[0], start=20.0, length=6.0),),
-        ground=({"kind": "road", "road_class": "B", "seed": 3, "waves": 200},), raster=0.01,
-    )  # fmt: skip
+        scene,
+        passes=(replace(scene.passes[0], start=20.0, length=6.0),),
+        ground=({"kind": "road", "road_class": "B", "seed": 3, "waves": 200},),
+        raster=0.01,
+    )
     (path,) = record_scene(scene, tmp_path_factory.mktemp("runs"))
     return path, set_stage(scene)
 
@@ -72,9 +74,17 @@ def test_a_run_becomes_a_map(run, recorded, tmp_path):
     path, _ = recorded
     pytest.importorskip("rasterio")
     finished = run(
-        "grid", path, "--spacing", 0.05, "-o", tmp_path / "map.tif", "--method", "navigation",
-        "--statistic", "maximum",
-    )  # fmt: skip
+        "grid",
+        path,
+        "--spacing",
+        0.05,
+        "-o",
+        tmp_path / "map.tif",
+        "--method",
+        "navigation",
+        "--statistic",
+        "maximum",
+    )
     assert finished.code == 0, finished.err
     surface = formats.open(tmp_path / "map.tif")
     assert surface.height.dims == ("northing", "easting")
@@ -88,17 +98,39 @@ def test_points_become_a_map_and_a_road_with_the_same_heights(run, tmp_path):
     formats.write(cloud, tmp_path / "cloud.laz")
     formats.write(cloud, tmp_path / "cloud.csv")
     finished = run(
-        "grid", tmp_path / "cloud.laz", tmp_path / "cloud.csv", "--line", 0, 0, 6, 0, "--right", -1,
-        "--left", 1, "--spacing", 0.1, "-o", tmp_path / "road.crg", "--json",
-    )  # fmt: skip
+        "grid",
+        tmp_path / "cloud.laz",
+        tmp_path / "cloud.csv",
+        "--line",
+        0,
+        0,
+        6,
+        0,
+        "--right",
+        -1,
+        "--left",
+        1,
+        "--spacing",
+        0.1,
+        "-o",
+        tmp_path / "road.crg",
+        "--json",
+    )
     assert finished.code == 0, finished.err
     road = formats.open(tmp_path / "road.crg")
     npt.assert_allclose(road.height.values[2:-2, 5], 5 + 0.02 * road.u.values[2:-2], atol=1e-4)
     assert json.loads(finished.out)["returns"] == {"used": 80_000, "outside": 0}
     finished = run(
-        "grid", tmp_path / "cloud.laz", "--spacing", 0.1, "-o", tmp_path / "map.crg",
-        "--down-sample", 2, 2,
-    )  # fmt: skip
+        "grid",
+        tmp_path / "cloud.laz",
+        "--spacing",
+        0.1,
+        "-o",
+        tmp_path / "map.crg",
+        "--down-sample",
+        2,
+        2,
+    )
     assert finished.code == 0, finished.err
     assert "of the content is left" in finished.err
 
@@ -108,13 +140,20 @@ def test_points_have_percentiles_and_discs(run, tmp_path):
     x, y = rng.uniform(0, 2, 20_000), rng.uniform(0, 2, 20_000)
     formats.write(make_points(x, y, rng.uniform(0, 1, 20_000)), tmp_path / "cloud.csv")
     for options, expected in (
-        (("--statistic", "percentile", "--percent", 85), 0.85), (("--statistic", "median"), 0.5),
+        (("--statistic", "percentile", "--percent", 85), 0.85),
+        (("--statistic", "median"), 0.5),
         (("--radius", 0.5, "--power", 1), 0.5),
-    ):  # fmt: skip
+    ):
         finished = run(
-            "grid", tmp_path / "cloud.csv", "--spacing", 0.2, "-o", tmp_path / "a.crg", "--force",
+            "grid",
+            tmp_path / "cloud.csv",
+            "--spacing",
+            0.2,
+            "-o",
+            tmp_path / "a.crg",
+            "--force",
             *options,
-        )  # fmt: skip
+        )
         assert finished.code == 0, finished.err
         height = formats.open(tmp_path / "a.crg").height.values
         npt.assert_allclose(height.mean(), expected, rtol=0, atol=0.02)
@@ -137,9 +176,7 @@ def test_two_runs_make_one_road(run, recorded, tmp_path):
 
 def test_a_line_without_points_is_one_line(run, tmp_path):
     (tmp_path / "c.csv").write_text("easting,northing,up\n0,0,1\n1,1,2\n")
-    finished = run(
-        "grid", tmp_path / "c.csv", "--line", 50, 50, 60, 50, "-o", tmp_path / "a.crg"
-    )  # fmt: skip
+    finished = run("grid", tmp_path / "c.csv", "--line", 50, 50, 60, 50, "-o", tmp_path / "a.crg")
     assert finished.code == 2
     assert "0 lie on the grid, 2 beside it" in finished.err
     assert len(finished.err.splitlines()) == 1
@@ -156,9 +193,21 @@ def test_waypoints_lead_the_line(run, tmp_path):
     cloud = make_points(radius * np.sin(at), 20 - radius * np.cos(at), radius)
     formats.write(cloud, tmp_path / "cloud.csv")
     finished = run(
-        "grid", tmp_path / "cloud.csv", "--path", tmp_path / "way.csv", "--smoothing", 0, "--right",
-        -0.8, "--left", 0.8, "--spacing", 0.1, "-o", tmp_path / "road.crg",
-    )  # fmt: skip
+        "grid",
+        tmp_path / "cloud.csv",
+        "--path",
+        tmp_path / "way.csv",
+        "--smoothing",
+        0,
+        "--right",
+        -0.8,
+        "--left",
+        0.8,
+        "--spacing",
+        0.1,
+        "-o",
+        tmp_path / "road.crg",
+    )
     assert finished.code == 0, finished.err
     road = formats.open(tmp_path / "road.crg")
     inner = road.isel(u=slice(3, -3))
@@ -242,9 +291,17 @@ def test_a_run_becomes_points_in_a_store_and_these_a_surface(run, recorded, tmp_
     for name in ("p.zarr", "p.laz"):
         output = tmp_path / f"{name}.surface.zarr"
         finished = run(
-            "grid", tmp_path / name, "--bounds", *bounds, "--spacing", 0.05, "-o", output, "--fill",
+            "grid",
+            tmp_path / name,
+            "--bounds",
+            *bounds,
+            "--spacing",
+            0.05,
+            "-o",
+            output,
+            "--fill",
             0,
-        )  # fmt: skip
+        )
         assert finished.code == 0, finished.err
         heights.append(formats.open(output))
     npt.assert_allclose(heights[0].height, heights[1].height, rtol=0, atol=1e-3)
@@ -370,9 +427,17 @@ def test_waypoints_over_themselves(run, tmp_path, turn, over):
     formats.write(make_points(x, y, 0.1 * x), tmp_path / "cloud.zarr")
     way = waypoints(tmp_path / "way.csv", np.arange(0, turn + 1e-9, 2 * np.pi / 80))
     finished = run(
-        "grid", tmp_path / "cloud.zarr", "--path", way, "--smoothing", 0, "--spacing", 0.2,
-        "-o", tmp_path / "a.zarr",
-    )  # fmt: skip
+        "grid",
+        tmp_path / "cloud.zarr",
+        "--path",
+        way,
+        "--smoothing",
+        0,
+        "--spacing",
+        0.2,
+        "-o",
+        tmp_path / "a.zarr",
+    )
     assert finished.code == (2 if over else 0), finished.err
     if over:
         assert "comes back over itself" in finished.err
@@ -392,9 +457,17 @@ def test_a_way_back_beside_the_way_there(run, tmp_path, apart, over):
     cloud = make_points(rng.uniform(-5, 42, 90_000), rng.uniform(-12, 12, 90_000), np.zeros(90_000))
     formats.write(cloud, tmp_path / "cloud.zarr")
     finished = run(
-        "grid", tmp_path / "cloud.zarr", "--path", tmp_path / "way.csv", "--spacing", 0.2,
-        "--smoothing", 0, "-o", tmp_path / "a.zarr",
-    )  # fmt: skip
+        "grid",
+        tmp_path / "cloud.zarr",
+        "--path",
+        tmp_path / "way.csv",
+        "--spacing",
+        0.2,
+        "--smoothing",
+        0,
+        "-o",
+        tmp_path / "a.zarr",
+    )
     assert ("comes back over itself" in finished.err) == over, finished.err
     assert finished.code == (2 if over else 0), finished.err
 

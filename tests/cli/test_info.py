@@ -31,10 +31,17 @@ def test_text_of_a_strip(run, data):
     assert lines[0] == str(path)
     text = finished.out
     for part in (
-        "LAZ, points", "72,770", "EPSG:2154 (RGF93 v1 / Lambert-93)", "706: 42,262; 707: 30,508",
-        "770550 to 770600 m (50 m)", "0.01 m", "29.108 points/m²", "adjusted standard",
-        "the time flag says seconds of the week", "9 of 72770 points lie exactly",
-    ):  # fmt: skip
+        "LAZ, points",
+        "72,770",
+        "EPSG:2154 (RGF93 v1 / Lambert-93)",
+        "706: 42,262; 707: 30,508",
+        "770550 to 770600 m (50 m)",
+        "0.01 m",
+        "29.108 points/m²",
+        "adjusted standard",
+        "the time flag says seconds of the week",
+        "9 of 72770 points lie exactly",
+    ):
         assert part in text, part
 
 

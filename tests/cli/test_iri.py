@@ -248,8 +248,9 @@ def test_inches_per_mile_are_63_36_times_as_many(capsys, erd_file):
             assert_allclose(
                 [piece["iri"] for piece in other[name]],
                 [63.36 * piece["iri"] for piece in one[name]],
-                rtol=1e-12, atol=0,
-            )  # fmt: skip
+                rtol=1e-12,
+                atol=0,
+            )
             assert other[name][-1]["end"] == one[name][-1]["end"]  # lengths stay metres
 
 

@@ -23,9 +23,11 @@ def runs(tmp_path_factory):
     """Two lanes of 10 m."""
     scene, _ = read_scene("belgian-two-lanes")
     scene = replace(
-        scene, course={"kind": "straight", "length": 10.0}, raster=0.01,
+        scene,
+        course={"kind": "straight", "length": 10.0},
+        raster=0.01,
         scanner=replace(scene.scanner, beams=240),
-    )  # fmt: skip
+    )
     return record_scene(scene, tmp_path_factory.mktemp("runs"))
 
 
@@ -40,9 +42,13 @@ def clouds(tmp_path_factory):
         z = 0.2 * np.sin(x / 9) + 0.1 * np.cos(y / 7) + up + rng.normal(0, 0.002, x.size)
         order = np.argsort(x)
         points = make_points(
-            x[order], y[order], z[order], time=3e8 + 100.0 * number + x[order] / 20,
-            lane=np.full(x.size, number + 1), crs="EPSG:32632",
-        )  # fmt: skip
+            x[order],
+            y[order],
+            z[order],
+            time=3e8 + 100.0 * number + x[order] / 20,
+            lane=np.full(x.size, number + 1),
+            crs="EPSG:32632",
+        )
         formats.write(points, folder / f"{name}.laz")
         parts.append(points)
     formats.write(iter(parts), folder / "both.laz")
@@ -139,9 +145,14 @@ def test_control_points_tell_the_height(run, clouds, tmp_path):
     rows = [f"{a},{b},{c},0.002" for a, b, c in zip(x, y, z, strict=True)]
     (tmp_path / "control.csv").write_text("\n".join(["easting,northing,up,sd", *rows]) + "\n")
     finished = run(
-        "merge", clouds / "south.laz", clouds / "north.laz", "--control", tmp_path / "control.csv",
-        "-o", tmp_path / "out",
-    )  # fmt: skip
+        "merge",
+        clouds / "south.laz",
+        clouds / "north.laz",
+        "--control",
+        tmp_path / "control.csv",
+        "-o",
+        tmp_path / "out",
+    )
     assert finished.code == 0, finished.err
     surface = tt.open(tmp_path / "out" / "merged.tif")
     true = 0.2 * np.sin(surface.easting / 9) + 0.1 * np.cos(surface.northing / 7) + 0.1
@@ -193,9 +204,14 @@ def test_real_strips_are_merged_or_refused_in_one_line(run, data, tmp_path, file
     """Strips in pieces, beside points that were made up: no statistic ends the command."""
     strips = data / "scanning" / "strips"
     finished = run(
-        "merge", *(strips / f"{name}.laz" for name in files), "--split", *options,
-        "-o", tmp_path / "out", "--json",
-    )  # fmt: skip
+        "merge",
+        *(strips / f"{name}.laz" for name in files),
+        "--split",
+        *options,
+        "-o",
+        tmp_path / "out",
+        "--json",
+    )
     if files == ("68",):  # 1000 points on 4 km²
         assert (finished.code, finished.out) == (2, "")
         assert "68 is left out: it has no cell" in finished.err

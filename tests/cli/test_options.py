@@ -137,7 +137,7 @@ def test_no_number_ends_in_a_traceback(run, command, folder, tmp_path, monkeypat
         (["profile", "road.crg", "--offset", "0", "-o", "o.erd", "--resolution", "1e-11"], "1e-09"),
         (["georeference", "run.zarr", "-o", "o.las", "--lane", "65536"], "from 0 to 65535"),
     ],
-)  # fmt: skip
+)
 def test_sizes_that_no_machine_could_hold_are_refused_at_once(
     run, folder, monkeypatch, arguments, rule
 ):

@@ -50,7 +50,7 @@ REFUSED = [
     ("holds the input", "event design --vehicle car.toml -o ."),
     ("is a recorded run", "plate design -o one.zarr"),
     ("is a recorded run", "demo -o one.zarr"),
-]  # fmt: skip
+]
 
 
 @pytest.fixture(scope="module")

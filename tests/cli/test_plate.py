@@ -30,10 +30,13 @@ def test_numbers_are_those_of_the_library(run):
 def test_text(run):
     text = run("plate", "design", "--offset", "0.6", "--carried", "30").out
     for part in (
-        "Plate 1.2 x 1.2 m, 12 mm thick, 7 x 7 holes every 152 mm", "135 kg in 5 panels",
-        "edge       76 x 15 mm", "rectangle, left    at 0.182 m: not seen", "saturated",
+        "Plate 1.2 x 1.2 m, 12 mm thick, 7 x 7 holes every 152 mm",
+        "135 kg in 5 panels",
+        "edge       76 x 15 mm",
+        "rectangle, left    at 0.182 m: not seen",
+        "saturated",
         "of the profile lie in shadow",
-    ):  # fmt: skip
+    ):
         assert part in text, part
 
 

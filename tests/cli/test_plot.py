@@ -99,10 +99,12 @@ def test_navigation_tables_are_recognised_by_their_columns(run, tmp_path):
 
 
 def test_an_sbet_and_boreas_poses(run, data, tmp_path):
-    for number, path in enumerate((
-        data / "scanning/georeference/leeward/sbet.out",
-        data / "scanning/trajectories/boreas-2021-08-05-13-34.lidar_poses.csv",
-    )):  # fmt: skip
+    for number, path in enumerate(
+        (
+            data / "scanning/georeference/leeward/sbet.out",
+            data / "scanning/trajectories/boreas-2021-08-05-13-34.lidar_poses.csv",
+        )
+    ):
         picture = tmp_path / f"{number}.png"
         assert run("plot", path, "-o", picture, "--resolution", "40").code == 0
         assert is_png(picture)

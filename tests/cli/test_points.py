@@ -34,12 +34,15 @@ def garden(tmp_path):
     tree = (x < 5) & (y < 5)
     lane = np.arange(8000) % 2 + 1
     ground = make_points(
-        np.append(x, x[tree]), np.append(y, y[tree]), np.append(0 * x, 0 * x[tree] + 6.0),
+        np.append(x, x[tree]),
+        np.append(y, y[tree]),
+        np.append(0 * x, 0 * x[tree] + 6.0),
         classification=np.append(2 + 0 * x, 5 + 0 * x[tree]),
         return_number=np.append(1 + tree, 1 + 0 * x[tree]),
-        number_of_returns=np.append(1 + tree, 2 + 0 * x[tree]), lane=np.append(lane, lane[tree]),
+        number_of_returns=np.append(1 + tree, 2 + 0 * x[tree]),
+        lane=np.append(lane, lane[tree]),
         crs="EPSG:25832",
-    )  # fmt: skip
+    )
     formats.write(ground, tmp_path / "garden.laz")
     return tmp_path / "garden.laz"
 

@@ -114,8 +114,10 @@ def test_thin_search_areas_are_an_error_or_nan(run, road, tmp_path):
     beyond = ("--line", 3.0, 0.0, 5.0, 0.0)
     one_line(
         run("profile", road, *beyond, "-o", tmp_path / "p.csv"),
-        "98 of 201 search areas have fewer than 3 heights", "s = 1.030 m", "--thin nan",
-    )  # fmt: skip
+        "98 of 201 search areas have fewer than 3 heights",
+        "s = 1.030 m",
+        "--thin nan",
+    )
     finished = run("profile", road, *beyond, "--thin", "nan", "-o", tmp_path / "p.csv")
     assert finished.code == 0
     assert "98 thin search areas are NaN" in finished.err
@@ -135,8 +137,9 @@ def test_no_input_is_replaced_even_by_force(run, road, tmp_path):
     assert run("convert", road, "-o", tmp_path / "cloud.csv").code == 0
     for ground, output in ((road, "way.csv"), (tmp_path / "cloud.csv", "cloud.csv")):
         before = (tmp_path / output).read_bytes()
-        finished = run("profile", ground, "--path", tmp_path / "way.csv",
-                       "-o", tmp_path / output, "--force")  # fmt: skip
+        finished = run(
+            "profile", ground, "--path", tmp_path / "way.csv", "-o", tmp_path / output, "--force"
+        )
         one_line(finished, output, "is an input as well", "Choose another name")
         assert (tmp_path / output).read_bytes() == before
 
@@ -182,9 +185,14 @@ def damaged(road, folder, damage):
 
 @pytest.mark.parametrize(
     "damage",
-    ["truncated CRG", "mangled line ends", "empty file", "text instead of CRG",
-     "text instead of LAZ"],
-)  # fmt: skip
+    [
+        "truncated CRG",
+        "mangled line ends",
+        "empty file",
+        "text instead of CRG",
+        "text instead of LAZ",
+    ],
+)
 def test_damaged_files_are_one_line(run, road, tmp_path, damage):
     bad = damaged(road, tmp_path, damage)
     before = bad.read_bytes()
@@ -260,8 +268,10 @@ def test_an_offset_in_a_cloud_is_refused(run, tmp_path):
     tt.write(tt.make_points([0.0, 1.0], [0.0, 0.0], [0.0, 0.0]), tmp_path / "cloud.csv")
     one_line(
         run("profile", tmp_path / "cloud.csv", "--offset", 0, "-o", tmp_path / "p.erd"),
-        "cloud.csv", "reference line", "--line",
-    )  # fmt: skip
+        "cloud.csv",
+        "reference line",
+        "--line",
+    )
 
 
 def test_a_profile_has_no_ground_beside_it(run, tmp_path):
@@ -281,8 +291,9 @@ def test_the_measured_belgian_block(run, data, tmp_path):
     assert finished.code == 0
     assert json.loads(finished.out)["tracks"][0]["iri"] > 0
     assert run("convert", block, "-o", tmp_path / "cloud.laz").code == 0
-    cloud = run("profile", tmp_path / "cloud.laz", "--path", tmp_path / "p.csv",
-                "-o", tmp_path / "c.csv")  # fmt: skip
+    cloud = run(
+        "profile", tmp_path / "cloud.laz", "--path", tmp_path / "p.csv", "-o", tmp_path / "c.csv"
+    )
     assert cloud.code == 0, cloud.err
     grid, points = tt.open(tmp_path / "p.csv"), tt.open(tmp_path / "c.csv")
     # rounding to 0.1 mm moves single nodes across the edge of a disc; a median of about 20

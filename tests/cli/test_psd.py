@@ -44,8 +44,10 @@ def test_json(run, erd_file, two):
         assert [segment["end"] for segment in track["segments"]] == pytest.approx([400, 600])
         assert_allclose(
             [segment["gd_n0"]["value"] for segment in track["segments"]],
-            one.segment_gd_n0, rtol=WRITTEN, atol=0,
-        )  # fmt: skip
+            one.segment_gd_n0,
+            rtol=WRITTEN,
+            atol=0,
+        )
         densities = [band["density"] for band in track["bands"]]
         assert_allclose(densities, one.smoothed, rtol=WRITTEN, atol=0)
         assert [band["fitted"] for band in track["bands"]] == one.fitted.values.tolist()

@@ -72,9 +72,12 @@ def test_text_of_a_run(run, store):
     assert found["name"] == "small-a"
     assert found["origin"] == "longitude 11 deg, latitude 48 deg, height 500.000 m"
     assert found["time"] == "seconds since any moment"
-    for part in ("800 scans of 20 beams, 1000 Hz, -0.001 to 0.798 s (0.799 s)",
-                 "angles -45.000 to 45.000 deg", "returns with intensity",
-                 "of the beams without a return"):  # fmt: skip
+    for part in (
+        "800 scans of 20 beams, 1000 Hz, -0.001 to 0.798 s (0.799 s)",
+        "angles -45.000 to 45.000 deg",
+        "returns with intensity",
+        "of the beams without a return",
+    ):
         assert part in found["scans"], part
     assert "200 epochs, 200 Hz, -0.100 to 0.895 s (0.995 s)" in found["navigation"]
     way, fastest = re.search(r"way of ([\d.]+) m, up to ([\d.]+) m/s", found["navigation"]).groups()

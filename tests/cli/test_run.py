@@ -17,10 +17,12 @@ def runs(tmp_path_factory):
     """Two short lanes."""
     scene, _ = read_scene("belgian-two-lanes")
     scene = replace(
-        scene, course={"kind": "straight", "length": 13.0}, raster=0.01,
+        scene,
+        course={"kind": "straight", "length": 13.0},
+        raster=0.01,
         ground=({"kind": "road", "road_class": "B", "seed": 3, "waves": 200},),
         scanner=replace(scene.scanner, beams=200),
-    )  # fmt: skip
+    )
     return record_scene(scene, tmp_path_factory.mktemp("runs"))
 
 
@@ -90,9 +92,12 @@ def test_names_that_look_like_mathematics_or_formulas(runs, tmp_path, monkeypatc
         for path, name in zip(runs, ("$^$", "a$_{b$"), strict=True)
     )
     survey = survey_of(
-        list(runs), name="=$^$", title="$^$ <b>", grid=GridPlacement(spacing=0.02),
+        list(runs),
+        name="=$^$",
+        title="$^$ <b>",
+        grid=GridPlacement(spacing=0.02),
         profiles=(ProfilePathSettings(name="$_$", offset=0.5, spacing=0.02),),
-    )  # fmt: skip
+    )
     found = run_survey(replace(survey, runs=named), tmp_path / "out")
     assert any("$_$" in file for file in found.files)
     ours = [text for text in drawn if "mathdefault" not in text.get_text()]

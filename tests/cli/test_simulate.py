@@ -146,9 +146,12 @@ def test_ctrl_c_leaves_nothing_half_written(run, scene, runs, monkeypatch, stopp
 
 def test_wheels_beside_the_ground_are_one_line(run, tmp_path, runs):
     flat = make_surface(
-        np.zeros((21, 11)), u=np.linspace(0, 20, 21), v=np.linspace(-0.5, 0.5, 11),
-        easting=np.linspace(0, 20, 21), northing=np.zeros(21),
-    )  # fmt: skip
+        np.zeros((21, 11)),
+        u=np.linspace(0, 20, 21),
+        v=np.linspace(-0.5, 0.5, 11),
+        easting=np.linspace(0, 20, 21),
+        northing=np.zeros(21),
+    )
     formats.write(flat, tmp_path / "narrow.crg")
     path = tmp_path / "s.toml"
     path.write_text('name = "s"\nground = [{ kind = "crg", file = "narrow.crg" }]\n')
@@ -165,12 +168,14 @@ def test_wheels_beside_the_ground_are_one_line(run, tmp_path, runs):
     [
         ('name = "s"\nrastre = 1', r"s\.toml: rastre: is unknown \(did you mean 'raster'\?\)"),
         ('name = "s"\nvehicle = { parameters = { sprung_mass = -1 } }', r"sprung_mass must be"),
-        ('name = "s"\npasses = [{ name = "a", speed = { kind = "constant", speed = 0 } }]',
-         r"s\.toml: pass a, speed: speed must be greater than 0 m/s"),
+        (
+            'name = "s"\npasses = [{ name = "a", speed = { kind = "constant", speed = 0 } }]',
+            r"s\.toml: pass a, speed: speed must be greater than 0 m/s",
+        ),
         ('name = "s"\nground = [{ kind = "crg", file = "none.crg" }]', r"none\.crg: does not"),
         ("name = = 1", r"s\.toml: line 1, column 8: is no TOML"),
     ],
-)  # fmt: skip
+)
 def test_bad_scenes_are_one_line_and_write_nothing(run, tmp_path, runs, text, message):
     (tmp_path / "s.toml").write_text(text)
     finished = run("simulate", tmp_path / "s.toml", "-o", runs)
@@ -264,6 +269,7 @@ def test_help_is_light(run):
         "print(sorted(heavy & set(sys.modules)))"
     )
     for command in ("simulate", "init"):
-        done = subprocess.run([sys.executable, "-c", code, command], capture_output=True, text=True,
-                              check=True)  # fmt: skip
+        done = subprocess.run(
+            [sys.executable, "-c", code, command], capture_output=True, text=True, check=True
+        )
         assert done.stdout.splitlines()[-1] == "[]"

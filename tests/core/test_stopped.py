@@ -221,9 +221,15 @@ def test_what_appears_during_the_work_is_not_replaced(tmp_path, system, name):
     def work() -> None:
         with case.open(tmp_path) as new:
             case.write(new, "new")
-            appeared = tmp_path / {
-                "file": "a.crg", "store": "a.zarr/x", "folder": "a/x", "stores": "a/back.zarr/x",
-            }[name]  # fmt: skip
+            appeared = (
+                tmp_path
+                / {
+                    "file": "a.crg",
+                    "store": "a.zarr/x",
+                    "folder": "a/x",
+                    "stores": "a/back.zarr/x",
+                }[name]
+            )
             appeared.parent.mkdir(parents=True, exist_ok=True)
             appeared.write_text("meanwhile")
 

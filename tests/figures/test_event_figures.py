@@ -22,9 +22,10 @@ def boxes(ax, **sizes):
     found = [(*box.get_xy(), box.get_width(), box.get_height()) for box in ax.patches]
     at = {"width": 2, "height": 3}
     return [
-        box for box in found
+        box
+        for box in found
         if all(abs(box[at[name]] - value) < EXACT for name, value in sizes.items())
-    ]  # fmt: skip
+    ]
 
 
 def texts(ax):

@@ -52,10 +52,12 @@ def bend(easting=0.0, northing=0.0):
     height = 3.0 + 0.05 * (u[:, None] - 50) + 0.03 * v + 0.002 * np.sin(60 * u[:, None] + 90 * v)
     height[0, 0] = np.nan
     return make_surface(
-        height, u=u, v=v,
+        height,
+        u=u,
+        v=v,
         easting=easting + np.concatenate([[0.0], np.cumsum(0.01 * np.cos(heading))]),
         northing=northing + np.concatenate([[0.0], np.cumsum(0.01 * np.sin(heading))]),
-    )  # fmt: skip
+    )
 
 
 def legend_texts(ax):
@@ -111,9 +113,12 @@ def test_a_loop_over_the_ground():
     angle = np.linspace(0, 2 * np.pi, 73)
     v = [-1.0, 0.0, 2.0]
     loop = make_surface(
-        np.zeros((73, 3)), u=10 * angle, v=v, easting=10 * np.cos(angle),
+        np.zeros((73, 3)),
+        u=10 * angle,
+        v=v,
+        easting=10 * np.cos(angle),
         northing=10 * np.sin(angle),
-    )  # fmt: skip
+    )
     (mesh,) = figures.surface_map(loop, frame="ground").collections[:1]
     corners = mesh.get_coordinates()
     radius = np.hypot(corners[..., 0], corners[..., 1])
@@ -382,8 +387,13 @@ def test_the_marked_median_is_where_the_continued_cpf_is_one_half():
 
 def test_every_statistic_can_be_marked_and_has_a_name():
     marks = [
-        Median(), Mean(), Percentile(percent=90), Window(), InverseDistance(), SteepestCpf(),
-    ]  # fmt: skip
+        Median(),
+        Mean(),
+        Percentile(percent=90),
+        Window(),
+        InverseDistance(),
+        SteepestCpf(),
+    ]
     ax = figures.cpf(quantised(), statistics=marks)
     names = ["median", "mean", "90 % percentile", "window 15 to 85 %", "mean by distance^-2"]
     assert [statistic_name(mark) for mark in marks] == [*names, "steepest CPF"]

@@ -47,13 +47,16 @@ def _closed_figures():
 def correction(name="east", height=0.005, *, begin=0.0, intervals=20, supported=None, **changes):
     """Constant height and roll, all coefficients with a standard deviation of `SD`."""
     return SplineCorrection(
-        name=name, knots=SplineKnots(begin=begin, spacing=0.5, intervals=intervals),
-        components=("height", "roll"), offset=np.array([height, 1e-3]), left=LEFT,
+        name=name,
+        knots=SplineKnots(begin=begin, spacing=0.5, intervals=intervals),
+        components=("height", "roll"),
+        offset=np.array([height, 1e-3]),
+        left=LEFT,
         coefficients=np.outer([height, 1e-3], np.ones(intervals + 3)),
         covariance=np.tile(SD**2 * np.eye(8), (intervals, 1, 1)),
         supported=np.ones(intervals, bool) if supported is None else np.asarray(supported),
         **changes,
-    )  # fmt: skip
+    )
 
 
 def drawn(ax):
@@ -96,8 +99,9 @@ def test_a_correction_is_drawn_with_its_own_standard_deviation():
     # at a knot three coefficients count by 1/6, 4/6 and 1/6
     sd = np.hypot(SD * np.sqrt(0.5), LEFT)
     corner = band.get_paths()[0].vertices
-    npt.assert_allclose(np.unique(corner[corner[:, 0] == 2.0, 1]), 0.005 + sd * np.array([-1, 1]),
-                        **EXACT)  # fmt: skip
+    npt.assert_allclose(
+        np.unique(corner[corner[:, 0] == 2.0, 1]), 0.005 + sd * np.array([-1, 1]), **EXACT
+    )
     npt.assert_allclose(correction().sd([2.0]), sd, **EXACT)
     assert ax.get_ylabel() == "Correction of height [mm]"
 
@@ -170,9 +174,7 @@ def test_the_spectrum_of_a_wave_holds_its_variance_at_its_frequency():
     frequency, density = line(ax, "east")
     npt.assert_allclose(frequency[np.argmax(density)], 0.2, rtol=0, atol=0.5 * frequency[0])
     npt.assert_allclose(density.sum() * frequency[0], 0.004**2 / 2, **POWER)
-    assert (ax.get_xlabel(), ax.get_ylabel()) == (
-        "Frequency [Hz]", "Correction of height [m²/Hz]"
-    )  # fmt: skip
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("Frequency [Hz]", "Correction of height [m²/Hz]")
 
 
 def test_what_remains_is_drawn_beyond_the_knots():
@@ -215,13 +217,20 @@ def adjusted():
     x, y = (at.ravel() for at in np.meshgrid(np.arange(0.05, 60, 0.5), np.arange(0.05, 0.6, 0.1)))
     ground = rng.normal(0, 0.02, x.size)
     number = (np.floor(x / 0.1).astype(np.int64) << 32) + np.floor(y / 0.1).astype(np.int64)
-    return adjust_passes([
-        lane_cells(
-            name, number, x / 5, ground + sign * (0.01 + 0.003 * np.sin(x / 6))
-            + rng.normal(0, 1e-3, x.size), variance=1e-6, easting=x, northing=y,
-        )
-        for name, sign in (("east", 1), ("west", -1))
-    ])  # fmt: skip
+    return adjust_passes(
+        [
+            lane_cells(
+                name,
+                number,
+                x / 5,
+                ground + sign * (0.01 + 0.003 * np.sin(x / 6)) + rng.normal(0, 1e-3, x.size),
+                variance=1e-6,
+                easting=x,
+                northing=y,
+            )
+            for name, sign in (("east", 1), ("west", -1))
+        ]
+    )
 
 
 def lines_of(ax):
@@ -249,8 +258,9 @@ def test_every_strength_is_drawn_at_what_it_predicts_at_best(adjusted):
         assert any(best.items() <= found.items() for found in looks.values())
     (star,) = (one for one in ax.lines if one.get_marker() == "*")
     assert (star.get_xdata()[0], star.get_ydata()[0]) == (
-        adjusted.chosen.strength, adjusted.chosen.held_back
-    )  # fmt: skip
+        adjusted.chosen.strength,
+        adjusted.chosen.held_back,
+    )
     assert ax.get_ylabel() == "RMSE in cells held back [mm]"
     assert "too stiff" in ax.get_xlabel()
     assert "too loose" in ax.get_xlabel()
@@ -267,9 +277,14 @@ def test_components_spacings_and_processes_are_told_apart(adjusted):
     ax = figures.strength_choice(replace(adjusted, trials=tuple(trials), chosen=trials[3]))
     assert len(lines_of(ax)) == 8
     assert legend_texts(ax) == [
-        "height", "height + shift", "knots 1 s", "knots 0.5 s", "smooth wandering",
-        "rough wandering", "chosen: 10 mm",
-    ]  # fmt: skip
+        "height",
+        "height + shift",
+        "knots 1 s",
+        "knots 0.5 s",
+        "smooth wandering",
+        "rough wandering",
+        "chosen: 10 mm",
+    ]
     in_metres = figures.strength_choice(adjusted, along="station")
     assert any(text.startswith("knots") and text.endswith(" m") for text in legend_texts(in_metres))
 
@@ -290,8 +305,11 @@ def test_a_constant_has_a_place_left_of_all_strengths(adjusted):
     least = min(one.strength for one in adjusted.trials if one.strength > 0)
     assert ticks["0: constant"] < least
     constant = {one.held_back for one in adjusted.trials if one.strength == 0}
-    at = {found[ticks["0: constant"]] for found in lines_of(ax).values()
-          if ticks["0: constant"] in found}  # fmt: skip
+    at = {
+        found[ticks["0: constant"]]
+        for found in lines_of(ax).values()
+        if ticks["0: constant"] in found
+    }
     assert at
     assert at <= constant
 
@@ -332,8 +350,9 @@ def test_vectors_are_drawn_as_they_are(aligned):
     assert "right, filtered: median −6.0 mm" in legend_texts(ax)
     assert "2.5 m" in notes(ax)
     assert (ax.get_xlabel(), ax.get_ylabel()) == (
-        "Station of the reference path [m]", "Lane less reference height [mm]"
-    )  # fmt: skip
+        "Station of the reference path [m]",
+        "Lane less reference height [mm]",
+    )
 
 
 def test_gaps_are_shaded_over_the_reference_points_that_they_hold(aligned):
@@ -342,8 +361,9 @@ def test_gaps_are_shaded_over_the_reference_points_that_they_hold(aligned):
     ends = [end for span in spans(ax, "gap: overlap too thin") for end in span]
     inside = found.station[found.gap]
     assert any(8.0 <= station <= 10.0 for station in inside)
-    covered = [any(a <= s <= b for a, b in zip(ends[::2], ends[1::2], strict=True))
-               for s in found.station]  # fmt: skip
+    covered = [
+        any(a <= s <= b for a, b in zip(ends[::2], ends[1::2], strict=True)) for s in found.station
+    ]
     npt.assert_array_equal(covered, found.gap)
     few = replace(found, thin=np.zeros_like(found.thin))
     assert "gap: few heights" in legend_texts(figures.discontinuity_vectors(few))
@@ -399,9 +419,10 @@ def test_stations_off_the_path_have_no_histogram(aligned):
 def seam(before, after):
     at = np.arange(len(before[0])) + 0.5
     return SeamAgreement(
-        lanes=("left", "right"), before=SeamSteps(station=at, step=np.array(before)),
+        lanes=("left", "right"),
+        before=SeamSteps(station=at, step=np.array(before)),
         after=SeamSteps(station=at, step=np.array(after)),
-    )  # fmt: skip
+    )
 
 
 def test_steps_before_and_after_can_both_be_read():
@@ -443,10 +464,14 @@ def ground(columns=40, rows=10, *, heading=0.0, origin=(0.0, 0.0)):
     value = 1e-6 * np.arange(x.size)
     cos, sin = np.cos(heading), np.sin(heading)
     return AdjustedGround(
-        cell=(c.astype(np.int64) << 32) + r, easting=origin[0] + cos * x - sin * y,
-        northing=origin[1] + sin * x + cos * y, height=0 * x, sd=0 * x, before=value,
+        cell=(c.astype(np.int64) << 32) + r,
+        easting=origin[0] + cos * x - sin * y,
+        northing=origin[1] + sin * x + cos * y,
+        height=0 * x,
+        sd=0 * x,
+        before=value,
         after=value / 2,
-    )  # fmt: skip
+    )
 
 
 def test_ranges_are_drawn_where_the_cells_are():
@@ -480,10 +505,13 @@ def test_of_a_large_ground_the_greatest_range_is_kept():
 
 def test_holes_stay_holes():
     some = np.arange(400) != 45
-    holed = replace(ground(), **{
-        name: getattr(ground(), name)[some]
-        for name in ("cell", "easting", "northing", "height", "sd", "before", "after")
-    })  # fmt: skip
+    holed = replace(
+        ground(),
+        **{
+            name: getattr(ground(), name)[some]
+            for name in ("cell", "easting", "northing", "height", "sd", "before", "after")
+        },
+    )
     shown = figures.discrepancy_map(holed).images[0].get_array()
     npt.assert_array_equal(np.argwhere(np.ma.getmaskarray(np.ma.masked_invalid(shown))), [[1, 5]])
 
@@ -510,10 +538,12 @@ def test_along_a_path_a_road_is_straight_whatever_its_heading():
 
 def test_rejected_cells_are_marked_once_each():
     rejected = RejectedCells(
-        lane=np.array(["east", "west", "east"]), cell=np.array([7, 7, 9]),
-        easting=np.array([0.75, 0.75, 0.95]), northing=np.array([0.05, 0.05, 0.15]),
+        lane=np.array(["east", "west", "east"]),
+        cell=np.array([7, 7, 9]),
+        easting=np.array([0.75, 0.75, 0.95]),
+        northing=np.array([0.05, 0.05, 0.15]),
         misfit=np.zeros(3),
-    )  # fmt: skip
+    )
     ax = drawn(figures.discrepancy_map(ground(), rejected=rejected))
     (label,) = legend_texts(ax)
     assert label == "rejected in a pass: 2 cells"
@@ -568,17 +598,20 @@ def test_some_search_areas_are_drawn_at_their_reference_points():
     area = RectangleArea(length=0.3, width=0.1)
     ax = figures.lane_overlap(pair.overlap, pair.path, part=(5.0, 8.0), area=area)
     boxes = [one for one in ax.patches if type(one) is Rectangle and one.get_width() > 0]
-    npt.assert_allclose([(one.get_width(), one.get_height()) for one in boxes],
-                        6 * [(0.3, 0.1)], **EXACT)  # fmt: skip
+    npt.assert_allclose(
+        [(one.get_width(), one.get_height()) for one in boxes], 6 * [(0.3, 0.1)], **EXACT
+    )
 
 
 def test_of_a_long_path_the_middle_is_shown():
     x = np.arange(0.0, 80.1, 0.1)
     lanes = {
-        name: make_points(*(at.ravel() for at in np.meshgrid(x, np.arange(0, 2, 0.1) + aside)),
-                          np.full(20 * x.size, height))
+        name: make_points(
+            *(at.ravel() for at in np.meshgrid(x, np.arange(0, 2, 0.1) + aside)),
+            np.full(20 * x.size, height),
+        )
         for name, aside, height in (("left", 1.0, 0.012), ("right", 0.0, 0.0))
-    }  # fmt: skip
+    }
     options = DiscontinuitySettings(cell=0.2, least=5)
     way = waypoint_reference([0.2, 79.8], [1.5, 1.5])
     pair = align_lanes(lanes, options, paths={("left", "right"): way}).pairs[0]

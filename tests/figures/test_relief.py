@@ -71,9 +71,7 @@ def test_holes_are_holes():
 
 
 def test_heights_can_be_given_so_that_surfaces_compare():
-    ax, other = (
-        figures.surface_relief(road(h * step()), heights=(-0.1, 0.0)) for h in (0.5, 2.0)
-    )  # fmt: skip
+    ax, other = (figures.surface_relief(road(h * step()), heights=(-0.1, 0.0)) for h in (0.5, 2.0))
     assert ax.get_ylim() == other.get_ylim()
     assert ax.get_aspect() == other.get_aspect()
     ticks = ax.yaxis.get_major_locator()()

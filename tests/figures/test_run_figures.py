@@ -22,9 +22,14 @@ QUANTUM = {"rtol": 0, "atol": 0.51e-4}  # [m] half a step of 0.1 mm in which ran
 ON_GROUND = {"rtol": 0, "atol": 0.9e-4}  # [m] that step, along a beam of 45 degrees and 3 degrees
 
 SCANNER = Scanner(
-    beams=161, rate=100.0, spot_rays=1, range_noise=0.0, intensity_noise=0.0, dropouts=0.0,
+    beams=161,
+    rate=100.0,
+    spot_rays=1,
+    range_noise=0.0,
+    intensity_noise=0.0,
+    dropouts=0.0,
     saturation=1e9,
-)  # fmt: skip
+)
 WALL = {"kind": "step", "position": 0.5, "rise": 0.2, "direction": np.pi / 2}
 DROP = {"kind": "step", "position": 0.9, "rise": -0.2, "direction": np.pi / 2}
 
@@ -63,14 +68,16 @@ def slope(tmp_path_factory):
         Wave(component="up", amplitude=0.02, frequency=2.0),
     )
     return recorded(
-        tmp_path_factory.mktemp("slope"), "slope",
+        tmp_path_factory.mktemp("slope"),
+        "slope",
         ground=({"kind": "plane", "slope": 0.03, "camber": -0.02},),
         vehicle=Vehicle(model="rigid", height=0.8, roll=0.02, waves=waves),
         mounting=Mounting(
-            scanner_position=(-1.0, 0.2, 1.2), scanner_rotation=(0.02, -0.03, 0.05),
+            scanner_position=(-1.0, 0.2, 1.2),
+            scanner_rotation=(0.02, -0.03, 0.05),
             scanner_clock=0.004,
         ),
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="module")
@@ -395,9 +402,12 @@ def test_peaks_are_marked_where_they_are():
     time = np.arange(20_000) / 500.0
     signal = np.sin(2 * np.pi * 1.25 * time) + 0.3 * np.sin(2 * np.pi * 10.75 * time)
     ax = figures.spectrum(
-        {"body": signal}, 500.0, segment=8.0, frequencies=(0.5, 30.0),
+        {"body": signal},
+        500.0,
+        segment=8.0,
+        frequencies=(0.5, 30.0),
         peaks={"primary ride": (0.8, 2.0), "wheel hop": (8.0, 14.0)},
-    )  # fmt: skip
+    )
     assert notes(ax)[:2] == ["primary ride 1.2 Hz", "wheel hop 10.8 Hz"]
     assert legend_texts(ax) == ["body"]
     frequency = line(ax, "body")[0]
@@ -438,12 +448,23 @@ def test_the_measurable_slope_is_that_of_the_beam():
 def test_navigation_from_above_and_its_heights():
     time = np.linspace(400_000.0, 400_010.0, 50)
     still = np.zeros(50)
-    drive = make_navigation({
-        "time": time, "east": 3 * (time - time[0]), "north": 4 * (time - time[0]),
-        "up": 0.01 * np.sin(time), "roll": still, "pitch": still, "yaw": still,
-        "sd_east": still + 0.02, "sd_north": still + 0.02, "sd_up": still + 0.03,
-        "sd_roll": still, "sd_pitch": still, "sd_yaw": still,
-    })  # fmt: skip
+    drive = make_navigation(
+        {
+            "time": time,
+            "east": 3 * (time - time[0]),
+            "north": 4 * (time - time[0]),
+            "up": 0.01 * np.sin(time),
+            "roll": still,
+            "pitch": still,
+            "yaw": still,
+            "sd_east": still + 0.02,
+            "sd_north": still + 0.02,
+            "sd_up": still + 0.03,
+            "sd_roll": still,
+            "sd_pitch": still,
+            "sd_yaw": still,
+        }
+    )
     ax = figures.navigation_plan(drive)
     npt.assert_array_equal(line(ax, "way"), [drive.east, drive.north])
     assert notes(ax) == ["equal scale, 50 m driven"]

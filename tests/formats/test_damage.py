@@ -45,9 +45,15 @@ def write_run(path):
     pose = {name: rng.normal(0, 0.01, 800) for name in ("east", "north", "roll", "pitch", "yaw")}
     pose |= {"time": 99 + 0.005 * np.arange(800), "up": rng.normal(512, 0.01, 800)}
     with RunWriter(
-        path, name="run", origin=(11, 48, 500), time_reference="gps", mounting=Mounting(),
-        angle=[-0.1, 0, 0.1], delay=[0, 0, 0], accelerometer_positions=[[0, 0, 0]],
-    ) as run:  # fmt: skip
+        path,
+        name="run",
+        origin=(11, 48, 500),
+        time_reference="gps",
+        mounting=Mounting(),
+        angle=[-0.1, 0, 0.1],
+        delay=[0, 0, 0],
+        accelerometer_positions=[[0, 0, 0]],
+    ) as run:
         run.append_navigation(pose | {"sd_up": np.full(800, 0.01)})
         ranges = rng.uniform(1.5, 3.0, (scans, beams))
         strength = rng.integers(1, 4096, (scans, beams)).astype(np.uint16)
@@ -59,18 +65,25 @@ def write_run(path):
 def points(count=1500):
     rng = np.random.default_rng(2)
     return make_points(
-        691000 + rng.uniform(0, 100, count), 5334000 + rng.uniform(0, 100, count),
-        510 + rng.uniform(0, 1, count), time=np.arange(count) * 0.01, crs="EPSG:25832",
+        691000 + rng.uniform(0, 100, count),
+        5334000 + rng.uniform(0, 100, count),
+        510 + rng.uniform(0, 1, count),
+        time=np.arange(count) * 0.01,
+        crs="EPSG:25832",
         lane=np.repeat(np.array([3, 7], np.uint16), count // 2),
-    )  # fmt: skip
+    )
 
 
 def surface():
     u = 0.1 * np.arange(60)
     return make_surface(
-        np.random.default_rng(3).normal(5, 0.01, (60, 5)), u=u, v=np.linspace(-1, 1, 5),
-        easting=u, northing=0 * u, elevation=0 * u,
-    )  # fmt: skip
+        np.random.default_rng(3).normal(5, 0.01, (60, 5)),
+        u=u,
+        v=np.linspace(-1, 1, 5),
+        easting=u,
+        northing=0 * u,
+        elevation=0 * u,
+    )
 
 
 def profile():
@@ -123,7 +136,7 @@ MADE = {
     "points": ("p.zarr", lambda p: formats.write(points(), p)),
     "surface": ("s.zarr", lambda p: formats.write(surface(), p)),
     "profile": ("l.zarr", lambda p: formats.write(profile(), p)),
-}  # fmt: skip
+}
 STORES = ("run", "points", "surface", "profile")
 FILES = [kind for kind in MADE if kind not in STORES]
 
@@ -316,9 +329,15 @@ def test_the_truth_may_be_taken_away_from_a_run(make):
     path = make("run")
     truth = xr.Dataset({"height": ("u", [1.0, 2.0])})
     with RunWriter(
-        path.with_name("t.zarr"), name="run", origin=(11, 48, 500), time_reference="gps",
-        mounting=Mounting(), angle=[0], delay=[0], truth={"ground": truth},
-    ) as run:  # fmt: skip
+        path.with_name("t.zarr"),
+        name="run",
+        origin=(11, 48, 500),
+        time_reference="gps",
+        mounting=Mounting(),
+        angle=[0],
+        delay=[0],
+        truth={"ground": truth},
+    ) as run:
         run.append_navigation(open_run(path)["navigation"].to_dataset())
         run.append_scans([100.0], [[2.0]])
     shutil.rmtree(path.with_name("t.zarr") / "truth")
@@ -339,9 +358,15 @@ def test_damage_in_the_truth_is_told_by_info(make):
     copy = path.with_name("t.zarr")
     truth = xr.Dataset({"height": ("u", np.arange(100.0))})
     with RunWriter(
-        copy, name="run", origin=(11, 48, 500), time_reference="gps", mounting=Mounting(),
-        angle=[0], delay=[0], truth={"ground": truth},
-    ) as run:  # fmt: skip
+        copy,
+        name="run",
+        origin=(11, 48, 500),
+        time_reference="gps",
+        mounting=Mounting(),
+        angle=[0],
+        delay=[0],
+        truth={"ground": truth},
+    ) as run:
         run.append_navigation(open_run(path)["navigation"].to_dataset())
         run.append_scans([100.0], [[2.0]])
     chunk = copy / "truth" / "ground" / "height" / "c.0"
@@ -365,9 +390,11 @@ def test_info_verifies_the_chunks_of_points(make):
 
 def test_runs_of_earlier_versions_are_opened(make, tmp_path, monkeypatch):
     """Without checksums, without a list of arrays, with zeros for chunks that are missing."""
-    monkeypatch.setattr(_store, "make_compressors", lambda level, shuffle: [
-        BloscCodec(cname="zstd", clevel=level, shuffle=shuffle)
-    ])  # fmt: skip
+    monkeypatch.setattr(
+        _store,
+        "make_compressors",
+        lambda level, shuffle: [BloscCodec(cname="zstd", clevel=level, shuffle=shuffle)],
+    )
     monkeypatch.setattr(_store, "choose_fill_value", lambda dtype: np.dtype(dtype).type(0))
     old = make("run")
     document = json.loads((old / "zarr.json").read_text())
@@ -447,9 +474,11 @@ def test_files_that_ask_for_more_than_they_hold_are_refused_in_little_memory(mak
         name = f"layer {layer}.laz"
         asking[patched(layered, name, first + head + 4 * layer, word)] = "its layers announce"
     for folder, names in (
-        (store, ["height"]), (run, ["scans/range"]), (run, ["navigation/up"]),
+        (store, ["height"]),
+        (run, ["scans/range"]),
+        (run, ["navigation/up"]),
         (run, sorted(f"navigation/{array.name}" for array in (run / "navigation").glob("[!z]*"))),
-    ):  # fmt: skip
+    ):
         for key, length in (("shape", 2**31), ("chunk_shape", 2**27)):
             copy = shutil.copytree(folder, folder.with_name(f"{len(asking)}.zarr"))
             for name in names:
@@ -461,8 +490,10 @@ def test_files_that_ask_for_more_than_they_hold_are_refused_in_little_memory(mak
             asking[copy] = names[0].partition("/")[0]  # the group, or the array
     found = subprocess.run(
         [sys.executable, "-c", ASKING, str(flat), *map(str, asking)],
-        check=True, capture_output=True, text=True,
-    )  # fmt: skip
+        check=True,
+        capture_output=True,
+        text=True,
+    )
     told, grown = json.loads(found.stdout)
     for path, words in asking.items():
         assert words in told[str(path)], path
@@ -519,10 +550,12 @@ def test_pipes_sockets_devices_and_folders_are_no_files(tmp_path):
     with socket.socket(socket.AF_UNIX) as listening:
         listening.bind(str(tmp_path / "s"))
         for name, words in (
-            ("pipe.csv", "is a pipe, not a file"), ("link.csv", "is a pipe, not a file"),
-            ("s", "is a socket, not a file"), ("/dev/zero", "is a device, not a file"),
+            ("pipe.csv", "is a pipe, not a file"),
+            ("link.csv", "is a pipe, not a file"),
+            ("s", "is a socket, not a file"),
+            ("/dev/zero", "is a device, not a file"),
             ("folder.laz", "is a folder, not a file"),
-        ):  # fmt: skip
+        ):
             for read in (formats.open, formats.info, las.read, table.read, sbet.read, smrmsg.read):
                 with pytest.raises(FormatError, match=words):
                     read(tmp_path / name)

@@ -30,9 +30,12 @@ def ground(crs="EPSG:25832", **optional):
 def raw(path, *, bands=1, dtype="float32", values=None, descriptions=(), units=(), **profile):
     """A GeoTIFF as other programs write it: 4 x 3 pixels of 2 m."""
     settings = {
-        "driver": "GTiff", "width": 4, "height": 3, "crs": "EPSG:25832",
+        "driver": "GTiff",
+        "width": 4,
+        "height": 3,
+        "crs": "EPSG:25832",
         "transform": rasterio.Affine(2, 0, 100, 0, -2, 206),
-    } | profile  # fmt: skip
+    } | profile
     values = np.arange(12.0).reshape(3, 4) if values is None else np.asarray(values)
     with rasterio.open(path, "w", count=bands, dtype=dtype, **settings) as target:
         for band in range(1, bands + 1):
@@ -115,8 +118,12 @@ def test_what_belongs_to_the_heights(tmp_path):
     assert again.filled.dtype == bool
     assert np.issubdtype(again["count"].dtype, np.integer)
     assert geotiff.describe(path)["bands"] == [
-        "height", "sd", "sd_relative", "count", "filled",
-    ]  # fmt: skip
+        "height",
+        "sd",
+        "sd_relative",
+        "count",
+        "filled",
+    ]
 
 
 def test_history_comes_back(tmp_path):
@@ -200,7 +207,7 @@ SENTINEL = np.array([[1, 2, 3, 4.0], [5, 6, -9999, 8], [1, 2, 3, 4]])
         ({"values": SENTINEL}, "1 heights such as -9999 m are no ground.*-a_nodata -9999"),
         ({"values": np.full((3, 4), 3e38)}, "12 heights such as 3e.38 m are no ground"),
     ],
-)  # fmt: skip
+)
 @pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
 def test_rasters_that_are_no_surface(tmp_path, settings, match):
     assert_refused(raw(tmp_path / "dem.tif", **settings), match)

@@ -69,9 +69,13 @@ def test_points_are_those_of_laspy(strip):
     truth = laspy.read(strip)
     assert points.sizes["point"] == truth.header.point_count
     for name, dimension in {
-        "easting": truth.x, "northing": truth.y, "up": truth.z,
-        "time": truth.gps_time, "intensity": truth.intensity, "lane": truth.point_source_id,
-    }.items():  # fmt: skip
+        "easting": truth.x,
+        "northing": truth.y,
+        "up": truth.z,
+        "time": truth.gps_time,
+        "intensity": truth.intensity,
+        "lane": truth.point_source_id,
+    }.items():
         npt.assert_allclose(points[name], np.asarray(dimension), **EXACT)
     assert points.attrs["crs"] in ("EPSG:2154", "")
     assert points.attrs["gps_time_kind"] == "adjusted standard"
@@ -430,7 +434,7 @@ def test_real_stray_passes_are_found(data):
         (lambda f: f.point_source_id.__setitem__(slice(2), 9), "9 (2 points)"),
         (lambda f: f.points.array.__setitem__(slice(9), f.points.array[10:19]), "9 of 1000 points"),
     ],
-)  # fmt: skip
+)
 def test_problems_are_found(tmp_path, spoil, problem):
     las.write(cloud(), tmp_path / "good.las")
     assert las.describe(tmp_path / "good.las")["problems"] == []
@@ -599,11 +603,12 @@ def _las_header(header, data_start, evlr):
     returns = [header.point_count] + [0] * 14
     made, layout = (b"", b"test", 1, 2026), (375, data_start, 3, 6 | 0x80)
     return (
-        b"LASF" + struct.pack("<HH16xBB32s32sHHHIIB", 0, 0b10001, 1, 4, *made, *layout)
+        b"LASF"
+        + struct.pack("<HH16xBB32s32sHHHIIB", 0, 0b10001, 1, 4, *made, *layout)
         + struct.pack("<HI5I", 30, 0, *[0] * 5)
         + struct.pack("<12d", *header.scales, *header.offsets, *box)
         + struct.pack("<QQIQ15Q", 0, evlr, 1, header.point_count, *returns)
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="module")

@@ -44,8 +44,16 @@ def records(count=5, **replaced):
     table[:, 3] = 500.0
     table[:, 4] = 10.0
     for name, values in replaced.items():
-        index = {"time": 0, "latitude": 1, "longitude": 2, "height": 3, "roll": 7, "pitch": 8,
-                 "heading": 9, "wander": 10}[name]  # fmt: skip
+        index = {
+            "time": 0,
+            "latitude": 1,
+            "longitude": 2,
+            "height": 3,
+            "roll": 7,
+            "pitch": 8,
+            "heading": 9,
+            "wander": 10,
+        }[name]
         table[:, index] = values
     return table
 
@@ -155,9 +163,11 @@ def test_the_measured_sbet_reads_right(data):
     raw = np.fromfile(leeward(data) / "sbet.out", "<f8").reshape(-1, 17)
     lon, lat, height = navigation.attrs["origin"]
     npt.assert_allclose(
-        [lon, lat, height], [np.rad2deg(raw[0, 2]), np.rad2deg(raw[0, 1]), raw[0, 3]],
-        rtol=0, atol=1e-12,
-    )  # fmt: skip
+        [lon, lat, height],
+        [np.rad2deg(raw[0, 2]), np.rad2deg(raw[0, 1]), raw[0, 3]],
+        rtol=0,
+        atol=1e-12,
+    )
     proj = pyproj.Transformer.from_pipeline(
         "+proj=pipeline +step +proj=cart +ellps=WGS84 +step +proj=topocentric +ellps=WGS84 "
         f"+lon_0={lon!r} +lat_0={lat!r} +h_0={height!r}"
@@ -546,9 +556,16 @@ def test_a_table_of_degrees_equals_the_sbet(tmp_path):
     path = tmp_path / "nav.csv"
     frame.to_csv(path, index=False, sep=";")
     chosen = nav.NavigationColumns(
-        time="ms", time_scale=0.001, longitude="lon", latitude="lat", height="h", roll="r",
-        pitch="p", heading="hdg", degrees=True,
-    )  # fmt: skip
+        time="ms",
+        time_scale=0.001,
+        longitude="lon",
+        latitude="lat",
+        height="h",
+        roll="r",
+        pitch="p",
+        heading="hdg",
+        degrees=True,
+    )
     navigation = nav.read_columns(path, chosen)
     npt.assert_allclose(navigation.attrs["origin"], truth.attrs["origin"], rtol=0, atol=1e-12)
     for name in ("east", "north", "up"):

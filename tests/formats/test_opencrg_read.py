@@ -15,14 +15,27 @@ RECORDED_HEIGHT = {"rtol": 0, "atol": 1e-6}  # [m] the C-API holds heights as fl
 RECORDED_PLACE = {"rtol": 0, "atol": 1e-9}  # [m] recorded with 17 digits
 
 HANDMADE = [
-    "arc", "banked", "circle", "curved", "curved_banked_sloped", "curved_minimalist", "platform",
-    "sloped", "sloped_opts", "straight", "straight_double", "straight_minimalist", "vtest",
-]  # fmt: skip
+    "arc",
+    "banked",
+    "circle",
+    "curved",
+    "curved_banked_sloped",
+    "curved_minimalist",
+    "platform",
+    "sloped",
+    "sloped_opts",
+    "straight",
+    "straight_double",
+    "straight_minimalist",
+    "vtest",
+]
 CHRONO = [
-    "opencrg/chrono/Barber", "opencrg/chrono/Horstwalde", "motion/chrono/halfround_2in",
+    "opencrg/chrono/Barber",
+    "opencrg/chrono/Horstwalde",
+    "motion/chrono/halfround_2in",
     "motion/chrono/halfround_4in",
     *(f"opencrg/chrono/detrended_rms_course_{size}in" for size in ("1", "1p5", "2", "3", "4")),
-]  # fmt: skip
+]
 ALL = [f"opencrg/asam/crg-txt/handmade_{name}" for name in HANDMADE] + CHRONO
 ALL.append("opencrg/asam/belgian_block")
 

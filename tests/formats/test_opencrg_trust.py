@@ -279,9 +279,7 @@ DAMAGE = {
     "byte order": lambda h, p: h + np.frombuffer(p, "<f4").astype(">f4").tobytes(),
     "from left to right": table(lambda g: np.hstack([g[:, :3], g[:, :2:-1]])),
     "backwards": table(lambda g: g[::-1]),
-    "columns and rows": table(
-        lambda g: np.hstack([g[:, :3], g[:, 3:].T.reshape(ROWS, COLUMNS)])
-    ),
+    "columns and rows": table(lambda g: np.hstack([g[:, :3], g[:, 3:].T.reshape(ROWS, COLUMNS)])),
     "columns exchanged": table(swap(5, 6)),
     "headings as slopes": table(swap(0, 1)),
     "slopes as bankings": table(swap(1, 2)),
@@ -298,7 +296,7 @@ DAMAGE = {
     "a record more": lambda h, p: h + p + p[-80:],
     "no padding": lambda h, p: h + p[:-40] + bytes(40),
     "shifted": lambda h, p: h + p[4:] + p[:4],
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("size", ["small", "big"])
@@ -355,8 +353,9 @@ def test_a_line_learnt_wrongly_does_not_appear(tmp_path, monkeypatch):
 
 @given(
     st.lists(st.one_of(st.integers(-3, 3), st.just(np.nan), st.floats(-9, 9)), min_size=1),
-    st.integers(1, 9), st.integers(1, 9),
-)  # fmt: skip
+    st.integers(1, 9),
+    st.integers(1, 9),
+)
 def test_median(values, size, step):
     """Of values with ties and gaps, whatever the blocks and the sample."""
     values = np.array(values, dtype=float)

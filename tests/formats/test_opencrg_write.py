@@ -36,9 +36,16 @@ def curved_road(n=201, *, banked=True, sloped=True, offset=0.0, v=None, **option
     if banked:
         height = height + line["banking"][:, None] * v
     return make_surface(
-        height, u=u, v=v, easting=easting, northing=northing, elevation=elevation,
-        crs="EPSG:25832", **line, **optional,
-    )  # fmt: skip
+        height,
+        u=u,
+        v=v,
+        easting=easting,
+        northing=northing,
+        elevation=elevation,
+        crs="EPSG:25832",
+        **line,
+        **optional,
+    )
 
 
 def straight_road(height, v=None, du=0.5):
@@ -268,7 +275,7 @@ UNEVEN = 0.5 * np.arange(6) + [0, 0, 0.002, 0, 0, 0]
         (changed(elevation=np.arange(6.0)), "slope must be at most 1 m/m, got 2"),
         (bent(20), "u = .*radius must be greater .*Smooth"),
     ],
-)  # fmt: skip
+)
 def test_broken_rules(tmp_path, road, match):
     path = tmp_path / "road.crg"
     with pytest.raises(OutputError, match=match) as caught:
@@ -294,10 +301,12 @@ def test_chords_that_add_up_wrongly_are_refused(tmp_path):
     heading = 0.3 * np.sin(0.01 * np.arange(1000))
     step = 0.500045
     road = make_surface(
-        np.zeros((1001, 2)), u=u, v=[-1, 1],
+        np.zeros((1001, 2)),
+        u=u,
+        v=[-1, 1],
         easting=np.concatenate([[0], np.cumsum(step * np.cos(heading))]),
         northing=np.concatenate([[0], np.cumsum(step * np.sin(heading))]),
-    )  # fmt: skip
+    )
     with pytest.raises(OutputError, match="end"):
         opencrg.write(road, tmp_path / "road.crg")
     assert list(tmp_path.iterdir()) == []

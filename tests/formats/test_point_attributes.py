@@ -34,12 +34,14 @@ def write_las(path, point_format, *, size=500, largest=2**64):
     header = laspy.LasHeader(version="1.4", point_format=point_format)
     header.scales, header.offsets = np.full(3, 0.00025), np.array([691000.0, 5.3e6, 0.0])
     plain = ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8")
-    header.add_extra_dims([
-        *(laspy.ExtraBytesParams(f"plain {kind}", kind) for kind in plain),
-        laspy.ExtraBytesParams("Reflectance", "i2", "dB", scales=[0.01], offsets=[-20.0]),
-        laspy.ExtraBytesParams("a direction with a name too long", "3f4"),
-        laspy.ExtraBytesParams("sd", "f4"),
-    ])  # fmt: skip
+    header.add_extra_dims(
+        [
+            *(laspy.ExtraBytesParams(f"plain {kind}", kind) for kind in plain),
+            laspy.ExtraBytesParams("Reflectance", "i2", "dB", scales=[0.01], offsets=[-20.0]),
+            laspy.ExtraBytesParams("a direction with a name too long", "3f4"),
+            laspy.ExtraBytesParams("sd", "f4"),
+        ]
+    )
     content = laspy.LasData(header)
     for name in PLACE:
         content[name] = rng.integers(-(10**6), 10**6, size)
@@ -216,10 +218,14 @@ def returns(tmp_path):
     """A file of pulses with up to three returns, of three classes."""
     number = np.array([1, 1, 2, 1, 2, 3] * 50)
     points = make_points(
-        np.arange(300) % 17, np.arange(300) % 13, np.arange(300.0), return_number=number,
+        np.arange(300) % 17,
+        np.arange(300) % 13,
+        np.arange(300.0),
+        return_number=number,
         number_of_returns=np.array([1, 2, 2, 3, 3, 3] * 50),
-        classification=np.array([2, 6, 2, 5] * 75), crs="EPSG:25832",
-    )  # fmt: skip
+        classification=np.array([2, 6, 2, 5] * 75),
+        crs="EPSG:25832",
+    )
     formats.write(points, tmp_path / "in.laz")
     return tmp_path / "in.laz"
 

@@ -191,8 +191,12 @@ def test_the_store_is_laid_out_as_designed(store):
         "delay": ("beam",),
     }
     assert {name: v.attrs["units"] for name, v in scans.data_vars.items()} == {
-        "time": "s", "range": "m", "intensity": "1", "angle": "rad", "delay": "s"
-    }  # fmt: skip
+        "time": "s",
+        "range": "m",
+        "intensity": "1",
+        "angle": "rad",
+        "delay": "s",
+    }
     assert dict(tree["accelerometers"].sizes) == {"sample": SAMPLES, "sensor": 3, "axis": 3}
     root = zarr.open_group(store, mode="r")
     assert root.metadata.zarr_format == 3
@@ -278,9 +282,13 @@ def test_longer_ranges_take_four_bytes(tmp_path):
     data = recording(beams=3, scans=4)
     data["range"] = np.full((4, 3), 123.45678)
     path = record(
-        tmp_path / "far.zarr", data, intensity=False, largest_range=200.0, truth=False,
+        tmp_path / "far.zarr",
+        data,
+        intensity=False,
+        largest_range=200.0,
+        truth=False,
         accelerometers=False,
-    )  # fmt: skip
+    )
     ranges = open_run(path)["scans"]["range"]
     assert ranges.encoding["dtype"] == np.uint32
     npt.assert_allclose(ranges, 123.4568, **ROUND_OFF)
@@ -295,9 +303,14 @@ def test_memory_stays_flat_while_a_run_is_written(tmp_path):
         ranges = np.full((500, 40), 2.0)
         tracemalloc.start()
         with RunWriter(
-            tmp_path / f"{blocks}.zarr", name="x", origin=ORIGIN, time_reference="run",
-            mounting=Mounting(), angle=np.linspace(-1, 1, 40), delay=np.zeros(40),
-        ) as run:  # fmt: skip
+            tmp_path / f"{blocks}.zarr",
+            name="x",
+            origin=ORIGIN,
+            time_reference="run",
+            mounting=Mounting(),
+            angle=np.linspace(-1, 1, 40),
+            delay=np.zeros(40),
+        ) as run:
             run.append_navigation({"time": [-1.0, 1e6], **still})
             for block in range(blocks):
                 run.append_scans(block + np.arange(500) / 500, ranges)
@@ -346,10 +359,15 @@ def test_a_run_without_navigation_or_scans_leaves_nothing(tmp_path):
     with (
         pytest.raises(SchemaError, match=r"x.zarr: group scans: is missing"),
         RunWriter(
-            tmp_path / "x.zarr", name="x", origin=ORIGIN, time_reference="run",
-            mounting=Mounting(), angle=data["angle"], delay=data["delay"],
+            tmp_path / "x.zarr",
+            name="x",
+            origin=ORIGIN,
+            time_reference="run",
+            mounting=Mounting(),
+            angle=data["angle"],
+            delay=data["delay"],
         ),
-    ):  # fmt: skip
+    ):
         pass
     data["navigation"] = {name: values[:10] for name, values in data["navigation"].items()}
     with pytest.raises(SchemaError, match=r"x.zarr: scans, variable time: 2345 of 2345 scans lie"):
@@ -363,10 +381,19 @@ def test_nothing_is_overwritten_without_force(tmp_path):
     with pytest.raises(OutputError, match="exists already"):
         record(path, data)
     data["intensity"] = np.zeros_like(data["intensity"])
-    with pytest.raises(ZeroDivisionError), RunWriter(
-        path, name="x", origin=ORIGIN, time_reference="run", mounting=Mounting(), force=True,
-        angle=data["angle"], delay=data["delay"],
-    ):  # fmt: skip
+    with (
+        pytest.raises(ZeroDivisionError),
+        RunWriter(
+            path,
+            name="x",
+            origin=ORIGIN,
+            time_reference="run",
+            mounting=Mounting(),
+            force=True,
+            angle=data["angle"],
+            delay=data["delay"],
+        ),
+    ):
         _ = 1 / 0
     assert open_run(path)["scans"]["intensity"].values.any()
     record(path, data, force=True)
@@ -411,9 +438,14 @@ def test_arguments_of_the_writer(tmp_path, change, message):
 def test_a_writer_outside_of_a_with_statement(tmp_path):
     data = recording()
     run = RunWriter(
-        tmp_path / "x.zarr", name="x", origin=ORIGIN, time_reference="run", mounting=Mounting(),
-        angle=data["angle"], delay=data["delay"],
-    )  # fmt: skip
+        tmp_path / "x.zarr",
+        name="x",
+        origin=ORIGIN,
+        time_reference="run",
+        mounting=Mounting(),
+        angle=data["angle"],
+        delay=data["delay"],
+    )
     with pytest.raises(ValueError, match="with statement"):
         run.append_scans(data["time"], data["range"])
 
@@ -423,9 +455,14 @@ def appending(tmp_path, action):
     data = recording()
     try:
         with RunWriter(
-            tmp_path / "x.zarr", name="x", origin=ORIGIN, time_reference="run",
-            mounting=Mounting(), angle=data["angle"], delay=data["delay"],
-        ) as run:  # fmt: skip
+            tmp_path / "x.zarr",
+            name="x",
+            origin=ORIGIN,
+            time_reference="run",
+            mounting=Mounting(),
+            angle=data["angle"],
+            delay=data["delay"],
+        ) as run:
             action(run, data)
     finally:
         assert list(tmp_path.iterdir()) == []
@@ -1038,39 +1075,75 @@ def described(folder, change, **kind):
 @pytest.mark.parametrize(
     ("change", "kind", "error", "message"),
     [
-        ({"beam_interval": "beam_intervall"}, {}, FormatError,
-         r"run.toml: scans.beam_intervall: is unknown \(did you mean 'beam_interval'\?\)"),
+        (
+            {"beam_interval": "beam_intervall"},
+            {},
+            FormatError,
+            r"run.toml: scans.beam_intervall: is unknown \(did you mean 'beam_interval'\?\)",
+        ),
         ({"scanner_clock": "scaner_clock"}, {}, FormatError, "mounting.scaner_clock: is unknown"),
-        ({"scanner_rotation = [0.01": "scanner_rotation = [90"}, {}, FormatError,
-         "mounting: scanner_rotation must be in radians"),
+        (
+            {"scanner_rotation = [0.01": "scanner_rotation = [90"},
+            {},
+            FormatError,
+            "mounting: scanner_rotation must be in radians",
+        ),
         ({"beams = 11": "beams = 0"}, {}, FormatError, "scans: beams must be at least 1, got 0"),
         ({"beams = 11": ""}, {}, FormatError, "scans: the fan must be given either by angles"),
         ({'beam = "which"': ""}, {}, FormatError, "scans: either beam or angle must name"),
         ({"range_scale = 0.001": "range_scale = -1"}, {}, FormatError, "range_scale must be"),
         ({"beam_interval = ": "beam_interval = -"}, {}, FormatError, "must not be negative"),
         ({'["a", "b", "c"]': '["a", "b"]'}, {}, FormatError, "columns must name one column for"),
-        ({'time = "t"\ncolumns': 'time_scale = 0\ncolumns'}, {}, FormatError, "time_scale must be"),
+        ({'time = "t"\ncolumns': "time_scale = 0\ncolumns"}, {}, FormatError, "time_scale must be"),
         ({'format = "table"': 'format = "sbet"'}, {}, FormatError, "columns must be named for a t"),
         ({'file = "nav.csv"': 'file = "gone.csv"'}, {}, FormatError, "gone.csv: does not exist"),
         ({"origin = [11.5, 48.1, 512.25]": ""}, {}, FormatError, "run.toml: origin: is missing"),
-        ({'time = "t"\nrange': 'time = "tt"\nrange'}, {}, FormatError,
-         r"scans.csv: header: has no column 'tt' \(did you mean 't'\?\)|has no column 'tt'"),
-        ({"beams = 11": "beams = 10"}, {}, FormatError,
-         r"scans.csv: row \d+, column 'which': must be a beam from 0 to 9, got 10"),
-        ({"beams = 11": "beams = 21"}, {"by": "angle"}, SchemaError,
-         "delay: must be from 0 s to the time between two scans"),
-        ({"beams = 11": "beams = 12"}, {"by": "angle"}, FormatError,
-         r"column 'which': must be the angle of a beam of the fan, got"),
-        ({"beams = 11": "beams = 12"}, {"layout": "scans"}, FormatError,
-         r"scans.csv: header: has 11 columns r0, r1, ..., but the fan has 12 beams"),
-        ({"beam_interval = ": "beam_interval = 5"}, {"time_of": "beam"}, FormatError,
-         r"scans.csv: row \d+, column 't': must be the time of the scan, plus beam_interval"),
-        ({"range_scale = 0.001": "range_scale = 1.0"}, {}, SchemaError,
-         "range: must be greater than 0 m and less than 6.5535 m"),
+        (
+            {'time = "t"\nrange': 'time = "tt"\nrange'},
+            {},
+            FormatError,
+            r"scans.csv: header: has no column 'tt' \(did you mean 't'\?\)|has no column 'tt'",
+        ),
+        (
+            {"beams = 11": "beams = 10"},
+            {},
+            FormatError,
+            r"scans.csv: row \d+, column 'which': must be a beam from 0 to 9, got 10",
+        ),
+        (
+            {"beams = 11": "beams = 21"},
+            {"by": "angle"},
+            SchemaError,
+            "delay: must be from 0 s to the time between two scans",
+        ),
+        (
+            {"beams = 11": "beams = 12"},
+            {"by": "angle"},
+            FormatError,
+            r"column 'which': must be the angle of a beam of the fan, got",
+        ),
+        (
+            {"beams = 11": "beams = 12"},
+            {"layout": "scans"},
+            FormatError,
+            r"scans.csv: header: has 11 columns r0, r1, ..., but the fan has 12 beams",
+        ),
+        (
+            {"beam_interval = ": "beam_interval = 5"},
+            {"time_of": "beam"},
+            FormatError,
+            r"scans.csv: row \d+, column 't': must be the time of the scan, plus beam_interval",
+        ),
+        (
+            {"range_scale = 0.001": "range_scale = 1.0"},
+            {},
+            SchemaError,
+            "range: must be greater than 0 m and less than 6.5535 m",
+        ),
         ({"scale = 9.80665": ""}, {}, SchemaError, "if the values are in g"),
         ({"scanner_clock = 0.002": "scanner_clock = 3.0"}, {}, SchemaError, "scans lie outside"),
     ],
-)  # fmt: skip
+)
 def test_descriptions_that_are_wrong(tmp_path, change, kind, error, message):
     with pytest.raises(error, match=message) as raised:
         import_run(described(tmp_path, change, **kind), tmp_path / "x.zarr")

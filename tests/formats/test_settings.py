@@ -161,8 +161,15 @@ def test_the_template_is_complete_and_explained():
         assert wanted in lines, wanted
     # no key of the scene may stand below a table, where it would belong to the table
     assert set(tomllib.loads("\n".join(lines))) == {
-        "name", "steady", "limit", "tiny", "extra", "scanner", "ground", "lanes"
-    }  # fmt: skip
+        "name",
+        "steady",
+        "limit",
+        "tiny",
+        "extra",
+        "scanner",
+        "ground",
+        "lanes",
+    }
 
 
 def test_required_values_stand_in_comments():
@@ -337,9 +344,9 @@ def test_a_table_completes_defaults_at_any_depth():
 
 def test_tables_of_another_class_are_not_completed():
     series = {"time": [0.0, 1.0], "height": [0.0, 0.1]}
-    assert parse_settings(Rig, {"drift": series}).drift == Series(**{
-        name: tuple(values) for name, values in series.items()
-    })  # fmt: skip
+    assert parse_settings(Rig, {"drift": series}).drift == Series(
+        **{name: tuple(values) for name, values in series.items()}
+    )
     assert parse_settings(Rig, {"drift": {}}).drift == Wander(sd=0.5)
 
 
@@ -348,11 +355,13 @@ def test_tables_of_another_class_are_not_completed():
     [
         ({"sd": -1.0}, r"^drift: sd must be at least 0 m, got -1\.0\.$"),
         ({"sdd": 1.0}, r"^drift\.sdd: is unknown \(did you mean 'sd'\?\)\.$"),
-        ({"time": [0.0], "hight": [1.0]},
-         r"^drift\.height: is missing; drift\.hight: is unknown \(did you mean 'height'\?\)\.$"),
+        (
+            {"time": [0.0], "hight": [1.0]},
+            r"^drift\.height: is missing; drift\.hight: is unknown \(did you mean 'height'\?\)\.$",
+        ),
         ({"time": "now", "height": [1.0]}, r"^drift\.time: must be a valid .*array, got"),
     ],
-)  # fmt: skip
+)
 def test_of_several_tables_only_the_one_that_is_meant_is_blamed(drift, message):
     with pytest.raises(FormatError, match=message):
         parse_settings(Rig, {"drift": drift})

@@ -68,10 +68,15 @@ def test_tracks_round_trip(tmp_path, ending):
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_points_round_trip_keeps_every_bit(tmp_path, ending):
     points = make_points(
-        awkward(500), -awkward(500), awkward(500),
-        time=awkward(500), intensity=np.arange(500), lane=np.arange(500) % 3, sd=1 / awkward(500),
+        awkward(500),
+        -awkward(500),
+        awkward(500),
+        time=awkward(500),
+        intensity=np.arange(500),
+        lane=np.arange(500) % 3,
+        sd=1 / awkward(500),
         crs="EPSG:25832",
-    )  # fmt: skip
+    )
     table.write(points, tmp_path / f"p.{ending}")
     again = table.read(tmp_path / f"p.{ending}")
     for name in points.data_vars:
@@ -170,17 +175,29 @@ def test_tracks_under_their_own_names(tmp_path, station, left, right, names, sca
 @pytest.mark.parametrize("label", ["{} [{}]", "{} ({})", "{}_{}", "{} {}"])
 def test_units_are_read_however_they_stand(tmp_path, unit, label):
     metres = {
-        "in": 0.0254, "inch": 0.0254, "inches": 0.0254, "ft": 0.3048, "feet": 0.3048, "mm": 1e-3,
-        "cm": 1e-2, "usft": 1200 / 3937, "m": 1.0,
-    }[unit]  # fmt: skip
+        "in": 0.0254,
+        "inch": 0.0254,
+        "inches": 0.0254,
+        "ft": 0.3048,
+        "feet": 0.3048,
+        "mm": 1e-3,
+        "cm": 1e-2,
+        "usft": 1200 / 3937,
+        "m": 1.0,
+    }[unit]
     header = ",".join(label.format(name, unit) for name in ("s", "height"))
     profile = table.read(write_text(tmp_path, f"{header}\n0,1\n2,3\n"))
     npt.assert_allclose(profile.s, [0, 2 * metres], **ROUND_OFF)
     npt.assert_allclose(profile.height, [metres, 3 * metres], **ROUND_OFF)
 
 
-TITLES = ["", "Road A1, left wheel path, 2024\n", "Measured in May\nby: XY; car 7; 12,5 C\n\n",
-          "# made by hand\n", "Road A1\n1 of 2\n"]  # fmt: skip
+TITLES = [
+    "",
+    "Road A1, left wheel path, 2024\n",
+    "Measured in May\nby: XY; car 7; 12,5 C\n\n",
+    "# made by hand\n",
+    "Road A1\n1 of 2\n",
+]
 
 
 @pytest.mark.parametrize("titles", TITLES)
@@ -287,7 +304,7 @@ def test_latin_text_in_other_columns(tmp_path):
         ("track,s,height\na,0,1\na,1,1\nb,1,1\nb,0,1\n", "line 5", "0 m follows 1 m", "Sort"),
         ("easting,northing\n1,2\n", "header", "it is a path", "heights"),
     ],
-)  # fmt: skip
+)
 def test_mistakes_are_named_with_their_place(tmp_path, text, place, rule, cure):
     path = write_text(tmp_path, text)
     if rule is None:  # 'z' beside 'height' is only another column

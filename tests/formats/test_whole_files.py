@@ -33,9 +33,15 @@ PROFILE = make_profile(0.01 * np.arange(3000), NOISE.normal(0, 0.01, 3000))
 def write_run(_, path, *, force=False):
     still = {name: np.zeros(2) for name in ("east", "north", "up", "roll", "pitch", "yaw")}
     with RunWriter(
-        path, name="run", origin=(11.0, 48.0, 500.0), time_reference="run", mounting=Mounting(),
-        angle=np.linspace(-0.5, 0.5, 80), delay=np.zeros(80), force=force,
-    ) as run:  # fmt: skip
+        path,
+        name="run",
+        origin=(11.0, 48.0, 500.0),
+        time_reference="run",
+        mounting=Mounting(),
+        angle=np.linspace(-0.5, 0.5, 80),
+        delay=np.zeros(80),
+        force=force,
+    ) as run:
         run.append_navigation({"time": [-1.0, 1.0], **still})
         run.append_scans(0.001 * np.arange(90), NOISE.uniform(1, 6, (90, 80)))
 

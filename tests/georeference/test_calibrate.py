@@ -16,9 +16,15 @@ from trueterrain.simulate.scene import TruthSettings, read_scene
 from trueterrain.simulate.scene._parts import ScenePass
 
 COARSE = Scanner(
-    beams=200, rate=1000.0, range_noise=0.0, intensity_noise=0.0, floor=0.0, saturation_bias=0.0,
-    dropouts=0.0, spot_rays=1,
-)  # fmt: skip
+    beams=200,
+    rate=1000.0,
+    range_noise=0.0,
+    intensity_noise=0.0,
+    floor=0.0,
+    saturation_bias=0.0,
+    dropouts=0.0,
+    spot_rays=1,
+)
 FIVE = ("roll", "pitch", "yaw", "lever_y", "clock")
 NAMES = ("roll", "pitch", "yaw", "lever_x", "lever_y", "lever_z", "clock")
 
@@ -26,9 +32,14 @@ NAMES = ("roll", "pitch", "yaw", "lever_x", "lever_y", "lever_z", "clock")
 # the 100 columns of beams along it: some tenths of a millimetre, 2 m below the laser and at most
 # 1 m beside it. The heave tells the clock on all of the ground, which tells the roll as well.
 CLOSE = {
-    "roll": 5e-6, "pitch": 2e-4, "yaw": 3e-4, "lever_x": np.nan, "lever_y": 3e-4,
-    "lever_z": np.nan, "clock": 1e-5,
-}  # fmt: skip
+    "roll": 5e-6,
+    "pitch": 2e-4,
+    "yaw": 3e-4,
+    "lever_x": np.nan,
+    "lever_y": 3e-4,
+    "lever_z": np.nan,
+    "clock": 1e-5,
+}
 EXPLAINED = 0.1  # of an error that a wrong parameter causes: the problem is not quite linear
 HONEST = 0.4  # [1] of the root mean square of errors over their standard deviations
 LASTING = 1e5  # [s] of errors that do not change within a pass
@@ -45,9 +56,13 @@ def values(mounting):
 def drive(name, *, reverse=False, lane=0.0, speed=5.0):
     """A pass whose laser, 2.25 m behind the body, sees stations 8.75 to 16.75 m."""
     return ScenePass(
-        name=name, reverse=reverse, lane=lane, start=14.5 if reverse else 11.0, length=8.0,
+        name=name,
+        reverse=reverse,
+        lane=lane,
+        start=14.5 if reverse else 11.0,
+        length=8.0,
         speed={"kind": "constant", "speed": speed},
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="module")
@@ -55,12 +70,14 @@ def passes(record):
     """Four passes: both ways in one lane, and faster in the lanes beside; the true mounting."""
     scene, _ = read_scene("boresight")
     drives = (
-        drive("there"), drive("back", reverse=True), drive("left", lane=1.0, speed=9.0),
+        drive("there"),
+        drive("back", reverse=True),
+        drive("left", lane=1.0, speed=9.0),
         drive("right", reverse=True, lane=-1.0, speed=7.0),
-    )  # fmt: skip
+    )
     scene = replace(
         scene, scanner=COARSE, truth=TruthSettings(returns=False, spacing=0.1), raster=0.01
-    )  # fmt: skip
+    )
     found = [record(replace(scene, passes=(one,))) for one in drives]
     return [open_run(run).load() for run, _ in found], [way for _, way in found], scene.mounting
 
@@ -82,8 +99,9 @@ def thinned(run, first, rng, noise=NOISE):
 
 def test_finds_the_true_mounting_from_passes_without_noise(passes):
     runs, ways, true = passes
-    found = calibrate_mounting(runs, ways, mounting=by_tape(true),
-                      settings=CalibrationSettings(parameters=FIVE))  # fmt: skip
+    found = calibrate_mounting(
+        runs, ways, mounting=by_tape(true), settings=CalibrationSettings(parameters=FIVE)
+    )
     error = dict(zip(found.parameters, found.value - values(true)[[0, 1, 2, 4, 6]], strict=True))
     for name in FIVE:
         npt.assert_allclose(error[name], 0.0, rtol=0, atol=CLOSE[name], err_msg=name)
@@ -125,8 +143,12 @@ def test_holds_what_the_passes_do_not_tell_and_says_what_that_does(passes):
 def test_heights_that_one_pass_has_wrong_become_its_offset(passes):
     runs, ways, true = passes
     raised = replace(ways[1], position=ways[1].position + np.array([0.0, 0.0, 0.02]))
-    found = calibrate_mounting(runs, [ways[0], raised, *ways[2:]], mounting=by_tape(true),
-                      settings=CalibrationSettings(parameters=FIVE))  # fmt: skip
+    found = calibrate_mounting(
+        runs,
+        [ways[0], raised, *ways[2:]],
+        mounting=by_tape(true),
+        settings=CalibrationSettings(parameters=FIVE),
+    )
     npt.assert_allclose(found.offset, [0.0, 0.02, 0.0, 0.0], rtol=0, atol=2e-5)  # [m]
     error = found.value - values(true)[[0, 1, 2, 4, 6]]
     assert (np.abs(error) < [CLOSE[name] for name in FIVE]).all()
@@ -139,12 +161,16 @@ def test_passes_that_navigation_moved_aside_are_told_apart_from_the_mounting(pas
     rng = np.random.default_rng(3)
     claimed = np.diag([sd**2, sd**2, 0, 0, 0, 0])
     moved = [
-        replace(way, position=way.position + sd * np.append(rng.normal(size=2), 0.0),
-                covariance=np.broadcast_to(claimed, (way.time.size, 6, 6)))
+        replace(
+            way,
+            position=way.position + sd * np.append(rng.normal(size=2), 0.0),
+            covariance=np.broadcast_to(claimed, (way.time.size, 6, 6)),
+        )
         for way in ways
-    ]  # fmt: skip
-    found = calibrate_mounting(runs, moved, mounting=by_tape(true),
-                      settings=CalibrationSettings(parameters=FIVE))  # fmt: skip
+    ]
+    found = calibrate_mounting(
+        runs, moved, mounting=by_tape(true), settings=CalibrationSettings(parameters=FIVE)
+    )
     error = found.value - values(true)[[0, 1, 2, 4, 6]]
     assert (np.abs(error) < [CLOSE[name] for name in FIVE]).all()
     assert found.residual_after < 0.1 * found.residual_before
@@ -161,8 +187,9 @@ def test_standard_deviations_are_those_of_errors(passes):
     ratios = []
     for _ in range(4):
         noisy = [thinned(run, int(rng.integers(2)), rng) for run in runs]
-        found = calibrate_mounting(noisy, ways, mounting=by_tape(true),
-                          settings=CalibrationSettings(parameters=FIVE))  # fmt: skip
+        found = calibrate_mounting(
+            noisy, ways, mounting=by_tape(true), settings=CalibrationSettings(parameters=FIVE)
+        )
         ratios.append((found.value - values(true)[[0, 1, 2, 4, 6]]) / found.sd)
     npt.assert_allclose(np.sqrt(np.mean(np.square(ratios))), 1.0, rtol=0, atol=HONEST)
 
@@ -170,11 +197,16 @@ def test_standard_deviations_are_those_of_errors(passes):
 def test_flat_ground_tells_the_roll_and_nothing_that_moves_it(record):
     scene, _ = read_scene("boresight")
     flat = replace(
-        scene, ground=({"kind": "plane"},), scanner=COARSE, raster=0.05,
+        scene,
+        ground=({"kind": "plane"},),
+        scanner=COARSE,
+        raster=0.05,
         truth=TruthSettings(returns=False, spacing=0.1),
-    )  # fmt: skip
-    found = [record(replace(flat, passes=(one,))) for one in
-             (drive("there"), drive("back", reverse=True))]  # fmt: skip
+    )
+    found = [
+        record(replace(flat, passes=(one,)))
+        for one in (drive("there"), drive("back", reverse=True))
+    ]
     runs, ways = [open_run(run).load() for run, _ in found], [way for _, way in found]
     for name in ("pitch", "yaw", "lever_x", "lever_y", "lever_z", "clock"):
         with pytest.raises(CoverageError, match=f"do not tell {name}"):
@@ -254,9 +286,11 @@ def test_errors_of_the_motion_count_as_the_motion_claims_them(passes):
     covariance = np.diag([aside, aside, 0, tilt, tilt, 0])
     rng = np.random.default_rng(11)
     settings = CalibrationSettings(
-        parameters=("roll", "pitch"), largest_angle_sd=0.02, largest_rounds=60,
+        parameters=("roll", "pitch"),
+        largest_angle_sd=0.02,
+        largest_rounds=60,
         drift_time=(LASTING, LASTING),
-    )  # fmt: skip
+    )
     start = replace(true, scanner_rotation=(0.0, 0.0, true.scanner_rotation[2]))
     ratios = []
     for _ in range(12):
@@ -266,8 +300,9 @@ def test_errors_of_the_motion_count_as_the_motion_claims_them(passes):
             quaternion = (Rotation.from_quat(way.quaternion) * turn).as_quat()
             aside = sd["aside"] * np.append(rng.normal(size=2), 0.0)
             whole = np.broadcast_to(covariance, (way.time.size, 6, 6))
-            moved.append(replace(way, position=way.position + aside, quaternion=quaternion,
-                                 covariance=whole))  # fmt: skip
+            moved.append(
+                replace(way, position=way.position + aside, quaternion=quaternion, covariance=whole)
+            )
         found = calibrate_mounting(runs, moved, mounting=start, settings=settings)
         ratios.append((found.value - values(true)[:2]) / found.sd)
         # four passes are not better than the mean of their errors, but for what a body that rolls

@@ -30,20 +30,27 @@ def moving():
     velocity = np.stack([8 * np.cos(yaw), 8 * np.sin(yaw), -0.5 * np.sin(25 * t)], axis=1)
     turning = [0.4 * np.cos(20 * t), 0.5 * np.sin(tilt), 0.5 * np.cos(tilt)]
     return Trajectory(
-        time=t, position=position, velocity=velocity,
+        time=t,
+        position=position,
+        velocity=velocity,
         quaternion=Rotation.from_euler("ZX", np.stack([yaw, tilt], axis=1)).as_quat(),
-        angular_velocity=np.stack(turning, axis=1), covariance=np.zeros((t.size, 6, 6)),
+        angular_velocity=np.stack(turning, axis=1),
+        covariance=np.zeros((t.size, 6, 6)),
         flag=np.zeros(t.size, np.uint8),
-    )  # fmt: skip
+    )
 
 
 def still(up=2.0):
     rest = np.zeros((2, 3))
     return Trajectory(
-        time=np.array([0.0, 10.0]), position=rest + np.array([0.0, 0.0, up]), velocity=rest,
-        quaternion=np.tile([0, 0, 0, 1.0], (2, 1)), angular_velocity=rest,
-        covariance=np.zeros((2, 6, 6)), flag=np.zeros(2, np.uint8),
-    )  # fmt: skip
+        time=np.array([0.0, 10.0]),
+        position=rest + np.array([0.0, 0.0, up]),
+        velocity=rest,
+        quaternion=np.tile([0, 0, 0, 1.0], (2, 1)),
+        angular_velocity=rest,
+        covariance=np.zeros((2, 6, 6)),
+        flag=np.zeros(2, np.uint8),
+    )
 
 
 def moved(mounting, name, by):
@@ -65,9 +72,10 @@ def test_derivatives_are_those_of_georeferenced_points(span):
         {
             "time": ("scan", rng.uniform(0.05, 0.9, 20)),
             "range": (("scan", "beam"), rng.uniform(1.8, 2.6, (20, 31))),
-            "angle": ("beam", angle), "delay": ("beam", delay),
+            "angle": ("beam", angle),
+            "delay": ("beam", delay),
         }
-    )  # fmt: skip
+    )
 
     def points(mounting):
         (found,) = georeference([block], way, mounting)
@@ -105,17 +113,22 @@ def test_a_plane_is_told_exactly_however_the_returns_lie():
     # up = 0.1 east + 0.05 north: 2 - r cos a = 0.1 t + 0.05 r sin a
     ranges = (2.0 - 0.1 * time[:, None]) / (np.cos(angle) + 0.05 * np.sin(angle))
     block = xr.Dataset(
-        {"time": ("scan", time), "range": (("scan", "beam"), ranges),
-         "angle": ("beam", angle), "delay": ("beam", np.zeros(80))}
-    )  # fmt: skip
+        {
+            "time": ("scan", time),
+            "range": (("scan", "beam"), ranges),
+            "angle": ("beam", angle),
+            "delay": ("beam", np.zeros(80)),
+        }
+    )
     grid = PatchGrid.over((0.1, -0.25, 0.9, 0.25), 0.04)
     found = fit_patches([block], way, Mounting(), grid, Screening(), 1.0)
     good = np.isfinite(found.height)
     assert good[2:-2, 2:-2].mean() > 0.9
     north, east = np.meshgrid(
         -0.25 + 0.04 * (np.arange(grid.shape[0]) + 0.5),
-        0.1 + 0.04 * (np.arange(grid.shape[1]) + 0.5), indexing="ij",
-    )  # fmt: skip
+        0.1 + 0.04 * (np.arange(grid.shape[1]) + 0.5),
+        indexing="ij",
+    )
     npt.assert_allclose(found.height[good], (0.1 * east + 0.05 * north)[good], rtol=0, atol=LEVEL)
     npt.assert_allclose(found.slope[0][good], 0.1, rtol=0, atol=LEVEL)
     npt.assert_allclose(found.slope[1][good], 0.05, rtol=0, atol=LEVEL)
@@ -125,9 +138,13 @@ def test_a_plane_is_told_exactly_however_the_returns_lie():
 
 def test_beams_beyond_the_largest_angle_are_not_used():
     block = xr.Dataset(
-        {"time": ("scan", [1.0]), "range": (("scan", "beam"), [[2.0, 2.0, 2.0]]),
-         "angle": ("beam", [-0.6, 0.0, 0.6]), "delay": ("beam", np.zeros(3))}
-    )  # fmt: skip
+        {
+            "time": ("scan", [1.0]),
+            "range": (("scan", "beam"), [[2.0, 2.0, 2.0]]),
+            "angle": ("beam", [-0.6, 0.0, 0.6]),
+            "delay": ("beam", np.zeros(3)),
+        }
+    )
     geometry = ScanGeometry(still(), Mounting(), block.angle, block.delay)
     found = _georeference_returns(geometry, block, Screening(), 0.5)
     assert found is not None

@@ -31,8 +31,13 @@ ROUND_OFF = 1e-9  # [1] relative, of inverses
 
 
 def drive(name, start, *, reverse=False, speed=5.0):
-    return ScenePass(name=name, reverse=reverse, start=start, length=7.0,
-                 speed={"kind": "constant", "speed": speed})  # fmt: skip
+    return ScenePass(
+        name=name,
+        reverse=reverse,
+        start=start,
+        length=7.0,
+        speed={"kind": "constant", "speed": speed},
+    )
 
 
 @pytest.fixture(scope="module")
@@ -40,9 +45,15 @@ def passes(record):
     """Two passes both ways at two speeds without noise, their motion, and the true mounting."""
     scene, _ = read_scene("boresight")
     scanner = Scanner(
-        beams=80, rate=1000.0, range_noise=0.0, intensity_noise=0.0, floor=0.0,
-        saturation_bias=0.0, dropouts=0.0, spot_rays=1,
-    )  # fmt: skip
+        beams=80,
+        rate=1000.0,
+        range_noise=0.0,
+        intensity_noise=0.0,
+        floor=0.0,
+        saturation_bias=0.0,
+        dropouts=0.0,
+        spot_rays=1,
+    )
     scene = replace(
         scene, scanner=scanner, truth=TruthSettings(returns=False, spacing=0.1), raster=0.01
     )
@@ -54,21 +65,31 @@ def passes(record):
 def drifting(way: Trajectory, seed: int, name: str) -> Trajectory:
     """A motion that is wrong by a first-order Gauss-Markov process, and claims as much."""
     rate = 1.0 / float(np.median(np.diff(way.time)))
-    errors = np.concatenate([
-        GaussMarkov(rng=named_generator(seed, name, f"{time:g} s"), sd=SD[time == TIME],
-                    correlation_time=time, rate=rate).next(way.time.size)
-        for time in (25.0, 60.0)
-    ], axis=1)  # fmt: skip
+    errors = np.concatenate(
+        [
+            GaussMarkov(
+                rng=named_generator(seed, name, f"{time:g} s"),
+                sd=SD[time == TIME],
+                correlation_time=time,
+                rate=rate,
+            ).next(way.time.size)
+            for time in (25.0, 60.0)
+        ],
+        axis=1,
+    )
     turned = Rotation.from_quat(way.quaternion) * Rotation.from_rotvec(errors[:, 3:])
     return replace(
-        way, position=way.position + errors[:, :3], quaternion=turned.as_quat(),
+        way,
+        position=way.position + errors[:, :3],
+        quaternion=turned.as_quat(),
         covariance=np.broadcast_to(np.diag(SD**2), (way.time.size, 6, 6)),
-    )  # fmt: skip
+    )
 
 
 def values(mounting: Mounting):
-    return np.array([*mounting.scanner_rotation[:2], mounting.scanner_position[1],
-                     mounting.scanner_clock])  # fmt: skip
+    return np.array(
+        [*mounting.scanner_rotation[:2], mounting.scanner_position[1], mounting.scanner_clock]
+    )
 
 
 def test_standard_deviations_hold_where_the_motion_drifts_within_a_pass(passes):

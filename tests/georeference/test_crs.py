@@ -66,8 +66,9 @@ def test_systems_that_stretch_the_road_are_refused(crs, place, factor, cure):
 @settings(max_examples=60, deadline=None)
 @given(
     st.sampled_from([3857, 3395, 3035, 2154, 5070, *range(32601, 32661), *range(32701, 32761)]),
-    st.floats(-180, 179.9), st.floats(-80, 80),
-)  # fmt: skip
+    st.floats(-180, 179.9),
+    st.floats(-80, 80),
+)
 def test_no_length_changes_in_silence(code, longitude, latitude):
     """Whatever system at whatever place: it is refused, or lengths are what they were."""
     try:

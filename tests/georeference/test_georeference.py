@@ -35,19 +35,20 @@ def moving(duration=1.0, step=0.005, amplitude=0.02, frequency=12.0, covariance=
     heave, tilt = amplitude * np.sin(w * t), 0.5 * amplitude * np.sin(w * t + 1)
     yaw = 0.5 * t
     position = np.stack([16 * np.sin(yaw), 16 * (1 - np.cos(yaw)), heave], axis=1)
-    velocity = np.stack(
-        [8 * np.cos(yaw), 8 * np.sin(yaw), amplitude * w * np.cos(w * t)], axis=1
-    )  # fmt: skip
+    velocity = np.stack([8 * np.cos(yaw), 8 * np.sin(yaw), amplitude * w * np.cos(w * t)], axis=1)
     rate = 0.5 * amplitude * w * np.cos(w * t + 1)
     turning = [rate, 0.5 * np.sin(tilt), 0.5 * np.cos(tilt)]
     return Trajectory(
-        time=t, position=position, velocity=velocity,
+        time=t,
+        position=position,
+        velocity=velocity,
         quaternion=Rotation.from_euler("ZX", np.stack([yaw, tilt], axis=1)).as_quat(),
         angular_velocity=np.stack(turning, axis=1),
-        covariance=np.zeros((t.size, 6, 6)) if covariance is None
+        covariance=np.zeros((t.size, 6, 6))
+        if covariance is None
         else np.tile(covariance, (t.size, 1, 1)),
         flag=np.zeros(t.size, np.uint8),
-    )  # fmt: skip
+    )
 
 
 def fan(beams=940, span=0.8e-3):
@@ -100,8 +101,10 @@ def test_a_scan_from_the_last_beam_to_the_first_is_cut_as_well():
     (points,) = georeference([block], trajectory, ASKEW)
     npt.assert_allclose(
         np.stack([points.easting, points.northing, points.up], axis=1),
-        beam_by_beam(trajectory, ASKEW, block), rtol=0, atol=MICROMETRE,
-    )  # fmt: skip
+        beam_by_beam(trajectory, ASKEW, block),
+        rtol=0,
+        atol=MICROMETRE,
+    )
 
 
 def test_a_scanner_of_one_beam_is_a_profiler():
@@ -110,8 +113,10 @@ def test_a_scanner_of_one_beam_is_a_profiler():
     (points,) = georeference([block], trajectory, Mounting())
     npt.assert_allclose(
         np.stack([points.easting, points.northing, points.up], axis=1),
-        beam_by_beam(trajectory, Mounting(), block), rtol=0, atol=EXACT,
-    )  # fmt: skip
+        beam_by_beam(trajectory, Mounting(), block),
+        rtol=0,
+        atol=EXACT,
+    )
 
 
 @pytest.mark.parametrize("name", ["belgian-two-lanes", "oval", "boresight"])
@@ -168,12 +173,17 @@ def test_doubtful_returns_are_rejected_or_weigh_less():
     (points,) = georeference([block], trajectory, Mounting(), screening=screening)
     assert points.intensity.values.tolist() == [900]
     assert {name: points.attrs[name] for name in ("returns", "missing", "doubtful")} == {
-        "returns": 1, "missing": 1, "doubtful": 2,
-    }  # fmt: skip
+        "returns": 1,
+        "missing": 1,
+        "doubtful": 2,
+    }
     (points,) = georeference(
-        [block], trajectory, Mounting(), screening=replace(screening, weight=0.25),
+        [block],
+        trajectory,
+        Mounting(),
+        screening=replace(screening, weight=0.25),
         range_noise=1e-3,
-    )  # fmt: skip
+    )
     assert points.intensity.values.tolist() == [100, 900, 60000]
     (plain,) = georeference([block], trajectory, Mounting(), range_noise=1e-3)
     npt.assert_allclose(points.sd / plain.sd, [2, 1, 2], rtol=1e-12)
@@ -211,9 +221,13 @@ def test_scans_up_to_both_ends_of_the_motion_are_covered(start, rate, clock, spa
     knots = np.linspace(start, max(end, start + 0.01), 50)
     still = moving(duration=49.0, step=1.0, amplitude=0.0)
     trajectory = replace(
-        still, time=knots, position=np.zeros((50, 3)), velocity=np.zeros((50, 3)),
-        quaternion=np.tile([0.0, 0.0, 0.0, 1.0], (50, 1)), angular_velocity=np.zeros((50, 3)),
-    )  # fmt: skip
+        still,
+        time=knots,
+        position=np.zeros((50, 3)),
+        velocity=np.zeros((50, 3)),
+        quaternion=np.tile([0.0, 0.0, 0.0, 1.0], (50, 1)),
+        angular_velocity=np.zeros((50, 3)),
+    )
     mounting = Mounting(scanner_clock=clock)
     (points,) = georeference([scans(stamps, angle, delay)], trajectory, mounting)
     assert points.attrs["scans_uncovered"] == 0

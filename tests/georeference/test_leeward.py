@@ -104,8 +104,9 @@ def test_the_local_frame_leads_back_to_the_map(flight):
 
     _, points, enu, _, origin = flight
     longitude, latitude, height = geodetic_of_enu(enu, origin)
-    to_map = pyproj.Transformer.from_crs(4326, int(points.attrs["crs"].split(":")[-1]),
-                                         always_xy=True)  # fmt: skip
+    to_map = pyproj.Transformer.from_crs(
+        4326, int(points.attrs["crs"].split(":")[-1]), always_xy=True
+    )
     east, north = to_map.transform(np.rad2deg(longitude), np.rad2deg(latitude))
     stored = np.stack([points[name].values for name in ("easting", "northing", "up")])
     npt.assert_allclose(np.stack([east, north, height]), stored, rtol=0, atol=ROUND_TRIP)

@@ -66,12 +66,14 @@ def test_what_the_body_sees_gives_the_points_back(leeward):
         distance = np.linalg.norm(seen[k])
         # the fan is turned forward until the return lies in it
         tilt = Mounting(scanner_rotation=(0.0, np.arctan2(-x, -z), 0.0))
-        scan = xr.Dataset({
-            "time": ("scan", times[k : k + 1]),
-            "range": (("scan", "beam"), [[distance]]),
-            "angle": ("beam", [np.arcsin(y / distance)]),
-            "delay": ("beam", [0.0]),
-        })  # fmt: skip
+        scan = xr.Dataset(
+            {
+                "time": ("scan", times[k : k + 1]),
+                "range": (("scan", "beam"), [[distance]]),
+                "angle": ("beam", [np.arcsin(y / distance)]),
+                "delay": ("beam", [0.0]),
+            }
+        )
         (found,) = georeference([scan], trajectory, tilt)
         at = [found.easting.item(), found.northing.item(), found.up.item()]
         npt.assert_allclose(at, local[k], rtol=0, atol=FORWARD)

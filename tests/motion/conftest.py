@@ -40,10 +40,14 @@ def run_of(knots, scene, *, seed=None, number=0):
             "navigation": xr.Dataset({k: ("epoch", np.array(v)) for k, v in epochs.items()}),
             "accelerometers": accelerometers,
             "truth/body": xr.Dataset({k: ("knot", v) for k, v in body.items()}),
-            "/": xr.Dataset(attrs={"mounting": (scene.declared or mounting).to_attrs(),
-                                   "origin": list(scene.origin)}),
+            "/": xr.Dataset(
+                attrs={
+                    "mounting": (scene.declared or mounting).to_attrs(),
+                    "origin": list(scene.origin),
+                }
+            ),
         }
-    )  # fmt: skip
+    )
 
 
 def knots_of(scene, path=None):

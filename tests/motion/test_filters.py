@@ -21,10 +21,16 @@ def swinging(frequency, duration=4.0, apart=2, amplitude=1e-3):
     acceleration = -amplitude * omega**2 * np.sin(omega * fine)[:, None] * np.ones(3)
     knot = np.arange(0, fine.size, apart)
     inertial = InertialAccelerations(
-        fine=fine, acceleration=acceleration, knot=knot, share=np.full((3, 3), 1 / 3),
-        per_sensor=acceleration, lost=np.zeros((fine.size - 1, 3)),
-        bridged=np.zeros(fine.size, dtype=bool), middle=np.zeros(3), turns=True,
-    )  # fmt: skip
+        fine=fine,
+        acceleration=acceleration,
+        knot=knot,
+        share=np.full((3, 3), 1 / 3),
+        per_sensor=acceleration,
+        lost=np.zeros((fine.size - 1, 3)),
+        bridged=np.zeros(fine.size, dtype=bool),
+        middle=np.zeros(3),
+        turns=True,
+    )
     truth = amplitude * np.sin(omega * fine[knot])[:, None] * np.ones(3)
     return inertial, truth
 
@@ -91,9 +97,11 @@ def test_wiener_is_better_than_any_butterworth():
     navigation = truth + white * rng.standard_normal(truth.shape)
     one = np.ones(3)
     spectra = filters.ErrorSpectra(
-        white=2 * white**2 / 1000.0 * one, wander=0 * one, acceleration=density**2 * one,
+        white=2 * white**2 / 1000.0 * one,
+        wander=0 * one,
+        acceleration=density**2 * one,
         walk=0 * one,
-    )  # fmt: skip
+    )
     error = np.std(filters.wiener_filter(inertial, navigation, spectra)[0] - truth)
     for cutoff in (0.2, 0.5, 1.0, 3.0, 10.0):
         other, _ = filters.zero_phase(inertial, navigation, cutoff=cutoff, order=2)

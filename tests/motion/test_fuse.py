@@ -199,9 +199,11 @@ def test_perfect_accelerometers_elsewhere_in_the_body():
     scene, path = read_scene("bounce")
     places = ((1.0, 0.7, 0.2), (0.6, -0.8, 1.5), (-1.2, 0.1, 0.9), (0.3, 0.4, -0.5))
     scene = replace(
-        scene, navigation=PERFECT, declared=None,
+        scene,
+        navigation=PERFECT,
+        declared=None,
         accelerometers=replace(FLAWLESS, positions=places),
-    )  # fmt: skip
+    )
     run = run_of(knots_of(scene, path), scene)
     errors = Errors(run, fuse_motion(run, settings=FusionSettings(gravity=9.80665)).trajectory)
     assert_allclose(errors.point, 0.0, rtol=0, atol=NO_NOISE)

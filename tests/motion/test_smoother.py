@@ -35,7 +35,7 @@ def model(n=40, parameters=2, seed=1):
         measured=rng.standard_normal((at.size, 3)),
         design=np.eye(3) + 0.3 * rng.standard_normal((at.size, 3, 3)),
         variance=rng.uniform(0.5, 1.0, (at.size, 3)),
-    ), at  # fmt: skip
+    ), at
 
 
 def transition(m, k, size):
@@ -124,8 +124,12 @@ def log_likelihood(m, at, state, covariance):
     rows[:, :, :3], rows[:, :, 3:6] = m.design, m.design * m.before[:, None, None]
     rows[:, :, -3:] = np.eye(3)
     seen = np.concatenate([h @ means[k] for h, k in zip(rows, at, strict=True)])
-    spread = np.block([[rows[i] @ joint[at[i], at[j]] @ rows[j].T for j in range(at.size)]
-                       for i in range(at.size)])  # fmt: skip
+    spread = np.block(
+        [
+            [rows[i] @ joint[at[i], at[j]] @ rows[j].T for j in range(at.size)]
+            for i in range(at.size)
+        ]
+    )
     return multivariate_normal(seen, spread + np.diag(m.variance.ravel())).logpdf(
         m.measured.ravel()
     )

@@ -31,10 +31,14 @@ def tumbling(step=STEP, duration=1.0):
     velocity, turning = rates(time)
     n = time.size
     trajectory = Trajectory(
-        time=time, position=position, velocity=velocity, quaternion=rotation.as_quat(),
-        angular_velocity=turning, covariance=np.tile(np.eye(6), (n, 1, 1)),
+        time=time,
+        position=position,
+        velocity=velocity,
+        quaternion=rotation.as_quat(),
+        angular_velocity=turning,
+        covariance=np.tile(np.eye(6), (n, 1, 1)),
         flag=np.zeros(n, np.uint8),
-    )  # fmt: skip
+    )
     return trajectory, pose, rates
 
 

@@ -34,12 +34,17 @@ SMALL = [
     RigidDisc(radius=0.1, width=0.06, lines=5),
     TandemCams(spacing=0.03, half_length=0.1, half_height=0.1, order=1.8, width=0.06, across=3),
     RadialSpringTyre(
-        radius=0.1, width=0.06, load=100.0, rated_load=100.0, stiffness=2e4, contact_length=0.03,
+        radius=0.1,
+        width=0.06,
+        load=100.0,
+        rated_load=100.0,
+        stiffness=2e4,
+        contact_length=0.03,
         sections=3,
     ),
     LineLaser(width=0.06, spots=7),
     PatchMean(length=0.04, width=0.06, lines=3),
-]  # fmt: skip
+]
 TYRE = pytest.mark.parametrize("tyre", SMALL, ids=lambda tyre: type(tyre).__name__)
 
 
@@ -222,9 +227,12 @@ def test_what_cannot_roll_is_refused():
     with pytest.raises(CoverageError, match="at least 2 points"):
         tyre_envelope(make_profile([0.0], [0.0]))
     way = WheelPath(
-        s=np.array([0.0, 0.1, 0.3]), easting=np.array([0.5, 0.6, 0.8]), northing=np.zeros(3),
-        heading=np.zeros(3), length=0.3,
-    )  # fmt: skip
+        s=np.array([0.0, 0.1, 0.3]),
+        easting=np.array([0.5, 0.6, 0.8]),
+        northing=np.zeros(3),
+        heading=np.zeros(3),
+        length=0.3,
+    )
     with pytest.raises(CoverageError, match="the path must be equally spaced"):
         tyre_envelope(road, way)
     with pytest.raises(ValueError, match="path must not be given with a profile"):

@@ -136,8 +136,10 @@ def test_down_and_up_again_no_work_is_left():
     away, low, count = TYRE.radius + 0.02, TYRE.radius - 0.015, 4000
     rise = np.linspace(low, away, count)
     way = np.linspace(-0.06, 0.03, count)
-    down, up = (np.trapezoid([pressed(TYRE, ground, z, at)[0] for z in rise], rise)
-                for at in (way[0], way[-1]))  # fmt: skip
+    down, up = (
+        np.trapezoid([pressed(TYRE, ground, z, at)[0] for z in rise], rise)
+        for at in (way[0], way[-1])
+    )
     along = np.trapezoid([pressed(TYRE, ground, low, x)[1] for x in way], way)
     stored = pressed(TYRE, ground, low, way[0])[2]
     assert_allclose(down, stored, rtol=1e-5, atol=0)  # the rule of trapezoids over 8 um

@@ -123,9 +123,15 @@ def test_a_plane_is_its_own_profile(statistic, area, name):
 
 
 @given(
-    st.sampled_from(sorted(GROUNDS)), st.sampled_from(AREAS), st.sampled_from(EVERY),
-    slopes, slopes, angles, angles, st.floats(-2000, 2000),
-)  # fmt: skip
+    st.sampled_from(sorted(GROUNDS)),
+    st.sampled_from(AREAS),
+    st.sampled_from(EVERY),
+    slopes,
+    slopes,
+    angles,
+    angles,
+    st.floats(-2000, 2000),
+)
 def test_a_tilted_plane_is_its_own_levelled_profile(
     name, area, statistic, slope, camber, heading, course, level
 ):
@@ -134,9 +140,13 @@ def test_a_tilted_plane_is_its_own_levelled_profile(
 
 
 @given(
-    st.sampled_from(sorted(GROUNDS)), st.sampled_from(AREAS), st.sampled_from(EVERY),
-    angles, angles, st.floats(-2000, 2000),
-)  # fmt: skip
+    st.sampled_from(sorted(GROUNDS)),
+    st.sampled_from(AREAS),
+    st.sampled_from(EVERY),
+    angles,
+    angles,
+    st.floats(-2000, 2000),
+)
 def test_a_level_plane_is_its_own_profile(name, area, statistic, heading, course, level):
     ground = GROUNDS[name](heading, plane(0, 0, level))
     profile = tyre_profile(ground, line(course), area=area, statistic=statistic)

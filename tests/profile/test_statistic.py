@@ -168,9 +168,11 @@ def test_the_steepest_height_is_the_highest_mode_of_the_smoothed_density(name, n
         top = lattice[density.argmax()]
         width = max(lattice[1] - lattice[0], 1e-3 * bandwidth)
         best = minimize_scalar(
-            lambda z: -triweight(z, row, bandwidth), # noqa: B023 - used at once
-            bounds=(top - width, top + width), method="bounded", options={"xatol": 1e-12},
-        )  # fmt: skip
+            lambda z: -triweight(z, row, bandwidth),  # noqa: B023 - used at once
+            bounds=(top - width, top + width),
+            method="bounded",
+            options={"xatol": 1e-12},
+        )
         # at least as high as what was found by search, and at the same place if not tied
         assert triweight(got, row, bandwidth) >= -best.fun * (1 - 1e-9)
         assert_allclose(got, best.x, rtol=0, atol=1e-6 * bandwidth + MODE)

@@ -110,9 +110,11 @@ def bend():
     height = 103.0 + 0.02 * np.sin(3 * u)[:, None] + 0.01 * v
     height[40:50, 5:9] = np.nan
     return make_surface(
-        height, u=u, v=v,
+        height,
+        u=u,
+        v=v,
         easting=412_300.0 + np.concatenate([[0.0], np.cumsum(0.05 * np.cos(heading))]),
         northing=5_318_200.0 + np.concatenate([[0.0], np.cumsum(0.05 * np.sin(heading))]),
         sd=np.where(np.isnan(height), np.nan, 1e-4 * (1 + u)[:, None]),
         count=np.isfinite(height) * 7,
-    )  # fmt: skip
+    )

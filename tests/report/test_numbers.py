@@ -68,7 +68,9 @@ def test_tables_align_numbers_and_head_them_with_units(page_of):
     page = page_of(
         Table(
             columns=(
-                Column(label="Track"), Column(label="IRI", unit="m/km"), Column(label="Segments"),
+                Column(label="Track"),
+                Column(label="IRI", unit="m/km"),
+                Column(label="Segments"),
                 Column(label="Bias", unit="mm", digits=2),
             ),
             rows=[
@@ -78,7 +80,7 @@ def test_tables_align_numbers_and_head_them_with_units(page_of):
             ],
             caption="Each track",
         )
-    )  # fmt: skip
+    )
     assert page.texts("th", scope="col") == ["Track", "IRI [m/km]", "Segments", "Bias [mm]"]
     assert page.texts("th", scope="row") == ["left", "right", "middle"]
     right = page.texts("td", class_="number")

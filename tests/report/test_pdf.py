@@ -64,16 +64,23 @@ def everything(surface, folder):
     (folder / "cloud.laz").write_bytes(b"12345")
     steps = provenance.provenance_steps(
         provenance.add_step(
-            xr.Dataset(), "grid", parameters={"long": "x" * 300, "name": EVIL},
+            xr.Dataset(),
+            "grid",
+            parameters={"long": "x" * 300, "name": EVIL},
             inputs=[folder / "cloud.laz"],
         )
-    )  # fmt: skip
+    )
     return Report(
         title=f"Title {EVIL}",
         subtitle=f"Subtitle {EVIL}",
         headline=tuple(
-            Number(label=f"Label {k} {EVIL}", value=12345.6 * k, unit="m²", verdict=verdict,
-                   note=f"note {k}")
+            Number(
+                label=f"Label {k} {EVIL}",
+                value=12345.6 * k,
+                unit="m²",
+                verdict=verdict,
+                note=f"note {k}",
+            )
             for k, verdict in enumerate(("good", "bad", "unknown", None))
         ),
         sections=(
@@ -85,7 +92,8 @@ def everything(surface, folder):
                     Table(
                         columns=(Column(label="Name"), Column(label="Height", unit="mm")),
                         rows=[("one", -1.25), ("two", None), (EVIL, 3.5)],
-                        caption="Caption of the table", verdicts=("good", None, "bad"),
+                        caption="Caption of the table",
+                        verdicts=("good", None, "bad"),
                     ),
                     Warnings(items=(f"Warned {EVIL}", "lane 2 is short")),
                     Warnings(items=()),
@@ -101,7 +109,7 @@ def everything(surface, folder):
             ),
         ),
         provenance={"surface": steps},
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="module")
@@ -115,16 +123,33 @@ def full(bend, tmp_path_factory):
 def test_all_that_a_report_holds_is_on_the_pages(full):
     text = text_of(full[2])
     for words in (
-        f"Title {EVIL}", f"Subtitle {EVIL}", f"First {EVIL}", f"Lead {EVIL}", "Second paragraph",
-        f"Text {EVIL}", "Caption of the table", "Name Height [mm] Verdict",
-        "one −1.25 ✓ as required", "two – ",
-        "✗ not as required", "⚠ Doubtful", f"• Warned {EVIL}", "• lane 2 is short",
-        "Nothing doubtful was found.", "Caption of the picture", "Caption of the view",
-        "121 × 21 nodes are drawn: all there are.", "Seen from above",
+        f"Title {EVIL}",
+        f"Subtitle {EVIL}",
+        f"First {EVIL}",
+        f"Lead {EVIL}",
+        "Second paragraph",
+        f"Text {EVIL}",
+        "Caption of the table",
+        "Name Height [mm] Verdict",
+        "one −1.25 ✓ as required",
+        "two – ",
+        "✗ not as required",
+        "⚠ Doubtful",
+        f"• Warned {EVIL}",
+        "• lane 2 is short",
+        "Nothing doubtful was found.",
+        "Caption of the picture",
+        "Caption of the view",
+        "121 × 21 nodes are drawn: all there are.",
+        "Seen from above",
         "cloud.laz all returns 5\u00a0B",
-        "⚠ 2 doubts about this result: see First", "? not known", "37\u00a0037 m²", "note 3",
-        "Provenance", "1. grid (trueterrain",
-    ):  # fmt: skip
+        "⚠ 2 doubts about this result: see First",
+        "? not known",
+        "37\u00a0037 m²",
+        "note 3",
+        "Provenance",
+        "1. grid (trueterrain",
+    ):
         assert words.replace("\u00a0", " ") in text.replace("\u00a0", " "), words
     (hashed,) = full[1].provenance["surface"][0]["inputs"]
     assert hashed["sha256"] in text
@@ -187,8 +212,10 @@ def _placed(page):
 
 
 def test_pictures_are_dense_and_within_the_margins(pdf_of):
-    reader = pdf_of(Picture(figure=drawn(20.0, 4.0), alt="A line"),
-                    Picture(figure=drawn(4.0, 20.0), alt="A line"))  # fmt: skip
+    reader = pdf_of(
+        Picture(figure=drawn(20.0, 4.0), alt="A line"),
+        Picture(figure=drawn(4.0, 20.0), alt="A line"),
+    )
     widths = []
     for page in reader.pages:
         images = page["/Resources"]["/XObject"]
@@ -237,8 +264,9 @@ def test_tables_of_many_columns_stay_on_the_paper_with_their_names(pdf_of):
 
 def test_a_word_longer_than_the_page_is_broken_not_cut(pdf_of):
     word = "abcdefghij" * 30
-    text = text_of(pdf_of(Table(columns=(Column(label="A"), Column(label="B")),
-                                rows=[(word, word)])))  # fmt: skip
+    text = text_of(
+        pdf_of(Table(columns=(Column(label="A"), Column(label="B")), rows=[(word, word)]))
+    )
     assert sum(character in "abcdefghij" for character in text) >= 600
 
 
@@ -255,8 +283,9 @@ def test_cells_and_doubts_longer_than_a_page_go_on_over_it(pdf_of):
 
 @pytest.mark.parametrize("lines", range(20, 60, 4))
 def test_headings_and_captions_stay_with_what_they_are_of(pdf_of, lines):
-    table = Table(columns=(Column(label="A"),), rows=[(f"row{k}",) for k in range(8)],
-                  caption="Caption of it")  # fmt: skip
+    table = Table(
+        columns=(Column(label="A"),), rows=[(f"row{k}",) for k in range(8)], caption="Caption of it"
+    )
     picture = Picture(figure=drawn(), alt="A line", caption="Caption of the line")
     filling = Section(title="Filling", blocks=[Text(paragraph="word")] * lines)
     for block in (table, picture):

@@ -107,10 +107,12 @@ def test_rows_of_blocks_along_a_bend_are_straight(page_of):
     u, v = 0.01 * np.arange(2000), 0.01 * np.arange(-150, 151)
     heading = 0.3 + 0.02 * u[1:]
     bent = make_surface(
-        0.001 * np.add.outer(u, v), u=u, v=v,
+        0.001 * np.add.outer(u, v),
+        u=u,
+        v=v,
         easting=np.concatenate([[0.0], np.cumsum(0.01 * np.cos(heading))]),
         northing=np.concatenate([[0.0], np.cumsum(0.01 * np.sin(heading))]),
-    )  # fmt: skip
+    )
     blocks = reduce_surface(bent, "height")
     assert blocks.factors != (1, 1)
     page = page_of(SurfaceView(surface=bent))
@@ -164,8 +166,11 @@ def test_the_axes_hold_the_lines_too(page_of, bend):
     )
     figure = page.figures()[0]["figure"]
     assert [line.get("name") for line in figure["data"]] == [
-        None, "beyond", "wheel, left", "wheel, right",
-    ]  # fmt: skip
+        None,
+        "beyond",
+        "wheel, left",
+        "wheel, right",
+    ]
     x = page.unpacked(figure["data"][1]["x"])
     assert x.size <= 2000
     axis = figure["layout"]["scene"]["xaxis"]
@@ -196,9 +201,12 @@ def test_a_picture_from_above_stands_in_on_paper(page_of, bend):
 
 def test_a_long_road_is_stretched_in_the_picture_and_says_so(page_of):
     long = make_surface(
-        np.zeros((500, 5)), u=np.arange(500.0), v=np.arange(-2.0, 3.0), easting=np.arange(500.0),
+        np.zeros((500, 5)),
+        u=np.arange(500.0),
+        v=np.arange(-2.0, 3.0),
+        easting=np.arange(500.0),
         northing=np.zeros(500),
-    )  # fmt: skip
+    )
     page = page_of(SurfaceView(surface=long))
     assert "the width drawn 20 times as large as the length" in page.texts("p", class_="note")[0]
     assert "the width drawn" not in page_of(SurfaceView(surface=plain((9, 9)))).source

@@ -135,9 +135,12 @@ def test_a_disturbing_wave_is_rated_as_the_response_of_the_car():
     lengths, heights = np.array([15.0, 6.0]), np.array([0.010, 0.002])
     ground, wave = (a * np.sin(2 * np.pi * s / x) for a, x in zip(heights, lengths, strict=True))
     found = pair(
-        make_profile(s, ground), make_profile(s, ground + wave),
-        max_scale=0, max_shift=0.01, settle=60.0,
-    )  # fmt: skip
+        make_profile(s, ground),
+        make_profile(s, ground + wave),
+        max_scale=0,
+        max_shift=0.01,
+        settle=60.0,
+    )
     gains = QuarterCar().gain(lengths) * np.sinc(0.25 / lengths)
     amplitudes = gains * 2 * np.pi * heights / lengths
     ratio = (amplitudes[1] / amplitudes[0]) ** 2

@@ -50,8 +50,12 @@ def test_statistics_of_normal_errors_are_their_standard_deviation():
     runs = {"R": make_profile(s, road(s)), "A": make_profile(s, road(s) + noise)}
     found = height_errors(runs, "R", registration="none", trend=1).squeeze()
     # relative sd of rms 0.7 / sqrt(n), of nmad 1.2 / sqrt(n), of the percentile 1.2 / sqrt(n)
-    assert_allclose([found.rms / sd, found.nmad / sd, found.p95 / sd / 1.95996], 1.0, rtol=0,
-                    atol=5 * 1.2 / np.sqrt(n))  # fmt: skip
+    assert_allclose(
+        [found.rms / sd, found.nmad / sd, found.p95 / sd / 1.95996],
+        1.0,
+        rtol=0,
+        atol=5 * 1.2 / np.sqrt(n),
+    )
 
 
 def test_bias_and_precision_of_repeats():

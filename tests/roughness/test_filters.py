@@ -108,9 +108,14 @@ def test_turning_the_road_round_turns_the_result_round():
 def test_tracks_positions_and_history_are_kept():
     height = np.random.default_rng(7).standard_normal((2, 3001))
     profile = make_profile(
-        S[:3001], height, tracks=["left", "right"], crs="EPSG:32632",
-        easting=height + 5, northing=height - 5, sd=abs(height),
-    )  # fmt: skip
+        S[:3001],
+        height,
+        tracks=["left", "right"],
+        crs="EPSG:32632",
+        easting=height + 5,
+        northing=height - 5,
+        sd=abs(height),
+    )
     out = filter_profile(profile, BAND)
     assert list(out.track.values) == ["left", "right"]
     assert out.crs == "EPSG:32632"

@@ -30,9 +30,9 @@ def test_belgian_block_is_not_questioned():
 
 
 @pytest.mark.parametrize(
-    "name", ["asam/belgian_block.crg", "chrono/Horstwalde.crg",
-             "chrono/detrended_rms_course_4in.crg"],
-)  # fmt: skip
+    "name",
+    ["asam/belgian_block.crg", "chrono/Horstwalde.crg", "chrono/detrended_rms_course_4in.crg"],
+)
 def test_measured_courses_are_not_questioned(data, name):
     surface = open_file(data / "opencrg" / name)
     for v in (0.5, -0.5):

@@ -19,9 +19,12 @@ def _uneven(seed=3, count=400):
 def test_a_slope_stays_a_slope_in_all_tracks():
     s = _uneven()
     road = make_profile(
-        s, [0.01 * s, -0.02 * s], tracks=["left", "right"], sd=np.full((2, s.size), 0.001),
+        s,
+        [0.01 * s, -0.02 * s],
+        tracks=["left", "right"],
+        sd=np.full((2, s.size), 0.001),
         easting=np.stack([s, s]),
-    )  # fmt: skip
+    )
     even = resample_profile(road, 0.05)
     np.testing.assert_allclose(np.diff(even.s), 0.05, rtol=0, atol=ROUNDING)
     assert even.s[0] == s[0]

@@ -23,9 +23,14 @@ QUINTIC = 1e-8  # [m/s^2] what a quintic over 1 ms leaves of a sine of up to 3 H
 # 1e-16 x 1.4 m x 60 / (1 ms)^2.
 KNOTS = 1e-8  # [m/s^2]
 PERFECT = {
-    "noise_density": 0.0, "bias_sd": 0.0, "bias_walk": 0.0, "scale_sd": 0.0, "tilt_sd": 0.0,
-    "filter_order": 0, "full_scale": np.inf,
-}  # fmt: skip
+    "noise_density": 0.0,
+    "bias_sd": 0.0,
+    "bias_walk": 0.0,
+    "scale_sd": 0.0,
+    "tilt_sd": 0.0,
+    "filter_order": 0,
+    "full_scale": np.inf,
+}
 NAMES = {name: column for column, name in enumerate(COMPONENTS)}
 
 
@@ -395,8 +400,12 @@ def test_knots_of_a_block_need_only_reach_as_far_as_the_block():
     parts = []
     for first, last in [(0, 500), (500, 1100), (1100, 2000)]:
         cut = slice(first, last + 1)
-        part = PoseKnots(time=knots.time[cut], pose=knots.pose[cut], rate=knots.rate[cut],
-                         acceleration=knots.acceleration[cut])  # fmt: skip
+        part = PoseKnots(
+            time=knots.time[cut],
+            pose=knots.pose[cut],
+            rate=knots.rate[cut],
+            acceleration=knots.acceleration[cut],
+        )
         block = instrument.record(part, knots.time[first], knots.time[last])
         parts.append(block.recorded["acceleration"])
     npt.assert_array_equal(np.concatenate(parts), whole)
@@ -418,9 +427,11 @@ def test_a_triangle_is_level_and_even():
     corners = np.array(sensor_triangle((-2.0, 0.1, 1.0), 0.4))
     npt.assert_allclose(corners.mean(axis=0), [-2.0, 0.1, 1.0], rtol=0, atol=EXACT)
     npt.assert_allclose(
-        np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1), 0.4 * np.sqrt(3),
-        rtol=0, atol=EXACT,
-    )  # fmt: skip
+        np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1),
+        0.4 * np.sqrt(3),
+        rtol=0,
+        atol=EXACT,
+    )
     assert np.ptp(corners[:, 2]) == 0
     with pytest.raises(ValueError, match="radius must be greater than 0"):
         sensor_triangle((0.0, 0.0, 0.0), 0.0)

@@ -168,11 +168,21 @@ def test_lanes_are_in_opposition_as_measured(measured, simulated):
 
 
 SMOOTH: dict[str, Any] = {
-    "row_scatter": 0.0, "row_waviness": 0.0, "block_scatter": 0.0, "block_slant": 0.0,
-    "bond_scatter": 0.0, "joint_depth_scatter": 0.0, "crown": 0.0, "height_scatter": 0.0,
-    "tilt_scatter": 0.0, "lean": 0.0, "texture": 0.0, "field_height": 0.0, "field_scatter": 0.0,
+    "row_scatter": 0.0,
+    "row_waviness": 0.0,
+    "block_scatter": 0.0,
+    "block_slant": 0.0,
+    "bond_scatter": 0.0,
+    "joint_depth_scatter": 0.0,
+    "crown": 0.0,
+    "height_scatter": 0.0,
+    "tilt_scatter": 0.0,
+    "lean": 0.0,
+    "texture": 0.0,
+    "field_height": 0.0,
+    "field_scatter": 0.0,
     "undulation": 0.0,
-}  # fmt: skip
+}
 
 
 def test_without_scatter_the_tops_are_level_and_the_joints_regular():

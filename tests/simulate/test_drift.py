@@ -80,9 +80,11 @@ def test_short_passes_differ_from_seed_to_seed_as_the_measured_ones_do_from_plac
     deviation; within three times that.
     """
     still = PoseKnots(
-        time=np.array([0.0, 8.0]), pose=np.zeros((2, 6)), rate=np.zeros((2, 6)),
+        time=np.array([0.0, 8.0]),
+        pose=np.zeros((2, 6)),
+        rate=np.zeros((2, 6)),
         acceleration=np.zeros((2, 6)),
-    )  # fmt: skip
+    )
     instrument = Navigation(rate=20.0)
 
     def recorded(seed, number):

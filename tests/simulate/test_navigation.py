@@ -70,8 +70,10 @@ def test_an_event_at_t_is_stamped_t_less_clock():
 def test_a_clock_offset_holds_at_the_begin_of_the_pass():
     parameters = Navigation(**PERFECT, clock_offset=0.002, clock_rate=1e-4)
     stream = NavigationStream(parameters, seed=1, begin=1000.0)
-    knots = PoseKnots(time=np.array([1000.0, 1001.0]), **dict.fromkeys(
-        ("pose", "rate", "acceleration"), np.zeros((2, 6))))  # fmt: skip
+    knots = PoseKnots(
+        time=np.array([1000.0, 1001.0]),
+        **dict.fromkeys(("pose", "rate", "acceleration"), np.zeros((2, 6))),
+    )
     recorded, truth = stream.record(knots, 1000.0, 1001.0)
     clock = truth["true_time"] - recorded["time"]
     npt.assert_allclose(clock[[0, -1]], [0.002, 0.0021], rtol=0, atol=1e-6)  # 5 ms x 1e-4
@@ -105,8 +107,11 @@ def test_blocks_do_not_matter(order, rate):
     knots, _ = random_motion(2.0)
     parameters = Navigation(
         rate=rate,
-        quality=QUALITY, drift=GaussMarkovDrift(order=order), clock_offset=0.01, clock_rate=1e-5
-    )  # fmt: skip
+        quality=QUALITY,
+        drift=GaussMarkovDrift(order=order),
+        clock_offset=0.01,
+        clock_rate=1e-5,
+    )
     whole = NavigationStream(parameters, seed=3, pass_number=1).record(knots, 0.0, 2.0)
     rng = np.random.default_rng(1)
     for edges in (np.linspace(0, 2, 5), np.r_[0, np.sort(rng.uniform(0, 2, 300)), 2]):

@@ -82,8 +82,9 @@ def test_an_outage_grows_from_the_last_value_with_the_square_of_time():
     error, _, _ = errors(quality, 100, rate=10.0, accuracy=accuracy)
     t = np.arange(1, 501) / 10
     grown = error[500:] - error[499]
-    npt.assert_allclose(grown / t[:, None] ** 2, np.tile(grown[-1] / 2500, (500, 1)), rtol=0,
-                        atol=1e-11)  # fmt: skip
+    npt.assert_allclose(
+        grown / t[:, None] ** 2, np.tile(grown[-1] / 2500, (500, 1)), rtol=0, atol=1e-11
+    )
     assert (abs(grown[-1]) > 0.5).any()
 
 
@@ -98,9 +99,12 @@ def test_an_outage_without_acceleration_is_a_random_walk():
 
 def test_promised_variance_holds_through_all_states():
     quality = [
-        state(5.0, "decimetre"), state(20.0, "outage"), state(80.0, "standalone"),
-        state(120.0, "outage"), state(140.0, "base station"),
-    ]  # fmt: skip
+        state(5.0, "decimetre"),
+        state(20.0, "outage"),
+        state(80.0, "standalone"),
+        state(120.0, "outage"),
+        state(140.0, "base station"),
+    ]
     error, variance = many(quality, 160, accuracy=PositionAccuracy(outage_acceleration=3e-3))
     for epoch in (5, 19, 20, 50, 79, 80, 119, 139, 141, 150):
         ratio = error[:, epoch] / np.sqrt(variance[:, epoch])[:, None]

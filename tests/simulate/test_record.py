@@ -42,24 +42,35 @@ ASKEW = Mounting(
 )
 NAVIGATION = Navigation(clock_offset=0.0042, clock_rate=-5e-4)
 ACCELEROMETERS = Accelerometers(
-    positions=sensor_triangle((-2.1, 0.12, 1.15), 0.5), noise_density=0.0, filter_order=0,
-    scale_sd=0.01, tilt_sd=0.02, clock_offset=-0.0021, clock_rate=3e-4,
-)  # fmt: skip
+    positions=sensor_triangle((-2.1, 0.12, 1.15), 0.5),
+    noise_density=0.0,
+    filter_order=0,
+    scale_sd=0.01,
+    tilt_sd=0.02,
+    clock_offset=-0.0021,
+    clock_rate=3e-4,
+)
 
 
 def stretch(name: str, *drives: dict[str, Any], **changes: Any) -> Scene:
     """Parts of the passes of a ready scene, recorded without noise."""
     scene, _ = read_scene(name)
-    passes = tuple(
-        replace(drive, **how) for drive, how in zip(scene.passes, drives, strict=True)
-    )  # fmt: skip
-    few_waves = tuple({**table, "waves": 200} if "waves" in table else table
-                      for table in scene.ground)  # fmt: skip
+    passes = tuple(replace(drive, **how) for drive, how in zip(scene.passes, drives, strict=True))
+    few_waves = tuple(
+        {**table, "waves": 200} if "waves" in table else table for table in scene.ground
+    )
     return replace(
-        scene, passes=passes, ground=few_waves,
-        **{"scanner": NOISE_FREE, "mounting": ASKEW, "navigation": NAVIGATION,
-           "accelerometers": ACCELEROMETERS} | changes,
-    )  # fmt: skip
+        scene,
+        passes=passes,
+        ground=few_waves,
+        **{
+            "scanner": NOISE_FREE,
+            "mounting": ASKEW,
+            "navigation": NAVIGATION,
+            "accelerometers": ACCELEROMETERS,
+        }
+        | changes,
+    )
 
 
 def oval() -> Scene:
@@ -67,9 +78,13 @@ def oval() -> Scene:
     scene = stretch("oval", {}, raster=0.02)
     into = ScenePass(name="into", start=58.0, length=4.0, speed=scene.passes[0].speed)
     back = ScenePass(
-        name="back", start=100.0, length=3.0, lane=-1.5, reverse=True,
+        name="back",
+        start=100.0,
+        length=3.0,
+        lane=-1.5,
+        reverse=True,
         speed={"kind": "ramp", "begin": 8.0, "end": 10.0, "distance": 3.0},
-    )  # fmt: skip
+    )
     return replace(scene, passes=(into, back))
 
 
@@ -92,7 +107,9 @@ SCENES = {
         "belgian-two-lanes", {"start": 20.0, "length": 1.7}, {"start": 24.0, "length": 1.7}
     ),
     "highway-two-lanes": lambda: stretch(
-        "highway-two-lanes", {"start": 60.0, "length": 6.0}, {"start": 150.0, "length": 6.0},
+        "highway-two-lanes",
+        {"start": 60.0, "length": 6.0},
+        {"start": 150.0, "length": 6.0},
         raster=0.02,
     ),
     "three-lanes": lambda: stretch(
@@ -103,10 +120,12 @@ SCENES = {
     "dynamic-plate-excited": lambda: over_the_plate("dynamic-plate-excited"),
     "bounce": bounce,
     "boresight": lambda: stretch(
-        "boresight", {"start": 11.6, "length": 1.6}, {"start": 13.4, "length": 1.6},
+        "boresight",
+        {"start": 11.6, "length": 1.6},
+        {"start": 13.4, "length": 1.6},
         mounting=read_scene("boresight")[0].mounting,
     ),
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True)

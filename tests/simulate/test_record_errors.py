@@ -80,14 +80,17 @@ def test_two_passes_drift_apart_by_the_moments_asked_for():
     knots = np.zeros((2, 6))
     still = PoseKnots(time=np.array([0.0, time]), pose=knots, rate=knots, acceleration=knots)
     parameters = Navigation(rate=1.0, noise=(0.0,) * 6)
-    up = np.array([
+    up = np.array(
         [
-            NavigationStream(parameters, seed=seed, pass_number=number)
-            .record(still, 0.0, time).recorded["up"]
-            for number in (0, 1)
+            [
+                NavigationStream(parameters, seed=seed, pass_number=number)
+                .record(still, 0.0, time)
+                .recorded["up"]
+                for number in (0, 1)
+            ]
+            for seed in range(seeds)
         ]
-        for seed in range(seeds)
-    ])  # fmt: skip
+    )
     difference = up[:, 1] - up[:, 0]
     sd, mean, within = 0.025, -0.042, 25  # [m], [m], [s]
     for second in (0, 25, 50):
@@ -101,9 +104,11 @@ def test_two_passes_drift_apart_by_the_moments_asked_for():
     # what changes within a swath of some seconds: sqrt(2 (1 - exp(-1 / 25))) of the spread
     change = np.diff(difference, axis=1)
     npt.assert_allclose(
-        change.std(), sd * np.sqrt(2 * (1 - np.exp(-1 / within))), rtol=0,
+        change.std(),
+        sd * np.sqrt(2 * (1 - np.exp(-1 / within))),
+        rtol=0,
         atol=4 * 0.28 * sd / np.sqrt(2 * change.size),
-    )  # fmt: skip
+    )
 
 
 def test_recorded_navigation_of_two_passes_is_wrong_by_different_errors(runs):

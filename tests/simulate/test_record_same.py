@@ -83,22 +83,23 @@ def test_a_seed_makes_the_same_bytes_for_any_block_and_any_number_of_threads(tmp
 
 
 def test_a_seed_makes_the_noise_and_not_the_ground(tmp_path):
-    runs = [
-        open_run(recorded(scene(seed=seed), tmp_path / str(seed))) for seed in (1, 2)
-    ]  # fmt: skip
+    runs = [open_run(recorded(scene(seed=seed), tmp_path / str(seed))) for seed in (1, 2)]
     for same in ("truth/ground", "truth/body", "truth/scanner"):
         one, two = (run[same].to_dataset().load() for run in runs)
         assert one.equals(two)
-    ranges, errors = ([run[name].values for run in runs]
-                      for name in ("scans/range", "truth/returns/range_error"))  # fmt: skip
+    ranges, errors = (
+        [run[name].values for run in runs] for name in ("scans/range", "truth/returns/range_error")
+    )
     exact = [a - b for a, b in zip(ranges, errors, strict=True)]
     both = np.isfinite(exact[0]) & np.isfinite(exact[1])  # 0.05 % of each are lost
     assert both.mean() > 0.99
     npt.assert_allclose(exact[0][both], exact[1][both], rtol=0, atol=1.01e-6)  # [m] kept in 1 um
     for name in (
-        "truth/returns/range_error", "scans/intensity", "truth/navigation/error_up",
+        "truth/returns/range_error",
+        "scans/intensity",
+        "truth/navigation/error_up",
         "truth/accelerometers/bias",
-    ):  # fmt: skip
+    ):
         one, two = (run[name].values.ravel().astype(float) for run in runs)
         kept = np.isfinite(one) & np.isfinite(two)
         assert not np.array_equal(one[kept], two[kept])

@@ -19,9 +19,14 @@ ANALYTIC = 1e-7  # [m] what is asked of a noise-free range; bisection reaches ro
 ON_RASTER = 1e-9  # [m] round-off: a beam's end is an exact root in its cell
 
 PERFECT = Scanner(
-    range_noise=0.0, quantum=0.0, intensity_noise=0.0, floor=0.0, saturation_bias=0.0,
-    dropouts=0.0, spot_rays=1,
-)  # fmt: skip
+    range_noise=0.0,
+    quantum=0.0,
+    intensity_noise=0.0,
+    floor=0.0,
+    saturation_bias=0.0,
+    dropouts=0.0,
+    spot_rays=1,
+)
 HEIGHT = 2.0  # [m] of the standing scanner
 
 
@@ -198,9 +203,13 @@ def test_a_beam_into_the_sky_meets_nothing():
 
 def test_range_noise_quantum_and_dropouts_have_their_size():
     scanner = Scanner(
-        range_noise=0.0005, quantum=0.0001, dropouts=0.01, floor=0.0, saturation_bias=0.0,
+        range_noise=0.0005,
+        quantum=0.0001,
+        dropouts=0.01,
+        floor=0.0,
+        saturation_bias=0.0,
         spot_rays=1,
-    )  # fmt: skip
+    )
     stream = ScannerStream(scanner, Mounting(), Raster(Plane()), seed=3)
     scans = stream.record(standing(0.2), 0, 0.1)
     lost = np.isnan(scans.range)
@@ -219,9 +228,15 @@ def test_range_noise_quantum_and_dropouts_have_their_size():
 def test_bright_stripes_saturate_and_bias_the_range():
     """Thesis 3.5.1: the range is wrong where the receiver saturates."""
     scanner = Scanner(
-        range_noise=0.0, quantum=0.0, intensity_noise=0.0, dropouts=0.0, gain=40000.0,
-        saturation=20000.0, saturation_bias=-0.002, spot_rays=1,
-    )  # fmt: skip
+        range_noise=0.0,
+        quantum=0.0,
+        intensity_noise=0.0,
+        dropouts=0.0,
+        gain=40000.0,
+        saturation=20000.0,
+        saturation_bias=-0.002,
+        spot_rays=1,
+    )
     stripes = Reflectivity(ground=0.3, stripe=1.0, period=0.5, width=0.1, direction=np.pi / 2)
     stream = ScannerStream(scanner, Mounting(), Plane(), reflectivity=stripes, seed=1)
     scans = stream.record(standing(), 0, 0.001)
@@ -295,12 +310,15 @@ def test_true_time_is_stamp_plus_clock():
 @pytest.mark.parametrize(
     ("name", "value", "rule"),
     [
-        ("beams", 1, "at least 2"), ("rate", 0.0, "greater than 0"),
+        ("beams", 1, "at least 2"),
+        ("rate", 0.0, "greater than 0"),
         ("range_noise", -1.0, "at least 0"),
-        ("duty", 1.5, "at most 1"), ("dropouts", 1.0, "less than 1"), ("spot_rays", 4, "odd"),
+        ("duty", 1.5, "at most 1"),
+        ("dropouts", 1.0, "less than 1"),
+        ("spot_rays", 4, "odd"),
         ("nominal_height", float("nan"), "greater than 0"),
     ],
-)  # fmt: skip
+)
 def test_a_scanner_that_cannot_be(name, value, rule):
     with pytest.raises(ValueError, match=f"{name} must be .*{rule}"):
         Scanner(**{name: value})

@@ -32,10 +32,20 @@ from trueterrain.vehicle import GOLDEN_QUARTER_CAR, named_vehicle
 ROUND_OFF = 1e-9  # [m], [s]
 
 READY = [
-    "belgian-two-lanes", "boresight", "bounce", "dynamic-plate", "dynamic-plate-excited",
-    "highway-two-lanes", "kerb", "oval", "static-plate", "thesis-excited", "thesis-smooth",
-    "thesis-static", "three-lanes",
-]  # fmt: skip
+    "belgian-two-lanes",
+    "boresight",
+    "bounce",
+    "dynamic-plate",
+    "dynamic-plate-excited",
+    "highway-two-lanes",
+    "kerb",
+    "oval",
+    "static-plate",
+    "thesis-excited",
+    "thesis-smooth",
+    "thesis-static",
+    "three-lanes",
+]
 
 
 def stage_of(name):
@@ -295,9 +305,11 @@ def test_parked_bodies_stand_on_the_ground():
     drive = ScenePass(name="a", standing=Standing(duration=1.0, east=3.0))
     for vehicle in (Vehicle(model="rigid", height=0.9), Vehicle(parameters={"cg_height": 0.9})):
         scene = Scene(
-            name="s", ground=({"kind": "plane", "elevation": 2.0},), passes=(drive,),
+            name="s",
+            ground=({"kind": "plane", "elevation": 2.0},),
+            passes=(drive,),
             vehicle=vehicle,
-        )  # fmt: skip
+        )
         pose = set_stage(scene).motion(drive).knots(0.0, 1.0).pose[0]
         npt.assert_allclose(pose, [3.0, 0, 2.9, 0, 0, 0], rtol=0, atol=ROUND_OFF)
 
@@ -322,32 +334,24 @@ BAD = {
     'course = "straight"': r'course: must be a table, got "straight"',
     "course = { length = 5.0 }": r"course: kind is missing \(known are straight, arc,",
     'course = { kind = "oval" }': r"course: straight: is missing; radius: is missing",
-    'course = { kind = "waypoints", points = [[0.0, 0.0]] }':
-        r"course: points must be at least 2 pairs",
-    'course = { kind = "waypoints", points = [[0.0, 0.0], [nan, 0.0]] }':
-        r"course: points must be finite",
+    'course = { kind = "waypoints", points = [[0.0, 0.0]] }': r"course: points must be at least 2 pairs",
+    'course = { kind = "waypoints", points = [[0.0, 0.0], [nan, 0.0]] }': r"course: points must be finite",
     "ground = []": r"ground is missing: it must hold at least one layer",
     'ground = { kind = "plane" }': r"ground: must be a valid array, got a table",
     'ground = [{ kind = "plan" }]': r"ground 1: kind 'plan' is unknown \(did you mean 'plane'\?\)",
-    'ground = [{ kind = "plane" }, { kind = "plane", slop = 1 }]':
-        r"ground 2: slop: is unknown \(did you mean 'slope'\?\)",
+    'ground = [{ kind = "plane" }, { kind = "plane", slop = 1 }]': r"ground 2: slop: is unknown \(did you mean 'slope'\?\)",
     'ground = [{ kind = "plane", slope = nan }]': r"ground 1: slope must be finite, got nan",
     'ground = [{ kind = "stones", seed = -3 }]': r"ground 1: seed must be at least 0",
-    'ground = [{ kind = "plate", length = 0.5 }]':
-        r"ground 1: length must leave room for the 3 cleats, which need 0\.684 m, got 0\.5 m",
-    'ground = [{ kind = "plate", pitch = 0.05 }]':
-        r"ground 1: pitch must be at least the cleat of 0\.076 m, got 0\.05 m",
+    'ground = [{ kind = "plate", length = 0.5 }]': r"ground 1: length must leave room for the 3 cleats, which need 0\.684 m, got 0\.5 m",
+    'ground = [{ kind = "plate", pitch = 0.05 }]': r"ground 1: pitch must be at least the cleat of 0\.076 m, got 0\.05 m",
     'ground = [{ kind = "plate", cleats = [] }]': r"ground 1: cleats must hold at least one",
     'ground = [{ kind = "plate", thickness = -0.1 }]': r"thickness must be at least 0 m, got -0\.1",
     'ground = [{ kind = "plate", rise = nan }]': r"rise must be greater than 0 m, got nan",
     'ground = [{ kind = "plate", north = inf }]': r"north must be finite, got inf",
     'ground = [{ kind = "crg", file = "none.crg" }]': r"ground 1: .*none\.crg: does not exist",
-    'ground = [{ kind = "crg", file = "damaged.crg" }]':
-        r"ground 1: .*damaged\.crg: line 1: the header has no end",
-    'ground = [{ kind = "crg", file = "damaged.crg", mirored = true }]':
-        r"mirored: is unknown \(did you mean 'mirrored'\?\)",
-    'ground = [{ kind = "crg", file = "good.crg", part_u = [0.0, 99.0] }]':
-        r"part_u must be two ascending values from 0\.0 to",
+    'ground = [{ kind = "crg", file = "damaged.crg" }]': r"ground 1: .*damaged\.crg: line 1: the header has no end",
+    'ground = [{ kind = "crg", file = "damaged.crg", mirored = true }]': r"mirored: is unknown \(did you mean 'mirrored'\?\)",
+    'ground = [{ kind = "crg", file = "good.crg", part_u = [0.0, 99.0] }]': r"part_u must be two ascending values from 0\.0 to",
     'ground = [{ kind = "crg" }]': r"ground 1: file: is missing",
     "road = { slope = nan }": r"road: slope must be finite, got nan",
     "road = { superelevation = -0.1 }": r"road: superelevation must be at least 0 m/m, got -0\.1",
@@ -366,49 +370,36 @@ BAD = {
     'passes = [{ name = "a", length = 0.0 }]': r"pass a: length must be greater than 0 m, got 0",
     'passes = [{ name = "a", length = 90.0 }]': r"pass a: length must be at most 50 m, .* got 90",
     'passes = [{ name = "a", start = 60.0 }]': r"pass a: start must be from 0 to 50 m",
-    'passes = [{ name = "a", speed = { kind = "constant", speed = 0 } }]':
-        r"pass a, speed: speed must be greater than 0 m/s, or the vehicle never arrives",
-    'passes = [{ name = "a", speed = { kind = "constant", speed = nan } }]':
-        r"pass a, speed: speed must be greater than 0 m/s.* got nan",
-    'passes = [{ name = "a", speed = { kind = "ramp", begin = 5.0, end = 0.0, distance = 9.0 } }]':
-        r"pass a: speed must lead to the end of the path: .* rest after 9 m of 50 m",
-    'passes = [{ name = "a", speed = { kind = "rampe", begin = 5.0 } }]':
-        r"pass a, speed: kind 'rampe' is unknown \(did you mean 'ramp'\?\)",
+    'passes = [{ name = "a", speed = { kind = "constant", speed = 0 } }]': r"pass a, speed: speed must be greater than 0 m/s, or the vehicle never arrives",
+    'passes = [{ name = "a", speed = { kind = "constant", speed = nan } }]': r"pass a, speed: speed must be greater than 0 m/s.* got nan",
+    'passes = [{ name = "a", speed = { kind = "ramp", begin = 5.0, end = 0.0, distance = 9.0 } }]': r"pass a: speed must lead to the end of the path: .* rest after 9 m of 50 m",
+    'passes = [{ name = "a", speed = { kind = "rampe", begin = 5.0 } }]': r"pass a, speed: kind 'rampe' is unknown \(did you mean 'ramp'\?\)",
     'passes = [{ name = "a", speed = 5.0 }]': r"passes\.0\.speed: must be a table, got 5\.0",
-    'passes = [{ name = "a", standing = { duration = -4.0 } }]':
-        r"passes\.0\.standing: duration must be greater than 0 s, got -4",
+    'passes = [{ name = "a", standing = { duration = -4.0 } }]': r"passes\.0\.standing: duration must be greater than 0 s, got -4",
     'passes = [{ name = "a", standing = { yaw = nan } }]': r"standing: yaw must be finite, got nan",
     'passes = [{ name = "a", lane = 1.0, standing = {} }]': r"standing excludes lane, reverse,",
     'passes = [{ name = "a", standing = { waves = [{ component = "heave", amplitude = 1.0, '
     "frequency = 1.0 }] } }]": r"standing\.waves\.0: component must be one of east, north, up",
-    "vehicle = { parameters = { sprung_mass = -1.0 } }":
-        r"vehicle: parameters\.sprung_mass must be finite and greater than 0 kg, got -1",
+    "vehicle = { parameters = { sprung_mass = -1.0 } }": r"vehicle: parameters\.sprung_mass must be finite and greater than 0 kg, got -1",
     "vehicle = { parameters = { sprung_mass = nan } }": r"sprung_mass must be finite .* got nan",
-    "vehicle = { parameters = { sprung_mas = 1.0 } }":
-        r"vehicle: parameters\.sprung_mas is unknown \(did you mean 'sprung_mass'\?\)",
-    'vehicle = { parameters = { sprung_mass = "much" } }':
-        r'vehicle\.parameters\.sprung_mass: must be a valid number, got "much"',
+    "vehicle = { parameters = { sprung_mas = 1.0 } }": r"vehicle: parameters\.sprung_mas is unknown \(did you mean 'sprung_mass'\?\)",
+    'vehicle = { parameters = { sprung_mass = "much" } }': r'vehicle\.parameters\.sprung_mass: must be a valid number, got "much"',
     'vehicle = { model = "vam" }': r"vehicle: model 'vam' is unknown \(did you mean 'van'\?\)",
-    'vehicle = { model = "rigid", parameters = { sprung_mass = 1.0 } }':
-        r"parameters are for a car on springs",
+    'vehicle = { model = "rigid", parameters = { sprung_mass = 1.0 } }': r"parameters are for a car on springs",
     "vehicle = { roll = 0.1 }": r"roll, pitch and waves are for a rigid body, got the model 'van'",
     "vehicle = { height = inf }": r"vehicle: height must be finite, got inf",
     "vehicle = { tyre = { patch_length = -1.0 } }": r"vehicle\.tyre: patch_length must be finite",
-    "declared = { scaner_position = [0.0, 0.0, 0.0] }":
-        r"declared\.scaner_position: is unknown \(did you mean 'scanner_position'\?\)",
+    "declared = { scaner_position = [0.0, 0.0, 0.0] }": r"declared\.scaner_position: is unknown \(did you mean 'scanner_position'\?\)",
     "declared = { scanner_clock = 1.0 }": r"pass pass: the clocks of scanner .* got 1 s",
     "navigation = { clock_rate = 0.05 }": r"pass pass: the clocks of scanner .* got 0\.5 s",
     "mounting = { scanner_rotation = [90.0, 0.0, 0.0] }": r"scanner_rotation must be in radians",
-    "navigation = { drift = { height_sd = -0.1 } }":
-        r"toml: navigation\.drift: height_sd must be at least 0, got -0\.1\.$",
-    "navigation = { drift = { hight_sd = 0.1 } }":
-        r"toml: navigation\.drift\.hight_sd: is unknown \(did you mean 'height_sd'\?\)\.$",
-    'navigation = { quality = [{ begin = 0.0, state = "bad" }] }':
-        r"navigation\.quality\.0\.state: must be 'base station', 'decimetre', .* got \"bad\"",
+    "navigation = { drift = { height_sd = -0.1 } }": r"toml: navigation\.drift: height_sd must be at least 0, got -0\.1\.$",
+    "navigation = { drift = { hight_sd = 0.1 } }": r"toml: navigation\.drift\.hight_sd: is unknown \(did you mean 'height_sd'\?\)\.$",
+    'navigation = { quality = [{ begin = 0.0, state = "bad" }] }': r"navigation\.quality\.0\.state: must be 'base station', 'decimetre', .* got \"bad\"",
     "accelerometers = { positions = [[0.0, 0.0]] }": r"accelerometers\.positions\.0\.2: is missing",
     "truth = { spacing = 0.0 }": r"truth: spacing must be greater than 0 m, got 0",
     "raster = = 1": r"line 2, column 10: is no TOML",
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("text", BAD)
@@ -418,8 +409,13 @@ def test_scenes_that_make_no_sense(text, tmp_path):
         from trueterrain import formats
         from trueterrain.core.schemas import make_surface
 
-        flat = make_surface(np.zeros((11, 11)), u=np.linspace(0, 10, 11), v=np.linspace(-5, 5, 11),
-                            easting=np.linspace(0, 10, 11), northing=np.zeros(11))  # fmt: skip
+        flat = make_surface(
+            np.zeros((11, 11)),
+            u=np.linspace(0, 10, 11),
+            v=np.linspace(-5, 5, 11),
+            easting=np.linspace(0, 10, 11),
+            northing=np.zeros(11),
+        )
         formats.write(flat, tmp_path / "good.crg")
     path = written(tmp_path, text)
     with pytest.raises(FormatError, match=BAD[text]) as raised:

@@ -72,9 +72,13 @@ def test_a_ramp_takes_its_distance():
 @given(st.floats(0.1, 30.0), st.floats(0.2, 5.0), st.floats(0.2, 5.0), st.floats(0.2, 20.0))
 def test_stop_and_go_keeps_its_limits(top, acceleration, deceleration, jerk):
     speed = StopAndGo(
-        speed=top, drive=2.0, stand=1.0,
-        acceleration=acceleration, deceleration=deceleration, jerk=jerk,
-    )  # fmt: skip
+        speed=top,
+        drive=2.0,
+        stand=1.0,
+        acceleration=acceleration,
+        deceleration=deceleration,
+        jerk=jerk,
+    )
     period = speed._pieces.period
     progress = speed.at(np.linspace(0.0, 3 * period, 20001))
     assert progress.speed.max() <= top * (1 + 1e-12)
@@ -128,5 +132,10 @@ def test_braking_to_a_stand_arrives_just_in_time():
     npt.assert_allclose(brake.duration(30.0), 6.0, rtol=0, atol=1e-4)
     npt.assert_allclose(brake.at(100.0).distance, 30.0, **EXACT)
     assert brake.to_dict() == {
-        "kind": "Ramp", "begin": 10.0, "end": 0.0, "time": None, "distance": 30.0, "hold": 0.0
-    }  # fmt: skip
+        "kind": "Ramp",
+        "begin": 10.0,
+        "end": 0.0,
+        "time": None,
+        "distance": 30.0,
+        "hold": 0.0,
+    }

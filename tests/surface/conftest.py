@@ -52,10 +52,13 @@ def drive(tmp_path_factory) -> Callable[..., Driven]:
     ) -> Driven:
         how = {"kind": "constant", "speed": speed}
         scene = Scene(
-            name="drive", course=course, road=road, raster=0.01,
+            name="drive",
+            course=course,
+            road=road,
+            raster=0.01,
             passes=(ScenePass(name="pass", start=start, length=length, speed=how),),
             **{"ground": SMOOTH, "scanner": NOISE_FREE, "navigation": Navigation(), **changes},
-        )  # fmt: skip
+        )
         (path,) = record_scene(scene, tmp_path_factory.mktemp("run"))
         blocks = list(scan_blocks(path))
         trajectory, mounting = exact_trajectory(path), mounting_of(open_run(path))

@@ -37,9 +37,12 @@ COURSES = {
 def grid_of(driven, spacing=0.01, width=1.7):
     begin, end = driven.time[[0, -1]] + driven.mounting.scanner_clock + [0.0, 1e-3]
     line = line_from_trajectory(
-        driven.trajectory, spacing=spacing, lever=driven.mounting.scanner_position, begin=begin,
+        driven.trajectory,
+        spacing=spacing,
+        lever=driven.mounting.scanner_position,
+        begin=begin,
         end=end,
-    )  # fmt: skip
+    )
     return grid_along(line, right=-width, left=width, spacing=spacing)
 
 
@@ -124,9 +127,10 @@ def test_runs_from_their_stores_are_the_same(noise_free):
     npt.assert_allclose(middle.height.values[few], plain.height.values[few], rtol=0, atol=ROUNDED)
     with pytest.raises(ValueError, match="at least one pass"):
         grid_runs([], grid)
-    early = PassRecord(path=noise_free.path, trajectory=replace(
-        noise_free.trajectory, time=noise_free.trajectory.time + 100.0
-    ))  # fmt: skip
+    early = PassRecord(
+        path=noise_free.path,
+        trajectory=replace(noise_free.trajectory, time=noise_free.trajectory.time + 100.0),
+    )
     with pytest.raises(CoverageError, match="covers none of the"):
         grid_runs([early], grid)
 
@@ -176,10 +180,14 @@ def test_scanners_of_one_beam_and_slow_ones(noise_free, beams, span):
     grid, options = grid_of(noise_free), GridSettings(level=False)
     fused, one_by_one = CellSums(grid, options.wanted()), CellSums(grid, options.wanted())
     fused.add_scans(geometry, time, ranges)
-    scans = xr.Dataset({
-        "time": ("scan", time), "range": (("scan", "beam"), ranges), "angle": ("beam", angle),
-        "delay": ("beam", delay),
-    })  # fmt: skip
+    scans = xr.Dataset(
+        {
+            "time": ("scan", time),
+            "range": (("scan", "beam"), ranges),
+            "angle": ("beam", angle),
+            "delay": ("beam", delay),
+        }
+    )
     for points in georeference([scans], noise_free.trajectory, noise_free.mounting):
         one_by_one.add_points(points.easting, points.northing, points.up)
     a, b = surface_of(fused, options), surface_of(one_by_one, options)
@@ -267,9 +275,11 @@ def test_errors_of_passes_average_out(drive, with_errors):
             if number:
                 sums.next_pass()
             geometry = type(driven.geometry)(
-                with_errors(driven.trajectory, rng, sd), driven.mounting, driven.geometry.angle,
+                with_errors(driven.trajectory, rng, sd),
+                driven.mounting,
+                driven.geometry.angle,
                 driven.geometry.delay,
-            )  # fmt: skip
+            )
             sums.add_scans(geometry, driven.time, driven.range)
             if number == 0:
                 alone = surface_of(sums, CAUTIOUS).sd.values
@@ -348,14 +358,15 @@ def test_arguments_without_sense_are_refused(drive):
     with pytest.raises(ValueError, match="must have the shape"):
         sums.add_scans(driven.geometry, driven.time, driven.range[1:])
     with pytest.raises(ValueError, match="not recorded"):
-        sums.add_scans(
-            driven.geometry, driven.time, driven.range, screening=Screening(floor=1.0)
-        )  # fmt: skip
+        sums.add_scans(driven.geometry, driven.time, driven.range, screening=Screening(floor=1.0))
     sums.add_scans(driven.geometry, driven.time, driven.range)
     with pytest.raises(ValueError, match="with weights, or none"):
         sums.add_scans(
-            driven.geometry, driven.time, driven.range, driven.range,
+            driven.geometry,
+            driven.time,
+            driven.range,
+            driven.range,
             screening=Screening(floor=1.0, weight=0.5),
-        )  # fmt: skip
+        )
     with pytest.raises(ValueError, match="lack extremes"):
         surface_of(sums, GridSettings(statistic="maximum"))

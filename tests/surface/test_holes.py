@@ -17,10 +17,13 @@ def plane(rows=30, columns=20, step=0.1):
     x, y = np.arange(columns) * step, np.arange(rows) * step
     height = 1 + 0.1 * x - 0.2 * y[:, None]
     return make_surface(
-        height, easting=x, northing=y, count=np.ones_like(height, int),
+        height,
+        easting=x,
+        northing=y,
+        count=np.ones_like(height, int),
         sd=np.full_like(height, 0.01),
         sd_relative=np.full_like(height, 0.002),
-    )  # fmt: skip
+    )
 
 
 def with_holes(surface, *cuts):

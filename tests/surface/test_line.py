@@ -30,11 +30,14 @@ def circling(radius=20.0, speed=5.0, duration=6.0, noise=0.0):
     position = np.stack([radius * np.sin(yaw), radius * (1 - np.cos(yaw)), 0 * t], axis=1)
     velocity = speed * np.stack([np.cos(yaw), np.sin(yaw), 0 * t], axis=1)
     return Trajectory(
-        time=t, position=position + noise * rng.standard_normal(position.shape), velocity=velocity,
+        time=t,
+        position=position + noise * rng.standard_normal(position.shape),
+        velocity=velocity,
         quaternion=Rotation.from_euler("Z", yaw[:, None]).as_quat(),
         angular_velocity=np.tile([0, 0, speed / radius], (t.size, 1)),
-        covariance=np.zeros((t.size, 6, 6)), flag=np.zeros(t.size, np.uint8),
-    )  # fmt: skip
+        covariance=np.zeros((t.size, 6, 6)),
+        flag=np.zeros(t.size, np.uint8),
+    )
 
 
 def test_a_straight_line_is_straight():

@@ -36,12 +36,14 @@ def laps(rate: float = 2.4, back: float = 0.9) -> Trajectory:
     turning[:, 2] = speed
     spread = np.diag([4e-6, 4e-6, 1e-6, 1e-7, 1e-7, 1e-7])
     return Trajectory(
-        time=t, position=place, velocity=velocity.T,
+        time=t,
+        position=place,
+        velocity=velocity.T,
         quaternion=Rotation.from_euler("Z", (angle + np.pi / 2)[:, None]).as_quat(),
         angular_velocity=turning,
         covariance=(1 + 0.5 * np.sin(t))[:, None, None] * spread,
         flag=np.zeros(t.size, np.uint8),
-    )  # fmt: skip
+    )
 
 
 def recorded(path: Path, seed: int, *, furthest: float) -> Path:
@@ -53,9 +55,15 @@ def recorded(path: Path, seed: int, *, furthest: float) -> Path:
     ranges[wild < 0.01] = np.nan
     ranges[wild > 0.998] = rng.uniform(0.5, furthest, (wild > 0.998).sum())
     with RunWriter(
-        path, name=path.stem, origin=(11.0, 48.0, 500.0), time_reference="run", mounting=TILTED,
-        angle=angle, delay=np.linspace(0, 1.5e-3, BEAMS), largest_range=furthest,
-    ) as run:  # fmt: skip
+        path,
+        name=path.stem,
+        origin=(11.0, 48.0, 500.0),
+        time_reference="run",
+        mounting=TILTED,
+        angle=angle,
+        delay=np.linspace(0, 1.5e-3, BEAMS),
+        largest_range=furthest,
+    ) as run:
         t = np.arange(-0.1, 6.2, 0.01)
         still = dict.fromkeys(("north", "up", "roll", "pitch", "yaw"), np.zeros(t.size))
         run.append_navigation({"time": t, "east": t, **still})

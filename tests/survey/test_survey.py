@@ -46,10 +46,12 @@ def runs(tmp_path_factory):
     """Two lanes of 13 m that overlap, with default errors; the second 20 mm too low by drift."""
     scene, _ = read_scene("belgian-two-lanes")
     scene = replace(
-        scene, course={"kind": "straight", "length": 13.0}, raster=0.01,
+        scene,
+        course={"kind": "straight", "length": 13.0},
+        raster=0.01,
         ground=({"kind": "road", "road_class": "B", "seed": 3, "waves": 200},),
         scanner=replace(scene.scanner, beams=400),
-    )  # fmt: skip
+    )
     return record_scene(scene, tmp_path_factory.mktemp("runs"))
 
 
@@ -57,7 +59,9 @@ def runs(tmp_path_factory):
 def survey(runs):
     """Settings with a coarse grid and two profiles."""
     return survey_of(
-        runs, title="two <lanes>", grid=GridPlacement(spacing=0.02, left=1.9, right=-1.9),
+        runs,
+        title="two <lanes>",
+        grid=GridPlacement(spacing=0.02, left=1.9, right=-1.9),
         profiles=(
             ProfilePathSettings(name="left", offset=0.75, spacing=0.02),
             ProfilePathSettings(
@@ -65,7 +69,7 @@ def survey(runs):
             ),
         ),
         outputs=OutputSettings(surface=("crg", "laz"), points="laz"),
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture(scope="module")
@@ -77,9 +81,18 @@ def found(survey, tmp_path_factory):
 def test_everything_is_written(found):
     one, other = (lane["name"] for lane in found.numbers["lanes"])
     kinds = (
-        ".crg", ".laz", "-points.laz", "-left.erd", "-left.csv", "-right.erd", "-right.csv",
-        "-surface.png", "-part.png", "-profiles.png", "-motion.png",
-    )  # fmt: skip
+        ".crg",
+        ".laz",
+        "-points.laz",
+        "-left.erd",
+        "-left.csv",
+        "-right.erd",
+        "-right.csv",
+        "-surface.png",
+        "-part.png",
+        "-profiles.png",
+        "-motion.png",
+    )
     expected = {f"{lane}{kind}" for lane in (one, other) for kind in kinds}
     assert set(found.files) == expected | {"report.html", "result.json"}
     assert {path.name for path in found.folder.iterdir()} == {*found.files, "manifest.json"}
@@ -99,9 +112,11 @@ def test_surfaces_are_those_of_gridding_step_by_step(found, survey, runs):
     written = tt.open(found.folder / f"{lane['name']}.crg")
     there = surface.height.sel(u=written.u, method="nearest", tolerance=1e-6)
     npt.assert_allclose(
-        written.height.values[np.isfinite(there)], there.values[np.isfinite(there)], rtol=0,
+        written.height.values[np.isfinite(there)],
+        there.values[np.isfinite(there)],
+        rtol=0,
         atol=FILE,
-    )  # fmt: skip
+    )
 
 
 def test_profiles_and_their_roughness_are_those_of_the_files(found):
@@ -182,12 +197,13 @@ def test_one_run_alone_cannot_tell_its_drift(survey, tmp_path):
 
 def test_a_profile_beside_the_ground_is_left_out_and_said(survey, tmp_path):
     beside = replace(
-        survey, runs=survey.runs[:1],
+        survey,
+        runs=survey.runs[:1],
         profiles=(
             ProfilePathSettings(name="far", line=(0.0, 50.0, 10.0, 50.0)),
             ProfilePathSettings(name="short", line=(4.0, 1.8, 4.2, 1.8), spacing=0.02),
         ),
-    )  # fmt: skip
+    )
     (lane,) = run_survey(beside, tmp_path / "out").numbers["lanes"]
     assert [profile["name"] for profile in lane["profiles"]] == ["short"]
     assert any("profile far" in problem for problem in lane["problems"])
@@ -196,15 +212,19 @@ def test_a_profile_beside_the_ground_is_left_out_and_said(survey, tmp_path):
 
 def test_a_tyre_that_rolls(survey, tmp_path):
     rolled = replace(
-        survey, runs=survey.runs[:1],
+        survey,
+        runs=survey.runs[:1],
         profiles=(
             ProfilePathSettings(
-                name="cams", offset=0.5, spacing=0.02, envelope=EnvelopeSettings(envelope="cams"),
+                name="cams",
+                offset=0.5,
+                spacing=0.02,
+                envelope=EnvelopeSettings(envelope="cams"),
                 tyre=TyreProfileSettings(thin="nan"),
             ),
         ),
         outputs=OutputSettings(surface=("zarr",), pictures=False),
-    )  # fmt: skip
+    )
     found = run_survey(rolled, tmp_path / "out")
     (lane,) = found.numbers["lanes"]
     surface = tt.open(tmp_path / "out" / f"{lane['name']}.zarr")
@@ -221,15 +241,19 @@ def test_a_tyre_that_rolls(survey, tmp_path):
 
 def test_a_survey_of_a_map(survey, tmp_path):
     over = replace(
-        survey, grid=GridPlacement(spacing=0.05, as_map=True), runs=survey.runs[:1],
+        survey,
+        grid=GridPlacement(spacing=0.05, as_map=True),
+        runs=survey.runs[:1],
         profiles=(
             ProfilePathSettings(
-                name="line", line=(0.0, 1.8, 12.9, 1.8), spacing=0.05,
+                name="line",
+                line=(0.0, 1.8, 12.9, 1.8),
+                spacing=0.05,
                 tyre=TyreProfileSettings(radius=0.1),
             ),
         ),
         outputs=OutputSettings(surface=("tif",)),
-    )  # fmt: skip
+    )
     found = run_survey(over, tmp_path / "out")
     (lane,) = found.numbers["lanes"]
     assert f"{lane['name']}.tif" in found.files
@@ -247,11 +271,15 @@ def test_an_output_that_is_there_is_kept_unless_forced(survey, tmp_path):
 def test_runs_of_different_frames_are_refused(runs, survey, tmp_path):
     scene, _ = read_scene("belgian-two-lanes")
     elsewhere = replace(
-        scene, origin=(11.0, 48.1, 500.0), passes=scene.passes[:1], raster=0.01,
+        scene,
+        origin=(11.0, 48.1, 500.0),
+        passes=scene.passes[:1],
+        raster=0.01,
         ground=({"kind": "road", "road_class": "B", "seed": 3, "waves": 200},),
-        course={"kind": "straight", "length": 2.0}, name="elsewhere",
+        course={"kind": "straight", "length": 2.0},
+        name="elsewhere",
         scanner=replace(scene.scanner, beams=50),
-    )  # fmt: skip
+    )
     (other,) = record_scene(elsewhere, tmp_path)
     with pytest.raises(SchemaError, match="origin"):
         run_survey(
@@ -289,7 +317,7 @@ def test_the_template_is_the_default_and_names_the_runs(runs, tmp_path):
         ('[[runs]]\npath = "a.zarr"\n[roughness]\nsegment = 0\n', "segment must be greater than 0"),
         ('name = "a/b"\n[[runs]]\npath = "a.zarr"\n', "without slashes"),
     ],
-)  # fmt: skip
+)
 def test_settings_that_make_no_sense_are_named(tmp_path, text, part):
     (tmp_path / "survey.toml").write_text(text)
     with pytest.raises(FormatError) as error:
@@ -320,13 +348,24 @@ def test_a_run_without_navigation_where_it_scans_is_refused(runs, survey, tmp_pa
 
 @pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGTERM])
 def test_a_killed_survey_leaves_nothing_half_written_and_starts_again(runs, tmp_path, sent):
-    (tmp_path / "survey.toml").write_text(survey_template(survey_of(
-        runs[:1], grid=GridPlacement(spacing=0.05), profiles=(),
-    )))  # fmt: skip
+    (tmp_path / "survey.toml").write_text(
+        survey_template(
+            survey_of(
+                runs[:1],
+                grid=GridPlacement(spacing=0.05),
+                profiles=(),
+            )
+        )
+    )
     arguments = [
-        sys.executable, "-m", "trueterrain", "run", str(tmp_path / "survey.toml"), "-o",
+        sys.executable,
+        "-m",
+        "trueterrain",
+        "run",
+        str(tmp_path / "survey.toml"),
+        "-o",
         str(tmp_path / "out"),
-    ]  # fmt: skip
+    ]
     with subprocess.Popen(arguments, stderr=subprocess.PIPE, text=True) as program:
         while not list(tmp_path.glob(".out.*")):
             assert program.poll() is None

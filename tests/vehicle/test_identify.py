@@ -60,10 +60,11 @@ def shaken(rng, begin, *, excitation, signals=("body", "wheel"), seconds=120.0):
         return values + NOISE * rng.standard_normal(values.size)
 
     return ModeRecording(
-        accelerations={name: noisy(moved[name]) for name in signals}, rate=RATE,
+        accelerations={name: noisy(moved[name]) for name in signals},
+        rate=RATE,
         excitation=noisy(bend) if excitation else None,
         band=(begin * (1.0 if excitation else 1.05), 25.0),
-    )  # fmt: skip
+    )
 
 
 def errors(found):
@@ -140,12 +141,15 @@ def test_one_signal_alone_is_less_sure():
     road = np.cumsum(rng.standard_normal(150_000)) * 2.2e-4
     moved = decimate(simulate_response(MODEL, 1 / 1000, road).acceleration, 5, ftype="fir", axis=0)
     alone, both = (
-        identify_modes(ModeRecording(
-            accelerations={name: moved[:, at] for name, at in names.items()}, rate=200.0,
-            waviness=2.0,
-        ))
+        identify_modes(
+            ModeRecording(
+                accelerations={name: moved[:, at] for name, at in names.items()},
+                rate=200.0,
+                waviness=2.0,
+            )
+        )
         for names in ({"wheel": 1}, {"wheel": 1, "body": 0})
-    )  # fmt: skip
+    )
     assert alone.ride.frequency_sd > 3 * both.ride.frequency_sd
     assert holds(both).all()
 
@@ -173,9 +177,9 @@ def test_a_whole_car_on_a_road_scatters_and_says_so():
 
 
 def test_the_fitted_car_is_the_golden_car():
-    found = identify_modes([
-        shaken(np.random.default_rng(1), begin, excitation=True) for begin in (1.0, 6.0)
-    ])  # fmt: skip
+    found = identify_modes(
+        [shaken(np.random.default_rng(1), begin, excitation=True) for begin in (1.0, 6.0)]
+    )
     car = found.car
     ratios = [car.suspension_stiffness, car.tyre_stiffness, car.suspension_damping]
     assert_allclose(ratios, [63.3, 653.0, 6.0], rtol=0.02, atol=0)
@@ -220,31 +224,59 @@ def test_density_of_white_acceleration():
         (lambda: ModeRecording(accelerations={}, rate=100.0), "must be of body, wheel or both"),
         (lambda: ModeRecording(accelerations={"seat": np.arange(9)}, rate=100.0), "got .'seat'."),
         (lambda: ModeRecording(accelerations={"body": np.arange(9)}, rate=0.0), "rate must be"),
-        (lambda: ModeRecording(accelerations={"body": np.arange(9), "wheel": np.arange(8)},
-                               rate=100.0), "one and the same length"),
-        (lambda: ModeRecording(accelerations={"body": np.arange(9)}, excitation=np.arange(8),
-                               rate=100.0), "one and the same length"),
+        (
+            lambda: ModeRecording(
+                accelerations={"body": np.arange(9), "wheel": np.arange(8)}, rate=100.0
+            ),
+            "one and the same length",
+        ),
+        (
+            lambda: ModeRecording(
+                accelerations={"body": np.arange(9)}, excitation=np.arange(8), rate=100.0
+            ),
+            "one and the same length",
+        ),
         (lambda: ModeRecording(accelerations={"body": [1.0, np.nan]}, rate=100.0), "body has gaps"),
-        (lambda: ModeRecording(accelerations={"body": np.arange(9)}, rate=40.0),
-         "band must ascend between 0 and half the rate, 20 Hz, got 0.7 to 25 Hz"),
+        (
+            lambda: ModeRecording(accelerations={"body": np.arange(9)}, rate=40.0),
+            "band must ascend between 0 and half the rate, 20 Hz, got 0.7 to 25 Hz",
+        ),
         (lambda: identify_modes([]), "at least one recording"),
-        (lambda: identify_modes(ModeRecording(accelerations={"body": np.arange(90)}, rate=100.0),
-                                confidence=1.0), "confidence must be"),
-        (lambda: identify_modes(ModeRecording(accelerations={"body": np.arange(90)}, rate=100.0),
-                                start=(11.0, 1.0)), "start must ascend"),
-        (lambda: identify_modes(ModeRecording(
-            accelerations={"body": np.random.default_rng(1).standard_normal(90)}, rate=100.0)),
-         "choose longer segments or wider bands"),
-        (lambda: identify_modes(ModeRecording(
-            accelerations={"body": np.arange(900)}, rate=100.0, segment=20.0)),
-         "segment must be from 0.16 s to the 9 s recorded, got 20 s"),
-        (lambda: identify_modes(ModeRecording(accelerations={"body": np.ones(900)}, rate=100.0)),
-         "body does not move"),
+        (
+            lambda: identify_modes(
+                ModeRecording(accelerations={"body": np.arange(90)}, rate=100.0), confidence=1.0
+            ),
+            "confidence must be",
+        ),
+        (
+            lambda: identify_modes(
+                ModeRecording(accelerations={"body": np.arange(90)}, rate=100.0), start=(11.0, 1.0)
+            ),
+            "start must ascend",
+        ),
+        (
+            lambda: identify_modes(
+                ModeRecording(
+                    accelerations={"body": np.random.default_rng(1).standard_normal(90)}, rate=100.0
+                )
+            ),
+            "choose longer segments or wider bands",
+        ),
+        (
+            lambda: identify_modes(
+                ModeRecording(accelerations={"body": np.arange(900)}, rate=100.0, segment=20.0)
+            ),
+            "segment must be from 0.16 s to the 9 s recorded, got 20 s",
+        ),
+        (
+            lambda: identify_modes(ModeRecording(accelerations={"body": np.ones(900)}, rate=100.0)),
+            "body does not move",
+        ),
         (lambda: integrate_acceleration([1.0, np.nan], 100.0), "no gap"),
         (lambda: integrate_acceleration(np.ones(9), 100.0, corner=60.0), "corner must be"),
         (lambda: velocity_spectrum(np.arange(900), 100.0, confidence=0.0), "confidence must be"),
     ],
-)  # fmt: skip
+)
 def test_refused(make, message):
     with pytest.raises(ValueError, match=message):
         make()

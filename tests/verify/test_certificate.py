@@ -125,9 +125,14 @@ def test_settings_of_the_fusion_hold_for_every_method(tmp_path, monkeypatch):
     trueterrain.write(make_profile(s, height), tmp_path / "plate.csv")
     still = {name: np.zeros(3) for name in ("east", "north", "up", "roll", "pitch", "yaw")}
     with RunWriter(
-        tmp_path / "a.zarr", name="a", origin=(11.0, 48.0, 500.0), time_reference="gps",
-        mounting=Mounting(), angle=[0.0], delay=[0.0],
-    ) as run:  # fmt: skip
+        tmp_path / "a.zarr",
+        name="a",
+        origin=(11.0, 48.0, 500.0),
+        time_reference="gps",
+        mounting=Mounting(),
+        angle=[0.0],
+        delay=[0.0],
+    ) as run:
         run.append_navigation({"time": np.array([100.0, 101.0, 102.0]), **still})
         run.append_scans(np.array([100.5, 100.6]), np.ones((2, 1)))
     config = tmp_path / "d.toml"
@@ -154,9 +159,14 @@ def test_a_date_that_is_not_that_of_the_runs_is_doubted(drift):
     still = {name: np.zeros(3) for name in ("east", "north", "up", "roll", "pitch", "yaw")}
     folder, first = drift.parent, 1_457_338_518.0  # [s] of GPS: 2026-03-12 08:15:00 UTC
     with RunWriter(
-        folder / "bounce.zarr", name="bounce", origin=(11.0, 48.0, 500.0), time_reference="gps",
-        mounting=Mounting(), angle=[0.0], delay=[0.0],
-    ) as run:  # fmt: skip
+        folder / "bounce.zarr",
+        name="bounce",
+        origin=(11.0, 48.0, 500.0),
+        time_reference="gps",
+        mounting=Mounting(),
+        angle=[0.0],
+        delay=[0.0],
+    ) as run:
         run.append_navigation({"time": first + np.arange(3.0), **still})
         run.append_scans(first + np.array([0.5, 0.6]), np.ones((2, 1)))
     text = 'clock = "bounce.zarr"\n' + drift.read_text()
@@ -196,9 +206,16 @@ def test_caution_trusts_no_interval_of_few_independent_errors():
         value=1e-3, low=5e-4, high=2e-3, confidence=0.95, block=9, independent=8.0
     )
     row = ResultRow(
-        test="one", rms=wide, off_edges=replace(wide, independent=30.0), distance=None,
-        maximum=2e-3, bias=wide, noise=None, registration=None, count=120,
-    )  # fmt: skip
+        test="one",
+        rms=wide,
+        off_edges=replace(wide, independent=30.0),
+        distance=None,
+        maximum=2e-3,
+        bias=wide,
+        noise=None,
+        registration=None,
+        count=120,
+    )
     limits = TestLimits(rms=1.0, off_edges=1.0, bias=1.0)
     assert row.verdicts(limits) == {"rms": True, "off_edges": True, "bias": True}
     assert row.verdicts(limits, cautious=True) == {"rms": False, "off_edges": True, "bias": False}

@@ -83,9 +83,12 @@ def dynamic_rows(monkeypatch, *, sd, duration, confidence=0.95):
         wrong = motion.position.copy()
         wrong[:, 2] += sd * wander(rng, motion.time.shape, 0.001, duration)
         settings = DynamicSettings(
-            begin=CROSSING[0], end=CROSSING[1], assumed=begin - CROSSING[0] * driven.SPEED,
-            search=SEARCH, confidence=confidence,
-        )  # fmt: skip
+            begin=CROSSING[0],
+            end=CROSSING[1],
+            assumed=begin - CROSSING[0] * driven.SPEED,
+            search=SEARCH,
+            confidence=confidence,
+        )
         rows.append(dynamic_test(run, machined(), replace(motion, position=wrong), settings).row)
     return rows
 

@@ -31,9 +31,10 @@ def test_structure_function_and_allan_deviation_are_those_of_a_random_walk():
     growth = found.growth.sel(distance=slice(1, 30))
     lag = growth.distance.values
     truth = {
-        "structure": STEP * np.sqrt(lag), "repeats": STEP * np.sqrt(lag),
+        "structure": STEP * np.sqrt(lag),
+        "repeats": STEP * np.sqrt(lag),
         "allan": STEP * np.sqrt((2 * lag**2 + 1) / (6 * lag)),
-    }  # fmt: skip
+    }
     for name, values in truth.items():
         np.testing.assert_allclose(growth[name] / values, 1, rtol=0, atol=GROWTH_TOLERANCE)
 

@@ -141,11 +141,14 @@ def test_a_machined_profile_in_another_unit_is_named():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"spacing": 0.0}, "spacing"), ({"width": -1.0}, "width"), ({"floor": -1.0}, "floor"),
-        ({"search": 1.0}, "assumed"), ({"begin": 2.0, "end": 1.0}, "begin must be before"),
+        ({"spacing": 0.0}, "spacing"),
+        ({"width": -1.0}, "width"),
+        ({"floor": -1.0}, "floor"),
+        ({"search": 1.0}, "assumed"),
+        ({"begin": 2.0, "end": 1.0}, "begin must be before"),
         ({"confidence": 2.0}, "confidence"),
     ],
-)  # fmt: skip
+)
 def test_settings_that_break_a_rule_are_refused(settings, message):
     with pytest.raises(ValueError, match=message):
         DynamicSettings(**settings)

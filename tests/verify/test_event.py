@@ -114,8 +114,9 @@ def test_the_printed_peak_is_none(damping, shown, right):
     """Sqrt(1 - 2 z²) belongs to a force; and beyond 0.707 there is no root."""
     gains = hop_transmissibility(
         [math.sqrt(1 - 2 * damping**2), peak_ratio(damping, model="thesis")],
-        damping, model="thesis",
-    )  # fmt: skip
+        damping,
+        model="thesis",
+    )
     assert_allclose(gains, [shown, right], rtol=0, atol=6e-4)
 
 
@@ -159,8 +160,9 @@ def test_the_right_oscillator_is_the_wheel_under_a_body_that_stands_still(ratio)
 def test_a_wheel_in_hop_touches_both_edges():
     """At w / 2 from its crest, T h / 2 cos() is h / 2: the definition of the width."""
     for share, ratio in ((1.0, None), (0.9, 1.0)):
-        gain = hop_transmissibility(peak_ratio(0.3) if ratio is None else ratio, 0.3,
-                                    tyre_share=share)  # fmt: skip
+        gain = hop_transmissibility(
+            peak_ratio(0.3) if ratio is None else ratio, 0.3, tyre_share=share
+        )
         width = cleat_ratio(0.3, tyre_share=share, ratio=ratio)
         assert_allclose(gain * np.cos(np.pi * width), 1.0, rtol=0, atol=EXACT)
 
@@ -182,11 +184,10 @@ def test_tolerances_are_those_of_the_derivatives():
     event = design_event(inputs, model="thesis")
     truth = {
         "speed": event.speed * math.hypot(0.05 / 1.1, 0.005 / 2.44),
-        "spacing": event.spacing * math.sqrt(
-            (0.05 / 1.1) ** 2 + (0.005 / 2.44) ** 2 + (0.5 / 11) ** 2
-        ),
+        "spacing": event.spacing
+        * math.sqrt((0.05 / 1.1) ** 2 + (0.005 / 2.44) ** 2 + (0.5 / 11) ** 2),
         "cleat_ratio": 0.0,
-    }  # fmt: skip
+    }
     for name, value in truth.items():
         assert_allclose(event.tolerances[name], value, rtol=DERIVED, atol=EXACT)
 
@@ -287,9 +288,15 @@ def test_spectrum_is_the_transform_of_the_heights():
     frequency = np.array([0.0, 1.1, 5.0, 11.0, 22.0])
     truth = [abs(np.sum(heights * np.exp(-2j * np.pi * f * time))) / rate for f in frequency]
     found = event_spectrum(
-        frequency, event.speed, number=event.number, spacing=event.spacing, width=event.width,
-        rise=event.rise, base=event.base, patch_length=0.0,
-    )  # fmt: skip
+        frequency,
+        event.speed,
+        number=event.number,
+        spacing=event.spacing,
+        width=event.width,
+        rise=event.rise,
+        base=event.base,
+        patch_length=0.0,
+    )
     assert_allclose(found, truth, rtol=0, atol=1e-5)  # [m s] edges between samples
 
 
@@ -298,9 +305,13 @@ def test_passage_is_the_response_to_a_sine():
     speed, frequency = 6.0, 1.5
     gain = passage_gain(car, [frequency], speed)
     moved = cross_event(
-        car, lambda x, y: np.where(x > 0, 0.01 * np.sin(2 * np.pi * x * frequency / speed), 0.0),
-        speed, length=60.0, settle=0.001, tyre=Tyre(patch_length=0.0),
-    )  # fmt: skip
+        car,
+        lambda x, y: np.where(x > 0, 0.01 * np.sin(2 * np.pi * x * frequency / speed), 0.0),
+        speed,
+        length=60.0,
+        settle=0.001,
+        tyre=Tyre(patch_length=0.0),
+    )
     late = (moved.time > 7.0) & (moved.time < 7.0 + 2 / frequency)
     heave = np.ptp(moved.displacement[late, 0]) / 0.02
     pitch = np.ptp(moved.displacement[late, 1]) / 0.02 * car.wheelbase / 2
@@ -359,8 +370,12 @@ def test_cut_list_of_other_events():
         (lambda: EventInputs(ride=1.1, hop=1.4), "must leave hop above ride"),
         (lambda: EventInputs(tyre_share=0.0), "tyre_share must be"),
         (lambda: design_event(EventInputs(damping=1.2)), "damping must be greater than 0"),
-        (lambda: design_event(EventInputs(damping=0.6, tolerances={}), model="thesis",
-                              length=math.nan), "length must be finite"),
+        (
+            lambda: design_event(
+                EventInputs(damping=0.6, tolerances={}), model="thesis", length=math.nan
+            ),
+            "length must be finite",
+        ),
         (lambda: design_event(EventInputs(hop=2.0)), "hop must be from 3"),
         (lambda: design_event(rise=0.0), "rise must be greater than 0 m"),
         (lambda: design_event(model="other"), "model must be one of base-excited, thesis"),
@@ -374,10 +389,12 @@ def test_cut_list_of_other_events():
         (lambda: covering_speeds(9, 9, number=5, spacing=0.5), "low and high must be"),
         (lambda: covering_speeds(9, 10, number=1, spacing=0.5), "at least 2 cleats"),
         (lambda: wheelbase_filter(1.0, 0.0, 2.0), "speed must be"),
-        (lambda: cross_event(named_vehicle("van"), lambda x, y: 0 * x + 0 * y, 0.0, length=1.0),
-         "speed must be finite and greater than 0 m/s"),
+        (
+            lambda: cross_event(named_vehicle("van"), lambda x, y: 0 * x + 0 * y, 0.0, length=1.0),
+            "speed must be finite and greater than 0 m/s",
+        ),
     ],
-)  # fmt: skip
+)
 def test_refused(make, message):
     with pytest.raises(ValueError, match=message):
         make()

@@ -42,16 +42,30 @@ def _dynamic(folder, **parts):
     """Boards under the wheels, on both sides of a strip of plane floor with the plate."""
     plate = {"kind": "plate", "east": MIDDLE, "width": 0.9}
     boards = [
-        {"kind": "plate", "east": x, "north": y, "width": 0.3, "thickness": 0.0, "length": 1.3,
-         "pitch": 0.488, "cleat": 0.17, "rise": 0.05}
+        {
+            "kind": "plate",
+            "east": x,
+            "north": y,
+            "width": 0.3,
+            "thickness": 0.0,
+            "length": 1.3,
+            "pitch": 0.488,
+            "cleat": 0.17,
+            "rise": 0.05,
+        }
         for x, y in BOARDS
-    ]  # fmt: skip
+    ]
     scene = Scene(
-        name="dynamic", raster=0.005, course={"kind": "straight", "length": 17.0},
-        ground=(plate, *boards), vehicle=read_scene("dynamic-plate-excited")[0].vehicle,
-        scanner=Scanner(beams=141, swath=0.6), mounting=Mounting(scanner_position=LASER),
-        passes=(ScenePass(name="run", speed={"kind": "constant", "speed": SPEED}),), **parts,
-    )  # fmt: skip
+        name="dynamic",
+        raster=0.005,
+        course={"kind": "straight", "length": 17.0},
+        ground=(plate, *boards),
+        vehicle=read_scene("dynamic-plate-excited")[0].vehicle,
+        scanner=Scanner(beams=141, swath=0.6),
+        mounting=Mounting(scanner_position=LASER),
+        passes=(ScenePass(name="run", speed={"kind": "constant", "speed": SPEED}),),
+        **parts,
+    )
     run = open_run(record_scene(scene, folder)[0]).load()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -78,12 +92,13 @@ def strong(tmp_path_factory):
 def standing(tmp_path_factory):
     """A scanner that leans otherwise than is said, a plate beside its place, a white cleat."""
     scene = Scene(
-        name="static", raster=0.002,
+        name="static",
+        raster=0.002,
         ground=({"kind": "plate", "east": 0.342 - BESIDE, "north": LASER[0]},),
         reflectivity=Reflectivity(period=10.0, width=0.076, stripe=0.9),
         mounting=Mounting(scanner_position=LASER),
         passes=(ScenePass(name="run", standing=Standing(duration=0.3, yaw=0.5 * math.pi)),),
-    )  # fmt: skip
+    )
     scene = replace(
         scene, declared=Mounting(scanner_position=LASER, scanner_rotation=(ROLL, 0.0, 0.0))
     )
@@ -130,5 +145,8 @@ def test_boresight_roll_place_and_saturation_at_once(standing):
     np.testing.assert_allclose(place.value, BESIDE + 2.0 * ROLL, rtol=0, atol=1e-4)  # [m]
     assert SATURATED[0] < bright.value < SATURATED[1]
     assert _found(standing) == {
-        roll.name, place.name, bright.name, "doubtful intensity",
-    }  # fmt: skip
+        roll.name,
+        place.name,
+        bright.name,
+        "doubtful intensity",
+    }

@@ -24,9 +24,11 @@ PLACE = BEGIN + 0.05 * SPEED  # [m] from the first pose, 0.05 s before the first
 STATIC = StaticSettings(assumed=SHIFT, search=0.02, level=TILT, least_scans=50)
 DYNAMIC = DynamicSettings(assumed=PLACE, search=0.03, floor=4.0)
 MARKS = (
-    "clock of the scanner", "scale of the accelerometers", "lever arm ahead, or boresight pitch",
+    "clock of the scanner",
+    "scale of the accelerometers",
+    "lever arm ahead, or boresight pitch",
     "lever arm to the left",
-)  # fmt: skip
+)
 
 
 def named(result):
@@ -116,9 +118,11 @@ def test_what_static_cannot_tell_is_said():
     settings = StaticSettings(least_scans=50)
     found = named(static_test(standing(scans=60), machined(), settings)[0])
     for name, cure in {
-        "place of the plate": "assumed", "boresight roll": "spirit level",
-        "error of bright ground": "white paint", "doubtful intensity": "saturation",
-    }.items():  # fmt: skip
+        "place of the plate": "assumed",
+        "boresight roll": "spirit level",
+        "error of bright ground": "white paint",
+        "doubtful intensity": "saturation",
+    }.items():
         assert (found[name].value, found[name].sd, found[name].detected) == (None, None, None)
         assert cure in found[name].meaning
     bare = standing(scans=60)
@@ -228,9 +232,12 @@ def test_what_dynamic_cannot_tell_is_said():
     found = named(dynamic_test(driven(still), machined(), motion(still), DYNAMIC))
     assert found[MARKS[0]].detected is False
     for name, cure in {
-        MARKS[2]: "pitch", MARKS[3]: "staggered", "lever arm up": "surveyed",
-        "boresight roll": "static test", "error of bright ground": "white paint",
-    }.items():  # fmt: skip
+        MARKS[2]: "pitch",
+        MARKS[3]: "staggered",
+        "lever arm up": "surveyed",
+        "boresight roll": "static test",
+        "error of bright ground": "white paint",
+    }.items():
         assert (found[name].value, found[name].detected) == (None, None)
         assert cure in found[name].meaning
     bare = driven(still)
@@ -278,8 +285,10 @@ def test_shares_are_those_of_the_composition_and_add_up():
     modes = modes_of(TIME, error, {"pitch": sine(1.5)}, **BANDS)
     shares = {one.name: one.share for one in modes}
     for name, true in (
-        ("primary ride", 9 / 14), ("wheel hop", 4 / 14), ("between ride and hop", 1 / 14),
-    ):  # fmt: skip
+        ("primary ride", 9 / 14),
+        ("wheel hop", 4 / 14),
+        ("between ride and hop", 1 / 14),
+    ):
         np.testing.assert_allclose(shares[name], true, rtol=0, atol=0.03)
     np.testing.assert_allclose(sum(shares.values()), 1.0, rtol=0, atol=1e-12)
     whole = np.sqrt(sum(one.rms**2 for one in modes))
@@ -293,10 +302,12 @@ def test_the_motion_that_the_error_follows_is_named():
     modes = {
         one.name: one
         for one in modes_of(
-            TIME, error + 0.05 * noise, {"pitch": pitch, "heave": heave, "roll": noise[::-1]},
+            TIME,
+            error + 0.05 * noise,
+            {"pitch": pitch, "heave": heave, "roll": noise[::-1]},
             **BANDS,
         )
-    }  # fmt: skip
+    }
     assert modes["primary ride"].moves_with == "pitch"
     assert modes["wheel hop"].moves_with == "heave"
     assert modes["above wheel hop"].moves_with is None

@@ -48,9 +48,10 @@ def bounce(tmp_path_factory):
     """The scene bounce, with few beams; its true clocks are 1.3 ms and -0.7 ms, stated are none."""
     scene, _ = read_scene("bounce")
     scene = replace(
-        scene, scanner=replace(scene.scanner, beams=31, rate=250.0, spot_rays=1),
+        scene,
+        scanner=replace(scene.scanner, beams=31, rate=250.0, spot_rays=1),
         truth=TruthSettings(returns=False),
-    )  # fmt: skip
+    )
     (path,) = record_scene(scene, tmp_path_factory.mktemp("bounce"))
     return path, scene
 
@@ -61,18 +62,27 @@ def passes(tmp_path_factory):
     scene, _ = read_scene("boresight")
 
     def drive(name, start, *, reverse):
-        return ScenePass(name=name, reverse=reverse, start=start, length=6.0,
-                     speed={"kind": "constant", "speed": 5.0})  # fmt: skip
+        return ScenePass(
+            name=name,
+            reverse=reverse,
+            start=start,
+            length=6.0,
+            speed={"kind": "constant", "speed": 5.0},
+        )
 
     scene = replace(
-        scene, raster=0.01, truth=TruthSettings(returns=False, spacing=0.1),
+        scene,
+        raster=0.01,
+        truth=TruthSettings(returns=False, spacing=0.1),
         scanner=Scanner(beams=100, rate=1000.0, range_noise=2e-4, spot_rays=1),
         navigation=Navigation(
-            drift=GaussMarkovDrift(height_sd=0.0), horizontal_sd=1e-4,
-            attitude_sd=(1e-5, 1e-5, 1e-5), noise=(1e-4, 1e-4, 1e-4, 1e-5, 1e-5, 1e-5),
+            drift=GaussMarkovDrift(height_sd=0.0),
+            horizontal_sd=1e-4,
+            attitude_sd=(1e-5, 1e-5, 1e-5),
+            noise=(1e-4, 1e-4, 1e-4, 1e-5, 1e-5, 1e-5),
         ),
         passes=(drive("there", 11.5, reverse=False), drive("back", 14.0, reverse=True)),
-    )  # fmt: skip
+    )
     return record_scene(scene, tmp_path_factory.mktemp("passes")), scene
 
 
@@ -169,8 +179,14 @@ def test_a_certificate_holds_them_with_the_hashes_of_their_runs(certified):
     assert names[:2] == ["clock of the accelerometers", "clock of the scanner"]
     assert len(names) == 9
     hashed = [one["name"] for one in document["inputs"]]
-    assert hashed == ["drift.toml", "a.csv", "b.csv", "bounce-bounce.zarr",
-                      "boresight-there.zarr", "boresight-back.zarr"]  # fmt: skip
+    assert hashed == [
+        "drift.toml",
+        "a.csv",
+        "b.csv",
+        "bounce-bounce.zarr",
+        "boresight-there.zarr",
+        "boresight-back.zarr",
+    ]
     scales = {one["name"]: one["scale"] for one in document["recorded"]}
     assert scales["a.csv"] == "not in the data: profiles hold no times"
     assert scales["bounce-bounce.zarr"] == "not in the data: times count from any moment"

@@ -38,11 +38,13 @@ def ground_of(plate, offset):
     parts += [
         Cleats(
             first=offset - plate.length / 2 + plate.foot(cleat) + cleat.width / 2,
-            width=cleat.width, rise=cleat.rise, direction=np.pi / 2,
+            width=cleat.width,
+            rise=cleat.rise,
+            direction=np.pi / 2,
             shape="rectangle" if cleat.shape == "edge" else cleat.shape,
         )
         for cleat in plate.cleats
-    ]  # fmt: skip
+    ]
     return Sum(parts=tuple(parts))
 
 
@@ -62,8 +64,9 @@ POINTS = Scanner(
 # --- profile
 
 
-@pytest.mark.parametrize("shapes", [("rectangle", "semicircle", "triangle"),
-                                    ("triangle", "semicircle"), ("semicircle",)])  # fmt: skip
+@pytest.mark.parametrize(
+    "shapes", [("rectangle", "semicircle", "triangle"), ("triangle", "semicircle"), ("semicircle",)]
+)
 def test_profile_is_that_of_the_plate_of_the_virtual_profiler(shapes):
     plate = design_plate(shapes)
     s = np.linspace(0.001, 1.199, 6001)
@@ -116,8 +119,9 @@ def test_file_is_read_as_the_profile(tmp_path):
     write_machined(plate, tmp_path / "plate.csv")
     read = trueterrain.open(tmp_path / "plate.csv")
     true = machined_profile(plate)
-    assert_allclose(np.interp(plate.vertices()[0], true.s, true.height), plate.vertices()[1],
-                    rtol=0, atol=EXACT)  # fmt: skip
+    assert_allclose(
+        np.interp(plate.vertices()[0], true.s, true.height), plate.vertices()[1], rtol=0, atol=EXACT
+    )
     for name in ("s", "height", "sd"):
         assert_allclose(read[name], true[name], rtol=0, atol=WRITTEN)
     assert trueterrain.info(tmp_path / "plate.csv")["problems"] == []
@@ -245,8 +249,10 @@ def test_beams_from_left_to_right_see_the_same():
         (lambda: PlateDesign(bands=(("white", 1.2),)), "reflectivity of white must be from 0 to 1"),
         (lambda: design_plate(length=0.8), "begins 94 mm before the end of the rim"),
         (lambda: design_plate(cleat_width=0.4), "cleats must lie in order"),
-        (lambda: PlateDesign(cleats=(PlateCleat(shape="edge", hole=3),), length=0.95),
-         "19 mm more, got 0.95 m"),
+        (
+            lambda: PlateDesign(cleats=(PlateCleat(shape="edge", hole=3),), length=0.95),
+            "19 mm more, got 0.95 m",
+        ),
         (lambda: PlateDesign().mass("wood"), "material must be one of aluminium, steel"),
         (lambda: PlateDesign().panels("steel", 0.0), "carried must be greater than 0 kg"),
         (lambda: ScanSetup(height=-2.0), "height must be finite and greater than 0 m"),
@@ -254,10 +260,12 @@ def test_beams_from_left_to_right_see_the_same():
         (lambda: ScanSetup(angle=[0.1]), "angle must hold two or more"),
         (lambda: ScanSetup(angle=[0.1, 0.0, 0.2]), "angle must ascend or descend"),
         (lambda: ScanSetup(floor=1e6), "floor from 0 to less than saturation"),
-        (lambda: view_plate(PlateDesign(), ScanSetup(offset=4.0)),
-         "offset must put the plate under the beams, which reach from -2.00 m to 2.00 m, got 4.0"),
+        (
+            lambda: view_plate(PlateDesign(), ScanSetup(offset=4.0)),
+            "offset must put the plate under the beams, which reach from -2.00 m to 2.00 m, got 4.0",
+        ),
     ],
-)  # fmt: skip
+)
 def test_refused(make, message):
     with pytest.raises(ValueError, match=message):
         make()

@@ -56,11 +56,16 @@ def test_what_counts_from_any_moment_and_profiles_tell_nothing():
 @pytest.mark.parametrize(
     ("stated", "doubtful"),
     [
-        ("2026-03-12", False), ("2026-03-11", False), ("2026-03-13", False),
-        ("2026-03-14", True), ("2026-03-10", True), ("2026-03-12, morning", False),
-        ("12 March 2025", False), ("", False),
+        ("2026-03-12", False),
+        ("2026-03-11", False),
+        ("2026-03-13", False),
+        ("2026-03-14", True),
+        ("2026-03-10", True),
+        ("2026-03-12, morning", False),
+        ("12 March 2025", False),
+        ("", False),
     ],
-)  # fmt: skip
+)
 @pytest.mark.parametrize("whole", [True, False])
 def test_a_date_more_than_a_day_away_is_doubted(stated, doubtful, whole):
     """With seconds of the week the nearest week is taken: nothing else can be known."""
@@ -87,9 +92,14 @@ def test_a_run_over_midnight_is_of_both_days():
 def test_a_run_tells_by_its_navigation(tmp_path):
     still = {name: np.zeros(3) for name in ("east", "north", "up", "roll", "pitch", "yaw")}
     with RunWriter(
-        tmp_path / "a.zarr", name="a", origin=(11.0, 48.0, 500.0), time_reference="gps",
-        mounting=Mounting(), angle=[0.0], delay=[0.0],
-    ) as run:  # fmt: skip
+        tmp_path / "a.zarr",
+        name="a",
+        origin=(11.0, 48.0, 500.0),
+        time_reference="gps",
+        mounting=Mounting(),
+        angle=[0.0],
+        delay=[0.0],
+    ) as run:
         run.append_navigation({"time": np.array([100.0, 101.0, 102.0]), **still})
         run.append_scans(np.array([100.5, 100.6]), np.ones((2, 1)))
     found = recorded_run(tmp_path / "a.zarr")

@@ -56,9 +56,11 @@ def test_a_way_that_is_measured_too_long_is_found_if_asked(stretch, turned):
     at = LENGTH - s if turned else s
     noise = NOISE * np.random.default_rng(5).normal(size=x.size)
     found = register_profile(
-        x, np.interp(at, *TRIANGLES) + 0.01 * x - 2.0 + noise, make_profile(*TRIANGLES),
+        x,
+        np.interp(at, *TRIANGLES) + 0.01 * x - 2.0 + noise,
+        make_profile(*TRIANGLES),
         stretch=True,
-    )  # fmt: skip
+    )
     assert found.reversed is turned
     np.testing.assert_allclose(found.stretch, stretch, rtol=0, atol=STRETCH_TOLERANCE)
     np.testing.assert_allclose(found.positions(x), at, rtol=0, atol=3 * SHIFT_TOLERANCE)

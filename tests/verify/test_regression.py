@@ -35,7 +35,7 @@ def test_few_independent_errors_are_no_certainty():
     rng = np.random.default_rng(12)
     few = [
         regress_signatures(MARK[:60], LEVEL[:60], errors(rng, 0.5, 60), lags=7) for _ in range(300)
-    ]  # fmt: skip
+    ]
     assert max(abs(one.value[0] / one.sd[0]) for one in few) < 4.0
 
 

@@ -48,9 +48,13 @@ def rough(seed, tracks=2):
 @pytest.mark.parametrize("wavelength", [2.0, 5.0, 20.0])
 def test_quarter_car_on_a_sine_obeys_its_frequency_response(wavelength, tyre_damping):
     car = QuarterCarParameters(
-        sprung_mass=266.0, unsprung_mass=32.0, suspension_stiffness=24e3,
-        suspension_damping=1800.0, tyre_stiffness=158e3, tyre_damping=tyre_damping,
-    )  # fmt: skip
+        sprung_mass=266.0,
+        unsprung_mass=32.0,
+        suspension_stiffness=24e3,
+        suspension_damping=1800.0,
+        tyre_stiffness=158e3,
+        tyre_damping=tyre_damping,
+    )
     wave = make_profile(STATIONS, np.sin(2 * np.pi * STATIONS / wavelength))
     response = vehicle_response(wave, car, speed=SPEED, lead=SETTLED)
     f, times = SPEED / wavelength, response.time.values

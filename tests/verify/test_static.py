@@ -79,11 +79,13 @@ def test_ground_without_the_plate_is_an_error():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"least_scans": 1}, "at least 2"), ({"present": 0.0}, "present"),
-        ({"edge": -1.0}, "edge"), ({"confidence": 1.0}, "confidence"),
+        ({"least_scans": 1}, "at least 2"),
+        ({"present": 0.0}, "present"),
+        ({"edge": -1.0}, "edge"),
+        ({"confidence": 1.0}, "confidence"),
         ({"search": 0.1}, "assumed"),
     ],
-)  # fmt: skip
+)
 def test_settings_that_break_a_rule_are_refused(settings, message):
     with pytest.raises(ValueError, match=message):
         StaticSettings(**settings)

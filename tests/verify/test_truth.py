@@ -71,9 +71,12 @@ def test_a_run_that_was_not_simulated_has_none():
 
 def test_the_truth_of_a_simulated_run_is_its_ground():
     ground = make_surface(
-        plane(np.arange(4.0)[:, None], np.array([-1.0, 1.0])), u=np.arange(4.0), v=[-1.0, 1.0],
-        easting=np.arange(4.0), northing=np.zeros(4),
-    )  # fmt: skip
+        plane(np.arange(4.0)[:, None], np.array([-1.0, 1.0])),
+        u=np.arange(4.0),
+        v=[-1.0, 1.0],
+        easting=np.arange(4.0),
+        northing=np.zeros(4),
+    )
     truth = true_ground(xr.DataTree.from_dict({"/truth/ground": ground}))
     at = np.array([1.25]), np.array([-0.5])
     npt.assert_allclose(truth(*at), plane(*at), rtol=0, atol=ROUND_OFF)
@@ -82,8 +85,14 @@ def test_the_truth_of_a_simulated_run_is_its_ground():
 def body_of(time):
     """Body that turns and tilts as it drives, with its rates."""
     wave, rate = np.sin(2 * time), 2 * np.cos(2 * time)
-    values = {"east": 5 * time, "north": 0.3 * wave, "up": 0.01 * wave,
-              "roll": 0.02 * wave, "pitch": -0.03 * wave, "yaw": 0.5 * wave}  # fmt: skip
+    values = {
+        "east": 5 * time,
+        "north": 0.3 * wave,
+        "up": 0.01 * wave,
+        "roll": 0.02 * wave,
+        "pitch": -0.03 * wave,
+        "yaw": 0.5 * wave,
+    }
     sizes = {"north": 0.3, "up": 0.01, "roll": 0.02, "pitch": -0.03, "yaw": 0.5}
     rates = {f"{name}_rate": size * rate for name, size in sizes.items()}
     columns = {**values, **rates, "east_rate": np.full_like(time, 5.0), "time": time}
@@ -98,14 +107,18 @@ def test_the_exact_motion_is_that_of_the_knots():
     poses = found.at(between)
     true = body_of(between)
     npt.assert_allclose(
-        poses.position, np.stack([true[name] for name in ("east", "north", "up")], axis=-1),
-        rtol=0, atol=1e-10,
-    )  # fmt: skip
+        poses.position,
+        np.stack([true[name] for name in ("east", "north", "up")], axis=-1),
+        rtol=0,
+        atol=1e-10,
+    )
     angles = poses.rotation.as_euler("ZYX")
     npt.assert_allclose(
-        angles, np.stack([true[name] for name in ("yaw", "pitch", "roll")], axis=-1),
-        rtol=0, atol=1e-9,
-    )  # fmt: skip
+        angles,
+        np.stack([true[name] for name in ("yaw", "pitch", "roll")], axis=-1),
+        rtol=0,
+        atol=1e-9,
+    )
     steps = (found.at(time[:-1]).rotation.inv() * found.at(time[1:]).rotation).as_rotvec() / 0.0005
     npt.assert_allclose(poses.angular_velocity, steps, rtol=0, atol=1e-6)
     assert not found.covariance.any()

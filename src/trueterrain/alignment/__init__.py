@@ -44,13 +44,25 @@ if TYPE_CHECKING:
 
 # names whose modules need more, and are imported when they are used
 _LATER = {
-    "Adjustment": "network", "CellOptions": "_settings", "Correction": "spline",
-    "Differences": "network", "DriftTest": "network", "Knots": "spline", "LaneCells": "cells",
-    "LoopClosure": "network", "NetworkSettings": "network", "PairAgreement": "network",
-    "RejectedCells": "network", "SharedGround": "network", "Trial": "network",
-    "Wander": "spline", "adjust": "network", "cells_of_points": "cells", "cells_of_run": "cells",
+    "Adjustment": "network",
+    "CellOptions": "_settings",
+    "Correction": "spline",
+    "Differences": "network",
+    "DriftTest": "network",
+    "Knots": "spline",
+    "LaneCells": "cells",
+    "LoopClosure": "network",
+    "NetworkSettings": "network",
+    "PairAgreement": "network",
+    "RejectedCells": "network",
+    "SharedGround": "network",
+    "Trial": "network",
+    "Wander": "spline",
+    "adjust": "network",
+    "cells_of_points": "cells",
+    "cells_of_run": "cells",
     "lane_cells": "cells",
-}  # fmt: skip
+}
 
 __all__ = [
     "AdjustedGround",

@@ -140,10 +140,14 @@ def pairs_of(
         )
         pairs.append(
             PairAgreement(
-                first=shared.names[key // lanes], second=shared.names[key % lanes],
-                before=before_, after=after_, held_back=held_, rejected=int((~good).sum()),
+                first=shared.names[key // lanes],
+                second=shared.names[key % lanes],
+                before=before_,
+                after=after_,
+                held_back=held_,
+                rejected=int((~good).sum()),
             )
-        )  # fmt: skip
+        )
     return pairs
 
 

@@ -54,18 +54,20 @@ def corrected_trajectory(trajectory: Trajectory, correction: SplineCorrection) -
         position[:, axis] += correction(t, name)
     velocity = trajectory.velocity + np.gradient(position - trajectory.position, t, axis=0)
     # a point to the left rises by the roll, one ahead by the pitch, which is nose-down positive
-    turn = np.stack(
-        [correction(t, "roll"), -correction(t, "pitch"), np.zeros(t.size)], axis=1
-    )  # fmt: skip
+    turn = np.stack([correction(t, "roll"), -correction(t, "pitch"), np.zeros(t.size)], axis=1)
     tilt = Rotation.from_rotvec(turn)
     turned = Rotation.from_quat(trajectory.quaternion) * tilt
     # so small a turn changes no faster than its vector
     rate = tilt.inv().apply(trajectory.angular_velocity) + np.gradient(turn, t, axis=0)
     return replace(
-        trajectory, position=position, velocity=velocity, quaternion=turned.as_quat(),
-        angular_velocity=rate, covariance=_corrected_covariance(trajectory, correction),
+        trajectory,
+        position=position,
+        velocity=velocity,
+        quaternion=turned.as_quat(),
+        angular_velocity=rate,
+        covariance=_corrected_covariance(trajectory, correction),
         datum_sd=correction.datum_sd,
-    )  # fmt: skip
+    )
 
 
 def _corrected_covariance(trajectory: Trajectory, correction: SplineCorrection) -> Floats:
@@ -190,9 +192,10 @@ def corrected_points(
     """
     if "time" not in points:
         raise SchemaError(
-            "is missing, and corrections follow it", place="variable time",
+            "is missing, and corrections follow it",
+            place="variable time",
             cure="Take a cloud with gps_time, or the method discontinuity, which goes by station.",
-        )  # fmt: skip
+        )
     time = np.asarray(points["time"], dtype=np.float64)
     offset: Floats | float = 0.0
     ahead: Floats | float = 0.0
@@ -214,11 +217,14 @@ def corrected_points(
     for name in moved:
         found[name].attrs = dict(points[name].attrs if name in points else points["up"].attrs)
     return provenance.add_step(
-        found, "merge",
+        found,
+        "merge",
         parameters={
-            "method": "network", "lane": correction.name, "components": correction.components,
+            "method": "network",
+            "lane": correction.name,
+            "components": correction.components,
         },
-    )  # fmt: skip
+    )
 
 
 def _correction_sd(

@@ -128,14 +128,15 @@ class MergeResult:
             "pairs": [asdict(pair) for pair in self.pairs],
             "seams": [
                 {
-                    "lanes": list(seam.lanes), "before": seam.before.median,
+                    "lanes": list(seam.lanes),
+                    "before": seam.before.median,
                     "after": seam.after.median,
                 }
                 for seam in self.seams
             ],
             "network": None,
             "problems": list(self.problems),
-        }  # fmt: skip
+        }
         if self.adjustment is not None:
             found["network"] = _network_summary(self.adjustment)
         return found
@@ -197,9 +198,12 @@ def merge_cells(
     added: Added = {one.name: np.zeros(len(one)) for one in cells}
     if settings.method == "network":
         adjustment = adjust_passes(
-            cells, control=control, fixed=settings.fixed, settings=settings.network,
+            cells,
+            control=control,
+            fixed=settings.fixed,
+            settings=settings.network,
             progress=progress,
-        )  # fmt: skip
+        )
         added = _by_network(cells, adjustment)
     elif settings.method == "discontinuity":
         if align is None:
@@ -214,9 +218,14 @@ def merge_cells(
     pairs = tuple(adjustment.pairs) if adjustment else tuple(compare_passes(cells, added))
     seams, no_seams = seams_of(cells, added, settings.cells.size)
     found = MergeResult(
-        method=settings.method, names=tuple(sorted(one.name for one in cells)), pairs=pairs,
-        seams=tuple(seams), adjustment=adjustment, alignment=alignment, problems=tuple(no_seams),
-    )  # fmt: skip
+        method=settings.method,
+        names=tuple(sorted(one.name for one in cells)),
+        pairs=pairs,
+        seams=tuple(seams),
+        adjustment=adjustment,
+        alignment=alignment,
+        problems=tuple(no_seams),
+    )
     return _with_problems(found, settings, cells)
 
 
@@ -315,9 +324,7 @@ def _steps_left(cells: Sequence[PassCells], settings: MergeSettings) -> list[str
     entries, first = shared.entries, shared.start[:-1]
     span = np.maximum.reduceat(entries.height, first) - np.minimum.reduceat(entries.height, first)
     square = _NEIGHBOURS * settings.cells.size
-    places = np.floor(
-        np.stack([entries.easting[first], entries.northing[first]], axis=1) / square
-    )  # fmt: skip
+    places = np.floor(np.stack([entries.easting[first], entries.northing[first]], axis=1) / square)
     around, number, count = np.unique(places, axis=0, return_inverse=True, return_counts=True)
     mean = np.bincount(number.ravel(), span, minlength=count.size) / count
     beyond = np.flatnonzero(mean > settings.limit)
@@ -348,13 +355,14 @@ def _network_summary(adjustment: Adjustment) -> dict[str, Any]:
         "iterations": adjustment.iterations,
         "corrections": [
             {
-                "pass": one.name, "components": list(one.components),
+                "pass": one.name,
+                "components": list(one.components),
                 "knot_spacing": one.knots.spacing,
                 "unsupported": [list(stretch) for stretch in one.unsupported],
             }
             for one in adjustment.corrections
         ],
-    }  # fmt: skip
+    }
 
 
 def _of_network(adjustment: Adjustment) -> list[str]:

@@ -73,9 +73,12 @@ def merge_runs(
     )
     control = [] if settings.control is None else [control_cells(settings.control, settings)]
     merging = merge_cells(
-        cells, settings, control=control, progress=progress,
+        cells,
+        settings,
+        control=control,
+        progress=progress,
         align=lambda: _align_runs(passes, settings, screening, progress),
-    )  # fmt: skip
+    )
     return merging, {name: _correct_pass(one, name, merging) for name, one in passes.items()}
 
 
@@ -119,11 +122,16 @@ def cells_of_passes(
     with ThreadPoolExecutor(threads) as pool:
         jobs = [
             pool.submit(
-                cells_of_run, one.path, one.trajectory, settings.cells, name=name,
-                mounting=one.mounting, screening=screening,
+                cells_of_run,
+                one.path,
+                one.trajectory,
+                settings.cells,
+                name=name,
+                mounting=one.mounting,
+                screening=screening,
             )
             for name, one in passes.items()
-        ]  # fmt: skip
+        ]
         cells = []
         for job in jobs:
             cells.append(job.result())
@@ -156,15 +164,21 @@ def control_cells(path: str | Path, settings: MergeSettings) -> PassCells:
     points = formats.open(path)
     if "sd" not in points or "up" not in points:
         raise SchemaError(
-            "control needs the columns easting, northing, up and sd", path=path,
+            "control needs the columns easting, northing, up and sd",
+            path=path,
             cure="Add a column sd: how sure each height is [m].",
-        )  # fmt: skip
+        )
     x, y = points["easting"].values, points["northing"].values
     column, row = (np.floor(at / settings.cells.size).astype(np.int64) for at in (x, y))
     return lane_cells(
-        f"control {Path(path).stem}", (column << 32) + row, 0.0, points["up"].values,
-        variance=points["sd"].values ** 2, easting=x, northing=y,
-    )  # fmt: skip
+        f"control {Path(path).stem}",
+        (column << 32) + row,
+        0.0,
+        points["up"].values,
+        variance=points["sd"].values ** 2,
+        easting=x,
+        northing=y,
+    )
 
 
 def reference_path(settings: MergeSettings) -> ReferencePath | None:
@@ -186,7 +200,7 @@ def reference_path(settings: MergeSettings) -> ReferencePath | None:
 
     return waypoint_reference(
         *read_waypoints(Path(settings.path)), spacing=settings.discontinuity.spacing
-    )  # fmt: skip
+    )
 
 
 def _align_runs(
@@ -199,9 +213,12 @@ def _align_runs(
         return lambda: georeference(one.path, one.trajectory, one.mounting, screening=screening)
 
     return align_lanes(
-        {name: points(one) for name, one in passes.items()}, settings.discontinuity,
-        paths=reference_path(settings), fix=next(iter(settings.fixed), None), progress=progress,
-    )  # fmt: skip
+        {name: points(one) for name, one in passes.items()},
+        settings.discontinuity,
+        paths=reference_path(settings),
+        fix=next(iter(settings.fixed), None),
+        progress=progress,
+    )
 
 
 def _correct_pass(one: PassRecord, name: str, merging: MergeResult) -> PassRecord:

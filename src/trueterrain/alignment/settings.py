@@ -130,9 +130,17 @@ class NetworkSettings:
             message = f"correlation_time must be greater than 0, got {self.correlation_time}."
             raise ValueError(message)
         for name in (
-            "roll_sd", "pitch_sd", "shift_sd", "huber", "tukey", "block",
-            "cluster", "least_cells", "relative_tolerance", "tolerance",
-        ):  # fmt: skip
+            "roll_sd",
+            "pitch_sd",
+            "shift_sd",
+            "huber",
+            "tukey",
+            "block",
+            "cluster",
+            "least_cells",
+            "relative_tolerance",
+            "tolerance",
+        ):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
                 message = f"{name} must be greater than 0, got {getattr(self, name)}."
                 raise ValueError(message)

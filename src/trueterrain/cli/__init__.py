@@ -96,9 +96,7 @@ def main(arguments: list[str] | None = None) -> None:
         sys.stdout.flush()
     except BrokenPipeError:  # whoever reads the output has seen enough, as `head` does
         _exit_with(_PIPE_CLOSED)
-    except (
-        TrueTerrainError, ValueError, OSError, MemoryError, cyclopts.CycloptsError
-    ) as error:  # fmt: skip
+    except (TrueTerrainError, ValueError, OSError, MemoryError, cyclopts.CycloptsError) as error:
         if debug:
             raise
         _exit_with(2, f"trueterrain: error: {in_words(error)}")

@@ -14,9 +14,15 @@ if TYPE_CHECKING:
     from trueterrain.roughness.agreement.heights import Registration
 
 _PAIR = (
-    "rating", "correlation", "sd_ratio", "best_shift", "overlap", "corrected_rating",
-    "corrected_shift", "distance_error",
-)  # fmt: skip
+    "rating",
+    "correlation",
+    "sd_ratio",
+    "best_shift",
+    "overlap",
+    "corrected_rating",
+    "corrected_shift",
+    "distance_error",
+)
 _SCORES = ("repeatability", "accuracy", "corrected_repeatability", "corrected_accuracy")
 _ERRORS = ("best_shift", "scale", "mean", "rms", "nmad", "p95", "largest")
 _MM = 1000.0
@@ -62,9 +68,12 @@ class ProfileComparison:
                 data, reference, registration=registration, trend=trend, options=options
             )
         return cls(
-            data=data, found=found, errors=errors, checks=check_limits(found, errors, limits=limits),
+            data=data,
+            found=found,
+            errors=errors,
+            checks=check_limits(found, errors, limits=limits),
             options=options,
-        )  # fmt: skip
+        )
 
     def document(self) -> dict[str, Any]:
         """What is printed as JSON."""
@@ -125,8 +134,10 @@ class ProfileComparison:
             for at in range(0, len(names), _MOST_LINES):
                 shown = filtered_profiles(
                     {name: self.data[name] for name in [*base, *names[at : at + _MOST_LINES]]},
-                    reference=base[0], track=str(track), options=self.options,
-                )  # fmt: skip
+                    reference=base[0],
+                    track=str(track),
+                    options=self.options,
+                )
                 column.append(bind_panel(figures.agreement_overlay, shown))
             if self.found.sizes["first"] > 2:
                 column.append(bind_panel(figures.agreement_matrix, self.found, track=str(track)))

@@ -211,8 +211,14 @@ def _table_rows(rows: list[DifferenceRow]) -> Iterator[list[str]]:
         *(["surface", "reference"] if single else []),
         *(["speed [km/h]"] if speeds else []),
         *(["lane [m]"] if lanes else []),
-        "nodes", "mean", "median", "RMS", "NMAD", "95 %", "largest",
-    ]  # fmt: skip
+        "nodes",
+        "mean",
+        "median",
+        "RMS",
+        "NMAD",
+        "95 %",
+        "largest",
+    ]
     for row in rows:
         lane = "all" if row.lane is None else f"{row.lane[0]:g} to {row.lane[1]:g}"
         yield [

@@ -157,8 +157,9 @@ def _trajectory_text(summary: Mapping[str, Any]) -> Iterator[str]:
         speed = summary["navigation"]["speed"]
         yield f"way of {summary['way']:.2f} m, up to {speed:.2f} m/s"
     if summary.get("extent"):
-        spans = (f"{axis} {low:.3f} to {high:.3f} m" for axis, (low, high) in
-                 summary["extent"].items())  # fmt: skip
+        spans = (
+            f"{axis} {low:.3f} to {high:.3f} m" for axis, (low, high) in summary["extent"].items()
+        )
         yield ", ".join(spans)
 
 

@@ -66,14 +66,18 @@ class ThesisTable:
             "within": WITHIN,
             "order": ORDER,
             "scenes": [
-                {"name": one.name, "title": one.title, "seed": one.seed,
-                 "passes": [drive.name for drive in one.passes]}
+                {
+                    "name": one.name,
+                    "title": one.title,
+                    "seed": one.seed,
+                    "passes": [drive.name for drive in one.passes],
+                }
                 for one in self.scenes
             ],
             "rows": [row.to_dict() for row in self.rows],
             "reflectivity": self.reflectivity,
             "reproduced": all(row.reproduced for row in self.rows),
-        }  # fmt: skip
+        }
 
 
 def make_table(progress: "Progress") -> ThesisTable:
@@ -124,18 +128,29 @@ def _machined_profile(plate: "CalibrationPlate") -> "xr.Dataset":
     from trueterrain.verify.plate.design import design_plate, machined_profile
 
     design = design_plate(
-        plate.cleats, length=plate.length - 2 * RIM, cleat_width=plate.cleat, rise=plate.rise,
+        plate.cleats,
+        length=plate.length - 2 * RIM,
+        cleat_width=plate.cleat,
+        rise=plate.rise,
         thickness=plate.thickness,
-    )  # fmt: skip
+    )
     return machined_profile(design)
 
 
 def lines_of(made: ThesisTable) -> list[list[str]]:
     """Cells of the table, line by line."""
     header = [
-        "row", "published [mm]", "thesis's RMS", "maximum", "our RMS", "off edges", "distance",
-        "maximum", "exact pose", "ratio",
-    ]  # fmt: skip
+        "row",
+        "published [mm]",
+        "thesis's RMS",
+        "maximum",
+        "our RMS",
+        "off edges",
+        "distance",
+        "maximum",
+        "exact pose",
+        "ratio",
+    ]
     return [header, *(_row_cells(row) for row in made.rows)]
 
 
@@ -168,13 +183,17 @@ def _row_cells(row: "TableRow") -> list[str]:
     low, high = row.ends(lambda found: found.single)
     least, most = row.ends(lambda found: found.largest)
     return [
-        row.test, published_of(row),
+        row.test,
+        published_of(row),
         f"{_format_millimetres(row.thesis_rms)} ({_format_millimetres(low)} to {_format_millimetres(high)})",
         f"{_format_millimetres(least)} to {_format_millimetres(most)}",
-        f"{_format_millimetres(rms.value)} ({_format_millimetres(rms.low)} to {_format_millimetres(rms.high)})", _format_millimetres(off_edges.value),
-        _format_millimetres(distance.value), _format_millimetres(max_error(row)),
-        _format_millimetres(pool_figures(row.exact, "rms").value) if row.exact else "-", _format_ratio(row.ratio("rms")),
-    ]  # fmt: skip
+        f"{_format_millimetres(rms.value)} ({_format_millimetres(rms.low)} to {_format_millimetres(rms.high)})",
+        _format_millimetres(off_edges.value),
+        _format_millimetres(distance.value),
+        _format_millimetres(max_error(row)),
+        _format_millimetres(pool_figures(row.exact, "rms").value) if row.exact else "-",
+        _format_ratio(row.ratio("rms")),
+    ]
 
 
 def published_of(row: "TableRow") -> str:

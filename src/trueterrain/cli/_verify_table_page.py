@@ -55,13 +55,17 @@ def report_of(made: ThesisTable) -> Report:
         subtitle="The thesis's processing and ours of the same recordings",
         headline=tuple(_headline_numbers(made)),
         sections=(
-            _figure_section(made), _pose_section(made), _error_section(made), _unknown_section(made), _assumption_section(made),
+            _figure_section(made),
+            _pose_section(made),
+            _error_section(made),
+            _unknown_section(made),
+            _assumption_section(made),
             Section(
                 title="Files",
                 blocks=[Files(files=[File(path="result.json", note="all figures of this page")])],
             ),
         ),
-    )  # fmt: skip
+    )
     plt.close("all")  # the report keeps the figures; pyplot need not
     return report
 
@@ -69,16 +73,22 @@ def report_of(made: ThesisTable) -> Report:
 def _headline_numbers(made: ThesisTable) -> Iterator[Number]:
     for row in made.rows:
         yield Number(
-            label=f"Thesis's RMS, {row.test}", value=_MILLI * row.thesis_rms, unit="mm",
-            digits=_DIGITS, verdict="good" if row.reproduced else "bad",
+            label=f"Thesis's RMS, {row.test}",
+            value=_MILLI * row.thesis_rms,
+            unit="mm",
+            digits=_DIGITS,
+            verdict="good" if row.reproduced else "bad",
             note=f"published {published_of(row)} mm",
-        )  # fmt: skip
+        )
     ratio = made.rows[-1].ratio("rms")
     assert ratio is not None
     yield Number(
-        label="Ours over exact pose, excited", value=ratio, digits=_DIGITS,
-        verdict="good" if ratio <= _LIMIT else "bad", note=f"RMS; at most {_LIMIT:g}",
-    )  # fmt: skip
+        label="Ours over exact pose, excited",
+        value=ratio,
+        digits=_DIGITS,
+        verdict="good" if ratio <= _LIMIT else "bad",
+        note=f"RMS; at most {_LIMIT:g}",
+    )
 
 
 def _figure_section(made: ThesisTable) -> Section:
@@ -93,9 +103,15 @@ def _figure_section(made: ThesisTable) -> Section:
         published, (low, high) = row.published, row.ends(lambda found: found.single)
         least, most = row.ends(lambda found: found.largest)
         thesis.append(
-            [row.test, published_of(row), *(_MILLI * one for one in (row.thesis_rms, low, high)),
-             _MILLI * published.maximum, _MILLI * least, _MILLI * most]
-        )  # fmt: skip
+            [
+                row.test,
+                published_of(row),
+                *(_MILLI * one for one in (row.thesis_rms, low, high)),
+                _MILLI * published.maximum,
+                _MILLI * least,
+                _MILLI * most,
+            ]
+        )
         rms, *others = (pool_figures(row.ours, one) for one in ("rms", "off_edges", "distance"))
         lengths = [rms.value, rms.low, rms.high, *(one.value for one in others), max_error(row)]
         ours.append([row.test, *(_MILLI * one for one in lengths)])
@@ -151,10 +167,13 @@ def _pose_section(made: ThesisTable) -> Section:
         blocks=[
             Table(
                 columns=(
-                    Column(label="Row"), Column(label="Our RMS", unit="mm", digits=2),
+                    Column(label="Row"),
+                    Column(label="Our RMS", unit="mm", digits=2),
                     Column(label="Exact pose", unit="mm", digits=2),
-                    *(Column(label=one, digits=2) for one in
-                      ("Ratio of RMS", "off edges", "of distance")),
+                    *(
+                        Column(label=one, digits=2)
+                        for one in ("Ratio of RMS", "off edges", "of distance")
+                    ),
                 ),
                 rows=rows,
                 verdicts=verdicts,
@@ -166,7 +185,7 @@ def _pose_section(made: ThesisTable) -> Section:
         "east and north of navigation too, it is not: navigation lies "
         f"{beside_of(excited)} mm beside the place of the plate, within what is assumed of it, and "
         "flanks turn that into height. No filter of heights can undo it; a registration does.",
-    )  # fmt: skip
+    )
 
 
 def _error_section(made: ThesisTable) -> Section:
@@ -216,8 +235,8 @@ def _unknown_section(made: ThesisTable) -> Section:
     blocks.append(
         Table(
             columns=(
-                Column(label="Row"), *(Column(label=f"order {one}", unit="mm", digits=2)
-                                       for one in names),
+                Column(label="Row"),
+                *(Column(label=f"order {one}", unit="mm", digits=2) for one in names),
                 Column(label="published", unit="mm"),
             ),
             rows=[
@@ -226,13 +245,13 @@ def _unknown_section(made: ThesisTable) -> Section:
             ],
             caption=f"RMS by the order of the thesis's filters; the table takes order {ORDER}.",
         )
-    )  # fmt: skip
+    )
     labels = [str(number + 1) for number in range(len(dynamic[0].thesis))]
     blocks.append(
         Table(
             columns=(
-                Column(label="Row, recording"), *(Column(label=one, unit="mm", digits=2)
-                                                  for one in labels),
+                Column(label="Row, recording"),
+                *(Column(label=one, unit="mm", digits=2) for one in labels),
             ),
             rows=[
                 [f"{row.test}, {name}", *(_MILLI * value for value in values)]
@@ -245,7 +264,7 @@ def _unknown_section(made: ThesisTable) -> Section:
             ],
             caption="RMS of each recording, which differ in noise and drift alone.",
         )
-    )  # fmt: skip
+    )
     return Section(
         title="How much depends on what the thesis does not tell",
         blocks=blocks,
@@ -268,7 +287,7 @@ def _recording_rms(made: ThesisTable) -> "xr.Dataset":
     return xr.Dataset(
         {"rms": (("row", "beside"), single), **published},
         {"row": [row.test for row in made.rows], "beside": made.rows[0].thesis[0].beside},
-    )  # fmt: skip
+    )
 
 
 def _assumption_section(made: ThesisTable) -> Section:
@@ -279,28 +298,49 @@ def _assumption_section(made: ThesisTable) -> Section:
     navigation = smooth.navigation
     speed = smooth.passes[0].speed["speed"]
     rows = [
-        ["Beams, swath, scans", f"{scanner.beams}, {scanner.swath:g} m, {scanner.rate:g} Hz",
-         "the thesis's"],
+        [
+            "Beams, swath, scans",
+            f"{scanner.beams}, {scanner.swath:g} m, {scanner.rate:g} Hz",
+            "the thesis's",
+        ],
         ["Speed, events", f"{speed:g} m/s, as designed in the thesis", "the thesis's"],
-        ["Cleats", f"{_MILLI * plate.cleat:g} mm wide, {_MILLI * plate.rise:g} mm high",
-         "the thesis's"],
-        ["Their shapes", " and ".join(plate.cleats),
-         "chosen: without upright faces, which the published maximum excludes"],
+        [
+            "Cleats",
+            f"{_MILLI * plate.cleat:g} mm wide, {_MILLI * plate.rise:g} mm high",
+            "the thesis's",
+        ],
+        [
+            "Their shapes",
+            " and ".join(plate.cleats),
+            "chosen: without upright faces, which the published maximum excludes",
+        ],
         ["Length that is compared", f"{plate.length - 2 * RIM:g} m", "assumed"],
-        ["Middle of the plate, beside that of the scan", f"{plate.east:g} m",
-         "chosen: there beams are as far apart as swath over beams"],
-        ["Stripes", f"{_MILLI * paint.width:g} mm every {_MILLI * paint.period:g} mm, reflectivity "
-         f"{paint.stripe:g} on {paint.ground:g}", "chosen: for the published effect"],
-        ["Saturation, and how much too short ranges are",
-         f"{scanner.saturation:g} counts, {-_MILLI * scanner.saturation_bias:g} mm at twice",
-         "chosen: for the published effect"],
+        [
+            "Middle of the plate, beside that of the scan",
+            f"{plate.east:g} m",
+            "chosen: there beams are as far apart as swath over beams",
+        ],
+        [
+            "Stripes",
+            f"{_MILLI * paint.width:g} mm every {_MILLI * paint.period:g} mm, reflectivity "
+            f"{paint.stripe:g} on {paint.ground:g}",
+            "chosen: for the published effect",
+        ],
+        [
+            "Saturation, and how much too short ranges are",
+            f"{scanner.saturation:g} counts, {-_MILLI * scanner.saturation_bias:g} mm at twice",
+            "chosen: for the published effect",
+        ],
         ["Noise of a range", f"{_MILLI * scanner.range_noise:g} mm", "assumed"],
-        ["Drift of navigation, east and north", f"{_MILLI * navigation.horizontal_sd:g} mm over "
-         f"{navigation.horizontal_time:g} s", "assumed: that of its class"],
+        [
+            "Drift of navigation, east and north",
+            f"{_MILLI * navigation.horizontal_sd:g} mm over {navigation.horizontal_time:g} s",
+            "assumed: that of its class",
+        ],
         ["Vehicle", smooth.vehicle.model, "assumed"],
         ["Order of the filters", str(ORDER), "chosen of 1, 2 and 4; one for both rows"],
         ["Screening while driving", "none, and no stripes", "assumed"],
-    ]  # fmt: skip
+    ]
     return Section(
         title="What is assumed and what is chosen",
         blocks=[

@@ -140,34 +140,50 @@ def calibrate(
     settings = CalibrationSettings(
         parameters=parameter or get_args(Name),
         unobservable=unobservable or ("refuse" if parameter else "hold"),
-        spacing=spacing, area=area, largest_angle=largest_angle, cluster=cluster,
-        height_noise=height_noise, largest_angle_sd=largest_angle_sd,
-        largest_lever_sd=largest_lever_sd, largest_clock_sd=largest_clock_sd,
+        spacing=spacing,
+        area=area,
+        largest_angle=largest_angle,
+        cluster=cluster,
+        height_noise=height_noise,
+        largest_angle_sd=largest_angle_sd,
+        largest_lever_sd=largest_lever_sd,
+        largest_clock_sd=largest_clock_sd,
         largest_rounds=largest_rounds,
         screening=Screening(
-            floor=floor or 0.0, saturation=saturation or float("inf"), nearest=nearest,
-            furthest=furthest or float("inf"), weight=weight,
+            floor=floor or 0.0,
+            saturation=saturation or float("inf"),
+            nearest=nearest,
+            furthest=furthest or float("inf"),
+            weight=weight,
         ),
-    )  # fmt: skip
+    )
     override = MountingOverride(
-        scanner_position=scanner_position, scanner_rotation=scanner_rotation,
+        scanner_position=scanner_position,
+        scanner_rotation=scanner_rotation,
         scanner_clock=scanner_clock,
-    )  # fmt: skip
+    )
     _check_runs(runs)
     start = _start_mounting(runs, override)
     require_one_frame(runs)
     with progress_bar() as progress:
         found = calibrated(
-            runs, [motion_of(run, method) for run in runs], mounting=start, settings=settings,
+            runs,
+            [motion_of(run, method) for run in runs],
+            mounting=start,
+            settings=settings,
             progress=progress,
-        )  # fmt: skip
+        )
     if output is not None:
         _write_mounting(output, found, runs, force=force)
     if json:
         out_json(
-            {"runs": [str(run) for run in runs], "before": _estimable_values(start), **found.to_dict(),
-             "output": None if output is None else str(output)}
-        )  # fmt: skip
+            {
+                "runs": [str(run) for run in runs],
+                "before": _estimable_values(start),
+                **found.to_dict(),
+                "output": None if output is None else str(output),
+            }
+        )
         return
     for text in _in_words(found, start, runs):
         write_line(text)

@@ -74,9 +74,12 @@ def demo(
         (folder / "survey.toml").write_text(survey_template(_demo_survey(scene, runs)))
         write_note("turning both recordings into one ground ...")
         found = run_survey(
-            read_survey(folder / "survey.toml"), folder / "results", threads=available_processors(),
-            truth=truth_of, progress=progress,
-        )  # fmt: skip
+            read_survey(folder / "survey.toml"),
+            folder / "results",
+            threads=available_processors(),
+            truth=truth_of,
+            progress=progress,
+        )
     results = output / "results"
     if json:
         out_json({**found.numbers, "folder": str(results), "files": list(found.files)})
@@ -97,9 +100,7 @@ def _demo_scene(length: float, seed: int) -> "Scene":
         raise ValueError(message)
     scene, _ = read_scene(_SCENE)
     block = {**scene.ground[0], "seed": seed}
-    return replace(
-        scene, seed=seed, course={**scene.course, "length": length}, ground=(block,)
-    )  # fmt: skip
+    return replace(scene, seed=seed, course={**scene.course, "length": length}, ground=(block,))
 
 
 def _demo_survey(scene: "Scene", runs: list[Path]) -> "Survey":
@@ -127,8 +128,9 @@ def _demo_survey(scene: "Scene", runs: list[Path]) -> "Survey":
         profiles=(
             *(ProfilePathSettings(name=name, offset=at) for name, at in offsets.items()),
             ProfilePathSettings(
-                name="left-lane-left-point", offset=offsets["left-lane-left"],
+                name="left-lane-left-point",
+                offset=offsets["left-lane-left"],
                 tyre=TyreProfileSettings(statistic="point"),
             ),
         ),
-    )  # fmt: skip
+    )

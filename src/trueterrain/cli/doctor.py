@@ -9,9 +9,21 @@ from trueterrain._version import __version__
 from trueterrain.cli._console import out_json, write_line
 
 _PACKAGES = (
-    "numpy", "scipy", "numba", "xarray", "pandas", "laspy", "lazrs", "pycrg", "pyproj",
-    "matplotlib", "cyclopts", "rich", "rasterio", "pyarrow",
-)  # fmt: skip
+    "numpy",
+    "scipy",
+    "numba",
+    "xarray",
+    "pandas",
+    "laspy",
+    "lazrs",
+    "pycrg",
+    "pyproj",
+    "matplotlib",
+    "cyclopts",
+    "rich",
+    "rasterio",
+    "pyarrow",
+)
 
 
 def doctor(*, json: bool = False) -> None:

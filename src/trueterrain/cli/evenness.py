@@ -191,9 +191,11 @@ def _json_document(rated: _EvennessResult, wanted: _EvennessRequest) -> dict[str
         for name, band in wanted.bands.items()
     ]
     return {
-        "file": str(rated.path), "bands": bands, "straightedge": wanted.straightedge,
+        "file": str(rated.path),
+        "bands": bands,
+        "straightedge": wanted.straightedge,
         "tracks": tracks,
-    }  # fmt: skip
+    }
 
 
 def _band_rms(values: "xr.DataArray", wanted: _EvennessRequest) -> dict[str, float]:

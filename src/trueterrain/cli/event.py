@@ -119,14 +119,23 @@ def event(
     car, tyre, place = _named_vehicle(vehicle)
     given = {"ride": ride, "hop": hop, "damping": damping, "wheelbase": wheelbase, "track": track}
     tolerances = {
-        "ride": ride_tolerance, "hop": hop_tolerance, "damping": damping_tolerance,
+        "ride": ride_tolerance,
+        "hop": hop_tolerance,
+        "damping": damping_tolerance,
         "length": length_tolerance,
-    }  # fmt: skip
+    }
     inputs = _event_inputs(car, target, given, tolerances)
     design = design_event(
-        inputs, model=model, target=target, length=length, rise=rise, base=base,
-        width_ratio=width_ratio, placement=placement, events=events,
-    )  # fmt: skip
+        inputs,
+        model=model,
+        target=target,
+        length=length,
+        rise=rise,
+        base=base,
+        width_ratio=width_ratio,
+        placement=placement,
+        events=events,
+    )
     moved = _predict_response(car, design, tyre, laser or place)
     pieces = cut_list(design)
     low, high = band or (0.8 * inputs.hop, 1.2 * inputs.hop)
@@ -276,8 +285,11 @@ def _page_texts(
             "of a cleat; half the spacing was taken as width, where hop is excited most."
         )
     return {
-        "driving": driving, "excited": excited, "doubts": doubts, "models": _model_notes(design),
-    }  # fmt: skip
+        "driving": driving,
+        "excited": excited,
+        "doubts": doubts,
+        "models": _model_notes(design),
+    }
 
 
 def _model_notes(design: "EventDesign") -> list[str]:

@@ -83,9 +83,12 @@ def georeference(
 
     formats.writer_of("points", output)
     screening = Screening(
-        floor=floor or 0.0, saturation=saturation or float("inf"), nearest=nearest,
-        furthest=furthest or float("inf"), weight=weight,
-    )  # fmt: skip
+        floor=floor or 0.0,
+        saturation=saturation or float("inf"),
+        nearest=nearest,
+        furthest=furthest or float("inf"),
+        weight=weight,
+    )
     if crs is not None:
         check_crs(crs)
     require_run(run)
@@ -94,9 +97,7 @@ def georeference(
     if crs is not None:
         check_crs(crs, tree.attrs["origin"])
     trajectory = motion_of(run, method)
-    blocks = points_of(
-        run, trajectory, screening=screening, range_noise=range_noise, lane=lane
-    )  # fmt: skip
+    blocks = points_of(run, trajectory, screening=screening, range_noise=range_noise, lane=lane)
     with progress_bar() as progress:
         counted = _PointCounter(blocks, tree["scans"].sizes["scan"], progress)
         points = iter(counted)

@@ -156,22 +156,37 @@ def grid(
     inputs = [file, *more]
     formats.writer_of("surface", output)
     options = GridSettings(
-        statistic=statistic, level=not plain, minimum_count=minimum_count, range_noise=range_noise,
-        percent=_percentile_fraction(statistic, percent), radius=radius, power=power,
-    )  # fmt: skip
+        statistic=statistic,
+        level=not plain,
+        minimum_count=minimum_count,
+        range_noise=range_noise,
+        percent=_percentile_fraction(statistic, percent),
+        radius=radius,
+        power=power,
+    )
     screening = Screening(
-        floor=floor or 0.0, saturation=saturation or float("inf"), nearest=nearest,
-        furthest=furthest or float("inf"), weight=weight,
-    )  # fmt: skip
+        floor=floor or 0.0,
+        saturation=saturation or float("inf"),
+        nearest=nearest,
+        furthest=furthest or float("inf"),
+        weight=weight,
+    )
     where = GridPlacement(
-        spacing=spacing, across=across, right=right, left=left, line=line,
-        path=None if path is None else str(path), bounds=bounds, smoothing=smoothing,
+        spacing=spacing,
+        across=across,
+        right=right,
+        left=left,
+        line=line,
+        path=None if path is None else str(path),
+        bounds=bounds,
+        smoothing=smoothing,
         as_map=output.suffix.lower() in _MAPS,
-    )  # fmt: skip
+    )
     kind = kind_of_all(
-        inputs, other="Convert a surface to points first: `trueterrain convert`.",
+        inputs,
+        other="Convert a surface to points first: `trueterrain convert`.",
         mixed="Grid runs and points apart, or georeference the runs first.",
-    )  # fmt: skip
+    )
     _check_times(begin, end, kind, inputs)
     only = point_filter(classes, returns)
     if only is not None and kind == "run":
@@ -190,9 +205,13 @@ def grid(
                 for run in inputs
             ]
             surface, counts = grid_runs(
-                passes, where.of_runs(passes), options, screening=screening, threads=workers,
+                passes,
+                where.of_runs(passes),
+                options,
+                screening=screening,
+                threads=workers,
                 progress=progress,
-            )  # fmt: skip
+            )
         else:
             surface, counts = _grid_points(inputs, where, options, crs, only, workers, progress)
     surface, holes = fill_holes(trim_surface(surface), HoleSettings(largest=fill), in_place=True)
@@ -328,11 +347,12 @@ def _in_words(report: dict[str, Any]) -> "Iterator[str]":
             text += f", {what}standard deviation {report[name]['median'] * 1000:.3g} mm"
     yield text
     words = {
-        "outside": "returns beside the grid", "too_high": "returns without a height",
+        "outside": "returns beside the grid",
+        "too_high": "returns without a height",
         "doubtful": "returns doubtful for their intensity",
         "scans_uncovered": "scans without motion, or at other times, left out",
         "bridged": "scans at times that navigation did not see",
-    }  # fmt: skip
+    }
     for name, what in words.items():
         if report["returns"].get(name):
             yield f"{report['returns'][name]:,} {what}"

@@ -229,9 +229,12 @@ def _json_document(rated: _IriResult, wanted: _IriRequest) -> dict[str, Any]:
             track["histogram"] = _histogram_classes(rated.shares.sel(track=name), factor)
         tracks.append(track)
     return {
-        "file": str(rated.path), "tracks": tracks, "mri": factor * index["mri"].item(),
-        "hri": factor * index["hri"].item(), "unit": wanted.unit,
-    }  # fmt: skip
+        "file": str(rated.path),
+        "tracks": tracks,
+        "mri": factor * index["mri"].item(),
+        "hri": factor * index["hri"].item(),
+        "unit": wanted.unit,
+    }
 
 
 def _segment_values(index: "xr.Dataset", values: Any) -> list[dict[str, float]]:

@@ -122,9 +122,10 @@ def merge(
         raise ValueError(message)
     inputs = [lane, *more]
     kind = kind_of_all(
-        inputs, other="Surfaces are compared with `trueterrain compare`.",
+        inputs,
+        other="Surfaces are compared with `trueterrain compare`.",
         mixed="Merge runs and points apart, or georeference the runs first.",
-    )  # fmt: skip
+    )
     runs = kind == "run"
     only = point_filter(classes, returns)
     if runs and only is not None:
@@ -151,16 +152,29 @@ def merge(
             from trueterrain.verify import truth_of
 
             numbers = run_survey(
-                _merge_survey(inputs, settings, spacing), output, force=force, threads=workers,
-                truth=truth_of, progress=progress,
-            ).numbers  # fmt: skip
+                _merge_survey(inputs, settings, spacing),
+                output,
+                force=force,
+                threads=workers,
+                truth=truth_of,
+                progress=progress,
+            ).numbers
         else:
             from trueterrain.survey import merge_point_clouds
 
             numbers = merge_point_clouds(
-                inputs, output, settings, split=split or None, crs=crs, only=only, cell=cell,
-                spacing=spacing, force=force, threads=workers, progress=progress,
-            ).numbers  # fmt: skip
+                inputs,
+                output,
+                settings,
+                split=split or None,
+                crs=crs,
+                only=only,
+                cell=cell,
+                spacing=spacing,
+                force=force,
+                threads=workers,
+                progress=progress,
+            ).numbers
     if json:
         out_json(numbers)
         return
@@ -218,9 +232,12 @@ def _merge_settings(
     from trueterrain.alignment.merge import MergeSettings
 
     settings = MergeSettings(
-        method="grid" if check else method, fixed=tuple(fix or ()), limit=limit,
-        control=None if control is None else str(control), path=None if path is None else str(path),
-    )  # fmt: skip
+        method="grid" if check else method,
+        fixed=tuple(fix or ()),
+        limit=limit,
+        control=None if control is None else str(control),
+        path=None if path is None else str(path),
+    )
     stated = {name: value for name, value in given.items() if value is not None}
     settings = replace(settings, network=replace(settings.network, **stated))
     if cell is None:
@@ -233,9 +250,13 @@ def _merge_survey(inputs: list[Path], settings: "MergeSettings", spacing: float 
     from trueterrain.survey import survey_of
 
     return survey_of(
-        inputs, name="merged", title="Merged passes", profiles=(), lanes=settings,
+        inputs,
+        name="merged",
+        title="Merged passes",
+        profiles=(),
+        lanes=settings,
         grid=GridPlacement(spacing=spacing or 0.01, lap=True),
-    )  # fmt: skip
+    )
 
 
 def _check_agreement(

@@ -98,17 +98,32 @@ def plate(
     from trueterrain.verify.plate.design import ScanSetup, design_plate, view_plate
 
     design = design_plate(
-        cleats, cleat_width=cleat_width, rise=rise, edge_rise=edge_rise, length=length,
-        width=width, thickness=thickness, pitch=pitch, tolerance=tolerance,
+        cleats,
+        cleat_width=cleat_width,
+        rise=rise,
+        edge_rise=edge_rise,
+        length=length,
+        width=width,
+        thickness=thickness,
+        pitch=pitch,
+        tolerance=tolerance,
         bands=tuple((f"surface {n}", value) for n, value in enumerate(reflectivity, start=1)),
-    )  # fmt: skip
+    )
     scanner = Scanner()
     setup = ScanSetup(
-        angle=scanner.angle, height=laser_height, offset=offset, lie=lie, speed=speed,
-        rate=scanner.rate, spot_width=scanner.spot_width, spot_length=scanner.spot_length,
-        gain=scanner.gain, nominal=scanner.nominal_height, floor=scanner.floor,
+        angle=scanner.angle,
+        height=laser_height,
+        offset=offset,
+        lie=lie,
+        speed=speed,
+        rate=scanner.rate,
+        spot_width=scanner.spot_width,
+        spot_length=scanner.spot_length,
+        gain=scanner.gain,
+        nominal=scanner.nominal_height,
+        floor=scanner.floor,
         saturation=scanner.saturation,
-    )  # fmt: skip
+    )
     view = view_plate(design, setup)
     shape = design.to_dict()
     shape["panels"] = {name: design.panels(name, carried) for name in shape["mass"]}
@@ -135,26 +150,36 @@ def plate(
 
 def _print_plate(design: "PlateDesign", view: "PlateView", shape: dict[str, Any]) -> None:
     along, across = design.holes()
-    write_line(f"Plate {design.length:g} x {design.width:g} m, {1000 * design.thickness:g} mm thick, "
-        f"{along.size} x {across.size} holes every {1000 * design.pitch:g} mm")  # fmt: skip
+    write_line(
+        f"Plate {design.length:g} x {design.width:g} m, {1000 * design.thickness:g} mm thick, "
+        f"{along.size} x {across.size} holes every {1000 * design.pitch:g} mm"
+    )
     for material, mass in shape["mass"].items():
         cleats = ", ".join(f"{design.mass_of_cleat(c, material):.1f}" for c in design.cleats)
-        write_line(f"  {material:<10} {mass:.0f} kg; plate {design.mass_of_plate(material):.0f} kg in "
-            f"{shape['panels'][material]} panels; cleats {cleats} kg")  # fmt: skip
+        write_line(
+            f"  {material:<10} {mass:.0f} kg; plate {design.mass_of_plate(material):.0f} kg in "
+            f"{shape['panels'][material]} panels; cleats {cleats} kg"
+        )
     write_line("Cleats")
     for cleat in design.cleats:
-        write_line(f"  {cleat.shape:<10} {1000 * cleat.width:g} x {1000 * cleat.rise:g} mm, middle at "
-            f"{design.foot(cleat) + cleat.width / 2:.3f} m")  # fmt: skip
+        write_line(
+            f"  {cleat.shape:<10} {1000 * cleat.width:g} x {1000 * cleat.rise:g} mm, middle at "
+            f"{design.foot(cleat) + cleat.width / 2:.3f} m"
+        )
     write_line(f"Steep faces, of {view.s.size} returns in all")
     for edge in view.edges:
         seen = f"{edge.on_face} returns" if edge.on_face or edge.seen else "not seen"
         seen += ", partly in shadow" if edge.on_face and not edge.seen else ""
-        write_line(f"  {edge.name:<18} at {edge.s:.3f} m: {seen}; points {1000 * edge.spacing:.1f} mm "
-            f"apart, {edge.blurred:.2f} across the edge")  # fmt: skip
+        write_line(
+            f"  {edge.name:<18} at {edge.s:.3f} m: {seen}; points {1000 * edge.spacing:.1f} mm "
+            f"apart, {edge.blurred:.2f} across the edge"
+        )
     write_line("Surfaces")
     for band in view.bands:
-        write_line(f"  {band.name:<10} {100 * band.reflectivity:.0f} %: {band.intensity:.0f} counts, "
-            f"{band.brightness}")  # fmt: skip
+        write_line(
+            f"  {band.name:<10} {100 * band.reflectivity:.0f} %: {band.intensity:.0f} counts, "
+            f"{band.brightness}"
+        )
     if view.doubts:
         write_line("Doubts")
         for doubt in view.doubts:
@@ -215,9 +240,13 @@ def _plate_drawing(design: "PlateDesign") -> "Figure":
         2, 1, figsize=(8.0, 9.5), layout="constrained", height_ratios=(3.2, 1.0)
     )
     figures.plate_plan(
-        cleats, length=design.length, width=design.width, holes=design.holes(),
-        bands=design.bands, ax=above,
-    )  # fmt: skip
+        cleats,
+        length=design.length,
+        width=design.width,
+        holes=design.holes(),
+        bands=design.bands,
+        ax=above,
+    )
     figures.plate_section(s, height, thickness=design.thickness, cleats=cleats, ax=below)
     found: Figure = figure
     return found
@@ -239,15 +268,28 @@ def _plate_report(
     seen = figures.plate_view(s, height, returns=(view.s, view.height), shadows=view.shadows)
     slope = figures.measurable_slope(setup.height, max(2.0, abs(setup.offset) + design.length / 2))
     weights = [
-        (material, mass, design.mass_of_plate(material), shape["panels"][material],
-         max(design.mass_of_cleat(cleat, material) for cleat in design.cleats))
+        (
+            material,
+            mass,
+            design.mass_of_plate(material),
+            shape["panels"][material],
+            max(design.mass_of_cleat(cleat, material) for cleat in design.cleats),
+        )
         for material, mass in shape["mass"].items()
-    ]  # fmt: skip
+    ]
     edges = [
-        (edge.name, 1000 * edge.s, 1000 * edge.rise, "yes" if edge.seen else "no", edge.on_face,
-         1000 * edge.spacing, edge.blurred, math.degrees(min(edge.limit, math.pi / 2)))
+        (
+            edge.name,
+            1000 * edge.s,
+            1000 * edge.rise,
+            "yes" if edge.seen else "no",
+            edge.on_face,
+            1000 * edge.spacing,
+            edge.blurred,
+            math.degrees(min(edge.limit, math.pi / 2)),
+        )
         for edge in view.edges
-    ]  # fmt: skip
+    ]
     return Report(
         title="Calibration plate",
         subtitle=f"{len(design.cleats)} cleats {setup.lie}, laser {setup.height:g} m above the "
@@ -261,39 +303,62 @@ def _plate_report(
             Number(label="Returns", value=int(view.s.size)),
         ),
         sections=(
-            Section(title="Drawing", blocks=(
-                Picture(figure=drawing, alt="The plate from above and in section, dimensioned"),
-                Table(
-                    columns=(Column(label="Material"), Column(label="Whole", unit="kg", digits=0),
-                             Column(label="Plate", unit="kg", digits=0), Column(label="Panels"),
-                             Column(label="Heaviest cleat", unit="kg", digits=1)),
-                    rows=weights, caption="To be carried.",
+            Section(
+                title="Drawing",
+                blocks=(
+                    Picture(figure=drawing, alt="The plate from above and in section, dimensioned"),
+                    Table(
+                        columns=(
+                            Column(label="Material"),
+                            Column(label="Whole", unit="kg", digits=0),
+                            Column(label="Plate", unit="kg", digits=0),
+                            Column(label="Panels"),
+                            Column(label="Heaviest cleat", unit="kg", digits=1),
+                        ),
+                        rows=weights,
+                        caption="To be carried.",
+                    ),
+                    Text(
+                        paragraph="Straight lines join the rows of profile.csv: s and height in "
+                        "metres, and the standard uncertainty of the tolerance."
+                    ),
                 ),
-                Text(paragraph="Straight lines join the rows of profile.csv: s and height in "
-                               "metres, and the standard uncertainty of the tolerance."),
-            )),
-            Section(title="What the scanner sees", blocks=(
-                Warnings(items=view.doubts),
-                Picture(figure=seen, alt="Returns on the profile, and what lies in shadow"),
-                Table(
-                    columns=(Column(label="Steep face"), Column(label="Place", unit="mm", digits=0),
-                             Column(label="Height", unit="mm", digits=0),
-                             Column(label="Wholly in view"), Column(label="Returns on it"),
-                             Column(label="Points apart", unit="mm", digits=1),
-                             Column(label="Returns across the edge", digits=2),
-                             Column(label="Steepest seen there", unit="deg", digits=1)),
-                    rows=edges,
-                    caption="A return across an edge is a mean of both sides.",
+            ),
+            Section(
+                title="What the scanner sees",
+                blocks=(
+                    Warnings(items=view.doubts),
+                    Picture(figure=seen, alt="Returns on the profile, and what lies in shadow"),
+                    Table(
+                        columns=(
+                            Column(label="Steep face"),
+                            Column(label="Place", unit="mm", digits=0),
+                            Column(label="Height", unit="mm", digits=0),
+                            Column(label="Wholly in view"),
+                            Column(label="Returns on it"),
+                            Column(label="Points apart", unit="mm", digits=1),
+                            Column(label="Returns across the edge", digits=2),
+                            Column(label="Steepest seen there", unit="deg", digits=1),
+                        ),
+                        rows=edges,
+                        caption="A return across an edge is a mean of both sides.",
+                    ),
+                    Picture(
+                        figure=slope, alt="Steepest face seen over the offset from the scanner"
+                    ),
+                    Table(
+                        columns=(
+                            Column(label="Surface"),
+                            Column(label="Reflectivity", unit="%", digits=0),
+                            Column(label="Intensity", unit="counts", digits=0),
+                            Column(label="Returns"),
+                        ),
+                        rows=[
+                            (b.name, 100 * b.reflectivity, b.intensity, b.brightness)
+                            for b in view.bands
+                        ],
+                    ),
                 ),
-                Picture(figure=slope, alt="Steepest face seen over the offset from the scanner"),
-                Table(
-                    columns=(Column(label="Surface"), Column(label="Reflectivity", unit="%",
-                                                             digits=0),
-                             Column(label="Intensity", unit="counts", digits=0),
-                             Column(label="Returns")),
-                    rows=[(b.name, 100 * b.reflectivity, b.intensity, b.brightness)
-                          for b in view.bands],
-                ),
-            )),
+            ),
         ),
-    )  # fmt: skip
+    )

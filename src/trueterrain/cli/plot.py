@@ -250,6 +250,10 @@ def _plot_spectrum(run: "xr.DataTree") -> Any:
     }
     span = samples.sizes["sample"] / rate
     return figures.spectrum(
-        signals, rate, segment=min(_SEGMENT, span), frequencies=_SHOWN, peaks=_PEAKS,
+        signals,
+        rate,
+        segment=min(_SEGMENT, span),
+        frequencies=_SHOWN,
+        peaks=_PEAKS,
         name="Specific force",
-    )  # fmt: skip
+    )

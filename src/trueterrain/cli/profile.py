@@ -28,9 +28,16 @@ if TYPE_CHECKING:
     from trueterrain.profile.extract import Ground
 
 StatisticName = Literal[
-    "median", "mean", "percentile", "trimmed", "bridge", "idw-mean", "idw-median", "steepest",
+    "median",
+    "mean",
+    "percentile",
+    "trimmed",
+    "bridge",
+    "idw-mean",
+    "idw-median",
+    "steepest",
     "point",
-]  # fmt: skip
+]
 
 EnvelopeName = Literal["disc", "cams", "springs", "laser", "patch"]
 
@@ -148,10 +155,20 @@ def profile(
 
     only = point_filter(classes, returns)
     options = TyreProfileSettings(
-        statistic=statistic, radius=radius, patch=patch, ellipse=ellipse, percent=percent,
-        skip=skip, average=average, power=power, resolution=resolution, bandwidth=bandwidth,
-        level=level, minimum_count=minimum_count, thin=thin,
-    )  # fmt: skip
+        statistic=statistic,
+        radius=radius,
+        patch=patch,
+        ellipse=ellipse,
+        percent=percent,
+        skip=skip,
+        average=average,
+        power=power,
+        resolution=resolution,
+        bandwidth=bandwidth,
+        level=level,
+        minimum_count=minimum_count,
+        thin=thin,
+    )
     if (doubt := area_doubt(options.search_area())) is not None:
         write_warning(f"{doubt}.")
     rolling = None
@@ -207,9 +224,15 @@ def _extract_profile(
     if taken is None:
         return point_profile(ground, path)
     return tyre_profile(
-        ground, path, area=options.search_area(), statistic=taken, level=options.level,
-        minimum_count=options.minimum_count, thin=options.thin, progress=progress,
-    )  # fmt: skip
+        ground,
+        path,
+        area=options.search_area(),
+        statistic=taken,
+        level=options.level,
+        minimum_count=options.minimum_count,
+        thin=options.thin,
+        progress=progress,
+    )
 
 
 def _profile_as_ground(

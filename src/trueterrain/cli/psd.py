@@ -130,9 +130,14 @@ def _fit_values(one: "xr.Dataset", prefix: str) -> dict[str, Any]:
 
 def _band_values(one: "xr.Dataset") -> list[dict[str, Any]]:
     columns = {
-        "lower": "lower", "centre": "centre", "upper": "upper", "density": "smoothed",
-        "low": "smoothed_low", "high": "smoothed_high", "fitted": "fitted",
-    }  # fmt: skip
+        "lower": "lower",
+        "centre": "centre",
+        "upper": "upper",
+        "density": "smoothed",
+        "low": "smoothed_low",
+        "high": "smoothed_high",
+        "fitted": "fitted",
+    }
     values = zip(*(one[name].values.tolist() for name in columns.values()), strict=True)
     return [dict(zip(columns, row, strict=True)) for row in values]
 

@@ -115,9 +115,12 @@ def _json_document(path: Path, rated: "xr.Dataset") -> dict[str, Any]:
     for name in rated["track"].values:
         one = rated.sel(track=name)
         values = zip(
-            starts, ends, one["segment_rn"].values.tolist(), one["segment_pi"].values.tolist(),
+            starts,
+            ends,
+            one["segment_rn"].values.tolist(),
+            one["segment_pi"].values.tolist(),
             strict=True,
-        )  # fmt: skip
+        )
         pieces = [{"start": a, "end": b, "rn": rn, "pi": pi} for a, b, rn, pi in values]
         whole = {"name": str(name), "rn": one["rn"].item(), "pi": one["pi"].item()}
         tracks.append(whole | {"segments": pieces})

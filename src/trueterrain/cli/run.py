@@ -59,9 +59,13 @@ def run(
     settings = read_survey(survey)
     with compiling_noted(), progress_bar() as progress:
         found = run_survey(
-            settings, output, force=force, threads=worker_threads(threads),
-            truth=truth_of, progress=progress,
-        )  # fmt: skip
+            settings,
+            output,
+            force=force,
+            threads=worker_threads(threads),
+            truth=truth_of,
+            progress=progress,
+        )
     if json:
         out_json({**found.numbers, "folder": str(output), "files": list(found.files)})
     else:

@@ -89,10 +89,12 @@ def _list_scenes(json: bool) -> None:
 
     scenes = [read_scene(name)[0] for name in scene_names()]
     if json:
-        out_json([
-            {"name": s.name, "title": s.title, "passes": [drive.name for drive in s.passes]}
-            for s in scenes
-        ])  # fmt: skip
+        out_json(
+            [
+                {"name": s.name, "title": s.title, "passes": [drive.name for drive in s.passes]}
+                for s in scenes
+            ]
+        )
         return
     width = max(len(scene.name) for scene in scenes)
     for scene in scenes:

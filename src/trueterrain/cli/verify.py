@@ -147,11 +147,17 @@ def _result_rows(found: "CertificateResult") -> Iterator[str]:
         row = result.row
         rows.append(
             [
-                name, _with_interval(row.rms), _with_interval(row.off_edges),
-                _with_interval(row.distance), _format_millimetres(row.maximum),
-                _with_interval(row.bias), _format_millimetres(row.noise), _format_millimetres(row.registration), str(row.count),
+                name,
+                _with_interval(row.rms),
+                _with_interval(row.off_edges),
+                _with_interval(row.distance),
+                _format_millimetres(row.maximum),
+                _with_interval(row.bias),
+                _format_millimetres(row.noise),
+                _format_millimetres(row.registration),
+                str(row.count),
             ]
-        )  # fmt: skip
+        )
     write_table(rows)
     if any(cell.endswith("*") for row in rows for cell in row):
         yield f"* of less than {ENOUGH:g} independent errors: the interval is at least so wide."

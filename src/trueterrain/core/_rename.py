@@ -93,9 +93,10 @@ def defer_signals() -> Iterator[None]:
     waiting: list[int] = []
     # a handler that python did not set (None) could not be restored
     before = {
-        int(number): handler for number in (signal.SIGINT, signal.SIGTERM)
+        int(number): handler
+        for number in (signal.SIGINT, signal.SIGTERM)
         if (handler := signal.getsignal(number)) is not None
-    }  # fmt: skip
+    }
     try:
         for number in before:
             signal.signal(number, lambda caught, _: waiting.append(caught))

@@ -296,9 +296,10 @@ def require_writable(
     for above in target.parents:
         if any((above / name).is_file() for name in _STORE):
             raise OutputError(
-                f"would lie within another store, {above}", path=path,
+                f"would lie within another store, {above}",
+                path=path,
                 cure="Choose a folder beside it.",
-            )  # fmt: skip
+            )
     _require_apart(path, target, inputs)
     if target.exists():
         _require_replaceable(path, target, replaces, force=force)
@@ -370,8 +371,9 @@ def _require_result(
     if about is not None and about["result"] != result:
         raise OutputError(
             f"holds a result of another command ({about['result']!r}), which is never replaced",
-            path=path, cure="Choose another folder.",
-        )  # fmt: skip
+            path=path,
+            cure="Choose another folder.",
+        )
     known = set() if about is None else {MANIFEST, *about["files"]}
     for entry in (target / name for name in names):
         if not os.path.lexists(entry):
@@ -381,8 +383,9 @@ def _require_result(
                 raise OutputError(
                     f"holds {file.relative_to(target)}, which no {MANIFEST} names, and which would "
                     "be replaced",
-                    path=path, cure="Move it to another folder, or choose another one.",
-                )  # fmt: skip
+                    path=path,
+                    cure="Move it to another folder, or choose another one.",
+                )
 
 
 def _obsolete_files(folder: Path, new: Path) -> list[str]:
@@ -390,9 +393,10 @@ def _obsolete_files(folder: Path, new: Path) -> list[str]:
     about = read_manifest(folder)
     files = {} if about is None else about["files"]
     return [
-        name for name, one in files.items()
+        name
+        for name, one in files.items()
         if not (new / name).exists() and is_as_written(folder / name, one)
-    ]  # fmt: skip
+    ]
 
 
 def _kind_at_path(path: Path) -> str:

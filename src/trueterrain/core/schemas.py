@@ -45,21 +45,46 @@ SCHEMA = 1
 ASSUMED = "assumed"
 
 _UNITS = {
-    "easting": "m", "northing": "m", "up": "m", "height": "m", "elevation": "m", "sd": "m",
+    "easting": "m",
+    "northing": "m",
+    "up": "m",
+    "height": "m",
+    "elevation": "m",
+    "sd": "m",
     "sd_relative": "m",
-    "heading": "rad", "banking": "m/m", "u": "m", "v": "m", "s": "m", "time": "s",
-    "intensity": "1", "lane": "1", "count": "1", "filled": "1", "scan_angle": "rad",
-}  # fmt: skip
+    "heading": "rad",
+    "banking": "m/m",
+    "u": "m",
+    "v": "m",
+    "s": "m",
+    "time": "s",
+    "intensity": "1",
+    "lane": "1",
+    "count": "1",
+    "filled": "1",
+    "scan_angle": "rad",
+}
 
 #: What LAS keeps of a return beside place, time, intensity and point source, and its type there.
 #: Names are those of LAS 1.4, colours are 16 bits, ``scan_angle`` is in rad.
 RETURN_ATTRIBUTES = {
-    "return_number": "u1", "number_of_returns": "u1", "classification": "u1",
-    "scan_angle": "f4", "user_data": "u1", "scanner_channel": "u1",
-    "scan_direction_flag": "u1", "edge_of_flight_line": "u1",
-    "synthetic": "u1", "key_point": "u1", "withheld": "u1", "overlap": "u1",
-    "red": "u2", "green": "u2", "blue": "u2", "nir": "u2",
-}  # fmt: skip
+    "return_number": "u1",
+    "number_of_returns": "u1",
+    "classification": "u1",
+    "scan_angle": "f4",
+    "user_data": "u1",
+    "scanner_channel": "u1",
+    "scan_direction_flag": "u1",
+    "edge_of_flight_line": "u1",
+    "synthetic": "u1",
+    "key_point": "u1",
+    "withheld": "u1",
+    "overlap": "u1",
+    "red": "u2",
+    "green": "u2",
+    "blue": "u2",
+    "nir": "u2",
+}
 
 #: Begin of the names of variables that hold extra bytes of LAS files.
 EXTRA = "extra_"

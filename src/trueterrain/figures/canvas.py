@@ -129,9 +129,16 @@ def degree_axis(axis: Any, name: str) -> None:
 def annotate_axes(ax: "Axes", text: str) -> None:
     """Short remark above the right end of the axes."""
     remark = ax.annotate(
-        text, (1, 1), (0, 4), xycoords="axes fraction", textcoords="offset points",
-        ha="right", va="bottom", fontsize="small", color=_QUIET,
-    )  # fmt: skip
+        text,
+        (1, 1),
+        (0, 4),
+        xycoords="axes fraction",
+        textcoords="offset points",
+        ha="right",
+        va="bottom",
+        fontsize="small",
+        color=_QUIET,
+    )
     draw_names([remark])
 
 
@@ -145,9 +152,16 @@ def note_exaggeration(ax: "Axes") -> None:
             super().draw(renderer)
 
     remark = Exaggeration(
-        "vertical exaggeration", (1, 1), (0, 4), xycoords="axes fraction",
-        textcoords="offset points", ha="right", va="bottom", fontsize="small", color=_QUIET,
-    )  # fmt: skip
+        "vertical exaggeration",
+        (1, 1),
+        (0, 4),
+        xycoords="axes fraction",
+        textcoords="offset points",
+        ha="right",
+        va="bottom",
+        fontsize="small",
+        color=_QUIET,
+    )
     ax.add_artist(remark).set_clip_on(False)
 
 
@@ -166,10 +180,18 @@ def legend_above(ax: "Axes", columns: int = 4, *, notes: bool = True) -> None:
         return
     raised = ScaledTranslation(0, (_ROW if notes else _GAP) / 72, ax.figure.dpi_scale_trans)
     legend = ax.legend(
-        handles, labels, loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.0,
-        bbox_transform=ax.transAxes + raised, frameon=False, ncols=min(columns, len(handles)),
-        fontsize="small", handlelength=1.5, columnspacing=1.3,
-    )  # fmt: skip
+        handles,
+        labels,
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        borderaxespad=0.0,
+        bbox_transform=ax.transAxes + raised,
+        frameon=False,
+        ncols=min(columns, len(handles)),
+        fontsize="small",
+        handlelength=1.5,
+        columnspacing=1.3,
+    )
     draw_names(legend.get_texts())
 
 
@@ -180,9 +202,14 @@ def draw_path(ax: "Axes", x: npt.ArrayLike, y: npt.ArrayLike, label: str = "path
     ax.plot(x, y, color=PATH_COLOUR, linewidth=1.8, label=label)
     if np.isfinite([x[0], y[0]]).all():  # else it begins outside of what is drawn
         ax.plot(
-            x[:1], y[:1], "o", color=PATH_COLOUR, markeredgecolor="white", label="its start",
+            x[:1],
+            y[:1],
+            "o",
+            color=PATH_COLOUR,
+            markeredgecolor="white",
+            label="its start",
             linestyle="none",
-        )  # fmt: skip
+        )
 
 
 def _three_digits(value: float) -> str:

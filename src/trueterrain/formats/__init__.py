@@ -40,9 +40,13 @@ _WRITERS = {
     "surface": {".crg": "opencrg", ".tif": "geotiff", ".tiff": "geotiff", ".zarr": "store"},
     "profile": {".erd": "erd", ".csv": "table", ".parquet": "table", ".zarr": "store"},
     "points": {
-        ".laz": "las", ".las": "las", ".csv": "table", ".parquet": "table", ".zarr": "store",
+        ".laz": "las",
+        ".las": "las",
+        ".csv": "table",
+        ".parquet": "table",
+        ".zarr": "store",
     },
-}  # fmt: skip
+}
 
 
 def open(  # noqa: A001 - called as trueterrain.formats.open
@@ -186,9 +190,7 @@ def require_writable(
 
     store = Path(path).suffix.lower() == ".zarr"
     kinds = tuple(_WRITERS) if kind is None else (kind,)
-    core.require_writable(
-        path, force=force, inputs=inputs, replaces=kinds if store else "file"
-    )  # fmt: skip
+    core.require_writable(path, force=force, inputs=inputs, replaces=kinds if store else "file")
 
 
 def writer_of(kind: str, path: str | Path) -> str:
@@ -358,9 +360,10 @@ def _filtered_blocks(
             for key, by in counts.counts().items()
         )
         raise CoverageError(
-            f"none of {seen:,} points is of {only}; there are {found}", path=path,
+            f"none of {seen:,} points is of {only}; there are {found}",
+            path=path,
             cure="Choose other classes or returns (--class, --return).",
-        )  # fmt: skip
+        )
 
 
 def _points_module(path: str | Path) -> ModuleType:

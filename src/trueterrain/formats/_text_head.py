@@ -116,9 +116,11 @@ def split_line(line: str, separator: str | None, path: str | Path | None = None)
         return next(rows, [])
     except csv.Error as error:
         raise FormatError(
-            f"cannot be split into fields ({error})", path=path,
-            place=f"line that begins with {line[:40]!r}", cure="Export it again as plain CSV.",
-        ) from None  # fmt: skip
+            f"cannot be split into fields ({error})",
+            path=path,
+            place=f"line that begins with {line[:40]!r}",
+            cure="Export it again as plain CSV.",
+        ) from None
 
 
 def number_of(text: str, decimal: str = ".") -> float | None:
@@ -140,9 +142,12 @@ def _named_head(rows: list[tuple[int, str]], at: int) -> Head:
         number_of(field) is None and number_of(field, ",") is not None for field in fields
     )
     return Head(
-        separator=separator, decimal="," if comma else ".",
-        labels=tuple(split_line(text, separator)), named=True, first=line + 1,
-    )  # fmt: skip
+        separator=separator,
+        decimal="," if comma else ".",
+        labels=tuple(split_line(text, separator)),
+        named=True,
+        first=line + 1,
+    )
 
 
 def _numbers_begin(rows: list[tuple[int, str]], at: int) -> bool:

@@ -164,8 +164,10 @@ class StoredArray(BackendArray):
             lost = max(1, total - len(found))
             raise FormatError(
                 f"{lost} of {total} chunks are missing, the first is {first}",
-                path=self._path, place=self._place, cure=_CURE,
-            )  # fmt: skip
+                path=self._path,
+                place=self._place,
+                cure=_CURE,
+            )
         if len(found) > total:
             how = f"{len(found)} chunks, but {total} by its shape {list(self.shape)}"
             raise damaged_error(self._path, self._place, how)

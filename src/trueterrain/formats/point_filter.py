@@ -19,13 +19,30 @@ if TYPE_CHECKING:
 
 #: Names of the standard classes.
 CLASS_NAMES = {
-    0: "never classified", 1: "unassigned", 2: "ground", 3: "low vegetation",
-    4: "medium vegetation", 5: "high vegetation", 6: "building", 7: "low noise",
-    8: "model key point", 9: "water", 10: "rail", 11: "road surface", 12: "overlap",
-    13: "wire guard", 14: "wire conductor", 15: "transmission tower", 16: "wire connector",
-    17: "bridge deck", 18: "high noise", 19: "overhead structure", 20: "ignored ground",
-    21: "snow", 22: "temporal exclusion",
-}  # fmt: skip
+    0: "never classified",
+    1: "unassigned",
+    2: "ground",
+    3: "low vegetation",
+    4: "medium vegetation",
+    5: "high vegetation",
+    6: "building",
+    7: "low noise",
+    8: "model key point",
+    9: "water",
+    10: "rail",
+    11: "road surface",
+    12: "overlap",
+    13: "wire guard",
+    14: "wire conductor",
+    15: "transmission tower",
+    16: "wire connector",
+    17: "bridge deck",
+    18: "high noise",
+    19: "overhead structure",
+    20: "ignored ground",
+    21: "snow",
+    22: "temporal exclusion",
+}
 
 #: Classes of what stands on the ground or above it, and of noise.
 ABOVE_GROUND = (3, 4, 5, 6, 7, 13, 14, 15, 16, 18, 19)
@@ -65,9 +82,10 @@ class PointFilter:
     def variables(self) -> tuple[str, ...]:
         """Variables of points that are looked at."""
         needed = {
-            "classification": bool(self.classes), "return_number": self.returns is not None,
+            "classification": bool(self.classes),
+            "return_number": self.returns is not None,
             "number_of_returns": self.returns == "last",
-        }  # fmt: skip
+        }
         return tuple(name for name, is_needed in needed.items() if is_needed)
 
     def require(self, known: "Collection[str] | xr.Dataset") -> None:
@@ -86,9 +104,10 @@ class PointFilter:
         for name in self.variables:
             if name not in known:
                 raise FormatError(
-                    "is missing, so that points cannot be chosen by it", place=f"variable {name}",
+                    "is missing, so that points cannot be chosen by it",
+                    place=f"variable {name}",
                     cure="Take all points, or classify them first (--class, --return).",
-                )  # fmt: skip
+                )
 
     def apply(self, points: "xr.Dataset") -> "xr.Dataset":
         """The points that are taken.

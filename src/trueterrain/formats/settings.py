@@ -303,9 +303,10 @@ def _terse_lines(lines: list[str]) -> list[str]:
     """Lines of a further table of an array, whose comments stand at the first."""
     kept = [line for line in lines if line and not line.startswith("#")]
     empty = {
-        line for line, after in itertools.pairwise([*kept, "["])
+        line
+        for line, after in itertools.pairwise([*kept, "["])
         if line.startswith("[") and not line.startswith("[[") and after.startswith("[")
-    }  # fmt: skip
+    }
     found: list[str] = []
     for line in kept:
         if line not in empty:

@@ -55,9 +55,22 @@ BOREAS = Format(name="Boreas poses", module="navigation.boreas", endings=CSV.end
 NAVIGATION = Format(name="Navigation table", module="navigation.columns", endings=CSV.endings)
 
 FORMATS = (
-    CRG, GEOTIFF, LAS, LAZ, COPC, ERD, CSV, PARQUET, STORE, RUN, SBET, SMRMSG, SBET_TEXT, BOREAS,
+    CRG,
+    GEOTIFF,
+    LAS,
+    LAZ,
+    COPC,
+    ERD,
+    CSV,
+    PARQUET,
+    STORE,
+    RUN,
+    SBET,
+    SMRMSG,
+    SBET_TEXT,
+    BOREAS,
     NAVIGATION,
-)  # fmt: skip
+)
 
 # names that head the columns of our own tables, with any unit or track behind them
 _COLUMN = re.compile(r"(s|height|easting|northing|up|x|y|z)(\W.*|_.*)?$")
@@ -68,9 +81,12 @@ _STORED = ("points", "surface", "profile", "run")
 
 # what a path may lead to instead of a file
 _NO_FILES = {
-    stat.S_ISDIR: "a folder", stat.S_ISFIFO: "a pipe", stat.S_ISSOCK: "a socket",
-    stat.S_ISCHR: "a device", stat.S_ISBLK: "a device",
-}  # fmt: skip
+    stat.S_ISDIR: "a folder",
+    stat.S_ISFIFO: "a pipe",
+    stat.S_ISSOCK: "a socket",
+    stat.S_ISCHR: "a device",
+    stat.S_ISBLK: "a device",
+}
 
 # formats that turn up beside ours and deserve to be called by their name
 _FOREIGN = {
@@ -170,9 +186,10 @@ def open_regular(path: str | Path) -> BinaryIO:
     if not stat.S_ISREG(mode):
         kind = next((name for test, name in _NO_FILES.items() if test(mode)), "no file")
         raise FormatError(
-            f"is {kind}, not a file", path=path,
+            f"is {kind}, not a file",
+            path=path,
             cure="Name the files in it." if stat.S_ISDIR(mode) else "Write it to a file first.",
-        )  # fmt: skip
+        )
     return path.open("rb")
 
 
@@ -206,9 +223,11 @@ def kind_of_store(path: str | Path) -> str:
         about = json.loads((path / "zarr.json").read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as error:  # no JSON, or no UTF-8
         raise FormatError(
-            f"is damaged ({error})", path=path, place="zarr.json",
+            f"is damaged ({error})",
+            path=path,
+            place="zarr.json",
             cure="Copy the whole folder again.",
-        ) from None  # fmt: skip
+        ) from None
     attrs = about.get("attributes") if isinstance(about, dict) else None
     found = str(attrs.get("kind", "none")) if isinstance(attrs, dict) else "none"
     kind = found.removeprefix(_OURS)
@@ -250,14 +269,16 @@ def _no_store(path: Path) -> FormatError:
     """What to say of a folder without the metadata of a Zarr 3 group."""
     if any((path / name).is_file() for name in (".zgroup", ".zarray", ".zattrs")):
         return FormatError(
-            "is a Zarr 2 store, and only Zarr 3 is read", path=path,
+            "is a Zarr 2 store, and only Zarr 3 is read",
+            path=path,
             cure="Open it with xarray, make points, a surface or a profile of it, and write that.",
-        )  # fmt: skip
+        )
     if path.suffix == ".zarr":
         return FormatError(
-            "is no whole Zarr 3 store: it holds no zarr.json", path=path,
+            "is no whole Zarr 3 store: it holds no zarr.json",
+            path=path,
             cure="Copy the whole folder again.",
-        )  # fmt: skip
+        )
     return FormatError("is a folder, not a file", path=path, cure="Name the files in it.")
 
 

@@ -45,9 +45,16 @@ def fill_buckets(
 
 @compile_kernel
 def to_xy(
-    nodes: Floats, px: Floats, py: Floats, nx: Floats, ny: Floats,
-    u: Floats, v: Floats, x: Floats, y: Floats,
-) -> None:  # fmt: skip
+    nodes: Floats,
+    px: Floats,
+    py: Floats,
+    nx: Floats,
+    ny: Floats,
+    u: Floats,
+    v: Floats,
+    x: Floats,
+    y: Floats,
+) -> None:
     """Ground coordinates of (u, v); straight on beyond both ends."""
     last = nodes.size - 2
     i = 0
@@ -64,13 +71,29 @@ def to_xy(
 
 @compile_kernel
 def to_uv(
-    nodes: Floats, px: Floats, py: Floats, nx: Floats, ny: Floats,
-    v_right: float, v_left: float, edge: float,
-    block_starts: Integers, boxes: Floats, scan_all: npt.NDArray[np.bool_],
-    bucket_starts: Integers, bucket_items: npt.NDArray[np.int32],
-    bucket_x: float, bucket_y: float, bucket_size: float, columns: int, rows: int,
-    x: Floats, y: Floats, u: Floats, v: Floats,
-) -> None:  # fmt: skip
+    nodes: Floats,
+    px: Floats,
+    py: Floats,
+    nx: Floats,
+    ny: Floats,
+    v_right: float,
+    v_left: float,
+    edge: float,
+    block_starts: Integers,
+    boxes: Floats,
+    scan_all: npt.NDArray[np.bool_],
+    bucket_starts: Integers,
+    bucket_items: npt.NDArray[np.int32],
+    bucket_x: float,
+    bucket_y: float,
+    bucket_size: float,
+    columns: int,
+    rows: int,
+    x: Floats,
+    y: Floats,
+    u: Floats,
+    v: Floats,
+) -> None:
     """Grid coordinates of (x, y), NaN outside; of several hits the one nearest to the line."""
     hint = 0
     for k in range(x.size):
@@ -118,9 +141,16 @@ def _section_side(
 
 @compile_kernel
 def _strip_in_block(
-    px: Floats, py: Floats, nx: Floats, ny: Floats, first: int, end: int, hint: int,
-    x: float, y: float,
-) -> int:  # fmt: skip
+    px: Floats,
+    py: Floats,
+    nx: Floats,
+    ny: Floats,
+    first: int,
+    end: int,
+    hint: int,
+    x: float,
+    y: float,
+) -> int:
     """Last strip of a block whose beginning is not ahead of the point.
 
     The hint saves the search but never changes its result.
@@ -167,9 +197,14 @@ def _in_strip(
 
 @compile_kernel
 def interpolate_bilinear(
-    u_nodes: Floats, v_nodes: Floats, height: Floats, snap: float,
-    u: Floats, v: Floats, z: Floats,
-) -> None:  # fmt: skip
+    u_nodes: Floats,
+    v_nodes: Floats,
+    height: Floats,
+    snap: float,
+    u: Floats,
+    v: Floats,
+    z: Floats,
+) -> None:
     """Heights at (u, v); NaN outside, and where a node that carries weight is NaN."""
     last_u = u_nodes.size - 2
     last_v = v_nodes.size - 2

@@ -95,9 +95,10 @@ def units_of(crs: "pyproj.CRS") -> Units:
         return Units()
     across, up = axes[0], axes[2] if len(axes) > 2 else axes[0]
     return Units(
-        horizontal=across.unit_conversion_factor, vertical=up.unit_conversion_factor,
+        horizontal=across.unit_conversion_factor,
+        vertical=up.unit_conversion_factor,
         names=(across.unit_name, up.unit_name),
-    )  # fmt: skip
+    )
 
 
 def crs_in_metres(crs: "pyproj.CRS") -> str:

@@ -17,9 +17,14 @@ from trueterrain.geometry.navigation_frames import (
 )
 
 __all__ = [
-    "ellipsoidal_height", "enu_of_geodetic", "enu_of_projected", "geodetic_of_enu",
-    "geodetic_of_projected", "meridian_convergence", "true_heading",
-]  # fmt: skip
+    "ellipsoidal_height",
+    "enu_of_geodetic",
+    "enu_of_projected",
+    "geodetic_of_enu",
+    "geodetic_of_projected",
+    "meridian_convergence",
+    "true_heading",
+]
 
 Float = npt.NDArray[np.float64]
 

@@ -332,9 +332,10 @@ def _equal_chords(spline: CubicSpline, spacing: float) -> ReferenceLine:
     at = np.interp(np.arange(count + 1) * spacing, arc, fine)
     if count < 1:
         raise CoverageError(
-            f"the path is shorter than the spacing of {spacing:g} m", place="reference line",
+            f"the path is shorter than the spacing of {spacing:g} m",
+            place="reference line",
             cure="Choose a finer spacing.",
-        )  # fmt: skip
+        )
     for _ in range(_STEPS):
         nodes = spline(at)
         chords = np.hypot(*np.diff(nodes[:, :2], axis=0).T)

@@ -45,11 +45,24 @@ from trueterrain.geometry.geodesy import (
 from trueterrain.geometry.navigation_frames import iso8855_of_ned
 
 __all__ = [
-    "ellipsoidal_height", "enu_of_geodetic", "enu_of_projected", "from_iso8855", "from_opk",
-    "from_sbet", "from_span", "from_thesis_eq_2_1", "geodetic_of_enu", "geodetic_of_projected",
-    "meridian_convergence", "to_iso8855", "to_opk", "to_sbet", "to_span", "to_thesis_eq_2_1",
+    "ellipsoidal_height",
+    "enu_of_geodetic",
+    "enu_of_projected",
+    "from_iso8855",
+    "from_opk",
+    "from_sbet",
+    "from_span",
+    "from_thesis_eq_2_1",
+    "geodetic_of_enu",
+    "geodetic_of_projected",
+    "meridian_convergence",
+    "to_iso8855",
+    "to_opk",
+    "to_sbet",
+    "to_span",
+    "to_thesis_eq_2_1",
     "true_heading",
-]  # fmt: skip
+]
 
 Float = npt.NDArray[np.float64]
 

@@ -124,11 +124,13 @@ def form_height_differences(
     return PatchDifferences(
         misfit=_less_mean(height[:, :, None], there, count)[:, :, 0],
         design=_less_mean(design, there, count),
-        effect=effect, time=time, there=there,
+        effect=effect,
+        time=time,
+        there=there,
         slope=np.hypot(*slope),
         freedom=count - 1.0,
         block=np.unique(row // size * squares + column // size, return_inverse=True)[1],
-    )  # fmt: skip
+    )
 
 
 def body_turns(mounting: Mounting) -> Floats:
@@ -261,11 +263,15 @@ def fit_parameters(
     covariance += wander.covariance(leverage, found.effect, found.time)
     covariance += (SHARED * ours[: len(fixed)] * known) @ (SHARED * ours[: len(fixed)]).T
     return ParameterEstimate(
-        step=step[: len(fixed)], motion=step[len(fixed) :], normal=normal,
+        step=step[: len(fixed)],
+        motion=step[len(fixed) :],
+        normal=normal,
         covariance=0.5 * (covariance + covariance.T),
         sensitivity=(-inverse @ told[np.ix_(columns, others)])[: len(fixed)],
-        residual=rms_difference(left, found), wander=wander, unknowns=unknowns,
-    )  # fmt: skip
+        residual=rms_difference(left, found),
+        wander=wander,
+        unknowns=unknowns,
+    )
 
 
 def _form_normal_equations(

@@ -202,7 +202,7 @@ def expand_poses(
 @compile_kernel
 def georeference_returns(
     expansion, body, variance, first, beam, ranges, weight, range_variance, points, sd
-):  # fmt: skip
+):
     """East, north, up and standard deviation of all returns; NaN where the weight is 0.
 
     `beam` holds, per beam, the powers 0 to 2 of its time after the middle of its piece, those times
@@ -222,10 +222,13 @@ def georeference_returns(
                 ahead = 0.0
                 for axis in range(3):
                     ahead = (
-                        e[axis, 3] * beam[3, b] + e[axis, 4] * beam[4, b] + e[axis, 5] * beam[5, b]
-                        + e[axis, 6] * beam[6, b] + e[axis, 7] * beam[7, b]
+                        e[axis, 3] * beam[3, b]
+                        + e[axis, 4] * beam[4, b]
+                        + e[axis, 5] * beam[5, b]
+                        + e[axis, 6] * beam[6, b]
+                        + e[axis, 7] * beam[7, b]
                         + e[axis, 8] * beam[8, b]
-                    )  # fmt: skip
+                    )
                     where = e[axis, 0] + e[axis, 1] * beam[1, b] + e[axis, 2] * beam[2, b]
                     points[n, b, axis] = where + r * ahead
                 x, y = points[n, b, 1] - at[1], at[0] - points[n, b, 0]

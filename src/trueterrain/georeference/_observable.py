@@ -138,14 +138,17 @@ def find_unobservable(
         worst = int(np.argmax(np.where(weak, excess, 0.0)))
         held.append(
             UnobservableParameter(
-                index=chosen[kept[worst]], sd=float(sd[worst]), limit=float(asked[worst]),
+                index=chosen[kept[worst]],
+                sd=float(sd[worst]),
+                limit=float(asked[worst]),
                 together=tuple(
-                    NAMES[chosen[k]] for j, k in enumerate(kept)
+                    NAMES[chosen[k]]
+                    for j, k in enumerate(kept)
                     if j != worst and abs(alike[worst, j]) > TOGETHER
                 ),
                 passes=None,
             )
-        )  # fmt: skip
+        )
         kept.pop(worst)
     held = [
         replace(one, passes=_sufficient_passes(result, chosen, kept, one.index, limits, passes))
@@ -162,11 +165,15 @@ def find_uncertain(
     told = [k for k, index in enumerate(chosen) if sd[k] <= limits[index]]
     return [
         UnobservableParameter(
-            index=index, sd=float(sd[k]), limit=float(limits[index]), together=(),
+            index=index,
+            sd=float(sd[k]),
+            limit=float(limits[index]),
+            together=(),
             passes=_sufficient_passes(result, chosen, told, index, limits, passes),
         )
-        for k, index in enumerate(chosen) if sd[k] > limits[index]
-    ]  # fmt: skip
+        for k, index in enumerate(chosen)
+        if sd[k] > limits[index]
+    ]
 
 
 def unobservable_error(untold: list[UnobservableParameter]) -> CoverageError:

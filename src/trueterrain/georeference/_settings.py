@@ -20,8 +20,14 @@ class CalibrationSettings:
     """How a mounting is found."""
 
     parameters: tuple[Parameter, ...] = (
-        "roll", "pitch", "yaw", "lever_x", "lever_y", "lever_z", "clock",
-    )  # fmt: skip
+        "roll",
+        "pitch",
+        "yaw",
+        "lever_x",
+        "lever_y",
+        "lever_z",
+        "clock",
+    )
     "What is estimated; the rest is held."
 
     unobservable: Literal["refuse", "hold"] = "refuse"
@@ -75,8 +81,16 @@ class CalibrationSettings:
         if self.unobservable not in ("refuse", "hold"):
             message = f"unobservable must be refuse or hold, got {self.unobservable!r}."
             raise ValueError(message)
-        for name in ("spacing", "largest_angle", "cluster", "drift_step", "height_noise",
-                     "largest_angle_sd", "largest_lever_sd", "largest_clock_sd"):  # fmt: skip
+        for name in (
+            "spacing",
+            "largest_angle",
+            "cluster",
+            "drift_step",
+            "height_noise",
+            "largest_angle_sd",
+            "largest_lever_sd",
+            "largest_clock_sd",
+        ):
             if not 0 < getattr(self, name) < math.inf:
                 message = f"{name} must be greater than 0, got {getattr(self, name)}."
                 raise ValueError(message)
@@ -93,5 +107,6 @@ class CalibrationSettings:
     @property
     def limits(self) -> Floats:
         """Standard deviations up to which each parameter counts as observable."""
-        return np.array([self.largest_angle_sd] * 3 + [self.largest_lever_sd] * 3
-                        + [self.largest_clock_sd])  # fmt: skip
+        return np.array(
+            [self.largest_angle_sd] * 3 + [self.largest_lever_sd] * 3 + [self.largest_clock_sd]
+        )

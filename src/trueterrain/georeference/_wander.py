@@ -227,10 +227,12 @@ class MotionErrorModel:
             count = math.ceil(span / step) + 1
             at = np.clip(np.rint((time[p] - begin) / step), 0, count - 1).astype(np.intp)
             for component in components:
-                sums = np.stack([
-                    np.bincount(at, effect[p, :, component] * column, minlength=count)
-                    for column in leverage[p].T
-                ])  # fmt: skip
+                sums = np.stack(
+                    [
+                        np.bincount(at, effect[p, :, component] * column, minlength=count)
+                        for column in leverage[p].T
+                    ]
+                )
                 if component == _UP:
                     middle = round((self.knots[p][self.knots[p].size // 2] - begin) / step)
                     sums[:, middle] -= sums.sum(axis=1)

@@ -224,9 +224,15 @@ def calibrate_mounting(
         )
     count = len(chosen)
     return _calibration_result(
-        found, last, result, chosen, before=rms_difference(remove_pass_offsets(before), before), rounds=rounds,
-        held=held, offset=-result.step[count:],
-    )  # fmt: skip
+        found,
+        last,
+        result,
+        chosen,
+        before=rms_difference(remove_pass_offsets(before), before),
+        rounds=rounds,
+        held=held,
+        offset=-result.step[count:],
+    )
 
 
 def _common_mounting(runs: Sequence[xr.DataTree | str | Path]) -> Mounting:
@@ -293,15 +299,21 @@ def _update_mounting(mounting: Mounting, chosen: list[int], step: Floats) -> Mou
     values[chosen] += step
     rotation, position, clock = values[:3].tolist(), values[3:6].tolist(), float(values[6])
     return replace(
-        mounting, scanner_rotation=tuple(rotation), scanner_position=tuple(position),
+        mounting,
+        scanner_rotation=tuple(rotation),
+        scanner_position=tuple(position),
         scanner_clock=clock,
-    )  # fmt: skip
+    )
 
 
 def _mounting_values(mounting: Mounting) -> Floats:
-    return np.array([
-        *mounting.scanner_rotation, *mounting.scanner_position, mounting.scanner_clock,
-    ])  # fmt: skip
+    return np.array(
+        [
+            *mounting.scanner_rotation,
+            *mounting.scanner_position,
+            mounting.scanner_clock,
+        ]
+    )
 
 
 def _calibration_result(
@@ -321,8 +333,11 @@ def _calibration_result(
     inverse = np.linalg.inv(result.normal)[:count, :count]
     alone = np.sqrt(np.diag(inverse))
     return Calibration(
-        mounting=mounting, parameters=tuple(NAMES[index] for index in chosen),
-        value=_mounting_values(mounting)[chosen], sd=sd[:count], correlation=correlation[:count, :count],
+        mounting=mounting,
+        parameters=tuple(NAMES[index] for index in chosen),
+        value=_mounting_values(mounting)[chosen],
+        sd=sd[:count],
+        correlation=correlation[:count, :count],
         condition=float(np.linalg.cond(inverse / np.outer(alone, alone))),
         held=tuple(name for index, name in enumerate(NAMES) if index not in chosen),
         sensitivity=result.sensitivity[:count],
@@ -330,6 +345,8 @@ def _calibration_result(
         reasons=tuple(f"{one.finding}. {one.cure}" for one in held),
         offset=np.concatenate([[0.0], offset]),
         offset_sd=np.concatenate([[0.0], sd[count : count + offset.size]]),
-        residual_before=before, residual_after=result.residual,
-        correspondences=seen.correspondences, rounds=rounds,
-    )  # fmt: skip
+        residual_before=before,
+        residual_after=result.residual,
+        correspondences=seen.correspondences,
+        rounds=rounds,
+    )

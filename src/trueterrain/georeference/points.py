@@ -107,7 +107,7 @@ def georeference(
     mounting, blocks, source = _open_scans(scans, mounting, block)
     return _georeference_blocks(
         blocks, trajectory, mounting, screening, range_noise, lane, crs, source
-    )  # fmt: skip
+    )
 
 
 def _georeference_blocks(
@@ -123,10 +123,15 @@ def _georeference_blocks(
     geometry: ScanGeometry | None = None
     counts = dict.fromkeys(_COUNTS, 0)
     step = provenance.add_step(
-        xr.Dataset(), "georeference",
-        parameters={"mounting": mounting, "screening": screening, "range_noise": range_noise,
-                    "run": source.name if source else ""},
-    )  # fmt: skip
+        xr.Dataset(),
+        "georeference",
+        parameters={
+            "mounting": mounting,
+            "screening": screening,
+            "range_noise": range_noise,
+            "run": source.name if source else "",
+        },
+    )
     for scans in blocks:
         if geometry is None:
             geometry = ScanGeometry(trajectory, mounting, scans["angle"], scans["delay"])
@@ -160,9 +165,17 @@ def _georeference_block(
     motion = geometry.expand(time)
     found, sd = np.empty((*ranges.shape, 3)), np.empty(ranges.shape)
     _kernels.georeference_returns(
-        motion.coefficient, motion.body, motion.variance, geometry.first, geometry.beam, ranges,
-        weights, range_noise**2, found, sd,
-    )  # fmt: skip
+        motion.coefficient,
+        motion.body,
+        motion.variance,
+        geometry.first,
+        geometry.beam,
+        ranges,
+        weights,
+        range_noise**2,
+        found,
+        sd,
+    )
     good = weights > 0
     _count_returns(counts, screening, ranges, intensity, good)
     flags = np.repeat(
@@ -171,9 +184,11 @@ def _georeference_block(
     counts["bridged"] += int(((flags & BRIDGED != 0) & good).sum())
     beams = time[:, None] + geometry.mounting.scanner_clock + geometry.delay
     columns: dict[str, Any] = {
-        "easting": found[good, 0], "northing": found[good, 1], "up": found[good, 2],
+        "easting": found[good, 0],
+        "northing": found[good, 1],
+        "up": found[good, 2],
         "time": beams[good],
-    }  # fmt: skip
+    }
     datum = geometry.trajectory.datum_sd
     if datum is not None:
         columns["sd"] = sd[good]

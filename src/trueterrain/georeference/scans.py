@@ -161,10 +161,21 @@ class ScanGeometry:
             flag=np.empty(n, np.uint8),
         )
         _kernels.expand_poses(
-            middle, self._half, *self._motion, self._turn, self._rate, self._covariance,
-            self.trajectory.flag, self._lever, self._left, self._upward,
-            found.coefficient, found.body, found.variance, found.flag,
-        )  # fmt: skip
+            middle,
+            self._half,
+            *self._motion,
+            self._turn,
+            self._rate,
+            self._covariance,
+            self.trajectory.flag,
+            self._lever,
+            self._left,
+            self._upward,
+            found.coefficient,
+            found.body,
+            found.variance,
+            found.flag,
+        )
         return found
 
 

@@ -119,10 +119,13 @@ def _smooth_part(time: Float, pose: Float, sd: Float, white: Float) -> tuple[Flo
         return grid, values, rates
     slow, rate, _ = fit_polynomials(series, grid, _WINDOWS[1])
     epochs = _Epochs(
-        time=time, pose=pose - pose[0], variance=np.tile(white**2, (time.size, 1)),
+        time=time,
+        pose=pose - pose[0],
+        variance=np.tile(white**2, (time.size, 1)),
         drift_sd=np.sqrt(np.maximum(np.median(sd, axis=0) ** 2 - white**2, (0.1 * white) ** 2)),
-        heading=slow[:, 2], rate=rate[0],
-    )  # fmt: skip
+        heading=slow[:, 2],
+        rate=rate[0],
+    )
     knots, found = _smooth_epochs(epochs, _most_likely(_epoch_means(epochs)))
     return knots, found.mean[:, :3] + pose[0], found.mean[:, 3:6]
 
@@ -197,9 +200,12 @@ def _epoch_means(epochs: _Epochs) -> _Epochs:
         return np.asarray((np.add.reduceat(values, starts).T / count).T, dtype=float)
 
     return replace(
-        epochs, time=mean(epochs.time), pose=mean(epochs.pose), heading=mean(epochs.heading),
+        epochs,
+        time=mean(epochs.time),
+        pose=mean(epochs.pose),
+        heading=mean(epochs.heading),
         variance=(mean(epochs.variance).T / count).T,
-    )  # fmt: skip
+    )
 
 
 def _most_likely(epochs: _Epochs) -> _MotionModel:
@@ -218,9 +224,10 @@ def _most_likely(epochs: _Epochs) -> _MotionModel:
         drift[:, :2] = drift[:, :2].sum(axis=1, keepdims=True)  # of east and north alike
         faster = np.maximum(drift[0] / drift[1], 1e-3)  # nothing pulls at what is the same always
         motion = replace(
-            motion, jerk=np.clip(motion.jerk * ratio, _LEAST, _MOST),
+            motion,
+            jerk=np.clip(motion.jerk * ratio, _LEAST, _MOST),
             drift_time=np.clip(motion.drift_time / faster, *_DRIFT_TIMES),
-        )  # fmt: skip
+        )
     return motion
 
 

@@ -59,11 +59,15 @@ def fuse_inputs(
     near = SmoothedSeries(navigation, _WAY, window=window, slow=_SLOW)
     adaptive = settings.method == "rts" and settings.way_window is None
     parts = _FusionParts(
-        navigation=navigation, settings=settings, sd=sd, near=near, window=window,
+        navigation=navigation,
+        settings=settings,
+        sd=sd,
+        near=near,
+        window=window,
         quick=SmoothedSeries(navigation, _HEAVE, window=0.0, slow=_SLOW),
         attitude=SmoothedSeries(navigation, _HEAVE[1:], window=_QUICK, slow=_QUICK),
         way=AdaptiveTrajectory(navigation, sd) if adaptive else near,
-    )  # fmt: skip
+    )
     problems = [*problems, *_gap_problems("navigation", navigation.gaps)]
     if sensors is None:
         return _by_navigation(parts, problems)
@@ -186,11 +190,19 @@ def _by_both(
     if settings.method == "rts":
         turn = np.sqrt(np.mean(parts.attitude.second(parts.navigation.time) ** 2, axis=0))
         found = smoothed_coordinates(
-            inertial, parts.navigation, parts.attitude.value(parts.navigation.time), turn, noise,
+            inertial,
+            parts.navigation,
+            parts.attitude.value(parts.navigation.time),
+            turn,
+            noise,
             drift_sd,
-            SensorErrors(bias_sd=settings.bias_sd, bias_walk=settings.bias_walk,
-                    scale_sd=settings.scale_sd, delay_sd=settings.accelerometer_delay_sd),
-        )  # fmt: skip
+            SensorErrors(
+                bias_sd=settings.bias_sd,
+                bias_walk=settings.bias_walk,
+                scale_sd=settings.scale_sd,
+                delay_sd=settings.accelerometer_delay_sd,
+            ),
+        )
         result = found.coordinates
         problems = [*problems, *_flag_estimates(found, settings)]
     else:
@@ -201,13 +213,17 @@ def _by_both(
     gaps = tuple(("accelerometers", *gap) for gap in _lost_spans(inertial))
     motion = _assemble_motion(parts, time, result, inertial.middle, gaps, edge, problems)
     return FusedMotion(
-        trajectory=motion.trajectory, method=settings.method, noise=noise,
-        crossover=filters.crossover_frequency(spectra), gaps=motion.gaps, problems=motion.problems,
+        trajectory=motion.trajectory,
+        method=settings.method,
+        noise=noise,
+        crossover=filters.crossover_frequency(spectra),
+        gaps=motion.gaps,
+        problems=motion.problems,
         drift=None if found is None else found.drift,
         bias=None if found is None else tuple(map(float, found.bias)),
         delay=None if found is None else found.delay,
         surprise=None if found is None else _three_floats(found.surprise),
-    )  # fmt: skip
+    )
 
 
 def _flag_estimates(found: SmootherResult, settings: FusionSettings) -> list[str]:
@@ -333,12 +349,18 @@ def _estimate_noise(
     if s.drift_time is None:
         seen = pairs[:, 1] > 0
         length[seen] = np.clip(2 * drift[seen] ** 2 / pairs[seen, 1], *_DRIFT_TIMES)
-        estimated += [f"drift_time of {name}" for name, at in
-                      zip(("up", "roll", "pitch"), seen, strict=True) if at]  # fmt: skip
+        estimated += [
+            f"drift_time of {name}"
+            for name, at in zip(("up", "roll", "pitch"), seen, strict=True)
+            if at
+        ]
     noise = InstrumentNoise(
-        white=_three_floats(white), drift_sd=_three_floats(drift), drift_time=_three_floats(length),
-        accelerometer=tuple(density), estimated=tuple(estimated),
-    )  # fmt: skip
+        white=_three_floats(white),
+        drift_sd=_three_floats(drift),
+        drift_time=_three_floats(length),
+        accelerometer=tuple(density),
+        estimated=tuple(estimated),
+    )
     return noise, 2 * drift**2 / length
 
 
@@ -379,9 +401,11 @@ def _error_spectra(
     if not inertial.turns:
         acceleration[1:], walk[1:] = 1e3, 0.0  # nothing is known of roll and pitch
     return ErrorSpectra(
-        white=2 * np.square(noise.white) * parts.navigation.step, wander=2 * wander,
-        acceleration=acceleration, walk=walk,
-    )  # fmt: skip
+        white=2 * np.square(noise.white) * parts.navigation.step,
+        wander=2 * wander,
+        acceleration=acceleration,
+        walk=walk,
+    )
 
 
 def _assemble_motion(
@@ -399,9 +423,17 @@ def _assemble_motion(
     spans = tuple((begin, end) for _, begin, end in every)
     trajectory = trajectory_of(time, found, middle, parts.way, variance, spans, edge)
     return FusedMotion(
-        trajectory=trajectory, method="navigation", noise=None, crossover=None, drift=None,
-        bias=None, delay=None, surprise=None, gaps=every, problems=tuple(problems),
-    )  # fmt: skip
+        trajectory=trajectory,
+        method="navigation",
+        noise=None,
+        crossover=None,
+        drift=None,
+        bias=None,
+        delay=None,
+        surprise=None,
+        gaps=every,
+        problems=tuple(problems),
+    )
 
 
 def _gap_variance(parts: _FusionParts, time: Float, columns: list[int]) -> Float:
@@ -418,10 +450,12 @@ def _lost_spans(inertial: InertialAccelerations) -> tuple[Span, ...]:
     spans = edges.reshape(-1, 2)
     tick = 1e-9  # [s] so that a knot at the end counts
     return tuple(
-        (float(fine[max(a - 1, 0)]) - (tick if a == 0 else 0.0),
-         float(fine[min(b, fine.size - 1)]) + (tick if b == fine.size else 0.0))
+        (
+            float(fine[max(a - 1, 0)]) - (tick if a == 0 else 0.0),
+            float(fine[min(b, fine.size - 1)]) + (tick if b == fine.size else 0.0),
+        )
         for a, b in spans
-    )  # fmt: skip
+    )
 
 
 def _interpolate_columns(time: Float, known: Float, values: Float) -> Float:

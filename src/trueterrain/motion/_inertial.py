@@ -89,10 +89,16 @@ def attitude_at(time: Float, quick: SmoothedSeries, slow: SmoothedSeries) -> Att
     second = slow.second(time)
     c, s = np.cos(yaw), np.sin(yaw)
     return AttitudeHistory(
-        roll=angle[:, 0], pitch=angle[:, 1], roll_rate=rate[:, 0], pitch_rate=rate[:, 1],
-        turn=turn, yaw_rate=slow.rate(time)[:, 2], yaw_turn=second[:, 2],
-        ahead=c * second[:, 0] + s * second[:, 1], left=c * second[:, 1] - s * second[:, 0],
-    )  # fmt: skip
+        roll=angle[:, 0],
+        pitch=angle[:, 1],
+        roll_rate=rate[:, 0],
+        pitch_rate=rate[:, 1],
+        turn=turn,
+        yaw_rate=slow.rate(time)[:, 2],
+        yaw_turn=second[:, 2],
+        ahead=c * second[:, 0] + s * second[:, 1],
+        left=c * second[:, 1] - s * second[:, 0],
+    )
 
 
 def inertial_of(
@@ -121,10 +127,16 @@ def inertial_of(
     apart = max(round(1.0 / (sensors.step * rate)), 1)
     knot = np.unique(np.append(np.arange(0, fine.size, apart), fine.size - 1))
     return InertialAccelerations(
-        fine=fine, acceleration=motion_of, knot=knot, share=share,
-        per_sensor=force - force.mean(axis=0), lost=_missing_density(fine, motion_of, missing),
-        bridged=missing, middle=sensors.position.mean(axis=0), turns=turns,
-    )  # fmt: skip
+        fine=fine,
+        acceleration=motion_of,
+        knot=knot,
+        share=share,
+        per_sensor=force - force.mean(axis=0),
+        lost=_missing_density(fine, motion_of, missing),
+        bridged=missing,
+        middle=sensors.position.mean(axis=0),
+        turns=turns,
+    )
 
 
 def _fill_sample_times(sensors: AccelerometerInput, begin: float, end: float) -> Float:

@@ -146,9 +146,13 @@ def read_accelerometers(run: xr.DataTree, clock: InstrumentClock) -> Acceleromet
     dropped = int(usable.size - np.count_nonzero(usable))
     time = clock.true(time[usable])
     return AccelerometerInput(
-        time=time, force=force[usable], position=np.asarray(group["position"].values, float),
-        step=step, gaps=_find_gaps(time, step), dropped=dropped,
-    )  # fmt: skip
+        time=time,
+        force=force[usable],
+        position=np.asarray(group["position"].values, float),
+        step=step,
+        gaps=_find_gaps(time, step),
+        dropped=dropped,
+    )
 
 
 def inside_spans(time: Float, spans: tuple[Span, ...]) -> npt.NDArray[np.bool_]:
@@ -171,9 +175,10 @@ def _group_times(group: xr.Dataset, name: str) -> Float:
     if not np.isfinite(time).all():
         first = int(np.argmin(np.isfinite(time)))
         raise SchemaError(
-            f"must be finite everywhere, got {time[first]:g} at index {first}", place=place,
+            f"must be finite everywhere, got {time[first]:g} at index {first}",
+            place=place,
             cure="Leave out the records without a time.",
-        )  # fmt: skip
+        )
     falls = np.flatnonzero(np.diff(time) <= 0)
     if falls.size:
         at = int(falls[0]) + 1

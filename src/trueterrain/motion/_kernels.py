@@ -101,7 +101,7 @@ def filter_forward(
     and drift_noise (knots-1, 3); seen (knots, 2): first and last + 1 measurement of a knot; before
     (measurements,): time from the knot to the measurement; measured (measurements, 3), design
     (measurements, 3, 3): of the coordinates in what is measured; variance (measurements, 3).
-    """  # fmt: skip
+    """
     n = x.size
     keep = states.shape[0] > 0
     half = np.empty((n, n))
@@ -199,7 +199,7 @@ def smooth_backward(
     If `pull` (knots-1, n-6, 2) has room: for each step, the square of the adjoint of parameters and
     drifts, and its expectation; their difference is twice the derivative of the log likelihood by
     the variance that the step adds.
-    """  # fmt: skip
+    """
     n = adjoint.size
     half = np.empty((n, n))
     turned = np.empty((n, n))

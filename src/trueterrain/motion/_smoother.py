@@ -122,16 +122,36 @@ def smooth_states(
         if last == n:
             end = kept.covariances[-1][6:-3, 6:-3].copy()
         _kernels.smooth_backward(
-            int(first), last, adjoint, information, model.step, model.into_coordinate,
-            model.into_rate, model.decay, model.seen, model.before, model.design, kept.states,
-            kept.covariances, kept.gains, kept.innovations, mean, cov, drift, pull,
-        )  # fmt: skip
+            int(first),
+            last,
+            adjoint,
+            information,
+            model.step,
+            model.into_coordinate,
+            model.into_rate,
+            model.decay,
+            model.seen,
+            model.before,
+            model.design,
+            kept.states,
+            kept.covariances,
+            kept.gains,
+            kept.innovations,
+            mean,
+            cov,
+            drift,
+            pull,
+        )
         surprise += (kept.innovations[:, :, 0] ** 2 / kept.innovations[:, :, 1]).sum(axis=0)
         count += len(kept.innovations)
     return SmoothedStates(
-        mean=mean, covariance=cov, drift_variance=drift, parameter_covariance=end,
-        surprise=surprise / max(count, 1), pull=pull,
-    )  # fmt: skip
+        mean=mean,
+        covariance=cov,
+        drift_variance=drift,
+        parameter_covariance=end,
+        surprise=surprise / max(count, 1),
+        pull=pull,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,9 +164,11 @@ class _Kept:
     @classmethod
     def of(cls, size: int, knots: int, measurements: int) -> "_Kept":
         return cls(
-            np.empty((knots, size)), np.empty((knots, size, size)),
-            np.empty((measurements, 3, size)), np.empty((measurements, 3, 2)),
-        )  # fmt: skip
+            np.empty((knots, size)),
+            np.empty((knots, size, size)),
+            np.empty((measurements, 3, size)),
+            np.empty((measurements, 3, 2)),
+        )
 
 
 def _run_forward(
@@ -154,7 +176,25 @@ def _run_forward(
 ) -> None:
     kept = _Kept.of(x.size, 0, 0) if kept is None else kept
     _kernels.filter_forward(
-        first, last, x, p, m.step, m.known, m.into_coordinate, m.into_rate, m.noise, m.walk,
-        m.decay, m.drift_noise, m.seen, m.before, m.measured, m.design, m.variance, kept.states,
-        kept.covariances, kept.gains, kept.innovations,
-    )  # fmt: skip
+        first,
+        last,
+        x,
+        p,
+        m.step,
+        m.known,
+        m.into_coordinate,
+        m.into_rate,
+        m.noise,
+        m.walk,
+        m.decay,
+        m.drift_noise,
+        m.seen,
+        m.before,
+        m.measured,
+        m.design,
+        m.variance,
+        kept.states,
+        kept.covariances,
+        kept.gains,
+        kept.innovations,
+    )

@@ -35,7 +35,7 @@ __all__ = [
     "accelerometer_clock_from_navigation",
     "scanner_clock",
     "scanner_clock_from_bounce",
-]  # fmt: skip
+]
 
 Float = npt.NDArray[np.float64]
 
@@ -152,9 +152,11 @@ def scanner_clock_from_bounce(
     from trueterrain.motion import _complementary as filters
     from trueterrain.motion._heave import lever_height
 
-    own = _mounting_value(run, "accelerometer_clock") if accelerometer_clock is None else (
-        accelerometer_clock
-    )  # fmt: skip
+    own = (
+        _mounting_value(run, "accelerometer_clock")
+        if accelerometer_clock is None
+        else (accelerometer_clock)
+    )
     navigation, inertial, attitude = _sensed_motion(
         run, InstrumentClock(offset=own - accelerometer_delay)
     )
@@ -357,13 +359,16 @@ def _fit_shift(
     whole = every[:count, :count]
     middle = np.array([1.0, 0.5 * (channels[0][0][0] + channels[0][0][-1]) - begin])[:count]
     return _ShiftFit(
-        shift=shift, covariance=whole, middle_sd=float(np.sqrt(middle @ whole @ middle)),
-        excitation=tuple(float(np.sqrt(np.mean(shape[:, count + j] ** 2)))
-                         for j, (shape, _) in enumerate(rows)),
+        shift=shift,
+        covariance=whole,
+        middle_sd=float(np.sqrt(middle @ whole @ middle)),
+        excitation=tuple(
+            float(np.sqrt(np.mean(shape[:, count + j] ** 2))) for j, (shape, _) in enumerate(rows)
+        ),
         residual=tuple(float(np.sqrt(np.mean(rest**2))) for rest in left),
         scale=tuple(found[count:].tolist()),
         scale_sd=tuple(np.sqrt(np.diag(every))[count:].tolist()),
-    )  # fmt: skip
+    )
 
 
 def long_run(scores: Float, lags: int) -> Float:
@@ -408,11 +413,15 @@ def _clock_estimate(fit: _ShiftFit, declared: float, largest_sd: float, name: st
     sd = np.sqrt(np.diag(fit.covariance))
     with_rate = sd.size > 1
     return ClockEstimate(
-        clock=declared + float(fit.shift[0]), sd=float(sd[0]),
+        clock=declared + float(fit.shift[0]),
+        sd=float(sd[0]),
         rate=float(fit.shift[1]) if with_rate else 0.0,
         rate_sd=float(sd[1]) if with_rate else 0.0,
-        excitation=fit.excitation, residual=fit.residual, scale=fit.scale, scale_sd=fit.scale_sd,
-    )  # fmt: skip
+        excitation=fit.excitation,
+        residual=fit.residual,
+        scale=fit.scale,
+        scale_sd=fit.scale_sd,
+    )
 
 
 def _band_pass(series: Float, time: Float, band: tuple[float, float]) -> Float:

@@ -85,8 +85,13 @@ class FusionSettings:
     "Longest gap in navigation that is bridged [s]."
 
     navigation_sd: tuple[float, float, float, float, float, float] = (
-        0.02, 0.02, 0.03, 0.00025, 0.00025, 0.0005,
-    )  # fmt: skip
+        0.02,
+        0.02,
+        0.03,
+        0.00025,
+        0.00025,
+        0.0005,
+    )
     """Standard deviations of east, north, up [m], roll, pitch and yaw [rad] of navigation, where it
     reports none."""
 
@@ -120,8 +125,15 @@ class FusionSettings:
         if self.method not in get_args(Method):
             message = f"method must be one of {', '.join(get_args(Method))}, got {self.method!r}."
             raise ValueError(message)
-        for name in ("rate", "crossover", "way_window", "longest_gap", "bias_sd", "scale_sd",
-                     "accelerometer_delay_sd"):  # fmt: skip
+        for name in (
+            "rate",
+            "crossover",
+            "way_window",
+            "longest_gap",
+            "bias_sd",
+            "scale_sd",
+            "accelerometer_delay_sd",
+        ):
             value = getattr(self, name)
             if value is not None and not 0 < value < math.inf:
                 message = f"{name} must be greater than 0, got {value}."
@@ -240,9 +252,11 @@ def fuse_motion(run: xr.DataTree, *, settings: FusionSettings | None = None) -> 
     sensors = None
     if settings.method != "navigation":
         clock = accelerometer_clock(
-            run, delay=settings.accelerometer_delay, rate=settings.accelerometer_clock_rate,
+            run,
+            delay=settings.accelerometer_delay,
+            rate=settings.accelerometer_clock_rate,
             begin=float(navigation.time[0]),
-        )  # fmt: skip
+        )
         sensors = read_accelerometers(run, clock)
         sensors = _overlapping_samples(sensors, navigation)
     if settings.method != "navigation" and sensors is None:

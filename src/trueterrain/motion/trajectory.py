@@ -80,9 +80,14 @@ class Trajectory:
         """Check shapes and order."""
         n = self.time.size
         shapes = {
-            "time": (n,), "position": (n, 3), "velocity": (n, 3), "quaternion": (n, 4),
-            "angular_velocity": (n, 3), "covariance": (n, 6, 6), "flag": (n,),
-        }  # fmt: skip
+            "time": (n,),
+            "position": (n, 3),
+            "velocity": (n, 3),
+            "quaternion": (n, 4),
+            "angular_velocity": (n, 3),
+            "covariance": (n, 6, 6),
+            "flag": (n,),
+        }
         for name, shape in shapes.items():
             if getattr(self, name).shape != shape:
                 message = f"{name} must have the shape {shape}, got {getattr(self, name).shape}."

@@ -116,13 +116,21 @@ def tyre_profile(
     _report_thin(path, count, is_thin, area, minimum_count, thin)
     height[is_thin] = sd[is_thin] = np.nan
     profile = make_profile(
-        path.s, height, sd=sd, count=count, easting=path.easting, northing=path.northing,
+        path.s,
+        height,
+        sd=sd,
+        count=count,
+        easting=path.easting,
+        northing=path.northing,
         crs=source.attrs.get("crs", ""),
-    )  # fmt: skip
+    )
     parameters = {
-        "area": area, "statistic": statistic, "level": level, "minimum_count": minimum_count,
+        "area": area,
+        "statistic": statistic,
+        "level": level,
+        "minimum_count": minimum_count,
         "thin": thin,
-    }  # fmt: skip
+    }
     profile = provenance.add_step(profile, "tyre_profile", parameters=parameters, after=source)
     return profile.assign_attrs(thin=int(is_thin.sum()))
 
@@ -173,9 +181,12 @@ def point_profile(ground: Ground, path: WheelPath) -> xr.Dataset:
             cure="Choose a path inside the surface.",
         )
     profile = make_profile(
-        path.s, height, easting=path.easting, northing=path.northing,
+        path.s,
+        height,
+        easting=path.easting,
+        northing=path.northing,
         crs=ground.attrs.get("crs", ""),
-    )  # fmt: skip
+    )
     return provenance.add_step(profile, "point_profile", after=ground)
 
 

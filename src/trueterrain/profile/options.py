@@ -25,9 +25,16 @@ from trueterrain.profile.statistic import (
 )
 
 StatisticName = Literal[
-    "median", "mean", "percentile", "trimmed", "bridge", "idw-mean", "idw-median", "steepest",
+    "median",
+    "mean",
+    "percentile",
+    "trimmed",
+    "bridge",
+    "idw-mean",
+    "idw-median",
+    "steepest",
     "point",
-]  # fmt: skip
+]
 
 EnvelopeName = Literal["disc", "cams", "springs", "laser", "patch"]
 
@@ -146,9 +153,10 @@ class TyreProfileSettings:
             None stands for the bare line.
         """
         given = {
-            name: value for name in _PARAMETERS[self.statistic]
+            name: value
+            for name in _PARAMETERS[self.statistic]
             if (value := getattr(self, name)) is not None
-        }  # fmt: skip
+        }
         match self.statistic:
             case "median":
                 return Median(**given)

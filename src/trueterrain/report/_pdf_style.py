@@ -39,9 +39,12 @@ def paragraph_styles() -> dict[str, Any]:
     def style(name: str, **other: Any) -> Any:
         size = other.pop("fontSize", TEXT)
         given = {
-            "fontName": PLAIN, "textColor": INK, "leading": 1.35 * size, "splitLongWords": 1,
+            "fontName": PLAIN,
+            "textColor": INK,
+            "leading": 1.35 * size,
+            "splitLongWords": 1,
             **other,
-        }  # fmt: skip
+        }
         return ParagraphStyle(name, fontSize=size, **given)
 
     found = [

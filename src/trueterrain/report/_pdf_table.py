@@ -137,8 +137,9 @@ def _draw_table(columns: list[_Column], size: float, width: float) -> Any:
     from reportlab.lib.styles import ParagraphStyle
     from reportlab.platypus import LongTable, Paragraph
 
-    text = ParagraphStyle("cell", parent=paragraph_styles()["text"], fontSize=size, leading=1.25 * size,
-                          spaceAfter=0)  # fmt: skip
+    text = ParagraphStyle(
+        "cell", parent=paragraph_styles()["text"], fontSize=size, leading=1.25 * size, spaceAfter=0
+    )
     head = ParagraphStyle("head", parent=text, fontName=BOLD)
 
     def aligned(style: Any, column: _Column) -> Any:
@@ -155,12 +156,17 @@ def _draw_table(columns: list[_Column], size: float, width: float) -> Any:
     rows = [[Paragraph(column.head(), aligned(head, column)) for column in columns]]
     rows += [[cell(column, row) for column in columns] for row in range(len(columns[0].cells))]
     look: list[tuple[Any, ...]] = [
-        ("FONT", (0, 0), (-1, -1), PLAIN, size, 1.25 * size), ("TEXTCOLOR", (0, 0), (-1, -1), INK),
-        ("VALIGN", (0, 0), (-1, 0), "BOTTOM"), ("VALIGN", (0, 1), (-1, -1), "TOP"),
-        ("LEFTPADDING", (0, 0), (-1, -1), _PAD), ("RIGHTPADDING", (0, 0), (-1, -1), _PAD),
-        ("TOPPADDING", (0, 0), (-1, -1), 2.5), ("BOTTOMPADDING", (0, 0), (-1, -1), 2.5),
-        ("LINEBELOW", (0, 0), (-1, 0), 0.8, QUIET), ("LINEBELOW", (0, 1), (-1, -1), 0.4, LINE),
-    ]  # fmt: skip
+        ("FONT", (0, 0), (-1, -1), PLAIN, size, 1.25 * size),
+        ("TEXTCOLOR", (0, 0), (-1, -1), INK),
+        ("VALIGN", (0, 0), (-1, 0), "BOTTOM"),
+        ("VALIGN", (0, 1), (-1, -1), "TOP"),
+        ("LEFTPADDING", (0, 0), (-1, -1), _PAD),
+        ("RIGHTPADDING", (0, 0), (-1, -1), _PAD),
+        ("TOPPADDING", (0, 0), (-1, -1), 2.5),
+        ("BOTTOMPADDING", (0, 0), (-1, -1), 2.5),
+        ("LINEBELOW", (0, 0), (-1, 0), 0.8, QUIET),
+        ("LINEBELOW", (0, 1), (-1, -1), 0.4, LINE),
+    ]
     look += [("ALIGN", (k, 1), (k, -1), "RIGHT") for k, one in enumerate(columns) if one.numeric]
     return LongTable(
         rows,

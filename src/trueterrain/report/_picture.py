@@ -34,8 +34,13 @@ def figure_image(figure: Any, widest: float, highest: float) -> tuple[io.BytesIO
     whole, data = _whole_figure(figure), io.BytesIO()
     width, height = whole.get_figwidth(), whole.get_figheight()
     scale = min(_INCH, widest / width, highest / height)
-    whole.savefig(data, format="png", dpi=_PAPER * scale / _INCH, facecolor="white",
-                  metadata={"Software": None})  # fmt: skip
+    whole.savefig(
+        data,
+        format="png",
+        dpi=_PAPER * scale / _INCH,
+        facecolor="white",
+        metadata={"Software": None},
+    )
     data.seek(0)
     return data, scale * width, scale * height
 

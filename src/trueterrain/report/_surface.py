@@ -61,10 +61,15 @@ def reduce_surface(surface: xr.Dataset, colour: str) -> Blocks:
     height = _block_means(np.asarray(surface["height"].transpose(*dims), dtype=np.float64), factors)
     shown = _block_means(np.asarray(surface[colour].transpose(*dims), dtype=np.float64), factors)
     return Blocks(
-        first=first, second=second, easting=easting, northing=northing, height=height,
-        colour=np.where(np.isfinite(height), shown, np.nan), factors=factors,
+        first=first,
+        second=second,
+        easting=easting,
+        northing=northing,
+        height=height,
+        colour=np.where(np.isfinite(height), shown, np.nan),
+        factors=factors,
         along_line=along_line,
-    )  # fmt: skip
+    )
 
 
 def round_below(values: Floats) -> float:

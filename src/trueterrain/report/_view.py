@@ -115,14 +115,20 @@ def _figure_json(view: SurfaceView, blocks: Blocks, exaggeration: float) -> str:
     # plotly takes heights for colours unless it is given others
     shown = None if view.colour == "height" else colour.of(blocks.colour)
     surface = go.Surface(
-        z=up.of(blocks.height), surfacecolor=shown, connectgaps=False,
-        colorscale=_COLOUR_SCALE, showlegend=False, hovertemplate=hover,
+        z=up.of(blocks.height),
+        surfacecolor=shown,
+        connectgaps=False,
+        colorscale=_COLOUR_SCALE,
+        showlegend=False,
+        hovertemplate=hover,
         colorbar={
             "title": {"text": colour.label(_NAMES[view.colour]), "side": "right"},
-            "thickness": 14, "len": 0.75, "outlinewidth": 0,
+            "thickness": 14,
+            "len": 0.75,
+            "outlinewidth": 0,
         },
         lighting={"ambient": 0.7, "diffuse": 0.6, "specular": 0.05, "roughness": 0.9},
-    )  # fmt: skip
+    )
     scene = _view_scene(view, blocks, exaggeration, (east, north, up))
     if view.colour == "height":  # its colour scale names the heights already
         scene["zaxis"]["title"] = {"text": ""}
@@ -151,11 +157,12 @@ def _view_scene(
         for values in (
             np.concatenate([shown.ravel(), *(line[name].values for line in lines)])
             for name, shown in (
-                ("easting", blocks.easting), ("northing", blocks.northing),
+                ("easting", blocks.easting),
+                ("northing", blocks.northing),
                 ("height", blocks.height),
             )
         )
-    ]  # fmt: skip
+    ]
     low, high = held[2]
     if high - low < _FLATTEST:  # a plane needs room to be drawn in
         held[2] = (low + high - _FLATTEST) / 2, (low + high + _FLATTEST) / 2
@@ -165,14 +172,15 @@ def _view_scene(
     sides = [size * scale * by for size, by in zip(sizes, (1.0, 1.0, exaggeration), strict=True)]
     axes = {
         f"{axis}axis": {
-            "title": {"text": unit.label(name)}, "showbackground": False,
+            "title": {"text": unit.label(name)},
+            "showbackground": False,
             "range": [float(unit.of(end)) for end in ends],
             "nticks": 3 + round(_TICKS * min(side / _ACROSS, 1.0)),
         }
         for axis, name, unit, ends, side in zip(
             "xyz", ("Easting", "Northing", "Height"), units, held, sides, strict=True
         )
-    }  # fmt: skip
+    }
     ratio = dict(zip("xyz", sides, strict=True))
     return {**axes, "aspectmode": "manual", "aspectratio": ratio}
 
@@ -204,9 +212,12 @@ def _profile_lines(
                 x=east.of(profile.easting.values[every]),
                 y=north.of(profile.northing.values[every]),
                 z=up.of(profile.height.values[every]),
-                mode="lines", line={"width": 5, "color": colour}, name=name, hoverinfo="name",
+                mode="lines",
+                line={"width": 5, "color": colour},
+                name=name,
+                hoverinfo="name",
             )
-        )  # fmt: skip
+        )
     return drawn
 
 
@@ -259,9 +270,13 @@ def _seen_from_above(view: SurfaceView, blocks: Blocks) -> Any:
     ax = figure.add_subplot()
     ax.set_facecolor("0.85")
     image = ax.pcolormesh(
-        bases[0].of(x), bases[1].of(y), np.ma.masked_invalid(unit.of(shown)),
-        shading="nearest", cmap=colormaps["viridis"], rasterized=True,
-    )  # fmt: skip
+        bases[0].of(x),
+        bases[1].of(y),
+        np.ma.masked_invalid(unit.of(shown)),
+        shading="nearest",
+        cmap=colormaps["viridis"],
+        rasterized=True,
+    )
     for colour, (name, profile) in zip(cycle(_LINE_COLOURS), _profile_tracks(view)):
         east, north = profile.easting.values, profile.northing.values
         if blocks.along_line:

@@ -75,8 +75,11 @@ def file_entry(file: File, folder: Path) -> dict[str, str]:
     name = Path(os.path.relpath(place, folder)).as_posix()
     # the dot keeps a browser from taking the beginning of a name for a protocol
     return {
-        "name": name, "link": f"./{quote(name)}", "size": _numbers.format_size(size), "note": file.note,
-    }  # fmt: skip
+        "name": name,
+        "link": f"./{quote(name)}",
+        "size": _numbers.format_size(size),
+        "note": file.note,
+    }
 
 
 def provenance_entry(name: str, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

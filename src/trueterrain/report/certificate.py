@@ -43,9 +43,12 @@ _FOUND = (
     "to be added to what the run says. Found is what is beyond four times its sd, and matters."
 )
 _CAUSES = {
-    "noise": "noise of the mean", "bias": "bias", "shape": "neither noise nor bias",
-    "edge": "beside edges", "reflectivity": "doubtful intensity",
-}  # fmt: skip
+    "noise": "noise of the mean",
+    "bias": "bias",
+    "shape": "neither noise nor bias",
+    "edge": "beside edges",
+    "reflectivity": "doubtful intensity",
+}
 
 
 def certificate_of(found: "CertificateResult", files: list[tuple[str, str]]) -> Report:
@@ -90,32 +93,40 @@ def _headline_numbers(found: "CertificateResult") -> Iterator[Number]:
         least = "" if figure.trusted else "at least "
         interval = f"{least}{_MILLI * figure.low:.3f} to {_MILLI * figure.high:.3f} mm"
         yield Number(
-            label=f"RMS, {name}", value=_MILLI * figure.value, unit="mm", digits=_DIGITS,
+            label=f"RMS, {name}",
+            value=_MILLI * figure.value,
+            unit="mm",
+            digits=_DIGITS,
             verdict=None if kept is None else ("good" if kept else "bad"),
             note=interval if limit is None else f"{interval}; limit {_MILLI * limit:g} mm",
-        )  # fmt: skip
+        )
     if found.passed is not None:
         yield Number(
-            label="All limits", value="kept" if found.passed else "not kept",
+            label="All limits",
+            value="kept" if found.passed else "not kept",
             verdict="good" if found.passed else "bad",
-        )  # fmt: skip
+        )
 
 
 def _stated_section(found: "CertificateResult", kind: str) -> Section:
     test = found.test
     rows: list[list[str | None]] = [
-        ["System", test.system or None], ["Conditions", test.conditions or None],
-        ["Date", test.date or None], ["Test", kind],
-    ]  # fmt: skip
+        ["System", test.system or None],
+        ["Conditions", test.conditions or None],
+        ["Date", test.date or None],
+        ["Test", kind],
+    ]
     table = Table(columns=(Column(label="Stated"), Column(label="As given")), rows=rows)
     times = Table(
         columns=(
-            Column(label="Recorded"), Column(label="From"), Column(label="To"),
+            Column(label="Recorded"),
+            Column(label="From"),
+            Column(label="To"),
             Column(label="Time scale"),
         ),
         rows=[[one.name, one.begin, one.end, one.scale] for one in found.recorded],
         caption="When it was recorded, as the data themselves tell.",
-    )  # fmt: skip
+    )
     blocks: list[Block] = [table, times]
     if found.doubts:
         blocks.append(Warnings(items=found.doubts))
@@ -142,9 +153,14 @@ def _figure_section(found: "CertificateResult") -> Section:
         row, known = result.row, _with_intervals(result)
         lengths = {key: one.value for key, one in known.items()}
         order = (
-            lengths["RMS"], lengths.get("off edges"), lengths.get("distance"), row.maximum,
-            lengths["bias"], row.noise, row.registration,
-        )  # fmt: skip
+            lengths["RMS"],
+            lengths.get("off edges"),
+            lengths.get("distance"),
+            row.maximum,
+            lengths["bias"],
+            row.noise,
+            row.registration,
+        )
         rows.append([name, *(_to_millimetres(value) for value in order), row.count])
     table = Table(
         columns=(
@@ -163,8 +179,11 @@ def _with_intervals(result: "Result") -> "dict[str, AccuracyFigure]":
     """Figures of a test that have an interval."""
     row = result.row
     figures = {
-        "RMS": row.rms, "off edges": row.off_edges, "distance": row.distance, "bias": row.bias,
-    }  # fmt: skip
+        "RMS": row.rms,
+        "off edges": row.off_edges,
+        "distance": row.distance,
+        "bias": row.bias,
+    }
     return {key: one for key, one in figures.items() if one is not None}
 
 
@@ -173,18 +192,26 @@ def _interval_notes(found: "CertificateResult") -> Iterator[Block]:
     confidence = next(iter(found.results.values())).row.rms.confidence
     yield Table(
         columns=(
-            Column(label="Test"), Column(label="Figure"),
+            Column(label="Test"),
+            Column(label="Figure"),
             *(Column(label=one, unit="mm", digits=_DIGITS) for one in ("Value", "From", "To")),
             Column(label="Independent errors", digits=0),
         ),
         rows=[
-            [name, key, _to_millimetres(one.value), _to_millimetres(one.low), _to_millimetres(one.high), one.independent]
+            [
+                name,
+                key,
+                _to_millimetres(one.value),
+                _to_millimetres(one.low),
+                _to_millimetres(one.high),
+                one.independent,
+            ]
             for name, figures in known.items()
             for key, one in figures.items()
         ],
         caption=f"Intervals that hold the true value in {100 * confidence:g} % of repeats "
         "(the widest of block bootstrap, correlation, and power by wavelength).",
-    )  # fmt: skip
+    )
     few = {
         name: {key: one for key, one in figures.items() if not one.trusted}
         for name, figures in known.items()
@@ -210,7 +237,9 @@ def _limit_blocks(found: "CertificateResult") -> Iterator[Block]:
     cautious = "upper ends of the intervals, which few independent errors do not tell"
     yield Table(
         columns=(
-            Column(label="Test"), Column(label="Figure"), Column(label="Limit", unit="mm"),
+            Column(label="Test"),
+            Column(label="Figure"),
+            Column(label="Limit", unit="mm"),
         ),
         rows=[
             [name, figure.replace("_", " "), _to_millimetres(getattr(found.test.limits, figure))]
@@ -219,7 +248,7 @@ def _limit_blocks(found: "CertificateResult") -> Iterator[Block]:
         verdicts=["good" if one else "bad" for *_, one in kept],
         caption=f"Limits that were given, against the "
         f"{cautious if found.test.cautious else 'figures'}.",
-    )  # fmt: skip
+    )
 
 
 def _result_section(name: str, result: "Result") -> Section:
@@ -276,19 +305,23 @@ def _registration_table(found: Any) -> Table:
     if found.stretch:
         rows.append(["Length that is measured too long", _MILLI * found.stretch, "mm/m"])
     return Table(
-        columns=(Column(label="Registration"), Column(label="Found", digits=_DIGITS),
-                 Column(label="Unit")),
+        columns=(
+            Column(label="Registration"),
+            Column(label="Found", digits=_DIGITS),
+            Column(label="Unit"),
+        ),
         rows=rows,
         caption="How the plate lay; not charged to the heights. "
         f"{found.outliers} of {found.points} points are outliers of this fit.",
-    )  # fmt: skip
+    )
 
 
 def _error_parts_table(parts: dict[str, float]) -> Table:
     total = sum(parts.values())
     return Table(
         columns=(
-            Column(label="Part of the error"), Column(label="Root", unit="mm", digits=_DIGITS),
+            Column(label="Part of the error"),
+            Column(label="Root", unit="mm", digits=_DIGITS),
             Column(label="Share of the mean square", unit="%", digits=1),
         ),
         rows=[
@@ -296,7 +329,7 @@ def _error_parts_table(parts: dict[str, float]) -> Table:
             for name, value in parts.items()
         ],
         caption="Where the error comes from; mean squares add up to that of all errors.",
-    )  # fmt: skip
+    )
 
 
 def _drift_table(result: Any) -> Table:

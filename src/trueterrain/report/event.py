@@ -170,17 +170,25 @@ def _event_report(
     frequency = np.geomspace(0.3, 30.0, 600)
     gains = passage_gain(car, frequency, design.speed)
     spectrum = event_spectrum(
-        frequency, design.speed, number=design.number, spacing=design.spacing,
-        width=design.width, rise=design.rise, base=design.base,
-    )  # fmt: skip
+        frequency,
+        design.speed,
+        number=design.number,
+        spacing=design.spacing,
+        width=design.width,
+        rise=design.rise,
+        base=design.base,
+    )
     named = {
-        "heave": gains.heave, "pitch, at the axles": gains.pitch, "front axle": gains.front_hop,
+        "heave": gains.heave,
+        "pitch, at the axles": gains.pitch,
+        "front axle": gains.front_hop,
         "rear axle": gains.rear_hop,
-    }  # fmt: skip
+    }
     passage = figures.passage_gains(
         {name: (frequency, values) for name, values in named.items()},
-        event=(frequency, spectrum), speed=design.speed,
-    )  # fmt: skip
+        event=(frequency, spectrum),
+        speed=design.speed,
+    )
     laser = figures.laser_displacement({"time": moved.time, "up": moved.laser})
     off = design.tolerances
     sizes = [
@@ -201,39 +209,70 @@ def _event_report(
             Number(label="Laser, peak to peak", value=1000 * moved.laser_span, unit="mm", digits=0),
         ),
         sections=(
-            Section(title="Drawing", blocks=(
-                Picture(figure=drawing, alt="The event from above and from the side, dimensioned"),
-                Table(
-                    columns=(Column(label="Size"), Column(label="Unit"),
-                             Column(label="Value", digits=3), Column(label="Tolerance", digits=3)),
-                    rows=sizes, caption="How sure the sizes are.",
+            Section(
+                title="Drawing",
+                blocks=(
+                    Picture(
+                        figure=drawing, alt="The event from above and from the side, dimensioned"
+                    ),
+                    Table(
+                        columns=(
+                            Column(label="Size"),
+                            Column(label="Unit"),
+                            Column(label="Value", digits=3),
+                            Column(label="Tolerance", digits=3),
+                        ),
+                        rows=sizes,
+                        caption="How sure the sizes are.",
+                    ),
                 ),
-            )),
-            Section(title="Cut list", blocks=tuple(
-                Text(paragraph=piece_words(piece, design.spacing)) for piece in pieces
-            )),
+            ),
+            Section(
+                title="Cut list",
+                blocks=tuple(
+                    Text(paragraph=piece_words(piece, design.spacing)) for piece in pieces
+                ),
+            ),
             Section(title="Driving", blocks=tuple(Text(paragraph=w) for w in words["driving"])),
-            Section(title="What is excited", blocks=(
-                *(Text(paragraph=sentence) for sentence in words["excited"]),
-                Warnings(items=words["doubts"]),
-                Picture(figure=laser, alt="Predicted height of the laser over time"),
-                Picture(figure=passage, alt="Motion of body and axles over frequency",
+            Section(
+                title="What is excited",
+                blocks=(
+                    *(Text(paragraph=sentence) for sentence in words["excited"]),
+                    Warnings(items=words["doubts"]),
+                    Picture(figure=laser, alt="Predicted height of the laser over time"),
+                    Picture(
+                        figure=passage,
+                        alt="Motion of body and axles over frequency",
                         caption="Of ground that is the same left and right. The notches are those "
-                                "of the wheelbase; the area is one event."),
-                Table(
-                    columns=(Column(label="Mode"), Column(label="Share of the energy", unit="%",
-                                                          digits=1)),
-                    rows=[(name, 100 * share) for name, share in moved.energy.items()],
+                        "of the wheelbase; the area is one event.",
+                    ),
+                    Table(
+                        columns=(
+                            Column(label="Mode"),
+                            Column(label="Share of the energy", unit="%", digits=1),
+                        ),
+                        rows=[(name, 100 * share) for name, share in moved.energy.items()],
+                    ),
                 ),
-            )),
-            Section(title="Two oscillators", blocks=(
-                *(Text(paragraph=sentence) for sentence in words["models"]),
-                Table(
-                    columns=(Column(label="Equation"), Column(label="Quantity"),
-                             Column(label="Unit"), Column(label="As printed", digits=4),
-                             Column(label="Right", digits=4), Column(label="Why")),
-                    rows=[(e.place, e.quantity, e.unit, e.printed, e.right, e.why) for e in errata],
+            ),
+            Section(
+                title="Two oscillators",
+                blocks=(
+                    *(Text(paragraph=sentence) for sentence in words["models"]),
+                    Table(
+                        columns=(
+                            Column(label="Equation"),
+                            Column(label="Quantity"),
+                            Column(label="Unit"),
+                            Column(label="As printed", digits=4),
+                            Column(label="Right", digits=4),
+                            Column(label="Why"),
+                        ),
+                        rows=[
+                            (e.place, e.quantity, e.unit, e.printed, e.right, e.why) for e in errata
+                        ],
+                    ),
                 ),
-            )),
+            ),
         ),
-    )  # fmt: skip
+    )

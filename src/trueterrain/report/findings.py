@@ -33,17 +33,26 @@ def findings_blocks(findings: Sequence[Finding], *, caption: str = "") -> list[B
     """
     table = Table(
         columns=(
-            Column(label="Looked for"), Column(label="Value", digits=_DIGITS),
-            Column(label="sd", digits=_DIGITS), Column(label="Unit"), Column(label="There"),
+            Column(label="Looked for"),
+            Column(label="Value", digits=_DIGITS),
+            Column(label="sd", digits=_DIGITS),
+            Column(label="Unit"),
+            Column(label="There"),
             Column(label="Meaning"),
         ),
         rows=[
-            [one.name, _scale_value(one.value, one.unit), _scale_value(one.sd, one.unit), _shown_unit(one.unit),
-             _WORDS[one.detected], one.meaning]
+            [
+                one.name,
+                _scale_value(one.value, one.unit),
+                _scale_value(one.sd, one.unit),
+                _shown_unit(one.unit),
+                _WORDS[one.detected],
+                one.meaning,
+            ]
             for one in findings
         ],
         caption=caption,
-    )  # fmt: skip
+    )
     there = [in_words(one) for one in findings if one.detected]
     return [table, Warnings(items=there)] if there else [table]
 
@@ -65,7 +74,8 @@ def modes_table(result: "DynamicResult") -> Table:
     threshold = max((one.threshold for one in result.modes), default=1.0)
     return Table(
         columns=(
-            Column(label="Band"), Column(label="From", unit="Hz", digits=1),
+            Column(label="Band"),
+            Column(label="From", unit="Hz", digits=1),
             Column(label="To", unit="Hz", digits=1),
             Column(label="Share of the mean square", unit="%", digits=1),
             Column(label="RMS", unit="mm", digits=3),
@@ -73,7 +83,9 @@ def modes_table(result: "DynamicResult") -> Table:
         ),
         rows=[
             [
-                one.name, one.low, one.high,
+                one.name,
+                one.low,
+                one.high,
                 None if one.share is None else _PERCENT * one.share,
                 None if one.rms is None else _MILLI * one.rms,
                 *(one.coherence.get(name) for name in motions),
@@ -82,7 +94,7 @@ def modes_table(result: "DynamicResult") -> Table:
         ],
         caption=f"{result.source} Errors on plate and floor that do not move with the body reach "
         f"a squared coherence of {threshold:.2f} in one of 100 cases.",
-    )  # fmt: skip
+    )
 
 
 def in_words(finding: Finding) -> str:

@@ -81,14 +81,26 @@ def write_report_pdf(report: Report, path: str | Path, *, force: bool = False) -
     with whole_output(path, force=force) as temporary:
         register_fonts()
         document = BaseDocTemplate(
-            str(temporary), pagesize=A4, title=report.title, subject=report.subtitle,
-            creator=f"trueterrain {__version__}", author="", lang="en", invariant=1,
-        )  # fmt: skip
+            str(temporary),
+            pagesize=A4,
+            title=report.title,
+            subject=report.subtitle,
+            creator=f"trueterrain {__version__}",
+            author="",
+            lang="en",
+            invariant=1,
+        )
         width, height = A4[0] - 2 * _MARGIN, A4[1] - 2 * _MARGIN
         frame = Frame(
-            _MARGIN, _MARGIN, width, height,
-            leftPadding=0, rightPadding=0, topPadding=0, bottomPadding=0,
-        )  # fmt: skip
+            _MARGIN,
+            _MARGIN,
+            width,
+            height,
+            leftPadding=0,
+            rightPadding=0,
+            topPadding=0,
+            bottomPadding=0,
+        )
         document.addPageTemplates([PageTemplate(id="page", frames=[frame])])
         story = list(_page_flow(report, Path(path).absolute().parent, width, height))
         document.build(story, canvasmaker=numbered_canvas(report.title, _MARGIN))
@@ -141,11 +153,14 @@ def _number_tiles(numbers: tuple[Number, ...], width: float) -> Iterator[Any]:
         for at, one in enumerate(row):
             here = (at, 0), (at, 0)
             look += [
-                ("BACKGROUND", *here, RAISED), ("BOX", *here, 6, "#ffffff"),
+                ("BACKGROUND", *here, RAISED),
+                ("BOX", *here, 6, "#ffffff"),
                 ("LINEABOVE", *here, 2, VERDICT_INKS.get(one["verdict"], LINE)),
-                ("TOPPADDING", *here, 7), ("BOTTOMPADDING", *here, 8),
-                ("LEFTPADDING", *here, 10), ("RIGHTPADDING", *here, 10),
-            ]  # fmt: skip
+                ("TOPPADDING", *here, 7),
+                ("BOTTOMPADDING", *here, 8),
+                ("LEFTPADDING", *here, 10),
+                ("RIGHTPADDING", *here, 10),
+            ]
         yield Grid([cells], colWidths=[width / _TILES] * _TILES, style=look)
         yield Spacer(0, 6)
 
@@ -224,10 +239,12 @@ def _block_flow(block: Block, folder: Path, width: float, height: float) -> Iter
             files = [file_entry(file, folder) for file in block.files]
             table = Table(
                 columns=(
-                    Column(label="File"), Column(label="What it holds"), Column(label="Size"),
+                    Column(label="File"),
+                    Column(label="What it holds"),
+                    Column(label="Size"),
                 ),
                 rows=[(one["name"], one["note"] or None, one["size"]) for one in files],
-            )  # fmt: skip
+            )
             yield from table_flowables(table_cells(table), width)
 
 
@@ -274,12 +291,21 @@ def _warning_box(block: Warnings, width: float) -> Any:
         Paragraph(f"• {escape_text(item)}", paragraph_styles()["text"]) for item in block.items
     ]
     look = [
-        ("BACKGROUND", (0, 0), (-1, -1), DOUBT_PAPER), ("LINEBEFORE", (0, 0), (0, -1), 2, DOUBT),
-        ("LEFTPADDING", (0, 0), (-1, -1), 9), ("RIGHTPADDING", (0, 0), (-1, -1), 9),
-        ("TOPPADDING", (0, 0), (-1, -1), 3), ("BOTTOMPADDING", (0, 0), (-1, -1), 1),
-    ]  # fmt: skip
-    return Grid([[row] for row in (head, *items)], colWidths=[width], style=look,
-                spaceBefore=4, spaceAfter=10, splitInRow=1)  # fmt: skip
+        ("BACKGROUND", (0, 0), (-1, -1), DOUBT_PAPER),
+        ("LINEBEFORE", (0, 0), (0, -1), 2, DOUBT),
+        ("LEFTPADDING", (0, 0), (-1, -1), 9),
+        ("RIGHTPADDING", (0, 0), (-1, -1), 9),
+        ("TOPPADDING", (0, 0), (-1, -1), 3),
+        ("BOTTOMPADDING", (0, 0), (-1, -1), 1),
+    ]
+    return Grid(
+        [[row] for row in (head, *items)],
+        colWidths=[width],
+        style=look,
+        spaceBefore=4,
+        spaceAfter=10,
+        splitInRow=1,
+    )
 
 
 def _provenance_flow(found: dict[str, Any], width: float) -> Iterator[Any]:

@@ -79,9 +79,13 @@ def _render_page(report: Report, folder: Path) -> str:
     from markupsafe import Markup
 
     environment = Environment(
-        loader=PackageLoader("trueterrain.report"), autoescape=True, undefined=StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True,
-    )  # fmt: skip
+        loader=PackageLoader("trueterrain.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
     sections: list[dict[str, Any]] = [
         {
             "id": f"section-{index}",
@@ -124,9 +128,12 @@ def _prepare_block(block: Block, name: str, folder: Path) -> dict[str, Any]:
 
             source, width = embed_figure(block.figure)
             found = {
-                "kind": "picture", "source": source, "width": width, "alt": block.alt,
+                "kind": "picture",
+                "source": source,
+                "width": width,
+                "alt": block.alt,
                 "caption": block.caption,
-            }  # fmt: skip
+            }
         case SurfaceView():
             from markupsafe import Markup
 

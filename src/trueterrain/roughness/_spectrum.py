@@ -85,9 +85,11 @@ def welch_lines(height: Array, step: float, block: int) -> SpectralLines:
         density[-1] *= 0.5  # the highest line has no twin among the negative ones
     shift = (starts[1] - starts[0]) / size if starts.size > 1 else 1.0
     return SpectralLines(
-        width=1 / (size * step), density=density[1:], blocks=starts.size,
+        width=1 / (size * step),
+        density=density[1:],
+        blocks=starts.size,
         likeness=_line_covariance(starts.size, shift),
-    )  # fmt: skip
+    )
 
 
 def block_samples(length: float, step: float) -> int:

@@ -203,9 +203,13 @@ def drive_profile(station: Array, height: Array, options: QuarterCarSettings) ->
     if steps < 1:
         raise _too_short(station)
     return ProfileDrive(
-        station=station[: steps + 1], height=height, step=step, base=base, slope=slope,
+        station=station[: steps + 1],
+        height=height,
+        step=step,
+        base=base,
+        slope=slope,
         options=options,
-    )  # fmt: skip
+    )
 
 
 def mean_outputs(way: ProfileDrive, edges: Array, *, squared: bool = False) -> tuple[float, Array]:
@@ -288,9 +292,18 @@ def _equal_sums(way: ProfileDrive, edges: Array, squared: bool) -> tuple[float, 
     at = np.concatenate([[0.0], np.clip(at, 0, steps), [float(steps)]])
     parts = np.empty(at.size - 1)
     total = _kernels.equal_sums(
-        way.height, way.base, 1 / (way.base * way.step), S, p, way.step / way.options.speed,
-        way.constants, way.state, squared, at, parts,
-    )  # fmt: skip
+        way.height,
+        way.base,
+        1 / (way.base * way.step),
+        S,
+        p,
+        way.step / way.options.speed,
+        way.constants,
+        way.state,
+        squared,
+        at,
+        parts,
+    )
     return total / steps, parts[1:-1] * way.step
 
 

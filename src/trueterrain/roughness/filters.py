@@ -237,9 +237,12 @@ def filter_profile(profile: xr.Dataset, by: Filter) -> xr.Dataset:
         if name in profile.data_vars
     }
     out = make_profile(
-        station, rows if several else rows[0], tracks=names if several else None,
-        crs=profile.attrs.get("crs", ""), **kept,
-    )  # fmt: skip
+        station,
+        rows if several else rows[0],
+        tracks=names if several else None,
+        crs=profile.attrs.get("crs", ""),
+        **kept,
+    )
     attrs = profile.attrs | out.attrs
     return add_step(out.assign_attrs(attrs), "filter_profile", parameters={"by": by}, after=profile)
 

@@ -199,9 +199,14 @@ def _analyse_track(height: Array, step: float, options: PsdSettings) -> _TrackSp
     high = degrees / chi2.ppf(tail, degrees) * smoothed
     rated = _fit_spectrum(spectrum, bands[fitted], smoothed[fitted], degrees[fitted], options)
     return _TrackSpectrum(
-        spectrum=spectrum, bands=bands, fitted=fitted, smoothed=smoothed, degrees=degrees,
-        interval=(low, high), rated=rated,
-    )  # fmt: skip
+        spectrum=spectrum,
+        bands=bands,
+        fitted=fitted,
+        smoothed=smoothed,
+        degrees=degrees,
+        interval=(low, high),
+        rated=rated,
+    )
 
 
 def _fit_spectrum(
@@ -242,9 +247,14 @@ def _fit_spectrum(
 
 
 def _rate_segment(
-    station: Array, height: Array, step: float, options: PsdSettings,
-    start: float, end: float, complete: bool,
-) -> tuple[float, ...]:  # fmt: skip
+    station: Array,
+    height: Array,
+    step: float,
+    options: PsdSettings,
+    start: float,
+    end: float,
+    complete: bool,
+) -> tuple[float, ...]:
     inside = sample_range(station, start, end)
     try:
         return _analyse_track(height[inside], step, options).rated

@@ -13,9 +13,18 @@ _ABOVE = 1e-9  # [m] along a ray, before it comes as low as the highest node: fa
 
 @compile_kernel(parallel=True)
 def beam_rays(
-    time, knot_start, knot_step, coefficients, lever, mounting, angle, delay,
-    origin, direction, forward,
-):  # fmt: skip
+    time,
+    knot_start,
+    knot_step,
+    coefficients,
+    lever,
+    mounting,
+    angle,
+    delay,
+    origin,
+    direction,
+    forward,
+):
     """Origin and direction of every beam, each at its own time, and the scanner's forward axis."""
     last = coefficients.shape[0] - 1
     sines, cosines = np.sin(angle), np.cos(angle)
@@ -59,9 +68,22 @@ def beam_rays(
 
 @compile_kernel
 def _first_intersection(
-    ox, oy, oz, dx, dy, dz, furthest, spacing, first, index, height, block_top, tile_top, cells,
+    ox,
+    oy,
+    oz,
+    dx,
+    dy,
+    dz,
+    furthest,
+    spacing,
+    first,
+    index,
+    height,
+    block_top,
+    tile_top,
+    cells,
     block,
-):  # fmt: skip
+):
     """Distance at which one ray meets the raster, gradient there, and the tile that it is in.
 
     The distance is NaN if it meets nothing, and -1 in a tile that is not there. A ray is followed
@@ -184,9 +206,23 @@ def _first_intersection(
 
 @compile_kernel(parallel=True)
 def cast_rays(
-    origin, direction, forward, spot, furthest, spacing, first, index, height, block_top, tile_top,
-    cells, block, distance, slope, missing,
-):  # fmt: skip
+    origin,
+    direction,
+    forward,
+    spot,
+    furthest,
+    spacing,
+    first,
+    index,
+    height,
+    block_top,
+    tile_top,
+    cells,
+    block,
+    distance,
+    slope,
+    missing,
+):
     """First intersection of each beam with the raster, averaged over the rays of its spot.
 
     A ray is turned by ``spot[r, 0]`` along `forward` and by ``spot[r, 1]`` beside it. `distance`
@@ -204,12 +240,22 @@ def cast_rays(
         for r in range(rays):
             along, beside = spot[r, 0], spot[r, 1]
             reached, slope_x, slope_y, tile_x, tile_y = _first_intersection(
-                ox, oy, oz,
+                ox,
+                oy,
+                oz,
                 mx + along * fx + beside * sx,
                 my + along * fy + beside * sy,
                 mz + along * fz + beside * sz,
-                furthest, spacing, first, index, height, block_top, tile_top, cells, block,
-            )  # fmt: skip
+                furthest,
+                spacing,
+                first,
+                index,
+                height,
+                block_top,
+                tile_top,
+                cells,
+                block,
+            )
             if reached == -1.0:
                 middle, total, met = -1.0, -1.0, 1
                 missing[n, 0], missing[n, 1] = tile_x, tile_y
@@ -225,10 +271,26 @@ def cast_rays(
 
 @compile_kernel(parallel=True)
 def receive_beams(
-    true_range, direction, slope, bright, speckle, noise, loss,
-    nominal, gain, intensity_noise, floor, saturation, saturation_bias, range_noise, quantum,
-    dropouts, ranges, counts, bias,
-):  # fmt: skip
+    true_range,
+    direction,
+    slope,
+    bright,
+    speckle,
+    noise,
+    loss,
+    nominal,
+    gain,
+    intensity_noise,
+    floor,
+    saturation,
+    saturation_bias,
+    range_noise,
+    quantum,
+    dropouts,
+    ranges,
+    counts,
+    bias,
+):
     """What the receiver makes of each beam: range with its errors, and intensity."""
     for n in prange(true_range.size):
         signal = 0.0

@@ -108,10 +108,21 @@ def _meet_tiles(
     distance, slope = np.empty(number), np.full((number, 2), np.nan)
     missing = np.empty((number, 2), np.int64)
     _kernels.cast_rays(
-        *beams, spot, furthest, tiles.spacing, tiles.first, tiles.index,
-        tiles.height, tiles.block_top, tiles.tile_top, TILE_CELLS, BLOCK_CELLS,
-        distance, slope, missing,
-    )  # fmt: skip
+        *beams,
+        spot,
+        furthest,
+        tiles.spacing,
+        tiles.first,
+        tiles.index,
+        tiles.height,
+        tiles.block_top,
+        tiles.tile_top,
+        TILE_CELLS,
+        BLOCK_CELLS,
+        distance,
+        slope,
+        missing,
+    )
     return distance, slope, missing
 
 

@@ -57,8 +57,13 @@ class Navigation:
     "Time after which the autocorrelation of that drift is 1/e [s]."
 
     noise: tuple[float, float, float, float, float, float] = (
-        0.001, 0.001, 0.001, 0.005 * _DEGREE, 0.005 * _DEGREE, 0.005 * _DEGREE,
-    )  # fmt: skip
+        0.001,
+        0.001,
+        0.001,
+        0.005 * _DEGREE,
+        0.005 * _DEGREE,
+        0.005 * _DEGREE,
+    )
     "Standard deviations of the white noise of east, north, up [m], roll, pitch and yaw [rad]."
 
     clock_offset: float = 0.0

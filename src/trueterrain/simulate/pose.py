@@ -69,10 +69,13 @@ class PoseKnots:
         step = (self.time[piece + 1] - self.time[piece])[:, None]
         x = (time - self.time[piece])[:, None] / step
         ends = (
-            self.pose[piece], step * self.rate[piece], step**2 * self.acceleration[piece],
-            self.pose[piece + 1], step * self.rate[piece + 1],
+            self.pose[piece],
+            step * self.rate[piece],
+            step**2 * self.acceleration[piece],
+            self.pose[piece + 1],
+            step * self.rate[piece + 1],
             step**2 * self.acceleration[piece + 1],
-        )  # fmt: skip
+        )
         coefficients = quintic_coefficients(*ends)
         value = _evaluate_polynomial(coefficients, x)
         first = _evaluate_polynomial([n * c for n, c in enumerate(coefficients)][1:], x)

@@ -42,8 +42,13 @@ def body_to_ground(angles: npt.ArrayLike) -> Float:
     angles = _require_angles("angles", angles)
     roll, pitch, yaw = np.moveaxis(angles, -1, 0)
     sr, cr, sp, cp, sy, cy = (
-        np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch), np.sin(yaw), np.cos(yaw),
-    )  # fmt: skip
+        np.sin(roll),
+        np.cos(roll),
+        np.sin(pitch),
+        np.cos(pitch),
+        np.sin(yaw),
+        np.cos(yaw),
+    )
     matrix = np.empty((*roll.shape, 3, 3))
     matrix[..., 0, 0] = cy * cp
     matrix[..., 0, 1] = cy * sp * sr - sy * cr

@@ -266,18 +266,29 @@ class ScannerStream:
             raise ValueError(message)
         coefficients = np.stack(
             quintic_coefficients(
-                knots.pose[:-1], step * knots.rate[:-1], step**2 * knots.acceleration[:-1],
-                knots.pose[1:], step * knots.rate[1:], step**2 * knots.acceleration[1:],
+                knots.pose[:-1],
+                step * knots.rate[:-1],
+                step**2 * knots.acceleration[:-1],
+                knots.pose[1:],
+                step * knots.rate[1:],
+                step**2 * knots.acceleration[1:],
             ),
             axis=1,
-        )  # fmt: skip
+        )
         origin, direction, forward = (np.empty((time.size, scanner.beams, 3)) for _ in range(3))
         beam_rays(
-            time, float(knots.time[0]), step, coefficients,
+            time,
+            float(knots.time[0]),
+            step,
+            coefficients,
             np.array(self.mounting.scanner_position),
-            body_to_ground(self.mounting.scanner_rotation), scanner.angle, scanner.delay,
-            origin, direction, forward,
-        )  # fmt: skip
+            body_to_ground(self.mounting.scanner_rotation),
+            scanner.angle,
+            scanner.delay,
+            origin,
+            direction,
+            forward,
+        )
         return origin, direction, forward
 
     def _cast(self, origin: Float, direction: Float, forward: Float) -> tuple[Float, Float]:
@@ -285,9 +296,14 @@ class ScannerStream:
         scanner = self.scanner
         self._expect(origin, direction)
         distance, slope = cast_beams(
-            self.ground, origin, direction, furthest=scanner.furthest, known=self._tiles,
-            forward=forward, spot=_spot_directions(scanner),
-        )  # fmt: skip
+            self.ground,
+            origin,
+            direction,
+            furthest=scanner.furthest,
+            known=self._tiles,
+            forward=forward,
+            spot=_spot_directions(scanner),
+        )
         usual = distance[::_SPARSE]
         self._usual = float(np.median(usual[np.isfinite(usual)])) if np.isfinite(usual).any() else 0
         return distance, slope
@@ -312,12 +328,26 @@ class ScannerStream:
             bright = np.array([self.reflectivity.ground])
         ranges, counts, bias = np.empty(size), np.empty(size, np.uint16), np.empty(size)
         receive_beams(
-            true_range, direction, slope, bright, self._speckle.standard_normal(size),
-            self._noise.standard_normal(size), self._loss.random(size),
-            scanner.nominal_height, scanner.gain, scanner.intensity_noise, scanner.floor,
-            scanner.saturation, scanner.saturation_bias, scanner.range_noise, scanner.quantum,
-            scanner.dropouts, ranges, counts, bias,
-        )  # fmt: skip
+            true_range,
+            direction,
+            slope,
+            bright,
+            self._speckle.standard_normal(size),
+            self._noise.standard_normal(size),
+            self._loss.random(size),
+            scanner.nominal_height,
+            scanner.gain,
+            scanner.intensity_noise,
+            scanner.floor,
+            scanner.saturation,
+            scanner.saturation_bias,
+            scanner.range_noise,
+            scanner.quantum,
+            scanner.dropouts,
+            ranges,
+            counts,
+            bias,
+        )
         return ranges, counts, bias
 
 

@@ -38,12 +38,23 @@ if TYPE_CHECKING:
 
 # names whose modules need more, and are imported when they are used
 _LATER = {
-    "CellSums": "accumulate", "Filling": "holes", "Grid": "cells", "GridOptions": "grid",
-    "Pass": "runs", "ReferenceLine": "line", "down_sample": "coarse", "fill_holes": "holes",
-    "grid_along": "cells", "grid_over": "cells", "grid_points": "grid", "grid_runs": "runs",
-    "line_from_trajectory": "line", "line_through": "line", "straight_line": "line",
+    "CellSums": "accumulate",
+    "Filling": "holes",
+    "Grid": "cells",
+    "GridOptions": "grid",
+    "Pass": "runs",
+    "ReferenceLine": "line",
+    "down_sample": "coarse",
+    "fill_holes": "holes",
+    "grid_along": "cells",
+    "grid_over": "cells",
+    "grid_points": "grid",
+    "grid_runs": "runs",
+    "line_from_trajectory": "line",
+    "line_through": "line",
+    "straight_line": "line",
     "surface_of": "grid",
-}  # fmt: skip
+}
 
 __all__ = [
     "CellSums",

@@ -69,9 +69,12 @@ def _find_root(number: npt.NDArray[np.int32], k: int) -> int:
 
 @compile_kernel
 def measure_holes(
-    runs: npt.NDArray[np.int32], hole: npt.NDArray[np.int32],
-    low: Integers, high: Integers, nodes: Integers,
-) -> None:  # fmt: skip
+    runs: npt.NDArray[np.int32],
+    hole: npt.NDArray[np.int32],
+    low: Integers,
+    high: Integers,
+    nodes: Integers,
+) -> None:
     """First and last cells of each hole along both axes, and how many it has."""
     for k in range(runs.shape[0]):
         h = hole[k]

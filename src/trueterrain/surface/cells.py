@@ -73,9 +73,15 @@ class Grid:
             return make_surface(height.T, easting=self.u, northing=self.v, crs=crs, **turned)
         line = self.line
         return make_surface(
-            height, u=self.u, v=self.v, easting=line.easting, northing=line.northing,
-            elevation=line.elevation, crs=crs, **cells,
-        )  # fmt: skip
+            height,
+            u=self.u,
+            v=self.v,
+            easting=line.easting,
+            northing=line.northing,
+            elevation=line.elevation,
+            crs=crs,
+            **cells,
+        )
 
     def locate(self, easting: npt.ArrayLike, northing: npt.ArrayLike) -> tuple[Floats, Floats]:
         """Grid coordinates of points, half a spacing beyond the outermost nodes too.
@@ -103,9 +109,13 @@ class Grid:
         if self.line is None:
             zero, one = np.zeros(u.size), np.ones(u.size)
             return GridFrame(
-                u=u, v=v, origin_easting=u, origin_northing=zero, normal_easting=zero,
+                u=u,
+                v=v,
+                origin_easting=u,
+                origin_northing=zero,
+                normal_easting=zero,
                 normal_northing=one,
-            )  # fmt: skip
+            )
         x, y = (
             np.concatenate([[2 * at[0] - at[1]], at, [2 * at[-1] - at[-2]]])
             for at in (self.line.easting, self.line.northing)
@@ -248,7 +258,7 @@ def grid_over(
     _require_room((east - west) / along + 1, (north - south) / across + 1)
     return Grid(
         line=None, u=_covering_nodes(west, east, along), v=_covering_nodes(south, north, across)
-    )  # fmt: skip
+    )
 
 
 def _require_room(rows: float, columns: float) -> None:

@@ -162,9 +162,10 @@ def surface_of(
         message = f"{options.statistic} needs another look at the data: again must be given."
         raise ValueError(message)
     missing = [
-        name for name in ("extremes", "places")
+        name
+        for name in ("extremes", "places")
         if getattr(options.wanted(), name) and not getattr(sums.wanted, name)
-    ]  # fmt: skip
+    ]
     if missing:
         message = f"the sums lack {', '.join(missing)}, which {options.statistic} needs."
         raise ValueError(message)

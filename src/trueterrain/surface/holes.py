@@ -89,9 +89,12 @@ def fill_holes(
     small = interior & (extent.max(axis=1) <= filling.largest + 1e-9)
     large = np.flatnonzero(interior & ~small)
     middle = np.stack(
-        [0.5 * (axis[holes.low[large, k]] + axis[holes.high[large, k] - 1])
-         for k, axis in enumerate(axes)], axis=1,
-    )  # fmt: skip
+        [
+            0.5 * (axis[holes.low[large, k]] + axis[holes.high[large, k] - 1])
+            for k, axis in enumerate(axes)
+        ],
+        axis=1,
+    )
     order = np.lexsort([*middle.T[::-1], -extent[large].max(axis=1)])[:_REPORTED]
     report = {
         "filled_nodes": int(holes.nodes[small].sum()),

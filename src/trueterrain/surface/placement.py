@@ -106,9 +106,14 @@ class GridPlacement:
         first = passes[0]
         begin, end = _scan_time_span(first)
         line = line_from_trajectory(
-            first.trajectory, spacing=self.spacing, half_width=max(-self.right, self.left),
-            smoothing=self.smoothing, lever=_pass_mounting(first).scanner_position, begin=begin, end=end,
-        )  # fmt: skip
+            first.trajectory,
+            spacing=self.spacing,
+            half_width=max(-self.right, self.left),
+            smoothing=self.smoothing,
+            lever=_pass_mounting(first).scanner_position,
+            begin=begin,
+            end=end,
+        )
         beside = [_lateral_extent(line, _scanner_positions(one)) for one in passes[1:]]
         right = self.right + min((low for low, _ in beside), default=0.0)
         left = self.left + max((high for _, high in beside), default=0.0)
@@ -117,16 +122,20 @@ class GridPlacement:
         if met is not None and self.lap:
             whole = int(np.searchsorted(line.u, met[1])) - 1
             lap = ReferenceLine(
-                u=line.u[:whole], easting=line.easting[:whole], northing=line.northing[:whole],
+                u=line.u[:whole],
+                easting=line.easting[:whole],
+                northing=line.northing[:whole],
                 elevation=line.elevation[:whole],
-            )  # fmt: skip
+            )
             return grid_along(lap, right=right, left=left, spacing=self.across)
         if met is not None:
             raise CoverageError(
-                _self_overlap_text(grid, met), path=first.path, place="way of the run",
+                _self_overlap_text(grid, met),
+                path=first.path,
+                place="way of the run",
                 cure=f"Take one lap: end {_time_at(first, met[1] / line.u[-1]):.1f} s (and begin); "
                 "or name the stretch with line or path, or a map with bounds.",
-            )  # fmt: skip
+            )
         return grid
 
     def of_points(self, extents: Sequence[Four]) -> Grid:
@@ -158,17 +167,20 @@ class GridPlacement:
             from trueterrain.formats.table import read_waypoints
 
             line = line_through(
-                *read_waypoints(Path(self.path)), spacing=self.spacing, smoothing=self.smoothing,
+                *read_waypoints(Path(self.path)),
+                spacing=self.spacing,
+                smoothing=self.smoothing,
                 half_width=max(-self.right, self.left, 0.0),
-            )  # fmt: skip
+            )
             grid = self._along(line)
             met = find_self_overlap(grid)
             if met is not None:
                 raise CoverageError(
-                    _self_overlap_text(grid, met), path=self.path,
+                    _self_overlap_text(grid, met),
+                    path=self.path,
                     cure="Give waypoints up to there, a narrower grid (right, left), or a map "
                     "with bounds.",
-                )  # fmt: skip
+                )
             return grid
         return None
 

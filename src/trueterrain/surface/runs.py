@@ -104,9 +104,14 @@ def grid_runs(
     _require_same([one.path for one in recordings], [one.origin for one in recordings])
     wanted = options.wanted()
     plan = plan_windows(
-        grid, recordings, wanted, margin=halo_of(options, grid), memory=memory, threads=threads,
+        grid,
+        recordings,
+        wanted,
+        margin=halo_of(options, grid),
+        memory=memory,
+        threads=threads,
         furthest=screening.furthest,
-    )  # fmt: skip
+    )
     nodes, tally = NodeValues.empty(grid.shape), plan.tally
     sums = CellSums(grid, wanted, threads=threads, rows=slice(plan.rows), poses=plan.poses)
 
@@ -128,12 +133,15 @@ def grid_runs(
     surface = provenance.add_step(
         grid.surface(
             nodes.height, crs="", count=nodes.count, **name_deviations(nodes.sd, sums.datum_sd)
-        ), "grid",
+        ),
+        "grid",
         parameters={
-            "runs": [one.path.name for one in passes], "options": options, "screening": screening,
+            "runs": [one.path.name for one in passes],
+            "options": options,
+            "screening": screening,
             "spacing": grid.spacing,
         },
-    )  # fmt: skip
+    )
     return surface, asdict(tally)
 
 
@@ -192,9 +200,15 @@ def _add_scans(
             sums.next_pass()
         reach = plan.reach_of(number, index)
         sums.add_scans(
-            one.geometry, one.time[index], ranges, intensity, scale=one.scale, missing=one.missing,
-            screening=screening, reach=reach,
-        )  # fmt: skip
+            one.geometry,
+            one.time[index],
+            ranges,
+            intensity,
+            scale=one.scale,
+            missing=one.missing,
+            screening=screening,
+            reach=reach,
+        )
         done = int(index[-1]) + 1
         if reach is not None:
             plan.note(number, index, reach, window)

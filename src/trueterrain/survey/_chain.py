@@ -108,12 +108,17 @@ def run_survey(
         together = [runs] if merging else [[run] for run in runs]
         lanes = [
             measure_lane(
-                survey, survey.name if merging else some[0].name, some, temporary,
-                threads=threads, truth=_truth_of(some, truth), look=pictures.of_lane,
+                survey,
+                survey.name if merging else some[0].name,
+                some,
+                temporary,
+                threads=threads,
+                truth=_truth_of(some, truth),
+                look=pictures.of_lane,
                 progress=progress,
             )
             for some in together
-        ]  # fmt: skip
+        ]
         progress("report", 0, None)
         for run in runs:
             pictures.of_motion(run)
@@ -121,18 +126,21 @@ def run_survey(
             pictures.of_whole(lane)
         if merging and survey.lanes:
             pictures.of_merging(merging, before, survey.lanes.cells.size)
-        numbers = json_values({
-            "survey": survey.name,
-            "title": survey.title,
-            "version": __version__,
-            "runs": [run.numbers for run in runs],
-            "lanes": [lane.numbers for lane in lanes],
-            "merge": merging.to_dict() if merging else None,
-            "agreement": [
-                compared for one, other in itertools.combinations(lanes, 2)
-                if (compared := overlap_agreement(one, other)) is not None
-            ],
-        })  # fmt: skip
+        numbers = json_values(
+            {
+                "survey": survey.name,
+                "title": survey.title,
+                "version": __version__,
+                "runs": [run.numbers for run in runs],
+                "lanes": [lane.numbers for lane in lanes],
+                "merge": merging.to_dict() if merging else None,
+                "agreement": [
+                    compared
+                    for one, other in itertools.combinations(lanes, 2)
+                    if (compared := overlap_agreement(one, other)) is not None
+                ],
+            }
+        )
         (temporary / "result.json").write_text(
             json.dumps(numbers, indent=2, allow_nan=False) + "\n"
         )
@@ -161,10 +169,13 @@ def _merge_runs(
         return runs, None
     times = [run.motion.noise.drift_time[0] for run in runs if run.motion.noise is not None]
     merging, passes = merge_runs(
-        {run.name: run.taken for run in runs}, survey.lanes, screening=survey.screening,
-        drift_time=float(np.median(times)) if times else None, threads=threads,
+        {run.name: run.taken for run in runs},
+        survey.lanes,
+        screening=survey.screening,
+        drift_time=float(np.median(times)) if times else None,
+        threads=threads,
         progress=progress,
-    )  # fmt: skip
+    )
     return [replace(run, taken=passes[run.name]) for run in runs], merging
 
 

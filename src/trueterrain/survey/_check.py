@@ -50,24 +50,26 @@ def check_agreement(
     alone = sorted({one.name for one in cells} - paired)
     found = [
         {
-            "first": pair.first, "second": pair.second,
-            **{name: value for name, value in asdict(pair.before).items()
-               if name != "rmse_accepted"},
+            "first": pair.first,
+            "second": pair.second,
+            **{
+                name: value
+                for name, value in asdict(pair.before).items()
+                if name != "rmse_accepted"
+            },
             "agree": pair.before.p95 <= limit,
         }
         for pair in pairs
-    ]  # fmt: skip
+    ]
     return {
         "version": __version__,
         "limit": limit,
         "agree": all(pair["agree"] for pair in found) and not alone,
         "pairs": found,
-        "seams": [
-            {"lanes": list(seam.lanes), "median": seam.before.median} for seam in seams
-        ],
+        "seams": [{"lanes": list(seam.lanes), "median": seam.before.median} for seam in seams],
         "alone": alone,
         "problems": [*problems, *no_seams],
-    }  # fmt: skip
+    }
 
 
 def check_report(found: dict[str, Any], *, title: str) -> Report:
@@ -86,9 +88,7 @@ def check_report(found: dict[str, Any], *, title: str) -> Report:
         To be written.
     """
     limit = to_millimetres(found["limit"])
-    verdicts: list[Verdict | None] = [
-        "good" if pair["agree"] else "bad" for pair in found["pairs"]
-    ]  # fmt: skip
+    verdicts: list[Verdict | None] = ["good" if pair["agree"] else "bad" for pair in found["pairs"]]
     blocks: list[Block] = [
         Table(
             columns=parse_columns(
@@ -96,7 +96,8 @@ def check_report(found: dict[str, Any], *, title: str) -> Report:
             ),
             rows=[
                 (
-                    f"{pair['second']} - {pair['first']}", pair["n"],
+                    f"{pair['second']} - {pair['first']}",
+                    pair["n"],
                     *(to_millimetres(pair[name]) for name in ("median", "nmad", "rmse", "p95")),
                 )
                 for pair in found["pairs"]
@@ -105,7 +106,7 @@ def check_report(found: dict[str, Any], *, title: str) -> Report:
             caption=f"Differences of height in the cells that both passes saw. They agree if 95 % "
             f"of them keep within {limit:g} mm.",
         )
-    ]  # fmt: skip
+    ]
     if found["seams"]:
         blocks.append(
             Table(
@@ -129,15 +130,22 @@ def check_report(found: dict[str, Any], *, title: str) -> Report:
     worst = max(found["pairs"], key=lambda pair: float(pair["p95"]))
     headline = (
         Number(
-            label="Passes agree", value="yes" if found["agree"] else "no",
-            verdict="good" if found["agree"] else "bad", note=f"within {limit:g} mm (95 %)",
+            label="Passes agree",
+            value="yes" if found["agree"] else "no",
+            verdict="good" if found["agree"] else "bad",
+            note=f"within {limit:g} mm (95 %)",
         ),
         Number(
-            label="Largest difference", value=to_millimetres(worst["p95"]), unit="mm", digits=1,
+            label="Largest difference",
+            value=to_millimetres(worst["p95"]),
+            unit="mm",
+            digits=1,
             note=f"95 %, {worst['first']} and {worst['second']}",
         ),
-    )  # fmt: skip
+    )
     return Report(
-        title=title, subtitle="Agreement of passes, nothing corrected", headline=headline,
+        title=title,
+        subtitle="Agreement of passes, nothing corrected",
+        headline=headline,
         sections=(Section(title="How the passes agree", blocks=blocks),),
-    )  # fmt: skip
+    )

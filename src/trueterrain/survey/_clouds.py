@@ -108,16 +108,18 @@ def merge_point_clouds(
         formats.write(surface, temporary / f"{_SURFACE}.tif")
         written.append((f"{_SURFACE}.tif", "the merged surface"))
         pictures.of_surface(_SURFACE, surface)
-        numbers = json_values({
-            "version": __version__,
-            "lanes": {
-                name: {"points": lane.count, "area": lane.area, "time": lane.time}
-                for name, lane in lanes.items()
-            },
-            "cell": settings.cells.size,
-            "surface": summarise_surface(surface),
-            "merge": merging.to_dict(),
-        })  # fmt: skip
+        numbers = json_values(
+            {
+                "version": __version__,
+                "lanes": {
+                    name: {"points": lane.count, "area": lane.area, "time": lane.time}
+                    for name, lane in lanes.items()
+                },
+                "cell": settings.cells.size,
+                "surface": summarise_surface(surface),
+                "merge": merging.to_dict(),
+            }
+        )
         (temporary / "result.json").write_text(
             json.dumps(numbers, indent=2, allow_nan=False) + "\n"
         )
@@ -156,17 +158,19 @@ def _merge_report(
         ),
         rows=[
             (
-                numbers["nodes"], numbers["count"]["median"],
+                numbers["nodes"],
+                numbers["count"]["median"],
                 *(
                     to_millimetres(numbers[name][which])
-                    for name in ("sd", "sd_relative") for which in ("median", "p95")
+                    for name in ("sd", "sd_relative")
+                    for which in ("median", "p95")
                 ),
             )
         ],
         caption="The merged surface. The relative standard deviation holds the scatter of the "
         "points and what the corrections leave; the absolute one also holds the height error that "
         "all passes share, and is empty where nothing is known of that.",
-    )  # fmt: skip
+    )
     inputs = Table(
         columns=parse_columns("Pass; Points; Area [m²] .0; Points per m² .1"),
         rows=[(name, lane.count, lane.area, lane.density) for name, lane in lanes.items()],
@@ -174,13 +178,15 @@ def _merge_report(
     )
     flat = Picture(
         figure=pictures.figures[_SURFACE, "surface"],
-        alt="Heights of the merged surface, seen from above", caption="The merged surface.",
-    )  # fmt: skip
+        alt="Heights of the merged surface, seen from above",
+        caption="The merged surface.",
+    )
     doubtful = [Section(title="What is doubtful", blocks=[Warnings(items=merging.problems)])]
     listed = [File(path=name, note=note) for name, note in files]
     listed.append(File(path="result.json", note="all numbers of this report"))
     return Report(
-        title="Merged passes", subtitle=", ".join(lanes),
+        title="Merged passes",
+        subtitle=", ".join(lanes),
         headline=tuple(merge_headline(merging)),
         sections=(
             *(doubtful if merging.problems else []),
@@ -190,4 +196,4 @@ def _merge_report(
             Section(title="Files", blocks=[Files(files=listed)]),
         ),
         provenance={_SURFACE: provenance.provenance_steps(view.surface)},
-    )  # fmt: skip
+    )

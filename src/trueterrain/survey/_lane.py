@@ -165,18 +165,29 @@ def measure_lane(
     passes = [run.taken for run in runs]
     cells = replace(survey.cells, agreed=len(passes) > 1)
     surface, tally = grid_runs(
-        passes, survey.grid.of_runs(passes), cells, screening=survey.screening,
-        threads=threads, progress=lambda run, done, total: progress(f"{run}: scans", done, total),
-    )  # fmt: skip
+        passes,
+        survey.grid.of_runs(passes),
+        cells,
+        screening=survey.screening,
+        threads=threads,
+        progress=lambda run, done, total: progress(f"{run}: scans", done, total),
+    )
     surface, holes = fill_holes(trim_surface(surface), survey.holes, in_place=True)
     loss = None
     if survey.down_sample is not None:
         surface, loss = down_sample(surface, survey.down_sample)
-    surface = provenance.add_step(surface, "survey", parameters={
-        "survey": survey.name, "runs": [run.taken.path.name for run in runs],
-        "motion": survey.motion, "mounting": [run.taken.mounting for run in runs],
-        "holes": survey.holes, "down_sample": survey.down_sample,
-    })  # fmt: skip
+    surface = provenance.add_step(
+        surface,
+        "survey",
+        parameters={
+            "survey": survey.name,
+            "runs": [run.taken.path.name for run in runs],
+            "motion": survey.motion,
+            "mounting": [run.taken.mounting for run in runs],
+            "holes": survey.holes,
+            "down_sample": survey.down_sample,
+        },
+    )
     progress(f"{name}: files", 0, None)
     files = [*_write_surfaces(survey, surface, name, folder)]
     progress(f"{name}: profiles", 0, None)
@@ -197,11 +208,15 @@ def measure_lane(
         "truth": None if truth is None else _compare_with_truth(survey, surface, truth, index),
         "problems": [*_list_problems(tally, holes), *left_out, *unrated],
         "files": [file for file, _ in files],
-    }  # fmt: skip
+    }
     return SurfaceResult(
-        name=name, coarse=_view_surface(surface), profiles=profiles, files=tuple(files), numbers=numbers,
+        name=name,
+        coarse=_view_surface(surface),
+        profiles=profiles,
+        files=tuple(files),
+        numbers=numbers,
         steps=provenance.provenance_steps(surface),
-    )  # fmt: skip
+    )
 
 
 def write_points(
@@ -231,9 +246,12 @@ def write_points(
 
     def blocks() -> Iterator[xr.Dataset]:
         for block in georeference(
-            run.taken.path, run.taken.trajectory, run.taken.mounting, screening=survey.screening,
+            run.taken.path,
+            run.taken.trajectory,
+            run.taken.mounting,
+            screening=survey.screening,
             range_noise=survey.cells.range_noise,
-        ):  # fmt: skip
+        ):
             yield block
             progress(f"{run.name}: points", block.attrs["scans"], scans)
 
@@ -247,9 +265,7 @@ def _write_surfaces(
 ) -> Iterator[tuple[str, str]]:
     for ending in survey.outputs.surface:
         file = f"{name}.{ending}"
-        formats.write(
-            surface_to_points(surface) if ending == "laz" else surface, folder / file
-        )  # fmt: skip
+        formats.write(surface_to_points(surface) if ending == "laz" else surface, folder / file)
         yield file, f"{name}: surface" + (", nodes as points" if ending == "laz" else "")
 
 
@@ -290,9 +306,14 @@ def taken_along(surface: xr.Dataset, wanted: ProfilePathSettings) -> xr.Dataset:
     if taken is None:
         return point_profile(surface, path)
     return tyre_profile(
-        surface, path, area=options.search_area(), statistic=taken, level=options.level,
-        minimum_count=options.minimum_count, thin=options.thin,
-    )  # fmt: skip
+        surface,
+        path,
+        area=options.search_area(),
+        statistic=taken,
+        level=options.level,
+        minimum_count=options.minimum_count,
+        thin=options.thin,
+    )
 
 
 def _covered_path(surface: xr.Dataset, wanted: ProfilePathSettings) -> WheelPath:
@@ -308,9 +329,10 @@ def _covered_path(surface: xr.Dataset, wanted: ProfilePathSettings) -> WheelPath
     margin = int(np.ceil(area_reach(wanted.tyre.search_area()) / wanted.spacing))
     if seen.size < 2 * margin + 2:
         raise CoverageError(
-            "the surface does not lie under the path", place=f"profile {wanted.name}",
+            "the surface does not lie under the path",
+            place=f"profile {wanted.name}",
             cure="Compare the coordinates of path and runs.",
-        )  # fmt: skip
+        )
     return path.part(int(seen[0]) + margin, int(seen[-1]) + 1 - margin)
 
 

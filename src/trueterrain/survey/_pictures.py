@@ -111,14 +111,18 @@ class Pictures:
                 )
                 for run in runs
             }
-            self._merge("correction", figures.lane_correction(
-                found.corrections, navigation_sd=claimed or None
-            ))  # fmt: skip
+            self._merge(
+                "correction",
+                figures.lane_correction(found.corrections, navigation_sd=claimed or None),
+            )
             largest = float(np.nanquantile(found.ground.before, _MOST))
             for when in ("before", "after"):
-                self._merge(when, figures.discrepancy_map(
-                    found.ground, when=when, rejected=found.rejected, largest=largest, cell=cell
-                ))  # fmt: skip
+                self._merge(
+                    when,
+                    figures.discrepancy_map(
+                        found.ground, when=when, rejected=found.rejected, largest=largest, cell=cell
+                    ),
+                )
             self._merge("choice", figures.strength_choice(found))
             self._merge("spectrum", figures.correction_spectrum(found.corrections))
         if vectors is not None:
@@ -126,9 +130,7 @@ class Pictures:
             self._merge("vectors", figures.discontinuity_vectors(pair))
             stations = pair.discontinuity.station[~pair.discontinuity.gap]
             middle = float(stations[stations.size // 2])
-            self._merge("histograms", figures.lane_histograms(
-                pair.discontinuity, station=middle
-            ))  # fmt: skip
+            self._merge("histograms", figures.lane_histograms(pair.discontinuity, station=middle))
         for number, seam in enumerate(merging.seams, start=1):
             if np.isfinite(seam.before.median):
                 self._merge("seam" if number == 1 else f"seam-{number}", figures.seam_steps(seam))

@@ -81,13 +81,18 @@ def _headline_numbers(
 ) -> Iterator[Number]:
     each = numbers["lanes"]
     yield Number(
-        label="Driven", value=sum(run["driven"] for run in numbers["runs"]), unit="m", digits=0,
+        label="Driven",
+        value=sum(run["driven"] for run in numbers["runs"]),
+        unit="m",
+        digits=0,
         note=_count_text(len(numbers["runs"]), "run"),
-    )  # fmt: skip
+    )
     yield Number(
-        label="Returns gridded", value=sum(lane["returns"]["used"] for lane in each) / 1e6,
-        unit="million", digits=2,
-    )  # fmt: skip
+        label="Returns gridded",
+        value=sum(lane["returns"]["used"] for lane in each) / 1e6,
+        unit="million",
+        digits=2,
+    )
     for name, label in (
         ("sd", "Standard deviation of a height"),
         ("sd_relative", "The same, relative to the datum of the passes"),
@@ -95,23 +100,31 @@ def _headline_numbers(
         sds = [lane["surface"][name]["median"] for lane in each]
         if known := [sd for sd in sds if sd is not None]:
             yield Number(
-                label=label, value=1000 * max(known), unit="mm", digits=2,
+                label=label,
+                value=1000 * max(known),
+                unit="mm",
+                digits=2,
                 note="median over the nodes" + _worst_text(len(lanes)),
-            )  # fmt: skip
+            )
     if merging is not None:
         yield from merge_headline(merging)
     for compared in numbers["agreement"][:1]:
         yield Number(
-            label="Lanes apart where they overlap", value=1000 * compared["median"], unit="mm",
-            digits=1, note=f"median of {' and '.join(compared['lanes'])}",
-        )  # fmt: skip
+            label="Lanes apart where they overlap",
+            value=1000 * compared["median"],
+            unit="mm",
+            digits=1,
+            note=f"median of {' and '.join(compared['lanes'])}",
+        )
     truths = [lane["truth"]["surface"] for lane in each if lane["truth"]]
     if truths:
         yield Number(
             label="Error of heights about their median",
-            value=1000 * max(truth["nmad"] for truth in truths), unit="mm", digits=2,
+            value=1000 * max(truth["nmad"] for truth in truths),
+            unit="mm",
+            digits=2,
             note="NMAD against the true ground" + _worst_text(len(lanes)),
-        )  # fmt: skip
+        )
     yield from _roughness_numbers(each)
 
 
@@ -121,9 +134,12 @@ def _roughness_numbers(lanes: list[dict[str, Any]]) -> Iterator[Number]:
     pairs = [(lane["name"], pair) for lane in lanes for pair in lane["wheel_paths"]]
     for lane, pair in pairs:
         yield Number(
-            label="MRI", value=pair["mri"], unit="m/km", digits=2,
+            label="MRI",
+            value=pair["mri"],
+            unit="m/km",
+            digits=2,
             note=f"wheel paths {pair['left']} and {pair['right']}" + f" of {lane}" * several,
-        )  # fmt: skip
+        )
     if pairs:
         return
     for lane in lanes:
@@ -136,7 +152,8 @@ def _roughness_numbers(lanes: list[dict[str, Any]]) -> Iterator[Number]:
 def _ground_section(lanes: list[SurfaceResult], pictures: Pictures) -> Section:
     rows = [
         (
-            lane.name, lane.numbers["surface"]["nodes"],
+            lane.name,
+            lane.numbers["surface"]["nodes"],
             " × ".join(f"{step:g} m" for step in lane.numbers["surface"]["spacing"].values()),
             lane.numbers["surface"]["count"]["median"],
             *(to_millimetres(lane.numbers["surface"]["sd"][name]) for name in ("median", "p95")),
@@ -145,7 +162,7 @@ def _ground_section(lanes: list[SurfaceResult], pictures: Pictures) -> Section:
             lane.numbers["surface"]["holes"]["open_nodes"],
         )
         for lane in lanes
-    ]  # fmt: skip
+    ]
     table = Table(
         columns=parse_columns(
             "Lane; Nodes; Spacing; Returns per node .0; sd, median [mm] .3; sd, 95 % [mm] .3; "
@@ -156,7 +173,7 @@ def _ground_section(lanes: list[SurfaceResult], pictures: Pictures) -> Section:
         "of the ranges, the scatter of the returns in a cell and the uncertainty of the motion. "
         "Of passes in agreement the relative one leaves out the datum, which all of them share: "
         "it tells how sure heights are within the surface.",
-    )  # fmt: skip
+    )
     blocks: list[Block] = [table]
     for lane in lanes:
         blocks += [
@@ -169,14 +186,15 @@ def _ground_section(lanes: list[SurfaceResult], pictures: Pictures) -> Section:
                 surface=pictures.parts[lane.name],
                 caption=f"A part from the middle of {lane.name}.",
             ),
-        ]  # fmt: skip
+        ]
     return Section(title="The ground", blocks=blocks)
 
 
 def _accuracy_section(numbers: dict[str, Any]) -> Section:
     rows = [
         (
-            run["name"], run["motion"]["method"],
+            run["name"],
+            run["motion"]["method"],
             *(to_millimetres(run["motion"]["sd"][axis]) for axis in ("east", "north", "up")),
             *(
                 _to_milliradians(run["motion"]["sd"][axis])
@@ -184,7 +202,7 @@ def _accuracy_section(numbers: dict[str, Any]) -> Section:
             ),
         )
         for run in numbers["runs"]
-    ]  # fmt: skip
+    ]
     motion = Table(
         columns=parse_columns(
             "Run; Method; East [mm] .1; North [mm] .1; Up [mm] .1; About east [mrad] .3; "
@@ -192,7 +210,7 @@ def _accuracy_section(numbers: dict[str, Any]) -> Section:
         ),
         rows=rows,
         caption="Standard deviation of the pose of the body, median over time.",
-    )  # fmt: skip
+    )
     blocks: list[Block] = [motion]
     if numbers["agreement"]:
         blocks.append(
@@ -203,7 +221,8 @@ def _accuracy_section(numbers: dict[str, Any]) -> Section:
                 ),
                 rows=[
                     (
-                        " - ".join(reversed(one["lanes"])), one["n"],
+                        " - ".join(reversed(one["lanes"])),
+                        one["n"],
                         *(to_millimetres(one[name]) for name in ("median", "nmad", "rmse", "p95")),
                     )
                     for one in numbers["agreement"]
@@ -211,7 +230,7 @@ def _accuracy_section(numbers: dict[str, Any]) -> Section:
                 caption="Differences of height where lanes overlap, as measured: each lane stands "
                 "on its own, nothing was brought into agreement.",
             )
-        )  # fmt: skip
+        )
     elif len(numbers["lanes"]) > 1 and not numbers["merge"]:
         blocks.append(Text(paragraph="The lanes do not overlap, so they cannot be compared."))
     elif len(numbers["runs"]) == 1:
@@ -229,13 +248,16 @@ def _against_truth(lanes: list[SurfaceResult]) -> Section | None:
         return None
     heights = Table(
         columns=parse_columns(
-            "Lane; Nodes; Median [mm] .2; NMAD [mm] .2; RMS about the median [mm] .2; "
-            "95 % [mm] .2"
+            "Lane; Nodes; Median [mm] .2; NMAD [mm] .2; RMS about the median [mm] .2; 95 % [mm] .2"
         ),
         rows=[
             (
-                lane.name, truth["nodes"], to_millimetres(truth["median"]), to_millimetres(truth["nmad"]),
-                to_millimetres(truth["rms_about_median"]), to_millimetres(truth["p95"]),
+                lane.name,
+                truth["nodes"],
+                to_millimetres(truth["median"]),
+                to_millimetres(truth["nmad"]),
+                to_millimetres(truth["rms_about_median"]),
+                to_millimetres(truth["p95"]),
             )
             for lane in lanes
             for truth in [lane.numbers["truth"]["surface"]]
@@ -243,7 +265,7 @@ def _against_truth(lanes: list[SurfaceResult]) -> Section | None:
         caption="Heights less the true ground at the node. The median is what the drift of the "
         "navigation amounts to. The RMS holds the joints and edges, where the mean of a cell is "
         "not the height at its middle; the NMAD does not.",
-    )  # fmt: skip
+    )
     rated = [
         (lane.name, profile["name"], profile["iri"], lane.numbers["truth"]["iri"][profile["name"]])
         for lane in lanes
@@ -261,7 +283,7 @@ def _against_truth(lanes: list[SurfaceResult]) -> Section | None:
                 rows=[(*row, 100 * (row[2] / row[3] - 1)) for row in rated],
                 caption="Roughness, beside that of the true ground along the same paths.",
             )
-        )  # fmt: skip
+        )
     return Section(title="Against the true ground", blocks=blocks)
 
 
@@ -270,22 +292,27 @@ def _profile_section(
 ) -> Section | None:
     rows = [
         (
-            lane.name, profile["name"], profile["length"], to_millimetres(profile["sd_median"]),
+            lane.name,
+            profile["name"],
+            profile["length"],
+            to_millimetres(profile["sd_median"]),
             profile["iri"],
         )
         for lane in lanes
         for profile in lane.numbers["profiles"]
-    ]  # fmt: skip
+    ]
     if not rows:
         return None
     blocks: list[Block] = [
         Table(
-            columns=parse_columns("Lane; Profile; Length [m] .2; sd, median [mm] .3; IRI [m/km] .2"),
+            columns=parse_columns(
+                "Lane; Profile; Length [m] .2; sd, median [mm] .3; IRI [m/km] .2"
+            ),
             rows=rows,
             caption="Profiles that a tyre feels, and their International Roughness Index. Their "
             "standard deviation is that of the statistic, by the heights under the tyre alone.",
         )
-    ]  # fmt: skip
+    ]
     both = [
         (lane.name, *(pair[name] for name in ("left", "right", "mri", "hri")))
         for lane in lanes
@@ -300,7 +327,7 @@ def _profile_section(
                 "names differ in left and right at their end. The second needs paths that are "
                 "equally long.",
             )
-        )  # fmt: skip
+        )
     segments = [
         (lane.name, profile["name"], one["start"], one["end"], one["iri"])
         for lane in lanes
@@ -314,7 +341,7 @@ def _profile_section(
                 rows=segments,
                 caption=f"Segments of {survey.roughness.segment:g} m.",
             )
-        )  # fmt: skip
+        )
     blocks += [
         Picture(
             figure=pictures.figures[lane.name, "profiles"],

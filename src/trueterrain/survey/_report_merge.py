@@ -46,20 +46,29 @@ def merge_headline(merging: MergeResult) -> Iterator[Number]:
     worst = max(merging.pairs, key=lambda pair: pair.before.rmse, default=None)
     if worst is not None:
         yield Number(
-            label="Passes apart, before", value=to_millimetres(worst.before.rmse), unit="mm", digits=1,
+            label="Passes apart, before",
+            value=to_millimetres(worst.before.rmse),
+            unit="mm",
+            digits=1,
             note=f"RMSE of {worst.first} and {worst.second}",
-        )  # fmt: skip
+        )
         yield Number(
-            label="Passes apart, after", value=to_millimetres(worst.after.rmse), unit="mm", digits=2,
+            label="Passes apart, after",
+            value=to_millimetres(worst.after.rmse),
+            unit="mm",
+            digits=2,
             note=f"RMSE of {worst.first} and {worst.second}",
-        )  # fmt: skip
+        )
     seams = [seam for seam in merging.seams if seam.after.median == seam.after.median]
     if seams:
         most = max(seams, key=lambda seam: seam.after.median)
         yield Number(
-            label="Seam", value=to_millimetres(most.after.median), unit="mm", digits=2,
+            label="Seam",
+            value=to_millimetres(most.after.median),
+            unit="mm",
+            digits=2,
             note=f"{1000 * most.before.median:.1f} mm before",
-        )  # fmt: skip
+        )
 
 
 def merge_section(merging: MergeResult, pictures: Pictures) -> Section:
@@ -97,13 +106,17 @@ def _pair_table(merging: MergeResult) -> Table:
         ),
         rows=[
             (
-                f"{pair.second} - {pair.first}", pair.before.n,
+                f"{pair.second} - {pair.first}",
+                pair.before.n,
                 *(
                     to_millimetres(getattr(state, name))
                     for name in ("median", "nmad")
                     for state in (pair.before, pair.after)
                 ),
-                *(to_millimetres(state.rmse) for state in (pair.before, pair.after, pair.held_back)),
+                *(
+                    to_millimetres(state.rmse)
+                    for state in (pair.before, pair.after, pair.held_back)
+                ),
                 *(to_millimetres(state.p95) for state in (pair.before, pair.after)),
                 pair.rejected,
             )
@@ -111,7 +124,7 @@ def _pair_table(merging: MergeResult) -> Table:
         ],
         caption="Differences of height in the cells that both passes saw. Held back: in cells that "
         "had no part in the corrections. Rejected cells are what moved between the passes.",
-    )  # fmt: skip
+    )
 
 
 def _seam_blocks(merging: MergeResult) -> Iterator[Block]:
@@ -120,14 +133,15 @@ def _seam_blocks(merging: MergeResult) -> Iterator[Block]:
             columns=parse_columns("Passes; Seam before [mm] .2; after [mm] .2"),
             rows=[
                 (
-                    " - ".join(seam.lanes), to_millimetres(seam.before.median),
+                    " - ".join(seam.lanes),
+                    to_millimetres(seam.before.median),
                     to_millimetres(seam.after.median),
                 )
                 for seam in merging.seams
             ],
             caption="Steps of the merged ground where one pass ends inside another: median of "
             "their size along both edges of the overlap.",
-        )  # fmt: skip
+        )
 
 
 def describe_datum(found: Adjustment) -> str:
@@ -186,14 +200,12 @@ def _network_blocks(merging: MergeResult) -> Iterator[Block]:
         yield Table(
             columns=parse_columns("Loop; Before [mm] .2; After [mm] .2"),
             rows=[
-                (
-                    " - ".join(one.passes), to_millimetres(one.before), to_millimetres(one.after)
-                )
+                (" - ".join(one.passes), to_millimetres(one.before), to_millimetres(one.after))
                 for one in found.closures
             ],
             caption="Closure of loops: sum of the median differences around passes that each "
             "overlap the next.",
-        )  # fmt: skip
+        )
     alone = [(one.name, begin, end) for one in found.corrections for begin, end in one.unsupported]
     if alone:
         yield Table(

@@ -97,9 +97,7 @@ class ProfilePathSettings:
     tyre: TyreProfileSettings = field(default_factory=TyreProfileSettings)
     "What is taken of the heights around each path point."
 
-    envelope: EnvelopeSettings | None = field(
-        default=None, metadata={"table": EnvelopeSettings()}
-    )  # fmt: skip
+    envelope: EnvelopeSettings | None = field(default=None, metadata={"table": EnvelopeSettings()})
     "Tyre that rolls over the ground instead; none by default."
 
     def __post_init__(self) -> None:
@@ -272,9 +270,11 @@ def read_survey(path: str | Path) -> Survey:
     def found(name: str, place: str) -> str:
         if not (folder / name).exists():
             raise FormatError(
-                f"{name} does not exist", path=path, place=place,
+                f"{name} does not exist",
+                path=path,
+                place=place,
                 cure="Name it from the folder of this file, or with its whole path.",
-            )  # fmt: skip
+            )
         return str(folder / name)
 
     runs = tuple(
@@ -333,8 +333,9 @@ def survey_of(runs: "list[str] | list[Path]", **settings: Any) -> Survey:
     ['left', 'right']
     """
     wheels = (
-        ProfilePathSettings(name="left", offset=0.75), ProfilePathSettings(name="right", offset=-0.75),
-    )  # fmt: skip
+        ProfilePathSettings(name="left", offset=0.75),
+        ProfilePathSettings(name="right", offset=-0.75),
+    )
     given = {"profiles": wheels, **settings}
     return Survey(runs=tuple(RunSettings(path=str(run)) for run in runs), **given)
 

@@ -153,8 +153,12 @@ def velocity_spectrum(
     power: Array = density.real[keep] * (1 + (corner / frequency) ** _ORDER) ** 2
     low, high = density_interval(degrees, confidence)
     return VelocitySpectrum(
-        frequency=frequency, density=power, low=low * power, high=high * power, degrees=degrees,
-    )  # fmt: skip
+        frequency=frequency,
+        density=power,
+        low=low * power,
+        high=high * power,
+        degrees=degrees,
+    )
 
 
 def segment_size(samples: int, rate: float, segment: float | None) -> int:

@@ -284,12 +284,17 @@ def _signal_powers(one: ModeRecording, number: int) -> list[_Power]:
         inside = (frequency >= one.band[0]) & (frequency <= one.band[1])
         out.append(
             _Power(
-                signal=name, over=first if over is None and name != first else None,
-                free=over is None and name == first, recording=number,
-                waviness=one.waviness, bin=one.rate / size,
-                frequency=frequency[inside], log=log[inside], sd=sd[inside],
+                signal=name,
+                over=first if over is None and name != first else None,
+                free=over is None and name == first,
+                recording=number,
+                waviness=one.waviness,
+                bin=one.rate / size,
+                frequency=frequency[inside],
+                log=log[inside],
+                sd=sd[inside],
             )
-        )  # fmt: skip
+        )
     return out
 
 
@@ -324,10 +329,13 @@ def _fit_modes(
     begin = np.concatenate([_start_parameters(start), np.zeros(len(free))])
     for at, recording in enumerate(free, start=4):
         model = linear_model(_quarter_car(begin[:4]))
-        begin[at] = np.mean([
-            (power.log - _log_power(model, power)).mean()
-            for power in powers if power.free and power.recording == recording
-        ])  # fmt: skip
+        begin[at] = np.mean(
+            [
+                (power.log - _log_power(model, power)).mean()
+                for power in powers
+                if power.free and power.recording == recording
+            ]
+        )
     reach = np.concatenate([np.full(4, _FARTHEST), np.full(len(free), np.inf)])
     found = least_squares(residuals, begin, bounds=(begin - reach, begin + reach), x_scale="jac")
     degrees = values - unknowns
@@ -343,9 +351,13 @@ def _fit_modes(
         for name, at in (("ride", 0), ("hop", 2))
     )
     return IdentifiedModes(
-        ride=ride, hop=hop, scatter=scatter, confidence=confidence, spectra=spectra,
+        ride=ride,
+        hop=hop,
+        scatter=scatter,
+        confidence=confidence,
+        spectra=spectra,
         car=_quarter_car(found.x[:4]),
-    )  # fmt: skip
+    )
 
 
 def _start_parameters(start: tuple[float, float]) -> Array:
@@ -358,9 +370,12 @@ def _start_parameters(start: tuple[float, float]) -> Array:
 def _quarter_car(logs: Array) -> QuarterCarParameters:
     unsprung, spring, damper, tyre = np.exp(logs).tolist()
     return QuarterCarParameters(
-        sprung_mass=1.0, unsprung_mass=unsprung, suspension_stiffness=spring,
-        suspension_damping=damper, tyre_stiffness=tyre,
-    )  # fmt: skip
+        sprung_mass=1.0,
+        unsprung_mass=unsprung,
+        suspension_stiffness=spring,
+        suspension_damping=damper,
+        tyre_stiffness=tyre,
+    )
 
 
 def _log_power(model: LinearModel, power: _Power) -> Array:

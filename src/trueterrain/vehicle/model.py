@@ -174,10 +174,16 @@ def _full_car(car: FullCarParameters) -> LinearModel:
         wheel_stiffness=wheel_stiffness,
         wheel_damping=wheel_damping,
         mode_names=(
-            "heave", "pitch", "roll", "front hop", "rear hop", "front tramp", "rear tramp",
+            "heave",
+            "pitch",
+            "roll",
+            "front hop",
+            "rear hop",
+            "front tramp",
+            "rear tramp",
         ),
         mode_patterns=patterns,
-    )  # fmt: skip
+    )
 
 
 def _per_wheel(front: float, rear: float) -> list[float]:

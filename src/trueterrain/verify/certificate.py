@@ -48,7 +48,7 @@ __all__ = [
     "fusion_of",
     "input_files",
     "write_errors",
-]  # fmt: skip
+]
 
 Result = StaticResult | DynamicResult | DriftResult
 
@@ -165,9 +165,12 @@ def certify_profiler(kind: str, config: str | Path) -> CertificateResult:
         results = _drift_results(test, profiles, next(iter(others[len(profiles) :]), None))
     files = dict.fromkeys([config, *runs.values(), *others, *driven])
     return CertificateResult(
-        test=test, results=results, inputs=tuple(describe_input(path) for path in files),
-        instruments=tuple(_instrument_findings(test, clock, boresight)), recorded=tuple(times),
-    )  # fmt: skip
+        test=test,
+        results=results,
+        inputs=tuple(describe_input(path) for path in files),
+        instruments=tuple(_instrument_findings(test, clock, boresight)),
+        recorded=tuple(times),
+    )
 
 
 def input_files(kind: str, config: str | Path) -> list[Path]:
@@ -302,9 +305,10 @@ def _drift_results(
             return profile.isel(track=0, drop=True)
         if test.track not in names:
             raise SchemaError(
-                f"holds the tracks {', '.join(names)}", path=path,
+                f"holds the tracks {', '.join(names)}",
+                path=path,
                 cure="Name one of them: track.",
-            )  # fmt: skip
+            )
         return profile.sel(track=test.track, drop=True)
 
     true = None if reference is None else track(reference)

@@ -123,8 +123,10 @@ class DriftTest(TestDescription):
 
 #: Descriptions by the name of the test.
 KINDS: dict[str, type[TestDescription]] = {
-    "static": StaticTest, "dynamic": DynamicTest, "drift": DriftTest,
-}  # fmt: skip
+    "static": StaticTest,
+    "dynamic": DynamicTest,
+    "drift": DriftTest,
+}
 
 
 def fusion_of(method: str, fusion: FusionSettings = FusionSettings()) -> FusionSettings:

@@ -158,11 +158,12 @@ def drift_test(
         bias = _shared_error(mean, repeatability, n, settings.confidence)
     dataset = xr.Dataset(
         {
-            "error": (("run", "s"), error), "mean": ("s", mean),
+            "error": (("run", "s"), error),
+            "mean": ("s", mean),
             "spread": ("s", np.sqrt((apart**2).mean(axis=0))),
         },
         {"s": s, "run": np.arange(n)},
-    )  # fmt: skip
+    )
     row = ResultRow(
         test="drift",
         rms=rms_figure(error, confidence=settings.confidence),
@@ -175,9 +176,13 @@ def drift_test(
         count=error.size,
     )
     return DriftResult(
-        errors=dataset, growth=_error_growth(error, apart, settings.spacing), row=row,
-        repeatability=repeatability, shared=bias, runs=n,
-    )  # fmt: skip
+        errors=dataset,
+        growth=_error_growth(error, apart, settings.spacing),
+        row=row,
+        repeatability=repeatability,
+        shared=bias,
+        runs=n,
+    )
 
 
 def _common_places(profiles: list[xr.Dataset], settings: DriftSettings) -> Floats:
@@ -225,9 +230,13 @@ def _shared_error(
         return math.sqrt(max(value**2 - chance, 0.0))
 
     return AccuracyFigure(
-        value=without(found.value), low=without(found.low), high=without(found.high),
-        confidence=confidence, block=found.block, independent=found.independent,
-    )  # fmt: skip
+        value=without(found.value),
+        low=without(found.low),
+        high=without(found.high),
+        confidence=confidence,
+        block=found.block,
+        independent=found.independent,
+    )
 
 
 def _error_growth(error: Floats, apart: Floats, spacing: float) -> xr.Dataset:

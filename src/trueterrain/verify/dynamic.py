@@ -148,9 +148,16 @@ class DynamicResult:
         """The same as plain numbers and words, as for JSON, without the single errors."""
         found = self.registration
         names = (
-            "shift", "offset", "tilt", "reversed", "residual", "unregistered", "outliers", "points",
+            "shift",
+            "offset",
+            "tilt",
+            "reversed",
+            "residual",
+            "unregistered",
+            "outliers",
+            "points",
             "stretch",
-        )  # fmt: skip
+        )
         bands = ("frequency", "motion", "error", "rejection", "low", "high")
         return {
             **self.row.to_dict(),
@@ -224,9 +231,13 @@ def dynamic_test(
             strip, min(_FINE, settings.spacing) if settings.stretch else settings.spacing
         )
         found = register_profile(
-            cells["along"], cells["height"], machined,
-            assumed=settings.assumed, search=settings.search, stretch=settings.stretch,
-        )  # fmt: skip
+            cells["along"],
+            cells["height"],
+            machined,
+            assumed=settings.assumed,
+            search=settings.search,
+            stretch=settings.stretch,
+        )
         table = _compare_cells(strip, machined, found, settings)
         on = (table.s.values >= 0) & (table.s.values <= found.length)
         errors = table.isel(s=np.flatnonzero(on))
@@ -246,14 +257,26 @@ def dynamic_test(
     lever = np.array(mounting_of(tree, path=source).scanner_position)
     rejection, modes = _crossing_spectra(source, table, path, lever, settings)
     findings = dynamic_findings(
-        tree, table, machined, found, path, lever, assumed=settings.assumed,
+        tree,
+        table,
+        machined,
+        found,
+        path,
+        lever,
+        assumed=settings.assumed,
         screening=settings.screening,
-    )  # fmt: skip
+    )
     return DynamicResult(
-        errors=errors, row=row, registration=found,
+        errors=errors,
+        row=row,
+        registration=found,
         registered=registered_points(cells["along"], cells["height"], found, settings.assumed),
-        parts=parts, speed=speed, rejection=rejection, modes=modes, findings=findings,
-    )  # fmt: skip
+        parts=parts,
+        speed=speed,
+        rejection=rejection,
+        modes=modes,
+        findings=findings,
+    )
 
 
 def strip_of(
@@ -336,12 +359,18 @@ def _compare_cells(
     spread = np.sqrt(mean(about**2) * count / np.maximum(count - 1, 1))
     position = mean(s)
     columns = {
-        "along": mean(along), "up": mean(strip["up"][order]), "height": mean(height),
-        "machined": mean(true), "error": mean(error),
-        "sd": spread / np.sqrt(count), "count": count, "time": mean(strip["time"][order]),
+        "along": mean(along),
+        "up": mean(strip["up"][order]),
+        "height": mean(height),
+        "machined": mean(true),
+        "error": mean(error),
+        "sd": spread / np.sqrt(count),
+        "count": count,
+        "time": mean(strip["time"][order]),
         "edge": at_edges(machined, position, settings.edge)
-        & (position >= -settings.edge) & (position <= found.length + settings.edge),
-    }  # fmt: skip
+        & (position >= -settings.edge)
+        & (position <= found.length + settings.edge),
+    }
     if "intensity" in strip:
         columns["intensity"] = mean(strip["intensity"][order])
     return xr.Dataset({name: ("s", values) for name, values in columns.items()}, {"s": position})

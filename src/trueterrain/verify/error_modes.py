@@ -63,10 +63,16 @@ class ErrorMode:
     def to_dict(self) -> dict[str, Any]:
         """The same as plain numbers and words, as for JSON."""
         return {
-            "name": self.name, "low": self.low, "high": self.high, "share": self.share,
-            "rms": self.rms, "coherence": dict(self.coherence), "threshold": self.threshold,
-            "moves_with": self.moves_with, "meaning": self.meaning,
-        }  # fmt: skip
+            "name": self.name,
+            "low": self.low,
+            "high": self.high,
+            "share": self.share,
+            "rms": self.rms,
+            "coherence": dict(self.coherence),
+            "threshold": self.threshold,
+            "moves_with": self.moves_with,
+            "meaning": self.meaning,
+        }
 
 
 def modes_of(
@@ -142,11 +148,17 @@ def modes_of(
             follows = None
         found.append(
             ErrorMode(
-                name=name, low=low, high=high, share=share, rms=rms * math.sqrt(share),
-                coherence=within, threshold=THRESHOLD, moves_with=follows,
+                name=name,
+                low=low,
+                high=high,
+                share=share,
+                rms=rms * math.sqrt(share),
+                coherence=within,
+                threshold=THRESHOLD,
+                moves_with=follows,
                 meaning=_meaning_text(name, low, high, share, follows, told=bool(within)),
             )
-        )  # fmt: skip
+        )
     return tuple(found)
 
 
@@ -205,9 +217,12 @@ def _mode_bands(
     """Names and ends of the bands; what the record does not resolve is slow."""
     begin = max(ride[0], coarse)
     bands = [
-        (_SLOW, 0.0, begin), ("primary ride", *ride), ("between ride and hop", ride[1], hop[0]),
-        ("wheel hop", *hop), ("above wheel hop", hop[1], max(highest, hop[1])),
-    ]  # fmt: skip
+        (_SLOW, 0.0, begin),
+        ("primary ride", *ride),
+        ("between ride and hop", ride[1], hop[0]),
+        ("wheel hop", *hop),
+        ("above wheel hop", hop[1], max(highest, hop[1])),
+    ]
     return [
         (name, low if name == _SLOW or high <= begin else max(low, begin), high)
         for name, low, high in bands
@@ -217,11 +232,17 @@ def _mode_bands(
 
 def _unresolved_mode(name: str, low: float, high: float, duration: float) -> ErrorMode:
     return ErrorMode(
-        name=name, low=low, high=high, share=None, rms=None, coherence={}, threshold=THRESHOLD,
+        name=name,
+        low=low,
+        high=high,
+        share=None,
+        rms=None,
+        coherence={},
+        threshold=THRESHOLD,
         moves_with=None,
         meaning=f"A record of {duration:.2f} s tells nothing apart below {1 / duration:.1f} Hz: "
         f"add floor beside the plate to see the error {_band_text(name, low, high)}.",
-    )  # fmt: skip
+    )
 
 
 def _squared_coherence(first: Complexes, second: Complexes) -> Floats:
@@ -250,7 +271,9 @@ def _meaning_text(
 def _band_text(name: str, low: float, high: float) -> str:
     band = f"({low:.2g} to {high:.3g} Hz)"
     words = {
-        _SLOW: f"below {high:.2g} Hz", "primary ride": f"at the primary ride {band}",
-        "wheel hop": f"at wheel hop {band}", "above wheel hop": f"above {low:.3g} Hz",
-    }  # fmt: skip
+        _SLOW: f"below {high:.2g} Hz",
+        "primary ride": f"at the primary ride {band}",
+        "wheel hop": f"at wheel hop {band}",
+        "above wheel hop": f"above {low:.3g} Hz",
+    }
     return words.get(name, f"between both modes {band}")

@@ -29,15 +29,21 @@ _NAMES = {
     "lever_x": ("lever arm of the scanner, forward", "m", "moves the ground along the way"),
     "lever_y": ("lever arm of the scanner, left", "m", "moves the ground across the way"),
     "lever_z": ("lever arm of the scanner, up", "m", "moves all heights alike"),
-    "clock": ("clock of the scanner, over the ground", "s",
-              "moves the ground along the way, by the speed"),
-}  # fmt: skip
+    "clock": (
+        "clock of the scanner, over the ground",
+        "s",
+        "moves the ground along the way, by the speed",
+    ),
+}
 _FIELDS = {
-    "roll": ("scanner_rotation", 0), "pitch": ("scanner_rotation", 1),
-    "yaw": ("scanner_rotation", 2), "lever_x": ("scanner_position", 0),
-    "lever_y": ("scanner_position", 1), "lever_z": ("scanner_position", 2),
+    "roll": ("scanner_rotation", 0),
+    "pitch": ("scanner_rotation", 1),
+    "yaw": ("scanner_rotation", 2),
+    "lever_x": ("scanner_position", 0),
+    "lever_y": ("scanner_position", 1),
+    "lever_z": ("scanner_position", 2),
     "clock": ("scanner_clock", None),
-}  # fmt: skip
+}
 
 
 def clock_findings(run: xr.DataTree, *, accelerometer_delay: float = 0.0) -> list[Finding]:
@@ -84,8 +90,13 @@ def clock_findings(run: xr.DataTree, *, accelerometer_delay: float = 0.0) -> lis
     else:
         clock, uncertainty = found.clock, found.sd
         filtered = "" if accelerometer_delay else " The delay of their filter is part of it."
-        first = _clock_finding(names[0], clock - declared.accelerometer_clock, found.sd,
-                       _LEAST_ACCELEROMETER_CLOCK, filtered)  # fmt: skip
+        first = _clock_finding(
+            names[0],
+            clock - declared.accelerometer_clock,
+            found.sd,
+            _LEAST_ACCELEROMETER_CLOCK,
+            filtered,
+        )
     try:
         seen = scanner_clock_from_bounce(
             run, accelerometer_clock=clock, accelerometer_delay=accelerometer_delay
@@ -152,8 +163,10 @@ def boresight_findings(
         if replace(other, accelerometer_clock=stated[0].accelerometer_clock) != stated[0]:
             raise SchemaError(
                 "differs from that of the first run",
-                path=path, place="attribute mounting", cure="Name runs of one mounting.",
-            )  # fmt: skip
+                path=path,
+                place="attribute mounting",
+                cure="Name runs of one mounting.",
+            )
     try:
         found = calibrate_mounting(runs, trajectories, settings=settings)
     except CoverageError as error:
@@ -167,11 +180,10 @@ def _clock_finding(name: str, off: float, sd: float, least: float, bound: str = 
     meaning = (
         f"Stamps are to be increased by so much more than the run says: set {field} of its "
         "mounting; until then, heights are those of another moment of the motion."
-        if there else f"Stamps are true, within {1e3 * max(4 * sd, least):.2g} ms."
-    )  # fmt: skip
-    return Finding(
-        name=name, value=off, sd=sd, unit="s", detected=there, meaning=meaning + bound
-    )  # fmt: skip
+        if there
+        else f"Stamps are true, within {1e3 * max(4 * sd, least):.2g} ms."
+    )
+    return Finding(name=name, value=off, sd=sd, unit="s", detected=there, meaning=meaning + bound)
 
 
 def _mounting_finding(name: str, found: Calibration, declared: Mounting) -> Finding:
@@ -190,15 +202,20 @@ def _mounting_finding(name: str, found: Calibration, declared: Mounting) -> Find
     if is_significant(off, sd) and not is_significant(off, sd, least=sum(caused.values())):
         other = max(caused, key=lambda held: caused[held])
         return Finding(
-            name=title, value=off, sd=sd, unit=unit, detected=None,
+            name=title,
+            value=off,
+            sd=sd,
+            unit=unit,
+            detected=None,
             meaning=f"It {effect}, and so does {_NAMES[other][0]}, which these passes do not tell: "
             "either may be off. Measure the latter, and state it in the mounting.",
-        )  # fmt: skip
+        )
     there = is_significant(off, sd)
     words = [
         f"It {effect}: state what was found in the mounting of the runs."
-        if there else "It is as the mounting says, within four standard deviations."
-    ]  # fmt: skip
+        if there
+        else "It is as the mounting says, within four standard deviations."
+    ]
     words += [
         f"It leans on the {_NAMES[held][0]}, which is held: if that is wrong by "
         f"{in_units(held, measured_within(held))}, this is by {in_units(name, by)}."

@@ -72,9 +72,12 @@ def rejection_of(
     rejection = 10 * np.log10(np.maximum(of_motion, tiny) / np.maximum(of_error, tiny))
     apart = 10 * np.log10(f.ppf(0.5 + 0.5 * confidence, 2 * TAPERS, 2 * TAPERS))
     columns = {
-        "motion": of_motion, "error": of_error, "rejection": rejection,
-        "low": rejection - apart, "high": rejection + apart,
-    }  # fmt: skip
+        "motion": of_motion,
+        "error": of_error,
+        "rejection": rejection,
+        "low": rejection - apart,
+        "high": rejection + apart,
+    }
     return xr.Dataset(
         {name: ("frequency", values) for name, values in columns.items()},
         {"frequency": frequency[seen]},

@@ -44,9 +44,12 @@ class RecordingTime:
     def to_dict(self) -> dict[str, Any]:
         """The same as plain numbers and words, as for JSON."""
         return {
-            "name": self.name, "begin": self.begin, "end": self.end, "scale": self.scale,
+            "name": self.name,
+            "begin": self.begin,
+            "end": self.end,
+            "scale": self.scale,
             "seconds": None if self.seconds is None else list(self.seconds),
-        }  # fmt: skip
+        }
 
 
 def recorded_run(path: str | Path) -> RecordingTime:

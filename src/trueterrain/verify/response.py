@@ -296,9 +296,13 @@ def _quarter_car(
     motion = simulate_response(model, step, heights)
     body, wheel = motion.displacement.T
     force = _tyre_force(
-        np.array([car.tyre_stiffness]), np.array([car.tyre_damping]), step, heights[:, None],
-        motion, slice(1, 2),
-    )  # fmt: skip
+        np.array([car.tyre_stiffness]),
+        np.array([car.tyre_damping]),
+        step,
+        heights[:, None],
+        motion,
+        slice(1, 2),
+    )
     return {
         "body_acceleration": motion.acceleration[None, :, 0],
         "tyre_force": force,
@@ -353,9 +357,12 @@ def _response_agreement(
         damage = [sum(pseudo_damage(row, exponent=exponent) for row in rows) for rows in (a, b)]
         damage_ratio = np.float64(damage[0]) / damage[1]
     return {
-        "rms_ratio": rms_ratio, "correlation": correlation, "error": error, "band_ratio": ratio,
+        "rms_ratio": rms_ratio,
+        "correlation": correlation,
+        "error": error,
+        "band_ratio": ratio,
         "damage_ratio": damage_ratio,
-    }  # fmt: skip
+    }
 
 
 def _band_power(signal: Float, step: float, low: float, high: float) -> np.float64:

@@ -143,10 +143,13 @@ class ResultRow:
 def describe_figure(figure: AccuracyFigure) -> dict[str, float | bool]:
     """A figure as plain numbers."""
     return {
-        "value": figure.value, "low": figure.low, "high": figure.high,
-        "confidence": figure.confidence, "independent": figure.independent,
+        "value": figure.value,
+        "low": figure.low,
+        "high": figure.high,
+        "confidence": figure.confidence,
+        "independent": figure.independent,
         "trusted": figure.trusted,
-    }  # fmt: skip
+    }
 
 
 def row_of(

@@ -117,8 +117,15 @@ class StaticResult:
         """The same as plain numbers and words, as for JSON, without the single errors."""
         found = self.registration
         names = (
-            "shift", "offset", "tilt", "reversed", "residual", "unregistered", "outliers", "points",
-        )  # fmt: skip
+            "shift",
+            "offset",
+            "tilt",
+            "reversed",
+            "residual",
+            "unregistered",
+            "outliers",
+            "points",
+        )
         return {
             **self.row.to_dict(),
             "scans": self.scans,
@@ -177,9 +184,11 @@ def static_test(
     needed = max(settings.least_scans, settings.scans or 0)
     if have < needed:
         raise CoverageError(
-            f"holds {have} scans, the static test needs {needed}", path=source, place="scans",
+            f"holds {have} scans, the static test needs {needed}",
+            path=source,
+            place="scans",
             cure="Scan longer, or ask for fewer: scans and least_scans.",
-        )  # fmt: skip
+        )
     screened = settings.screening
     ways = [("static", Screening(nearest=screened.nearest, furthest=screened.furthest))]
     if screened.needs_intensity:
@@ -281,11 +290,18 @@ def _static_result(
     doubtful = sums.doubtful[good] > 0.5 * count
     distance = profile_distances(machined, s, height)
     columns = {
-        "along": along, "up": up[on], "height": height, "machined": true, "error": height - true,
-        "distance": distance, "sd": noise,
-        "sd_mean": noise / np.sqrt(count), "intensity": sums.bright[good] / count,
-        "edge": edge, "doubtful": doubtful,
-    }  # fmt: skip
+        "along": along,
+        "up": up[on],
+        "height": height,
+        "machined": true,
+        "error": height - true,
+        "distance": distance,
+        "sd": noise,
+        "sd_mean": noise / np.sqrt(count),
+        "intensity": sums.bright[good] / count,
+        "edge": edge,
+        "doubtful": doubtful,
+    }
     errors = xr.Dataset({key: ("s", value) for key, value in columns.items()}, {"s": s})
     single = float(np.sqrt(np.mean(noise**2)))
     row = row_of(
@@ -300,11 +316,24 @@ def _static_result(
     parts = parts_of(height - true, columns["sd_mean"], edge, doubtful)
     beams = slice(int(good.min()), int(good.max()) + 1)
     findings = static_findings(
-        tree, errors, machined, found, assumed=settings.assumed, level=settings.level,
-        level_sd=settings.level_sd, screening=settings.screening, scans=scans,
-        returned=every.count[beams], doubtful=every.doubtful[beams],
-    )  # fmt: skip
+        tree,
+        errors,
+        machined,
+        found,
+        assumed=settings.assumed,
+        level=settings.level,
+        level_sd=settings.level_sd,
+        screening=settings.screening,
+        scans=scans,
+        returned=every.count[beams],
+        doubtful=every.doubtful[beams],
+    )
     return StaticResult(
-        errors=errors, row=row, registration=found, parts=parts, scans=scans, findings=findings,
+        errors=errors,
+        row=row,
+        registration=found,
+        parts=parts,
+        scans=scans,
+        findings=findings,
         registered=looked_at,
-    )  # fmt: skip
+    )

@@ -44,9 +44,10 @@ def true_ground(run: xr.DataTree) -> TrueHeight:
     """
     if "/truth/ground" not in run.groups:
         raise CoverageError(
-            "holds no true ground, since it was not simulated", place="group truth",
+            "holds no true ground, since it was not simulated",
+            place="group truth",
             cure="Compare with another surface.",
-        )  # fmt: skip
+        )
     surface = run["truth/ground"].to_dataset().load()
     return lambda easting, northing: heights_at(surface, easting, northing)
 
@@ -96,9 +97,10 @@ def exact_trajectory(run: xr.DataTree | str | Path) -> "Trajectory":
     tree = run if isinstance(run, xr.DataTree) else open_run(run)
     if "/truth/body" not in tree.groups:
         raise CoverageError(
-            "holds no true motion, since it was not simulated", place="group truth",
+            "holds no true motion, since it was not simulated",
+            place="group truth",
             path=None if isinstance(run, xr.DataTree) else run,
-        )  # fmt: skip
+        )
     body = tree["truth/body"].to_dataset().load()
     position, velocity = (
         np.stack([body[f"{name}{what}"].values for name in ("east", "north", "up")], axis=1)
@@ -113,11 +115,14 @@ def exact_trajectory(run: xr.DataTree | str | Path) -> "Trajectory":
     ]
     n = body.sizes["knot"]
     return Trajectory(
-        time=body["time"].values, position=position, velocity=velocity,
+        time=body["time"].values,
+        position=position,
+        velocity=velocity,
         quaternion=Rotation.from_euler("ZYX", np.stack([yaw, pitch, roll], axis=1)).as_quat(),
-        angular_velocity=np.stack(turning, axis=1), covariance=np.zeros((n, 6, 6)),
+        angular_velocity=np.stack(turning, axis=1),
+        covariance=np.zeros((n, 6, 6)),
         flag=np.zeros(n, np.uint8),
-    )  # fmt: skip
+    )
 
 
 def ground_errors(surface: xr.Dataset, truth: TrueHeight) -> dict[str, Any]:

@@ -29,12 +29,15 @@ def cloud(count=1234, seed=1, crs="EPSG:25832"):
     """Points along easting as a scanner sees them, with all that points can have."""
     rng = np.random.default_rng(seed)
     points = make_points(
-        691000 + np.sort(rng.uniform(0, 50, count)), 5334000 + rng.uniform(-2, 2, count),
-        512 + rng.normal(0, 0.01, count), crs=crs, time=4321.0 + 1e-3 * np.arange(count),
+        691000 + np.sort(rng.uniform(0, 50, count)),
+        5334000 + rng.uniform(-2, 2, count),
+        512 + rng.normal(0, 0.01, count),
+        crs=crs,
+        time=4321.0 + 1e-3 * np.arange(count),
         intensity=rng.integers(0, 4096, count).astype(np.uint16),
         lane=np.repeat(np.array([3, 7], np.uint16), [count // 2, count - count // 2]),
         sd=rng.uniform(0.001, 0.002, count).astype(np.float32),
-    )  # fmt: skip
+    )
     points = points.assign_attrs(gps_time_kind="week seconds", scans=7, share=np.float64(0.1))
     return provenance.add_step(points, "measure", parameters={"beams": [1, 2]})
 
@@ -46,12 +49,18 @@ def road(rows=300, columns=7):
     height = rng.normal(512, 0.01, (rows, columns))
     height[:5, :2] = np.nan
     return make_surface(
-        height, u=u, v=v, easting=50 * np.sin(u / 50), northing=50 - 50 * np.cos(u / 50),
-        elevation=512 + 0.01 * u, banking=0.02 * np.ones(rows), crs="EPSG:25832",
+        height,
+        u=u,
+        v=v,
+        easting=50 * np.sin(u / 50),
+        northing=50 - 50 * np.cos(u / 50),
+        elevation=512 + 0.01 * u,
+        banking=0.02 * np.ones(rows),
+        crs="EPSG:25832",
         count=rng.integers(0, 9, (rows, columns)).astype(np.int32),
         sd=rng.uniform(0, 0.01, (rows, columns)).astype(np.float32),
         filled=rng.random((rows, columns)) < 0.1,
-    )  # fmt: skip
+    )
 
 
 def field():
@@ -65,9 +74,12 @@ def profiles():
     rng = np.random.default_rng(4)
     s = 0.05 * np.arange(777)
     return make_profile(
-        s, rng.normal(0, 0.01, (2, s.size)), tracks=["left", "right of it"],
-        easting=np.tile(s, (2, 1)), sd=rng.uniform(0, 1, (2, s.size)),
-    )  # fmt: skip
+        s,
+        rng.normal(0, 0.01, (2, s.size)),
+        tracks=["left", "right of it"],
+        easting=np.tile(s, (2, 1)),
+        sd=rng.uniform(0, 1, (2, s.size)),
+    )
 
 
 DATA = {
@@ -173,10 +185,12 @@ def test_points_are_written_as_they_come(tmp_path, monkeypatch, small_chunks):
 @pytest.mark.parametrize(
     "bounds",
     [
-        (691010.0, 5333999.0, 691011.0, 5334001.0), (0.0, 0.0, 1.0, 1.0),
-        (-np.inf, 5334001.5, np.inf, np.inf), (691000.0, 5333998.0, 691050.0, 5334002.0),
+        (691010.0, 5333999.0, 691011.0, 5334001.0),
+        (0.0, 0.0, 1.0, 1.0),
+        (-np.inf, 5334001.5, np.inf, np.inf),
+        (691000.0, 5333998.0, 691050.0, 5334002.0),
     ],
-)  # fmt: skip
+)
 def test_blocks_within_bounds(tmp_path, size, bounds):
     points = cloud()
     formats.write(points, tmp_path / "a.zarr")
@@ -349,12 +363,14 @@ DAMAGE = {
     "half a group": (lambda p: cut(p / "zarr.json"), "zarr.json: is damaged"),
     "no group": (lambda p: (p / "zarr.json").unlink(), "no zarr.json"),
     "another length": (
-        lambda p: zarr.open_group(p, mode="a")["northing"].resize((999,)), "1234] float64",
+        lambda p: zarr.open_group(p, mode="a")["northing"].resize((999,)),
+        "1234] float64",
     ),
     "another schema": (
-        lambda p: zarr.open_group(p, mode="a").attrs.update(schema=9), "update trueterrain",
+        lambda p: zarr.open_group(p, mode="a").attrs.update(schema=9),
+        "update trueterrain",
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.usefixtures("small_chunks")
@@ -406,9 +422,12 @@ def test_foreign_folders_are_called_by_their_name(tmp_path):
     (tmp_path / "list.zarr").mkdir()
     (tmp_path / "list.zarr" / "zarr.json").write_text("[1]")
     for name, words in (
-        ("foreign", "is a Zarr store, but of no kind that is known"), ("old", "Zarr 2 store"),
-        ("new", "update trueterrain"), ("empty", "holds no zarr.json"), ("list", "no kind"),
-    ):  # fmt: skip
+        ("foreign", "is a Zarr store, but of no kind that is known"),
+        ("old", "Zarr 2 store"),
+        ("new", "update trueterrain"),
+        ("empty", "holds no zarr.json"),
+        ("list", "no kind"),
+    ):
         for look in (formats.open, formats.info, formats.kind_of_file, store.read):
             with pytest.raises(FormatError, match=words) as caught:
                 look(tmp_path / f"{name}.zarr")
@@ -457,9 +476,11 @@ def test_a_store_is_replaced_whole_or_not_at_all(tmp_path):
 def test_outputs_are_looked_at_before_the_work(tmp_path):
     formats.write(cloud(5), tmp_path / "a.zarr")
     for output, words in (
-        ("a.zarr", "is an input as well"), ("no/b.zarr", "does not exist"),
-        ("a.zarr/b.zarr", "within another store"), ("a.csv", ""),
-    ):  # fmt: skip
+        ("a.zarr", "is an input as well"),
+        ("no/b.zarr", "does not exist"),
+        ("a.zarr/b.zarr", "within another store"),
+        ("a.csv", ""),
+    ):
         if words:
             with pytest.raises(OutputError, match=words):
                 formats.require_writable(

@@ -64,7 +64,7 @@ def pairs_of(start, interval, intervals):
 @compile_kernel
 def assemble_normal_equations(
     start, use, interval, weights, factor, weight, height, head, after, two, blocks, right
-):  # fmt: skip
+):
     """Normal equations of the cells to use, their own heights eliminated.
 
     Adds to the ``blocks`` (pair, 4 k, 4 k) and to the ``right`` sides (interval, 4 k); returns the
@@ -516,7 +516,7 @@ def join_visits(keys, sums, gap):
 @compile_kernel
 def cell_means(
     start, interval, weights, factor, weight, height, head, two, after, covariance, mean, variance
-):  # fmt: skip
+):
     """Weighted mean height of each cell and its variance, that of the corrections included."""
     components = factor.shape[1]
     size = 4 * components

@@ -158,12 +158,14 @@ class ModelSearch:
         strengths = dict.fromkeys(self.settings.orders, self._steps)
         for spacing in spacings:
             each = [
-                self._best_of([
-                    replace(start, knot_spacing=spacing, strength=strength, order=order)
-                    for strength in strengths[order]
-                ])
+                self._best_of(
+                    [
+                        replace(start, knot_spacing=spacing, strength=strength, order=order)
+                        for strength in strengths[order]
+                    ]
+                )
                 for order in self.settings.orders
-            ]  # fmt: skip
+            ]
             found = self._refined(self._likeliest(each))
             strengths = {
                 one.order: self._near(found.strength if one.order == found.order else one.strength)
@@ -181,9 +183,10 @@ class ModelSearch:
     def _grown(self, best: ModelTrial) -> ModelTrial:
         """Trial with the component added that tells most, if any tells more than chance."""
         left = [
-            group for group in self.settings.extra_components
+            group
+            for group in self.settings.extra_components
             if not set(group) <= set(best.components)
-        ]  # fmt: skip
+        ]
         found = [self._with(best, group) for group in left]
         return max([best, *found], key=lambda one: self._gain(best, one))
 
@@ -215,10 +218,12 @@ class ModelSearch:
         components = (*best.components, *group)
         if not self._told(best, components):
             return best
-        found = self._best_of([
-            replace(best, components=components, extra_strength=step)
-            for step in (0.0, *self.settings.extra_strengths)
-        ])  # fmt: skip
+        found = self._best_of(
+            [
+                replace(best, components=components, extra_strength=step)
+                for step in (0.0, *self.settings.extra_strengths)
+            ]
+        )
         if self.settings.strength is None and best.strength > 0 and self._gain(best, found) > 0:
             near = [replace(found, strength=one) for one in self._near(best.strength)[::2]]
             found = self._likeliest([found, self._best_of(near)])
@@ -292,9 +297,12 @@ class ModelSearch:
 def fit_unconstrained(system: AdjustmentSystem, settings: NetworkSettings) -> WeightedFit:
     """Corrections that may be almost anything, with Huber's weights."""
     loose = ModelTrial(
-        components=system.components, knot_spacing=0.0, strength=_BROAD, order="first",
+        components=system.components,
+        knot_spacing=0.0,
+        strength=_BROAD,
+        order="first",
         extra_strength=settings.extra_strengths[-1] if settings.extra_strengths else 0.0,
-    )  # fmt: skip
+    )
     anything = trial_priors(loose, settings)
     return fit_corrections(system, anything, settings)
 

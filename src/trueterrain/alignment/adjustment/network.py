@@ -73,7 +73,7 @@ __all__ = [
     "RejectedCells",
     "ScreenedDifferences",
     "adjust_passes",
-]  # fmt: skip
+]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -212,9 +212,7 @@ class Adjustment:
     @property
     def identical(self) -> tuple[tuple[str, str], ...]:
         """Pairs of passes that do not differ anywhere: the same data given twice."""
-        return tuple(
-            (pair.first, pair.second) for pair in self.pairs if pair.before.rmse == 0
-        )  # fmt: skip
+        return tuple((pair.first, pair.second) for pair in self.pairs if pair.before.rmse == 0)
 
     @property
     def omitted(self) -> tuple[str, ...]:
@@ -315,17 +313,25 @@ def adjust_passes(
     ground = _adjusted_ground(system, fitted, covariance)
     datum = estimate_datum_sd(shared, lanes_sd, claims["height"].wander, list(by_name), settings)
     return Adjustment(
-        corrections=_pass_corrections(system, fitted, covariance, left, datum), datum_sd=datum,
+        corrections=_pass_corrections(system, fitted, covariance, left, datum),
+        datum_sd=datum,
         groups=tuple(
             tuple(shared.names[p] for p in np.flatnonzero(shared.group == group))
             for group in np.unique(shared.group)
         ),
         tests=tuple(drift_tests(system, whole, factor * variance_factor(shared, fitted))),
-        pairs=tuple(pairs), closures=tuple(closures_of(pairs)),
-        rejected=_rejected_cells(shared, fitted, ground), ground=ground,
-        trials=tuple(search.trials), chosen=chosen, noise_floor=fitted.floor,
-        clustering=factor, left=left, iterations=fitted.iterations, settings=settings,
-    )  # fmt: skip
+        pairs=tuple(pairs),
+        closures=tuple(closures_of(pairs)),
+        rejected=_rejected_cells(shared, fitted, ground),
+        ground=ground,
+        trials=tuple(search.trials),
+        chosen=chosen,
+        noise_floor=fitted.floor,
+        clustering=factor,
+        left=left,
+        iterations=fitted.iterations,
+        settings=settings,
+    )
 
 
 def _navigation_sd(lane: PassCells | None) -> Floats:
@@ -356,12 +362,17 @@ def _pass_corrections(
         offset = fitted.solution.x[offsets]
         found.append(
             SplineCorrection(
-                name=system.shared.names[lane], knots=knots, components=system.components,
-                coefficients=fitted.solution.x[coefficients] + offset[:, None], offset=offset,
-                covariance=own[part], supported=seen[part] > 0,
-                left=left, datum_sd=datum.get(system.shared.names[lane]),
+                name=system.shared.names[lane],
+                knots=knots,
+                components=system.components,
+                coefficients=fitted.solution.x[coefficients] + offset[:, None],
+                offset=offset,
+                covariance=own[part],
+                supported=seen[part] > 0,
+                left=left,
+                datum_sd=datum.get(system.shared.names[lane]),
             )
-        )  # fmt: skip
+        )
     return tuple(found)
 
 
@@ -374,18 +385,32 @@ def _adjusted_ground(
     mean, variance = np.empty(shared.cells), np.empty(shared.cells)
     head, after, _, second = system.lists
     _kernels.cell_means(
-        shared.start, system.interval, system.weights, system.factor, fitted.weight, height, head,
-        second, after, covariance, mean, variance,
-    )  # fmt: skip
+        shared.start,
+        system.interval,
+        system.weights,
+        system.factor,
+        fitted.weight,
+        height,
+        head,
+        second,
+        after,
+        covariance,
+        mean,
+        variance,
+    )
     spread = [
         np.maximum.reduceat(values, first) - np.minimum.reduceat(values, first)
         for values in (entries.height, height)
     ]
     return AdjustedGround(
-        cell=entries.cell[first], easting=shared.mean(entries.easting),
-        northing=shared.mean(entries.northing), height=mean,
-        sd=np.sqrt(np.maximum(variance, 0.0)), before=spread[0], after=spread[1],
-    )  # fmt: skip
+        cell=entries.cell[first],
+        easting=shared.mean(entries.easting),
+        northing=shared.mean(entries.northing),
+        height=mean,
+        sd=np.sqrt(np.maximum(variance, 0.0)),
+        before=spread[0],
+        after=spread[1],
+    )
 
 
 def _rejected_cells(
@@ -400,7 +425,9 @@ def _rejected_cells(
     # where nothing is left, the mean of all says at least how far apart they are
     around = np.where(np.isnan(ground.height), mean, ground.height)
     return RejectedCells(
-        lane=np.array(shared.names)[shared.lane[out]], cell=entries.cell[out],
-        easting=entries.easting[out], northing=entries.northing[out],
+        lane=np.array(shared.names)[shared.lane[out]],
+        cell=entries.cell[out],
+        easting=entries.easting[out],
+        northing=entries.northing[out],
         misfit=height[out] - around[cell],
-    )  # fmt: skip
+    )

@@ -41,16 +41,20 @@ class NormalEquations:
     def plus(self, other: "NormalEquations") -> "NormalEquations":
         """Equations with other cells as well."""
         return NormalEquations(
-            blocks=self.blocks + other.blocks, right=self.right + other.right,
-            square=self.square + other.square, freedom=self.freedom + other.freedom,
-        )  # fmt: skip
+            blocks=self.blocks + other.blocks,
+            right=self.right + other.right,
+            square=self.square + other.square,
+            freedom=self.freedom + other.freedom,
+        )
 
     def less(self, other: "NormalEquations") -> "NormalEquations":
         """Equations without some of the cells."""
         return NormalEquations(
-            blocks=self.blocks - other.blocks, right=self.right - other.right,
-            square=self.square - other.square, freedom=self.freedom - other.freedom,
-        )  # fmt: skip
+            blocks=self.blocks - other.blocks,
+            right=self.right - other.right,
+            square=self.square - other.square,
+            freedom=self.freedom - other.freedom,
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

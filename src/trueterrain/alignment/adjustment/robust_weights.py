@@ -171,7 +171,7 @@ def gross_errors(shared: SharedCells, fitted: WeightedFit, bound: float) -> npt.
     away = np.empty(height.size)
     _kernels.standardised_deviations(
         shared.start, height, shared.entries.variance + fitted.floor**2, shared.usable, away
-    )  # fmt: skip
+    )
     return np.abs(away) > bound
 
 
@@ -323,9 +323,14 @@ def _solve_weighted(
     equations = system.equations(weight, np.ones(system.shared.cells, bool))
     solution = system.solve(equations, known)
     return WeightedFit(
-        solution=solution, equations=equations, robustness=robustness, floor=floor, weight=weight,
-        correction=system.corrections(solution.coefficients), iterations=iterations,
-    )  # fmt: skip
+        solution=solution,
+        equations=equations,
+        robustness=robustness,
+        floor=floor,
+        weight=weight,
+        correction=system.corrections(solution.coefficients),
+        iterations=iterations,
+    )
 
 
 def noise_floor(shared: SharedCells, height: Floats, guess: float = 1e-3) -> float:

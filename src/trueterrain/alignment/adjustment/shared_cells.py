@@ -133,11 +133,15 @@ def find_shared_cells(
     merged = _merge_cells(ordered, order)
     start = within.astype(np.int64)
     return SharedCells(
-        names=tuple(one.name for one in ordered), fixed=still, span=span,
-        entries=_on_their_plane(merged, start), lane=lane[order].astype(np.int64), start=start,
+        names=tuple(one.name for one in ordered),
+        fixed=still,
+        span=span,
+        entries=_on_their_plane(merged, start),
+        lane=lane[order].astype(np.int64),
+        start=start,
         usable=np.ones(order.size, bool),
         group=_pass_groups(lane[order], start, len(ordered)),
-    )  # fmt: skip
+    )
 
 
 def sample_ground(shared: SharedCells, cells: int) -> tuple[SharedCells, Integers]:
@@ -177,10 +181,15 @@ def sample_ground(shared: SharedCells, cells: int) -> tuple[SharedCells, Integer
     np.minimum.at(low, lane, entries.time)
     np.maximum.at(high, lane, entries.time)
     return SharedCells(
-        names=tuple(shared.names[k] for k in of), fixed=shared.fixed[of],
-        span=np.stack([low, high], axis=1), entries=entries, lane=lane.astype(np.int64),
-        start=start, usable=shared.usable[pick], group=_pass_groups(lane, start, keys.size),
-    ), of  # fmt: skip
+        names=tuple(shared.names[k] for k in of),
+        fixed=shared.fixed[of],
+        span=np.stack([low, high], axis=1),
+        entries=entries,
+        lane=lane.astype(np.int64),
+        start=start,
+        usable=shared.usable[pick],
+        group=_pass_groups(lane, start, keys.size),
+    ), of
 
 
 def hash_integers(values: Integers) -> Integers:
@@ -219,10 +228,19 @@ def _merge_cells(ordered: list[PassCells], order: Integers) -> PassCells:
     columns = {
         name: np.concatenate([getattr(one, name) for one in parts])[order]
         for name in (
-            "cell", "time", "easting", "northing", "height", "variance", "count", "slope_east",
-            "slope_north", "offset", "ahead",
+            "cell",
+            "time",
+            "easting",
+            "northing",
+            "height",
+            "variance",
+            "count",
+            "slope_east",
+            "slope_north",
+            "offset",
+            "ahead",
         )
-    }  # fmt: skip
+    }
     return PassCells(name="all", **columns)
 
 

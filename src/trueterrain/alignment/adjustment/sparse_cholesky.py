@@ -130,9 +130,7 @@ class CholeskyFactor:
         """
         ordered = np.empty(values.size)
         ordered[self.pattern.order] = values
-        return np.add.reduceat(
-            self.values * ordered[self.pattern.fill], self.pattern.begin[:-1]
-        )  # fmt: skip
+        return np.add.reduceat(self.values * ordered[self.pattern.fill], self.pattern.begin[:-1])
 
     def inverse_at(self, row: Integers, column: Integers) -> Floats:
         """Elements of the inverse where the factor has elements.
@@ -185,7 +183,7 @@ def pattern_of(
     begin, fill = _kernels.symbolic_cholesky(pointers, rows)
     return SparsePattern(
         order=order, pointers=pointers, rows=rows, begin=begin, fill=fill, slot=second[first]
-    )  # fmt: skip
+    )
 
 
 def _lower_elements(one: Integers, two: Integers) -> tuple[Integers, Integers]:

@@ -111,9 +111,19 @@ class AdjustmentSystem:
         k = 4 * len(self.components)
         blocks, right = np.zeros((second.size, k, k)), np.zeros((self.first[-1], k))
         square, freedom = _kernels.assemble_normal_equations(
-            self.shared.start, use, self.interval, self.weights, self.factor, weight,
-            self.shared.entries.height, head, after, second, blocks, right,
-        )  # fmt: skip
+            self.shared.start,
+            use,
+            self.interval,
+            self.weights,
+            self.factor,
+            weight,
+            self.shared.entries.height,
+            head,
+            after,
+            second,
+            blocks,
+            right,
+        )
         return NormalEquations(blocks=blocks, right=right, square=square, freedom=freedom)
 
     def solve(self, equations: NormalEquations, known: PriorInformation) -> AdjustmentSolution:
@@ -138,9 +148,13 @@ class AdjustmentSystem:
         """
         elements = known.elements.copy()
         _kernels.scatter_blocks(
-            equations.blocks, self.lists[2], self.lists[3], self.unknown, self.pattern.slot,
+            equations.blocks,
+            self.lists[2],
+            self.lists[3],
+            self.unknown,
+            self.pattern.slot,
             elements,
-        )  # fmt: skip
+        )
         right = np.zeros(self.size)
         _kernels.add_right(equations.right, self.unknown, right)
         factor = self.pattern.factor(elements)
@@ -154,9 +168,11 @@ class AdjustmentSystem:
         for datum in self._datums:
             x[datum.offsets] -= datum.mean_of(x)
         return AdjustmentSolution(
-            factor=factor, x=x, coefficients=self.coefficients(x),
+            factor=factor,
+            x=x,
+            coefficients=self.coefficients(x),
             log_likelihood=0.5 * likelihood,
-        )  # fmt: skip
+        )
 
     def corrections(self, coefficients: Floats) -> Floats:
         """Correction of the height of each entry, shape (n,) [m]."""
@@ -236,10 +252,11 @@ class AdjustmentSystem:
                 offsets.append(offset[0])
             found.append(
                 _GroupDatum(
-                    unknowns=np.concatenate(unknowns), weights=np.concatenate(weights),
+                    unknowns=np.concatenate(unknowns),
+                    weights=np.concatenate(weights),
                     offsets=np.array(offsets),
                 )
-            )  # fmt: skip
+            )
         return found
 
     def lane_unknowns(self, lane: int) -> tuple[Integers, Integers]:
@@ -323,14 +340,24 @@ def build_system(
     lists = _kernels.pairs_of(shared.start, interval, int(first[-1]))
     row, column = pair_places(unknown, lists[2], lists[3])
     pattern = pattern_of(
-        np.concatenate([row, places_row]), np.concatenate([column, places_column]), size,
+        np.concatenate([row, places_row]),
+        np.concatenate([column, places_column]),
+        size,
         wide=np.unique(unknown[:, 4 * len(components) :]),
-    )  # fmt: skip
+    )
     return AdjustmentSystem(
-        shared=shared, components=tuple(components), knots=knots, first=first, interval=interval,
-        weights=weights, factor=_design_factors(shared, components), unknown=unknown, lists=lists,
-        pattern=pattern, relative=_relative_sd(knots, lanes_sd),
-    )  # fmt: skip
+        shared=shared,
+        components=tuple(components),
+        knots=knots,
+        first=first,
+        interval=interval,
+        weights=weights,
+        factor=_design_factors(shared, components),
+        unknown=unknown,
+        lists=lists,
+        pattern=pattern,
+        relative=_relative_sd(knots, lanes_sd),
+    )
 
 
 def _locate_knots(
@@ -349,9 +376,12 @@ def _locate_knots(
 def _design_factors(shared: SharedCells, components: Sequence[str]) -> Floats:
     entries = shared.entries
     of = {
-        "height": np.ones(shared.lane.size), "roll": entries.offset, "pitch": entries.ahead,
-        "east": -entries.slope_east, "north": -entries.slope_north,
-    }  # fmt: skip
+        "height": np.ones(shared.lane.size),
+        "roll": entries.offset,
+        "pitch": entries.ahead,
+        "east": -entries.slope_east,
+        "north": -entries.slope_north,
+    }
     return np.stack([of[name] for name in components], axis=1)
 
 
@@ -361,11 +391,13 @@ def _relative_sd(
     known = [part[1] for part in lanes_sd if part.size]
     usual = float(np.median(np.concatenate(known))) if known else 1.0
     return tuple(
-        np.zeros(0) if one is None
-        else np.interp(one.places, *said) / usual if said.size
+        np.zeros(0)
+        if one is None
+        else np.interp(one.places, *said) / usual
+        if said.size
         else np.ones(one.intervals + 3)
         for one, said in zip(knots, lanes_sd, strict=True)
-    )  # fmt: skip
+    )
 
 
 def _number_unknowns(
@@ -397,9 +429,11 @@ def _number_unknowns(
         row.append(offset_of[members[:1]])
         column.append(offset_of[members[:1]])
     return (
-        np.concatenate(unknown).astype(np.int64), np.concatenate(row).astype(np.int64),
-        np.concatenate(column).astype(np.int64), offset,
-    )  # fmt: skip
+        np.concatenate(unknown).astype(np.int64),
+        np.concatenate(row).astype(np.int64),
+        np.concatenate(column).astype(np.int64),
+        offset,
+    )
 
 
 def _datum_groups(shared: SharedCells) -> list[Integers]:

@@ -36,9 +36,17 @@ from trueterrain.surface.cells import Grid
 from trueterrain.surface.grid import GridSettings, grid_points
 
 __all__ = [
-    "CloudPass", "CorrectedClouds", "CorrectedPass", "cells_of_clouds", "cloud_lanes",
-    "doubt_of_lanes", "merge_clouds", "merged_surface", "suggested_cell", "with_cells",
-]  # fmt: skip
+    "CloudPass",
+    "CorrectedClouds",
+    "CorrectedPass",
+    "cells_of_clouds",
+    "cloud_lanes",
+    "doubt_of_lanes",
+    "merge_clouds",
+    "merged_surface",
+    "suggested_cell",
+    "with_cells",
+]
 
 _CLUSTER, _BLOCK = 3.0, 5.0  # cells, sides of squares of ground whose errors are alike or held back
 _WORSE = 1.2  # times the scatter before, from which on a correction does harm
@@ -139,12 +147,18 @@ def merge_clouds(
         )
     control = [] if settings.control is None else [control_cells(settings.control, settings)]
     merging = merge_cells(
-        cells, settings, control=control, progress=progress,
+        cells,
+        settings,
+        control=control,
+        progress=progress,
         align=lambda: align_lanes(
-            {name: lane.heights for name, lane in kept.items()}, settings.discontinuity,
-            paths=path, fix=next(iter(settings.fixed), None), progress=progress,
+            {name: lane.heights for name, lane in kept.items()},
+            settings.discontinuity,
+            paths=path,
+            fix=next(iter(settings.fixed), None),
+            progress=progress,
         ),
-    )  # fmt: skip
+    )
     doubts += [
         *doubt_of_lanes(lanes),
         *left_out,
@@ -155,11 +169,14 @@ def merge_clouds(
     return merging, CorrectedClouds(
         {
             name: CorrectedPass(
-                lane=lane, merging=merging, station=ways[name], path=paths[name],
+                lane=lane,
+                merging=merging,
+                station=ways[name],
+                path=paths[name],
             )
             for name, lane in kept.items()
         }
-    )  # fmt: skip
+    )
 
 
 def cells_of_clouds(
@@ -255,14 +272,19 @@ def with_cells(settings: MergeSettings, size: float) -> MergeSettings:
         settings,
         cells=replace(settings.cells, size=size),
         network=replace(
-            settings.network, cluster=max(settings.network.cluster, _CLUSTER * size),
+            settings.network,
+            cluster=max(settings.network.cluster, _CLUSTER * size),
             block=max(settings.network.block, _BLOCK * size),
         ),
         discontinuity=replace(
-            found, spacing=found.spacing * more, radius=found.radius * more,
-            cut_off=found.cut_off * more, smoothing=found.smoothing * more, cell=found.cell * more,
+            found,
+            spacing=found.spacing * more,
+            radius=found.radius * more,
+            cut_off=found.cut_off * more,
+            smoothing=found.smoothing * more,
+            cell=found.cell * more,
         ),
-    )  # fmt: skip
+    )
 
 
 def merged_surface(
@@ -325,13 +347,16 @@ def merged_surface(
     files = sorted({file for one in corrected.values() for file in one.lane.files})
     merging = next(iter(corrected.values())).merging
     return provenance.add_step(
-        surface, "grid merged lanes",
+        surface,
+        "grid merged lanes",
         parameters={
-            "method": merging.method, "lanes": list(corrected), "options": options,
+            "method": merging.method,
+            "lanes": list(corrected),
+            "options": options,
             "spacing": grid.spacing,
         },
         inputs=files,
-    )  # fmt: skip
+    )
 
 
 def _cloud_cells(

@@ -297,9 +297,7 @@ class _CloudInspection:
         self.untimed += time.size - known.size
         self.zeros += known.size - some.size
         if some.size:
-            self.span = (
-                min(self.span[0], float(some.min())), max(self.span[1], float(some.max()))
-            )  # fmt: skip
+            self.span = (min(self.span[0], float(some.min())), max(self.span[1], float(some.max())))
 
     @property
     def times(self) -> tuple[float, float] | None:
@@ -379,8 +377,9 @@ def _require_one_crs(known: Mapping[Path, str]) -> None:
             raise SchemaError(
                 f"has the coordinate reference system {_crs_text(other)}, but that of {first.name} is "
                 f"{_crs_text(crs)}",
-                path=path, cure="Bring all lanes into one, or state it with --crs.",
-            )  # fmt: skip
+                path=path,
+                cure="Bring all lanes into one, or state it with --crs.",
+            )
 
 
 def _crs_text(crs: str) -> str:
@@ -423,9 +422,10 @@ def _combine_inspections(looks: Sequence[_CloudInspection]) -> _CloudInspection:
     """What several looks found."""
     first = looks[0]
     whole = _CloudInspection(
-        crs=first.crs, variables=first.variables,
+        crs=first.crs,
+        variables=first.variables,
         numbers=tuple(sorted({number for look in looks for number in look.numbers})),
-    )  # fmt: skip
+    )
     for look in looks:
         some = {*whole.variables} ^ {*look.variables}
         whole.lost |= look.lost | some
@@ -463,9 +463,19 @@ def _cloud_pass(
             found.append(f"{name}: {dropped} of {whole.count} points have no time and are left out")
             whole.count -= dropped
     return CloudPass(
-        name=name, files=tuple(parts), number=number, numbers=whole.numbers, label=label,
-        override=crs, only=only, crs=whole.crs, classes=whole.classes.classes,
-        count=whole.count, area=whole.squares.sums()[0].size * _CELL**2,
-        extent=(*whole.low, *whole.high), time=times, variables=whole.variables,
+        name=name,
+        files=tuple(parts),
+        number=number,
+        numbers=whole.numbers,
+        label=label,
+        override=crs,
+        only=only,
+        crs=whole.crs,
+        classes=whole.classes.classes,
+        count=whole.count,
+        area=whole.squares.sums()[0].size * _CELL**2,
+        extent=(*whole.low, *whole.high),
+        time=times,
+        variables=whole.variables,
         doubts=tuple(found),
-    )  # fmt: skip
+    )

@@ -200,9 +200,10 @@ def correct_points(points: xr.Dataset, alignment: PassAlignment, lane: str) -> x
     found = alignment.correction(lane, np.ravel(points["easting"]), np.ravel(points["northing"]))
     up = points["up"].copy(data=np.asarray(points["up"], dtype=float) - found.height.reshape(shape))
     step = provenance.add_step(
-        points.assign(up=up), "align lanes",
+        points.assign(up=up),
+        "align lanes",
         parameters={"method": "discontinuity", "lane": lane, "options": alignment.options},
-    )  # fmt: skip
+    )
     return step.assign_attrs(beyond_overlap=int(found.beyond.sum()))
 
 
@@ -287,9 +288,11 @@ def _pair_path(
     else:
         path = None
     if path is None:
-        path = paths if isinstance(paths, ReferencePath) else centre_reference(
-            overlap, spacing=options.spacing, smoothing=options.smoothing
-        )  # fmt: skip
+        path = (
+            paths
+            if isinstance(paths, ReferencePath)
+            else centre_reference(overlap, spacing=options.spacing, smoothing=options.smoothing)
+        )
         path = keep_to_middle(overlap, path, length=2 * area.half_axes[0])
     inside = inside_overlap(overlap, path, area)
     return _PairPath(overlap, path, area, overlap_edges(overlap, path), inside)
@@ -333,10 +336,15 @@ def _align_pairs(
     for pair, way in ways.items():
         stays = bool(pairs) or pair[0] == fix
         found = discontinuity_vectors(
-            (heights[pair, pair[0]], heights[pair, pair[1]]), way.path, way.area,
-            way.edges, way.inside, options, lanes=pair,
+            (heights[pair, pair[0]], heights[pair, pair[1]]),
+            way.path,
+            way.area,
+            way.edges,
+            way.inside,
+            options,
+            lanes=pair,
             aligned=_taken_off(corrections, pair[0], *way.path.places) if stays else None,
-        )  # fmt: skip
+        )
         corrected = pair[1:] if stays else pair
         begin, end = found.ends
         for name in corrected:
@@ -371,10 +379,17 @@ def _pair_report(
         for made in ({}, corrections)
     ]
     return PairAlignment(
-        lanes=pair, corrected=corrected, overlap=way.overlap, path=way.path, edges=way.edges,
-        discontinuity=found, before=DifferenceSummary.of(apart), after=DifferenceSummary.of(apart - taken),
-        seam_before=steps[0], seam_after=steps[1],
-    )  # fmt: skip
+        lanes=pair,
+        corrected=corrected,
+        overlap=way.overlap,
+        path=way.path,
+        edges=way.edges,
+        discontinuity=found,
+        before=DifferenceSummary.of(apart),
+        after=DifferenceSummary.of(apart - taken),
+        seam_before=steps[0],
+        seam_after=steps[1],
+    )
 
 
 def _pair_agreements(

@@ -249,11 +249,20 @@ def discontinuity_vectors(
     else:  # which is smooth already; filtered again it would lose some of what both share
         smooth = np.stack([aligned, aligned + smoothed(raw[1] - aligned)])
     return DiscontinuityVectors(
-        lanes=lanes, station=path.station, height=height, sd=sd, count=count,
-        histograms=(heights[0].histograms, heights[1].histograms), reference_height=reference,
-        raw=raw, error=np.where(gap, np.nan, factor * apart * share), filtered=smooth, gap=gap,
-        thin=~inside, width=edges.width,
-    )  # fmt: skip
+        lanes=lanes,
+        station=path.station,
+        height=height,
+        sd=sd,
+        count=count,
+        histograms=(heights[0].histograms, heights[1].histograms),
+        reference_height=reference,
+        raw=raw,
+        error=np.where(gap, np.nan, factor * apart * share),
+        filtered=smooth,
+        gap=gap,
+        thin=~inside,
+        width=edges.width,
+    )
 
 
 def _require_enough(

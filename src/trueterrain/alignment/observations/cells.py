@@ -135,9 +135,7 @@ class PassCells:
             for entry in fields(self)
             if entry.name not in ("name", "sd_time", "sd_height")
         }
-        return PassCells(
-            name=self.name, **kept, sd_time=self.sd_time, sd_height=self.sd_height
-        )  # fmt: skip
+        return PassCells(name=self.name, **kept, sd_time=self.sd_time, sd_height=self.sd_height)
 
 
 def lane_cells(
@@ -198,14 +196,21 @@ def lane_cells(
         return np.broadcast_to(np.asarray(values, dtype=np.float64), number.shape).copy()
 
     return PassCells(
-        name=name, cell=number, time=column(time), easting=column(easting),
-        northing=column(northing), height=column(height), variance=column(variance),
+        name=name,
+        cell=number,
+        time=column(time),
+        easting=column(easting),
+        northing=column(northing),
+        height=column(height),
+        variance=column(variance),
         count=np.broadcast_to(np.asarray(count, dtype=np.int64), number.shape).copy(),
-        slope_east=column(slope_east), slope_north=column(slope_north), offset=column(offset),
+        slope_east=column(slope_east),
+        slope_north=column(slope_north),
+        offset=column(offset),
         ahead=column(ahead),
         sd_time=None if sd_time is None else np.asarray(sd_time, dtype=np.float64),
         sd_height=None if sd_height is None else np.asarray(sd_height, dtype=np.float64),
-    )  # fmt: skip
+    )
 
 
 def cells_of_points(
@@ -256,9 +261,7 @@ def cells_of_points(
     if not found:
         raise CoverageError("there are no points")
     named = names or {}
-    return [
-        sums.cells(named.get(number, str(number)), path) for number, sums in found.items()
-    ]  # fmt: skip
+    return [sums.cells(named.get(number, str(number)), path) for number, sums in found.items()]
 
 
 def cells_of_run(

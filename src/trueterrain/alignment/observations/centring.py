@@ -54,6 +54,8 @@ def at_their_middle(cells: PassCells, path: Path, size: float) -> PassCells:
     east, north, heading = path(time)
     cos, sin = np.cos(heading), np.sin(heading)
     return replace(
-        cells, time=time, offset=(y - north) * cos - (x - east) * sin,
+        cells,
+        time=time,
+        offset=(y - north) * cos - (x - east) * sin,
         ahead=(x - east) * cos + (y - north) * sin,
-    )  # fmt: skip
+    )

@@ -262,9 +262,13 @@ def occupied_cells(points: LanePoints, cell: float = 0.1, *, name: str = "") -> 
             cure="Leave it out.",
         )
     return OccupiedCells(
-        cell=cell, key=pack_cell(column, row), count=count, total=total, crs=known or "",
+        cell=cell,
+        key=pack_cell(column, row),
+        count=count,
+        total=total,
+        crs=known or "",
         left_out=left_out,
-    )  # fmt: skip
+    )
 
 
 def overlap_of(

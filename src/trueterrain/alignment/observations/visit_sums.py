@@ -68,10 +68,17 @@ class VisitSums:
         done = 0
         while done < columns[0].size:
             added, self._used = _kernels.add_points(
-                *(values[done:] for values in columns), self.options.size, 1.0 / _STEP,
-                1.0 / _TIME_STEP, _PARTS, 0.5 * self.options.visit_gap, self._keys, self._sums,
-                self._table, self._used,
-            )  # fmt: skip
+                *(values[done:] for values in columns),
+                self.options.size,
+                1.0 / _STEP,
+                1.0 / _TIME_STEP,
+                _PARTS,
+                0.5 * self.options.visit_gap,
+                self._keys,
+                self._sums,
+                self._table,
+                self._used,
+            )
             done += added
             if done < columns[0].size:
                 self._room(2 * self._table.size)
@@ -128,10 +135,14 @@ class VisitSums:
         x, y, heading = path(columns["time"])
         east, north = columns["easting"] - x, columns["northing"] - y
         return PassCells(
-            name=name, cell=keys[enough[even], 0], count=columns.pop("count").astype(np.int64),
+            name=name,
+            cell=keys[enough[even], 0],
+            count=columns.pop("count").astype(np.int64),
             offset=north * np.cos(heading) - east * np.sin(heading),
-            ahead=east * np.cos(heading) + north * np.sin(heading), **columns, **navigation,
-        )  # fmt: skip
+            ahead=east * np.cos(heading) + north * np.sin(heading),
+            **columns,
+            **navigation,
+        )
 
 
 def _fit_cell_planes(cell: Integers, sums: Integers, size: float) -> dict[str, Floats]:
@@ -230,10 +241,11 @@ def collect_cell_sums(
     for block in [points] if isinstance(points, xr.Dataset) else points:
         if "time" not in block:
             raise SchemaError(
-                "is missing", place="variable time",
+                "is missing",
+                place="variable time",
                 cure="Corrections follow the time of the points; without it, give their station "
                 "along the road as time.",
-            )  # fmt: skip
+            )
         columns = [block[name].values for name in ("easting", "northing", "up", "time")]
         lane = block["lane"].values if "lane" in block else np.zeros(columns[0].size, np.int64)
         for number in np.unique(lane):

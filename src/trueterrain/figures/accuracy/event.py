@@ -57,8 +57,15 @@ def event_plan(
     placement = event.get("placement", "across")
     length = number * spacing
     for side in (-1, 1):
-        _draw_box(ax, -0.25 * length, 0.5 * side * track - 0.5 * _TYRE, 1.5 * length + stagger, _TYRE,
-             "0.92", zorder=0)  # fmt: skip
+        _draw_box(
+            ax,
+            -0.25 * length,
+            0.5 * side * track - 0.5 * _TYRE,
+            1.5 * length + stagger,
+            _TYRE,
+            "0.92",
+            zorder=0,
+        )
     # left and right part of the lane, and how far each lies along
     parts = [(-half, across, 0.0)]
     if placement != "across" or stagger:
@@ -74,16 +81,20 @@ def event_plan(
     first = 0.5 * spacing
     _horizontal_dimension(ax, first, first + spacing, top + 0.18, f"a = {spacing:.3f} m")
     _horizontal_dimension(ax, 0.0, length, top + 0.5, f"{number} a = {length:.2f} m")
-    _horizontal_dimension(ax, first - 0.5 * width, first + 0.5 * width, low - 0.2, f"w = {width:.3f} m",
-            outside=True)  # fmt: skip
+    _horizontal_dimension(
+        ax, first - 0.5 * width, first + 0.5 * width, low - 0.2, f"w = {width:.3f} m", outside=True
+    )
     if stagger:
         _horizontal_dimension(ax, 0.0, stagger, low - 0.55, f"{stagger:.2f} m behind")
-    _vertical_dimension(ax, parts[0][0], parts[0][0] + parts[0][1], -0.12 * length,
-             f"{parts[0][1]:.2f} m")  # fmt: skip
+    _vertical_dimension(
+        ax, parts[0][0], parts[0][0] + parts[0][1], -0.12 * length, f"{parts[0][1]:.2f} m"
+    )
     ax.annotate(
-        "", (1.25 * length + stagger, 0.0), (1.05 * length + stagger, 0.0),
+        "",
+        (1.25 * length + stagger, 0.0),
+        (1.05 * length + stagger, 0.0),
         arrowprops={"arrowstyle": "-|>", "color": "black"},
-    )  # fmt: skip
+    )
     ax.set_aspect("equal")
     ax.set_xlim(-0.3 * length, 1.3 * length + stagger)
     ax.set_ylim(-half - 0.9, half + 0.95)
@@ -176,13 +187,17 @@ def event_waves(event: Mapping[str, Any], *, ax: "Axes | None" = None) -> "Axes"
     _draw_cleats(ax, event)
     x = np.linspace(0.0, length, 600)
     ax.plot(
-        x, base + 2.5 * rise * np.sin(np.pi * x / length), color=canvas.COLOURS[0],
+        x,
+        base + 2.5 * rise * np.sin(np.pi * x / length),
+        color=canvas.COLOURS[0],
         label=f"half a wave of the body, {length:.2f} m",
-    )  # fmt: skip
+    )
     ax.plot(
-        x, base + 0.5 * rise - 0.5 * rise * np.cos(2 * np.pi * x / spacing),
-        color=canvas.COLOURS[1], label=f"waves of hop, {spacing:.3f} m",
-    )  # fmt: skip
+        x,
+        base + 0.5 * rise - 0.5 * rise * np.cos(2 * np.pi * x / spacing),
+        color=canvas.COLOURS[1],
+        label=f"waves of hop, {spacing:.3f} m",
+    )
     ax.set_xlim(-0.1 * length, 1.1 * length)
     ax.set_ylim(-0.3 * rise, base + 3.0 * rise)
     canvas.scale_axis(ax.yaxis, canvas.LengthScale(factor=1000.0, unit="mm"), "Height")
@@ -241,9 +256,12 @@ def cleat_crossing(
         if number and not lag:
             continue
         ax.plot(
-            x, 0.5 - 0.5 * gain * np.cos(2 * np.pi * (x - late)), color=canvas.COLOURS[number],
-            linestyle="-" if number == 0 else "--", label=label,
-        )  # fmt: skip
+            x,
+            0.5 - 0.5 * gain * np.cos(2 * np.pi * (x - late)),
+            color=canvas.COLOURS[number],
+            linestyle="-" if number == 0 else "--",
+            label=label,
+        )
     ax.axhline(1.0, color="0.6", linewidth=0.8, linestyle=":")
     ax.set_xlim(-0.1, 2.1)
     ax.set_xlabel("Place over spacing, x / a [1]")
@@ -280,9 +298,16 @@ def _draw_box(
 
     line = 0.8 if zorder else 0.0
     ax.add_patch(
-        Rectangle((x, y), width, height, facecolor=colour, edgecolor="black", linewidth=line,
-                  zorder=zorder)
-    )  # fmt: skip
+        Rectangle(
+            (x, y),
+            width,
+            height,
+            facecolor=colour,
+            edgecolor="black",
+            linewidth=line,
+            zorder=zorder,
+        )
+    )
 
 
 def _horizontal_dimension(
@@ -290,14 +315,21 @@ def _horizontal_dimension(
 ) -> None:
     """Dimension along x; its text above it, or beside it where there is no room."""
     ax.annotate(
-        "", (begin, y), (end, y),
+        "",
+        (begin, y),
+        (end, y),
         arrowprops={"arrowstyle": "<->", "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0},
-    )  # fmt: skip
+    )
     where, align = ((end, y), "left") if outside else ((0.5 * (begin + end), y), "center")
     ax.annotate(
-        text, where, (4 if outside else 0, -3 if outside else 2), textcoords="offset points",
-        ha=align, va="bottom", fontsize="small",
-    )  # fmt: skip
+        text,
+        where,
+        (4 if outside else 0, -3 if outside else 2),
+        textcoords="offset points",
+        ha=align,
+        va="bottom",
+        fontsize="small",
+    )
 
 
 def _vertical_dimension(
@@ -305,11 +337,18 @@ def _vertical_dimension(
 ) -> None:
     """Dimension along y; its text beside it."""
     ax.annotate(
-        "", (x, begin), (x, end),
+        "",
+        (x, begin),
+        (x, end),
         arrowprops={"arrowstyle": "<->", "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0},
-    )  # fmt: skip
+    )
     ax.annotate(
-        text, (x, 0.5 * (begin + end)), (-4 if left else 4, 0), textcoords="offset points",
-        ha="right" if left else "left", va="center", fontsize="small",
+        text,
+        (x, 0.5 * (begin + end)),
+        (-4 if left else 4, 0),
+        textcoords="offset points",
+        ha="right" if left else "left",
+        va="center",
+        fontsize="small",
         rotation=90 if left and end - begin > 1 else 0,
-    )  # fmt: skip
+    )

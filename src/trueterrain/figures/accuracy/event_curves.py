@@ -54,9 +54,14 @@ def vehicle_gain(
     for name, frequency in (modes or {}).items():
         ax.axvline(frequency, color="0.5", linewidth=0.9, linestyle=":")
         ax.annotate(
-            f"{name} {frequency:.3g} Hz", (frequency, 0.03), xycoords=("data", "axes fraction"),
-            xytext=(3, 0), textcoords="offset points", fontsize="small", color="0.35",
-        )  # fmt: skip
+            f"{name} {frequency:.3g} Hz",
+            (frequency, 0.03),
+            xycoords=("data", "axes fraction"),
+            xytext=(3, 0),
+            textcoords="offset points",
+            fontsize="small",
+            color="0.35",
+        )
     ax.set_xscale("log")
     ax.set_yscale("log")
     _plain_frequencies(ax)
@@ -105,9 +110,12 @@ def hop_gain(
     for name, (ratio, gain) in (peaks or {}).items():
         ax.plot(ratio, gain, "o", color="black", markersize=4, zorder=4)
         ax.annotate(
-            f"{name} ({ratio:.3f}, {gain:.3f})", (ratio, gain), (6, 4),
-            textcoords="offset points", fontsize="small",
-        )  # fmt: skip
+            f"{name} ({ratio:.3f}, {gain:.3f})",
+            (ratio, gain),
+            (6, 4),
+            textcoords="offset points",
+            fontsize="small",
+        )
     ax.axhline(1.0, color="0.6", linewidth=0.8, linestyle=":")
     ax.set_ylim(bottom=0.0)
     ax.margins(x=0)
@@ -154,9 +162,12 @@ def cleat_ratios(
     for name, (damping, ratio) in (used or {}).items():
         ax.plot(damping, ratio, "o", color="black", markersize=4, zorder=4)
         ax.annotate(
-            f"{name} {ratio:.3f}", (damping, ratio), (6, 3), textcoords="offset points",
+            f"{name} {ratio:.3f}",
+            (damping, ratio),
+            (6, 3),
+            textcoords="offset points",
             fontsize="small",
-        )  # fmt: skip
+        )
     ax.set_ylim(0.0, 0.5)
     ax.margins(x=0)
     ax.set_xlabel("Damping ratio of hop [1]")
@@ -207,9 +218,13 @@ def passage_gains(
         frequency, spectrum = (np.asarray(each, dtype=float) for each in event)
         top = max(float(np.max(line.get_ydata())) for line in ax.lines)
         ax.fill_between(
-            frequency, top * spectrum / spectrum.max(), color=canvas.HOLE_COLOUR, linewidth=0,
-            zorder=0, label=f"event, up to {1000 * spectrum.max():.2g} mm s",
-        )  # fmt: skip
+            frequency,
+            top * spectrum / spectrum.max(),
+            color=canvas.HOLE_COLOUR,
+            linewidth=0,
+            zorder=0,
+            label=f"event, up to {1000 * spectrum.max():.2g} mm s",
+        )
     ax.set_xscale("log")
     _plain_frequencies(ax)
     ax.set_ylim(bottom=0.0)
@@ -256,15 +271,24 @@ def mode_shares(shares: Mapping[str, Mapping[str, float]], *, ax: "Axes | None" 
     for number, name in enumerate(names):
         width = 100 * np.array([each.get(name, 0.0) for each in shares.values()])
         ax.barh(
-            list(shares), width, left=left, height=0.6, label=name, edgecolor="white",
+            list(shares),
+            width,
+            left=left,
+            height=0.6,
+            label=name,
+            edgecolor="white",
             color=canvas.COLOURS[number % len(canvas.COLOURS)],
-        )  # fmt: skip
+        )
         for row, value in enumerate(width):
             if value >= 4:
                 ax.annotate(
-                    f"{value:.0f}", (left[row] + 0.5 * value, row), ha="center", va="center",
-                    fontsize="small", color="white",
-                )  # fmt: skip
+                    f"{value:.0f}",
+                    (left[row] + 0.5 * value, row),
+                    ha="center",
+                    va="center",
+                    fontsize="small",
+                    color="white",
+                )
         left = left + width
     ax.invert_yaxis()
     ax.set_xlim(0, 100)
@@ -286,9 +310,13 @@ def _draw_curves(curves: Curves, ax: "Axes | None", *, height: float) -> "Axes":
             )
             raise ValueError(message)
         ax.plot(
-            x, y, color=canvas.COLOURS[number % len(canvas.COLOURS)], linewidth=1.5, label=name,
+            x,
+            y,
+            color=canvas.COLOURS[number % len(canvas.COLOURS)],
+            linewidth=1.5,
+            label=name,
             linestyle=_STYLES[number % len(_STYLES)],
-        )  # fmt: skip
+        )
     ax.grid(color="0.9", linewidth=0.6)
     ax.set_axisbelow(True)
     return ax

@@ -69,21 +69,37 @@ def plate_plan(
         ax.add_patch(Rectangle((0, bottom), length, strip, facecolor=grey, edgecolor="none"))
         if name:
             ax.annotate(
-                f"{name}, {100 * bright:.0f} %", (length, bottom + 0.5 * strip), (5, 0),
-                textcoords="offset points", va="center", fontsize="small", rotation=90,
-            )  # fmt: skip
+                f"{name}, {100 * bright:.0f} %",
+                (length, bottom + 0.5 * strip),
+                (5, 0),
+                textcoords="offset points",
+                va="center",
+                fontsize="small",
+                rotation=90,
+            )
     ax.add_patch(Rectangle((0, 0), length, width, fill=False, linewidth=1.2))
     along, across = (np.asarray(rows, dtype=float) for rows in holes)
     beside = 0.5 * (across[1] - across[0]) if across.size > 1 else 0.0  # names off the holes
     for name, (begin, end) in cleats.items():
-        ax.add_patch(Rectangle(
-            (begin, 0), end - begin, width, facecolor=_METAL, edgecolor="black", linewidth=0.8,
-            alpha=0.75,
-        ))  # fmt: skip
+        ax.add_patch(
+            Rectangle(
+                (begin, 0),
+                end - begin,
+                width,
+                facecolor=_METAL,
+                edgecolor="black",
+                linewidth=0.8,
+                alpha=0.75,
+            )
+        )
         ax.annotate(
-            name, (0.5 * (begin + end), 0.5 * width + beside), ha="center", va="center",
-            rotation=90, fontsize="small",
-        )  # fmt: skip
+            name,
+            (0.5 * (begin + end), 0.5 * width + beside),
+            ha="center",
+            va="center",
+            rotation=90,
+            fontsize="small",
+        )
     x, y = np.meshgrid(along + 0.5 * length, across + 0.5 * width)
     ax.scatter(x.ravel(), y.ravel(), s=7, facecolor="white", edgecolor="black", linewidth=0.7)
     if along.size > 1:
@@ -152,9 +168,13 @@ def plate_section(
         rise = float(z[inside].max()) - thickness if inside.any() else 0.0
         ax.annotate(
             f"{name}\n{1000 * (end - begin):.0f} x {1000 * rise:.0f} mm",
-            (0.5 * (begin + end), thickness + rise), (0, 4), textcoords="offset points",
-            ha="center", va="bottom", fontsize="small",
-        )  # fmt: skip
+            (0.5 * (begin + end), thickness + rise),
+            (0, 4),
+            textcoords="offset points",
+            ha="center",
+            va="bottom",
+            fontsize="small",
+        )
     ax.set_ylim(-0.1 * top, 2.0 * top)
     ax.margins(x=0.03)
     canvas.scale_axis(ax.yaxis, canvas.LengthScale(factor=1000.0, unit="mm"), "Height")
@@ -209,9 +229,14 @@ def plate_view(
         ax.axvspan(begin, end, color=canvas.HOLE_COLOUR, linewidth=0, label=label)
     ax.plot(x, z, color="0.45", linewidth=1.0, label="machined profile")
     ax.plot(
-        at, up, ".", color=canvas.COLOURS[1], markersize=2.5, linestyle="none",
+        at,
+        up,
+        ".",
+        color=canvas.COLOURS[1],
+        markersize=2.5,
+        linestyle="none",
         label=f"{at.size} returns",
-    )  # fmt: skip
+    )
     ax.set_ylim(0.0, 1.25 * float(z.max()))
     ax.margins(x=0.01)
     canvas.scale_axis(ax.yaxis, canvas.LengthScale(factor=1000.0, unit="mm"), "Height")
@@ -232,17 +257,28 @@ def _profile_arrays(x: npt.ArrayLike, y: npt.ArrayLike) -> tuple[Any, Any]:
 def _horizontal_dimension(ax: "Axes", begin: float, end: float, y: float, text: str) -> None:
     _draw_arrow(ax, (begin, y), (end, y))
     ax.annotate(
-        text, (0.5 * (begin + end), y), (0, -2), textcoords="offset points", ha="center",
-        va="top", fontsize="small",
-    )  # fmt: skip
+        text,
+        (0.5 * (begin + end), y),
+        (0, -2),
+        textcoords="offset points",
+        ha="center",
+        va="top",
+        fontsize="small",
+    )
 
 
 def _vertical_dimension(ax: "Axes", begin: float, end: float, x: float, text: str) -> None:
     _draw_arrow(ax, (x, begin), (x, end))
     ax.annotate(
-        text, (x, 0.5 * (begin + end)), (-3, 0), textcoords="offset points", ha="right",
-        va="center", fontsize="small", rotation=90,
-    )  # fmt: skip
+        text,
+        (x, 0.5 * (begin + end)),
+        (-3, 0),
+        textcoords="offset points",
+        ha="right",
+        va="center",
+        fontsize="small",
+        rotation=90,
+    )
 
 
 def _draw_arrow(ax: "Axes", begin: tuple[float, float], end: tuple[float, float]) -> None:

@@ -43,11 +43,15 @@ def plate_profile(errors: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
     order = np.argsort(s)
     ax.plot(
         s[order], errors["machined"].values[order], color="0.55", linewidth=2.2, label="machined"
-    )  # fmt: skip
+    )
     ax.plot(
-        s[order], errors["height"].values[order], ".", color=canvas.COLOURS[0], markersize=3,
+        s[order],
+        errors["height"].values[order],
+        ".",
+        color=canvas.COLOURS[0],
+        markersize=3,
         label="measured, registered",
-    )  # fmt: skip
+    )
     scale = canvas.height_scale(errors["machined"].values, errors["height"].values)
     canvas.scale_axis(ax.yaxis, scale, "Height")
     return _finish_axes(ax, "Position on the plate [m]", exaggerated=True)
@@ -100,9 +104,12 @@ def plate_error(errors: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
         for sign, marker in ((1, "^"), (-1, "v")):
             at = s[beyond & (np.sign(error) == sign)]
             ax.plot(
-                at, np.full(at.size, 0.96 * sign * most), marker, color=canvas.COLOURS[1],
+                at,
+                np.full(at.size, 0.96 * sign * most),
+                marker,
+                color=canvas.COLOURS[1],
                 markersize=5,
-            )  # fmt: skip
+            )
         canvas.annotate_axes(
             ax, f"{beyond.sum()} beyond, up to {_MILLI * np.abs(error).max():.1f} mm"
         )
@@ -140,9 +147,14 @@ def plate_errors(errors: Mapping[str, xr.Dataset], *, ax: "Axes | None" = None) 
         step = np.diff(s)
         after = np.flatnonzero(step > _GAP * np.median(step)) + 1
         ax.plot(
-            np.insert(s, after, np.nan), np.insert(error, after, np.nan), ".-",
-            color=colour, linewidth=0.9, markersize=2.5, label=name,
-        )  # fmt: skip
+            np.insert(s, after, np.nan),
+            np.insert(error, after, np.nan),
+            ".-",
+            color=colour,
+            linewidth=0.9,
+            markersize=2.5,
+            label=name,
+        )
     every = np.concatenate([one["error"].values for one in errors.values()])
     canvas.scale_axis(ax.yaxis, canvas.height_scale(every), "Error")
     return _finish_axes(ax, "Position on the plate [m]")
@@ -215,13 +227,21 @@ def motion_rejection(rejection: xr.Dataset, *, ax: "Axes | None" = None) -> "Axe
     frequency = rejection["frequency"].values
     ax.axhline(0.0, color="0.5", linewidth=0.8)
     ax.fill_between(
-        frequency, rejection["low"].values, rejection["high"].values,
-        color=canvas.COLOURS[5], alpha=0.35, linewidth=0, label="interval",
-    )  # fmt: skip
+        frequency,
+        rejection["low"].values,
+        rejection["high"].values,
+        color=canvas.COLOURS[5],
+        alpha=0.35,
+        linewidth=0,
+        label="interval",
+    )
     ax.plot(
-        frequency, rejection["rejection"].values, color=canvas.COLOURS[0], linewidth=1.4,
+        frequency,
+        rejection["rejection"].values,
+        color=canvas.COLOURS[0],
+        linewidth=1.4,
         label="rejection",
-    )  # fmt: skip
+    )
     ax.set_xscale("log")
     ax.set_ylabel("Body-motion rejection [dB]")
     return _finish_axes(ax, "Frequency [Hz]")
@@ -288,9 +308,10 @@ def drift_growth(growth: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
     'Change [mm]'
     """
     names = {
-        "structure": "change over the distance", "repeats": "of it, from run to run",
+        "structure": "change over the distance",
+        "repeats": "of it, from run to run",
         "allan": "Allan deviation of means over it",
-    }  # fmt: skip
+    }
     if not any((growth[name].values > 0).any() for name in names):
         message = "growth must not be zero everywhere: the errors are the same at all places."
         raise ValueError(message)
@@ -298,9 +319,14 @@ def drift_growth(growth: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
     for number, (name, label) in enumerate(names.items()):
         seen = growth[name].values > 0
         ax.plot(
-            growth["distance"].values[seen], _MILLI * growth[name].values[seen],
-            color=canvas.COLOURS[number], linewidth=1.3, marker="o", markersize=3, label=label,
-        )  # fmt: skip
+            growth["distance"].values[seen],
+            _MILLI * growth[name].values[seen],
+            color=canvas.COLOURS[number],
+            linewidth=1.3,
+            marker="o",
+            markersize=3,
+            label=label,
+        )
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.set_ylabel("Change [mm]")

@@ -92,8 +92,14 @@ def lane_correction(
             reach.append(_draw_claim(ax, time - origin, sd, colour, share))
         _shade_unsupported(ax, one, number, colour, origin)
     if claimed:
-        ax.plot([], [], color="0.3", linewidth=1.0, linestyle=(0, (_DASH, _DASH)),
-                label="± 1 sd that navigation claims")  # fmt: skip
+        ax.plot(
+            [],
+            [],
+            color="0.3",
+            linewidth=1.0,
+            linestyle=(0, (_DASH, _DASH)),
+            label="± 1 sd that navigation claims",
+        )
     if component in _ANGLES:
         canvas.scale_axis(
             ax.yaxis, canvas.LengthScale(factor=1e3, unit="mrad"), f"Correction of {component}"
@@ -150,9 +156,12 @@ def _draw_correction(
     ax.fill_between(time - origin, value - sd, value + sd, color=colour, alpha=0.3, linewidth=0)
     factor, unit = (1e6, "µrad") if component in _ANGLES else (1e3, "mm")
     ax.plot(
-        time - origin, value, color=colour, linewidth=1.5,
+        time - origin,
+        value,
+        color=colour,
+        linewidth=1.5,
         label=f"{one.name}, band ± 1 sd: {factor * np.median(sd):.2g} {unit}",
-    )  # fmt: skip
+    )
     return np.concatenate([value - sd, value + sd])
 
 
@@ -187,9 +196,12 @@ def _draw_claim(
     gap = _DASH * max(total - 1, 1)
     for side in (-1, 1):
         ax.plot(
-            time, side * sd, color=colour, linewidth=1.0,
+            time,
+            side * sd,
+            color=colour,
+            linewidth=1.0,
             linestyle=((_DASH + gap) - _DASH * number, (_DASH, gap)),
-        )  # fmt: skip
+        )
     return np.concatenate([sd, -sd])
 
 
@@ -199,7 +211,13 @@ def _shade_unsupported(
     label: str | None = f"{one.name}: tied by smoothness alone"
     for begin, end in one.unsupported:
         ax.axvspan(
-            begin - origin, end - origin, facecolor="none", edgecolor=colour, alpha=0.4,
-            hatch=_HATCHES[number % len(_HATCHES)], linewidth=0, label=label,
-        )  # fmt: skip
+            begin - origin,
+            end - origin,
+            facecolor="none",
+            edgecolor=colour,
+            alpha=0.4,
+            hatch=_HATCHES[number % len(_HATCHES)],
+            linewidth=0,
+            label=label,
+        )
         label = None

@@ -73,15 +73,24 @@ def discontinuity_vectors(
         colour = canvas.COLOURS[lane]
         raw, filtered = found.raw[lane], found.filtered[lane]
         ax.plot(
-            station, raw[::every], ".", color=colour, markersize=4.5, alpha=0.6,
-            markeredgewidth=0, label=f"{name}, raw",
-        )  # fmt: skip
+            station,
+            raw[::every],
+            ".",
+            color=colour,
+            markersize=4.5,
+            alpha=0.6,
+            markeredgewidth=0,
+            label=f"{name}, raw",
+        )
         ax.plot(
-            station, filtered[::every], color=colour, linewidth=1.5,
+            station,
+            filtered[::every],
+            color=colour,
+            linewidth=1.5,
             label=f"{name}, filtered: median {1e3 * np.median(filtered):.1f} mm".replace(
                 " -", f" {canvas.MINUS}"
             ),
-        )  # fmt: skip
+        )
     _shade_gaps(ax, found)
     canvas.scale_axis(
         ax.yaxis, canvas.height_scale(found.raw, found.filtered), "Lane less reference height"
@@ -143,9 +152,13 @@ def lane_histograms(
         colour = canvas.COLOURS[lane]
         if quantity.size:
             ax.stairs(
-                quantity, edges, fill=True, color=colour, alpha=0.35,
+                quantity,
+                edges,
+                fill=True,
+                color=colour,
+                alpha=0.35,
                 label=f"{name}: {found.count[lane, k]} heights",
-            )  # fmt: skip
+            )
             ax.stairs(quantity, edges, color=colour, linewidth=0.9)
     for lane, name in enumerate(found.lanes):
         what = f"{_statistic_name(found, lane)} of {name}"
@@ -177,8 +190,11 @@ def _shade_gaps(ax: "Axes", found: "DiscontinuityVectors") -> None:
             ax.axvspan(
                 max(found.station[first] - half, found.station[0]),
                 min(found.station[past - 1] + half, found.station[-1]),
-                color=grey, linewidth=0, zorder=0.5, label=label,
-            )  # fmt: skip
+                color=grey,
+                linewidth=0,
+                zorder=0.5,
+                label=label,
+            )
             label = None
 
 
@@ -209,6 +225,9 @@ def _mark_height(
 ) -> None:
     if np.isfinite(height):
         ax.axvline(
-            height, color=colour, linewidth=1.6, linestyle=style,
+            height,
+            color=colour,
+            linewidth=1.6,
+            linestyle=style,
             label=f"{what} {scale.text(height, 1)} {scale.unit}",
-        )  # fmt: skip
+        )

@@ -262,10 +262,16 @@ def _mark_rejected(ax: "Axes", rejected: "RejectedCells", path: "ReferencePath |
     _, first = np.unique(rejected.cell, return_index=True)
     x, y = _cell_places(rejected.easting[first], rejected.northing[first], path)
     ax.plot(
-        x, y, "o", markersize=5, markerfacecolor="none", markeredgecolor=_REJECTED,
-        markeredgewidth=1.1, path_effects=[withStroke(linewidth=2.8, foreground="white")],
+        x,
+        y,
+        "o",
+        markersize=5,
+        markerfacecolor="none",
+        markeredgecolor=_REJECTED,
+        markeredgewidth=1.1,
+        path_effects=[withStroke(linewidth=2.8, foreground="white")],
         label=f"rejected in a pass: {first.size} cells",
-    )  # fmt: skip
+    )
 
 
 def _name_axes(ax: "Axes", x: Floats, y: Floats, path: "ReferencePath | None") -> None:
@@ -336,9 +342,12 @@ def _draw_areas(
     ]
     for k in picked:
         style: Any = {
-            "angle": float(np.rad2deg(path.heading[k])), "fill": False, "linewidth": 1.4,
-            "edgecolor": _REJECTED, "zorder": 4,
-        }  # fmt: skip
+            "angle": float(np.rad2deg(path.heading[k])),
+            "fill": False,
+            "linewidth": 1.4,
+            "edgecolor": _REJECTED,
+            "zorder": 4,
+        }
         at = float(easting[k]), float(northing[k])
         if int(area.shape):
             corner = (at[0] - long / 2, at[1] - wide / 2)
@@ -347,7 +356,12 @@ def _draw_areas(
             ax.add_patch(patches.Ellipse(at, long, wide, **style))
     marker = "s" if int(area.shape) else "o"
     ax.plot(
-        [], [], marker, markersize=8, markerfacecolor="none", markeredgecolor=_REJECTED,
+        [],
+        [],
+        marker,
+        markersize=8,
+        markerfacecolor="none",
+        markeredgecolor=_REJECTED,
         markeredgewidth=1.4,
         label=f"{picked.size} of {path.station.size} search areas",
-    )  # fmt: skip
+    )

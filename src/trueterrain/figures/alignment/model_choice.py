@@ -77,9 +77,16 @@ def strength_choice(
     looks.explain(ax)
     what = "constant" if chosen.strength == 0 else f"{1e3 * chosen.strength:.3g} mm"
     ax.plot(
-        chosen.strength or zero, chosen.held_back, "*", markersize=15, color="black", zorder=4,
-        markeredgecolor="white", linestyle="none", label=f"chosen: {what}",
-    )  # fmt: skip
+        chosen.strength or zero,
+        chosen.held_back,
+        "*",
+        markersize=15,
+        color="black",
+        zorder=4,
+        markeredgecolor="white",
+        linestyle="none",
+        label=f"chosen: {what}",
+    )
     _strength_axis(ax, zero, [one.strength for one in trials])
     canvas.scale_axis(
         ax.yaxis, canvas.LengthScale(factor=1000.0, unit="mm"), "RMSE in cells held back"
@@ -159,10 +166,13 @@ def correction_spectrum(
             held = 0.5 / (rate * one.knots.spacing)
             levels.append(one.left**2 / ((_BEYOND - 1.0) * held))
             ax.plot(
-                [held, _BEYOND * held], 2 * [levels[-1]], color=colour, linewidth=1.4,
+                [held, _BEYOND * held],
+                2 * [levels[-1]],
+                color=colour,
+                linewidth=1.4,
                 linestyle=(3.0 * number, (3.0, 3.0 * max(len(drawn) - 1, 1))),
                 label=f"{one.name}: remains, sd {1e3 * one.left:.2g} mm",
-            )  # fmt: skip
+            )
     ax.axvspan(finest, _BEYOND * finest, color="0.92", zorder=0.5, label="finer than the knots")
     ax.set(xscale="log", yscale="log")
     top = max(float(np.max(line.get_ydata())) for line in ax.lines)
@@ -189,8 +199,10 @@ class _TrialStyle:
         return {
             "color": canvas.COLOURS[self._components.index(components) % len(canvas.COLOURS)],
             "marker": _MARKERS[self._spacings.index(spacing) % len(_MARKERS)],
-            "linestyle": _ORDERS[order][0], "markerfacecolor": "white", "markeredgewidth": 1.1,
-        }  # fmt: skip
+            "linestyle": _ORDERS[order][0],
+            "markerfacecolor": "white",
+            "markeredgewidth": 1.1,
+        }
 
     def explain(self, ax: "Axes") -> None:
         """Entries of the legend: what each colour, symbol and dash stands for."""

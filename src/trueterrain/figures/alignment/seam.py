@@ -61,17 +61,24 @@ def seam_steps(seam: "SeamAgreement", *, ax: "Axes | None" = None) -> "Axes":
             face = "white" if when == "before" else colour
             if np.isfinite(state.step[edge]).any():
                 ax.plot(
-                    state.station, np.maximum(np.abs(state.step[edge]), _LEAST), "o",
-                    markersize=4, color=colour, markerfacecolor=face,
+                    state.station,
+                    np.maximum(np.abs(state.step[edge]), _LEAST),
+                    "o",
+                    markersize=4,
+                    color=colour,
+                    markerfacecolor=face,
                     label=f"{when}, edge of {name}",
-                )  # fmt: skip
+                )
     for when, state in states.items():
         if np.isfinite(state.median):
             style = "--" if when == "before" else "-"
             ax.axhline(
-                max(state.median, _LEAST), color="0.25", linewidth=1.1, linestyle=style,
+                max(state.median, _LEAST),
+                color="0.25",
+                linewidth=1.1,
+                linestyle=style,
                 label=f"median {when} {1e3 * state.median:.3g} mm",
-            )  # fmt: skip
+            )
     ax.set_yscale("log")
     ax.set_ylim(max(sizes.min(), _LEAST) / _ROOM, max(sizes.max(), _LEAST) * _ROOM)
     _log_millimetres(ax)

@@ -77,8 +77,11 @@ def cpf(
     ax.step(
         np.concatenate([[low], values, [high]]),
         np.concatenate([[0.0], distribution.cpf(values), [1.0]]),
-        where="post", color="0.45", linewidth=1.2, label=f"{heights.size} heights",
-    )  # fmt: skip
+        where="post",
+        color="0.45",
+        linewidth=1.2,
+        label=f"{heights.size} heights",
+    )
     if resolution is not None:
         _draw_continuation(ax, distribution, resolution, low, high)
     if statistics is None:
@@ -103,13 +106,21 @@ def _draw_continuation(
     fine = np.linspace(low, high, _CURVE_POINTS)
     step = f"{1000 * resolution:g} mm"
     ax.plot(
-        fine, distribution.continued_cpf(fine, resolution), color=colour, linewidth=1.8,
+        fine,
+        distribution.continued_cpf(fine, resolution),
+        color=colour,
+        linewidth=1.8,
         label="continued by PCHIP",
-    )  # fmt: skip
+    )
     ax.plot(
-        edges, probabilities, "o", color=colour, markersize=4, linestyle="none",
+        edges,
+        probabilities,
+        "o",
+        color=colour,
+        markersize=4,
+        linestyle="none",
         label=f"edges of the {step} steps",
-    )  # fmt: skip
+    )
 
 
 def _mark_statistic(

@@ -77,9 +77,14 @@ def _draw_difference(
     ax.plot(s, difference, color=colour, linewidth=1.0, label=f"{name}, RMS {rms:.2f} mm")
     if sd.any():
         ax.fill_between(
-            s, difference - sd, difference + sd, color=colour, alpha=0.25, linewidth=0,
+            s,
+            difference - sd,
+            difference + sd,
+            color=colour,
+            alpha=0.25,
+            linewidth=0,
             label="± 1 sd",
-        )  # fmt: skip
+        )
 
 
 def _common_stations(profile: xr.Dataset, reference: xr.Dataset) -> np.ndarray:

@@ -62,9 +62,14 @@ def draw_profile(
     if "sd" in profile and np.isfinite(profile.sd).any():
         sd = profile.sd.values
         ax.fill_between(
-            s, height - sd, height + sd, color=colour, alpha=0.25, linewidth=0,
+            s,
+            height - sd,
+            height + sd,
+            color=colour,
+            alpha=0.25,
+            linewidth=0,
             label=f"{name} ± 1 sd".strip(),
-        )  # fmt: skip
+        )
     ax.plot(s, height, color=colour, linewidth=width, label=name or None)
 
 

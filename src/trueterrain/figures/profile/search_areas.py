@@ -72,9 +72,15 @@ def search_area_map(
     ax = canvas.axes_or_new(ax, width=6.4, height=5.6)
     rings = np.where(inside, 1.3, 0.0).tolist()
     dots = ax.scatter(
-        east, north, c=height, s=26, linewidths=rings, edgecolors="black",
-        cmap=canvas.HEIGHT_MAP, label="heights, those inside ringed",
-    )  # fmt: skip
+        east,
+        north,
+        c=height,
+        s=26,
+        linewidths=rings,
+        edgecolors="black",
+        cmap=canvas.HEIGHT_MAP,
+        label="heights, those inside ringed",
+    )
     canvas.colour_bar(dots, ax, canvas.height_scale(height))
     _draw_areas(ax, path, area, index)
     _draw_path_points(ax, path, at)
@@ -132,10 +138,16 @@ def _draw_areas(ax: "Axes", path: WheelPath, area: SearchArea, index: int) -> No
     bold = {"color": canvas.PATH_COLOUR, "linewidth": 2.2, "zorder": 3}
     ax.add_patch(_area_outline(area, 0.0, 0.0, path.heading[index], **bold))
     ax.plot(
-        [], [], marker="s" if isinstance(area, Rectangle) else "o", markersize=9, linestyle="none",
-        markerfacecolor="none", markeredgecolor=canvas.PATH_COLOUR, markeredgewidth=2.2,
+        [],
+        [],
+        marker="s" if isinstance(area, Rectangle) else "o",
+        markersize=9,
+        linestyle="none",
+        markerfacecolor="none",
+        markeredgecolor=canvas.PATH_COLOUR,
+        markeredgewidth=2.2,
         label="search area",
-    )  # fmt: skip
+    )
 
 
 def _area_outline(area: SearchArea, east: float, north: float, heading: float, **style: Any) -> Any:
@@ -155,10 +167,17 @@ def _draw_path_points(ax: "Axes", path: WheelPath, at: np.ndarray) -> None:
     spacing = 1000 * _path_spacing(path)
     every = f", every {spacing:.4g} mm of arc length" if spacing else ""
     ax.plot(
-        path.easting - at[0], path.northing - at[1], "-o", color=canvas.PATH_COLOUR, markersize=5,
-        markerfacecolor="white", markeredgewidth=1.4, linewidth=0.8, zorder=4,
+        path.easting - at[0],
+        path.northing - at[1],
+        "-o",
+        color=canvas.PATH_COLOUR,
+        markersize=5,
+        markerfacecolor="white",
+        markeredgewidth=1.4,
+        linewidth=0.8,
+        zorder=4,
         label=f"path points{every}",
-    )  # fmt: skip
+    )
 
 
 def _path_spacing(path: WheelPath) -> float:

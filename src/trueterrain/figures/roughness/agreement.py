@@ -62,10 +62,13 @@ def agreement_overlay(
     for number, name in enumerate(shown["profile"].values):
         one = shown.sel(profile=name)
         ax.plot(
-            one["s"], one["filtered"], color=canvas.COLOURS[(number - 1) % len(canvas.COLOURS)],
-            linewidth=2.2 if number == 0 else 1.0, alpha=0.45 if number == 0 else 1.0,
+            one["s"],
+            one["filtered"],
+            color=canvas.COLOURS[(number - 1) % len(canvas.COLOURS)],
+            linewidth=2.2 if number == 0 else 1.0,
+            alpha=0.45 if number == 0 else 1.0,
             label=f"{name}" if number == 0 else _profile_label(one),
-        )  # fmt: skip
+        )
     slope = shown["filtered"].attrs["units"] == "m/m"
     unit, name = ("mm/m", "Filtered slope") if slope else ("mm", "Filtered height")
     canvas.scale_axis(ax.yaxis, canvas.LengthScale(factor=1000.0, unit=unit), name)
@@ -124,9 +127,14 @@ def agreement_matrix(
         text = "" if np.isnan(value) else f"{100 * value:.1f}".replace("-", canvas.MINUS)
         bright = (value - low) / (1.0 - low) > _DARK
         ax.text(
-            column, row, text, ha="center", va="center",
-            color="black" if bright else "white", fontsize="small" if count > 6 else "medium",
-        )  # fmt: skip
+            column,
+            row,
+            text,
+            ha="center",
+            va="center",
+            color="black" if bright else "white",
+            fontsize="small" if count > 6 else "medium",
+        )
     ax.set_xticks(range(count), names, rotation=30 if max(map(len, names)) > 6 else 0)
     ax.set_yticks(range(count), names)
     draw_names([*ax.get_xticklabels(), *ax.get_yticklabels()])

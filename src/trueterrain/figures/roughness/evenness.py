@@ -112,10 +112,14 @@ def waveband_segments(rated: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
             one = rated.sel(track=track, band=band)
             label = f"{band}, {track}" if several else f"{band}"
             ax.stairs(
-                one["segment_rms"].values, edges, baseline=None, linewidth=1.6, label=label,
+                one["segment_rms"].values,
+                edges,
+                baseline=None,
+                linewidth=1.6,
+                label=label,
                 color=canvas.COLOURS[number % len(canvas.COLOURS)],
                 linestyle=_STYLES[row % len(_STYLES)],
-            )  # fmt: skip
+            )
     highest = float(rated["segment_rms"].max())
     ax.set_xlim(edges[0], edges[-1])
     ax.set_ylim(0, 1.08 * highest or 1e-3)
@@ -137,6 +141,12 @@ def _draw_threshold(ax: "Axes", beam: xr.Dataset, threshold: float) -> None:
         return
     peaks = beam["deviation"].sel(track=found["track"], s=found["peak_at"])
     ax.plot(
-        found["peak_at"], peaks, "o", color="black", markerfacecolor="none", markersize=6,
-        markeredgewidth=0.9, label=f"beyond {1000.0 * threshold:.4g} mm",
-    )  # fmt: skip
+        found["peak_at"],
+        peaks,
+        "o",
+        color="black",
+        markerfacecolor="none",
+        markersize=6,
+        markeredgewidth=0.9,
+        label=f"beyond {1000.0 * threshold:.4g} mm",
+    )

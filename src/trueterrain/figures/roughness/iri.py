@@ -74,6 +74,11 @@ def _shade_incomplete(ax: "Axes", index: xr.Dataset) -> None:
     last = index.isel(segment=~index.complete.values)
     for start, end in zip(last.start.values, last.end.values, strict=True):
         ax.axvspan(
-            start, end, facecolor="none", edgecolor="0.7", hatch="///", linewidth=0,
+            start,
+            end,
+            facecolor="none",
+            edgecolor="0.7",
+            hatch="///",
+            linewidth=0,
             label="shorter segment",
-        )  # fmt: skip
+        )

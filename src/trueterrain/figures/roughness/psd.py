@@ -56,9 +56,12 @@ def road_spectrum(spectrum: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
             f"Gd(n0) {1e6 * one['gd_n0'].item():.3g}·10⁻⁶ m³, w {one['waviness'].item():.2f}"
         )
         ax.plot(
-            centre, one["smoothed"], color=colour, linewidth=1.5,
+            centre,
+            one["smoothed"],
+            color=colour,
+            linewidth=1.5,
             label=f"{track}: {text}" if several else text,
-        )  # fmt: skip
+        )
         used = centre[spectrum["fitted"].values][[0, -1]]
         fit = one["gd_n0"].item() * (used / N0) ** -one["waviness"].item()
         ax.plot(used, fit, color="black", linewidth=1.0, linestyle="--")

@@ -63,9 +63,12 @@ def navigation_errors(
         if component == "up":
             ax.plot(time - time[0], error, color=colour, linewidth=0.5, alpha=0.35)
             ax.plot(
-                time - time[0], truth["drift_up"].values, color=colour, linewidth=1.6,
+                time - time[0],
+                truth["drift_up"].values,
+                color=colour,
+                linewidth=1.6,
                 label=f"{name}: drift",
-            )  # fmt: skip
+            )
             ax.plot([], [], color=colour, linewidth=0.8, alpha=0.5, label="and noise")
         else:
             ax.plot(time - time[0], error, color=colour, linewidth=0.8, label=name or None)

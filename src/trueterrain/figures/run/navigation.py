@@ -86,9 +86,14 @@ def navigation_heights(navigation: xr.DataTree | xr.Dataset, *, ax: "Axes | None
     if "sd_up" in group:
         sd = _thin_epochs(navigation, ("time", "sd_up"))["sd_up"]
         ax.fill_between(
-            time, up - sd, up + sd, color=canvas.COLOURS[0], alpha=0.25, linewidth=0,
+            time,
+            up - sd,
+            up + sd,
+            color=canvas.COLOURS[0],
+            alpha=0.25,
+            linewidth=0,
             label="± 1 sd",
-        )  # fmt: skip
+        )
     ax.plot(time, up, color=canvas.COLOURS[0], linewidth=1.3, label="height")
     ax.set_xlabel(f"Time {canvas.MINUS} {start:.12g} s [s]" if start else "Time [s]")
     canvas.scale_axis(ax.yaxis, canvas.height_scale(up), "Height")

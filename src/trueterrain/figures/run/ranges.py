@@ -59,9 +59,10 @@ def range_image(
     if inside.size == 0:
         span = f"from {time[0]:.6g} s to {time[-1]:.6g} s" if time.size else "none"
         raise CoverageError(
-            f"there is no scan from {begin} s to {end} s", place="group scans",
+            f"there is no scan from {begin} s to {end} s",
+            place="group scans",
             cure=f"The scans are {span}.",
-        )  # fmt: skip
+        )
     every = -(-inside.size // _ROWS)
     chosen = inside[::every]
     image = _read_ranges(scans, chosen, every)
@@ -72,10 +73,15 @@ def range_image(
     low_range, high_range = _colour_limits(shown)
     edges = time[chosen[0]], time[min(chosen[-1] + every, time.size - 1)]
     picture = ax.imshow(
-        shown.T, origin="lower", aspect="auto", cmap=canvas.HEIGHT_MAP, interpolation="nearest",
+        shown.T,
+        origin="lower",
+        aspect="auto",
+        cmap=canvas.HEIGHT_MAP,
+        interpolation="nearest",
         extent=(edges[0], max(edges[1], edges[0] + 1e-6), *_angle_limits(degrees)),
-        vmin=low_range, vmax=high_range,
-    )  # fmt: skip
+        vmin=low_range,
+        vmax=high_range,
+    )
     name = "Distance below the scanner" if below else "Range"
     canvas.colour_bar(
         picture, ax, canvas.height_scale(shown) if below else canvas.LengthScale(), name
@@ -125,6 +131,11 @@ def _mark_lost(ax: "Axes", image: np.ndarray, time: np.ndarray, degrees: np.ndar
     some = slice(None, None, -(-scan.size // _MANY))
     share = f"no return, {100 * scan.size / image.size:.2g} %"
     ax.scatter(
-        time[scan[some]], degrees[beam[some]], s=4, color=_LOST, linewidths=0, label=share,
+        time[scan[some]],
+        degrees[beam[some]],
+        s=4,
+        color=_LOST,
+        linewidths=0,
+        label=share,
         rasterized=True,
-    )  # fmt: skip
+    )

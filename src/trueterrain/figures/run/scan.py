@@ -128,9 +128,14 @@ def scan_elevation(
     _draw_true_ground(ax, run, returns, offset)
     for number, index in enumerate(_find_shadows(offset, angle)):
         ax.axvspan(
-            offset[index], offset[index + 1], color=canvas.COLOURS[4], alpha=0.35, linewidth=0,
-            label="not seen" if number == 0 else None, zorder=1,
-        )  # fmt: skip
+            offset[index],
+            offset[index + 1],
+            color=canvas.COLOURS[4],
+            alpha=0.35,
+            linewidth=0,
+            label="not seen" if number == 0 else None,
+            zorder=1,
+        )
     ax.plot(offset, up, ".", color=canvas.COLOURS[0], markersize=2.5, label="returns", zorder=2)
     ax.invert_xaxis()
     ax.set_xlabel(f"Offset from the scanner at {returns.time[0]:.6g} s, left + [m]")
@@ -185,6 +190,10 @@ def _draw_true_ground(
     last = int(away.argmin()) + int(np.ceil(_AROUND / spacing)) + 1
     near = ground.isel(u=slice(first, last)).load()
     ax.plot(
-        line, heights_at(near, east, north), color="0.5", linewidth=1.0, zorder=1.5,
+        line,
+        heights_at(near, east, north),
+        color="0.5",
+        linewidth=1.0,
+        zorder=1.5,
         label=f"true ground, every {1000 * spacing:g} mm",
-    )  # fmt: skip
+    )

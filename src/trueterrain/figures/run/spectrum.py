@@ -160,13 +160,23 @@ def _mark_peaks(
             raise ValueError(message)
         top = inside[np.argmax(density[inside])]
         ax.plot(
-            frequency[top], density[top], "v", color="black", markersize=6, zorder=4,
+            frequency[top],
+            density[top],
+            "v",
+            color="black",
+            markersize=6,
+            zorder=4,
             markeredgecolor="white",
-        )  # fmt: skip
+        )
         ax.annotate(
-            f"{name} {frequency[top]:.1f} Hz", (frequency[top], density[top]), (0, 7),
-            textcoords="offset points", ha="center", va="bottom", fontsize="small",
-        )  # fmt: skip
+            f"{name} {frequency[top]:.1f} Hz",
+            (frequency[top], density[top]),
+            (0, 7),
+            textcoords="offset points",
+            ha="center",
+            va="bottom",
+            fontsize="small",
+        )
 
 
 def _plain_ticks(ax: "Axes") -> None:

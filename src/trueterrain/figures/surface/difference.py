@@ -113,10 +113,14 @@ def structure_functions(
         seen = one["structure"].values > 0
         drawn = drawn or bool(seen.any())
         ax.plot(
-            one["distance"].values[seen], 1e6 * one["structure"].values[seen],
-            color=canvas.COLOURS[number % len(canvas.COLOURS)], linewidth=1.3,
-            marker="o", markersize=3, label=name or None,
-        )  # fmt: skip
+            one["distance"].values[seen],
+            1e6 * one["structure"].values[seen],
+            color=canvas.COLOURS[number % len(canvas.COLOURS)],
+            linewidth=1.3,
+            marker="o",
+            markersize=3,
+            label=name or None,
+        )
     if not drawn:
         message = "structure must change somewhere, got differences that are the same everywhere."
         raise ValueError(message)

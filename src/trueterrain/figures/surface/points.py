@@ -59,9 +59,14 @@ def points_map(
     length, width = (float(np.ptp(shown[axis].values)) for axis in ("easting", "northing"))
     ax = canvas.axes_or_new(ax, height=canvas.map_height(length, width))
     dots = ax.scatter(
-        shown.easting, shown.northing, c=shown.up, s=2, linewidths=0, cmap=canvas.HEIGHT_MAP,
+        shown.easting,
+        shown.northing,
+        c=shown.up,
+        s=2,
+        linewidths=0,
+        cmap=canvas.HEIGHT_MAP,
         rasterized=True,
-    )  # fmt: skip
+    )
     canvas.colour_bar(dots, ax, canvas.height_scale(shown.up))
     if path is not None:
         canvas.draw_path(ax, path.easting, path.northing)

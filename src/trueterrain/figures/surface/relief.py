@@ -128,9 +128,11 @@ def _draw_top(
     steps = float(np.diff(x).mean()), float(np.diff(y).mean())
     level = np.where(np.isnan(middle), low, middle)
     # rows of an image run down from the north, its columns to the east
-    sun = LightSource(*_SUN).hillshade(
-        level.T[::-1], vert_exag=factor, dx=steps[0], dy=steps[1], fraction=1.0
-    )[::-1].T  # fmt: skip
+    sun = (
+        LightSource(*_SUN)
+        .hillshade(level.T[::-1], vert_exag=factor, dx=steps[0], dy=steps[1], fraction=1.0)[::-1]
+        .T
+    )
     colours = mpl.colormaps[canvas.HEIGHT_MAP]((middle - low) / (high - low))
     colours[..., :3] *= (1 - _SHADE + _SHADE * sun)[..., None]
     kept = np.isfinite(middle)[:, ::-1].T

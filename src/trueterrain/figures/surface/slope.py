@@ -62,14 +62,23 @@ def measurable_slope(
     ax = canvas.axes_or_new(ax, height=3.2)
     line = ax.plot(offset, limit, color=canvas.COLOURS[0], linewidth=1.6, label="slope of the beam")
     ax.fill_between(
-        offset, limit, 90.0, color=canvas.HOLE_COLOUR, linewidth=0, label="not seen",
+        offset,
+        limit,
+        90.0,
+        color=canvas.HOLE_COLOUR,
+        linewidth=0,
+        label="not seen",
         zorder=line[0].get_zorder() - 1,
-    )  # fmt: skip
+    )
     for number, (name, (where, angle)) in enumerate((found or {}).items(), start=1):
         ax.plot(
-            np.asarray(where), np.rad2deg(np.asarray(angle)), "o", markersize=4, label=name,
+            np.asarray(where),
+            np.rad2deg(np.asarray(angle)),
+            "o",
+            markersize=4,
+            label=name,
             color=canvas.COLOURS[number % len(canvas.COLOURS)],
-        )  # fmt: skip
+        )
     ax.set_ylim(min(40.0, float(limit.min()) - 5), 90.0)
     ax.set_xlabel("Offset from the scanner, left + [m]")
     ax.set_ylabel("Steepest face seen [deg]")

@@ -24,8 +24,10 @@ _MODEL, _CITATION, _GEODETIC, _PROJECTED, _UNITS, _VERTICAL, _VERTICAL_UNITS = (
 _GEOCENTRIC_MODEL = 3
 _EPSG_CODES = range(1024, 32767)
 _LINEAR_UNITS = {
-    9001: ("metre", 1.0), 9002: ("foot", 0.3048), 9003: ("US survey foot", 1200 / 3937),
-}  # fmt: skip
+    9001: ("metre", 1.0),
+    9002: ("foot", 0.3048),
+    9003: ("US survey foot", 1200 / 3937),
+}
 _NO_HEIGHTS = "the CRS names no unit of heights: taken to be the same; if not, name a compound CRS"
 _SAME_UNIT = 1e-9  # within which two units are equal; both kinds of feet differ by 2e-6
 
@@ -106,9 +108,11 @@ def _make_reference(crs: pyproj.CRS, doubts: list[str]) -> CrsReference:
     obstacle = _unit_obstacle(crs)
     code = crs.to_epsg(min_confidence=100)
     found = CrsReference(
-        crs=f"EPSG:{code}" if code else crs.to_wkt(), name=crs.name, obstacle=obstacle,
+        crs=f"EPSG:{code}" if code else crs.to_wkt(),
+        name=crs.name,
+        obstacle=obstacle,
         doubts=tuple(doubts),
-    )  # fmt: skip
+    )
     if obstacle or (units := units_of(crs)).metres:
         return found
     assumed = "" if crs.is_compound or len(crs.axis_info) > 2 else _NO_HEIGHTS
@@ -130,9 +134,10 @@ def _by_keys(reference: CrsReference, keys: dict[int, int]) -> CrsReference:
     units = reference.units
     if across is not None and abs(across[1] - units.horizontal) > _SAME_UNIT:
         return replace(
-            reference, obstacle=f"in {across[0]} by the GeoTIFF key 3076 (unit of length), but in "
+            reference,
+            obstacle=f"in {across[0]} by the GeoTIFF key 3076 (unit of length), but in "
             f"{units.names[0]} by the CRS that the keys name",
-        )  # fmt: skip
+        )
     if up is None and keys.get(_VERTICAL) in _EPSG_CODES:
         up = _unit_of_heights(keys[_VERTICAL])
     if up is None:

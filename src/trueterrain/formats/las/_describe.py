@@ -16,9 +16,12 @@ from trueterrain.formats.las._read import ADJUSTED, BLOCK, time_kind, times_of
 
 _SELECTION = laspy.DecompressionSelection
 _FIELDS = (
-    _SELECTION.XY_RETURNS_CHANNEL | _SELECTION.Z | _SELECTION.GPS_TIME
-    | _SELECTION.POINT_SOURCE_ID | _SELECTION.CLASSIFICATION
-)  # fmt: skip
+    _SELECTION.XY_RETURNS_CHANNEL
+    | _SELECTION.Z
+    | _SELECTION.GPS_TIME
+    | _SELECTION.POINT_SOURCE_ID
+    | _SELECTION.CLASSIFICATION
+)
 _GPS_EPOCH = dt.datetime(1980, 1, 6)  # GPS time has no zone and no leap seconds
 
 

@@ -14,23 +14,41 @@ from trueterrain.core.schemas import EXTRA, RETURN_ATTRIBUTES
 ANGLE_STEP = np.deg2rad(0.006)  # [rad] of the scan angle from point format 6 on
 _LARGEST_ANGLE = 30_000  # [steps] 180 deg
 _BITS = {
-    "return_number": 4, "number_of_returns": 4, "scanner_channel": 2, "scan_direction_flag": 1,
-    "edge_of_flight_line": 1, "synthetic": 1, "key_point": 1, "withheld": 1, "overlap": 1,
-}  # fmt: skip
+    "return_number": 4,
+    "number_of_returns": 4,
+    "scanner_channel": 2,
+    "scan_direction_flag": 1,
+    "edge_of_flight_line": 1,
+    "synthetic": 1,
+    "key_point": 1,
+    "withheld": 1,
+    "overlap": 1,
+}
 _COLOURS = ("red", "green", "blue")
 _DEVIATIONS = {"sd": "standard deviation [m]", "sd_relative": "relative to the datum [m]"}
 _LONGEST_NAME = 32  # [bytes] of extra bytes
 _SCALE, _OFFSET, _STORED = "scale", "offset", "stored_as"  # attributes of scaled extra bytes
 
 _PARTS = laspy.DecompressionSelection
-_FLAGS = ("scan_direction_flag", "edge_of_flight_line", "synthetic", "key_point", "withheld",
-          "overlap")  # fmt: skip
+_FLAGS = (
+    "scan_direction_flag",
+    "edge_of_flight_line",
+    "synthetic",
+    "key_point",
+    "withheld",
+    "overlap",
+)
 _PART_OF = {
-    "time": _PARTS.GPS_TIME, "intensity": _PARTS.INTENSITY, "lane": _PARTS.POINT_SOURCE_ID,
-    "classification": _PARTS.CLASSIFICATION, "scan_angle": _PARTS.SCAN_ANGLE,
-    "user_data": _PARTS.USER_DATA, "nir": _PARTS.NIR,
-    **dict.fromkeys(_COLOURS, _PARTS.RGB), **dict.fromkeys(_FLAGS, _PARTS.FLAGS),
-}  # fmt: skip
+    "time": _PARTS.GPS_TIME,
+    "intensity": _PARTS.INTENSITY,
+    "lane": _PARTS.POINT_SOURCE_ID,
+    "classification": _PARTS.CLASSIFICATION,
+    "scan_angle": _PARTS.SCAN_ANGLE,
+    "user_data": _PARTS.USER_DATA,
+    "nir": _PARTS.NIR,
+    **dict.fromkeys(_COLOURS, _PARTS.RGB),
+    **dict.fromkeys(_FLAGS, _PARTS.FLAGS),
+}
 
 
 def variables_of(point_format: Any) -> tuple[str, ...]:
@@ -61,8 +79,10 @@ def values_of(record: Any, name: str) -> Any:
     if name in (extra := _extra_dimensions(point_format)):
         dimension, element = extra[name]
         values = record[dimension]
-        return np.array(values if element is None else values[:, element],
-                        dtype=np.float64 if name in _DEVIATIONS else None)  # fmt: skip
+        return np.array(
+            values if element is None else values[:, element],
+            dtype=np.float64 if name in _DEVIATIONS else None,
+        )
     if name == "scan_angle":
         if "scan_angle_rank" in point_format.dimension_names:
             return np.deg2rad(np.asarray(record["scan_angle_rank"], dtype=np.float32))
@@ -80,9 +100,10 @@ def attrs_of(point_format: Any, name: str) -> dict[str, Any]:
     if found.is_scaled:
         number = element or 0
         attrs |= {
-            _STORED: found.dtype.base.str[1:], _SCALE: float(found.scales[number]),
+            _STORED: found.dtype.base.str[1:],
+            _SCALE: float(found.scales[number]),
             _OFFSET: float(found.offsets[number]),
-        }  # fmt: skip
+        }
     return attrs
 
 
@@ -114,9 +135,11 @@ def extra_parameters(points: xr.Dataset, point_format: int, path: Path) -> list[
             dtype = np.dtype("u1")
         if dtype.kind not in "iuf" or dtype.itemsize > 8 or dtype == np.float16:
             raise SchemaError(
-                f"cannot be extra bytes of LAS, its type is {dtype}", path=path,
-                place=f"variable {name}", cure="Convert it to integers or float64.",
-            )  # fmt: skip
+                f"cannot be extra bytes of LAS, its type is {dtype}",
+                path=path,
+                place=f"variable {name}",
+                cure="Convert it to integers or float64.",
+            )
         about = str(attrs.get("long_name", "")).encode()[:_LONGEST_NAME].decode(errors="ignore")
         found.append(laspy.ExtraBytesParams(label, dtype.newbyteorder("="), about, **more))
     return found

@@ -180,9 +180,11 @@ def _require_scales(path: Path, header: Any) -> None:
             rule = "must be finite" + ("" if name == "offsets" else " and not 0")
             found = ", ".join(f"{value:g}" for value in values)
             raise FormatError(
-                f"{name} of the coordinates {rule}, got {found}", path=path, place="header",
+                f"{name} of the coordinates {rule}, got {found}",
+                path=path,
+                place="header",
                 cure=_EXPORT,
-            )  # fmt: skip
+            )
 
 
 def read_chunk_table(path: Path, header: Any, record: Any = None) -> list[LasChunk]:
@@ -223,9 +225,11 @@ def read_chunk_table(path: Path, header: Any, record: Any = None) -> list[LasChu
             else:
                 continue
             raise FormatError(
-                f"chunk {number} of {len(chunks)} {how}", path=path,
-                place=f"byte {chunk.start}", cure=_EXPORT,
-            )  # fmt: skip
+                f"chunk {number} of {len(chunks)} {how}",
+                path=path,
+                place=f"byte {chunk.start}",
+                cure=_EXPORT,
+            )
         held = sum(chunk.points for chunk in chunks)
         if held < header.point_count:
             raise FormatError(

@@ -7,18 +7,28 @@ from collections.abc import Sequence
 
 #: Columns of Boreas poses that are needed.
 BOREAS_COLUMNS = (
-    "GPSTime", "easting", "northing", "altitude", "vel_east", "vel_north", "vel_up",
-    "roll", "pitch", "heading",
-)  # fmt: skip
+    "GPSTime",
+    "easting",
+    "northing",
+    "altitude",
+    "vel_east",
+    "vel_north",
+    "vel_up",
+    "roll",
+    "pitch",
+    "heading",
+)
 
 #: What a column of time is called: GPS time, Time_s, SOW, seconds of week, t.
 TIME = re.compile(r"(gps|utc|unix)?[ _]?(time|sow|sec(ond)?s|timestamp)|t$", re.IGNORECASE)
 _NAMED = (
     TIME,
     re.compile(r"e(ast)?(ing)?$|e(ast)?(ing)?[^a-z]|lat|pos|x$|x[^a-z]", re.IGNORECASE),
-    *(re.compile(rf"(platform|true|sbet)?[ _]?({name})", re.IGNORECASE)
-      for name in ("roll", "pitch", "yaw|heading|azimuth")),
-)  # fmt: skip
+    *(
+        re.compile(rf"(platform|true|sbet)?[ _]?({name})", re.IGNORECASE)
+        for name in ("roll", "pitch", "yaw|heading|azimuth")
+    ),
+)
 _SBET_FIELDS = 17
 
 _WEEK = 604_800.0  # [s]

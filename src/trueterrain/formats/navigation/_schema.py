@@ -145,18 +145,22 @@ class EpochRules:
             raise self._error(
                 name,
                 "must be finite everywhere",
-                values, bad, time,
+                values,
+                bad,
+                time,
                 "Cut the gap out of the recording, or fill it in the navigation software.",
-            )  # fmt: skip
+            )
         if name in ("roll", "pitch"):
             bad = np.abs(values) > np.pi / 2
             if bad.any():
                 raise self._error(
                     name,
                     "must lie within a quarter turn (pi/2 rad)",
-                    values, bad, time,
+                    values,
+                    bad,
+                    time,
                     "Convert degrees to radians.",
-                )  # fmt: skip
+                )
         if name.startswith("sd_"):
             bad = values < 0
             if bad.any():

@@ -134,9 +134,12 @@ def _open_table(path: Path) -> _NumberTable:
 
 def _text_table(path: Path, head: Head) -> _NumberTable:
     return _NumberTable(
-        path=path, columns=tuple(name.strip() for name in head.labels), separator=head.separator,
-        decimal=head.decimal, header=head.first - 1,
-    )  # fmt: skip
+        path=path,
+        columns=tuple(name.strip() for name in head.labels),
+        separator=head.separator,
+        decimal=head.decimal,
+        header=head.first - 1,
+    )
 
 
 def _text_blocks(table: _NumberTable, names: list[str], size: int) -> Iterator[dict[str, Floats]]:
@@ -148,11 +151,22 @@ def _text_blocks(table: _NumberTable, names: list[str], size: int) -> Iterator[d
     row = 0
     try:
         with pd.read_csv(
-            table.path, sep=table.separator or _PANDAS, header=None, skiprows=table.header,
-            dtype=dtypes, decimal=table.decimal, chunksize=size, encoding="utf-8-sig",
-            encoding_errors="replace", keep_default_na=False, na_values=list(_GAPS),
-            skipinitialspace=True, skip_blank_lines=True, comment="#", **_exact_parser(pd.__version__),
-        ) as reader:  # fmt: skip
+            table.path,
+            sep=table.separator or _PANDAS,
+            header=None,
+            skiprows=table.header,
+            dtype=dtypes,
+            decimal=table.decimal,
+            chunksize=size,
+            encoding="utf-8-sig",
+            encoding_errors="replace",
+            keep_default_na=False,
+            na_values=list(_GAPS),
+            skipinitialspace=True,
+            skip_blank_lines=True,
+            comment="#",
+            **_exact_parser(pd.__version__),
+        ) as reader:
             for frame in reader:
                 if frame.shape[1] != len(table.columns) or frame.iloc[:, -1].isna().any():
                     _explain_rows(table, indices)  # a line that was cut off looks like a gap

@@ -106,8 +106,11 @@ class NavigationColumns:
 
     def __post_init__(self) -> None:
         """Check that one convention is named, and wholly."""
-        _require_one("positions", self._named("east", "north", "up"),
-                     self._named("longitude", "latitude", "height"))  # fmt: skip
+        _require_one(
+            "positions",
+            self._named("east", "north", "up"),
+            self._named("longitude", "latitude", "height"),
+        )
         _require_one("the direction", self._named("yaw"), self._named("heading"))
         if not self.time_scale > 0:
             message = f"time_scale must be greater than 0, got {self.time_scale}."

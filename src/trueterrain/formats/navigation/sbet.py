@@ -141,9 +141,14 @@ def blocks(
         )
         yaw = turns.continued(yaw)
         columns = {
-            "time": time, "east": east, "north": north, "up": up,
-            "roll": roll, "pitch": pitch, "yaw": yaw,
-        }  # fmt: skip
+            "time": time,
+            "east": east,
+            "north": north,
+            "up": up,
+            "roll": roll,
+            "pitch": pitch,
+            "yaw": yaw,
+        }
         block = navigation_of(columns, origin=list(place), time_reference="gps")
         rules.check(block)
         yield block
@@ -227,13 +232,26 @@ def _text_head(path: Path) -> Head | None:
 
 def _check_fields(path: Path, fields: Floats, first: int) -> None:
     latitude, longitude, height = fields[1:4]
-    names = ("time", "latitude", "longitude", "height", *(f"velocity {axis}" for axis in "xyz"),
-             "roll", "pitch", "platform heading", "wander angle")  # fmt: skip
+    names = (
+        "time",
+        "latitude",
+        "longitude",
+        "height",
+        *(f"velocity {axis}" for axis in "xyz"),
+        "roll",
+        "pitch",
+        "platform heading",
+        "wander angle",
+    )
     for name, values in zip(names, fields, strict=False):
         bad = ~np.isfinite(values)
         refuse_value(path, name, "must be finite everywhere", values, bad, first, _SWAPPED)
-    limits = (("latitude", latitude, 90), ("longitude", longitude, 360),
-              ("roll", fields[7], 90), ("pitch", fields[8], 90))  # fmt: skip
+    limits = (
+        ("latitude", latitude, 90),
+        ("longitude", longitude, 360),
+        ("roll", fields[7], 90),
+        ("pitch", fields[8], 90),
+    )
     for name, values, limit in limits:
         rule = f"must be in radians and within {limit} deg ({np.deg2rad(limit):.4f} rad)"
         cure = "Convert degrees to radians." if np.all(np.abs(values) <= limit) else _SWAPPED

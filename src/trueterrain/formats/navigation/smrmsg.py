@@ -33,9 +33,13 @@ REACH = 1.0
 
 # our names of the fields, in our order, with the factor to SI
 _SD = {
-    "sd_east": (2, 1.0), "sd_north": (1, 1.0), "sd_up": (3, 1.0),
-    "sd_roll": (7, ARC_MINUTE), "sd_pitch": (8, ARC_MINUTE), "sd_yaw": (9, ARC_MINUTE),
-}  # fmt: skip
+    "sd_east": (2, 1.0),
+    "sd_north": (1, 1.0),
+    "sd_up": (3, 1.0),
+    "sd_roll": (7, ARC_MINUTE),
+    "sd_pitch": (8, ARC_MINUTE),
+    "sd_yaw": (9, ARC_MINUTE),
+}
 
 
 def read(path: str | Path) -> xr.Dataset:

@@ -15,11 +15,21 @@ NumberFormat = Literal["KRBI", "KDBI", "LRFI", "LDFI"]
 
 #: Bytes per number, and numbers per record of 80 bytes.
 NUMBER_FORMATS: dict[NumberFormat, tuple[int, int]] = {
-    "KRBI": (4, 20), "KDBI": (8, 10), "LRFI": (10, 8), "LDFI": (20, 4),
-}  # fmt: skip
+    "KRBI": (4, 20),
+    "KDBI": (8, 10),
+    "LRFI": (10, 8),
+    "LDFI": (20, 4),
+}
 
-_KEYWORDS = ("ROAD_CRG_MODS", "ROAD_CRG_OPTS", "ROAD_CRG_FILE", "ROAD_CRG_MPRO", "ROAD_CRG", "CT",
-             "KD_DEFINITION")  # fmt: skip
+_KEYWORDS = (
+    "ROAD_CRG_MODS",
+    "ROAD_CRG_OPTS",
+    "ROAD_CRG_FILE",
+    "ROAD_CRG_MPRO",
+    "ROAD_CRG",
+    "CT",
+    "KD_DEFINITION",
+)
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _CHANNELS = {
     "reference line phi": ("phi", "rad"),

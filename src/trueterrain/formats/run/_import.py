@@ -204,7 +204,9 @@ def _source_paths(files: RunFiles) -> list[Path]:
 
 def _import_provenance(files: RunFiles, description: Path) -> str:
     data = provenance.add_step(
-        xr.Dataset(), "import", parameters={"mounting": files.mounting, "name": files.name},
+        xr.Dataset(),
+        "import",
+        parameters={"mounting": files.mounting, "name": files.name},
         inputs=[description, *_source_paths(files)],
-    )  # fmt: skip
+    )
     return str(data.attrs["provenance"])

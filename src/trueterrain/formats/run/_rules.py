@@ -108,9 +108,11 @@ def _check_types(data: xr.Dataset, path: str | Path | None, place: str) -> None:
     for name, variable in data.variables.items():
         if variable.dtype.kind not in ("fiu" if name == "intensity" else "f"):
             raise SchemaError(
-                f"must hold floating-point numbers, got {variable.dtype}", path=path,
-                place=f"{place}, variable {name}", cure="Convert the values to float64.",
-            )  # fmt: skip
+                f"must hold floating-point numbers, got {variable.dtype}",
+                path=path,
+                place=f"{place}, variable {name}",
+                cure="Convert the values to float64.",
+            )
 
 
 def rules_of(tree: xr.DataTree, path: str | Path | None) -> Iterator[Callable[[], Any]]:
@@ -129,14 +131,18 @@ def check_attrs(tree: xr.DataTree, path: str | Path | None) -> None:
     attrs = tree.attrs
     if attrs.get("kind") != KIND:
         raise SchemaError(
-            f"must be {KIND!r}, got {attrs.get('kind')!r}", path=path, place="attribute kind",
+            f"must be {KIND!r}, got {attrs.get('kind')!r}",
+            path=path,
+            place="attribute kind",
             cure="Write runs with RunWriter.",
-        )  # fmt: skip
+        )
     if attrs.get("schema") != SCHEMA:
         raise SchemaError(
-            f"must be {SCHEMA}, got {attrs.get('schema')!r}", path=path, place="attribute schema",
+            f"must be {SCHEMA}, got {attrs.get('schema')!r}",
+            path=path,
+            place="attribute schema",
             cure="If it is newer, update trueterrain.",
-        )  # fmt: skip
+        )
     if not isinstance(attrs.get("name"), str):
         raise SchemaError(
             f"must be a text, got {attrs.get('name')!r}", path=path, place="attribute name"
@@ -168,9 +174,11 @@ def check_groups(tree: xr.DataTree, path: str | Path | None) -> None:
     for name in ("scans", "navigation"):
         if name not in tree.children:
             raise SchemaError(
-                "is missing", path=path, place=f"group {name}",
+                "is missing",
+                path=path,
+                place=f"group {name}",
                 cure="Record or import it again.",
-            )  # fmt: skip
+            )
 
 
 def check_chunks(path: str | Path | None) -> None:
@@ -199,8 +207,10 @@ def _check_angles(angle: Floats, path: str | Path | None) -> None:
         first = int(np.flatnonzero(far)[0])
         raise SchemaError(
             f"must be within half a turn (pi rad), got {angle[first]:g} at index {first}",
-            path=path, place=place, cure="Convert degrees to radians.",
-        )  # fmt: skip
+            path=path,
+            place=place,
+            cure="Convert degrees to radians.",
+        )
     steps = np.diff(angle)
     wrong = steps * np.sign(steps[0] if steps.size else 1.0) <= 0
     if wrong.any():
@@ -208,8 +218,10 @@ def _check_angles(angle: Floats, path: str | Path | None) -> None:
         raise SchemaError(
             f"must rise or fall throughout, but value {first + 1} ({angle[first + 1]:g} rad) "
             f"follows {angle[first]:g} rad",
-            path=path, place=place, cure="Sort the beams by their angle.",
-        )  # fmt: skip
+            path=path,
+            place=place,
+            cure="Sort the beams by their angle.",
+        )
 
 
 def _check_delays(delay: Floats, interval: float, path: str | Path | None) -> None:
@@ -221,8 +233,10 @@ def _check_delays(delay: Floats, interval: float, path: str | Path | None) -> No
         raise SchemaError(
             f"must be from 0 s to the time between two scans ({interval:g} s), got "
             f"{delay[first]:g} s at index {first}",
-            path=path, place=place, cure="Give the delays in seconds after the first beam.",
-        )  # fmt: skip
+            path=path,
+            place=place,
+            cure="Give the delays in seconds after the first beam.",
+        )
 
 
 def check_coverage(tree: xr.DataTree, path: str | Path | None) -> None:
@@ -257,9 +271,10 @@ def check_accelerometers(tree: xr.DataTree, path: str | Path | None) -> None:
     check_length(group, "sensor", 1, path=path, place=place)
     if group.sizes["axis"] != 3:
         raise SchemaError(
-            f"must have 3 axes, got {group.sizes['axis']}", path=path,
+            f"must have 3 axes, got {group.sizes['axis']}",
+            path=path,
             place=f"{place}, variable position",
-        )  # fmt: skip
+        )
     _require_finite(group["position"].values, f"{place}, variable position", path)
     clock = TimeChecker(path=path, place=f"{place}, variable time")
     for block in row_blocks(group, "sample", ("time", "acceleration")):

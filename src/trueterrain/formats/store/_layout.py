@@ -65,8 +65,10 @@ class _SurfaceStatistics:
 
 
 _STATISTICS: dict[str, Any] = {
-    "points": _PointStatistics, "surface": _SurfaceStatistics, "profile": dict[str, Any],
-}  # fmt: skip
+    "points": _PointStatistics,
+    "surface": _SurfaceStatistics,
+    "profile": dict[str, Any],
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -206,15 +208,18 @@ def open_store(path: str | Path) -> OpenedStore:
     kind = kind_of_store(path)
     if kind == "run":
         raise FormatError(
-            "is a recorded run", path=path,
+            "is a recorded run",
+            path=path,
             cure="Open it with open_run, or grid it: `trueterrain grid`.",
-        )  # fmt: skip
+        )
     attrs = read_group_attrs(path)
     if attrs.get("schema") != SCHEMA:
         raise FormatError(
-            f"must be {SCHEMA}, got {attrs.get('schema')!r}", path=path, place="attribute schema",
+            f"must be {SCHEMA}, got {attrs.get('schema')!r}",
+            path=path,
+            place="attribute schema",
             cure="If it is newer, update trueterrain.",
-        )  # fmt: skip
+        )
     entries, statistics = _read_summary(path, kind)
     arrays = {entry.name: _open_array(path, entry) for entry in entries}
     return OpenedStore(
@@ -225,9 +230,12 @@ def open_store(path: str | Path) -> OpenedStore:
         statistics=statistics,
         arrays=arrays,
         bounds=_chunk_bounds(path, arrays["easting"]) if kind == "points" else None,
-        strange=sorted(part.name for part in path.iterdir() if part.is_dir()
-                       and part.name not in {*arrays, SUMMARY}),
-    )  # fmt: skip
+        strange=sorted(
+            part.name
+            for part in path.iterdir()
+            if part.is_dir() and part.name not in {*arrays, SUMMARY}
+        ),
+    )
 
 
 def _is_folder_name(name: str) -> bool:

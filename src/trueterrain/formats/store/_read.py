@@ -137,9 +137,10 @@ def _opened_points(path: str | Path) -> OpenedStore:
     stored = open_store(path)
     if stored.kind != "points":
         raise FormatError(
-            f"holds no points but a {stored.kind}", path=path,
+            f"holds no points but a {stored.kind}",
+            path=path,
             cure="Convert a surface to points first: `trueterrain convert`.",
-        )  # fmt: skip
+        )
     return stored
 
 
@@ -195,9 +196,11 @@ def _touched_chunks(chunks: Values, bounds: Bounds) -> Values:
     """Numbers of the chunks that touch a place."""
     west, south, east, north = bounds
     apart = (
-        (chunks[:, 0] > east) | (chunks[:, 2] < west)
-        | (chunks[:, 1] > north) | (chunks[:, 3] < south)
-    )  # fmt: skip
+        (chunks[:, 0] > east)
+        | (chunks[:, 2] < west)
+        | (chunks[:, 1] > north)
+        | (chunks[:, 3] < south)
+    )
     return np.flatnonzero(~apart)
 
 

@@ -108,9 +108,14 @@ def _write_variable(
 ) -> "zarr.Array[Any]":
     numbers, attrs = as_numbers(variable)
     array = create_array(
-        root, name, dims=variable.dims, shape=variable.shape, dtype=numbers.dtype, attrs=attrs,
+        root,
+        name,
+        dims=variable.dims,
+        shape=variable.shape,
+        dtype=numbers.dtype,
+        attrs=attrs,
         rows=rows,
-    )  # fmt: skip
+    )
     written, found = Checksums(), Checksums()
     if rows not in variable.dims:
         values = np.asarray(numbers.values)
@@ -145,11 +150,16 @@ def _write_points(blocks: Iterable[xr.Dataset], target: Path, path: Path) -> Non
             root = create_group(target, taken.attrs)
             arrays = {
                 name: create_array(
-                    root, name, dims=("point",), shape=(0,), dtype=values.dtype,
-                    attrs=taken.first[name].attrs, rows="point",
+                    root,
+                    name,
+                    dims=("point",),
+                    shape=(0,),
+                    dtype=values.dtype,
+                    attrs=taken.first[name].attrs,
+                    rows="point",
                 )
                 for name, values in columns.items()
-            }  # fmt: skip
+            }
         start = tally.count
         tally.add(columns)
         for name, array in arrays.items():
@@ -163,9 +173,14 @@ def _write_points(blocks: Iterable[xr.Dataset], target: Path, path: Path) -> Non
     root.attrs.put(plain_attrs(taken.attrs, "the dataset"))
     bounds = tally.bounds()
     create_array(
-        root, BOUNDS, dims=("chunk", "edge"), shape=bounds.shape, dtype=bounds.dtype,
-        attrs={"edges": "west, south, east, north", "units": "m"}, rows="chunk",
-    )[...] = bounds  # fmt: skip
+        root,
+        BOUNDS,
+        dims=("chunk", "edge"),
+        shape=bounds.shape,
+        dtype=bounds.dtype,
+        attrs={"edges": "west, south, east, north", "units": "m"},
+        rows="chunk",
+    )[...] = bounds
     entries = [
         _array_entry(name, array, ("point",), coordinate=name in taken.coordinates)
         for name, array in arrays.items()
@@ -246,6 +261,9 @@ def _array_entry(
     name: str, array: "zarr.Array[Any]", dims: tuple[Any, ...], *, coordinate: bool
 ) -> ArrayEntry:
     return ArrayEntry(
-        name=name, dims=[str(dim) for dim in dims], shape=list(array.shape),
-        dtype=str(array.dtype), coordinate=coordinate,
-    )  # fmt: skip
+        name=name,
+        dims=[str(dim) for dim in dims],
+        shape=list(array.shape),
+        dtype=str(array.dtype),
+        coordinate=coordinate,
+    )

@@ -14,8 +14,11 @@ from trueterrain.formats.table._columns import TableLayout
 from trueterrain.formats.table._text import Values
 
 _WHOLE_NUMBERS = (
-    "lane", "count", "intensity", *(n for n, kind in RETURN_ATTRIBUTES.items() if kind[0] == "u"),
-)  # fmt: skip
+    "lane",
+    "count",
+    "intensity",
+    *(n for n, kind in RETURN_ATTRIBUTES.items() if kind[0] == "u"),
+)
 
 Place = Callable[[int], str]
 

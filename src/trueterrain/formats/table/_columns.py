@@ -11,12 +11,29 @@ from trueterrain.core.schemas import COORDINATES, EXTRA, RETURN_ATTRIBUTES
 
 _ANGLES = {"rad": 1.0, "deg": math.pi / 180}
 _LENGTHS = {
-    "m": 1.0, "metre": 1.0, "metres": 1.0, "meter": 1.0, "meters": 1.0,
-    "mm": 0.001, "millimetre": 0.001, "millimetres": 0.001, "millimeter": 0.001,
-    "millimeters": 0.001, "cm": 0.01, "km": 1000.0,
-    "in": 0.0254, "inch": 0.0254, "inches": 0.0254, "mil": 2.54e-5, "mils": 2.54e-5,
-    "ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "usft": 1200 / 3937, "us-ft": 1200 / 3937,
-}  # fmt: skip
+    "m": 1.0,
+    "metre": 1.0,
+    "metres": 1.0,
+    "meter": 1.0,
+    "meters": 1.0,
+    "mm": 0.001,
+    "millimetre": 0.001,
+    "millimetres": 0.001,
+    "millimeter": 0.001,
+    "millimeters": 0.001,
+    "cm": 0.01,
+    "km": 1000.0,
+    "in": 0.0254,
+    "inch": 0.0254,
+    "inches": 0.0254,
+    "mil": 2.54e-5,
+    "mils": 2.54e-5,
+    "ft": 0.3048,
+    "foot": 0.3048,
+    "feet": 0.3048,
+    "usft": 1200 / 3937,
+    "us-ft": 1200 / 3937,
+}
 _UNITS = {
     **dict.fromkeys(("s", "easting", "northing", "up", "height", "sd", "sd_relative"), _LENGTHS),
     "heading": _ANGLES,
@@ -25,9 +42,15 @@ _UNITS = {
 }
 _NAMES = (*_UNITS, "intensity", "lane", "count", "track")
 _ALIASES = {
-    "station": "s", "distance": "s", "chainage": "s", "x": "easting", "y": "northing",
-    "z": "up", "elevation": "up", "altitude": "up",
-}  # fmt: skip
+    "station": "s",
+    "distance": "s",
+    "chainage": "s",
+    "x": "easting",
+    "y": "northing",
+    "z": "up",
+    "elevation": "up",
+    "altitude": "up",
+}
 _PER_TRACK = ("height", "easting", "northing", "heading", "sd", "count")
 
 # names of tracks that need no word for height, and words that may stand beside them
@@ -101,9 +124,10 @@ def layout_of(labels: list[str], path: str | Path, *, kind: str | None = None) -
     if kind is None or not {column.name for column in columns}.issuperset(_REQUIRED[kind]):
         raise _missing_error(labels, names, kind, path)
     kept = [
-        column for column in columns
+        column
+        for column in columns
         if column.name in _KEPT[kind] or (kind == "points" and column.name.startswith(EXTRA))
-    ]  # fmt: skip
+    ]
     # easting_left belongs to height_left; where there is no height_left it belongs to nothing
     tracks = {column.track for column in kept if column.name == "height"} or {None}
     kept = [column for column in kept if column.track in tracks or column.name in ("s", "track")]

@@ -24,12 +24,22 @@ from trueterrain.formats.table._cells import guard_text
 from trueterrain.formats.table._parquet import ParquetWriter
 
 _POINTS = (
-    *COORDINATES, "time", "intensity", "lane", "sd", "sd_relative", *RETURN_ATTRIBUTES,
-)  # fmt: skip
+    *COORDINATES,
+    "time",
+    "intensity",
+    "lane",
+    "sd",
+    "sd_relative",
+    *RETURN_ATTRIBUTES,
+)
 _PROFILE = ("easting", "northing", "height", "sd", "count", "heading")
 _ATTRS = (  # kept in Parquet
-    "crs", "provenance", "gps_time_kind", "coordinate_scale", "coordinate_offset",
-)  # fmt: skip
+    "crs",
+    "provenance",
+    "gps_time_kind",
+    "coordinate_scale",
+    "coordinate_offset",
+)
 _ROWS = 1_000_000  # written at a time
 
 

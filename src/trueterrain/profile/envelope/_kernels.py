@@ -10,9 +10,25 @@ from trueterrain.core.kernels import compile_kernel
 
 @compile_kernel(parallel=True)
 def cam_heights(
-    strip, top, group, lines, first, stride, step, lead, drop, slope, behind, ahead, shift,
-    half_length, half_height, order, height, gradient,
-):  # fmt: skip
+    strip,
+    top,
+    group,
+    lines,
+    first,
+    stride,
+    step,
+    lead,
+    drop,
+    slope,
+    behind,
+    ahead,
+    shift,
+    half_length,
+    half_height,
+    order,
+    height,
+    gradient,
+):
     """Height of each cam that stands on the ground, less its half height, and the slope there.
 
     The ground is linear between samples, and a cam touches a sample or, where it is as steep as
@@ -136,9 +152,20 @@ def tyre_forces(strip, begin, end, x_begin, step, hub, radius, decay, tension, w
 
 @compile_kernel(parallel=True)
 def hub_heights(
-    strip, first, stride, step, radius, decay, tension, load, deflection, tolerance, iterations,
-    height, slope,
-):  # fmt: skip
+    strip,
+    first,
+    stride,
+    step,
+    radius,
+    decay,
+    tension,
+    load,
+    deflection,
+    tolerance,
+    iterations,
+    height,
+    slope,
+):
     """Height of the hub at which the springs carry the load, and the slope of their force.
 
     Secants from where the hub would be above the mean ground of its patch; one that leaves the

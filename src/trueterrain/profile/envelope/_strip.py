@@ -173,9 +173,12 @@ def strip_under(lines: Lines, begin: int, end: int, reach: float) -> tuple[Groun
     if high > last:
         known[1] = last + _hold_heights(height[:, last - low :])
     strip = GroundStrip(
-        height=height, step=lines.step, first=margin, stride=lines.stride,
+        height=height,
+        step=lines.step,
+        first=margin,
+        stride=lines.stride,
         count=end - begin,
-    )  # fmt: skip
+    )
     return strip, known
 
 

@@ -74,10 +74,24 @@ class Superellipse:
         height = np.empty((strip.count, len(group)))
         slope = np.empty_like(height)
         _kernels.cam_heights(
-            strip.height, top, np.array(group), np.array(groups), strip.first, strip.stride,
-            strip.step, lead, self.drop(x[:, 1:-1]), self.slope(x), *self._bounds(x, strip.step),
-            place, self.half_length, self.half_height, self.order, height, slope,
-        )  # fmt: skip
+            strip.height,
+            top,
+            np.array(group),
+            np.array(groups),
+            strip.first,
+            strip.stride,
+            strip.step,
+            lead,
+            self.drop(x[:, 1:-1]),
+            self.slope(x),
+            *self._bounds(x, strip.step),
+            place,
+            self.half_length,
+            self.half_height,
+            self.order,
+            height,
+            slope,
+        )
         return height, slope
 
     def _bounds(self, x: Float, step: float) -> tuple[Float, Float]:

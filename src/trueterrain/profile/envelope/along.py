@@ -106,15 +106,22 @@ def tyre_envelope(
     array([0.        , 0.00284271, 0.01580399, 0.02      ])
     """
     road = effective_road(
-        ground, path, tyre=tyre, step=step, minimum_cover=minimum_cover, thin=thin,
+        ground,
+        path,
+        tyre=tyre,
+        step=step,
+        minimum_cover=minimum_cover,
+        thin=thin,
         progress=progress,
-    )  # fmt: skip
+    )
     names = [name for name in ("height", "sd", "count", "easting", "northing") if name in road]
     tracks = [str(name) for name in road.track.values] if "track" in road.dims else None
     profile = make_profile(
-        road.s, **{name: road[name].values for name in names}, tracks=tracks,
+        road.s,
+        **{name: road[name].values for name in names},
+        tracks=tracks,
         crs=road.attrs["crs"],
-    )  # fmt: skip
+    )
     kept = {name: road.attrs[name] for name in ("thin", "held", "provenance")}
     return profile.assign_attrs(kept)
 
@@ -182,8 +189,11 @@ def effective_road(
     else:
         road = _on_tracks(check_profile(ground), tyre, step, policy, progress)
     parameters = {
-        "tyre": tyre, "step": step, "minimum_cover": minimum_cover, "thin": thin,
-    }  # fmt: skip
+        "tyre": tyre,
+        "step": step,
+        "minimum_cover": minimum_cover,
+        "thin": thin,
+    }
     road.attrs["crs"] = ground.attrs.get("crs", "")
     return provenance.add_step(road, "tyre_envelope", parameters=parameters, after=ground)
 

@@ -73,9 +73,10 @@ class LineLaser:
         known = np.isfinite(heights)
         some = heights[known]
         distributions = HeightDistributions(
-            start=np.append(0, np.cumsum(known.sum(axis=1))), heights=some,
+            start=np.append(0, np.cumsum(known.sum(axis=1))),
+            heights=some,
             distances=np.zeros_like(some),
-        )  # fmt: skip
+        )
         height, sd = Window(skip=self.skip, size=self.size).estimate(distributions)
         return {"height": height, "sd": sd}
 

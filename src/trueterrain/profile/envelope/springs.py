@@ -187,9 +187,17 @@ class RadialSpringTyre:
         level = np.zeros(2 * reach + 1)
         hub = self.radius - self.rated_load / self.stiffness
         unit, _, _ = _kernels.section_forces(
-            level, 0, level.size, -reach * step, step, hub, self.radius, self.decay, 1.0,
+            level,
+            0,
+            level.size,
+            -reach * step,
+            step,
+            hub,
+            self.radius,
+            self.decay,
+            1.0,
             np.empty((4, level.size)),
-        )  # fmt: skip
+        )
         return float(self.rated_load / (sections * unit))
 
     @property
@@ -205,7 +213,18 @@ class RadialSpringTyre:
 
         height, slope = np.empty(count), np.empty(count)
         _kernels.hub_heights(
-            ground, first, stride, step, self.radius, self.decay, tension, self.load,
-            self.rated_load / self.stiffness, LOAD_BALANCE, _ITERATIONS, height, slope,
-        )  # fmt: skip
+            ground,
+            first,
+            stride,
+            step,
+            self.radius,
+            self.decay,
+            tension,
+            self.load,
+            self.rated_load / self.stiffness,
+            LOAD_BALANCE,
+            _ITERATIONS,
+            height,
+            slope,
+        )
         return height, slope

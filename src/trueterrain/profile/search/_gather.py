@@ -20,8 +20,11 @@ Gatherer = Callable[[WheelPath], tuple[Integer, Fill]]
 
 #: Start and outputs of a kernel that shall only count.
 NOTHING: tuple[Integer, Float, Float, Float] = (
-    np.zeros(1, np.int64), np.empty(0), np.empty(0), np.empty(0)
-)  # fmt: skip
+    np.zeros(1, np.int64),
+    np.empty(0),
+    np.empty(0),
+    np.empty(0),
+)
 
 #: Residuals below this weigh alike in the robust plane [m]: far below what any scanner resolves.
 _LEVEL_STEP = 1e-7

@@ -37,9 +37,7 @@ def _hash_slot(keys, key):
 
 
 @compile_kernel(parallel=True)
-def gather_grid(
-    origin, normal, v, height, at, row, heading, shape, half, reach, start, dx, dy, z
-):  # fmt: skip
+def gather_grid(origin, normal, v, height, at, row, heading, shape, half, reach, start, dx, dy, z):
     """Gather nodes of a grid; node (i, j) lies at origin[i] + v[j] * normal[i].
 
     `row` is the row of the cell in which each path point lies, -1 outside of the surface. Also
@@ -153,9 +151,23 @@ def sort_into_cells(cell, quantity):
 
 @compile_kernel(parallel=True)
 def gather_scattered(
-    points, begin, low, columns, cells_per_metre, keys, numbers, at, heading, shape, half, reach,
-    start, dx, dy, z,
-):  # fmt: skip
+    points,
+    begin,
+    low,
+    columns,
+    cells_per_metre,
+    keys,
+    numbers,
+    at,
+    heading,
+    shape,
+    half,
+    reach,
+    start,
+    dx,
+    dy,
+    z,
+):
     """Gather scattered points, sorted into cells, inside the search area of each path point."""
     fill = dx.size > 0
     counts = np.zeros(at.shape[0], np.int64)

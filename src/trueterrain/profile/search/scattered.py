@@ -53,9 +53,16 @@ class ScatteredHeights:
         self._numbers = np.empty(size, np.int32)
         column, row = np.empty(most, np.int64), np.empty(most, np.int64)
         self._quantity = number_cells(
-            column, row, self._columns, self._per_metre, self._reach, at, self._low,
-            self._keys, self._numbers,
-        )  # fmt: skip
+            column,
+            row,
+            self._columns,
+            self._per_metre,
+            self._reach,
+            at,
+            self._low,
+            self._keys,
+            self._numbers,
+        )
         self._coarse = self._sieve(column[: self._quantity], row[: self._quantity])
         self._kept: list[tuple[npt.NDArray[np.int32], Float]] = []
 
@@ -83,9 +90,16 @@ class ScatteredHeights:
         for begin in range(0, columns[0].size, _BLOCK):
             block = tuple(column[begin : begin + _BLOCK] for column in columns)
             cell = find_cells(
-                *block, self._low, self._high, self._columns, self._per_metre,
-                self._coarse, self._coarse_scale, self._keys, self._numbers,
-            )  # fmt: skip
+                *block,
+                self._low,
+                self._high,
+                self._columns,
+                self._per_metre,
+                self._coarse,
+                self._coarse_scale,
+                self._keys,
+                self._numbers,
+            )
             near = np.flatnonzero(cell >= 0)
             self._kept.append((cell[near], np.stack([column[near] for column in block], axis=1)))
 
@@ -109,9 +123,19 @@ class ScatteredHeights:
 
             def run(start: Integer, *output: Float) -> Integer:
                 counts = gather_scattered(
-                    points, begin, self._low, self._columns, self._per_metre, self._keys,
-                    self._numbers, at, heading, *kernel_area(self._area), start, *output,
-                )  # fmt: skip
+                    points,
+                    begin,
+                    self._low,
+                    self._columns,
+                    self._per_metre,
+                    self._keys,
+                    self._numbers,
+                    at,
+                    heading,
+                    *kernel_area(self._area),
+                    start,
+                    *output,
+                )
                 return np.asarray(counts)
 
             return run(*NOTHING), run

@@ -68,9 +68,12 @@ def correlate_signals(
     if not (aa > 0 and bb > 0):
         return SignalCorrelation(-np.inf, -np.inf, np.nan, (count - 1) * step, sums)
     return SignalCorrelation(
-        rating=float(ab / max(aa, bb)), correlation=float(ab / np.sqrt(aa * bb)),
-        sd_ratio=float(np.sqrt(bb / aa)), overlap=float((count - 1) * step), products=sums,
-    )  # fmt: skip
+        rating=float(ab / max(aa, bb)),
+        correlation=float(ab / np.sqrt(aa * bb)),
+        sd_ratio=float(np.sqrt(bb / aa)),
+        overlap=float((count - 1) * step),
+        products=sums,
+    )
 
 
 def best_shift(
@@ -118,8 +121,9 @@ def _second_peak(ratings: Array, best: int) -> int | None:
     before, behind = low[low < best], low[low > best]
     begin = int(before[-1]) + 1 if before.size else 0
     end = int(behind[0]) if behind.size else ratings.size
-    others = np.where((np.arange(ratings.size) < begin) | (np.arange(ratings.size) >= end),
-                      ratings, -np.inf)  # fmt: skip
+    others = np.where(
+        (np.arange(ratings.size) < begin) | (np.arange(ratings.size) >= end), ratings, -np.inf
+    )
     found = int(np.argmax(others))
     return found if others[found] > _NEARLY * ratings[best] > 0 else None
 

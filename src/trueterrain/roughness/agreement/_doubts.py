@@ -10,8 +10,11 @@ from trueterrain.roughness.agreement.options import AgreementSettings
 
 # ratios that a wrong unit leaves
 _UNITS = {
-    "feet": 1 / 0.3048, "inches": 1 / 0.0254, "millimetres": 1000.0, "centimetres": 100.0,
-}  # fmt: skip
+    "feet": 1 / 0.3048,
+    "inches": 1 / 0.0254,
+    "millimetres": 1000.0,
+    "centimetres": 100.0,
+}
 
 _NEAR = 0.03  # share by which a ratio may miss that of two units
 _ALIKE = 0.7  # correlation from which on a ratio of amplitudes is no chance

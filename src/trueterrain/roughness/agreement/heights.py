@@ -107,8 +107,11 @@ def height_errors(
         scale=(("track", "profile"), placed[1], {"units": "m/m"}),
     )
     settings = {
-        "reference": reference, "registration": registration, "trend": trend, "options": options,
-    }  # fmt: skip
+        "reference": reference,
+        "registration": registration,
+        "trend": trend,
+        "options": options,
+    }
     return add_step(data, "height_errors", parameters=settings)
 
 
@@ -171,10 +174,12 @@ def _describe_errors(
         },
         {"track": labels, "profile": names, "s": ("s", station, _LENGTHS)},
     )
-    return data.assign({
-        name: (("track", "profile"), statistics[..., at], _LENGTHS)
-        for at, name in enumerate(_STATISTICS)
-    })  # fmt: skip
+    return data.assign(
+        {
+            name: (("track", "profile"), statistics[..., at], _LENGTHS)
+            for at, name in enumerate(_STATISTICS)
+        }
+    )
 
 
 def _row_means(rows: Array) -> Array:

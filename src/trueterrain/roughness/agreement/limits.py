@@ -159,6 +159,11 @@ def _make_check(
     elif limit is None:
         reason = "no limit is given"
     return LimitCheck(
-        name=name, track=track, value=value, limit=limit, unit=unit,
-        passed=None if reason else passed, reason=reason,
-    )  # fmt: skip
+        name=name,
+        track=track,
+        value=value,
+        limit=limit,
+        unit=unit,
+        passed=None if reason else passed,
+        reason=reason,
+    )

@@ -20,9 +20,15 @@ from trueterrain.roughness.plausible import flag_profile as implausible
 Array = npt.NDArray[np.float64]
 
 _PAIRWISE = {
-    "rating": "1", "correlation": "1", "sd_ratio": "1", "best_shift": "m", "overlap": "m",
-    "corrected_rating": "1", "corrected_shift": "m", "distance_error": "m/m",
-}  # fmt: skip
+    "rating": "1",
+    "correlation": "1",
+    "sd_ratio": "1",
+    "best_shift": "m",
+    "overlap": "m",
+    "corrected_rating": "1",
+    "corrected_shift": "m",
+    "distance_error": "m/m",
+}
 
 #: Names and tracks of profiles: tracks[name][track].
 Tracks = dict[str, dict[str, ProfileTrack]]
@@ -253,16 +259,21 @@ def _write_pair(values: dict[str, Array], row: int, i: int, j: int, pair: Regist
     plain, corrected, scale = pair.plain, pair.corrected, pair.scale
     known = np.isfinite(scale)
     there = {
-        "rating": plain.rating, "correlation": plain.correlation, "sd_ratio": plain.sd_ratio,
-        "best_shift": pair.shift, "overlap": plain.overlap,
+        "rating": plain.rating,
+        "correlation": plain.correlation,
+        "sd_ratio": plain.sd_ratio,
+        "best_shift": pair.shift,
+        "overlap": plain.overlap,
         "corrected_rating": corrected.rating if known else np.nan,
-        "corrected_shift": pair.corrected_shift if known else np.nan, "distance_error": scale,
-    }  # fmt: skip
+        "corrected_shift": pair.corrected_shift if known else np.nan,
+        "distance_error": scale,
+    }
     back = there | {
-        "sd_ratio": 1 / plain.sd_ratio, "best_shift": -pair.shift,
+        "sd_ratio": 1 / plain.sd_ratio,
+        "best_shift": -pair.shift,
         "corrected_shift": pair.shift_back if known else np.nan,
         "distance_error": -scale / (1 + scale),
-    }  # fmt: skip
+    }
     for name, value in there.items():
         values[name][row, i, j] = value
         values[name][row, j, i] = back[name]

@@ -149,9 +149,14 @@ class Parked(FormulaMotion):
         model = linear_model(vehicle)
         rest = dict(zip(model.freedoms, start_state(model, heights).displacement, strict=True))
         return cls(
-            east=east, north=north, up=float(rest["heave"]) + vehicle.cg_height,
-            roll=float(rest["roll"]), pitch=float(rest["pitch"]), yaw=yaw, **others,
-        )  # fmt: skip
+            east=east,
+            north=north,
+            up=float(rest["heave"]) + vehicle.cg_height,
+            roll=float(rest["roll"]),
+            pitch=float(rest["pitch"]),
+            yaw=yaw,
+            **others,
+        )
 
     def _values(self, time: Float) -> Float:
         out = np.zeros((3, time.size, 6))

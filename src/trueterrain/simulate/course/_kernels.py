@@ -77,9 +77,27 @@ def _nearest_on(px, py, j, length, x, y, heading, bend, twist, a, b):
 
 @compile_kernel(parallel=True)
 def project_points(
-    px, py, begin, length, x, y, heading, bend, twist, a, b,
-    middle_x, middle_y, first, group_x, group_y, group_reach, open_ended, u, v,
-):  # fmt: skip
+    px,
+    py,
+    begin,
+    length,
+    x,
+    y,
+    heading,
+    bend,
+    twist,
+    a,
+    b,
+    middle_x,
+    middle_y,
+    first,
+    group_x,
+    group_y,
+    group_reach,
+    open_ended,
+    u,
+    v,
+):
     """Write station and offset of the nearest point of the line into `u` and `v`.
 
     No point of piece j is further from its middle than half of its length, and no point of group g,

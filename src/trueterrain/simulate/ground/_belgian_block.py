@@ -18,13 +18,31 @@ from trueterrain.simulate.ground._ground import (
 )
 
 _POSITIVE = (
-    "row_pitch", "row_waviness_length", "block_pitch", "shoulder", "texture_length",
-    "field_length", "field_width", "field_ramp", "lane_ramp", "undulation_length",
-)  # fmt: skip
+    "row_pitch",
+    "row_waviness_length",
+    "block_pitch",
+    "shoulder",
+    "texture_length",
+    "field_length",
+    "field_width",
+    "field_ramp",
+    "lane_ramp",
+    "undulation_length",
+)
 _NOT_NEGATIVE = (
-    "row_scatter", "row_waviness", "block_scatter", "block_slant", "bond_scatter", "joint_width",
-    "joint_depth", "height_scatter", "tilt_scatter", "texture", "field_scatter", "undulation",
-)  # fmt: skip
+    "row_scatter",
+    "row_waviness",
+    "block_scatter",
+    "block_slant",
+    "bond_scatter",
+    "joint_width",
+    "joint_depth",
+    "height_scatter",
+    "tilt_scatter",
+    "texture",
+    "field_scatter",
+    "undulation",
+)
 _SHARES = ("joint_depth_scatter", "bedding", "field_ramp_scatter")
 
 

@@ -139,8 +139,10 @@ def kind_catalogue() -> str:
         lines += ["", f"Kinds for {what}", ""]
         for name, kind in kinds.items():
             lines += [f'kind = "{name}"', *settings_template(kind).splitlines(), ""]
-    for what, car in {'full cars, here "van"': named_vehicle("van"),
-                      '"quarter car"': GOLDEN_QUARTER_CAR}.items():  # fmt: skip
+    for what, car in {
+        'full cars, here "van"': named_vehicle("van"),
+        '"quarter car"': GOLDEN_QUARTER_CAR,
+    }.items():
         lines += ["", f"Parameters for [vehicle.parameters] of {what}", ""]
         lines += settings_template(car).splitlines()
     return "\n".join(f"# {line}".rstrip() for line in lines) + "\n"

@@ -183,10 +183,11 @@ def _scene_provenance(stage: Stage, drive: ScenePass, number: int) -> str:
     folder = stage.path.parent if stage.path else Path()
     measured = [table["file"] for table in stage.scene.ground if table.get("kind") == MEASURED]
     step = add_step(
-        xr.Dataset(), "simulate",
+        xr.Dataset(),
+        "simulate",
         parameters={"scene": stage.scene, "pass": drive.name, "pass_number": number},
         inputs=[folder / file for file in measured],
-    )  # fmt: skip
+    )
     return str(step.attrs["provenance"])
 
 
@@ -261,9 +262,13 @@ class _Shown:
             x = east[part, None] + self._v * normal[part, :1]
             y = north[part, None] + self._v * normal[part, 1:]
             yield make_surface(
-                self._ground.height(x, y), u=u[part], v=self._v, easting=east[part],
-                northing=north[part], heading=heading[part],
-            )  # fmt: skip
+                self._ground.height(x, y),
+                u=u[part],
+                v=self._v,
+                easting=east[part],
+                northing=north[part],
+                heading=heading[part],
+            )
 
     def _beyond(self, nodes: Float, side: int) -> Float:
         """Nodes straight on before the first (side -1) or behind the last (1) of two nodes."""

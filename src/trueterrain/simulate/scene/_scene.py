@@ -192,13 +192,20 @@ class Stage:
         )
         if vehicle.car is None:
             return Follower(
-                drive=way, up=vehicle.height, roll=vehicle.roll, pitch=vehicle.pitch,
+                drive=way,
+                up=vehicle.height,
+                roll=vehicle.roll,
+                pitch=vehicle.pitch,
                 waves=vehicle.waves,
-            )  # fmt: skip
+            )
         return BodyMotion(
-            drive=way, ground=self.ground, vehicle=vehicle.car, tyre=vehicle.tyre,
-            wheel=self.scene.mounting.scanner_position[:2], origin_height=vehicle.height,
-        )  # fmt: skip
+            drive=way,
+            ground=self.ground,
+            vehicle=vehicle.car,
+            tyre=vehicle.tyre,
+            wheel=self.scene.mounting.scanner_position[:2],
+            origin_height=vehicle.height,
+        )
 
     def _parked(self, standing: Standing) -> Motion:
         vehicle = self.scene.vehicle
@@ -223,8 +230,11 @@ def scene_names() -> list[str]:
     >>> "belgian-two-lanes" in scene_names()
     True
     """
-    return sorted(file.name.removesuffix(".toml") for file in _scene_folder().iterdir()
-                  if file.name.endswith(".toml"))  # fmt: skip
+    return sorted(
+        file.name.removesuffix(".toml")
+        for file in _scene_folder().iterdir()
+        if file.name.endswith(".toml")
+    )
 
 
 def read_scene(scene: str | Path) -> tuple[Scene, Path]:

@@ -59,13 +59,17 @@ def cell_slopes(height, steeper, ahead, left):
         for j in range(columns):
             here = height[i, j]
             ahead[i, j] = _limited_slope(
-                height[i - 1, j] if i > 0 else math.nan, here,
-                height[i + 1, j] if i < rows - 1 else math.nan, steeper,
-            )  # fmt: skip
+                height[i - 1, j] if i > 0 else math.nan,
+                here,
+                height[i + 1, j] if i < rows - 1 else math.nan,
+                steeper,
+            )
             left[i, j] = _limited_slope(
-                height[i, j - 1] if j > 0 else math.nan, here,
-                height[i, j + 1] if j < columns - 1 else math.nan, steeper,
-            )  # fmt: skip
+                height[i, j - 1] if j > 0 else math.nan,
+                here,
+                height[i, j + 1] if j < columns - 1 else math.nan,
+                steeper,
+            )
 
 
 @compile_kernel(error_model="numpy")
@@ -133,9 +137,23 @@ def pool_variance(total, free, least, single):
 
 @compile_kernel(error_model="numpy")
 def finish_rows(
-    value, single, n, effective, pose, ahead, left, sideways, along, across, spread, least, first,
-    height, sd, count,
-):  # fmt: skip
+    value,
+    single,
+    n,
+    effective,
+    pose,
+    ahead,
+    left,
+    sideways,
+    along,
+    across,
+    spread,
+    least,
+    first,
+    height,
+    sd,
+    count,
+):
     """Heights, standard deviations and counts of the rows from `first` on."""
     for i in range(height.shape[0]):
         k = first + i
@@ -155,9 +173,21 @@ def finish_rows(
 
 @compile_kernel(error_model="numpy")
 def search_disc(
-    mean, count, alongs, acrosses, parts, ahead, left, weight, levelled, found, n, effective,
-    slope_ahead, slope_left,
-):  # fmt: skip
+    mean,
+    count,
+    alongs,
+    acrosses,
+    parts,
+    ahead,
+    left,
+    weight,
+    levelled,
+    found,
+    n,
+    effective,
+    slope_ahead,
+    slope_left,
+):
     """Weighted means of the cells around each cell, on the plane that fits them if `levelled`."""
     rows, columns = mean.shape
     for i in range(rows):

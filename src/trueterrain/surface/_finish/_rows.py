@@ -89,10 +89,21 @@ def finish_sums(
         stored = of(part.lows if low else part.highs) - float(MIDDLE)
         value, effective = (-stored if low else stored) * STEP, np.ones_like(n)
     _kernels.finish_rows(
-        value, single, n, effective, pose, *slopes, sums.sideways_variance(), *sums.grid.spacing,
-        _quantile_variance_factor(options.share), options.minimum_count, begin - around.start,
-        nodes.height[begin:end], nodes.sd[begin:end], nodes.count[begin:end],
-    )  # fmt: skip
+        value,
+        single,
+        n,
+        effective,
+        pose,
+        *slopes,
+        sums.sideways_variance(),
+        *sums.grid.spacing,
+        _quantile_variance_factor(options.share),
+        options.minimum_count,
+        begin - around.start,
+        nodes.height[begin:end],
+        nodes.sd[begin:end],
+        nodes.count[begin:end],
+    )
 
 
 def _search_heights(
@@ -112,9 +123,19 @@ def _search_heights(
     if not levelled:
         places = np.zeros_like(weights), np.zeros_like(weights)
     _kernels.search_disc(
-        mean, weights, *places, PARTS, disc.ahead, disc.left, disc.weight, levelled, found, n,
-        effective, *slopes,
-    )  # fmt: skip
+        mean,
+        weights,
+        *places,
+        PARTS,
+        disc.ahead,
+        disc.left,
+        disc.weight,
+        levelled,
+        found,
+        n,
+        effective,
+        *slopes,
+    )
     return found, n / weight, effective / weight
 
 
@@ -139,9 +160,15 @@ def _return_variance(
     """Variance of a single return from the scatter in the cells around [m²]."""
     total, free = np.empty_like(deviation), np.empty_like(deviation)
     _kernels.cell_scatter(
-        deviation, weights, weight, np.empty((0, 0)) if between is None else between, *slopes,
-        levelled, total, free,
-    )  # fmt: skip
+        deviation,
+        weights,
+        weight,
+        np.empty((0, 0)) if between is None else between,
+        *slopes,
+        levelled,
+        total,
+        free,
+    )
     sums = np.empty_like(total), np.empty_like(free)
     row = np.empty(total.shape[1] + 2 * _kernels.REACH)
     _kernels.box_sums(total, row, sums[0])

@@ -36,13 +36,54 @@ def _place_returns(expansion, beam, ranges, scale, begin, end, where):
 
 @compile_kernel
 def accumulate_scans(
-    begin, end, expansion, first, beam, ranges, scale, missing, nearest, furthest,
-    intensity, floor, saturation, good, doubtful,
-    px, py, nx, ny, dx, dy, lean, widen, length, hint,
-    v_right, per_across, columns, per_step, parts, furthest_height,
-    first_row, touched, count, totals, squares, lows, highs, alongs, acrosses, tally,
-    reach_low, reach_high, reach_found, first_cell, cursor, values,
-):  # fmt: skip
+    begin,
+    end,
+    expansion,
+    first,
+    beam,
+    ranges,
+    scale,
+    missing,
+    nearest,
+    furthest,
+    intensity,
+    floor,
+    saturation,
+    good,
+    doubtful,
+    px,
+    py,
+    nx,
+    ny,
+    dx,
+    dy,
+    lean,
+    widen,
+    length,
+    hint,
+    v_right,
+    per_across,
+    columns,
+    per_step,
+    parts,
+    furthest_height,
+    first_row,
+    touched,
+    count,
+    totals,
+    squares,
+    lows,
+    highs,
+    alongs,
+    acrosses,
+    tally,
+    reach_low,
+    reach_high,
+    reach_found,
+    first_cell,
+    cursor,
+    values,
+):
     """Ranges of the scans begin to end into cells, without points in between.
 
     There are cells for the rows from `first_row` on. If there are `values`, heights of cells from
@@ -191,9 +232,15 @@ def accumulate_poses(body, variance, pieces, px, py, nx, ny, hint, unit, sums):
         i = hint[n]
         middle = n * pieces + pieces // 2
         _add_pose(
-            body[middle], variance[middle], px[i], py[i], nx[i], ny[i], unit,
+            body[middle],
+            variance[middle],
+            px[i],
+            py[i],
+            nx[i],
+            ny[i],
+            unit,
             sums[min(max(i - 1, 0), last)],
-        )  # fmt: skip
+        )
 
 
 @compile_kernel
@@ -235,9 +282,24 @@ def _find_strip(px, py, nx, ny, i, x, y):
 
 @compile_kernel
 def scan_reach(
-    expansion, pieces, piece, beam, furthest, px, py, nx, ny, dx, dy, hint, right, left, spare,
-    low, high,
-):  # fmt: skip
+    expansion,
+    pieces,
+    piece,
+    beam,
+    furthest,
+    px,
+    py,
+    nx,
+    ny,
+    dx,
+    dy,
+    hint,
+    right,
+    left,
+    spare,
+    low,
+    high,
+):
     """Rows that some beams of each scan pass over, up to a range and within the offsets."""
     rows = px.size - 2
     where, ray = np.empty(2), np.empty(2)
@@ -270,10 +332,37 @@ def scan_reach(
 
 @compile_kernel
 def accumulate_points(
-    begin, end, u, v, z, sd, first_u, per_along, rows, v_right, per_across, columns, per_step,
-    parts, furthest_height, variance_unit, first_row, touched, count, totals, squares, lows, highs,
-    alongs, acrosses, variances, tally, first_cell, cursor, values,
-):  # fmt: skip
+    begin,
+    end,
+    u,
+    v,
+    z,
+    sd,
+    first_u,
+    per_along,
+    rows,
+    v_right,
+    per_across,
+    columns,
+    per_step,
+    parts,
+    furthest_height,
+    variance_unit,
+    first_row,
+    touched,
+    count,
+    totals,
+    squares,
+    lows,
+    highs,
+    alongs,
+    acrosses,
+    variances,
+    tally,
+    first_cell,
+    cursor,
+    values,
+):
     """Points begin to end into cells of rows from `first_row` on; NaN in u is outside.
 
     Or their heights to `values`, as by `scans`.

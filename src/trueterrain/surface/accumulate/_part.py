@@ -55,9 +55,14 @@ class ThreadSums:
     def cells(self) -> tuple[Any, ...]:
         """Sums of returns, as the loops take them."""
         return (
-            self.count, self.totals, self.squares, self.lows, self.highs, self.alongs,
+            self.count,
+            self.totals,
+            self.squares,
+            self.lows,
+            self.highs,
+            self.alongs,
             self.acrosses,
-        )  # fmt: skip
+        )
 
     @property
     def sums(self) -> tuple[Any, ...]:

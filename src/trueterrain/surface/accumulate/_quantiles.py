@@ -57,9 +57,10 @@ def cell_quantiles(
         if not ends[-1]:
             continue
         room = HeightCollection(
-            first_cell=begin * columns, cursor=np.concatenate([[0], ends[:-1]]),
+            first_cell=begin * columns,
+            cursor=np.concatenate([[0], ends[:-1]]),
             values=np.empty(ends[-1] + 1, np.int32),
-        )  # fmt: skip
+        )
         collect(room)
         if not np.array_equal(room.cursor, ends):
             message = "the data must be the same when they are added again."

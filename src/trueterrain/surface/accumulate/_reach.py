@@ -132,10 +132,19 @@ def scan_reaches(
         here = ScanReach.unknown(some.size)
         here.hint[:] = hint
         _kernels.scan_reach(
-            motion.coefficient, geometry.pieces, piece, geometry.beam[:, beams], furthest,
-            *grid.strips[:6], here.hint, grid.v[0] - edge, grid.v[-1] + edge, _SPARE,
-            here.low, here.high,
-        )  # fmt: skip
+            motion.coefficient,
+            geometry.pieces,
+            piece,
+            geometry.beam[:, beams],
+            furthest,
+            *grid.strips[:6],
+            here.hint,
+            grid.v[0] - edge,
+            grid.v[-1] + edge,
+            _SPARE,
+            here.low,
+            here.high,
+        )
         reach.put(some, here)
     return reach, pose, tally
 

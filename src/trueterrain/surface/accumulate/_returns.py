@@ -64,7 +64,13 @@ class StoredReturns:
         """What the loops need."""
         screening = self.screening
         return (
-            self.ranges, self.scale, self.missing, screening.nearest, screening.furthest,
-            self.intensity if screening.needs_intensity else _NONE, screening.floor,
-            screening.saturation, *self.weights,
-        )  # fmt: skip
+            self.ranges,
+            self.scale,
+            self.missing,
+            screening.nearest,
+            screening.furthest,
+            self.intensity if screening.needs_intensity else _NONE,
+            screening.floor,
+            screening.saturation,
+            *self.weights,
+        )

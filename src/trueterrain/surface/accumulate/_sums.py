@@ -143,10 +143,15 @@ class CellSums:
         time = np.asarray(time, dtype=np.float64)
         self._note_datum(geometry.trajectory.datum_sd)
         returns = StoredReturns(
-            geometry=geometry, time=time, ranges=ranges, intensity=intensity, scale=scale,
+            geometry=geometry,
+            time=time,
+            ranges=ranges,
+            intensity=intensity,
+            scale=scale,
             missing=ranges.dtype.type(missing) if missing is not None else np.float64(np.nan),
-            screening=screening, weights=self._weights(screening),
-        )  # fmt: skip
+            screening=screening,
+            weights=self._weights(screening),
+        )
 
         def work(part: ThreadSums, begin: int, end: int) -> None:
             for start in range(begin, end, CHUNK):
@@ -179,9 +184,10 @@ class CellSums:
         x, y, z = (np.asarray(values, dtype=np.float64) for values in (easting, northing, up))
         if self.wanted.point_sd and sd is None:
             raise SchemaError(
-                "is missing, but earlier points have it", place="variable sd",
+                "is missing, but earlier points have it",
+                place="variable sd",
                 cure="Grid points with and without standard deviations apart.",
-            )  # fmt: skip
+            )
         own = np.asarray(sd, dtype=np.float64) if self.wanted.point_sd else np.empty(0)
         self._note_datum(0.0 if self.wanted.point_sd else None)
         along, across = self.grid.spacing
@@ -194,11 +200,31 @@ class CellSums:
                 stop = min(start + _POINTS, end)
                 u, v = self.grid.locate(x[start:stop], y[start:stop])
                 _kernels.accumulate_points(
-                    0, stop - start, u, v, z[start:stop], own[start:stop],
-                    self.grid.u[0], 1 / along, rows, self.grid.v[0], 1 / across, columns, 1 / STEP,
-                    PARTS, _HIGHEST, VARIANCE_STEP, self.rows.start, part.touched, *part.cells,
-                    part.variances, tally, into.first_cell, into.cursor, into.values,
-                )  # fmt: skip
+                    0,
+                    stop - start,
+                    u,
+                    v,
+                    z[start:stop],
+                    own[start:stop],
+                    self.grid.u[0],
+                    1 / along,
+                    rows,
+                    self.grid.v[0],
+                    1 / across,
+                    columns,
+                    1 / STEP,
+                    PARTS,
+                    _HIGHEST,
+                    VARIANCE_STEP,
+                    self.rows.start,
+                    part.touched,
+                    *part.cells,
+                    part.variances,
+                    tally,
+                    into.first_cell,
+                    into.cursor,
+                    into.values,
+                )
             if self._collection is None:
                 part.tally.note(tally)
 
@@ -399,10 +425,30 @@ class CellSums:
         into = collection or HeightCollection()
         tally = np.zeros(4, np.int64)
         _kernels.accumulate_scans(
-            0, returns.time.size, motion.coefficient, geometry.first, geometry.beam,
-            *returns.loops, *grid.strips, hint, grid.v[0], 1 / grid.spacing[1], grid.shape[1],
-            1 / STEP, PARTS, _HIGHEST, self.rows.start, part.touched, *part.cells, tally,
-            reach.low, reach.high, reach.found, into.first_cell, into.cursor, into.values,
-        )  # fmt: skip
+            0,
+            returns.time.size,
+            motion.coefficient,
+            geometry.first,
+            geometry.beam,
+            *returns.loops,
+            *grid.strips,
+            hint,
+            grid.v[0],
+            1 / grid.spacing[1],
+            grid.shape[1],
+            1 / STEP,
+            PARTS,
+            _HIGHEST,
+            self.rows.start,
+            part.touched,
+            *part.cells,
+            tally,
+            reach.low,
+            reach.high,
+            reach.found,
+            into.first_cell,
+            into.cursor,
+            into.values,
+        )
         if not collection:
             part.tally.note(tally)

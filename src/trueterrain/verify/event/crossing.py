@@ -132,9 +132,11 @@ def cross_event(
     laser 41 mm, body most in pitch
     """
     for name, value, unit in (
-        ("speed", speed, "m/s"), ("length", length, "m"), ("settle", settle, "s"),
+        ("speed", speed, "m/s"),
+        ("length", length, "m"),
+        ("settle", settle, "s"),
         ("spacing", spacing, "m"),
-    ):  # fmt: skip
+    ):
         if not 0 < value < math.inf:
             message = f"{name} must be finite and greater than 0 {unit}, got {value}."
             raise ValueError(message)
@@ -175,8 +177,8 @@ def _wheel_heights(
     along = front[0] + step * np.arange(-margin, front.size + margin)
     out = np.empty((front.size, 4))
     for wheel, (x, y) in enumerate(car.wheel_positions):
-        strip = height(*np.broadcast_arrays(
-            (along + x - car.front_axle)[:, None], (y + tyre.offsets)[None, :]
-        ))  # fmt: skip
+        strip = height(
+            *np.broadcast_arrays((along + x - car.front_axle)[:, None], (y + tyre.offsets)[None, :])
+        )
         out[:, wheel] = contact_heights(strip, step, tyre.patch_length)
     return out

@@ -258,42 +258,102 @@ def event_errata(damping: float = 0.3, tyre_share: float = 0.912) -> tuple[Errat
 
     printed = cleat_ratio(damping, model="thesis")
     rows = (
-        ("3-7", "ratio of the peak", shown, thesis,
-         "sqrt(1 - 2 z²) is the peak under a force, not on moving ground."),
-        ("3-7", "amplification at the peak", gain(shown), gain(thesis),
-         "The same, in amplitude."),
-        ("3-5", "amplification at V = a f2", gain(shown), gain(1.0),
-         "V = a f2 means r = 1, not the peak."),
-        ("3-13", "w/a without the factor of damping", printed, math.acos(1 / gain(shown)) / math.pi,
-         "The wheel oscillates as it meets cleats, not at its damped frequency."),
-        ("3-13", "w/a at the peak of 3-7", printed, math.acos(1 / gain(thesis)) / math.pi,
-         "Both of these."),
-        ("3-14", "w/a, damper on the body, soft suspension", printed, right(1.0),
-         "The damper acts on the body, which stands still, not on the road."),
-        ("3-14", "w/a, damper on the body", printed, right(tyre_share),
-         "The suspension holds the wheel as well."),
-        ("3-14", "w/a, damper on the body, V = a f2", printed,
-         right(tyre_share, 1.0), "The same at V = a f2."),
-        ("3-9", "lag over spacing, at the printed peak", 0.0,
-         hop_lag(shown, damping, model="thesis"), "The crest of the wheel comes after the cleat."),
-        ("3-9", "lag over spacing, damper on the body, V = a f2", 0.0, hop_lag(1.0, damping),
-         "The same; a quarter of a wave at resonance."),
-    )  # fmt: skip
+        (
+            "3-7",
+            "ratio of the peak",
+            shown,
+            thesis,
+            "sqrt(1 - 2 z²) is the peak under a force, not on moving ground.",
+        ),
+        ("3-7", "amplification at the peak", gain(shown), gain(thesis), "The same, in amplitude."),
+        (
+            "3-5",
+            "amplification at V = a f2",
+            gain(shown),
+            gain(1.0),
+            "V = a f2 means r = 1, not the peak.",
+        ),
+        (
+            "3-13",
+            "w/a without the factor of damping",
+            printed,
+            math.acos(1 / gain(shown)) / math.pi,
+            "The wheel oscillates as it meets cleats, not at its damped frequency.",
+        ),
+        (
+            "3-13",
+            "w/a at the peak of 3-7",
+            printed,
+            math.acos(1 / gain(thesis)) / math.pi,
+            "Both of these.",
+        ),
+        (
+            "3-14",
+            "w/a, damper on the body, soft suspension",
+            printed,
+            right(1.0),
+            "The damper acts on the body, which stands still, not on the road.",
+        ),
+        (
+            "3-14",
+            "w/a, damper on the body",
+            printed,
+            right(tyre_share),
+            "The suspension holds the wheel as well.",
+        ),
+        (
+            "3-14",
+            "w/a, damper on the body, V = a f2",
+            printed,
+            right(tyre_share, 1.0),
+            "The same at V = a f2.",
+        ),
+        (
+            "3-9",
+            "lag over spacing, at the printed peak",
+            0.0,
+            hop_lag(shown, damping, model="thesis"),
+            "The crest of the wheel comes after the cleat.",
+        ),
+        (
+            "3-9",
+            "lag over spacing, damper on the body, V = a f2",
+            0.0,
+            hop_lag(1.0, damping),
+            "The same; a quarter of a wave at resonance.",
+        ),
+    )
     speed, spacing = 2 * _LENGTH * _RIDE, 2 * _LENGTH * _RIDE / _HOP
     sizes = (
-        ("3.5.2", "speed for 2.44 m and 1.1 Hz", 5.79, speed, "m/s",
-         "13 miles per hour are for a ride of 1.19 Hz."),
-        ("3-15", "spacing for that speed and 11 Hz", 0.567, spacing, "m",
-         "1.86 feet are not the 0.49 m before them."),
-        ("3-16", "speed of that spacing and 10.3 Hz", 5.84, speed, "m/s",
-         "Wheel hop is 11 Hz before, and the spacing another."),
-    )  # fmt: skip
+        (
+            "3.5.2",
+            "speed for 2.44 m and 1.1 Hz",
+            5.79,
+            speed,
+            "m/s",
+            "13 miles per hour are for a ride of 1.19 Hz.",
+        ),
+        (
+            "3-15",
+            "spacing for that speed and 11 Hz",
+            0.567,
+            spacing,
+            "m",
+            "1.86 feet are not the 0.49 m before them.",
+        ),
+        (
+            "3-16",
+            "speed of that spacing and 10.3 Hz",
+            5.84,
+            speed,
+            "m/s",
+            "Wheel hop is 11 Hz before, and the spacing another.",
+        ),
+    )
     return tuple(
         Erratum(place=place, quantity=name, printed=old, right=new, unit=unit, why=why)
-        for place, name, old, new, unit, why in (
-            *((*row[:4], "1", row[4]) for row in rows), *sizes
-        )
-    )  # fmt: skip
+        for place, name, old, new, unit, why in (*((*row[:4], "1", row[4]) for row in rows), *sizes)
+    )
 
 
 def _check_inputs(damping: float, model: str, tyre_share: float) -> None:

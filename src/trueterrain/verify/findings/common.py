@@ -121,9 +121,10 @@ def plate_place_finding(
         )
     elif sd * CERTAIN > SEEN_PLACE:
         return unknown_finding(
-            name, "m",
+            name,
+            "m",
             f"Places along the way are sure to {1e3 * sd:.0f} mm only: the static test tells.",
-        )  # fmt: skip
+        )
     else:
         meaning = f"The plate lies where it was assumed, within {1e3 * LEAST_PLACE:g} mm."
     return Finding(name=name, value=beside, sd=sd, unit="m", detected=detected, meaning=meaning)
@@ -158,10 +159,11 @@ def brightness_finding(
         bright = intensity > _BRIGHT * np.nanmedian(intensity)
     if bright.sum() < _FEWEST or (~bright).sum() < _FEWEST:
         return unknown_finding(
-            name, "m",
+            name,
+            "m",
             "Too little of the plate is much brighter or darker than the rest: a stripe of white "
             "paint on a cleat would tell.",
-        )  # fmt: skip
+        )
     order = np.argsort(position, kind="stable")
     s, values = position[order], error[order]
     level = np.stack([np.ones_like(s), s - s.mean()], axis=-1)
@@ -186,10 +188,11 @@ def intensity_finding(share: float | None, screening: Screening) -> Finding:
     name = "doubtful intensity"
     if not screening.needs_intensity:
         return unknown_finding(
-            name, "1",
+            name,
+            "1",
             "Nothing was said of which intensities are doubtful: give the saturation of the "
             "receiver (screening).",
-        )  # fmt: skip
+        )
     if share is None:
         return unknown_finding(name, "1", "The run holds no intensities: record them.")
     detected = share > _LEAST_DOUBTFUL
@@ -197,9 +200,7 @@ def intensity_finding(share: float | None, screening: Screening) -> Finding:
         f"{100 * share:.1f} % of the returns are brighter or darker than the receiver likes"
         + (": their heights are doubtful." if detected else ".")
     )
-    return Finding(
-        name=name, value=share, sd=None, unit="1", detected=detected, meaning=meaning
-    )  # fmt: skip
+    return Finding(name=name, value=share, sd=None, unit="1", detected=detected, meaning=meaning)
 
 
 def returned_fraction(
@@ -255,9 +256,13 @@ def lost_scans(time: npt.ArrayLike) -> Finding:
     else:
         meaning = "No scan is missing among the others."
     return Finding(
-        name="scans lost", value=float(missing.count), sd=None, unit="1",
-        detected=missing.count > 0, meaning=meaning,
-    )  # fmt: skip
+        name="scans lost",
+        value=float(missing.count),
+        sd=None,
+        unit="1",
+        detected=missing.count > 0,
+        meaning=meaning,
+    )
 
 
 def lost_returns(share: float, worst: float | None = None) -> Finding:
@@ -268,9 +273,13 @@ def lost_returns(share: float, worst: float | None = None) -> Finding:
     beam = "" if worst is None else f", of the worst beam {100 * worst:.1f} %"
     cause = ": the ground is too dark, or the glass is dirty." if detected else "."
     return Finding(
-        name="returns lost", value=share, sd=None, unit="1", detected=detected,
+        name="returns lost",
+        value=share,
+        sd=None,
+        unit="1",
+        detected=detected,
         meaning=f"{100 * share:.2f} % of the returns over the plate were lost{beam}{cause}",
-    )  # fmt: skip
+    )
 
 
 def describe_findings(findings: tuple[Finding, ...]) -> list[dict[str, Any]]:

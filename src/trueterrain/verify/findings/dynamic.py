@@ -64,21 +64,35 @@ class _Fault:
 
 
 _CLOCK = _Fault(
-    name="clock of the scanner", unit="s", least=0.0002, seen=0.002, floor=0.0001,
+    name="clock of the scanner",
+    unit="s",
+    least=0.0002,
+    seen=0.002,
+    floor=0.0001,
     cure="excite the body more: cleats under the wheels beside plate and floor",
-)  # fmt: skip
+)
 _SCALE = _Fault(
-    name="scale of the accelerometers", unit="1", least=0.005, seen=0.04, floor=0.001,
+    name="scale of the accelerometers",
+    unit="1",
+    least=0.005,
+    seen=0.04,
+    floor=0.001,
     cure="excite heave and pitch apart from each other: cleats at uneven distances",
-)  # fmt: skip
+)
 _LEVER_X = _Fault(
-    name="lever arm ahead, or boresight pitch", unit="m", least=0.005, seen=0.02,
+    name="lever arm ahead, or boresight pitch",
+    unit="m",
+    least=0.005,
+    seen=0.02,
     cure="excite pitch: cleats one wheelbase and a half apart",
-)  # fmt: skip
+)
 _LEVER_Y = _Fault(
-    name="lever arm to the left", unit="m", least=0.003, seen=0.02,
+    name="lever arm to the left",
+    unit="m",
+    least=0.003,
+    seen=0.02,
     cure="excite roll: an event with staggered cleats",
-)  # fmt: skip
+)
 _FAULTS = (_CLOCK, _SCALE, _LEVER_X, _LEVER_Y)
 
 
@@ -129,21 +143,32 @@ def dynamic_findings(
     stamps = np.asarray(tree["scans/time"], dtype=np.float64)
     return (
         plate_place_finding(
-            errors, machined, found, assumed, where=("beyond", "short of"), sd=sd_way,
+            errors,
+            machined,
+            found,
+            assumed,
+            where=("beyond", "short of"),
+            sd=sd_way,
             otherwise=", or a clock, a lever arm ahead or a boresight pitch is wrong",
         ),
         *find_faults(
-            table, path, lever, ground=found.offset, length=found.length,
+            table,
+            path,
+            lever,
+            ground=found.offset,
+            length=found.length,
             fused="accelerometers" in tree.children,
         ),
         brightness_finding(
-            plain["s"].values, plain["error"].values,
-            plain["intensity"].values if "intensity" in plain else None, None,
+            plain["s"].values,
+            plain["error"].values,
+            plain["intensity"].values if "intensity" in plain else None,
+            None,
         ),
         intensity_finding(doubtful, screening),
         lost_scans(stamps[(stamps >= path.time[0]) & (stamps <= path.time[-1])]),
         lost_returns(lost),
-    )  # fmt: skip
+    )
 
 
 def find_faults(
@@ -179,20 +204,24 @@ def find_faults(
         says. That of the scale is by how much accelerometers read too much.
     """
     roll = unknown_finding(
-        "boresight roll", "rad",
+        "boresight roll",
+        "rad",
         "A scanner that leans tilts all of the ground alike, and the strip beside the way but "
         "little: the static test with a spirit level tells, or passes in opposite directions.",
-    )  # fmt: skip
+    )
     lever_z = unknown_finding(
-        "lever arm up", "m",
+        "lever arm up",
+        "m",
         "A lever arm that is wrong upward lifts all heights alike, which a vehicle on its wheels "
         "cannot tell from the ground: measure it, or compare with surveyed heights.",
-    )  # fmt: skip
+    )
     plain = ~table["edge"].values
     faults = [one for one in _FAULTS if fused or one is not _SCALE]
-    told = {
-        _SCALE.name: unknown_finding(_SCALE.name, "1", "The run holds no accelerometers.")
-    } if not fused else {}  # fmt: skip
+    told = (
+        {_SCALE.name: unknown_finding(_SCALE.name, "1", "The run holds no accelerometers.")}
+        if not fused
+        else {}
+    )
     if plain.sum() < _FEWEST:
         for one in faults:
             told[one.name] = unknown_finding(
@@ -300,17 +329,23 @@ def _inseparable_faults(
             there = "One of them is there" if sure else "Neither leaves a certain mark"
             found.append(
                 Finding(
-                    name=" or ".join(names), value=effect, sd=None, unit="m", detected=sure,
+                    name=" or ".join(names),
+                    value=effect,
+                    sd=None,
+                    unit="m",
+                    detected=sure,
                     meaning=f"{there}, {1e3 * effect:.2f} mm of the error; their marks are alike "
                     f"in this motion (correlation {alike:.2f}); to tell which, {one.cure}.",
                 )
-            )  # fmt: skip
+            )
             for name, it in zip(names, (moved[other], one), strict=True):
                 if told[name].detected is None:
                     told[name] = unknown_finding(
-                        name, it.unit, "In this motion its mark is like that of another fault: see "
+                        name,
+                        it.unit,
+                        "In this motion its mark is like that of another fault: see "
                         f"{' or '.join(names)}.",
-                    )  # fmt: skip
+                    )
     return found
 
 

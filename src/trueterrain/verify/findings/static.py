@@ -67,19 +67,24 @@ def static_findings(
     share = None if intensity is None else float(doubtful.sum() / max(returned.sum(), 1.0))
     return (
         plate_place_finding(
-            errors, machined, found, assumed, where=("to the left of", "to the right of"),
+            errors,
+            machined,
+            found,
+            assumed,
+            where=("to the left of", "to the right of"),
             otherwise=", or the scanner sits that much to the other side",
         ),
         boresight_roll(tree, errors, found, level=level, level_sd=level_sd, scans=scans),
         brightness_finding(
-            errors["s"].values[plain], errors["error"].values[plain],
+            errors["s"].values[plain],
+            errors["error"].values[plain],
             None if intensity is None else intensity[plain],
             errors["doubtful"].values[plain] if screening.needs_intensity else None,
         ),
         intensity_finding(share, screening),
         lost_scans(np.asarray(tree["scans/time"])[:scans]),
         lost_returns(1.0 - float(returned.mean()) / scans, 1.0 - float(returned.min()) / scans),
-    )  # fmt: skip
+    )
 
 
 def boresight_roll(
@@ -118,9 +123,10 @@ def boresight_roll(
     name = "boresight roll"
     if level is None:
         return unknown_finding(
-            name, "rad",
+            name,
+            "rad",
             "The slope of the plate is not known: lay a spirit level on it and say so (level).",
-        )  # fmt: skip
+        )
     if "navigation" not in tree.children:
         return unknown_finding(
             name, "rad", "The run holds no navigation, which tells how the body leans."

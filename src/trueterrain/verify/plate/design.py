@@ -97,11 +97,13 @@ def design_plate(
     first = -(len(shapes) - 1)
     cleats = tuple(
         PlateCleat(
-            shape=shape, hole=first + _APART * number, width=cleat_width,
+            shape=shape,
+            hole=first + _APART * number,
+            width=cleat_width,
             rise=edge_rise if shape == "edge" else rise,
         )
         for number, shape in enumerate(shapes)
-    )  # fmt: skip
+    )
     return PlateDesign(cleats=cleats, **plate)
 
 

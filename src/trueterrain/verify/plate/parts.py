@@ -307,10 +307,13 @@ def cleat_flanks(plate: PlateDesign) -> tuple[Flank, ...]:
         for side, foot, sign in (("right", begin, 1), ("left", begin + cleat.width, -1)):
             out.append(
                 Flank(
-                    name=f"{cleat.shape}, {side}", foot=foot, top=foot + sign * inset,
-                    rise=cleat.rise, slope=slope,
+                    name=f"{cleat.shape}, {side}",
+                    foot=foot,
+                    top=foot + sign * inset,
+                    rise=cleat.rise,
+                    slope=slope,
                 )
-            )  # fmt: skip
+            )
     return tuple(out)
 
 

@@ -79,9 +79,15 @@ class ScanSetup:
     def __post_init__(self) -> None:
         """Check the values."""
         for name, unit in (
-            ("height", "m"), ("speed", "m/s"), ("rate", "Hz"), ("spot_width", "m"),
-            ("spot_length", "m"), ("gain", "counts"), ("nominal", "m"), ("saturation", "counts"),
-        ):  # fmt: skip
+            ("height", "m"),
+            ("speed", "m/s"),
+            ("rate", "Hz"),
+            ("spot_width", "m"),
+            ("spot_length", "m"),
+            ("gain", "counts"),
+            ("nominal", "m"),
+            ("saturation", "counts"),
+        ):
             value = getattr(self, name)
             if not 0 < value < math.inf:
                 message = f"{name} must be finite and greater than 0 {unit}, got {value}."
@@ -239,9 +245,13 @@ def view_plate(plate: PlateDesign, setup: ScanSetup = ScanSetup()) -> PlateView:
     edges = tuple(_edge_views(plate, vertices, s, height, setup))
     bands = tuple(_reflectivity_band(name, bright, plate, setup) for name, bright in plate.bands)
     return PlateView(
-        s=s, height=height, shadows=shadows, edges=edges, bands=bands,
+        s=s,
+        height=height,
+        shadows=shadows,
+        edges=edges,
+        bands=bands,
         doubts=tuple(_view_notes(plate, s, shadows, edges, bands, setup)),
-    )  # fmt: skip
+    )
 
 
 def _scanned_profile(vertices: Floats, length: float, setup: ScanSetup) -> tuple[Floats, Floats]:
@@ -314,10 +324,17 @@ def _edge_views(
             on_face = int(inside.sum())
         out.append(
             EdgeView(
-                name=flank.name, s=flank.foot, rise=flank.rise, slope=flank.slope, limit=limit,
-                seen=seen, spacing=spacing, on_face=on_face, blurred=spot / spacing,
+                name=flank.name,
+                s=flank.foot,
+                rise=flank.rise,
+                slope=flank.slope,
+                limit=limit,
+                seen=seen,
+                spacing=spacing,
+                on_face=on_face,
+                blurred=spot / spacing,
             )
-        )  # fmt: skip
+        )
     return out
 
 

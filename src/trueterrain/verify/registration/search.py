@@ -128,14 +128,16 @@ def check_machined(machined: xr.Dataset, *, path: object = None) -> tuple[Floats
     if not np.isfinite(height).all():
         raise SchemaError("must have no gaps", path=file, place="machined profile")
     for name, span, (least, most) in (
-        ("s", float(np.ptp(s)), _LENGTH), ("height", float(np.ptp(height)), _HEIGHT),
-    ):  # fmt: skip
+        ("s", float(np.ptp(s)), _LENGTH),
+        ("height", float(np.ptp(height)), _HEIGHT),
+    ):
         if not least <= span <= most:
             raise SchemaError(
                 f"spans {span:g} m, a plate spans {least:g} to {most:g} m: it is in another unit",
-                path=file, place=f"machined profile, {name}",
+                path=file,
+                place=f"machined profile, {name}",
                 cure=f"Name the unit in the header, as in `{name} [mm]`.",
-            )  # fmt: skip
+            )
     return s, height
 
 
@@ -231,11 +233,17 @@ def register_profile(
     scale = scale_of(residual)
     inside = np.abs(residual) <= CUT * scale
     return Registration(
-        shift=shift, offset=offset, tilt=math.atan(tilt), reversed=turned,
-        residual=float(np.sqrt(np.mean(residual[inside] ** 2))), unregistered=before,
-        outliers=int((~inside).sum()), points=residual.size, length=float(s[-1]),
+        shift=shift,
+        offset=offset,
+        tilt=math.atan(tilt),
+        reversed=turned,
+        residual=float(np.sqrt(np.mean(residual[inside] ** 2))),
+        unregistered=before,
+        outliers=int((~inside).sum()),
+        points=residual.size,
+        length=float(s[-1]),
         stretch=stretched,
-    )  # fmt: skip
+    )
 
 
 def _require_plate(fit: RegistrationFit, shift: float, shifts: Floats) -> None:

@@ -128,9 +128,13 @@ def rms_figure(
     length, spread = _block_sd(squares, block)
     if power == 0.0:
         return AccuracyFigure(
-            value=0.0, low=0.0, high=0.0, confidence=confidence, block=length,
+            value=0.0,
+            low=0.0,
+            high=0.0,
+            confidence=confidence,
+            block=length,
             independent=min(float(rows.size), most),
-        )  # fmt: skip
+        )
     mean = _of_mean(rows, block)
     variance = max(spread**2, _of_normal(rows, mean)) / power**2
     count = 2 / max(variance, 1e-12)
@@ -139,9 +143,13 @@ def rms_figure(
     low, high = power * count / chi2.ppf(shares[::-1], count)
     lower, higher = np.quantile(_by_bands(rows, mean), shares)
     return AccuracyFigure(
-        value=value, low=math.sqrt(min(low, lower)), high=math.sqrt(max(high, higher)),
-        confidence=confidence, block=length, independent=min(count, float(rows.size)),
-    )  # fmt: skip
+        value=value,
+        low=math.sqrt(min(low, lower)),
+        high=math.sqrt(max(high, higher)),
+        confidence=confidence,
+        block=length,
+        independent=min(count, float(rows.size)),
+    )
 
 
 def mean_figure(
@@ -185,9 +193,13 @@ def mean_figure(
     count = min(mean.independent, max(most, _FEWEST_MEAN))
     reach = float(t.ppf(0.5 + 0.5 * confidence, count - 1)) * mean.spread
     return AccuracyFigure(
-        value=mean.value, low=mean.value - reach, high=mean.value + reach, confidence=confidence,
-        block=mean.block, independent=count,
-    )  # fmt: skip
+        value=mean.value,
+        low=mean.value - reach,
+        high=mean.value + reach,
+        confidence=confidence,
+        block=mean.block,
+        independent=count,
+    )
 
 
 class _MeanEstimate(NamedTuple):

@@ -223,9 +223,13 @@ def thesis_dynamic(
     with name_file_in_errors(source):
         strip = strip_of(run, path, settings)
         return _over_places(
-            name, *_cell_heights(strip, settings.spacing), machined, places,
-            assumed=settings.assumed, search=settings.search,
-        )  # fmt: skip
+            name,
+            *_cell_heights(strip, settings.spacing),
+            machined,
+            places,
+            assumed=settings.assumed,
+            search=settings.search,
+        )
 
 
 def lay_profile(

@@ -167,17 +167,23 @@ class TableRow:
             "test": self.test,
             "recordings": len(self.thesis),
             "published": {
-                "low": published.low, "high": published.high, "maximum": published.maximum,
+                "low": published.low,
+                "high": published.high,
+                "maximum": published.maximum,
             },
             "thesis": {
-                "rms": self.thesis_rms, "rms_low": lowest, "rms_high": highest,
-                "maximum": self.thesis[0].maximum, "maximum_low": least, "maximum_high": most,
+                "rms": self.thesis_rms,
+                "rms_low": lowest,
+                "rms_high": highest,
+                "maximum": self.thesis[0].maximum,
+                "maximum_low": least,
+                "maximum_high": most,
                 "recordings": [found.to_dict() for found in self.thesis],
             },
             "reproduced": self.reproduced,
             "ours": _figure_values(self.ours),
             "orders": {str(order): rms for order, rms in self.orders.items()},
-        }  # fmt: skip
+        }
         for name, way, exact in (
             ("registered", "ours", self.exact),
             ("as_it_lies", "lying", self.lying_exact),
@@ -312,9 +318,11 @@ def dynamic_row(
         order: math.sqrt(np.mean([one.rms**2 for one in found])) for order, found in thesis.items()
     }
     return TableRow(
-        test=test, thesis=tuple(thesis[ORDER]), orders=orders,
+        test=test,
+        thesis=tuple(thesis[ORDER]),
+        orders=orders,
         **{way: tuple(found) for way, found in ways.items()},
-    )  # fmt: skip
+    )
 
 
 def _fuse_quietly(tree: xr.DataTree, settings: FusionSettings) -> Trajectory:
