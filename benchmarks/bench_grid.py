@@ -315,7 +315,7 @@ def write_run(path: Path, scans: int, times: int = 1) -> None:
         mounting=Mounting(),
         angle=angle,
         delay=delay,
-        largest_range=6.0,
+        max_range=6.0,
     ) as run:
         t = np.arange(-0.1, times * scans / RATE + 0.2, 0.01)
         still = dict.fromkeys(("north", "up", "roll", "pitch", "yaw"), np.zeros(t.size))

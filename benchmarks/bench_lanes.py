@@ -122,7 +122,7 @@ def record(path: Path, north: float, height: float) -> None:
         mounting=Mounting(),
         angle=angle,
         delay=delay,
-        largest_range=6.0,
+        max_range=6.0,
     ) as run:
         t = np.arange(-0.1, bench_grid.SCANS / bench_grid.RATE + 0.2, 0.01)
         still = dict.fromkeys(("roll", "pitch", "yaw"), np.zeros(t.size))
@@ -230,12 +230,12 @@ def strips() -> list[dict[str, Any]]:
     for name, files in STRIPS.items():
         pair = strip_cells([data / "scanning" / "strips" / file for file in files])
         raw = rms(difference(pair))
-        ours = held_back(pair, network)
-        peers = {peer: held_back(pair, fit) for peer, fit in PEERS.items()}
+        ours = held_out(pair, network)
+        peers = {peer: held_out(pair, fit) for peer, fit in PEERS.items()}
         if importlib.util.find_spec("small_gicp") is None:
             print("small_gicp is left out: it is not installed")
         else:
-            peers["small_gicp"] = held_back(pair, gicp)
+            peers["small_gicp"] = held_out(pair, gicp)
         # strips without drift have nothing to gain
         limit, budget = raw, "<= raw"
         if name == DRIFTING:
@@ -273,7 +273,7 @@ def strip_cells(files: list[Path]) -> Pair:
         time=column["gps_time"][ground][kept],
         lane=strip[kept].astype(np.uint16),
     )
-    options = CellSettings(size=1.0, minimum_count=3, largest_sd=SMOOTH, visit_gap=60.0)
+    options = CellSettings(size=1.0, min_count=3, max_sd=SMOOTH, visit_gap=60.0)
     one, other = cells_of_points(points, options)
     even = [
         cells.part(np.isin(cells.cell, smooth(points, lane)))
@@ -304,7 +304,7 @@ def rms(values: np.ndarray) -> float:
     return 1e3 * float(np.sqrt(np.mean(values**2)))
 
 
-def held_back(pair: Pair, fit: Fit) -> float:
+def held_out(pair: Pair, fit: Fit) -> float:
     """Root mean square of what a method leaves of cells that it did not see [mm]."""
     x, y = (np.floor(one / SQUARE).astype(np.int64) for one in (pair[0].easting, pair[0].northing))
     turn = (x * 7 + y * 3) % FOLDS
@@ -317,7 +317,7 @@ def held_back(pair: Pair, fit: Fit) -> float:
 
 def network(pair: Pair, seen: np.ndarray) -> np.ndarray:
     """Ours: corrections of both strips, from the cells seen."""
-    settings = NetworkSettings(block=SQUARE, least_cells=20)
+    settings = NetworkSettings(block=SQUARE, min_cells=20)
     found = adjust_passes([one.part(seen) for one in pair], settings=settings)
     each = []
     for one in pair:
@@ -347,7 +347,7 @@ def with_constant(values: np.ndarray) -> np.ndarray:
 
 
 def icp(pair: Pair, seen: np.ndarray) -> np.ndarray:
-    """Simple ICP: rigid, nearest cell, point to plane, worst tenth left out, 30 rounds."""
+    """Simple ICP: rigid, nearest cell, point to plane, worst tenth left out, 30 iterations."""
     still, moving = (np.stack([one.easting, one.northing, one.height], axis=1) for one in pair)
     centre = still.mean(axis=0)
     still, moving = still - centre, moving - centre

@@ -29,8 +29,8 @@ ax.figure.suptitle("Two passes over Belgian block, 20 m at 5 m/s, simulated", fo
 # One number: the median step. Passes could agree in the very cells that they were fitted to and
 # nowhere else; so by how much they differ is also told where ground was held back.
 
-held_back = merging.pairs[0].held_back.rmse
+held_out = merging.pairs[0].held_out.rmse
 print(
     f"Median step {1000 * seam.before.median:.1f} mm before and {1000 * seam.after.median:.2f} mm "
-    f"after; cells of 0.1 m that were held back differ by {1000 * held_back:.1f} mm (RMSE)."
+    f"after; cells of 0.1 m that were held back differ by {1000 * held_out:.1f} mm (RMSE)."
 )

@@ -94,7 +94,7 @@ def test_rough_and_sparse_cells_are_left_out():
     with pytest.raises(CoverageError, match=r"no cell of 1 m .* scatter by less than 50 mm"):
         cells_of_points(points, CellSettings(size=1.0))
     with pytest.raises(CoverageError, match=r"no cell of 0\.25 m with 500 returns"):
-        cells_of_points(cloud(), CellSettings(minimum_count=500))
+        cells_of_points(cloud(), CellSettings(min_count=500))
 
 
 def test_points_without_time_are_refused_with_a_cure():
@@ -115,8 +115,8 @@ def test_values_that_are_not_finite_are_refused():
     ("wrong", "message"),
     [
         ({"size": 0.0}, "size must be greater than 0"),
-        ({"largest_sd": np.nan}, "largest_sd must be greater than 0"),
-        ({"minimum_count": 0}, "minimum_count must be at least 1"),
+        ({"max_sd": np.nan}, "max_sd must be greater than 0"),
+        ({"min_count": 0}, "min_count must be at least 1"),
     ],
 )
 def test_wrong_options_are_refused(wrong, message):

@@ -108,7 +108,7 @@ def test_one_file_is_split_by_the_number_of_its_points(tmp_path):
     assert all((block.lane == 12).all() for block in lanes["12"]())
     (whole,) = cloud_lanes([path], split=False).values()
     assert whole.count == 96_000
-    assert "several passes (point_source_id 11, 12)" in whole.doubts[0]
+    assert "several passes (point_source_id 11, 12)" in whole.flags[0]
 
 
 def test_passes_cut_into_tiles_are_put_together(tmp_path):
@@ -134,7 +134,7 @@ def test_known_drift_is_taken_off_the_points(merged):
     merging, corrected = merged
     (agreement,) = merging.pairs
     assert agreement.before.rmse > 0.012
-    assert agreement.held_back.rmse < 1e-3  # [m] of means of some 16 points, in two passes
+    assert agreement.held_out.rmse < 1e-3  # [m] of means of some 16 points, in two passes
     for name, lane in corrected.items():
         correction = merging.adjustment.correction(name)
         for block in lane():
@@ -206,21 +206,21 @@ def test_other_formats_are_lanes_too(ending, tmp_path):
     lanes = cloud_lanes([tmp_path / f"{name}.{ending}" for name in "ab"], crs="EPSG:2154")
     merging, corrected = merge_clouds(lanes, with_cells(MergeSettings(), suggested_cell(lanes)))
     (agreement,) = merging.pairs
-    assert agreement.held_back.rmse < 0.1 * agreement.before.rmse
+    assert agreement.held_out.rmse < 0.1 * agreement.before.rmse
     formats.write(corrected["a"](), tmp_path / f"corrected.{ending}")
 
 
 def test_the_merged_surface_is_nearer_to_the_ground_than_either(merged):
     _, corrected = merged
     grid = grid_over(0.5, 0.2, LENGTH - 0.5, 3.1, spacing=0.2)
-    surface = merged_surface(corrected, grid, GridSettings(minimum_count=8))
+    surface = merged_surface(corrected, grid, GridSettings(min_count=8))
     raw = merged_surface(
         merge_clouds(
             {name: one.lane for name, one in corrected.items()},
             replace(SETTINGS, method="grid"),
         )[1],
         grid,
-        GridSettings(minimum_count=8),
+        GridSettings(min_count=8),
     )
     x, y = np.meshgrid(surface.easting.values, surface.northing.values)
     truth = ground(x, y).reshape(surface.height.shape)
@@ -242,7 +242,7 @@ def test_the_sd_of_the_merged_surface_holds(tmp_path):
         surface = merged_surface(
             corrected,
             grid_over(0.5, 0.3, LENGTH - 0.5, 2.9, spacing=0.2),
-            GridSettings(minimum_count=8),
+            GridSettings(min_count=8),
         )
         x, y = np.meshgrid(surface.easting.values, surface.northing.values)
         error = surface.height.values - ground(x, y, 0.0).reshape(surface.height.shape)
@@ -336,7 +336,7 @@ def test_without_time_corrections_follow_the_way(given, tmp_path):
             cloud_lanes(files), SETTINGS, path=path if given else None
         )
         (agreement,) = merging.pairs
-        assert agreement.held_back.rmse < 0.15 * agreement.before.rmse
+        assert agreement.held_out.rmse < 0.15 * agreement.before.rmse
         where = "the path given" if given else "the middle of each lane"
         assert (
             f"without gps_time: corrections follow the station along {where}"
@@ -352,7 +352,7 @@ def test_times_of_different_kinds_are_told(tmp_path):
     merging, _ = merge_clouds(cloud_lanes(written(tmp_path, a=a, b=b)), SETTINGS)
     (problem,) = merging.problems
     assert problem.startswith("times of b are seconds of a week, those of a are not")
-    assert merging.pairs[0].held_back.rmse < 1e-3  # [m] as with one kind
+    assert merging.pairs[0].held_out.rmse < 1e-3  # [m] as with one kind
 
 
 def test_lanes_with_times_of_more_than_a_week_are_left_out(tmp_path):
@@ -367,7 +367,7 @@ def test_lanes_with_times_of_more_than_a_week_are_left_out(tmp_path):
     merging, corrected = merge_clouds(lanes, SETTINGS)
     assert list(corrected) == ["a", "b"]
     assert any("mixed is left out" in problem for problem in merging.problems)
-    assert merging.pairs[0].held_back.rmse < 1e-3  # [m] as without it
+    assert merging.pairs[0].held_out.rmse < 1e-3  # [m] as without it
     _, by_station = merge_clouds(lanes, replace(SETTINGS, method="grid"))
     assert "mixed" in by_station  # where time does not matter
 
@@ -381,7 +381,7 @@ def test_points_of_no_source_and_no_time_are_no_pass(tmp_path):
     merging, corrected = merge_clouds(lanes, SETTINGS)
     assert list(corrected) == ["11", "12"]
     assert merging.problems[0].startswith("4800 points of source 0 are left out")
-    assert merging.pairs[0].held_back.rmse < 1e-3  # [m] as without them
+    assert merging.pairs[0].held_out.rmse < 1e-3  # [m] as without them
     (alone,) = cloud_lanes(
         written(
             tmp_path / "two",
@@ -585,7 +585,7 @@ def test_real_strips_agree_better_in_cells_held_back(file, lanes, gain, data):
     merging, corrected = merge_clouds(found, with_cells(MergeSettings(), 1.0))
     assert set(corrected) == lanes
     (agreement,) = merging.pairs
-    assert agreement.held_back.rmse < gain * agreement.before.rmse
+    assert agreement.held_out.rmse < gain * agreement.before.rmse
     assert agreement.after.nmad < agreement.before.nmad + 1e-4  # [m]
     for stray in set(found) - lanes:
         assert any(one.startswith(f"{stray} is left out: 9 cells") for one in merging.problems)
@@ -599,7 +599,7 @@ def test_real_tiles_are_one_road(data):
     assert len(lanes["706"].files) == 6
     merging, _ = merge_clouds(lanes, with_cells(MergeSettings(), 1.0))
     (agreement,) = merging.pairs
-    assert agreement.held_back.rmse < agreement.before.rmse
+    assert agreement.held_out.rmse < agreement.before.rmse
     assert agreement.before.n > 3000
 
 

@@ -445,7 +445,7 @@ def test_names_that_are_no_lanes_are_refused(how, message) -> None:
         ({"statistic": "mode"}, "statistic must be one of mean, median"),
         ({"reference": "sum"}, "reference must be one of pooled, midway"),
         ({"least": 1}, "least must be at least 2"),
-        ({"most_gaps": 1.0}, "most_gaps must be at least 0 and less than 1"),
+        ({"max_gap_fraction": 1.0}, "max_gap_fraction must be at least 0 and less than 1"),
         ({"bin_width": 1.5e-5}, "bin_width must be a multiple"),
     ],
 )

@@ -329,8 +329,8 @@ def test_both_too_stiff_and_too_loose_predict_worse():
         for one in found.trials
         if (one.knot_spacing, one.order) == (best.knot_spacing, best.order)
     }
-    stiffest = min(one.held_back for one in found.trials if one.strength <= 1e-4)
-    assert stiffest > 1.2 * best.held_back
+    stiffest = min(one.held_out for one in found.trials if one.strength <= 1e-4)
+    assert stiffest > 1.2 * best.held_out
     assert max(curve.values(), key=lambda one: one.log_likelihood) == best
     assert 0.005 < best.strength < 0.06  # [m] truth 0.018
 

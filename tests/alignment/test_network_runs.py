@@ -50,7 +50,7 @@ def test_two_lanes_agree_at_the_seam(runs):
     (pair,) = found.pairs
     assert abs(pair.before.median) > 0.01
     assert abs(pair.after.median) < 5e-5
-    assert pair.held_back.nmad < 3e-4
+    assert pair.held_out.nmad < 3e-4
     assert pair.after.n > 300
 
 

@@ -159,7 +159,7 @@ def test_equations_of_parts_add_up(observed):
     parts = system.equations(weight, some).plus(system.equations(weight, ~some))
     assert_allclose(parts.blocks, whole.blocks, rtol=RELATIVE, atol=1e-3)
     assert_allclose(parts.right, whole.right, rtol=RELATIVE, atol=1e-3)
-    assert parts.freedom == whole.freedom == shared.lane.size - shared.cells
+    assert parts.degrees_of_freedom == whole.degrees_of_freedom == shared.lane.size - shared.cells
 
 
 @pytest.fixture

@@ -196,7 +196,7 @@ def test_the_whole_of_rts_is_as_good_as_the_exact_pose_where_stations_are_regist
 def test_the_way_that_rts_finds_is_better_than_one_that_follows_navigation(excited, motions):
     run, certificate = excited
     follows = fuse_motion(
-        open_run(run), settings=FusionSettings(method="rts", way_window=0.2)
+        open_run(run), settings=FusionSettings(method="rts", smoothing_window=0.2)
     ).trajectory
     assert certificate.registered(motions["rts"]) < FOUND * certificate.registered(follows)
 

@@ -179,7 +179,7 @@ def over_plate(folder, name, plate, confidence=0.95):
     standing = "sd_mean" in table
     of_mean = table["sd_mean" if standing else "sd"].to_numpy()
     single = table["sd"] ** 2 if standing else (table["sd"] ** 2 * table["count"])[~edge]
-    doubtful = table["doubtful"].to_numpy() == 1 if standing else np.zeros_like(edge)
+    flagged = table["flagged"].to_numpy() == 1 if standing else np.zeros_like(edge)
     faces = sum(1 for k in range(edge.size) if edge[k] and (k == 0 or not edge[k - 1]))
     most = {"confidence": confidence, "most": faces or math.inf}
     figures = {
@@ -188,7 +188,7 @@ def over_plate(folder, name, plate, confidence=0.95):
         "distance": rms_figure(table["distance"], **most),
         "bias": mean_figure(error, **most),
     }
-    plain = ~edge & ~doubtful
+    plain = ~edge & ~flagged
     rest = error[plain]
     spread = float(np.mean((rest - rest.mean()) ** 2))
     random = min(float(np.mean(of_mean[plain] ** 2)), spread)
@@ -198,7 +198,7 @@ def over_plate(folder, name, plate, confidence=0.95):
         "bias": plain.sum() / n * rest.mean() ** 2,
         "neither noise nor bias": plain.sum() / n * (spread - random),
         "beside edges": (error[edge] ** 2).sum() / n,
-        "doubtful intensity": (error[doubtful & ~edge] ** 2).sum() / n,
+        "flagged intensity": (error[flagged & ~edge] ** 2).sum() / n,
     }
     return {
         "table": table,

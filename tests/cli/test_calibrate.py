@@ -94,7 +94,7 @@ def test_parameters_are_those_of_the_library():
 def test_the_mounting_is_found_and_a_survey_takes_it(run, runs, scene, taped, tmp_path):
     output = tmp_path / "calibration.toml"
     # navigation alone: it is good here, and its errors are white, as the standard deviations want
-    how = ("--method", "navigation", "--largest-angle-sd", 0.001)
+    how = ("--method", "navigation", "--max-angle-sd", 0.001)
     finished = run("calibrate", *runs, *taped, *how, "-o", output, "--json")
     assert (finished.code, finished.err) == (0, "")
     found, truth = json.loads(finished.out), true(scene)
@@ -168,7 +168,7 @@ def test_errors_of_the_motion_are_named_where_they_alone_hide_a_parameter(run, r
         for name, sd in claims.items():
             group[name][:] = sd
     stores = sorted(tmp_path.iterdir())
-    how = ("--method", "navigation", "--largest-angle-sd", 5e-5)
+    how = ("--method", "navigation", "--max-angle-sd", 5e-5)
     finished = run("calibrate", *stores, "--parameter", "roll", *how)
     assert (finished.code, finished.out) == (2, "")
     found = re.search(r"Errors of the motion hide roll: about (\d+) such passes", finished.err)

@@ -309,10 +309,10 @@ class Certificate:
                     if finding["detected"] and finding[key] is not None
                 ]
         allowed += [MILLI * limit for limit in self.settings.get("limits", {}).values()]
-        return [*allowed, self.doubts]
+        return [*allowed, self.flags]
 
     @property
-    def doubts(self):
+    def flags(self):
         """How many rows have figures of few independent errors, and how many faults were found."""
         few = sum(
             any(figure.independent < ENOUGH for figure in one["figures"].values())

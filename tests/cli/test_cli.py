@@ -132,7 +132,7 @@ def test_doctor_names_version_and_backends(run):
     [
         (("simulate", "kerb", "-o", "."), "--seed"),
         (("grid", "r.zarr", "-o", "o.crg"), "--threads"),
-        (("profile", "s.crg", "-o", "p.erd"), "--minimum-count"),
+        (("profile", "s.crg", "-o", "p.erd"), "--min-count"),
         (("compare", "a", "b"), "--trend"),
     ],
 )

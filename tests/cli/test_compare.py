@@ -49,7 +49,7 @@ def test_json_of_profiles(run, profiles):
     assert document["kind"] == "profiles"
     assert document["reference"] == "R.erd"
     assert document["filter"].startswith("IRI filter")
-    assert document["doubts"] == []
+    assert document["flags"] == []
     track = document["tracks"][0]
     assert [(pair["first"], pair["second"]) for pair in track["pairs"]] == [
         ("R.erd", "one.erd"),
@@ -170,12 +170,12 @@ def test_pictures(run, profiles, surfaces, tmp_path):
         assert "--force" in refused.err
 
 
-def test_doubts_are_said_on_stderr_and_kept_in_the_document(run, profiles, tmp_path):
+def test_flags_are_said_on_stderr_and_kept_in_the_document(run, profiles, tmp_path):
     table.write(make_profile(S, road(S) / 0.3048), tmp_path / "feet.csv")
     finished = run("compare", tmp_path / "feet.csv", profiles[1], "--json")
-    doubts = json.loads(finished.out)["doubts"]
-    assert "feet.csv is 3.281 times as high as one.erd: are its heights in feet?" in doubts
-    assert len(finished.err.splitlines()) == len(doubts)
+    flags = json.loads(finished.out)["flags"]
+    assert "feet.csv is 3.281 times as high as one.erd: are its heights in feet?" in flags
+    assert len(finished.err.splitlines()) == len(flags)
     assert finished.err.startswith("trueterrain: warning: feet.csv")
 
 

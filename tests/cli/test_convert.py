@@ -144,7 +144,7 @@ def test_profile_at_equal_spacing(run, tmp_path):
     assert finished.code == 0, finished.err
     assert "waves shorter than 0.1 m pass for longer ones" in finished.err
     even = formats.open(tmp_path / "p.erd")
-    np.testing.assert_allclose(np.diff(even.s), 0.05, rtol=0, atol=1e-6)  # [m] as ERD rounds
+    np.testing.assert_allclose(np.diff(even.s), 0.05, rtol=0, atol=1e-6)  # [m] as ERD iterations
     between = np.interp(even.s, s, height)
     np.testing.assert_allclose(even.height.squeeze(), between, rtol=0, atol=1e-6)
     assert run("psd", tmp_path / "p.erd", "--lowest", 0.1).code == 0

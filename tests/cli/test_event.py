@@ -25,7 +25,7 @@ def test_the_event_of_the_thesis(run):
         "predicted",
         "cut_list",
         "speeds",
-        "doubts",
+        "flags",
         "files",
     ]
     design = document["design"]
@@ -34,7 +34,7 @@ def test_the_event_of_the_thesis(run):
     assert_allclose(design["spacing"], 0.488, rtol=0, atol=EXACT)
     assert_allclose(design["cleat_ratio"], 0.348, rtol=0, atol=5e-4)
     assert document["predicted"]["strongest"] == "pitch"
-    assert "was to excite heave, but pitch gets more" in document["doubts"][0]
+    assert "was to excite heave, but pitch gets more" in document["flags"][0]
 
 
 def test_numbers_are_those_of_the_library(run):
@@ -122,9 +122,9 @@ def test_a_vehicle_of_your_own(run, tmp_path):
     assert "vehicle must have four wheels, got the model 'quarter car'" in error
 
 
-def test_a_prediction_for_another_vehicle_is_doubted(run):
-    doubts = json.loads(run("event", "design", "--hop", "14", "--json").out)["doubts"]
-    assert any("whose hop is 11.01 Hz, not 14.00" in doubt for doubt in doubts)
+def test_a_prediction_for_another_vehicle_is_flagged(run):
+    flags = json.loads(run("event", "design", "--hop", "14", "--json").out)["flags"]
+    assert any("whose hop is 11.01 Hz, not 14.00" in flag for flag in flags)
 
 
 def test_one_side_shakes_roll(run):

@@ -222,7 +222,7 @@ def test_waypoints_lead_the_line(run, tmp_path):
         (("--line", "0", "0", "1", "0", "--bounds", "0", "0", "1", "1"), "only one of line"),
         (("--spacing", "0"), "greater than 0"),
         (("--threads", "0"), "threads must be from 1 to 1024"),
-        (("--minimum-count", "0"), "minimum_count must be at least 1"),
+        (("--min-count", "0"), "min_count must be at least 1"),
         (("--fill", "-1"), "largest must be at least 0"),
         (("--statistic", "percentile"), "--percent belong together"),
         (("--percent", "85"), "--percent belong together"),

@@ -226,7 +226,7 @@ def test_half_a_laz_is_one_line(run, road, tmp_path):
         (("--offset", 0, "--patch", 0.1, 0), ("width must be greater than 0 m, got 0",)),
         (("--offset", 0, "--statistic", "percentile"), ("needs percent",)),
         (("--offset", 0, "--percent", 5), ("percent belongs to the statistic percentile",)),
-        (("--offset", 0, "--minimum-count", 0), ("minimum_count must be at least 1",)),
+        (("--offset", 0, "--min-count", 0), ("min_count must be at least 1",)),
         (("--offset", 0, "--statistic", "point", "--radius", 1), ("no search area",)),
         (("--offset", 0, "--statistic", "point", "--thin", "nan"), ("no search area",)),
         (("--offset", 0, "--crs", "nowhere"), ("EPSG:25832",)),

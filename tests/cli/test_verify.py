@@ -119,7 +119,7 @@ def _failed(run, tmp_path, kind, config):
 
 
 def test_fewer_scans_than_needed_are_one_line(run, static, tmp_path):
-    static.write_text(static.read_text().replace("test = {", "test = {least_scans = 5000, "))
+    static.write_text(static.read_text().replace("test = {", "test = {min_scans = 5000, "))
     message = _failed(run, tmp_path, "static", static)
     assert "stand-run.zarr: scans: holds 200 scans, the static test needs 5000" in message
 

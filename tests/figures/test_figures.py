@@ -109,7 +109,7 @@ def test_a_path_at_an_offset_is_straight_over_the_grid():
 
 
 def test_a_loop_over_the_ground():
-    """Coordinates that turn back, at which matplotlib would doubt the cells; corners are exact."""
+    """Coordinates that turn back, at which matplotlib would flag the cells; corners are exact."""
     angle = np.linspace(0, 2 * np.pi, 73)
     v = [-1.0, 0.0, 2.0]
     loop = make_surface(

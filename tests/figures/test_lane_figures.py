@@ -254,12 +254,12 @@ def test_every_strength_is_drawn_at_what_it_predicts_at_best(adjusted):
         best = {}
         for one in trials:
             if (one.components, one.knot_spacing, one.order) == kind and one.strength > 0:
-                best[one.strength] = min(one.held_back, best.get(one.strength, np.inf))
+                best[one.strength] = min(one.held_out, best.get(one.strength, np.inf))
         assert any(best.items() <= found.items() for found in looks.values())
     (star,) = (one for one in ax.lines if one.get_marker() == "*")
     assert (star.get_xdata()[0], star.get_ydata()[0]) == (
         adjusted.chosen.strength,
-        adjusted.chosen.held_back,
+        adjusted.chosen.held_out,
     )
     assert ax.get_ylabel() == "RMSE in cells held back [mm]"
     assert "too stiff" in ax.get_xlabel()
@@ -290,11 +290,11 @@ def test_components_spacings_and_processes_are_told_apart(adjusted):
 
 
 def test_trials_of_other_rounds_do_not_compare(adjusted):
-    other = replace(adjusted.chosen, round=adjusted.chosen.round + 1, held_back=0.5)
+    other = replace(adjusted.chosen, round=adjusted.chosen.round + 1, held_out=0.5)
     ax = figures.strength_choice(replace(adjusted, trials=(*adjusted.trials, other)))
     assert 0.5 not in [y for found in lines_of(ax).values() for y in found.values()]
     count = sum(one.round != adjusted.chosen.round for one in adjusted.trials) + 1
-    assert f"{count} trials of other rounds" in notes(ax)
+    assert f"{count} trials of other iterations" in notes(ax)
 
 
 def test_a_constant_has_a_place_left_of_all_strengths(adjusted):
@@ -304,7 +304,7 @@ def test_a_constant_has_a_place_left_of_all_strengths(adjusted):
     )
     least = min(one.strength for one in adjusted.trials if one.strength > 0)
     assert ticks["0: constant"] < least
-    constant = {one.held_back for one in adjusted.trials if one.strength == 0}
+    constant = {one.held_out for one in adjusted.trials if one.strength == 0}
     at = {
         found[ticks["0: constant"]]
         for found in lines_of(ax).values()

@@ -214,7 +214,7 @@ def test_describe(tmp_path):
         (("UNITSNAMmm ", "UNITSNAMkg "), "channel LElev. is in 'kg'"),
     ],
 )
-def test_describe_lists_what_is_doubtful(tmp_path, change, problem):
+def test_describe_lists_what_is_flagged(tmp_path, change, problem):
     assert change[0] in LTPP
     summary = erd.describe(write_text(tmp_path, LTPP.replace(*change, 1)))
     assert any(problem in text for text in summary["problems"])

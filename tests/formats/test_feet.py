@@ -12,7 +12,7 @@ from trueterrain.formats import las
 
 FOOT, SURVEY_FOOT = 0.3048, 1200 / 3937  # [m] international, US survey
 SAME_PLACE = {"rtol": 0, "atol": 1e-6}  # [m] 2e6 ft times the round-off of a factor of 12 digits
-# EPSG rounds false eastings in feet to 0.001 ft: its codes of one system in feet and in metres
+# EPSG iterations false eastings in feet to 0.001 ft: its codes of one system in feet and in metres
 # differ by up to half of it
 SAME_DEGREES = {"rtol": 0, "atol": 2e-9}  # [deg] 0.2 mm on the ground
 

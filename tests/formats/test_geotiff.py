@@ -167,7 +167,7 @@ def test_description(tmp_path):
     assert found["problems"] == []
 
 
-def test_doubts(tmp_path):
+def test_flags(tmp_path):
     path = raw(tmp_path / "dem.tif", bands=2, descriptions=["z", "slope"], crs=None)
     problems = " / ".join(geotiff.describe(path)["problems"])
     assert "the CRS is missing" in problems

@@ -325,11 +325,11 @@ def test_description_tells_gaps(tmp_path):
     summary = sbet.describe(path)
     assert summary["gap_count"] == 1
     npt.assert_allclose(summary["gaps"][0]["start"], 10.010, rtol=0, atol=1e-9)
-    npt.assert_allclose(summary["longest_gap"], 1.99, rtol=0, atol=1e-9)
+    npt.assert_allclose(summary["max_gap"], 1.99, rtol=0, atol=1e-9)
     assert "1 gap in time" in summary["problems"][0]
 
 
-def test_description_doubts_times_that_are_no_seconds_of_the_week(tmp_path):
+def test_description_flags_times_that_are_no_seconds_of_the_week(tmp_path):
     path = sbet_file(tmp_path, records(time=1.3e9 + np.arange(5)))
     assert "no seconds of the GPS week" in sbet.describe(path)["problems"][0]
 

@@ -171,8 +171,8 @@ def test_both_edges_missing_with_banking(uneven):
 def test_both_edges_missing_on_a_numbered_grid(binary):
     path = damage(binary, without(b"long_section_v_(right|left)"))
     npt.assert_array_equal(opencrg.read(path).v, [-1, -0.5, 0, 0.5, 1])
-    doubts = opencrg.describe(path)["problems"]
-    assert sum("programs with the C library" in doubt for doubt in doubts) == 1
+    flags = opencrg.describe(path)["problems"]
+    assert sum("programs with the C library" in flag for flag in flags) == 1
     path = damage(path, without(b"long_section_v_increment"))
     assert_refused(path, "LONG_SECTION_V_INCREMENT is missing")
 
@@ -263,7 +263,7 @@ def test_no_file(tmp_path):
     assert_refused(tmp_path / "none.crg", "does not exist")
 
 
-def test_doubts_are_listed(data, tmp_path):
+def test_flags_are_listed(data, tmp_path):
     height = np.zeros((5, 4))
     path = tmp_path / "good.crg"
     flat = make_surface(height, u=range(5), v=[-2, -1, 0, 1], easting=range(5), northing=[0] * 5)

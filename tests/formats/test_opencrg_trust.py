@@ -443,7 +443,7 @@ def test_overlooked_sections_are_those_of_the_c_api(tmp_path, v):
     assert wrong.any() or not (overlooked & ~at_end).any()
 
 
-def test_sections_that_the_c_api_overlooks_are_a_doubt(tmp_path):
+def test_sections_that_the_c_api_overlooks_are_a_flag(tmp_path):
     """A file of other programs, whose heights programs with the C library get wrong."""
     v = np.delete(0.01 * np.arange(381) - 1.9, 7)
     pycrg.write(tmp_path / "road.crg", np.zeros((3, v.size)), 0.01, v, mods={})

@@ -285,7 +285,7 @@ def test_longer_ranges_take_four_bytes(tmp_path):
         tmp_path / "far.zarr",
         data,
         intensity=False,
-        largest_range=200.0,
+        max_range=200.0,
         truth=False,
         accelerometers=False,
     )
@@ -424,8 +424,8 @@ def test_where_a_run_may_be_written(tmp_path):
         ({"origin": (0.0, 100.0, 0.0)}, "origin must have"),
         ({"angle": [0.0, 1.0]}, r"same shape \(beam,\), got \(2,\) and \(11,\)"),
         ({"accelerometer_positions": [1.0, 2.0, 3.0]}, r"shape \(sensor, 3\), got \(3,\)"),
-        ({"largest_range": 0.0}, "largest_range must be greater than 0 m"),
-        ({"largest_range": 1e9}, "largest_range must be"),
+        ({"max_range": 0.0}, "max_range must be greater than 0 m"),
+        ({"max_range": 1e9}, "max_range must be"),
         ({"truth": {"x": xr.Dataset({"name": ("u", ["a"])})}}, "truth/x/name must hold numbers"),
     ],
 )
@@ -522,7 +522,7 @@ def test_ranges_that_cannot_be(tmp_path, value):
         data["range"][7, 3] = value
         run.append_scans(data["time"][5:], data["range"][5:])
 
-    cure = "largest_range" if value > 0 else "NaN where there was no return"
+    cure = "max_range" if value > 0 else "NaN where there was no return"
     message = rf"range: must be .* less than 6.5535 m, got {value:g} m at scan 7, beam 3.*{cure}"
     with pytest.raises(SchemaError, match=message):
         appending(tmp_path, action)
@@ -941,7 +941,7 @@ def test_description_lists_every_problem(copy):
     json.dumps(summary, allow_nan=False)
 
 
-def test_description_doubts_jumps_and_jitter(tmp_path):
+def test_description_flags_jumps_and_jitter(tmp_path):
     data = recording()
     data["navigation"]["east"][300:] += 500.0
     data["navigation"]["time"] += np.where(np.arange(EPOCHS) % 2, 0.002, 0)

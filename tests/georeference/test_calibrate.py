@@ -213,7 +213,7 @@ def test_flat_ground_tells_the_roll_and_nothing_that_moves_it(record):
             calibrate_mounting(
                 runs,
                 ways,
-                settings=CalibrationSettings(parameters=("roll", name), largest_rounds=3),
+                settings=CalibrationSettings(parameters=("roll", name), max_iterations=3),
             )
     only = calibrate_mounting(runs, ways, settings=CalibrationSettings(parameters=("roll",)))
     npt.assert_allclose(only.value, 0.004, rtol=0, atol=CLOSE["roll"])
@@ -267,7 +267,7 @@ def test_arguments_without_sense_are_refused(passes):
         ({"parameters": ("roll", "roll")}, "parameters must be some of"),
         ({"unobservable": "guess"}, "refuse or hold"),
         ({"spacing": 0.0}, "spacing must be greater than 0"),
-        ({"largest_rounds": 0}, "largest_rounds"),
+        ({"max_iterations": 0}, "max_iterations"),
         ({"drift_time": (25.0, 0.0)}, "drift_time must be two times greater than 0"),
         ({"drift_step": 0.0}, "drift_step must be greater than 0"),
         ({"area": (1.0, 0.0, 0.0, 1.0)}, "area must be"),
@@ -287,8 +287,8 @@ def test_errors_of_the_motion_count_as_the_motion_claims_them(passes):
     rng = np.random.default_rng(11)
     settings = CalibrationSettings(
         parameters=("roll", "pitch"),
-        largest_angle_sd=0.02,
-        largest_rounds=60,
+        max_angle_sd=0.02,
+        max_iterations=60,
         drift_time=(LASTING, LASTING),
     )
     start = replace(true, scanner_rotation=(0.0, 0.0, true.scanner_rotation[2]))

@@ -24,9 +24,7 @@ TIME = np.array([25.0, 25.0, 25.0, 60.0, 60.0, 60.0])  # [s]
 REPEATS = 24
 RARE = 1e-3  # probability that a right standard deviation is beyond either limit
 ASKED = ("roll", "pitch", "lever_y", "clock")
-EVERY = CalibrationSettings(
-    parameters=ASKED, largest_angle_sd=0.5, largest_lever_sd=0.5, largest_clock_sd=0.5
-)
+EVERY = CalibrationSettings(parameters=ASKED, max_angle_sd=0.5, max_lever_sd=0.5, max_clock_sd=0.5)
 ROUND_OFF = 1e-9  # [1] relative, of inverses
 
 

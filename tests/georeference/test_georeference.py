@@ -165,17 +165,17 @@ def test_standard_deviations_are_those_of_simulated_errors():
     npt.assert_allclose(points.sd, heights.std(axis=0), rtol=0.03)
 
 
-def test_doubtful_returns_are_rejected_or_weigh_less():
+def test_flagged_returns_are_rejected_or_weigh_less():
     trajectory, (angle, delay) = moving(), fan(beams=4)
     counts = np.array([[100, 900, 900, 60000]], np.uint16)
     block = scans([0.5], angle, delay, ranges=[[2, 2, np.nan, 2]], intensity=counts)
     screening = Screening(floor=500.0, saturation=50000.0)
     (points,) = georeference([block], trajectory, Mounting(), screening=screening)
     assert points.intensity.values.tolist() == [900]
-    assert {name: points.attrs[name] for name in ("returns", "missing", "doubtful")} == {
+    assert {name: points.attrs[name] for name in ("returns", "missing", "flagged")} == {
         "returns": 1,
         "missing": 1,
-        "doubtful": 2,
+        "flagged": 2,
     }
     (points,) = georeference(
         [block],

@@ -28,7 +28,7 @@ def leeward(data: Path) -> tuple[Trajectory, np.ndarray, laspy.LasData, list[flo
     navigation = sbet.read(folder / "sbet.out")
     motion = fuse_motion(
         xr.DataTree.from_dict({"navigation": navigation}),
-        settings=FusionSettings(method="navigation", way_window=0.02),
+        settings=FusionSettings(method="navigation", smoothing_window=0.02),
     )
     points = laspy.read(folder / "points_ecef.las")
     longitude, latitude, height = navigation.attrs["origin"]

@@ -114,7 +114,9 @@ def test_noise_is_measured_and_reported(motions, excited):
     assert_allclose(share, 1.0, rtol=0, atol=0.1)  # 100 Hz, 4 s: sd 0.03
     assert "white" in noise.estimated
     assert "accelerometer" in noise.estimated
-    assert_allclose(motions["rts"].surprise, 1.0, rtol=0, atol=0.2)  # 850 epochs: sd 0.05, drift
+    assert_allclose(
+        motions["rts"].normalised_innovation_squared, 1.0, rtol=0, atol=0.2
+    )  # 850 epochs: sd 0.05, drift
     json.dumps(motions["rts"].to_dict())
     json.dumps(motions["navigation"].to_dict())
 
@@ -146,7 +148,9 @@ def test_claimed_standard_deviations_are_honest(excited):
     squares = []
     for seed in range(12):
         run = run_of(knots, scene, seed=seed)
-        errors = Errors(run, fuse_motion(run, settings=FusionSettings(way_window=0.2)).trajectory)
+        errors = Errors(
+            run, fuse_motion(run, settings=FusionSettings(smoothing_window=0.2)).trajectory
+        )
         each = np.hstack([errors.origin, errors.turn]) / errors.sd
         share = np.column_stack([errors.up / errors.up_sd, each])
         squares.append(np.mean(share**2, axis=0))

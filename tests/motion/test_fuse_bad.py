@@ -108,7 +108,7 @@ def test_a_gap_that_is_too_long(run):
     time = times(run, "navigation")
     gappy = without(run, "navigation", (time < 1.5) | (time > 2.2))
     with pytest.raises(CoverageError, match=r"gap of 0.710 s at 1.495000 s, longer than"):
-        fuse_motion(gappy, settings=FusionSettings(longest_gap=0.5))
+        fuse_motion(gappy, settings=FusionSettings(max_gap=0.5))
 
 
 def test_values_that_are_not_finite_are_gaps(run):

@@ -299,7 +299,7 @@ def test_rts_finds_the_way_and_a_given_window_fixes_it(excited):
     run = run_of(knots, scene)
     ways = {
         (method, window): fuse_motion(
-            run, settings=FusionSettings(method=method, way_window=window)
+            run, settings=FusionSettings(method=method, smoothing_window=window)
         )
         for method in ("rts", "zero-phase")
         for window in (None, FIXED)
@@ -311,5 +311,5 @@ def test_rts_finds_the_way_and_a_given_window_fixes_it(excited):
     claims = [ways["rts", window].trajectory.covariance[:, 0, 0] for window in (None, FIXED)]
     assert (claims[0] == claims[1]).all()
     for wrong in (0.0, -1.0, np.nan):
-        with pytest.raises(ValueError, match="way_window must be greater than 0"):
-            FusionSettings(way_window=wrong)
+        with pytest.raises(ValueError, match="smoothing_window must be greater than 0"):
+            FusionSettings(smoothing_window=wrong)

@@ -16,7 +16,7 @@ from trueterrain.profile import (
     height_distributions,
     straight_path,
 )
-from trueterrain.profile.area import EDGE_TOLERANCE, area_doubt, area_reach
+from trueterrain.profile.area import EDGE_TOLERANCE, area_flag, area_reach
 
 UTM = (512_345.0, 5_512_345.0)  # [m] easting and northing of central Europe
 AREAS = [Disc(), Disc(radius=0.0213), Ellipse(length=0.09, width=0.04)]
@@ -174,8 +174,8 @@ def test_areas_in_millimetres_are_refused(make, millimetres):
     make(millimetres / 1000)
 
 
-def test_areas_larger_than_contact_patches_are_doubted():
-    assert [area_doubt(area) for area in AREAS] == [None] * len(AREAS)
-    assert area_doubt(Rectangle(length=0.3, width=0.5)) is None
+def test_areas_larger_than_contact_patches_are_flagged():
+    assert [area_flag(area) for area in AREAS] == [None] * len(AREAS)
+    assert area_flag(Rectangle(length=0.3, width=0.5)) is None
     for area in (Disc(radius=0.26), Disc(radius=1.0), Rectangle(length=0.1, width=2.0)):
-        assert "shorter waves are lost" in area_doubt(area)
+        assert "shorter waves are lost" in area_flag(area)

@@ -231,7 +231,7 @@ def test_the_standard_deviation_of_a_profile_is_honest_on_noisy_ground():
     path = straight_path((0.05, 0), (59.95, 0), spacing=0.06)
     for statistic in (Median(), Mean(), Window(), InverseDistance(), SteepestCpf()):
         profile = tyre_profile(
-            make_points(x, y, z), path, statistic=statistic, level=True, minimum_count=30
+            make_points(x, y, z), path, statistic=statistic, level=True, min_count=30
         )
         error = profile.height - height(path.easting, path.northing)
         ratio = np.sqrt(np.mean((error / profile.sd) ** 2))
@@ -257,7 +257,7 @@ def test_a_profile_tells_where_it_is_and_where_it_comes_from():
         "area": {"kind": "Disc", "radius": 0.03},
         "statistic": {"kind": "Window", "skip": 15.0, "size": 70.0},
         "level": False,
-        "minimum_count": 3,
+        "min_count": 3,
         "thin": "nan",
     }
     json.dumps(profile.attrs)  # so that every store can keep them
@@ -309,14 +309,14 @@ def test_thin_search_areas_become_nan_if_asked_and_nothing_is_interpolated():
 def test_how_many_heights_are_too_few_is_a_setting():
     count = tyre_profile(holey(), line(0.3), thin="nan")["count"].values
     fewest = int(count[count > 0].min())
-    profile = tyre_profile(holey(), line(0.3), thin="nan", minimum_count=fewest + 1)
+    profile = tyre_profile(holey(), line(0.3), thin="nan", min_count=fewest + 1)
     assert profile.attrs["thin"] > 1
     assert_array_equal(np.isnan(profile.height), count < fewest + 1)
     with pytest.raises(CoverageError, match=f"11 of 11 .* fewer than {count.max() + 1} heights"):
-        tyre_profile(holey(), line(0.3), thin="nan", minimum_count=int(count.max()) + 1)
+        tyre_profile(holey(), line(0.3), thin="nan", min_count=int(count.max()) + 1)
     single = make_points([0.0], [0.0], [0.4])
     path = straight_path((0, 0), (0.01, 0))
-    one = tyre_profile(single, path, minimum_count=1)
+    one = tyre_profile(single, path, min_count=1)
     assert_array_equal(one.height, [0.4, 0.4])
     assert np.isnan(one.sd).all()
 
@@ -340,10 +340,10 @@ def test_a_path_partly_outside_is_thin_there():
     assert profile["count"][edge] < 0.65 * profile["count"].max()
 
 
-@pytest.mark.parametrize("minimum_count", [0, -3])
-def test_a_minimum_count_must_be_at_least_one(minimum_count):
-    with pytest.raises(ValueError, match=f"minimum_count must be at least 1, got {minimum_count}"):
-        tyre_profile(holey(), line(0.3), minimum_count=minimum_count)
+@pytest.mark.parametrize("min_count", [0, -3])
+def test_a_minimum_count_must_be_at_least_one(min_count):
+    with pytest.raises(ValueError, match=f"min_count must be at least 1, got {min_count}"):
+        tyre_profile(holey(), line(0.3), min_count=min_count)
 
 
 def test_an_unknown_policy_is_refused():

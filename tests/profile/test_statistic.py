@@ -395,7 +395,7 @@ def test_a_percentile_with_no_heights_beyond_it_is_not_honest():
         (lambda: InverseDistance(core=0), "core must be greater than 0 m"),
         (lambda: InverseDistance(of="mode"), "of must be 'mean' or 'median', got 'mode'"),
         (lambda: SteepestCpf(bandwidth=0), "bandwidth must be greater than 0 m, got 0"),
-        (lambda: SteepestCpf(smallest_bandwidth=-1), "smallest_bandwidth must be greater"),
+        (lambda: SteepestCpf(min_bandwidth=-1), "min_bandwidth must be greater"),
     ],
 )
 def test_a_setting_out_of_range_is_refused(make, message):

@@ -134,16 +134,16 @@ def test_all_that_a_report_holds_is_on_the_pages(full):
         "one −1.25 ✓ as required",
         "two – ",
         "✗ not as required",
-        "⚠ Doubtful",
+        "⚠ Flagged",
         f"• Warned {EVIL}",
         "• lane 2 is short",
-        "Nothing doubtful was found.",
+        "Nothing flagged was found.",
         "Caption of the picture",
         "Caption of the view",
         "121 × 21 nodes are drawn: all there are.",
         "Seen from above",
         "cloud.laz all returns 5\u00a0B",
-        "⚠ 2 doubts about this result: see First",
+        "⚠ 2 flags about this result: see First",
         "? not known",
         "37\u00a0037 m²",
         "note 3",
@@ -270,7 +270,7 @@ def test_a_word_longer_than_the_page_is_broken_not_cut(pdf_of):
     assert sum(character in "abcdefghij" for character in text) >= 600
 
 
-def test_cells_and_doubts_longer_than_a_page_go_on_over_it(pdf_of):
+def test_cells_and_flags_longer_than_a_page_go_on_over_it(pdf_of):
     long = " ".join(f"word{k}" for k in range(3000))
     reader = pdf_of(
         Table(columns=(Column(label="A"), Column(label="B")), rows=[("name", long)]),

@@ -202,14 +202,14 @@ def test_headings_contents_and_language_serve_readers(full):
     assert all(button.get("aria-label") or button["text"] for button in full.all("button"))
 
 
-def test_doubts_are_pointed_to_at_the_top(full, page_of):
-    assert full.texts("p", class_="doubts") == ["⚠ 2 doubts about this result: see them."]
+def test_flags_are_pointed_to_at_the_top(full, page_of):
+    assert full.texts("p", class_="flags") == ["⚠ 2 flags about this result: see them."]
     assert full.all("a", href="#block-1-3")
     one = page_of(Warnings(items=("lane 2 is short",)))
-    assert one.texts("p", class_="doubts") == ["⚠ 1 doubt about this result: see it."]
+    assert one.texts("p", class_="flags") == ["⚠ 1 flag about this result: see it."]
     none = page_of(Warnings(items=()))
-    assert none.texts("p", class_="doubts") == []
-    assert "Nothing doubtful was found." in none.texts("main")[0]
+    assert none.texts("p", class_="flags") == []
+    assert "Nothing flagged was found." in none.texts("main")[0]
 
 
 def test_provenance_is_folded_and_whole(full):

@@ -268,7 +268,7 @@ def test_heights_in_feet_are_questioned():
     runs = {"A": make_profile(s, road(s)), "B": make_profile(s, road(s) / 0.3048)}
     with pytest.warns(UserWarning, match="B is 3.281 times as high as A: are its heights in feet"):
         found = profile_agreement(runs)
-    assert len(found.attrs["doubts"]) == 1
+    assert len(found.attrs["flags"]) == 1
 
 
 def test_stations_in_feet_are_questioned():
@@ -282,9 +282,9 @@ def test_stations_in_feet_are_questioned():
 def test_heights_in_millimetres_are_questioned():
     s = np.arange(0.0, 100.0, 0.1)
     runs = {"A": make_profile(s, road(s)), "B": make_profile(s, 1000 * road(s))}
-    doubts = profile_agreement(runs).attrs["doubts"]
-    assert any("B: climbs" in doubt for doubt in doubts)
-    assert doubts[-1] == "B is 1000 times as high as A: are its heights in millimetres?"
+    flags = profile_agreement(runs).attrs["flags"]
+    assert any("B: climbs" in flag for flag in flags)
+    assert flags[-1] == "B is 1000 times as high as A: are its heights in millimetres?"
 
 
 def test_lengths_that_differ_are_told():
@@ -335,7 +335,7 @@ def test_bad_arguments_are_refused():
         profile_agreement({"A": one, "B": one}, reference="C")
     with pytest.raises(SchemaError, match=r"^B: "):
         profile_agreement({"A": one, "B": make_points([0.0], [0.0], [0.0])})
-    for name, value in (("max_scale", 0.2), ("step", 0), ("minimum_overlap", -1), ("settle", -1)):
+    for name, value in (("max_scale", 0.2), ("step", 0), ("min_overlap", -1), ("settle", -1)):
         with pytest.raises(ValueError, match=name):
             AgreementSettings(**{name: value})
 

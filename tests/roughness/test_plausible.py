@@ -7,7 +7,7 @@ from trueterrain.core.errors import CoverageError
 from trueterrain.core.schemas import ASSUMED, make_profile
 from trueterrain.formats import open as open_file
 from trueterrain.roughness import IriSettings, RideNumberSettings, flag_profile, iri, ride_number
-from trueterrain.roughness.plausible import rating_doubts
+from trueterrain.roughness.plausible import rating_flags
 from trueterrain.simulate.ground import BelgianBlock, Road
 
 S = 0.1 * np.arange(3000)
@@ -44,8 +44,8 @@ def test_measured_courses_are_not_questioned(data, name):
 @pytest.mark.parametrize("height", [0.0 * S, 0.06 * S, 1e-3 * hilly("A")])
 def test_grounds_without_roughness_are_questioned(height):
     """Smoothed away, or kilometres that pass for metres: the index would be 0.000."""
-    (doubt,) = flag_profile(make_profile(S, height))
-    assert doubt.startswith("track profile: is smoother than any road, 0.0")
+    (flag,) = flag_profile(make_profile(S, height))
+    assert flag.startswith("track profile: is smoother than any road, 0.0")
 
 
 def test_without_a_unit_the_scale_of_roads_is_the_limit():
@@ -57,15 +57,15 @@ def test_without_a_unit_the_scale_of_roads_is_the_limit():
 
 def test_feet_declared_as_metres_are_questioned():
     profile = make_profile(S, [hilly(), hilly() / FOOT], tracks=["metres", "feet"])
-    (doubt,) = flag_profile(profile)
-    assert doubt.startswith("track feet: climbs 0.2")
-    assert doubt.endswith("over 100 m; are its heights in metres, not in feet or millimetres?")
+    (flag,) = flag_profile(profile)
+    assert flag.startswith("track feet: climbs 0.2")
+    assert flag.endswith("over 100 m; are its heights in metres, not in feet or millimetres?")
 
 
 def test_millimetres_declared_as_metres_are_questioned(tmp_path):
     height = 1000 * hilly("A")
     found = flag_profile(make_profile(S, height))
-    assert [doubt.split(": ")[1].split(" ")[0] for doubt in found] == ["has", "climbs", "is"]
+    assert [flag.split(": ")[1].split(" ")[0] for flag in found] == ["has", "climbs", "is"]
     assert "has heights up to 20" in found[0]
     assert "is rougher than roads are" in found[2]
     table = np.column_stack([S, height])
@@ -101,13 +101,13 @@ def test_missing_heights_are_an_error():
 def test_windows_that_average_nothing_are_known(kind, spacing, window, idle):
     profile = make_profile(spacing * np.arange(50), np.zeros(50))
     options = kind(window=window, max_spacing=0.61)
-    found = [doubt for doubt in rating_doubts(profile, options) if "window" in doubt]
+    found = [flag for flag in rating_flags(profile, options) if "window" in flag]
     sentence = f"the window {window} of 0.25 m averages nothing at a spacing of {spacing:g} m"
     assert found == [sentence] * idle
 
 
 def test_one_sample_has_no_window():
-    assert rating_doubts(make_profile([0.0], [0.0]), IriSettings()) == []
+    assert rating_flags(make_profile([0.0], [0.0]), IriSettings()) == []
 
 
 WAVES = 0.001 * np.random.default_rng(4).standard_normal(4000).cumsum()  # [m] at 0.1 m
@@ -130,7 +130,7 @@ def test_indices_need_samples_that_show_what_the_car_feels(kind, index, spacing,
     s = np.append(0.05 * np.arange(400), 19.95 + spacing * np.arange(1, 400))  # coarse from 20 m on
     profile = make_profile(s, np.interp(s, 0.1 * np.arange(4000), WAVES))
     options = kind(window="exact")
-    found = [doubt for doubt in rating_doubts(profile, options) if "apart" in doubt]
+    found = [flag for flag in rating_flags(profile, options) if "apart" in flag]
     assert bool(found) == (outcome == "warned")
     if outcome == "refused":
         with pytest.raises(CoverageError, match=r"s = 19\.95 m: has samples .* m apart"):

@@ -189,7 +189,7 @@ def rays(recorded: Recorded) -> tuple[np.ndarray, np.ndarray]:
 def exact_ranges(run: xr.DataTree) -> np.ndarray:
     """Recorded ranges less their errors, free of their rounding when stored."""
     stored = run["scans/range"].values
-    quantum = NOISE_FREE.quantum  # the scanner rounds to the same step as the store
+    quantum = NOISE_FREE.quantum  # the scanner iterations to the same step as the store
     npt.assert_allclose(stored, np.rint(stored / quantum) * quantum, rtol=0, atol=1e-12)
     return stored - run["truth/returns/range_error"].values
 

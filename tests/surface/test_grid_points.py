@@ -228,7 +228,7 @@ def test_points_without_height_and_outside_are_counted():
 def test_cells_with_few_points_have_no_height():
     points = make_points([0, 0, 1], [0, 0, 0], [1, 1, 2])
     surface = grid_points(
-        points, grid_over(0, 0, 1, 1, spacing=1.0), GridSettings(minimum_count=2, level=False)
+        points, grid_over(0, 0, 1, 1, spacing=1.0), GridSettings(min_count=2, level=False)
     )
     npt.assert_array_equal(surface.height.values[0], [1, np.nan])
 
@@ -247,7 +247,7 @@ def test_data_without_sense_are_refused():
     for settings in (
         {"statistic": "mode"},
         {"percent": 0.0},
-        {"minimum_count": 0},
+        {"min_count": 0},
         {"range_noise": -1.0},
     ):
         with pytest.raises(ValueError, match="must be"):

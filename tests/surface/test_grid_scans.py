@@ -316,7 +316,7 @@ def test_errors_of_passes_in_agreement_stay(drive, with_errors):
     assert 0.9 < np.sqrt(np.mean(np.concatenate(ratios) ** 2)) < 1.1
 
 
-def test_doubtful_returns_are_left_out_or_weigh_less(drive):
+def test_flagged_returns_are_left_out_or_weigh_less(drive):
     driven = drive(STRAIGHT, length=1.0)
     grid = grid_of(driven)
     rng = np.random.default_rng(1)
@@ -330,7 +330,7 @@ def test_doubtful_returns_are_left_out_or_weigh_less(drive):
         return surface_of(sums), sums
 
     strict, sums = surface(Screening(floor=500.0), wrong)
-    assert sums.tally.doubtful == (bad & np.isfinite(driven.range)).sum()
+    assert sums.tally.flagged == (bad & np.isfinite(driven.range)).sum()
     without = np.where(bad, np.nan, driven.range)
     npt.assert_array_equal(strict.height, surface(Screening(), without)[0].height)
     soft, _ = surface(Screening(floor=500.0, weight=0.125), wrong)

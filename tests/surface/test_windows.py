@@ -47,7 +47,7 @@ def laps(rate: float = 2.4, back: float = 0.9) -> Trajectory:
 
 
 def recorded(path: Path, seed: int, *, furthest: float) -> Path:
-    """Ranges to rough ground, with gaps, wild ones and doubtful intensities."""
+    """Ranges to rough ground, with gaps, wild ones and flagged intensities."""
     rng = np.random.default_rng(seed)
     angle = np.linspace(-0.7, 0.7, BEAMS)
     ranges = 2 / np.cos(angle) + rng.normal(0, 0.01, (SCANS, BEAMS))
@@ -62,7 +62,7 @@ def recorded(path: Path, seed: int, *, furthest: float) -> Path:
         mounting=TILTED,
         angle=angle,
         delay=np.linspace(0, 1.5e-3, BEAMS),
-        largest_range=furthest,
+        max_range=furthest,
     ) as run:
         t = np.arange(-0.1, 6.2, 0.01)
         still = dict.fromkeys(("north", "up", "roll", "pitch", "yaw"), np.zeros(t.size))
@@ -101,7 +101,7 @@ def over():
 CASES = {
     "mean": (arc, GridSettings(range_noise=1e-3)),
     "weighed": (arc, GridSettings(), Screening(floor=100.0, saturation=900.0, weight=0.5)),
-    "minimum": (arc, GridSettings(statistic="minimum", minimum_count=2)),
+    "minimum": (arc, GridSettings(statistic="minimum", min_count=2)),
     "median": (arc, GridSettings(statistic="median")),
     "percentile": (arc, GridSettings(statistic="percentile", percent=20.0)),
     "disc": (arc, GridSettings(radius=0.07, power=1.0)),

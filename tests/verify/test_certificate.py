@@ -139,23 +139,26 @@ def test_settings_of_the_fusion_hold_for_every_method(tmp_path, monkeypatch):
     for method in ("thesis", "rts"):
         config.write_text(
             f'runs = {{a = "a.zarr"}}\nmachined = "plate.csv"\nmethods = ["{method}"]\n'
-            'fusion = {way_window = 2.0, crossover = 8.0, method = "navigation"}\n'
+            'fusion = {smoothing_window = 2.0, crossover = 8.0, method = "navigation"}\n'
         )
         with pytest.raises(CoverageError, match=r"a\.zarr: stopped here"):
             certify_profiler("dynamic", config)
     assert used == [
-        FusionSettings(method=method, way_window=2.0, crossover=8.0) for method in ("thesis", "rts")
+        FusionSettings(method=method, smoothing_window=2.0, crossover=8.0)
+        for method in ("thesis", "rts")
     ]
 
 
 def test_a_wrong_setting_of_the_fusion_is_refused(tmp_path):
     config = tmp_path / "d.toml"
-    config.write_text('runs = {a = "a.zarr"}\nmachined = "p.csv"\nfusion = {way_window = 0.0}\n')
-    with pytest.raises(FormatError, match="way_window must be greater than 0"):
+    config.write_text(
+        'runs = {a = "a.zarr"}\nmachined = "p.csv"\nfusion = {smoothing_window = 0.0}\n'
+    )
+    with pytest.raises(FormatError, match="smoothing_window must be greater than 0"):
         certify_profiler("dynamic", config)
 
 
-def test_a_date_that_is_not_that_of_the_runs_is_doubted(drift):
+def test_a_date_that_is_not_that_of_the_runs_is_flagged(drift):
     still = {name: np.zeros(3) for name in ("east", "north", "up", "roll", "pitch", "yaw")}
     folder, first = drift.parent, 1_457_338_518.0  # [s] of GPS: 2026-03-12 08:15:00 UTC
     with RunWriter(
@@ -172,12 +175,12 @@ def test_a_date_that_is_not_that_of_the_runs_is_doubted(drift):
     text = 'clock = "bounce.zarr"\n' + drift.read_text()
     drift.write_text('date = "2026-03-12"\n' + text)
     found = certify_profiler("drift", drift)
-    assert found.doubts == []
+    assert found.flags == []
     assert found.recorded[-1].begin == "2026-03-12 08:15:00"
     assert [one.detected for one in found.instruments] == [None, None]  # no accelerometers
     drift.write_text('date = "2026-04-12"\n' + text)
-    (doubt,) = certify_profiler("drift", drift).doubts
-    assert "bounce.zarr was recorded on 2026-03-12 08:15:00 (UTC), 31 days from" in doubt
+    (flag,) = certify_profiler("drift", drift).flags
+    assert "bounce.zarr was recorded on 2026-03-12 08:15:00 (UTC), 31 days from" in flag
 
 
 def test_an_unknown_test_is_refused(drift):

@@ -65,7 +65,7 @@ def static_rows():
         rng = np.random.default_rng([1, seed])
         shift = -0.6 + WITHIN * rng.uniform()
         run = standing(scans=30, beams=301, shift=shift, tilt=0.003 * rng.normal(), seed=seed)
-        settings = StaticSettings(least_scans=30, assumed=shift, search=SEARCH)
+        settings = StaticSettings(min_scans=30, assumed=shift, search=SEARCH)
         rows.append(static_test(run, machined(), settings)[0].row)
     return rows
 
@@ -97,7 +97,7 @@ def drift_rows(length, *, offset=0.0, confidence=0.95):
     """Rows of drift tests of four runs over 500 m, each with its own drift and offset [m]."""
     s = np.arange(501.0)
     flat = make_profile(s, 0 * s)
-    settings = DriftSettings(least_length=500.0, confidence=confidence)
+    settings = DriftSettings(min_length=500.0, confidence=confidence)
     rows = []
     for seed in range(REPEATS):
         rng = np.random.default_rng([3, seed])

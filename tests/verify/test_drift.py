@@ -90,7 +90,7 @@ def test_gaps_and_tracks_are_named():
         drift_test([both, both])
 
 
-@pytest.mark.parametrize("name", ["spacing", "least_length", "confidence"])
+@pytest.mark.parametrize("name", ["spacing", "min_length", "confidence"])
 def test_settings_that_break_a_rule_are_refused(name):
     with pytest.raises(ValueError, match=name):
         DriftSettings(**{name: 0.0})

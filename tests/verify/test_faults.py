@@ -148,5 +148,5 @@ def test_boresight_roll_place_and_saturation_at_once(standing):
         roll.name,
         place.name,
         bright.name,
-        "doubtful intensity",
+        "flagged intensity",
     }

@@ -21,7 +21,7 @@ SURE = 4.0  # standard deviations within which a value is recovered
 SHIFT = -0.55  # [m] of the plate in `standing`
 TILT = 0.004  # [rad] of the plate there
 PLACE = BEGIN + 0.05 * SPEED  # [m] from the first pose, 0.05 s before the first scan
-STATIC = StaticSettings(assumed=SHIFT, search=0.02, level=TILT, least_scans=50)
+STATIC = StaticSettings(assumed=SHIFT, search=0.02, level=TILT, min_scans=50)
 DYNAMIC = DynamicSettings(assumed=PLACE, search=0.03, floor=4.0)
 MARKS = (
     "clock of the scanner",
@@ -115,13 +115,13 @@ def test_the_standard_deviation_of_the_roll_is_the_one_reported():
 
 
 def test_what_static_cannot_tell_is_said():
-    settings = StaticSettings(least_scans=50)
+    settings = StaticSettings(min_scans=50)
     found = named(static_test(standing(scans=60), machined(), settings)[0])
     for name, cure in {
         "place of the plate": "assumed",
         "boresight roll": "spirit level",
         "error of bright ground": "white paint",
-        "doubtful intensity": "saturation",
+        "flagged intensity": "saturation",
     }.items():
         assert (found[name].value, found[name].sd, found[name].detected) == (None, None, None)
         assert cure in found[name].meaning
@@ -142,7 +142,7 @@ def test_a_saturated_stripe_is_found_with_and_without_screening(saturation):
     # along beams that are up to 17 degrees inclined
     np.testing.assert_allclose(finding.value, 0.0006, rtol=0, atol=SURE * finding.sd + 2e-5)
     assert "too high" in finding.meaning
-    assert found["doubtful intensity"].detected is (True if saturation < np.inf else None)
+    assert found["flagged intensity"].detected is (True if saturation < np.inf else None)
 
 
 def test_lost_scans_and_returns_are_counted():
@@ -257,9 +257,9 @@ def test_bright_ground_and_lost_scans_are_found_while_driving():
     assert detected(found) == {"error of bright ground", "scans lost"}
     screened = replace(DYNAMIC, screening=Screening(saturation=2e4))
     found = dynamic_test(driven(white=(0.8, 0.85)), machined(), motion(), screened)
-    assert detected(found) == {"doubtful intensity"}
+    assert detected(found) == {"flagged intensity"}
     np.testing.assert_allclose(
-        named(found)["doubtful intensity"].value, 0.05 / 1.2, rtol=0, atol=0.01
+        named(found)["flagged intensity"].value, 0.05 / 1.2, rtol=0, atol=0.01
     )
 
 

@@ -219,15 +219,15 @@ def test_brightness_by_surface():
     assert_allclose(view.bands[1].intensity, 9000 * (2 / 1.988) ** 2, rtol=1e-12)
     dark = view_plate(PlateDesign(bands=(("soot", 0.01),)), ScanSetup(offset=1.0))
     assert dark.bands[0].brightness == "lost"
-    assert any("Returns from soot are lost" in doubt for doubt in dark.doubts)
+    assert any("Returns from soot are lost" in flag for flag in dark.flags)
 
 
-def test_doubts_of_a_plate_at_the_rim_of_the_swath():
+def test_flags_of_a_plate_at_the_rim_of_the_swath():
     view = view_plate(PlateDesign(), ScanSetup(offset=1.8))
-    assert any("of its 1.20 m only" in doubt for doubt in view.doubts)
-    assert any("lie in shadow" in doubt for doubt in view.doubts)
+    assert any("of its 1.20 m only" in flag for flag in view.flags)
+    assert any("lie in shadow" in flag for flag in view.flags)
     coarse = view_plate(PlateDesign(), ScanSetup(angle=np.linspace(-0.7, 0.7, 120)))
-    assert any("fewer than five points" in doubt for doubt in coarse.doubts)
+    assert any("fewer than five points" in flag for flag in coarse.flags)
 
 
 def test_beams_from_left_to_right_see_the_same():

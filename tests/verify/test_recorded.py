@@ -54,7 +54,7 @@ def test_what_counts_from_any_moment_and_profiles_tell_nothing():
 
 
 @pytest.mark.parametrize(
-    ("stated", "doubtful"),
+    ("stated", "flagged"),
     [
         ("2026-03-12", False),
         ("2026-03-11", False),
@@ -67,15 +67,15 @@ def test_what_counts_from_any_moment_and_profiles_tell_nothing():
     ],
 )
 @pytest.mark.parametrize("whole", [True, False])
-def test_a_date_more_than_a_day_away_is_doubted(stated, doubtful, whole):
+def test_a_date_more_than_a_day_away_is_flagged(stated, flagged, whole):
     """With seconds of the week the nearest week is taken: nothing else can be known."""
     seconds = gps_seconds(dt.datetime(2026, 3, 12, 8, 15), 18)
     if not whole:
         seconds %= 604_800
     run = recording_time("a.zarr", GPS, (seconds, seconds + 60))
     found = date_contradictions(stated, (run, recording_time("b.csv", {})))
-    assert bool(found) == doubtful
-    if doubtful:
+    assert bool(found) == flagged
+    if flagged:
         assert "a.zarr was recorded on" in found[0]
         assert "2 days from the date that is stated" in found[0]
 

@@ -40,13 +40,13 @@ def test_saturated_returns_are_charged_to_reflectivity_and_screened_away():
     run = standing(bright=(0.8, 0.9, STEP))
     settings = StaticSettings(screening=Screening(saturation=1e4))
     all_of_them, screened = static_test(run, machined(), settings)
-    doubtful = all_of_them.errors.doubtful.values
-    share = float(doubtful.mean())
+    flagged = all_of_them.errors.flagged.values
+    share = float(flagged.mean())
     np.testing.assert_allclose(
         np.sqrt(all_of_them.parts["reflectivity"] / share), STEP, rtol=0, atol=STEP_TOLERANCE
     )
     assert screened.parts["reflectivity"] == 0
-    assert screened.row.count == all_of_them.row.count - doubtful.sum()
+    assert screened.row.count == all_of_them.row.count - flagged.sum()
     s = screened.errors.s.values
     assert not ((s > 0.802) & (s < 0.898)).any()
     assert (screened.row.test, all_of_them.row.test) == ("static, screened", "static")
@@ -66,8 +66,8 @@ def test_fewer_scans_than_needed_are_an_error():
     with pytest.raises(CoverageError, match=r"holds 50 scans, the static test needs 100.*longer"):
         static_test(run, machined())
     with pytest.raises(CoverageError, match="needs 60"):
-        static_test(run, machined(), StaticSettings(scans=60, least_scans=10))
-    (found,) = static_test(run, machined(), StaticSettings(scans=30, least_scans=10))
+        static_test(run, machined(), StaticSettings(scans=60, min_scans=10))
+    (found,) = static_test(run, machined(), StaticSettings(scans=30, min_scans=10))
     assert found.scans == 30
 
 
@@ -79,7 +79,7 @@ def test_ground_without_the_plate_is_an_error():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"least_scans": 1}, "at least 2"),
+        ({"min_scans": 1}, "at least 2"),
         ({"present": 0.0}, "present"),
         ({"edge": -1.0}, "edge"),
         ({"confidence": 1.0}, "confidence"),

@@ -44,7 +44,7 @@ class PairAgreement:
     after: ScreenedDifferences
     "After the adjustment."
 
-    held_back: ScreenedDifferences
+    held_out: ScreenedDifferences
     "In cells held back, with corrections from all other cells."
 
     rejected: int
@@ -75,7 +75,7 @@ class PassDriftTest:
     statistic: float
     "Sum of squares, distributed as chi-square if there is no drift."
 
-    freedom: float
+    degrees_of_freedom: float
     "Its degrees of freedom."
 
     p_value: float
@@ -103,7 +103,7 @@ def difference_statistics(values: Floats, accepted: Flags) -> ScreenedDifference
 
 
 def pairs_of(
-    shared: SharedCells, robustness: Floats, before: Floats, after: Floats, held_back: Floats
+    shared: SharedCells, robustness: Floats, before: Floats, after: Floats, held_out: Floats
 ) -> list[PairAgreement]:
     """How each pair of passes agrees.
 
@@ -113,7 +113,7 @@ def pairs_of(
         The observations.
     robustness : numpy.ndarray, shape (n,)
         0 for what was rejected.
-    before, after, held_back : numpy.ndarray, shape (n,)
+    before, after, held_out : numpy.ndarray, shape (n,)
         Heights [m].
 
     Returns
@@ -136,7 +136,7 @@ def pairs_of(
         good = accepted[some]
         before_, after_, held_ = (
             difference_statistics(values[two[some]] - values[one[some]], good)
-            for values in (before, after, held_back)
+            for values in (before, after, held_out)
         )
         pairs.append(
             PairAgreement(
@@ -144,7 +144,7 @@ def pairs_of(
                 second=shared.names[key % lanes],
                 before=before_,
                 after=after_,
-                held_back=held_,
+                held_out=held_,
                 rejected=int((~good).sum()),
             )
         )
@@ -246,8 +246,10 @@ def drift_tests(
     ]:
         mine = np.isin(lane, members)
         pairs = np.flatnonzero(mine[one] & mine[two])
-        statistic, freedom = _score_statistic(system, equations, np.flatnonzero(mine), pairs)
-        tests.append(_drift_test(name, statistic / factor, freedom))
+        statistic, degrees_of_freedom = _score_statistic(
+            system, equations, np.flatnonzero(mine), pairs
+        )
+        tests.append(_drift_test(name, statistic / factor, degrees_of_freedom))
     return tests
 
 
@@ -276,8 +278,10 @@ def _score_statistic(
     return float(right @ factor.solve(right)), numbers.size - float(loose @ inverse)
 
 
-def _drift_test(name: str, statistic: float, freedom: float) -> PassDriftTest:
+def _drift_test(name: str, statistic: float, degrees_of_freedom: float) -> PassDriftTest:
     from scipy.special import chdtrc
 
-    p_value = float(chdtrc(freedom, statistic)) if freedom > 0 else 1.0
-    return PassDriftTest(name=name, statistic=statistic, freedom=freedom, p_value=p_value)
+    p_value = float(chdtrc(degrees_of_freedom, statistic)) if degrees_of_freedom > 0 else 1.0
+    return PassDriftTest(
+        name=name, statistic=statistic, degrees_of_freedom=degrees_of_freedom, p_value=p_value
+    )

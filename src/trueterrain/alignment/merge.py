@@ -118,7 +118,7 @@ class MergeResult:
     "Discontinuity vectors."
 
     problems: tuple[str, ...]
-    "What is doubtful, in words."
+    "What is flagged, in words."
 
     def to_dict(self) -> dict[str, Any]:
         """What was found, as JSON takes it."""

@@ -40,7 +40,7 @@ def merge_runs(
     settings : MergeSettings
         How.
     screening : Screening
-        Which returns are doubtful, and what becomes of them.
+        Which returns are flagged, and what becomes of them.
     drift_time : float, optional
         Time after which the autocorrelation of the drift of navigation is 1/e, as fusion measured
         it [s], unless the settings name another one.
@@ -99,7 +99,7 @@ def cells_of_passes(
     settings : MergeSettings
         Size of the cells, and which of them are used.
     screening : Screening
-        Which returns are doubtful, and what becomes of them.
+        Which returns are flagged, and what becomes of them.
     threads : int
         Runs that are looked at at once.
     progress : callable, optional

@@ -32,7 +32,7 @@ class ModelTrial:
     round: int = 0
     "Round of the search; weights are others in each, so only trials of one round compare."
 
-    held_back: float = float("nan")
+    held_out: float = float("nan")
     "Root mean square of what is left of differences of passes in cells held back [m]."
 
     log_likelihood: float = float("nan")
@@ -102,7 +102,7 @@ class NetworkSettings:
     folds: int = 5
     "Parts of the ground that are held back in turn."
 
-    least_cells: float = 20.0
+    min_cells: float = 20.0
     "Cells that a knot interval must have in the mean, or its spacing is not tried."
 
     relative_tolerance: float = 0.01
@@ -137,7 +137,7 @@ class NetworkSettings:
             "tukey",
             "block",
             "cluster",
-            "least_cells",
+            "min_cells",
             "relative_tolerance",
             "tolerance",
         ):
@@ -202,14 +202,14 @@ class CellSettings:
     size: float = 0.25
     "Side of a cell [m]."
 
-    minimum_count: int = 5
+    min_count: int = 5
     "Returns that a cell must have of a pass."
 
     scans: int = 5
     """Scans of a run that a cell has along its way; more are left out, since they tell no more of
     the pass. 0 for all."""
 
-    largest_sd: float = 0.05
+    max_sd: float = 0.05
     "Standard deviation of the returns about their plane up to which a cell is used [m]."
 
     visit_gap: float = 10.0
@@ -217,7 +217,7 @@ class CellSettings:
 
     def __post_init__(self) -> None:
         """Check the values."""
-        for name in ("size", "largest_sd", "visit_gap"):
+        for name in ("size", "max_sd", "visit_gap"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
                 message = f"{name} must be greater than 0, got {getattr(self, name)}."
                 raise ValueError(message)
@@ -227,6 +227,6 @@ class CellSettings:
         if self.scans < 0:
             message = f"scans must be at least 0, got {self.scans}."
             raise ValueError(message)
-        if self.minimum_count < 1:
-            message = f"minimum_count must be at least 1 return, got {self.minimum_count}."
+        if self.min_count < 1:
+            message = f"min_count must be at least 1 return, got {self.min_count}."
             raise ValueError(message)

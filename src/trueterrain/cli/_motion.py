@@ -15,7 +15,7 @@ Method = Literal["navigation", "thesis", "zero-phase", "wiener", "rts"]
 def motion_of(
     run: Path, method: Method, begin: float | None = None, end: float | None = None
 ) -> "Trajectory":
-    """Motion of the body over a run; what is doubtful about it or the scans goes to stderr.
+    """Motion of the body over a run; what is flagged about it or the scans goes to stderr.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the commands that rate profiles share: reading, doubts, tables, pictures."""
+"""What the commands that rate profiles share: reading, flags, tables, pictures."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -36,21 +36,21 @@ def read_profile(path: Path) -> "xr.Dataset":
             cure=f"Extract a profile first: trueterrain profile {path} ... -o FILE.erd",
         )
     with name_file_in_errors(path):
-        for doubt in flag_profile(data):
-            write_warning(f"{path}: {doubt}")
+        for flag in flag_profile(data):
+            write_warning(f"{path}: {flag}")
     return data
 
 
 def warn_of_rating(path: Path, profile: "xr.Dataset", options: "QuarterCarSettings") -> None:
     """Say what makes an index of a profile inaccurate."""
-    from trueterrain.roughness.plausible import rating_doubts
+    from trueterrain.roughness.plausible import rating_flags
 
-    for doubt in rating_doubts(profile, options):
-        write_warning(f"{path}: {doubt}.")
+    for flag in rating_flags(profile, options):
+        write_warning(f"{path}: {flag}.")
 
 
 def write_warning(text: str) -> None:
-    """Say on stderr what is to be doubted about a result."""
+    """Say on stderr what is to be flagged about a result."""
     write_note(f"trueterrain: warning: {text}")
 
 

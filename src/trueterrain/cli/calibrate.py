@@ -42,13 +42,13 @@ def calibrate(
     method: Method = "rts",
     spacing: float = 0.04,
     area: Four | None = None,
-    largest_angle: float = 0.5,
+    max_angle: float = 0.5,
     cluster: float = 0.5,
     height_noise: float = 1e-4,
-    largest_angle_sd: float = 5e-4,
-    largest_lever_sd: float = 3e-3,
-    largest_clock_sd: float = 2e-4,
-    largest_rounds: Annotated[int, WHOLE] = 30,
+    max_angle_sd: float = 5e-4,
+    max_lever_sd: float = 3e-3,
+    max_clock_sd: float = 2e-4,
+    max_iterations: Annotated[int, WHOLE] = 30,
     floor: float | None = None,
     saturation: float | None = None,
     nearest: float = 0.0,
@@ -97,34 +97,34 @@ def calibrate(
     area
         Ground to use: smallest easting and northing, largest easting and northing [m]; by default
         all that two passes share.
-    largest_angle
+    max_angle
         Largest angle of a beam from straight down that is used [rad].
     cluster
         Size of the squares of ground within which errors may be alike [m].
     height_noise
         Least standard deviation that the height of a cell is taken to have [m].
-    largest_angle_sd
+    max_angle_sd
         Standard deviation beyond which an angle counts as not told [rad].
-    largest_lever_sd
+    max_lever_sd
         The same of a component of the lever arm [m].
-    largest_clock_sd
+    max_clock_sd
         The same of the clock [s].
-    largest_rounds
+    max_iterations
         Rounds after which it gives up.
     floor
-        Intensity under which a return is doubtful [counts].
+        Intensity under which a return is flagged [counts].
     saturation
-        Intensity above which a return is doubtful [counts].
+        Intensity above which a return is flagged [counts].
     nearest
         Range under which a return is no ground [m].
     furthest
         Range beyond which a return is no ground [m].
     weight
-        Weight of a doubtful return, from 0 (rejected) to 1.
+        Weight of a flagged return, from 0 (rejected) to 1.
     json
         Print one JSON document {"runs", "mounting", "before", "value", "sd", "correlation",
         "condition", "held", "sensitivity", "not_observable", "offset", "offset_sd", "residual",
-        "correspondences", "rounds", "output"}, in rad, m and s.
+        "correspondences", "iterations", "output"}, in rad, m and s.
     force
         Replace the output if it exists.
     """
@@ -142,13 +142,13 @@ def calibrate(
         unobservable=unobservable or ("refuse" if parameter else "hold"),
         spacing=spacing,
         area=area,
-        largest_angle=largest_angle,
+        max_angle=max_angle,
         cluster=cluster,
         height_noise=height_noise,
-        largest_angle_sd=largest_angle_sd,
-        largest_lever_sd=largest_lever_sd,
-        largest_clock_sd=largest_clock_sd,
-        largest_rounds=largest_rounds,
+        max_angle_sd=max_angle_sd,
+        max_lever_sd=max_lever_sd,
+        max_clock_sd=max_clock_sd,
+        max_iterations=max_iterations,
         screening=Screening(
             floor=floor or 0.0,
             saturation=saturation or float("inf"),
@@ -237,7 +237,7 @@ def _in_words(found: "Calibration", start: "Mounting", runs: list[Path]) -> Iter
     before, after = 1e3 * found.residual_before, 1e3 * found.residual_after
     yield (
         f"heights differ by {before:.3g} mm (rms) before, {after:.3g} mm after, at "
-        f"{found.correspondences:,} independent pairs; {found.rounds} rounds"
+        f"{found.correspondences:,} independent pairs; {found.iterations} iterations"
     )
     for run, offset, sd in zip(runs[1:], found.offset[1:], found.offset_sd[1:], strict=True):
         side = "above" if offset > 0 else "below"

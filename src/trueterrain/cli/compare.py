@@ -124,7 +124,7 @@ def compare(
     data = _read_files(every)
     named = None if reference is None else next(iter(data))
     kind = _common_kind(data)
-    doubts: list[str] = []
+    flags: list[str] = []
     with compiling_noted(), warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         comparison: ProfileComparison | SurfaceComparison
@@ -141,11 +141,11 @@ def compare(
             comparison = ProfileComparison.of(
                 data, named, options, limits, registration, None if trend < 0 else trend
             )
-    doubts += dict.fromkeys(str(one.message) for one in caught)
-    for doubt in doubts:
-        write_warning(doubt)
+    flags += dict.fromkeys(str(one.message) for one in caught)
+    for flag in flags:
+        write_warning(flag)
     if json:
-        out_json(comparison.document() | {"doubts": doubts})
+        out_json(comparison.document() | {"flags": flags})
     else:
         comparison.show()
     if plot is not None:

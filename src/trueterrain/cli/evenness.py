@@ -155,20 +155,20 @@ def _that_fit(
     s = profile["s"].values
     room = float(s[-1] - s[0])
     spacing = room / (s.size - 1)
-    doubts = {}
+    flags = {}
     for name, band in bands.items():
         if band.longest is not None and band.longest > room:
-            doubts[name] = f"the profile is {room:g} m long, its waves are up to {band.longest:g} m"
+            flags[name] = f"the profile is {room:g} m long, its waves are up to {band.longest:g} m"
         elif band.shortest is not None and band.shortest <= 2 * spacing:
-            doubts[name] = (
+            flags[name] = (
                 f"its waves of {band.shortest:g} m need a spacing below {0.5 * band.shortest:g} m, "
                 f"got {spacing:.4g} m"
             )
-    if len(doubts) == len(bands):
+    if len(flags) == len(bands):
         return bands  # refused where they are used
-    for name, doubt in doubts.items():
-        write_warning(f"{path}: band {name} is left out: {doubt}.")
-    return {name: band for name, band in bands.items() if name not in doubts}
+    for name, flag in flags.items():
+        write_warning(f"{path}: band {name} is left out: {flag}.")
+    return {name: band for name, band in bands.items() if name not in flags}
 
 
 def _json_document(rated: _EvennessResult, wanted: _EvennessRequest) -> dict[str, Any]:

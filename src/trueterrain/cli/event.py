@@ -106,7 +106,7 @@ def event(
     output
         Folder for event.pdf (one page), drawing.svg, event.html and event.json.
     json
-        Print one JSON document: {"design", "vehicle", "predicted", "cut_list", "speeds", "doubts",
+        Print one JSON document: {"design", "vehicle", "predicted", "cut_list", "speeds", "flags",
         "files"}; lengths in m, angles in rad.
     force
         Replace an earlier result of the same command in the folder; other files in it stay.
@@ -141,7 +141,7 @@ def event(
     low, high = band or (0.8 * inputs.hop, 1.2 * inputs.hop)
     speeds = covering_speeds(low, high, number=design.number, spacing=design.spacing)
     words = _page_texts(design, moved, vehicle, (low, high), speeds.tolist())
-    words["doubts"] += _vehicle_notes(car, design, vehicle)
+    words["flags"] += _vehicle_notes(car, design, vehicle)
     document: dict[str, Any] = {
         "design": design.to_dict(),
         "vehicle": vehicle,
@@ -154,7 +154,7 @@ def event(
         },
         "cut_list": [asdict(piece) | {"mass": piece.mass} for piece in pieces],
         "speeds": {"band": [low, high], "speeds": speeds.tolist()},
-        "doubts": words["doubts"],
+        "flags": words["flags"],
         "files": [],
     }
     if output is not None:
@@ -188,7 +188,7 @@ def _named_vehicle(name: str) -> "tuple[FullCarParameters, Tyre, tuple[float, fl
 
 
 def _vehicle_notes(car: "FullCarParameters", design: "EventDesign", vehicle: str) -> list[str]:
-    """Doubts about a prediction for a vehicle other than the one that the event is made for."""
+    """Flags about a prediction for a vehicle other than the one that the event is made for."""
     from trueterrain.verify.event.design import event_inputs
 
     own, out = event_inputs(car, design.target), []
@@ -267,27 +267,27 @@ def _page_texts(
     if design.events > 1:
         apart = f"{design.pitch:.2f} m from begin to begin"
         driving.insert(0, f"Lay the event {design.events} times, {apart}.")
-    doubts = []
+    flags = []
     if moved.strongest != design.target:
-        doubts.append(
+        flags.append(
             f"The event was to excite {design.target}, but {moved.strongest} gets more: choose "
             "the length from the wheelbase (leave --length out), or repeat the event (--events)."
         )
     if design.spacing - design.width < _PATCH or design.width < 0.5 * _PATCH:
-        doubts.append(
+        flags.append(
             f"Cleats of {1000 * design.width:.0f} mm, {1000 * design.spacing:.0f} mm apart, are "
             f"short for a contact patch of {1000 * _PATCH:.0f} mm, which averages them: hop is "
             "excited less."
         )
     if design.width_rule == "most hop":
-        doubts.append(
+        flags.append(
             f"At a damping ratio of {design.inputs.damping:.2f} no wheel in hop touches both edges "
             "of a cleat; half the spacing was taken as width, where hop is excited most."
         )
     return {
         "driving": driving,
         "excited": excited,
-        "doubts": doubts,
+        "flags": flags,
         "models": _model_notes(design),
     }
 
@@ -365,7 +365,7 @@ def _print_event(design: "EventDesign", words: dict[str, list[str]]) -> None:
     for title, sentences in (
         ("Cut list", [piece_words(piece, design.spacing) for piece in cut_list(design)]),
         ("Driving", words["driving"]),
-        ("What is excited", [*words["excited"], *words["doubts"]]),
+        ("What is excited", [*words["excited"], *words["flags"]]),
         ("Two oscillators", words["models"]),
     ):
         write_line(title)

@@ -56,22 +56,22 @@ def georeference(
         stay in the local frame of the run: east, north, up of its origin. One that changes lengths
         by more than 0.35 % at the place is refused.
     floor
-        Intensity under which a return is doubtful [counts].
+        Intensity under which a return is flagged [counts].
     saturation
-        Intensity above which a return is doubtful [counts].
+        Intensity above which a return is flagged [counts].
     nearest
         Range under which a return is no ground [m].
     furthest
         Range beyond which a return is no ground [m].
     weight
-        Weight of a doubtful return, 0 (rejected) to 1: its standard deviation grows.
+        Weight of a flagged return, 0 (rejected) to 1: its standard deviation grows.
     range_noise
         Standard deviation of a range [m].
     lane
         Number that all points get as their lane.
     json
         Print one JSON document {"output", "points", "scans", "scans_uncovered", "missing",
-        "doubtful", "bridged"}.
+        "flagged", "bridged"}.
     force
         Replace the output if it exists: a file, or a store of points, a surface or a profile.
     """
@@ -129,7 +129,7 @@ class _PointCounter:
 
     def report(self) -> dict[str, Any]:
         """How many there were."""
-        names = ("scans", "scans_uncovered", "missing", "doubtful", "bridged")
+        names = ("scans", "scans_uncovered", "missing", "flagged", "bridged")
         return {"points": self._attrs["returns"], **{name: self._attrs[name] for name in names}}
 
 
@@ -138,7 +138,7 @@ def _in_words(report: dict[str, Any]) -> str:
     for name, words in (
         ("scans_uncovered", "scans without motion left out"),
         ("missing", "beams without return"),
-        ("doubtful", "returns doubtful for their intensity"),
+        ("flagged", "returns flagged for their intensity"),
         ("bridged", "points at times that navigation did not see"),
     ):
         if report[name]:

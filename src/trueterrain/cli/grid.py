@@ -45,7 +45,7 @@ def grid(
     radius: float = 0.0,
     power: float = 0.0,
     plain: Annotated[bool, Parameter(negative="")] = False,
-    minimum_count: Annotated[int, WHOLE] = 1,
+    min_count: Annotated[int, WHOLE] = 1,
     fill: float = 0.1,
     down_sample: tuple[int, int] | None = None,
     method: Method = "rts",
@@ -109,7 +109,7 @@ def grid(
         Power of the inverse distance by which returns in the disc are weighed; 0 weighs all alike.
     plain
         Take the mean as it is, and do not bring it along the slope to the node.
-    minimum_count
+    min_count
         Cells with fewer returns have no height.
     fill
         Extent of the largest interior hole that is filled [m]; 0 for none.
@@ -119,15 +119,15 @@ def grid(
         How the motion of runs is found: "rts" (the best), "wiener", "zero-phase", "thesis", or
         "navigation" alone.
     floor
-        Intensity under which a return is doubtful [counts].
+        Intensity under which a return is flagged [counts].
     saturation
-        Intensity above which a return is doubtful [counts].
+        Intensity above which a return is flagged [counts].
     nearest
         Range under which a return is no ground [m].
     furthest
         Range beyond which a return is no ground [m].
     weight
-        Weight of a doubtful return, from 0 (rejected) to 1.
+        Weight of a flagged return, from 0 (rejected) to 1.
     range_noise
         Standard deviation of a range, or of a point without that of its motion [m].
     threads
@@ -158,7 +158,7 @@ def grid(
     options = GridSettings(
         statistic=statistic,
         level=not plain,
-        minimum_count=minimum_count,
+        min_count=min_count,
         range_noise=range_noise,
         percent=_percentile_fraction(statistic, percent),
         radius=radius,
@@ -247,7 +247,7 @@ def _grid_points(
     threads: int,
     progress: "Progress",
 ) -> "tuple[xr.Dataset, dict[str, Any]]":
-    from trueterrain.formats.point_filter import doubt_of_classes
+    from trueterrain.formats.point_filter import flag_of_classes
     from trueterrain.geometry.crs import parse_crs
     from trueterrain.surface.grid import grid_points
 
@@ -259,9 +259,9 @@ def _grid_points(
         blocks, where.of_points([extent_of(file, crs) for file in files]), options, threads=threads
     )
     outside = int(surface.attrs.pop("outside"))
-    doubt = doubt_of_classes(blocks.counts.classes)
+    flag = flag_of_classes(blocks.counts.classes)
     counts = {"used": blocks.points - outside, "outside": outside}
-    return surface, counts | {"problems": [doubt] if doubt else []}
+    return surface, counts | {"problems": [flag] if flag else []}
 
 
 def _check_times(begin: float | None, end: float | None, kind: str, inputs: list[Path]) -> None:
@@ -349,7 +349,7 @@ def _in_words(report: dict[str, Any]) -> "Iterator[str]":
     words = {
         "outside": "returns beside the grid",
         "too_high": "returns without a height",
-        "doubtful": "returns doubtful for their intensity",
+        "flagged": "returns flagged for their intensity",
         "scans_uncovered": "scans without motion, or at other times, left out",
         "bridged": "scans at times that navigation did not see",
     }

@@ -213,7 +213,7 @@ def in_words(merged: dict[str, Any]) -> "Iterator[str]":
         known = [f"{1e3 * max(datums):.2f} mm"] if None not in datums else ["not known"]
         yield f"standard deviation of the height error that all passes share: {known[0]}"
     for problem in merged["problems"]:
-        yield f"doubtful: {problem}"
+        yield f"flagged: {problem}"
 
 
 def _merge_settings(
@@ -323,11 +323,11 @@ def _pass_cells(
 ) -> "tuple[list[PassCells], float, list[str]]":
     """Cells of all passes, their size [m], and problems."""
     if not runs:
-        from trueterrain.alignment.clouds.merge import cells_of_clouds, cloud_lanes, doubt_of_lanes
+        from trueterrain.alignment.clouds.merge import cells_of_clouds, cloud_lanes, flag_of_lanes
 
         lanes = cloud_lanes(inputs, split=split or None, crs=crs, only=only, progress=progress)
-        for doubt in doubt_of_lanes(lanes):
-            write_note(f"warning: {doubt}")
+        for flag in flag_of_lanes(lanes):
+            write_note(f"warning: {flag}")
         return cells_of_clouds(lanes, settings, cell=cell, progress=progress)
     from trueterrain.alignment.run_passes import cells_of_passes
     from trueterrain.survey import lane_name, survey_of

@@ -87,7 +87,7 @@ def plate(
         Folder for drawing.svg, drawing.pdf, profile.csv, plate.html and plate.json.
     json
         Print one JSON document: {"design", "view": {"returns", "shadows", "edges", "bands",
-        "doubts"}, "files"}; lengths in m, masses in kg, angles in rad.
+        "flags"}, "files"}; lengths in m, masses in kg, angles in rad.
     force
         Replace an earlier result of the same command in the folder; other files in it stay.
     """
@@ -134,7 +134,7 @@ def plate(
             "shadows": [list(pair) for pair in view.shadows],
             "edges": [asdict(edge) for edge in view.edges],
             "bands": [asdict(band) for band in view.bands],
-            "doubts": list(view.doubts),
+            "flags": list(view.flags),
         },
         "files": [],
     }
@@ -180,10 +180,10 @@ def _print_plate(design: "PlateDesign", view: "PlateView", shape: dict[str, Any]
             f"  {band.name:<10} {100 * band.reflectivity:.0f} %: {band.intensity:.0f} counts, "
             f"{band.brightness}"
         )
-    if view.doubts:
-        write_line("Doubts")
-        for doubt in view.doubts:
-            write_line(f"  {doubt}")
+    if view.flags:
+        write_line("Flags")
+        for flag in view.flags:
+            write_line(f"  {flag}")
 
 
 def _write_plate(
@@ -327,7 +327,7 @@ def _plate_report(
             Section(
                 title="What the scanner sees",
                 blocks=(
-                    Warnings(items=view.doubts),
+                    Warnings(items=view.flags),
                     Picture(figure=seen, alt="Returns on the profile, and what lies in shadow"),
                     Table(
                         columns=(

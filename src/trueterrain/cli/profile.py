@@ -62,7 +62,7 @@ def profile(
     resolution: float | None = None,
     bandwidth: float | None = None,
     level: bool = False,
-    minimum_count: Annotated[int, WHOLE] = 3,
+    min_count: Annotated[int, WHOLE] = 3,
     envelope: EnvelopeName | None = None,
     tyre: Literal["passenger", "truck"] | None = None,
     load: float | None = None,
@@ -121,7 +121,7 @@ def profile(
         Half width of the kernel of steepest [m]; by default from the scatter of the heights.
     level
         Take the slope of the ground inside each search area out first.
-    minimum_count
+    min_count
         Search areas with fewer heights are thin.
     envelope
         Roll a tyre along the path instead: "disc", a rigid wheel; "cams", tandem elliptical cams;
@@ -149,9 +149,9 @@ def profile(
     """
     from trueterrain import formats
     from trueterrain.core import provenance
-    from trueterrain.formats.point_filter import doubt_of_classes
+    from trueterrain.formats.point_filter import flag_of_classes
     from trueterrain.profile import EnvelopeSettings, TyreProfileSettings
-    from trueterrain.profile.area import area_doubt
+    from trueterrain.profile.area import area_flag
 
     only = point_filter(classes, returns)
     options = TyreProfileSettings(
@@ -166,11 +166,11 @@ def profile(
         resolution=resolution,
         bandwidth=bandwidth,
         level=level,
-        minimum_count=minimum_count,
+        min_count=min_count,
         thin=thin,
     )
-    if (doubt := area_doubt(options.search_area())) is not None:
-        write_warning(f"{doubt}.")
+    if (flag := area_flag(options.search_area())) is not None:
+        write_warning(f"{flag}.")
     rolling = None
     if envelope is not None:
         if options != TyreProfileSettings(thin=thin):
@@ -184,7 +184,7 @@ def profile(
     formats.require_writable(output, force=force, inputs=inputs, kind="profile")
     written = _writer_options(output, units)
     ways = offset, line, path
-    doubt = ""
+    flag = ""
     with name_file_in_errors(surface), compiling_noted(), progress_bar() as progress:
         kind = formats.kind_of_file(surface)
         require_points(only, surface, kind)
@@ -196,13 +196,13 @@ def profile(
             ground, travelled = _ground_and_path(surface, *ways, spacing, area, crs, only)
             result = _extract_profile(ground, travelled, options, rolling, progress)
             if isinstance(ground, PointsAlong):
-                doubt = doubt_of_classes(ground.classes)
+                flag = flag_of_classes(ground.classes)
     parameters = {} if only is None else {"only": only}
     result = provenance.add_step(result, "profile", parameters=parameters, inputs=inputs)
     formats.write(result, output, force=force, **written)
     _print_summary(result, output)
-    if doubt:
-        write_note(f"warning: {surface}: {doubt}")
+    if flag:
+        write_note(f"warning: {surface}: {flag}")
 
 
 def _extract_profile(
@@ -229,7 +229,7 @@ def _extract_profile(
         area=options.search_area(),
         statistic=taken,
         level=options.level,
-        minimum_count=options.minimum_count,
+        min_count=options.min_count,
         thin=options.thin,
         progress=progress,
     )

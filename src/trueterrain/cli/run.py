@@ -149,9 +149,9 @@ def in_words(numbers: dict[str, Any]) -> Iterator[str]:
             yield text
         for pair in lane["wheel_paths"]:
             yield f"  {pair['left']} and {pair['right']}: MRI {pair['mri']:.2f} m/km"
-        doubts = [problem for name in lane["runs"] for problem in runs[name]["problems"]]
-        for problem in (*doubts, *lane["problems"]):
-            yield f"  doubtful: {problem}"
+        flags = [problem for name in lane["runs"] for problem in runs[name]["problems"]]
+        for problem in (*flags, *lane["problems"]):
+            yield f"  flagged: {problem}"
     for compared in numbers["agreement"]:
         one, other = compared["lanes"]
         yield (

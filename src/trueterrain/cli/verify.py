@@ -51,7 +51,7 @@ def verify(
         Print result.json instead of a table: {"version", "settings", "inputs": [{"name",
         "sha256"}], "rows": [{"test", "rms", "off_edges", "distance", "maximum", "bias", "noise",
         "registration", "count", "verdicts", "findings", "modes", "source", ...}], "recorded",
-        "doubts", "instruments": [{"name", "value", "sd", "unit", "detected", "meaning"}],
+        "flags", "instruments": [{"name", "value", "sd", "unit", "detected", "meaning"}],
         "passed"}, lengths in m; rms, off_edges, distance and bias are {"value", "low", "high",
         "confidence", "independent", "trusted"}, findings like instruments. "passed" is null without
         limits. Of "table": {"version", "within", "order", "scenes", "rows": [{"test", "recordings",
@@ -88,8 +88,8 @@ def verify(
         return
     for row in _result_rows(found):
         write_line(row)
-    for doubt in found.doubts:
-        write_note(f"trueterrain: warning: {doubt}")
+    for flag in found.flags:
+        write_note(f"trueterrain: warning: {flag}")
     write_note(
         f"{output / 'certificate.html'}: the certificate; certificate.pdf is the same to print"
     )

@@ -107,8 +107,8 @@ def info(path: str | Path) -> dict[str, Any]:
     summary: dict[str, Any] = {"file": str(path), "bytes": path.stat().st_size}
     summary |= _import_format(found.module).to_dict(path)
     if not ending_matches(path, found):
-        doubt = f"the name ends with {path.suffix or 'nothing'!r}, the content is {found.name}"
-        summary["problems"] = [doubt, *summary["problems"]]
+        flag = f"the name ends with {path.suffix or 'nothing'!r}, the content is {found.name}"
+        summary["problems"] = [flag, *summary["problems"]]
     return summary
 
 

@@ -27,8 +27,8 @@ import xarray as xr
 from trueterrain.core import Checksums, provenance, whole_output
 from trueterrain.core.errors import FormatError, SchemaError
 from trueterrain.core.schemas import check_profile, make_profile
-from trueterrain.formats._doubts import profile_doubts
 from trueterrain.formats._erd_text import COLUMNS, SIGNATURE, TEXT, UNITS, ErdHeader, load_erd
+from trueterrain.formats._flags import profile_flags
 
 #: Deviation from equal spacing that is taken for rounding, as a fraction of the spacing.
 SPACING_TOLERANCE = 1e-3
@@ -167,7 +167,7 @@ def describe(path: str | Path) -> dict[str, Any]:
             problems.append(f"channel {name} is in {unit!r}, which is no height, and is left out")
             continue
         height = values[:, channel] * UNITS[unit]
-        problems += profile_doubts(name, s, height)
+        problems += profile_flags(name, s, height)
         known = height[np.isfinite(height)]
         low, high = (float(known.min()), float(known.max())) if known.size else (None, None)
         tracks.append({"name": name, "lowest": low, "highest": high})

@@ -73,7 +73,7 @@ def read(path: str | Path) -> xr.Dataset:
 
 
 def describe(path: str | Path) -> dict[str, Any]:
-    """What a GeoTIFF file holds and what is doubtful about it.
+    """What a GeoTIFF file holds and what is flagged about it.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def write(
     force : bool
         Replace a file that is there already.
     dtype : str
-        ``"float64"`` or ``"float32"``, which halves the size but rounds a height of 500 m by up to
+        ``"float64"`` or ``"float32"``, which halves the size but iterations a height of 500 m by up to
         0.02 mm.
 
     Raises

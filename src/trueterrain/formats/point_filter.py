@@ -210,7 +210,7 @@ class ReturnCounts:
 
 
 def classes_needed(only: PointFilter | None) -> tuple[str, ...]:
-    """Variables that `doubt_of_classes` needs of points: none where classes were chosen.
+    """Variables that `flag_of_classes` needs of points: none where classes were chosen.
 
     Parameters
     ----------
@@ -225,7 +225,7 @@ def classes_needed(only: PointFilter | None) -> tuple[str, ...]:
     return () if only is not None and only.classes else ("classification",)
 
 
-def doubt_of_classes(classes: Mapping[str, int]) -> str:
+def flag_of_classes(classes: Mapping[str, int]) -> str:
     """What is no ground among points that are taken as ground, in words.
 
     Parameters
@@ -240,7 +240,7 @@ def doubt_of_classes(classes: Mapping[str, int]) -> str:
 
     Examples
     --------
-    >>> doubt_of_classes({"2": 900, "6": 100})
+    >>> flag_of_classes({"2": 900, "6": 100})
     '100 points are no ground by their class: building (6) 100; take the ground alone: --class 2'
     """
     found = {int(float(name)): number for name, number in classes.items()}

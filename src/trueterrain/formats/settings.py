@@ -18,6 +18,7 @@ import textwrap
 import tomllib
 import types
 import typing
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -28,6 +29,27 @@ from trueterrain.formats._problems import dataclasses_in, problems_of
 Settings = TypeVar("Settings")
 
 _WIDTH = 98  # [characters] of a comment
+
+#: Keys of earlier versions, and what they are called now.
+RENAMED = {
+    "largest_angle": "max_angle",
+    "largest_angle_sd": "max_angle_sd",
+    "largest_clock_sd": "max_clock_sd",
+    "largest_lever_sd": "max_lever_sd",
+    "largest_range": "max_range",
+    "largest_rounds": "max_iterations",
+    "largest_sd": "max_sd",
+    "least_cells": "min_cells",
+    "least_length": "min_length",
+    "least_scans": "min_scans",
+    "longest_gap": "max_gap",
+    "minimum_count": "min_count",
+    "minimum_overlap": "min_overlap",
+    "most_gaps": "max_gap_fraction",
+    "most_rounds": "max_iterations",
+    "smallest_bandwidth": "min_bandwidth",
+    "way_window": "smoothing_window",
+}
 
 
 def read_settings(kind: type[Settings], path: str | Path) -> Settings:
@@ -121,6 +143,7 @@ def parse_settings(
 
     # a list around it hands "forbid" down to plain dataclasses, which have no setting of their own
     adapter = TypeAdapter(list[kind], config=ConfigDict(extra="forbid"))  # type: ignore[valid-type]  # made at run time
+    values = _rename_keys(values)
     text = json.dumps([_complete_values(kind, values)], default=str)
     try:
         # as JSON, so that arrays may become tuples and yet no text becomes a number
@@ -129,6 +152,20 @@ def parse_settings(
         problems = problems_of([dict(entry) for entry in error.errors()], kind, values)
         raise FormatError("; ".join(problems), path=path) from None
     return settings
+
+
+def _rename_keys(values: Any) -> Any:
+    """Values with the keys of earlier versions renamed, and a warning that names the new ones."""
+    if isinstance(values, list | tuple):
+        return [_rename_keys(value) for value in values]
+    if not isinstance(values, Mapping):
+        return values
+    for old in RENAMED.keys() & values.keys():
+        message = (
+            f"the setting {old} is now {RENAMED[old]}; the old name goes with the next release"
+        )
+        warnings.warn(message, FutureWarning, stacklevel=4)
+    return {RENAMED.get(name, name): _rename_keys(value) for name, value in values.items()}
 
 
 def settings_template(settings: Any, *, title: str = "") -> str:

@@ -47,7 +47,7 @@ class PatchDifferences:
     slope: Floats
     "Magnitude of the slope, shape (cell,) [1]."
 
-    freedom: Floats
+    degrees_of_freedom: Floats
     "Passes that see it less one, shape (cell,)."
 
     block: npt.NDArray[np.intp]
@@ -61,11 +61,11 @@ class PatchDifferences:
     @property
     def correspondences(self) -> int:
         """Independent differences of height."""
-        return int(self.freedom.sum())
+        return int(self.degrees_of_freedom.sum())
 
     def less_mean(self, values: Floats) -> Floats:
         """Values of shape (pass, cell, k), 0 where unseen, less the mean of the passes."""
-        return _less_mean(values, self.there, self.freedom + 1.0)
+        return _less_mean(values, self.there, self.degrees_of_freedom + 1.0)
 
 
 def shared_times(seen: list[GroundPatches]) -> list[Floats]:
@@ -128,7 +128,7 @@ def form_height_differences(
         time=time,
         there=there,
         slope=np.hypot(*slope),
-        freedom=count - 1.0,
+        degrees_of_freedom=count - 1.0,
         block=np.unique(row // size * squares + column // size, return_inverse=True)[1],
     )
 
@@ -314,7 +314,7 @@ def _group_cells(
             part = np.zeros((len(places), cells.size, 2 * effect.shape[1]))
             part[p] = np.concatenate([effect - late, late], axis=1)
             parts.append(part)
-        count = found.freedom[cells] + 1.0
+        count = found.degrees_of_freedom[cells] + 1.0
         motion = _less_mean(np.concatenate(parts, axis=2), found.there[:, cells], count)
         design = np.concatenate([found.design[:, cells], motion], axis=2)
         yield cells, np.concatenate(columns), design
@@ -377,7 +377,7 @@ def _cell_weights(found: PatchDifferences, levelled: Floats, height_noise: float
     What is uncertain where the ground is level, and what more where it is steep, is told by the
     scatter itself.
     """
-    error = np.sqrt((levelled**2).sum(axis=0) / found.freedom)
+    error = np.sqrt((levelled**2).sum(axis=0) / found.degrees_of_freedom)
     level = found.slope <= np.median(found.slope)
     plain = max(height_noise, _TO_SD * float(np.median(error[level])))
     steep = found.slope >= max(float(np.quantile(found.slope, 1.0 - _STEEP)), _LEAST_STEEP)
@@ -391,4 +391,4 @@ def _cell_weights(found: PatchDifferences, levelled: Floats, height_noise: float
 
 def rms_difference(misfit: Floats, found: PatchDifferences) -> float:
     """Root mean square of differences [m]."""
-    return float(np.sqrt((misfit**2).sum() / found.freedom.sum()))
+    return float(np.sqrt((misfit**2).sum() / found.degrees_of_freedom.sum()))

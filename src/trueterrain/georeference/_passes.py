@@ -62,7 +62,7 @@ class CalibrationPasses:
 
     def area(self, mounting: Mounting) -> tuple[float, float, float, float]:
         """Ground that at least two passes may share."""
-        used = (self._settings.screening, self._settings.largest_angle)
+        used = (self._settings.screening, self._settings.max_angle)
         parts = [
             ground_extent(_scan_blocks(run), way, mounting, *used) for run, way in self._passes
         ]
@@ -116,7 +116,7 @@ class CalibrationPasses:
             )
         self._looks += 1
         self._progress(f"look {self._looks} at the ground", 0, None)
-        used = (self._settings.screening, self._settings.largest_angle)
+        used = (self._settings.screening, self._settings.max_angle)
         parts = [fit_patches(_scan_blocks(run), way, mounting, grid, *used) for run, way in passes]
         found = form_height_differences(parts, grid, self._settings.cluster, mounting)
         if found is None:

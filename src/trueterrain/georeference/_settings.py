@@ -39,7 +39,7 @@ class CalibrationSettings:
     area: tuple[float, float, float, float] | None = None
     "West, south, east, north of the ground to use [m]; by default all."
 
-    largest_angle: float = 0.5
+    max_angle: float = 0.5
     """Largest angle of the beams that are used, from straight down [rad]: beams that are more
     oblique leave shadows beside steps, which shift these."""
 
@@ -57,16 +57,16 @@ class CalibrationSettings:
     height_noise: float = 1e-4
     "Least standard deviation that the height of a cell is taken to have [m]."
 
-    largest_angle_sd: float = 5e-4
+    max_angle_sd: float = 5e-4
     "Standard deviation beyond which an angle counts as not observable [rad]."
 
-    largest_lever_sd: float = 3e-3
+    max_lever_sd: float = 3e-3
     "The same of a component of the lever arm [m]."
 
-    largest_clock_sd: float = 2e-4
+    max_clock_sd: float = 2e-4
     "The same of the clock [s]."
 
-    largest_rounds: int = 30
+    max_iterations: int = 30
     "Rounds after which it gives up."
 
     screening: Screening = field(default_factory=Screening)
@@ -83,13 +83,13 @@ class CalibrationSettings:
             raise ValueError(message)
         for name in (
             "spacing",
-            "largest_angle",
+            "max_angle",
             "cluster",
             "drift_step",
             "height_noise",
-            "largest_angle_sd",
-            "largest_lever_sd",
-            "largest_clock_sd",
+            "max_angle_sd",
+            "max_lever_sd",
+            "max_clock_sd",
         ):
             if not 0 < getattr(self, name) < math.inf:
                 message = f"{name} must be greater than 0, got {getattr(self, name)}."
@@ -97,8 +97,8 @@ class CalibrationSettings:
         if len(self.drift_time) != 2 or not all(0 < time < math.inf for time in self.drift_time):
             message = f"drift_time must be two times greater than 0, got {self.drift_time}."
             raise ValueError(message)
-        if self.largest_rounds < 1:
-            message = f"largest_rounds must be at least 1, got {self.largest_rounds}."
+        if self.max_iterations < 1:
+            message = f"max_iterations must be at least 1, got {self.max_iterations}."
             raise ValueError(message)
         if self.area and not (self.area[0] < self.area[2] and self.area[1] < self.area[3]):
             message = f"area must be west, south, east, north, got {self.area}."
@@ -107,6 +107,4 @@ class CalibrationSettings:
     @property
     def limits(self) -> Floats:
         """Standard deviations up to which each parameter counts as observable."""
-        return np.array(
-            [self.largest_angle_sd] * 3 + [self.largest_lever_sd] * 3 + [self.largest_clock_sd]
-        )
+        return np.array([self.max_angle_sd] * 3 + [self.max_lever_sd] * 3 + [self.max_clock_sd])

@@ -52,7 +52,7 @@ __all__ = ["Calibration", "CalibrationSettings", "calibrate_mounting"]
 
 Floats = npt.NDArray[np.float64]
 
-_COARSE = (3.0, 1.0)  # cells of the rounds over the cells asked for
+_COARSE = (3.0, 1.0)  # cells of the iterations over the cells asked for
 _SETTLED = 0.1  # of its standard deviation by which a parameter may still move
 _FEWEST = 2.0  # squares of ground for each parameter and offset
 _LEAST = 1.25  # squares of ground for each unknown that is told, errors of the motion among them
@@ -113,7 +113,7 @@ class Calibration:
     correspondences: int
     "Independent pairs of heights that were compared."
 
-    rounds: int
+    iterations: int
     "Rounds that it took."
 
     def to_dict(self) -> dict[str, Any]:
@@ -131,7 +131,7 @@ class Calibration:
             "offset_sd": self.offset_sd.tolist(),
             "residual": {"before": self.residual_before, "after": self.residual_after},
             "correspondences": self.correspondences,
-            "rounds": self.rounds,
+            "iterations": self.iterations,
         }
 
 
@@ -201,12 +201,12 @@ def calibrate_mounting(
     chosen = [NAMES.index(name) for name in settings.parameters]
     area = settings.area or passes.area(start)
     before, wander = passes.first(start, area)
-    rounds, held = 0, list[UnobservableParameter]()
+    iterations, held = 0, list[UnobservableParameter]()
     while True:
         found, last, result, more = _estimate_mounting(
             passes, area, wander, start, chosen, settings
         )
-        rounds += more
+        iterations += more
         judged = result, chosen, settings.limits, len(runs)
         untold = find_unobservable(*judged) or find_uncertain(*judged)
         if not untold:
@@ -229,7 +229,7 @@ def calibrate_mounting(
         result,
         chosen,
         before=rms_difference(remove_pass_offsets(before), before),
-        rounds=rounds,
+        iterations=iterations,
         held=held,
         offset=-result.step[count:],
     )
@@ -267,7 +267,7 @@ def _estimate_mounting(
     Passes move aside against errors of their motion as well: these are centimetres, over which the
     ground around a step is no plane.
     """
-    rounds = 0
+    iterations = 0
     moved = np.zeros(wander.size)
     for coarse in _COARSE:
         while True:
@@ -280,18 +280,18 @@ def _estimate_mounting(
             step, sd = result.step[: len(chosen)], result.sd[: len(chosen)]
             if (np.abs(step) <= np.maximum(_SETTLED * sd, 1e-3 * settings.limits[chosen])).all():
                 break
-            rounds += 1
-            if rounds > settings.largest_rounds:
+            iterations += 1
+            if iterations > settings.max_iterations:
                 if find_unobservable(result, chosen, settings.limits, passes.count):
                     break
                 raise CoverageError(
-                    f"no mounting explains the passes within {settings.largest_rounds} rounds; the "
+                    f"no mounting explains the passes within {settings.max_iterations} iterations; the "
                     f"last moved {NAMES[chosen[int(np.argmax(np.abs(step) / sd))]]} still",
                     cure="Start from a better mounting, or take larger cells: spacing.",
                 )
             mounting = _update_mounting(mounting, chosen, step)
             moved[wander.aside] += result.motion[wander.aside]
-    return mounting, seen, result, rounds
+    return mounting, seen, result, iterations
 
 
 def _update_mounting(mounting: Mounting, chosen: list[int], step: Floats) -> Mounting:
@@ -323,7 +323,7 @@ def _calibration_result(
     chosen: list[int],
     *,
     before: float,
-    rounds: int,
+    iterations: int,
     held: list[UnobservableParameter],
     offset: Floats,
 ) -> Calibration:
@@ -348,5 +348,5 @@ def _calibration_result(
         residual_before=before,
         residual_after=result.residual,
         correspondences=seen.correspondences,
-        rounds=rounds,
+        iterations=iterations,
     )

@@ -22,7 +22,7 @@ Floats = npt.NDArray[np.float64]
 BLOCK = 2000
 
 _LAST_LANE = 65535  # of a point source id, which is what a lane becomes in LAS
-_COUNTS = ("scans", "scans_uncovered", "returns", "missing", "doubtful", "bridged")
+_COUNTS = ("scans", "scans_uncovered", "returns", "missing", "flagged", "bridged")
 
 
 def georeference(
@@ -47,7 +47,7 @@ def georeference(
     mounting : Mounting, optional
         Where the scanner sits, and its clock; by default what the run says.
     screening : Screening
-        Which returns are doubtful, and what becomes of them.
+        Which returns are flagged, and what becomes of them.
     range_noise : float
         Standard deviation of a range [m].
     lane : int, optional
@@ -64,7 +64,7 @@ def georeference(
         the motion was brought into agreement with other passes, and, where there are,
         ``intensity`` and ``lane``, in the order of scans and beams. ``attrs`` count, from the first
         block on: ``scans``, ``scans_uncovered`` (the trajectory does not cover them; they are left
-        out), ``returns``, ``missing`` (beams without return or out of range), ``doubtful`` (by
+        out), ``returns``, ``missing`` (beams without return or out of range), ``flagged`` (by
         intensity) and ``bridged`` (returns at times at which no instrument saw the motion).
 
     Raises
@@ -192,7 +192,7 @@ def _georeference_block(
     datum = geometry.trajectory.datum_sd
     if datum is not None:
         columns["sd"] = sd[good]
-    if datum != 0.0:  # doubtful returns of less weight have more variance in all parts
+    if datum != 0.0:  # flagged returns of less weight have more variance in all parts
         rest = sd[good] ** 2 - (datum or 0.0) ** 2 / weights[good]
         columns["sd_relative"] = np.sqrt(np.maximum(rest, 0.0))
     if intensity is not None:
@@ -210,7 +210,7 @@ def _count_returns(
     within = (ranges >= screening.nearest) & (ranges <= screening.furthest)
     counts["missing"] += int((~within).sum())
     if screening.needs_intensity and intensity is not None:
-        counts["doubtful"] += int((screening.doubtful(intensity) & within).sum())
+        counts["flagged"] += int((screening.flagged(intensity) & within).sum())
     counts["returns"] += int(good.sum())
 
 
@@ -228,7 +228,7 @@ def _require_points(counts: dict[str, int], trajectory: Trajectory, source: Path
             cure="Compare the clocks of scanner and navigation: `trueterrain info`.",
         )
     raise CoverageError(
-        f"there is no return in {counts['scans']} scans ({counts['doubtful']} were doubtful)",
+        f"there is no return in {counts['scans']} scans ({counts['flagged']} were flagged)",
         path=source,
         place="scans",
         cure="Loosen the screening, or look at the ranges: `trueterrain plot`.",

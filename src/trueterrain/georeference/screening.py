@@ -1,7 +1,7 @@
 """Which returns are good, by their intensity and their range (thesis 3.6).
 
 A receiver in saturation reads ranges that are wrong by millimetres, and a return near the floor is
-noisy. Such returns are doubtful: they are rejected, or weigh less than good ones.
+noisy. Such returns are flagged: they are rejected, or weigh less than good ones.
 """
 
 import math
@@ -15,7 +15,7 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Screening:
-    """Which returns are doubtful, and what becomes of them.
+    """Which returns are flagged, and what becomes of them.
 
     Examples
     --------
@@ -25,10 +25,10 @@ class Screening:
     """
 
     floor: float = 0.0
-    "Intensity under which a return is doubtful [counts]."
+    "Intensity under which a return is flagged [counts]."
 
     saturation: float = math.inf
-    "Intensity above which a return is doubtful [counts]."
+    "Intensity above which a return is flagged [counts]."
 
     nearest: float = 0.0
     "Range under which a return is no ground [m]; it is always rejected."
@@ -37,7 +37,7 @@ class Screening:
     "Range beyond which a return is no ground [m]; it is always rejected."
 
     weight: float = 0.0
-    """Weight of a doubtful return beside a good one, from 0 (rejected) to 1 (as good); in surfaces
+    """Weight of a flagged return beside a good one, from 0 (rejected) to 1 (as good); in surfaces
     to the next sixteenth [1]."""
 
     def __post_init__(self) -> None:
@@ -63,8 +63,8 @@ class Screening:
         """Whether intensities matter."""
         return self.floor > 0 or self.saturation < math.inf
 
-    def doubtful(self, intensity: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-        """Whether returns are doubtful.
+    def flagged(self, intensity: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+        """Whether returns are flagged.
 
         Parameters
         ----------
@@ -74,7 +74,7 @@ class Screening:
         Returns
         -------
         numpy.ndarray of bool
-            Of the same shape; an intensity that is not known is doubtful.
+            Of the same shape; an intensity that is not known is flagged.
         """
         values = np.asarray(intensity)
         return np.asarray(~((values >= self.floor) & (values <= self.saturation)))
@@ -92,7 +92,7 @@ class Screening:
         Returns
         -------
         numpy.ndarray
-            1 for good returns, `weight` for doubtful ones, 0 where there is none.
+            1 for good returns, `weight` for flagged ones, 0 where there is none.
 
         Raises
         ------
@@ -105,5 +105,5 @@ class Screening:
             if intensity is None:
                 message = "floor and saturation need intensities, which were not recorded."
                 raise ValueError(message)
-            weights[self.doubtful(intensity)] *= self.weight
+            weights[self.flagged(intensity)] *= self.weight
         return weights

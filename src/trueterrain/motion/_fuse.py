@@ -55,9 +55,9 @@ def fuse_inputs(
 ) -> FusedMotion:
     """Motion from what was read."""
     sd = np.where(np.isfinite(navigation.sd), navigation.sd, settings.navigation_sd)
-    window = _WINDOW if settings.way_window is None else settings.way_window
+    window = _WINDOW if settings.smoothing_window is None else settings.smoothing_window
     near = SmoothedSeries(navigation, _WAY, window=window, slow=_SLOW)
-    adaptive = settings.method == "rts" and settings.way_window is None
+    adaptive = settings.method == "rts" and settings.smoothing_window is None
     parts = _FusionParts(
         navigation=navigation,
         settings=settings,
@@ -222,26 +222,28 @@ def _by_both(
         drift=None if found is None else found.drift,
         bias=None if found is None else tuple(map(float, found.bias)),
         delay=None if found is None else found.delay,
-        surprise=None if found is None else _three_floats(found.surprise),
+        normalised_innovation_squared=None
+        if found is None
+        else _three_floats(found.normalised_innovation_squared),
     )
 
 
 def _flag_estimates(found: SmootherResult, settings: FusionSettings) -> list[str]:
     """What the smoother finds strange, in words."""
-    doubts = []
-    if found.surprise.max() > _STRANGE:
-        name = ("up", "roll", "pitch")[int(np.argmax(found.surprise))]
-        doubts.append(
-            f"navigation and accelerometers disagree in {name}, {found.surprise.max():.1f} times "
+    flags = []
+    if found.normalised_innovation_squared.max() > _STRANGE:
+        name = ("up", "roll", "pitch")[int(np.argmax(found.normalised_innovation_squared))]
+        flags.append(
+            f"navigation and accelerometers disagree in {name}, {found.normalised_innovation_squared.max():.1f} times "
             "as much as their noise allows: look for a jump of a clock, or a position that is wrong"
         )
     if abs(found.delay[0]) > 3 * settings.accelerometer_delay_sd:
-        doubts.append(
+        flags.append(
             f"the accelerometers are {1000 * found.delay[0]:.2f} ms later than was said, more than "
             "accelerometer_delay_sd allows: find their clock with "
             "clocks.accelerometer_clock_from_navigation"
         )
-    return doubts
+    return flags
 
 
 def _sensor_centre_motion(parts: _FusionParts, inertial: InertialAccelerations) -> Float:
@@ -430,7 +432,7 @@ def _assemble_motion(
         drift=None,
         bias=None,
         delay=None,
-        surprise=None,
+        normalised_innovation_squared=None,
         gaps=every,
         problems=tuple(problems),
     )

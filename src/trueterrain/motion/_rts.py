@@ -60,7 +60,7 @@ class SmootherResult:
     delay: tuple[float, float]
     "By how much they are later than was said, and its standard deviation [s]."
 
-    surprise: Float
+    normalised_innovation_squared: Float
     "Mean square of the innovations over what was expected, of up, roll and pitch; near 1."
 
 
@@ -122,7 +122,7 @@ def _smoother_result(s: SmoothedStates, count: int) -> SmootherResult:
         bias=s.mean[-1, 6 : 6 + count].copy(),
         scale=s.mean[-1, 6 + count : 6 + 2 * count].copy(),
         delay=(float(delay[0]), float(delay[1])),
-        surprise=s.surprise,
+        normalised_innovation_squared=s.normalised_innovation_squared,
     )
 
 

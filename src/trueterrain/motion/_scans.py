@@ -64,7 +64,7 @@ def missing_scans(time: npt.ArrayLike) -> MissingScans:
 
 
 def scan_problems(run: xr.DataTree, trajectory: Trajectory) -> list[str]:
-    """What is doubtful about the scans of a run, in words.
+    """What is flagged about the scans of a run, in words.
 
     Parameters
     ----------

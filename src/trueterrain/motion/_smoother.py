@@ -73,7 +73,7 @@ class SmoothedStates:
     parameter_covariance: Float
     "Of the parameters at the last knot, shape (n_p, n_p)."
 
-    surprise: Float
+    normalised_innovation_squared: Float
     "Mean square of the innovations over their variance, of each measured coordinate, shape (3,)."
 
     pull: Float
@@ -114,7 +114,7 @@ def smooth_states(
     mean, cov, drift = np.empty((n, size)), np.empty((n, 3, 3)), np.empty((n, 3))
     adjoint, information = np.zeros(size), np.zeros((size, size))
     pull = np.empty((n - 1 if pulls else 0, size - 6, 2))
-    surprise, count = np.zeros(3), 0
+    normalised_innovation_squared, count = np.zeros(3), 0
     for first, (x0, p0) in zip(starts[::-1], checkpoints[::-1], strict=True):
         last = min(int(first) + _PIECE, n)
         kept = _Kept.of(size, last - first, model.seen[last - 1, 1] - model.seen[first, 0])
@@ -142,14 +142,16 @@ def smooth_states(
             drift,
             pull,
         )
-        surprise += (kept.innovations[:, :, 0] ** 2 / kept.innovations[:, :, 1]).sum(axis=0)
+        normalised_innovation_squared += (
+            kept.innovations[:, :, 0] ** 2 / kept.innovations[:, :, 1]
+        ).sum(axis=0)
         count += len(kept.innovations)
     return SmoothedStates(
         mean=mean,
         covariance=cov,
         drift_variance=drift,
         parameter_covariance=end,
-        surprise=surprise / max(count, 1),
+        normalised_innovation_squared=normalised_innovation_squared / max(count, 1),
         pull=pull,
     )
 

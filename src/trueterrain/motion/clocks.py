@@ -120,7 +120,7 @@ def scanner_clock_from_bounce(
     accelerometer_clock: float | None = None,
     accelerometer_delay: float = 0.0,
     band: tuple[float, float] = (0.5, 8.0),
-    largest_sd: float = 5e-5,
+    max_sd: float = 5e-5,
 ) -> ClockEstimate:
     """Clock of the scanner from a bounce: parked on a flat floor, rocked by hand.
 
@@ -136,7 +136,7 @@ def scanner_clock_from_bounce(
         Delay of their filter against aliases [s].
     band : tuple of float
         Lowest and highest frequency that is compared [Hz].
-    largest_sd : float
+    max_sd : float
         Standard deviation above which the result is refused [s].
 
     Returns
@@ -184,7 +184,7 @@ def scanner_clock_from_bounce(
     laser = _band_pass(np.interp(time, stamp, seen), time, band)
     # what is stamped t is the height at t + shift
     fit = _fit_shift([(time, laser, motion)], band, sign=1.0, begin=time[0], with_rate=False)
-    return _clock_estimate(fit, declared, largest_sd, "scanner")
+    return _clock_estimate(fit, declared, max_sd, "scanner")
 
 
 def accelerometer_clock_from_navigation(
@@ -193,7 +193,7 @@ def accelerometer_clock_from_navigation(
     accelerometer_delay: float = 0.0,
     band: tuple[float, float] = (0.8, 8.0),
     with_rate: bool = False,
-    largest_sd: float = 5e-4,
+    max_sd: float = 5e-4,
 ) -> ClockEstimate:
     """Clock of the accelerometers from height, roll and pitch as navigation gives them.
 
@@ -207,7 +207,7 @@ def accelerometer_clock_from_navigation(
         Lowest and highest frequency that is compared [Hz].
     with_rate : bool
         Whether the clock may also run fast or slow.
-    largest_sd : float
+    max_sd : float
         Standard deviation above which the result is refused [s]; with a rate that of the clock in
         the middle of the run.
 
@@ -242,7 +242,7 @@ def accelerometer_clock_from_navigation(
     # the accelerometers are the later, the more is to be added to their stamps
     begin = float(navigation.time[0])
     fit = _fit_shift(channels, band, sign=-1.0, begin=begin, with_rate=with_rate)
-    return _clock_estimate(fit, declared, largest_sd, "accelerometer")
+    return _clock_estimate(fit, declared, max_sd, "accelerometer")
 
 
 @dataclass(frozen=True, eq=False)
@@ -400,15 +400,15 @@ def long_run(scores: Float, lags: int) -> Float:
     return np.asarray(0.5 * (whole + whole.T))
 
 
-def _clock_estimate(fit: _ShiftFit, declared: float, largest_sd: float, name: str) -> ClockEstimate:
+def _clock_estimate(fit: _ShiftFit, declared: float, max_sd: float, name: str) -> ClockEstimate:
     """The estimate, or a CoverageError if it is not sure enough."""
     small = fit.excitation[0] < _LEAST_HEIGHT and all(a < _LEAST_HEIGHT for a in fit.excitation[1:])
-    if small or not fit.middle_sd <= largest_sd:
+    if small or not fit.middle_sd <= max_sd:
         raise CoverageError(
             f"the motion is too small to tell the {name} clock: root mean square "
             f"{1000 * fit.excitation[0]:.2f} mm in height, standard deviation of the clock "
-            f"{1000 * fit.middle_sd:.3f} ms, at most {1000 * largest_sd:g} ms is asked for",
-            cure="Take a longer run with stronger motion at 1 to 2 Hz, or raise largest_sd.",
+            f"{1000 * fit.middle_sd:.3f} ms, at most {1000 * max_sd:g} ms is asked for",
+            cure="Take a longer run with stronger motion at 1 to 2 Hz, or raise max_sd.",
         )
     sd = np.sqrt(np.diag(fit.covariance))
     with_rate = sd.size > 1

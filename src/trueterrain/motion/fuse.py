@@ -64,7 +64,7 @@ class FusionSettings:
     order: int = 4
     "Order of their Butterworth filters."
 
-    way_window: float | None = None
+    smoothing_window: float | None = None
     """Window in which east, north and yaw are smoothed [s]. By default rts smooths them as far as
     the vehicle's own motion, found in the run, allows: over seconds at a steady speed; other
     methods take 0.2 s."""
@@ -81,7 +81,7 @@ class FusionSettings:
     gravity: float | None = None
     "Gravity [m/s^2]; by default that of the ellipsoid at the origin of the run."
 
-    longest_gap: float = 10.0
+    max_gap: float = 10.0
     "Longest gap in navigation that is bridged [s]."
 
     navigation_sd: tuple[float, float, float, float, float, float] = (
@@ -128,8 +128,8 @@ class FusionSettings:
         for name in (
             "rate",
             "crossover",
-            "way_window",
-            "longest_gap",
+            "smoothing_window",
+            "max_gap",
             "bias_sd",
             "scale_sd",
             "accelerometer_delay_sd",
@@ -177,7 +177,7 @@ class FusedMotion:
     """By how much the accelerometers are later than was said, and its standard deviation, by rts
     [s]."""
 
-    surprise: Three | None
+    normalised_innovation_squared: Three | None
     """Mean square of what navigation says beyond the prediction of rts over what was expected, for
     up, roll, pitch: near 1 if the noise is what it is taken for."""
 
@@ -185,7 +185,7 @@ class FusedMotion:
     "What has gaps, and between which times [s]."
 
     problems: tuple[str, ...]
-    "What is doubtful, in words."
+    "What is flagged, in words."
 
     def to_dict(self) -> dict[str, Any]:
         """What was found, as JSON takes it."""
@@ -200,7 +200,7 @@ class FusedMotion:
             "crossover": self.crossover,
             "bias": self.bias,
             "delay": self.delay,
-            "surprise": self.surprise,
+            "normalised_innovation_squared": self.normalised_innovation_squared,
             "gaps": [list(gap) for gap in self.gaps],
             "problems": list(self.problems),
         }
@@ -226,7 +226,7 @@ def fuse_motion(run: xr.DataTree, *, settings: FusionSettings | None = None) -> 
     SchemaError
         If times are not finite, run backward, or the clock of the navigation jumps.
     CoverageError
-        If there are too few epochs, a gap is longer than `longest_gap`, or the method needs
+        If there are too few epochs, a gap is longer than `max_gap`, or the method needs
         accelerometers and there are none (rts then warns and goes by navigation).
 
     Examples
@@ -272,12 +272,12 @@ def fuse_motion(run: xr.DataTree, *, settings: FusionSettings | None = None) -> 
 
 def _refuse_long_gaps(navigation: NavigationInput, settings: FusionSettings) -> None:
     for begin, end in navigation.gaps:
-        if end - begin > settings.longest_gap:
+        if end - begin > settings.max_gap:
             raise CoverageError(
-                f"has a gap of {end - begin:.3f} s at {begin:.6f} s, longer than longest_gap, "
-                f"{settings.longest_gap:g} s",
+                f"has a gap of {end - begin:.3f} s at {begin:.6f} s, longer than max_gap, "
+                f"{settings.max_gap:g} s",
                 place="group navigation",
-                cure="Cut the run there, or raise longest_gap.",
+                cure="Cut the run there, or raise max_gap.",
             )
 
 

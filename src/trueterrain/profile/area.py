@@ -114,7 +114,7 @@ def area_reach(area: SearchArea) -> float:
     return max(along, across) + EDGE_TOLERANCE
 
 
-def area_doubt(area: SearchArea) -> str | None:
+def area_flag(area: SearchArea) -> str | None:
     """Why a search area is no contact patch of a tyre on a road, None if it can be.
 
     Parameters
@@ -129,9 +129,9 @@ def area_doubt(area: SearchArea) -> str | None:
 
     Examples
     --------
-    >>> print(area_doubt(Disc(radius=0.5)))
+    >>> print(area_flag(Disc(radius=0.5)))
     the search area is 1 m long and 1 m wide, ... shorter waves are lost
-    >>> area_doubt(Disc())
+    >>> area_flag(Disc())
     """
     along, across = (2 * half for half in area.half_axes)
     if max(along, across) <= _LARGE:

@@ -36,7 +36,7 @@ def tyre_profile(
     area: SearchArea = Disc(),
     statistic: Statistic = Median(),
     level: bool = False,
-    minimum_count: int = 3,
+    min_count: int = 3,
     thin: ThinPolicy = "error",
     progress: Progress = no_progress,
 ) -> xr.Dataset:
@@ -57,7 +57,7 @@ def tyre_profile(
         any statistic of a tilted plane is the plane's height at the path point. The standard
         deviation does not contain that of the slope: of 15 heights it is a quarter too small, of 60
         a twentieth.
-    minimum_count : int
+    min_count : int
         A search area with fewer heights is thin.
     thin : {"error", "nan"}
         Whether thin search areas raise or give NaN. They are never interpolated.
@@ -75,7 +75,7 @@ def tyre_profile(
     CoverageError
         If search areas are thin and `thin` is ``"error"``, or all of them are.
     ValueError
-        If `minimum_count` is less than 1 or `thin` is unknown.
+        If `min_count` is less than 1 or `thin` is unknown.
 
     Notes
     -----
@@ -95,8 +95,8 @@ def tyre_profile(
     >>> profile.height.values
     array([0.02, 0.04, 0.06, 0.08])
     """
-    if minimum_count < 1:
-        message = f"minimum_count must be at least 1, got {minimum_count}."
+    if min_count < 1:
+        message = f"min_count must be at least 1, got {min_count}."
         raise ValueError(message)
     if thin not in ("error", "nan"):
         message = f"thin must be 'error' or 'nan', got {thin!r}."
@@ -112,8 +112,8 @@ def tyre_profile(
         count[block] = distributions.count
         begin, size = block.stop, _next_size(distributions)
         progress("profile", begin, len(path))
-    is_thin = count < minimum_count
-    _report_thin(path, count, is_thin, area, minimum_count, thin)
+    is_thin = count < min_count
+    _report_thin(path, count, is_thin, area, min_count, thin)
     height[is_thin] = sd[is_thin] = np.nan
     profile = make_profile(
         path.s,
@@ -128,7 +128,7 @@ def tyre_profile(
         "area": area,
         "statistic": statistic,
         "level": level,
-        "minimum_count": minimum_count,
+        "min_count": min_count,
         "thin": thin,
     }
     profile = provenance.add_step(profile, "tyre_profile", parameters=parameters, after=source)
@@ -264,7 +264,7 @@ def _report_thin(
     count: np.ndarray,
     is_thin: np.ndarray,
     area: SearchArea,
-    minimum_count: int,
+    min_count: int,
     policy: ThinPolicy,
 ) -> None:
     thin = np.flatnonzero(is_thin)
@@ -280,7 +280,7 @@ def _report_thin(
     if policy == "error":
         cure += ', or let these become NaN (--thin nan, thin="nan")'
     raise CoverageError(
-        f"{thin.size} of {len(path)} search areas have fewer than {minimum_count} heights, the "
+        f"{thin.size} of {len(path)} search areas have fewer than {min_count} heights, the "
         f"first at {_station_text(path, thin[0])} with {count[thin[0]]}",
         cure=cure + ".",
     )

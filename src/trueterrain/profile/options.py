@@ -99,7 +99,7 @@ class TyreProfileSettings:
     level: bool = False
     "Take the slope of the ground inside each search area out first."
 
-    minimum_count: int = 3
+    min_count: int = 3
     "Search areas with fewer heights are thin."
 
     thin: Literal["error", "nan"] = "error"

@@ -11,8 +11,8 @@ PLAIN, BOLD, MONO = "DejaVuSans", "DejaVuSans-Bold", "DejaVuSansMono"
 
 #: Inks, as on the page.
 INK, QUIET, LINE, RAISED, ACCENT = "#1f2529", "#5b656c", "#d9dee2", "#f5f7f8", "#0b5c7d"
-DOUBT, DOUBT_PAPER = "#8a5a00", "#fdf6e3"
-VERDICT_INKS: dict[Verdict | None, str] = {"good": "#1a6b3c", "bad": "#a5221b", "unknown": DOUBT}
+FLAG, FLAG_PAPER = "#8a5a00", "#fdf6e3"
+VERDICT_INKS: dict[Verdict | None, str] = {"good": "#1a6b3c", "bad": "#a5221b", "unknown": FLAG}
 
 #: Size of text [pt]; that of a table may be smaller, down to the second.
 TEXT, TINY = 9.0, 6.0
@@ -56,7 +56,7 @@ def paragraph_styles() -> dict[str, Any]:
         style("note", fontSize=8, textColor=QUIET, spaceAfter=5),
         style("label", fontSize=8, textColor=QUIET),
         style("value", fontName=BOLD, fontSize=14, leading=17, spaceBefore=2, spaceAfter=1),
-        style("doubt", textColor=DOUBT, spaceAfter=3),
+        style("flag", textColor=FLAG, spaceAfter=3),
         style("step", fontName=BOLD, spaceBefore=6, spaceAfter=2),
         style("code", fontName=MONO, fontSize=6.5, leading=8.5, textColor=QUIET, leftIndent=10),
     ]

@@ -47,7 +47,7 @@ _CAUSES = {
     "bias": "bias",
     "shape": "neither noise nor bias",
     "edge": "beside edges",
-    "reflectivity": "doubtful intensity",
+    "reflectivity": "flagged intensity",
 }
 
 
@@ -128,8 +128,8 @@ def _stated_section(found: "CertificateResult", kind: str) -> Section:
         caption="When it was recorded, as the data themselves tell.",
     )
     blocks: list[Block] = [table, times]
-    if found.doubts:
-        blocks.append(Warnings(items=found.doubts))
+    if found.flags:
+        blocks.append(Warnings(items=found.flags))
     return Section(title="What was tested", blocks=[*blocks, Text(paragraph=_METHODS[kind])])
 
 
@@ -216,7 +216,7 @@ def _interval_notes(found: "CertificateResult") -> Iterator[Block]:
         name: {key: one for key, one in figures.items() if not one.trusted}
         for name, figures in known.items()
     }
-    doubts = [
+    flags = [
         f"{name}, {', '.join(figures)}: of no more than "
         f"{max(one.independent for one in figures.values()):.0f} independent errors, which "
         "tell little of others: the interval is at least so wide. Repeat the test, or "
@@ -224,8 +224,8 @@ def _interval_notes(found: "CertificateResult") -> Iterator[Block]:
         for name, figures in few.items()
         if figures
     ]
-    if doubts:
-        yield Warnings(items=doubts)
+    if flags:
+        yield Warnings(items=flags)
 
 
 def _limit_blocks(found: "CertificateResult") -> Iterator[Block]:

@@ -40,7 +40,7 @@ def write_page(
     car : FullCarParameters
         The vehicle it is predicted for.
     words : dict of str to list of str
-        Sentences under ``driving``, ``excited``, ``models`` and ``doubts``.
+        Sentences under ``driving``, ``excited``, ``models`` and ``flags``.
 
     Returns
     -------
@@ -127,7 +127,7 @@ def _print_page(
     for title, sentences in (
         ("Cut list", [piece_words(piece, design.spacing) for piece in pieces]),
         ("Driving", words["driving"]),
-        ("What is excited", [*words["excited"], *words["doubts"]]),
+        ("What is excited", [*words["excited"], *words["flags"]]),
     ):
         lines.append(title.upper())
         for sentence in sentences:
@@ -238,7 +238,7 @@ def _event_report(
                 title="What is excited",
                 blocks=(
                     *(Text(paragraph=sentence) for sentence in words["excited"]),
-                    Warnings(items=words["doubts"]),
+                    Warnings(items=words["flags"]),
                     Picture(figure=laser, alt="Predicted height of the laser over time"),
                     Picture(
                         figure=passage,

@@ -163,10 +163,10 @@ class SurfaceView:
 
 @dataclass(frozen=True, kw_only=True)
 class Warnings:
-    """What is doubtful about the result: shown where it stands, and pointed to at the top."""
+    """What is flagged about the result: shown where it stands, and pointed to at the top."""
 
     items: Sequence[str]
-    "One or two sentences each; empty if nothing is doubtful."
+    "One or two sentences each; empty if nothing is flagged."
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -194,20 +194,20 @@ def _number_tile(one: dict[str, Any]) -> list[Any]:
 
 
 def _flag_pointer(report: Report) -> Iterator[Any]:
-    """A line that points to what is doubtful further down."""
+    """A line that points to what is flagged further down."""
     from reportlab.platypus import Paragraph
 
     from trueterrain.report._pdf_style import escape_text, paragraph_styles
 
-    doubtful = {
+    flagged = {
         section.title: count
         for section in report.sections
         if (count := sum(len(b.items) for b in section.blocks if isinstance(b, Warnings)))
     }
-    if doubtful:
-        total = sum(doubtful.values())
-        text = f"⚠ {total} {'doubt' if total == 1 else 'doubts'} about this result: see "
-        yield Paragraph(escape_text(text + ", ".join(doubtful) + "."), paragraph_styles()["doubt"])
+    if flagged:
+        total = sum(flagged.values())
+        text = f"⚠ {total} {'flag' if total == 1 else 'flags'} about this result: see "
+        yield Paragraph(escape_text(text + ", ".join(flagged) + "."), paragraph_styles()["flag"])
 
 
 def _block_flow(block: Block, folder: Path, width: float, height: float) -> Iterator[Any]:
@@ -276,23 +276,23 @@ def _warning_box(block: Warnings, width: float) -> Any:
 
     from trueterrain.report._pdf_style import (
         BOLD,
-        DOUBT,
-        DOUBT_PAPER,
+        FLAG,
+        FLAG_PAPER,
         escape_text,
         paragraph_styles,
     )
 
     if not block.items:
-        return Paragraph("Nothing doubtful was found.", paragraph_styles()["note"])
+        return Paragraph("Nothing flagged was found.", paragraph_styles()["note"])
     head = Paragraph(
-        f"<font name='{BOLD}' color='{DOUBT}'>⚠ Doubtful</font>", paragraph_styles()["text"]
+        f"<font name='{BOLD}' color='{FLAG}'>⚠ Flagged</font>", paragraph_styles()["text"]
     )
     items = [
         Paragraph(f"• {escape_text(item)}", paragraph_styles()["text"]) for item in block.items
     ]
     look = [
-        ("BACKGROUND", (0, 0), (-1, -1), DOUBT_PAPER),
-        ("LINEBEFORE", (0, 0), (0, -1), 2, DOUBT),
+        ("BACKGROUND", (0, 0), (-1, -1), FLAG_PAPER),
+        ("LINEBEFORE", (0, 0), (0, -1), 2, FLAG),
         ("LEFTPADDING", (0, 0), (-1, -1), 9),
         ("RIGHTPADDING", (0, 0), (-1, -1), 9),
         ("TOPPADDING", (0, 0), (-1, -1), 3),

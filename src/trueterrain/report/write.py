@@ -106,7 +106,7 @@ def _render_page(report: Report, folder: Path) -> str:
         report=report,
         tiles=[number_tile(number) for number in report.headline],
         sections=sections,
-        doubts=[block for block in blocks if block["kind"] == "warnings" and block["items"]],
+        flags=[block for block in blocks if block["kind"] == "warnings" and block["items"]],
         provenance=[provenance_entry(name, steps) for name, steps in report.provenance.items()],
         version=__version__,
         style=Markup(_template_text("style.css")),

@@ -1,7 +1,7 @@
 """What a profile amounts to: indices of roughness, spectra and classes, filters.
 
 IRI, MRI and HRI, Ride Number, ISO 8608, root mean squares in bands of wavelength and the rolling
-straightedge; what is implausible about a profile is said by `doubts`.
+straightedge; what is implausible about a profile is said by `flags`.
 """
 
 from trueterrain.roughness.filters import (

@@ -15,7 +15,7 @@ from trueterrain.roughness._track import (
 )
 from trueterrain.roughness._tracks import ROUNDING, cut_segments, finite_tracks
 
-__all__ = ["flag_profile", "rating_doubts"]
+__all__ = ["flag_profile", "rating_flags"]
 
 Array = npt.NDArray[np.float64]
 
@@ -66,22 +66,22 @@ def flag_profile(profile: xr.Dataset) -> list[str]:
     --------
     >>> from trueterrain.core.schemas import make_profile
     >>> s = np.arange(0.0, 200.0, 0.1)
-    >>> doubts(make_profile(s, 0.08 * s + 0.005 * np.sin(s)))
+    >>> flags(make_profile(s, 0.08 * s + 0.005 * np.sin(s)))
     []
-    >>> print(doubts(make_profile(s, 0.08 * s / 0.3048 + 0.005 * np.sin(s)))[0])
+    >>> print(flags(make_profile(s, 0.08 * s / 0.3048 + 0.005 * np.sin(s)))[0])
     track profile: climbs 0.26 m/m over 100 m; are its heights in metres, not in feet or ...
     """
     station, heights, names = finite_tracks(profile)
     assumed = profile.attrs.get(ASSUMED)
     roughest = _ROUGHEST_ROAD if assumed else _ROUGHEST
     return [str(assumed)] * bool(assumed) + [
-        f"track {name}: {doubt}"
+        f"track {name}: {flag}"
         for name, height in zip(names, heights, strict=True)
-        for doubt in _flag_track(station, height, roughest)
+        for flag in _flag_track(station, height, roughest)
     ]
 
 
-def rating_doubts(profile: xr.Dataset, options: QuarterCarSettings) -> list[str]:
+def rating_flags(profile: xr.Dataset, options: QuarterCarSettings) -> list[str]:
     """What makes an index of a profile inaccurate, one sentence each.
 
     Parameters
@@ -101,8 +101,8 @@ def rating_doubts(profile: xr.Dataset, options: QuarterCarSettings) -> list[str]
     --------
     >>> from trueterrain.core.schemas import make_profile
     >>> coarse = make_profile([0.0, 0.4, 0.8], [0.0, 0.0, 0.0])
-    >>> for doubt in rating_doubts(coarse, IriOptions()):
-    ...     print(doubt)
+    >>> for flag in rating_flags(coarse, IriOptions()):
+    ...     print(flag)
     the window sayers of 0.25 m averages nothing at a spacing of 0.4 m
     samples are up to 0.4 m apart; the index is accurate to 0.305 m, and rated to 0.61 m
     """

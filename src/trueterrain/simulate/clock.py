@@ -84,7 +84,7 @@ class SimulatedClock:
         return np.arange(first, last, dtype=np.int64)
 
     def _tick(self, time: float, frequency: float) -> int:
-        """Least k whose true time is at least `time`, as `true` rounds it."""
+        """Least k whose true time is at least `time`, as `true` iterations it."""
         stamp = (time - self.offset + self.rate * self.begin) / (1.0 + self.rate)
         k = math.ceil(stamp * frequency)
         while self._true_tick(k - 1, frequency) >= time:

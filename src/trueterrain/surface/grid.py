@@ -48,7 +48,7 @@ class GridSettings:
     """Power of the inverse distance from the node that returns of a disc are weighed by; 0 weighs
     all alike [1]."""
 
-    minimum_count: int = 1
+    min_count: int = 1
     "Cells with fewer returns have no height."
 
     range_noise: float = 0.0
@@ -82,8 +82,8 @@ class GridSettings:
         if self.power and not self.radius:
             message = "power needs a radius, which is 0 m."
             raise ValueError(message)
-        if self.minimum_count < 1:
-            message = f"minimum_count must be at least 1, got {self.minimum_count}."
+        if self.min_count < 1:
+            message = f"min_count must be at least 1, got {self.min_count}."
             raise ValueError(message)
         if not self.range_noise >= 0:
             message = f"range_noise must be at least 0 m, got {self.range_noise}."
@@ -140,7 +140,7 @@ def surface_of(
     Returns
     -------
     xarray.Dataset
-        Surface with ``height`` [m], ``count`` (returns; good ones, where doubtful ones weigh less),
+        Surface with ``height`` [m], ``count`` (returns; good ones, where flagged ones weigh less),
         ``sd`` and ``sd_relative`` [m], see `name_deviations`.
 
     Raises
@@ -255,7 +255,7 @@ def require_heights(nodes: NodeValues, options: GridSettings, tally: ReturnTotal
             cure="Look at the ranges (`trueterrain plot`), and at what screening leaves.",
         )
     raise CoverageError(
-        f"no cell has {options.minimum_count} returns: {tally.used} lie on the grid, "
+        f"no cell has {options.min_count} returns: {tally.used} lie on the grid, "
         f"{tally.outside} beside it",
         cure="Choose a coarser spacing, or a grid where the returns are.",
     )

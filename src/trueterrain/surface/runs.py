@@ -63,7 +63,7 @@ def grid_runs(
     options : GridOptions
         What is taken of the returns in each.
     screening : Screening
-        Which returns are doubtful, and what becomes of them.
+        Which returns are flagged, and what becomes of them.
     threads : int
         Threads that work at once; the surface does not depend on it.
     block : int
@@ -80,7 +80,7 @@ def grid_runs(
         With ``height``, ``count`` and ``sd``; of passes in agreement ``sd_relative`` too, which
         leaves out the datum that they share, see `name_deviations`.
     report : dict
-        How many returns were ``used``, ``doubtful``, ``outside`` of the grid or ``too_high``, and
+        How many returns were ``used``, ``flagged``, ``outside`` of the grid or ``too_high``, and
         how many ``scans`` there were, ``scans_uncovered`` by the motion and ``bridged``.
 
     Raises

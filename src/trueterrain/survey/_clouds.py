@@ -181,7 +181,7 @@ def _merge_report(
         alt="Heights of the merged surface, seen from above",
         caption="The merged surface.",
     )
-    doubtful = [Section(title="What is doubtful", blocks=[Warnings(items=merging.problems)])]
+    flagged = [Section(title="What is flagged", blocks=[Warnings(items=merging.problems)])]
     listed = [File(path=name, note=note) for name, note in files]
     listed.append(File(path="result.json", note="all numbers of this report"))
     return Report(
@@ -189,7 +189,7 @@ def _merge_report(
         subtitle=", ".join(lanes),
         headline=tuple(merge_headline(merging)),
         sections=(
-            *(doubtful if merging.problems else []),
+            *(flagged if merging.problems else []),
             merge_section(merging, pictures),
             Section(title="The ground", blocks=[ground, view, flat]),
             Section(title="What went in", blocks=[inputs]),

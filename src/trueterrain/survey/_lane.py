@@ -27,10 +27,10 @@ from trueterrain.profile import (
     tyre_profile,
     waypoint_path,
 )
-from trueterrain.profile.area import area_doubt, area_reach
+from trueterrain.profile.area import area_flag, area_reach
 from trueterrain.profile.envelope import tyre_envelope
 from trueterrain.roughness import flag_profile, iri
-from trueterrain.roughness.plausible import rating_doubts
+from trueterrain.roughness.plausible import rating_flags
 from trueterrain.surface.coarse import down_sample
 from trueterrain.surface.evaluate import heights_at, node_coordinates, surface_to_points
 from trueterrain.surface.grid import trim_surface
@@ -103,7 +103,7 @@ def find_run(survey: Survey, run: RunSettings, progress: Progress) -> SurveyRun:
     Returns
     -------
     Run
-        With all that is doubtful about it.
+        With all that is flagged about it.
     """
     name, path = lane_name(run), Path(run.path)
     progress(f"{name}: motion", 0, None)
@@ -279,8 +279,8 @@ def _extract_profiles(
             found[wanted.name] = taken_along(surface, wanted)
         except CoverageError as error:
             problems.append(f"profile {wanted.name} of {lane} is left out: {error}")
-        if (doubt := area_doubt(wanted.tyre.search_area())) is not None:
-            problems.append(f"profile {wanted.name}: {doubt}")
+        if (flag := area_flag(wanted.tyre.search_area())) is not None:
+            problems.append(f"profile {wanted.name}: {flag}")
     return found, problems
 
 
@@ -311,7 +311,7 @@ def taken_along(surface: xr.Dataset, wanted: ProfilePathSettings) -> xr.Dataset:
         area=options.search_area(),
         statistic=taken,
         level=options.level,
-        minimum_count=options.minimum_count,
+        min_count=options.min_count,
         thin=options.thin,
     )
 
@@ -349,7 +349,7 @@ def _profile_files(
 def _rate_profiles(
     survey: Survey, profiles: dict[str, xr.Dataset]
 ) -> tuple[dict[str, xr.Dataset], list[str]]:
-    """Roughness of profiles, what is doubtful about it, and why others have none."""
+    """Roughness of profiles, what is flagged about it, and why others have none."""
     found, problems = {}, []
     for name, profile in profiles.items():
         try:
@@ -360,8 +360,8 @@ def _rate_profiles(
             problems.append(f"profile {name} is not rated: {error}")
             continue
         problems += flag_profile(profile.assign_attrs(track=name))
-        unsure = rating_doubts(profile, survey.roughness.iri)
-        problems += [f"profile {name}: {doubt}" for doubt in unsure]
+        unsure = rating_flags(profile, survey.roughness.iri)
+        problems += [f"profile {name}: {flag}" for flag in unsure]
     return found, problems
 
 

@@ -57,7 +57,7 @@ def report_of(
     """
     problems = [f"{lane.name}: {problem}" for lane in lanes for problem in lane.numbers["problems"]]
     sections = [
-        Section(title="What is doubtful", blocks=[Warnings(items=problems)]) if problems else None,
+        Section(title="What is flagged", blocks=[Warnings(items=problems)]) if problems else None,
         _ground_section(lanes, pictures),
         merge_section(merging, pictures) if merging else None,
         _accuracy_section(numbers),
@@ -403,13 +403,13 @@ def _input_section(numbers: dict[str, Any]) -> Section:
         caption="Recorded runs.",
     )
     returns = Table(
-        columns=parse_columns("Lane; Returns gridded; Beside the grid; Doubtful; Scans left out"),
+        columns=parse_columns("Lane; Returns gridded; Beside the grid; Flagged; Scans left out"),
         rows=[
             (
                 lane["name"],
                 *(
                     lane["returns"][key]
-                    for key in ("used", "outside", "doubtful", "scans_uncovered")
+                    for key in ("used", "outside", "flagged", "scans_uncovered")
                 ),
             )
             for lane in numbers["lanes"]

@@ -113,10 +113,7 @@ def _pair_table(merging: MergeResult) -> Table:
                     for name in ("median", "nmad")
                     for state in (pair.before, pair.after)
                 ),
-                *(
-                    to_millimetres(state.rmse)
-                    for state in (pair.before, pair.after, pair.held_back)
-                ),
+                *(to_millimetres(state.rmse) for state in (pair.before, pair.after, pair.held_out)),
                 *(to_millimetres(state.p95) for state in (pair.before, pair.after)),
                 pair.rejected,
             )
@@ -179,7 +176,7 @@ def _network_blocks(merging: MergeResult) -> Iterator[Block]:
         f"Corrections of {', '.join(chosen.components)} have knots every {chosen.knot_spacing:g} s "
         f"and wander by {1000 * chosen.strength:.3g} mm (standard deviation) as a "
         f"{chosen.order}-order process: of {len(found.trials)} settings that were tried, these "
-        f"predict ground that was held back to {1000 * chosen.held_back:.3g} mm without bending "
+        f"predict ground that was held back to {1000 * chosen.held_out:.3g} mm without bending "
         "more than it takes."
     )
     if found.omitted:
@@ -190,7 +187,7 @@ def _network_blocks(merging: MergeResult) -> Iterator[Block]:
             "Pass; Chi-square .1; Degrees of freedom .1; Probability without drift .3"
         ),
         rows=[
-            (test.name or "all together", test.statistic, test.freedom, test.p_value)
+            (test.name or "all together", test.statistic, test.degrees_of_freedom, test.p_value)
             for test in found.tests
         ],
         caption="Whether the corrections could be noise alone: a small probability says that the "

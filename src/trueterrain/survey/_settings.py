@@ -170,7 +170,7 @@ class Survey:
     "How runs are brought into agreement and merged; by default each is a lane of its own."
 
     screening: Screening = field(default_factory=Screening)
-    "Which returns are doubtful."
+    "Which returns are flagged."
 
     grid: GridPlacement = field(default_factory=GridPlacement)
     """Where the nodes of the surfaces are; by default along the way of each run, or of the first

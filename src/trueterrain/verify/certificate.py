@@ -73,7 +73,7 @@ class CertificateResult:
     "When each file was recorded, as far as the data tell."
 
     @property
-    def doubts(self) -> list[str]:
+    def flags(self) -> list[str]:
         """Where what is stated is not what the data tell."""
         return date_contradictions(self.test.date, self.recorded)
 
@@ -99,7 +99,7 @@ class CertificateResult:
             "settings": asdict(self.test),
             "inputs": list(self.inputs),
             "recorded": [one.to_dict() for one in self.recorded],
-            "doubts": self.doubts,
+            "flags": self.flags,
             "rows": [
                 {**found.to_dict(), "test": name, "verdicts": self.verdicts[name]}
                 for name, found in self.results.items()

@@ -32,7 +32,7 @@ class DriftSettings:
     spacing: float = 1.0
     "Distance of the places that are compared [m]."
 
-    least_length: float = 1000.0
+    min_length: float = 1000.0
     "Shortest common length of which the test is a test [m]."
 
     confidence: float = 0.95
@@ -40,7 +40,7 @@ class DriftSettings:
 
     def __post_init__(self) -> None:
         """Check the values."""
-        for name in ("spacing", "least_length"):
+        for name in ("spacing", "min_length"):
             if not 0 < getattr(self, name) < math.inf:
                 message = f"{name} must be greater than 0 m, got {getattr(self, name)}."
                 raise ValueError(message)
@@ -193,11 +193,11 @@ def _common_places(profiles: list[xr.Dataset], settings: DriftSettings) -> Float
             raise ValueError(message)
     low = max(float(profile["s"][0]) for profile in profiles)
     high = min(float(profile["s"][-1]) for profile in profiles)
-    if high - low < settings.least_length:
+    if high - low < settings.min_length:
         raise CoverageError(
             f"runs share {max(high - low, 0.0):.1f} m, the drift test needs "
-            f"{settings.least_length:g} m",
-            cure="Drive further, or ask for less: least_length.",
+            f"{settings.min_length:g} m",
+            cure="Drive further, or ask for less: min_length.",
         )
     count = math.floor((high - low) / settings.spacing * (1 + 1e-12)) + 1
     if count < _LEAST:

@@ -75,7 +75,7 @@ class DynamicSettings:
     "Distance from a steep face within which an error counts as one of an edge [m]."
 
     screening: Screening = field(default_factory=Screening)
-    "Which returns are doubtful, and what becomes of them."
+    "Which returns are flagged, and what becomes of them."
 
     confidence: float = 0.95
     "Share of repeats of the test in which the intervals hold the truth."

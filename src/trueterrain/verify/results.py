@@ -248,7 +248,7 @@ def at_edges(machined: xr.Dataset, position: Floats, reach: float) -> Bools:
     return found
 
 
-def parts_of(error: Floats, noise: Floats, edge: Bools, doubtful: Bools) -> dict[str, float]:
+def parts_of(error: Floats, noise: Floats, edge: Bools, flagged: Bools) -> dict[str, float]:
     """Split the mean square of errors into causes, which add up to it.
 
     Parameters
@@ -257,8 +257,8 @@ def parts_of(error: Floats, noise: Floats, edge: Bools, doubtful: Bools) -> dict
         Errors of mean heights [m].
     noise : numpy.ndarray, shape (n,)
         Standard uncertainty of these means by repeats [m].
-    edge, doubtful : numpy.ndarray of bool, shape (n,)
-        Heights beside steep faces, and those of doubtful intensity elsewhere.
+    edge, flagged : numpy.ndarray of bool, shape (n,)
+        Heights beside steep faces, and those of flagged intensity elsewhere.
 
     Returns
     -------
@@ -273,7 +273,7 @@ def parts_of(error: Floats, noise: Floats, edge: Bools, doubtful: Bools) -> dict
     >>> parts["bias"], parts["shape"]
     (4.0, 1.0)
     """
-    plain = ~edge & ~doubtful
+    plain = ~edge & ~flagged
     share = float(plain.mean())
     mean = float(error[plain].mean()) if share else 0.0
     spread = float(error[plain].var()) if share else 0.0
@@ -283,5 +283,5 @@ def parts_of(error: Floats, noise: Floats, edge: Bools, doubtful: Bools) -> dict
         "bias": share * mean**2,
         "shape": share * (spread - random),
         "edge": float(np.sum(error[edge] ** 2)) / error.size,
-        "reflectivity": float(np.sum(error[doubtful & ~edge] ** 2)) / error.size,
+        "reflectivity": float(np.sum(error[flagged & ~edge] ** 2)) / error.size,
     }

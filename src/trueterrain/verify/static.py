@@ -33,7 +33,7 @@ class StaticSettings:
     scans: int | None = None
     "How many scans to take, from the first one on; by default all."
 
-    least_scans: int = 100
+    min_scans: int = 100
     "Fewest scans of which the test is a test."
 
     present: float = 0.5
@@ -55,15 +55,15 @@ class StaticSettings:
     "Standard deviation of that slope [rad]; a good level tells 0.2 mm in 1 m."
 
     screening: Screening = field(default_factory=Screening)
-    "Which returns are doubtful; what becomes of them is seen with and without them."
+    "Which returns are flagged; what becomes of them is seen with and without them."
 
     confidence: float = 0.95
     "Share of repeats of the test in which the intervals hold the truth."
 
     def __post_init__(self) -> None:
         """Check the values."""
-        if self.least_scans < _LEAST or (self.scans is not None and self.scans < _LEAST):
-            message = f"scans and least_scans must be at least {_LEAST}."
+        if self.min_scans < _LEAST or (self.scans is not None and self.scans < _LEAST):
+            message = f"scans and min_scans must be at least {_LEAST}."
             raise ValueError(message)
         if not 0 < self.present <= 1:
             message = f"present must be greater than 0 and at most 1, got {self.present}."
@@ -93,7 +93,7 @@ class StaticResult:
     """Over position s on the machined profile [m], in the order of the beams: ``along`` to the left
     of the scanner, ``up`` as it was measured, ``height`` (registered), ``machined``, ``error``,
     ``sd`` of a single scan, ``sd_mean``, ``distance`` from the machined line [m], ``intensity``
-    (mean), ``edge`` and ``doubtful``."""
+    (mean), ``edge`` and ``flagged``."""
 
     row: ResultRow
     "Row of the table."
@@ -154,7 +154,7 @@ def static_test(
     Returns
     -------
     list of StaticResult
-        Of all returns and, if the settings screen them, without those of doubtful intensity.
+        Of all returns and, if the settings screen them, without those of flagged intensity.
 
     Raises
     ------
@@ -181,13 +181,13 @@ def static_test(
     tree = run if isinstance(run, xr.DataTree) else open_run(run)
     have = tree["scans"].sizes["scan"]
     wanted = have if settings.scans is None else settings.scans
-    needed = max(settings.least_scans, settings.scans or 0)
+    needed = max(settings.min_scans, settings.scans or 0)
     if have < needed:
         raise CoverageError(
             f"holds {have} scans, the static test needs {needed}",
             path=source,
             place="scans",
-            cure="Scan longer, or ask for fewer: scans and least_scans.",
+            cure="Scan longer, or ask for fewer: scans and min_scans.",
         )
     screened = settings.screening
     ways = [("static", Screening(nearest=screened.nearest, furthest=screened.furthest))]
@@ -208,8 +208,8 @@ def static_test(
 class _Sums:
     """Sums over scans, beam by beam; about the first returns, so that no digits are lost."""
 
-    def __init__(self, screening: Screening, doubt: Screening) -> None:
-        self._screening, self._doubt = screening, doubt
+    def __init__(self, screening: Screening, flag: Screening) -> None:
+        self._screening, self._flag = screening, flag
         self._base: Floats | None = None
 
     def add(self, block: xr.Dataset) -> None:
@@ -220,7 +220,7 @@ class _Sums:
             beams = ranges.shape[1]
             self._base = np.full(beams, np.nan)
             self.count, self._first, self._second = (np.zeros(beams) for _ in range(3))
-            self.bright, self.doubtful = np.zeros(beams), np.zeros(beams)
+            self.bright, self.flagged = np.zeros(beams), np.zeros(beams)
         good = weight > 0
         first = np.take_along_axis(ranges, good.argmax(axis=0)[None], axis=0)[0]
         self._base = np.where(np.isfinite(self._base), self._base, first)
@@ -231,8 +231,8 @@ class _Sums:
         self._second += (weight * apart**2).sum(axis=0)
         if intensity is not None:
             self.bright += (weight * intensity).sum(axis=0)
-            if self._doubt.needs_intensity:
-                self.doubtful += (weight * self._doubt.doubtful(intensity)).sum(axis=0)
+            if self._flag.needs_intensity:
+                self.flagged += (weight * self._flag.flagged(intensity)).sum(axis=0)
 
     def means(self) -> tuple[Floats, Floats]:
         """Mean range, and standard deviation of a single one [m]."""
@@ -287,7 +287,7 @@ def _static_result(
     count = sums.count[good]
     noise = sd[good] * np.abs(turned[1, good])
     edge = at_edges(machined, s, settings.edge)
-    doubtful = sums.doubtful[good] > 0.5 * count
+    flagged = sums.flagged[good] > 0.5 * count
     distance = profile_distances(machined, s, height)
     columns = {
         "along": along,
@@ -300,7 +300,7 @@ def _static_result(
         "sd_mean": noise / np.sqrt(count),
         "intensity": sums.bright[good] / count,
         "edge": edge,
-        "doubtful": doubtful,
+        "flagged": flagged,
     }
     errors = xr.Dataset({key: ("s", value) for key, value in columns.items()}, {"s": s})
     single = float(np.sqrt(np.mean(noise**2)))
@@ -313,7 +313,7 @@ def _static_result(
         registration=found,
         confidence=settings.confidence,
     )
-    parts = parts_of(height - true, columns["sd_mean"], edge, doubtful)
+    parts = parts_of(height - true, columns["sd_mean"], edge, flagged)
     beams = slice(int(good.min()), int(good.max()) + 1)
     findings = static_findings(
         tree,
@@ -326,7 +326,7 @@ def _static_result(
         screening=settings.screening,
         scans=scans,
         returned=every.count[beams],
-        doubtful=every.doubtful[beams],
+        flagged=every.flagged[beams],
     )
     return StaticResult(
         errors=errors,

@@ -73,7 +73,7 @@ def assemble_normal_equations(
     components = factor.shape[1]
     size = 4 * components
     row = np.empty((64, size))
-    square, freedom = 0.0, 0
+    square, degrees_of_freedom = 0.0, 0
     for c in range(start.size - 1):
         if not use[c]:
             continue
@@ -91,7 +91,7 @@ def assemble_normal_equations(
         if there < 2:
             continue
         mean /= total
-        freedom += there - 1
+        degrees_of_freedom += there - 1
         for i in range(begin, end):
             if weight[i] == 0.0:
                 continue
@@ -122,7 +122,7 @@ def assemble_normal_equations(
                         by = shared * row[other - begin, m]
                         for n in range(size):
                             blocks[at, m, n] += by * row[one - begin, n]
-    return square, freedom
+    return square, degrees_of_freedom
 
 
 @compile_kernel

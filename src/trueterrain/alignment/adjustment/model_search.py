@@ -210,7 +210,7 @@ class ModelSearch:
         # an interval needs some cells, or there is nothing to tell it by
         length = np.diff(self.shared.span, axis=1).sum()
         seen = self.shared.lane.size
-        dense = [one for one in spacings if seen * one >= self.settings.least_cells * length]
+        dense = [one for one in spacings if seen * one >= self.settings.min_cells * length]
         return dense or spacings[:1]
 
     def _with(self, best: ModelTrial, group: tuple[str, ...]) -> ModelTrial:
@@ -275,7 +275,7 @@ class ModelSearch:
             loss, rmse, likelihood = self._held_back(trial)
             self._losses.append(loss)
             self._progress("choose how stiff corrections are", len(self.trials) + 1, None)
-            self.trials.append(replace(trial, held_back=rmse, log_likelihood=likelihood))
+            self.trials.append(replace(trial, held_out=rmse, log_likelihood=likelihood))
 
     def _held_back(self, trial: ModelTrial) -> tuple[Floats, float, float]:
         """Loss of each square, root mean square of differences [m], and marginal likelihood."""
@@ -329,7 +329,7 @@ def cross_validate(
     fold, known = system.shared.per_entry(folds.number), system.known(prior)
     out = np.zeros(fold.size)
     for number, part in enumerate(parts):
-        if part.freedom:
+        if part.degrees_of_freedom:
             found = system.solve(whole.less(part), known)
             there = fold == number
             out[there] = system.corrections(found.coefficients)[there]

@@ -62,8 +62,10 @@ def navigation_priors(
     claim = usual_sd(lanes_sd)
     if claim is None:
         return found
-    seen, freedom = estimate_drift(system, fitted, time)
-    sd = float(np.sqrt((freedom * seen**2 + CLAIM * claim**2) / (freedom + CLAIM)))
+    seen, degrees_of_freedom = estimate_drift(system, fitted, time)
+    sd = float(
+        np.sqrt((degrees_of_freedom * seen**2 + CLAIM * claim**2) / (degrees_of_freedom + CLAIM))
+    )
     wander = GaussMarkovProcess(sd=sd, correlation_time=time, order="first")
     return {**found, "height": replace(found["height"], wander=wander)}
 
@@ -90,7 +92,7 @@ def estimate_drift(
     freedom : float
         Degrees of freedom; 0 if there is one pass, which has nothing to wander from.
     """
-    group, squares, free, freedom = system.shared.group, 0.0, 0, 0.0
+    group, squares, free, degrees_of_freedom = system.shared.group, 0.0, 0, 0.0
     for number in np.unique(group):
         lanes = np.flatnonzero(group == number)
         moved = [(lane, knots) for lane in lanes if (knots := system.knots[lane]) is not None]
@@ -103,8 +105,8 @@ def estimate_drift(
             height = fitted.solution.x[system.lane_unknowns(int(lane))[0][0]]
             squares += float(np.var(height[1:-1])) / _mean_square_about_mean(span)
         free += own
-        freedom += own * (SHORT + 0.5 * float(np.mean(spans)))
-    return (float(np.sqrt(squares / free)), freedom) if free else (0.0, 0.0)
+        degrees_of_freedom += own * (SHORT + 0.5 * float(np.mean(spans)))
+    return (float(np.sqrt(squares / free)), degrees_of_freedom) if free else (0.0, 0.0)
 
 
 def estimate_datum_sd(

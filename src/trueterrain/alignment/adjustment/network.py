@@ -165,7 +165,7 @@ class Adjustment:
     noise_floor: float
     "Standard deviation that cells have beside that of their own scatter [m]."
 
-    clustering: float
+    design_effect: float
     "By how much variances are greater because errors of neighbouring cells are alike [1]."
 
     left: float
@@ -308,8 +308,8 @@ def adjust_passes(
     whole, parts = parts_of(system, folds, fitted.weight)
     claims = navigation_priors(system, fitted, chosen, settings, lanes_sd)
     covariance = system.covariance(system.solve(whole, system.known(claims)))
-    held_back = measured + cross_validate(system, prior, folds, whole, parts)
-    pairs = pairs_of(shared, fitted.robustness, measured, after, held_back)
+    held_out = measured + cross_validate(system, prior, folds, whole, parts)
+    pairs = pairs_of(shared, fitted.robustness, measured, after, held_out)
     ground = _adjusted_ground(system, fitted, covariance)
     datum = estimate_datum_sd(shared, lanes_sd, claims["height"].wander, list(by_name), settings)
     return Adjustment(
@@ -327,7 +327,7 @@ def adjust_passes(
         trials=tuple(search.trials),
         chosen=chosen,
         noise_floor=fitted.floor,
-        clustering=factor,
+        design_effect=factor,
         left=left,
         iterations=fitted.iterations,
         settings=settings,

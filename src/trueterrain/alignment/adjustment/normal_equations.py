@@ -35,7 +35,7 @@ class NormalEquations:
     square: float
     "Weighted sum of squares of heights less the mean of their cell."
 
-    freedom: int
+    degrees_of_freedom: int
     "Entries less cells."
 
     def plus(self, other: "NormalEquations") -> "NormalEquations":
@@ -44,7 +44,7 @@ class NormalEquations:
             blocks=self.blocks + other.blocks,
             right=self.right + other.right,
             square=self.square + other.square,
-            freedom=self.freedom + other.freedom,
+            degrees_of_freedom=self.degrees_of_freedom + other.degrees_of_freedom,
         )
 
     def less(self, other: "NormalEquations") -> "NormalEquations":
@@ -53,7 +53,7 @@ class NormalEquations:
             blocks=self.blocks - other.blocks,
             right=self.right - other.right,
             square=self.square - other.square,
-            freedom=self.freedom - other.freedom,
+            degrees_of_freedom=self.degrees_of_freedom - other.degrees_of_freedom,
         )
 
 

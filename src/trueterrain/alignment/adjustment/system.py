@@ -110,7 +110,7 @@ class AdjustmentSystem:
         head, after, _, second = self.lists
         k = 4 * len(self.components)
         blocks, right = np.zeros((second.size, k, k)), np.zeros((self.first[-1], k))
-        square, freedom = _kernels.assemble_normal_equations(
+        square, degrees_of_freedom = _kernels.assemble_normal_equations(
             self.shared.start,
             use,
             self.interval,
@@ -124,7 +124,9 @@ class AdjustmentSystem:
             blocks,
             right,
         )
-        return NormalEquations(blocks=blocks, right=right, square=square, freedom=freedom)
+        return NormalEquations(
+            blocks=blocks, right=right, square=square, degrees_of_freedom=degrees_of_freedom
+        )
 
     def solve(self, equations: NormalEquations, known: PriorInformation) -> AdjustmentSolution:
         """Most likely corrections.

@@ -31,7 +31,7 @@ from trueterrain.alignment.run_passes import control_cells, reference_path
 from trueterrain.core import provenance
 from trueterrain.core.errors import CoverageError, name_file_in_errors
 from trueterrain.core.progress import Progress, no_progress
-from trueterrain.formats.point_filter import doubt_of_classes
+from trueterrain.formats.point_filter import flag_of_classes
 from trueterrain.surface.cells import Grid
 from trueterrain.surface.grid import GridSettings, grid_points
 
@@ -41,7 +41,7 @@ __all__ = [
     "CorrectedPass",
     "cells_of_clouds",
     "cloud_lanes",
-    "doubt_of_lanes",
+    "flag_of_lanes",
     "merge_clouds",
     "merged_surface",
     "suggested_cell",
@@ -78,7 +78,7 @@ def merge_clouds(
     -------
     merging : Merging
         Corrections, and agreement before and after; its problems say which lanes were left out,
-        and what else is doubtful.
+        and what else is flagged.
     corrected : CorrectedClouds
         Lanes by name, each a function that yields blocks of corrected points.
 
@@ -123,14 +123,14 @@ def merge_clouds(
     lanes = {name: lanes[name] for name in sorted(lanes)}
     path = path or reference_path(settings)
     untimed = [name for name, lane in lanes.items() if lane.time is None]
-    doubts = [doubt for lane in lanes.values() for doubt in lane.doubts]
+    flags = [flag for lane in lanes.values() for flag in lane.flags]
     ways: dict[str, ReferencePath | None] = dict.fromkeys(lanes)
     timed = settings.method == "network"
     if timed and untimed:
         ways = {name: path or station_path(lane, settings.cells) for name, lane in lanes.items()}
     elif timed:
         lanes, too_long = _of_one_flight(lanes)
-        doubts += too_long
+        flags += too_long
     cells, left_out = _cloud_cells(lanes, ways, settings, progress, timed=timed)
     kept = {one.name: lanes[one.name] for one in cells}
     paths: dict[str, Path | None] = dict.fromkeys(kept)
@@ -159,13 +159,13 @@ def merge_clouds(
             progress=progress,
         ),
     )
-    doubts += [
-        *doubt_of_lanes(lanes),
+    flags += [
+        *flag_of_lanes(lanes),
         *left_out,
         *_of_time(kept, untimed if timed else [], path),
-        *_doubts_of(merging),
+        *_flags_of(merging),
     ]
-    merging = replace(merging, problems=(*doubts, *merging.problems))
+    merging = replace(merging, problems=(*flags, *merging.problems))
     return merging, CorrectedClouds(
         {
             name: CorrectedPass(
@@ -218,11 +218,11 @@ def cells_of_clouds(
     settings = with_cells(settings, cell or suggested_cell(lanes))
     ways = dict.fromkeys(lanes)
     cells, left_out = _cloud_cells(lanes, ways, settings, progress, timed=False)
-    doubts = [doubt for lane in lanes.values() for doubt in lane.doubts]
-    return cells, settings.cells.size, [*doubts, *left_out]
+    flags = [flag for lane in lanes.values() for flag in lane.flags]
+    return cells, settings.cells.size, [*flags, *left_out]
 
 
-def doubt_of_lanes(lanes: Mapping[str, CloudPass]) -> list[str]:
+def flag_of_lanes(lanes: Mapping[str, CloudPass]) -> list[str]:
     """What is no ground among the points of all lanes, in words.
 
     Parameters
@@ -239,8 +239,8 @@ def doubt_of_lanes(lanes: Mapping[str, CloudPass]) -> list[str]:
     for lane in lanes.values():
         for name, number in lane.classes.items():
             total[name] = total.get(name, 0) + number
-    doubt = doubt_of_classes(total)
-    return [doubt] if doubt else []
+    flag = flag_of_classes(total)
+    return [flag] if flag else []
 
 
 def with_cells(settings: MergeSettings, size: float) -> MergeSettings:
@@ -429,7 +429,7 @@ def _of_one_flight(lanes: Mapping[str, CloudPass]) -> tuple[dict[str, CloudPass]
 def _of_time(
     lanes: Mapping[str, CloudPass], untimed: list[str], path: ReferencePath | None
 ) -> list[str]:
-    """What is doubtful about times."""
+    """What is flagged about times."""
     problems = []
     if untimed:
         where = "the path given" if path is not None else "the middle of each lane"
@@ -447,7 +447,7 @@ def _of_time(
     return problems
 
 
-def _doubts_of(merging: MergeResult) -> list[str]:
+def _flags_of(merging: MergeResult) -> list[str]:
     """Pairs that agree suspiciously well, or worse than before."""
     problems = []
     for pair in merging.pairs:

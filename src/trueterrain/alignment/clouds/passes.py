@@ -74,8 +74,8 @@ class CloudPass:
     classes: Mapping[str, int]
     "Points by class, where they are classified and classes were not chosen."
 
-    doubts: tuple[str, ...]
-    "What is doubtful about it, in words."
+    flags: tuple[str, ...]
+    "What is flagged about it, in words."
 
     @property
     def density(self) -> float:
@@ -406,15 +406,15 @@ def _one_each(
         found = looks[path]
         whole = _combine_inspections(list(found.values()))
         several = [n for n, look in found.items() if look.count >= _REMNANT * whole.count]
-        doubts = []
+        flags = []
         if len(several) > 1:
             passes = ", ".join(str(number) for number in sorted(several))
-            doubts.append(
+            flags.append(
                 f"{names[path]} holds points of several passes (point_source_id {passes}), which "
                 "are taken for one: let the number tell them apart"
             )
         label = next(iter(found)) if kept else order
-        lanes.append(_cloud_pass(names[path], None, label, {path: whole}, crs, only, doubts))
+        lanes.append(_cloud_pass(names[path], None, label, {path: whole}, crs, only, flags))
     return lanes
 
 
@@ -449,11 +449,11 @@ def _cloud_pass(
     parts: Mapping[Path, _CloudInspection],
     crs: str | None,
     only: PointFilter | None,
-    doubts: Sequence[str] = (),
+    flags: Sequence[str] = (),
 ) -> CloudPass:
     whole = _combine_inspections(list(parts.values()))
     times = whole.times
-    found = list(doubts)
+    found = list(flags)
     if whole.lost:
         lost = ", ".join(sorted(whole.lost))
         found.append(f"{name}: {lost} are left out, since not all of its files have them")
@@ -477,5 +477,5 @@ def _cloud_pass(
         extent=(*whole.low, *whole.high),
         time=times,
         variables=whole.variables,
-        doubts=tuple(found),
+        flags=tuple(found),
     )

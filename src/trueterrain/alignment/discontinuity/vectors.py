@@ -51,7 +51,7 @@ class DiscontinuitySettings:
     least: int = 20
     "Points that each lane must have in a disc; with fewer there is a gap."
 
-    most_gaps: float = 0.5
+    max_gap_fraction: float = 0.5
     "Share of the reference points that may be gaps [1]; with more there is an error."
 
     bin_width: float = 1e-3
@@ -80,8 +80,10 @@ class DiscontinuitySettings:
         if self.least < 2:
             message = f"least must be at least 2 points, got {self.least}."
             raise ValueError(message)
-        if not 0 <= self.most_gaps < 1:
-            message = f"most_gaps must be at least 0 and less than 1, got {self.most_gaps}."
+        if not 0 <= self.max_gap_fraction < 1:
+            message = (
+                f"max_gap_fraction must be at least 0 and less than 1, got {self.max_gap_fraction}."
+            )
             raise ValueError(message)
         whole = self.bin_width / _BIN
         if not (whole > 0.5 and abs(whole - round(whole)) < 1e-6):
@@ -276,7 +278,7 @@ def _require_enough(
     lanes: tuple[str, str],
 ) -> None:
     """Raise CoverageError if there are too many gaps."""
-    if gap.sum() <= options.most_gaps * gap.size and not gap.all():
+    if gap.sum() <= options.max_gap_fraction * gap.size and not gap.all():
         return
     place = f"overlap of {lanes[0]} and {lanes[1]}"
     bad = thin if thin.sum() >= few.sum() else few

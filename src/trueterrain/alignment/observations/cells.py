@@ -251,7 +251,7 @@ def cells_of_points(
     --------
     >>> from trueterrain.core.schemas import make_points
     >>> points = make_points([0.2, 0.8, 0.5], [0.2, 0.4, 0.9], [1.0, 1.1, 1.2], time=[0, 1, 2])
-    >>> (south,) = cells_of_points(points, CellOptions(size=1.0, minimum_count=3, largest_sd=1.0))
+    >>> (south,) = cells_of_points(points, CellOptions(size=1.0, min_count=3, max_sd=1.0))
     >>> south.height, south.time
     (array([1.1]), array([1.]))
     """
@@ -288,7 +288,7 @@ def cells_of_run(
     mounting : Mounting, optional
         Where the scanner sits; by default what the run says.
     screening : Screening
-        Which returns are doubtful, and what becomes of them.
+        Which returns are flagged, and what becomes of them.
 
     Returns
     -------

@@ -117,16 +117,16 @@ class VisitSums:
         order = np.lexsort(self._keys[: self._used].T[::-1])
         keys, sums = self._keys[order], self._sums[order]
         left = _kernels.join_visits(keys, sums, round(self.options.visit_gap / _TIME_STEP))
-        enough = np.flatnonzero(sums[:left, 0] >= self.options.minimum_count)
+        enough = np.flatnonzero(sums[:left, 0] >= self.options.min_count)
         found = _fit_cell_planes(keys[enough, 0], sums[enough], self.options.size)
         if path is None and enough.size:
             path = _path_of(found)
-        even = np.flatnonzero(found["scatter"] <= self.options.largest_sd**2)
+        even = np.flatnonzero(found["scatter"] <= self.options.max_sd**2)
         if not even.size:
             raise CoverageError(
                 f"{name} has no cell of {self.options.size:g} m with "
-                f"{self.options.minimum_count} returns that scatter by less than "
-                f"{self.options.largest_sd * 1e3:g} mm",
+                f"{self.options.min_count} returns that scatter by less than "
+                f"{self.options.max_sd * 1e3:g} mm",
                 cure="Choose larger cells, or allow more scatter.",
             )
         assert path is not None

@@ -64,14 +64,14 @@ def plate_error(errors: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
     ----------
     errors : xarray.Dataset
         ``errors`` of a static or dynamic test: ``error``, ``sd`` [m], ``edge`` over s [m], and
-        perhaps ``doubtful``.
+        perhaps ``flagged``.
     ax : Axes, optional
         Where to draw; by default a new figure.
 
     Returns
     -------
     Axes
-        Position on the plate [m] and error [m]; errors beside edges and of doubtful intensity are
+        Position on the plate [m] and error [m]; errors beside edges and of flagged intensity are
         marked. Errors at upright faces, which may be as large as these, stand at the rim as
         triangles if they would hide the others.
 
@@ -87,11 +87,11 @@ def plate_error(errors: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
     sorted_ = errors.isel(s=order)
     s, error, sd = (sorted_[name].values for name in ("s", "error", "sd"))
     edge = sorted_["edge"].values
-    doubtful = sorted_["doubtful"].values if "doubtful" in sorted_ else np.zeros_like(edge)
+    flagged = sorted_["flagged"].values if "flagged" in sorted_ else np.zeros_like(edge)
     ax.axhline(0.0, color="0.5", linewidth=0.8)
     ax.fill_between(s, -sd, sd, color="0.85", linewidth=0, label="standard deviation")
     for number, (name, where) in enumerate(
-        (("error", ~edge & ~doubtful), ("beside an edge", edge), ("doubtful", doubtful & ~edge))
+        (("error", ~edge & ~flagged), ("beside an edge", edge), ("flagged", flagged & ~edge))
     ):
         if where.any():
             colour = canvas.COLOURS[number]

@@ -51,7 +51,7 @@ def strength_choice(
         Colours tell the components apart, symbols the spacing of the knots, and dashes the rough
         Gauss-Markov process from the smooth one. Of trials that predict equally well, up to chance,
         the most likely one was taken, so the lowest point need not be that chosen. Trials of other
-        rounds, in which cells weighed differently, do not compare and are only counted.
+        iterations, in which cells weighed differently, do not compare and are only counted.
 
     Examples
     --------
@@ -78,7 +78,7 @@ def strength_choice(
     what = "constant" if chosen.strength == 0 else f"{1e3 * chosen.strength:.3g} mm"
     ax.plot(
         chosen.strength or zero,
-        chosen.held_back,
+        chosen.held_out,
         "*",
         markersize=15,
         color="black",
@@ -94,8 +94,8 @@ def strength_choice(
     ax.grid(color="0.9", linewidth=0.6)
     ax.set_axisbelow(True)
     before = len(adjustment.trials) - len(trials)
-    others = f"; {before} trials of other rounds" if before else ""
-    canvas.annotate_axes(ax, f"RMSE of that chosen {1e3 * chosen.held_back:.3g} mm{others}")
+    others = f"; {before} trials of other iterations" if before else ""
+    canvas.annotate_axes(ax, f"RMSE of that chosen {1e3 * chosen.held_out:.3g} mm{others}")
     canvas.legend_above(ax, columns=4)
     return ax
 
@@ -226,7 +226,7 @@ def _best_of_each(trials: "Sequence[ModelTrial]") -> tuple[Floats, Floats]:
     """Strengths, ascending, and the least root mean square at each, whatever the rest."""
     best: dict[float, float] = {}
     for one in trials:
-        best[one.strength] = min(one.held_back, best.get(one.strength, np.inf))
+        best[one.strength] = min(one.held_out, best.get(one.strength, np.inf))
     strengths = sorted(best)
     return np.array(strengths), np.array([best[one] for one in strengths])
 

@@ -51,7 +51,7 @@ class CrsReference:
     obstacle: str = ""
     "Why the coordinates are not easting, northing, up; empty if they are."
 
-    doubts: tuple[str, ...] = ()
+    flags: tuple[str, ...] = ()
     "What is wrong with the record itself."
 
     @property
@@ -69,19 +69,19 @@ def reference_of(header: Any) -> CrsReference:
     if header.evlrs is not None:
         records += header.evlrs.get_by_id(_PROJECTION)
     by_id = {record.record_id: record for record in records}
-    doubts = []
+    flags = []
     crs, keys = None, dict[int, int]()
     if wkt := getattr(by_id.get(_WKT_RECORD), "string", ""):
         try:
             crs = pyproj.CRS.from_wkt(wkt)
         except CRSError:
-            doubts.append("the WKT record cannot be understood")
+            flags.append("the WKT record cannot be understood")
     if crs is None and _GEOTIFF_RECORD in by_id:
         crs, keys, more = _from_geotiff(by_id)
-        doubts += more
+        flags += more
     if crs is None:
-        return CrsReference(doubts=("the CRS is missing", *doubts))
-    return _by_keys(_make_reference(crs, doubts), keys)
+        return CrsReference(flags=("the CRS is missing", *flags))
+    return _by_keys(_make_reference(crs, flags), keys)
 
 
 def reference_named(crs: str) -> CrsReference:
@@ -104,14 +104,14 @@ def wkt_of(crs: str) -> str:
         return str(parsed.to_wkt())
 
 
-def _make_reference(crs: pyproj.CRS, doubts: list[str]) -> CrsReference:
+def _make_reference(crs: pyproj.CRS, flags: list[str]) -> CrsReference:
     obstacle = _unit_obstacle(crs)
     code = crs.to_epsg(min_confidence=100)
     found = CrsReference(
         crs=f"EPSG:{code}" if code else crs.to_wkt(),
         name=crs.name,
         obstacle=obstacle,
-        doubts=tuple(doubts),
+        flags=tuple(flags),
     )
     if obstacle or (units := units_of(crs)).metres:
         return found
@@ -170,8 +170,8 @@ def _from_geotiff(
         named = pyproj.CRS.from_user_input(citation)
     except CRSError:
         return None, {}, ["the GeoTIFF keys name no CRS that is known"]
-    doubt = f"the GeoTIFF keys hold no EPSG code; {citation!r} is taken by its name"
-    return named, values, [doubt]
+    flag = f"the GeoTIFF keys hold no EPSG code; {citation!r} is taken by its name"
+    return named, values, [flag]
 
 
 def _key_citation(keys: dict[int, Any], by_id: dict[int, Any]) -> str:

@@ -17,9 +17,9 @@ _LARGEST_EXTENT_ERROR = 1.5  # [steps] rounding of the header's extent
 
 
 def problems_of(header: Any, reference: CrsReference, tally: "LasStatistics") -> list[str]:
-    """Everything that is wrong or doubtful, in words."""
+    """Everything that is wrong or flagged, in words."""
     if not tally.count:
-        return ["there are no points", *reference.doubts]
+        return ["there are no points", *reference.flags]
     return [
         *_about_crs(reference),
         *_about_waves(header),
@@ -30,7 +30,7 @@ def problems_of(header: Any, reference: CrsReference, tally: "LasStatistics") ->
 
 
 def _about_crs(reference: CrsReference) -> list[str]:
-    problems = list(reference.doubts)
+    problems = list(reference.flags)
     if reference.obstacle:
         problems.append(
             f"coordinates are {reference.obstacle}, not easting, northing, up: reading refuses them"

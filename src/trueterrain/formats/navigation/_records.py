@@ -115,7 +115,7 @@ class IntervalStatistics:
         self.start = self.end = np.nan
         self.gaps: list[dict[str, float]] = []
         self.gap_count = 0
-        self.longest_gap = 0.0
+        self.max_gap = 0.0
         self.falls = 0
         self.median = np.nan
         self._squares = 0.0
@@ -143,7 +143,7 @@ class IntervalStatistics:
         self._regular += regular.size
         for at in np.flatnonzero(is_gap):
             self.gap_count += 1
-            self.longest_gap = max(self.longest_gap, float(steps[at]))
+            self.max_gap = max(self.max_gap, float(steps[at]))
             if len(self.gaps) < self._LISTED:
                 self.gaps.append({"start": float(time[at]), "length": float(steps[at])})
 
@@ -157,7 +157,7 @@ class IntervalStatistics:
             "rate": 1 / self.median if known else None,
             "jitter": jitter,
             "gap_count": self.gap_count,
-            "longest_gap": self.longest_gap if self.gap_count else None,
+            "max_gap": self.max_gap if self.gap_count else None,
             "gaps": self.gaps,
         }
 
@@ -168,7 +168,7 @@ class IntervalStatistics:
             first = self.gaps[0]
             found.append(
                 f"{name}: {self.gap_count} gap{'s' if self.gap_count > 1 else ''} in time, the "
-                f"longest {self.longest_gap:.6g} s, the first of {first['length']:.6g} s at "
+                f"longest {self.max_gap:.6g} s, the first of {first['length']:.6g} s at "
                 f"{first['start']:.6f} s"
             )
         if self.falls:

@@ -73,7 +73,7 @@ def read(path: str | Path) -> xr.Dataset:
 
 
 def describe(path: str | Path) -> dict[str, Any]:
-    """What an OpenCRG file holds and what is doubtful about it.
+    """What an OpenCRG file holds and what is flagged about it.
 
     Parameters
     ----------

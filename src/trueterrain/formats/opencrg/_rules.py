@@ -66,14 +66,14 @@ def overlooked_sections(v: Floats) -> Mask:
 def check_rules(header: CrgHeader, surface: xr.Dataset, kappa: Floats) -> list[str]:
     """What programs may stumble over, or read differently than this package does."""
     return [
-        *_modifier_doubts(header),
-        *_position_doubts(header, surface),
-        *_height_doubts(surface),
-        *_line_doubts(header, surface, kappa),
+        *_modifier_flags(header),
+        *_position_flags(header, surface),
+        *_height_flags(surface),
+        *_line_flags(header, surface, kappa),
     ]
 
 
-def _modifier_doubts(header: CrgHeader) -> list[str]:
+def _modifier_flags(header: CrgHeader) -> list[str]:
     if header.modifiers is None:
         return [
             "there is no section $ROAD_CRG_MODS: programs that apply the default modifiers move "
@@ -85,7 +85,7 @@ def _modifier_doubts(header: CrgHeader) -> list[str]:
     return []
 
 
-def _position_doubts(header: CrgHeader, surface: xr.Dataset) -> list[str]:
+def _position_flags(header: CrgHeader, surface: xr.Dataset) -> list[str]:
     found = []
     v = np.asarray(surface["v"])
     for name, values in (
@@ -107,7 +107,7 @@ def _position_doubts(header: CrgHeader, surface: xr.Dataset) -> list[str]:
     return found
 
 
-def _height_doubts(surface: xr.Dataset) -> list[str]:
+def _height_flags(surface: xr.Dataset) -> list[str]:
     height = np.asarray(surface["height"])
     found = []
     holes = int(interior_holes(height).sum())
@@ -122,7 +122,7 @@ def _height_doubts(surface: xr.Dataset) -> list[str]:
     return found
 
 
-def _line_doubts(header: CrgHeader, surface: xr.Dataset, kappa: Floats) -> list[str]:
+def _line_flags(header: CrgHeader, surface: xr.Dataset, kappa: Floats) -> list[str]:
     found = []
     easting, northing = np.asarray(surface["easting"]), np.asarray(surface["northing"])
     chords = np.hypot(np.diff(easting), np.diff(northing))

@@ -59,7 +59,7 @@ def write(
         delay=scans["delay"].values,
         accelerometer_positions=None if sensors is None else sensors["position"].values,
         truth={name: group for name, group in truth.items() if name not in growing},
-        largest_range=float(stored - 1) * QUANTUM,
+        max_range=float(stored - 1) * QUANTUM,
         history=tree.attrs.get("provenance", "[]"),
         force=force,
     ) as run:

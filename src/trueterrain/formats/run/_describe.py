@@ -59,18 +59,18 @@ def describe(path: str | Path) -> dict[str, Any]:
         summary[name] = tree.attrs.get(name)
     summary["bytes"] = sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
     summary["crs"] = ""
-    doubts: list[str] = []
+    flags: list[str] = []
     for name, dim in _TIMED.items():
         if _is_timed(tree, name, dim):
             with _note_problems(problems):
                 summary[name], found = _describe_timing(group_of(tree, name), name, dim)
-                doubts += found
+                flags += found
     if "scans" in summary:
         with _note_problems(problems):
-            doubts += _describe_scans(tree, summary)
+            flags += _describe_scans(tree, summary)
     if "navigation" in summary:
         with _note_problems(problems):
-            doubts += _describe_way(tree, summary)
+            flags += _describe_way(tree, summary)
     if "accelerometers" in summary:
         summary["accelerometers"]["sensors"] = tree.children["accelerometers"].sizes.get(
             "sensor", 0
@@ -80,7 +80,7 @@ def describe(path: str | Path) -> dict[str, Any]:
     # all else has been read by now
     arrays = open_arrays(path)
     problems += find_damaged_chunks(arrays[name] for name in arrays if name.startswith("truth/"))
-    summary["problems"] = list(dict.fromkeys([*problems, *doubts]))
+    summary["problems"] = list(dict.fromkeys([*problems, *flags]))
     return summary
 
 
@@ -131,12 +131,12 @@ def _describe_timing(group: xr.Dataset, name: str, dim: str) -> tuple[dict[str, 
     for block in row_blocks(group, dim, ("time",)):
         tally.add(block["time"])
     summary = tally.to_dict()
-    doubts = [text for text in tally.problems(name) if "run forward" not in text]
+    flags = [text for text in tally.problems(name) if "run forward" not in text]
     if summary["rate"] and summary["jitter"] and summary["jitter"] * summary["rate"] > _JITTER:
-        doubts.append(
+        flags.append(
             f"{name}: the time between two of them varies by {summary['jitter']:.3g} s (rms)"
         )
-    return summary, doubts
+    return summary, flags
 
 
 def _describe_scans(tree: xr.DataTree, summary: dict[str, Any]) -> list[str]:
@@ -164,15 +164,15 @@ def _describe_scans(tree: xr.DataTree, summary: dict[str, Any]) -> list[str]:
         "intensity": "intensity" in group,
     }
     summary["count"] = returns
-    doubts = []
+    flags = []
     if total and scans["dropouts"] > _MANY:
-        doubts.append(f"scans: {scans['dropouts']:.0%} of the beams have no return")
+        flags.append(f"scans: {scans['dropouts']:.0%} of the beams have no return")
     if empty:
-        doubts.append(f"scans: {empty} of {scans['count']} have no return at all")
+        flags.append(f"scans: {empty} of {scans['count']} have no return at all")
     largest = group["range"].encoding.get("_FillValue", np.inf) * QUANTUM
     if returns and high > largest - 2 * QUANTUM:
-        doubts.append(f"scans: ranges reach the largest that can be kept, {high:.4f} m")
-    return doubts
+        flags.append(f"scans: ranges reach the largest that can be kept, {high:.4f} m")
+    return flags
 
 
 def _describe_way(tree: xr.DataTree, summary: dict[str, Any]) -> list[str]:

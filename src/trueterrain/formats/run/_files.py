@@ -99,7 +99,7 @@ class ScanTable:
     no_return: float | None = None
     "Range that stands for no return, in the unit of the table; 0 and empty cells always do."
 
-    largest_range: float = 6.5
+    max_range: float = 6.5
     "Largest range that the scanner can give [m]."
 
     outside: Literal["error", "drop"] = "error"

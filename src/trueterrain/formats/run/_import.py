@@ -95,7 +95,7 @@ def import_run(
         angle=angle,
         delay=delay,
         accelerometer_positions=None if sensors is None else sensors.positions,
-        largest_range=files.scans.largest_range,
+        max_range=files.scans.max_range,
         history=_import_provenance(files, description),
         force=force,
     ) as run:

@@ -30,7 +30,7 @@ def quantise_ranges(
             value = ranges[scan, beam]
             cure = "Write NaN where there was no return."
             if value > 0:
-                cure = "Give the RunWriter the largest_range of the scanner."
+                cure = "Give the RunWriter the max_range of the scanner."
             raise SchemaError(
                 f"must be greater than 0 m and less than {fill * QUANTUM:.4f} m, got {value:g} m "
                 f"at scan {first + scan}, beam {beam}",
@@ -62,14 +62,14 @@ def whole_intensity(intensity: npt.NDArray[Any], first: int, path: Path) -> npt.
     return values.astype(np.uint16)
 
 
-def fill_of(largest_range: float) -> int:
-    if not 0 < largest_range < _STEPS_32 * QUANTUM:
+def fill_of(max_range: float) -> int:
+    if not 0 < max_range < _STEPS_32 * QUANTUM:
         message = (
-            f"largest_range must be greater than 0 m and less than {_STEPS_32 * QUANTUM:.0f} m, "
-            f"got {largest_range}."
+            f"max_range must be greater than 0 m and less than {_STEPS_32 * QUANTUM:.0f} m, "
+            f"got {max_range}."
         )
         raise ValueError(message)
-    return _STEPS_16 if largest_range < (_STEPS_16 - 0.5) * QUANTUM else _STEPS_32
+    return _STEPS_16 if max_range < (_STEPS_16 - 0.5) * QUANTUM else _STEPS_32
 
 
 def require_shape(name: str, values: Array, shape: tuple[int | None, ...]) -> None:

@@ -75,7 +75,7 @@ class RunWriter:
         Positions in the body frame [m], if there are accelerometers.
     truth : mapping of xarray.Dataset, optional
         Groups of ``truth`` that are written at once, such as the ground.
-    largest_range : float
+    max_range : float
         Largest range that the scanner can give [m]; beyond 6.5534 m four bytes are kept instead of
         two.
     history : str
@@ -120,7 +120,7 @@ class RunWriter:
         delay: npt.ArrayLike,
         accelerometer_positions: npt.ArrayLike | None = None,
         truth: Mapping[str, xr.Dataset] | None = None,
-        largest_range: float = 6.5,
+        max_range: float = 6.5,
         history: str = "[]",
         force: bool = False,
     ) -> None:
@@ -129,7 +129,7 @@ class RunWriter:
         if time_reference not in TIME_REFERENCES:
             message = f"time_reference must be one of {TIME_REFERENCES}, got {time_reference!r}."
             raise ValueError(message)
-        self._fill = fill_of(largest_range)
+        self._fill = fill_of(max_range)
         self._fan = fan_of(angle, delay)
         self._attrs = {
             "kind": KIND,

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from trueterrain.formats._doubts import profile_doubts
+from trueterrain.formats._flags import profile_flags
 from trueterrain.formats.point_filter import ReturnCounts
 from trueterrain.formats.table._text import Values
 
@@ -20,7 +20,7 @@ def describe_profile(profile: xr.Dataset) -> dict[str, Any]:
     names = [str(n) for n in profile.track.values] if several else [profile.attrs.get("track", "")]
     problems, tracks = [], []
     for name, height in zip(names, np.atleast_2d(profile.height.values), strict=True):
-        problems += profile_doubts(name or "height", s, height)
+        problems += profile_flags(name or "height", s, height)
         known = height[np.isfinite(height)]
         low, high = (float(known.min()), float(known.max())) if known.size else (None, None)
         tracks.append({"name": name, "lowest": low, "highest": high})

@@ -33,12 +33,12 @@ class SteepestCpf:
     bandwidth: float | None = None
     "Half width of the kernel [m]; by default 2.88 spread n^(-1/7), the rule for a normal density."
 
-    smallest_bandwidth: float = 0.0005
+    min_bandwidth: float = 0.0005
     "The default bandwidth is never less than this, about the noise of one height [m]."
 
     def __post_init__(self) -> None:
         """Check the settings."""
-        for name in ("bandwidth", "smallest_bandwidth"):
+        for name in ("bandwidth", "min_bandwidth"):
             value = getattr(self, name)
             if value is not None and not 0 < value < float("inf"):
                 message = f"{name} must be greater than 0 m, got {value}."
@@ -90,7 +90,7 @@ class SteepestCpf:
             distributions.start,
             distributions.heights,
             self.bandwidth or 0.0,
-            self.smallest_bandwidth,
+            self.min_bandwidth,
             _STEPS,
             _TIE,
         )

@@ -94,7 +94,7 @@ def best_shift(
     ).astype(np.int64)
     begin, end = np.maximum(0, -lags), np.minimum(a.size, b.size - lags)
     count = end - begin
-    enough = count * step >= options.minimum_overlap
+    enough = count * step >= options.min_overlap
     if not enough.any():
         raise _overlap_error(first, second, options)
     lags, begin, end, count = lags[enough], begin[enough], end[enough], count[enough]
@@ -159,7 +159,7 @@ def refine_registration(
         for _ in range(_HALVINGS):
             trial = float(shift + change[0]), float(scale + change[1])
             there = correlate_signals(first, second, *trial)
-            enough = there.overlap >= 0.5 * options.minimum_overlap
+            enough = there.overlap >= 0.5 * options.min_overlap
             if enough and there.correlation >= here.correlation - _ROUNDING:
                 break
             change *= 0.5
@@ -280,7 +280,7 @@ def _overlap_error(
 ) -> CoverageError:
     ranges = [f"{one.start:g} to {one.start + one.length:g} m" for one in (first, second)]
     message = (
-        f"overlap by less than {options.minimum_overlap:g} m behind the filter: "
+        f"overlap by less than {options.min_overlap:g} m behind the filter: "
         f"{ranges[0]}, and {ranges[1]}, with shifts up to {options.max_shift:g} m"
     )
     return CoverageError(

@@ -130,11 +130,11 @@ def _settled_signal(track: ProfileTrack, options: AgreementSettings) -> tuple[Ar
     """Stations [m] and values of a track behind the filter, where that has settled."""
     car = isinstance(options.filter, QuarterCarSettings)
     left_out = options.settled if car or options.filter is None else 2 * options.settled
-    least = left_out + options.minimum_overlap
+    least = left_out + options.min_overlap
     if track.station.size < _FEWEST or track.length < least:
         message = (
             f"is {track.length:g} m long, which must be at least {least:g} m: {left_out:g} m in "
-            f"which the filter settles, and {options.minimum_overlap:g} m to be compared"
+            f"which the filter settles, and {options.min_overlap:g} m to be compared"
         )
         cure = "Choose a shorter settling length, or a longer profile."
         raise CoverageError(message, place=track.name, cure=cure)

@@ -52,7 +52,7 @@ class AgreementSettings:
     """Largest error of the measured distance that is sought, as a share of the distance [m/m]; 0
     leaves that search out."""
 
-    minimum_overlap: float = 20.0
+    min_overlap: float = 20.0
     "Least length over which profiles are compared [m]: shorter ones agree by chance."
 
     align_starts: bool = False
@@ -63,7 +63,7 @@ class AgreementSettings:
             if value is not None and not (np.isfinite(value) and value >= 0):
                 message = f"{name} must be finite and at least 0 m, got {value}"
                 raise ValueError(message)
-        for name, value in (("step", self.step), ("minimum_overlap", self.minimum_overlap)):
+        for name, value in (("step", self.step), ("min_overlap", self.min_overlap)):
             if value is not None and not (np.isfinite(value) and value > 0):
                 message = f"{name} must be finite and greater than 0 m, got {value}"
                 raise ValueError(message)

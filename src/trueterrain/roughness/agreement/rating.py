@@ -11,7 +11,7 @@ import xarray as xr
 from trueterrain.core.errors import SchemaError
 from trueterrain.core.provenance import add_step
 from trueterrain.roughness._track import QuarterCarSettings
-from trueterrain.roughness.agreement._doubts import pair_doubts
+from trueterrain.roughness.agreement._flags import pair_flags
 from trueterrain.roughness.agreement._pair import RegisteredPair, register_pair
 from trueterrain.roughness.agreement._signal import ProfileTrack, signal_of, tracks_of
 from trueterrain.roughness.agreement.options import AgreementSettings
@@ -67,7 +67,7 @@ def profile_agreement(
         For each track: ``repeatability``, the mean rating of all pairs of repeats, ``accuracy``,
         that of all repeats against the reference, and both with corrected distance,
         ``corrected_repeatability`` and ``corrected_accuracy`` [1]; NaN where there is no such pair.
-        ``attrs["doubts"]`` is a list of what is doubtful.
+        ``attrs["flags"]`` is a list of what is flagged.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def profile_agreement(
     Warns
     -----
     UserWarning
-        For each doubt: units that look wrong, lengths that differ, a search that ends at its limit.
+        For each flag: units that look wrong, lengths that differ, a search that ends at its limit.
 
     Notes
     -----
@@ -119,29 +119,29 @@ def profile_agreement(
     names = list(profiles)
     labels = list(tracks[names[0]])
     values = {name: np.zeros((len(labels), len(names), len(names))) for name in _PAIRWISE}
-    doubts = [
-        f"{name}: {doubt.removeprefix('track profile: ')}"
+    flags = [
+        f"{name}: {flag.removeprefix('track profile: ')}"
         for name, profile in profiles.items()
-        for doubt in implausible(profile)
+        for flag in implausible(profile)
     ]
     for row, label in enumerate(labels):
         mine = {name: tracks[name][label] for name in names}
         for (i, one), (j, other) in _list_pairs(names, reference):
             pair = register_pair(mine[one], mine[other], options)
             _write_pair(values, row, i, j, pair)
-            doubts += pair_doubts(mine[one], mine[other], pair, options)
+            flags += pair_flags(mine[one], mine[other], pair, options)
         for i, name in enumerate(names):
             _write_same(values, row, i, mine[name].length, options)
-    doubts = list(dict.fromkeys(doubts))
-    for doubt in doubts:
-        warnings.warn(doubt, stacklevel=2)
+    flags = list(dict.fromkeys(flags))
+    for flag in flags:
+        warnings.warn(flag, stacklevel=2)
     data = xr.Dataset(
         {
             name: (("track", "first", "second"), values[name], {"units": unit})
             for name, unit in _PAIRWISE.items()
         },
         {"track": labels, "first": names, "second": names},
-        {"doubts": doubts} | ({} if reference is None else {"reference": reference}),
+        {"flags": flags} | ({} if reference is None else {"reference": reference}),
     )
     data = data.assign(_track_scores(data, reference))
     return add_step(data, "agreement", parameters={"options": options, "reference": reference})

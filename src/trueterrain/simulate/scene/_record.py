@@ -148,7 +148,7 @@ def record_pass(
         angle=scene.scanner.angle,
         delay=scene.scanner.delay,
         accelerometer_positions=np.array(scene.accelerometers.positions),
-        largest_range=scene.scanner.furthest,
+        max_range=scene.scanner.furthest,
         history=_scene_provenance(stage, drive, number),
         force=force,
     ) as run:

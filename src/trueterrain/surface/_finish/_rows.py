@@ -98,7 +98,7 @@ def finish_sums(
         sums.sideways_variance(),
         *sums.grid.spacing,
         _quantile_variance_factor(options.share),
-        options.minimum_count,
+        options.min_count,
         begin - around.start,
         nodes.height[begin:end],
         nodes.sd[begin:end],

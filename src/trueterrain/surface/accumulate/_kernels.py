@@ -50,7 +50,7 @@ def accumulate_scans(
     floor,
     saturation,
     good,
-    doubtful,
+    flagged,
     px,
     py,
     nx,
@@ -92,7 +92,7 @@ def accumulate_scans(
     The line has one node more at either end than the grid has rows. `hint` is a strip of it near
     each scan; what is found does not depend on it unless the line overlaps itself. `lean` is how
     far the cross-section at the begin of a strip runs ahead per metre of offset, `widen` how much
-    longer the strip grows. `tally` counts returns that are good, doubtful, outside, too high, in
+    longer the strip grows. `tally` counts returns that are good, flagged, outside, too high, in
     rows without cells too; but not those of scans whose reach was found before. The rows that a
     scan reaches are noted.
     """
@@ -101,7 +101,7 @@ def accumulate_scans(
     where = np.empty((3, beams))
     x, y, z = where[0], where[1], where[2]
     last = length.size - 1
-    used, doubted, outside, high = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
+    used, flagged, outside, high = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
     screened, extremes, places = intensity.size > 0, lows.size > 0, alongs.size > 0
     collect = values.size > 0
     noted = reach_found.size > 0
@@ -135,8 +135,8 @@ def accumulate_scans(
             if screened:
                 weight = good
                 if not (floor <= intensity[n, b] <= saturation):
-                    doubted += fresh
-                    weight = doubtful
+                    flagged += fresh
+                    weight = flagged
                     if weight == 0:
                         continue
             xb, yb, zb = x[b], y[b], z[b]
@@ -219,7 +219,7 @@ def accumulate_scans(
             reach_low[n], reach_high[n] = first_row + lowest, first_row + highest
             reach_found[n] = True
     tally[0] += used
-    tally[1] += doubted
+    tally[1] += flagged
     tally[2] += outside
     tally[3] += high
 

@@ -34,10 +34,10 @@ class StoredReturns:
     "Number that stands for no return."
 
     screening: Screening
-    "Which returns are doubtful."
+    "Which returns are flagged."
 
     weights: tuple[int, int]
-    "Of good and of doubtful returns."
+    "Of good and of flagged returns."
 
     def __post_init__(self) -> None:
         """Check the shapes, and that there are intensities if they matter."""

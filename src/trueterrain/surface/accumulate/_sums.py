@@ -26,7 +26,7 @@ STEP = 1e-5
 #: Parts of a cell in which places inside it are added up.
 PARTS = 256
 
-#: Weight of a good return where doubtful ones weigh less.
+#: Weight of a good return where flagged ones weigh less.
 GOOD = 16
 
 #: Scans whose motion is worked out at once.
@@ -129,7 +129,7 @@ class CellSums:
         missing : float, optional
             Number that stands for no return.
         screening : Screening
-            Which returns are doubtful, and what becomes of them.
+            Which returns are flagged, and what becomes of them.
         reach : Reach, optional
             Rows that these scans may reach; those that they were found to reach are put there. The
             motion must cover the scans; returns of those found before are not counted again.
@@ -283,7 +283,7 @@ class CellSums:
             If returns have weights, or the data are not the same again.
         """
         if self.weight != 1:
-            message = "quantiles take no weights; reject doubtful returns (weight 0)."
+            message = "quantiles take no weights; reject flagged returns (weight 0)."
             raise ValueError(message)
 
         columns = self.grid.shape[1]

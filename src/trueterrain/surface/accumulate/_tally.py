@@ -35,7 +35,7 @@ class ReturnTotals:
     used: int = 0
     "In cells."
 
-    doubtful: int = 0
+    flagged: int = 0
     "Rejected, or weighed less, for their intensity."
 
     outside: int = 0
@@ -59,6 +59,6 @@ class ReturnTotals:
             setattr(self, entry.name, getattr(self, entry.name) + getattr(other, entry.name))
 
     def note(self, counts: npt.NDArray[np.int64]) -> None:
-        """Add what a loop counted: good returns, doubtful ones, those outside and too high."""
-        used, doubtful, outside, too_high = counts.tolist()
-        self.add(ReturnTotals(used=used, doubtful=doubtful, outside=outside, too_high=too_high))
+        """Add what a loop counted: good returns, flagged ones, those outside and too high."""
+        used, flagged, outside, too_high = counts.tolist()
+        self.add(ReturnTotals(used=used, flagged=flagged, outside=outside, too_high=too_high))

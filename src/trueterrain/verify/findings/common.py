@@ -24,7 +24,7 @@ LEAST_PLACE = 0.001
 
 _LEAST_HEIGHT = 0.0001  # [m] error of bright ground that matters: the step of usual ranges
 _LEAST_LOST = 0.05  # share of returns that a healthy scanner may lose
-_LEAST_DOUBTFUL = 0.01  # share of doubtful returns that a plate of one brightness may have
+_LEAST_FLAGFUL = 0.01  # share of flagged returns that a plate of one brightness may have
 _MOSTLY = 0.5  # share of the scans in which beams return that meet the ground at all
 _BRIGHT = 1.5  # times the usual intensity from which ground is bright
 _FEWEST = 8  # places of which a mean is taken
@@ -131,7 +131,7 @@ def plate_place_finding(
 
 
 def brightness_finding(
-    position: Floats, error: Floats, intensity: Floats | None, doubtful: Bools | None
+    position: Floats, error: Floats, intensity: Floats | None, flagged: Bools | None
 ) -> Finding:
     """Error of bright ground against that of the rest.
 
@@ -141,8 +141,8 @@ def brightness_finding(
         Places away from edges, and the errors there [m].
     intensity : numpy.ndarray, optional
         Their mean intensities [counts]; None where none were recorded.
-    doubtful : numpy.ndarray of bool, optional
-        Which are doubtful by the settings; by default the brightest by far are.
+    flagged : numpy.ndarray of bool, optional
+        Which are flagged by the settings; by default the brightest by far are.
 
     Returns
     -------
@@ -154,7 +154,7 @@ def brightness_finding(
         return unknown_finding(
             name, "m", "The run holds no intensities: record them, to see what bright ground does."
         )
-    bright = doubtful
+    bright = flagged
     if bright is None or not bright.any():
         bright = intensity > _BRIGHT * np.nanmedian(intensity)
     if bright.sum() < _FEWEST or (~bright).sum() < _FEWEST:
@@ -184,21 +184,21 @@ def brightness_finding(
 
 
 def intensity_finding(share: float | None, screening: Screening) -> Finding:
-    """Share of returns whose intensity is doubtful; None where none were recorded."""
-    name = "doubtful intensity"
+    """Share of returns whose intensity is flagged; None where none were recorded."""
+    name = "flagged intensity"
     if not screening.needs_intensity:
         return unknown_finding(
             name,
             "1",
-            "Nothing was said of which intensities are doubtful: give the saturation of the "
+            "Nothing was said of which intensities are flagged: give the saturation of the "
             "receiver (screening).",
         )
     if share is None:
         return unknown_finding(name, "1", "The run holds no intensities: record them.")
-    detected = share > _LEAST_DOUBTFUL
+    detected = share > _LEAST_FLAGFUL
     meaning = (
         f"{100 * share:.1f} % of the returns are brighter or darker than the receiver likes"
-        + (": their heights are doubtful." if detected else ".")
+        + (": their heights are flagged." if detected else ".")
     )
     return Finding(name=name, value=share, sd=None, unit="1", detected=detected, meaning=meaning)
 
@@ -215,14 +215,14 @@ def returned_fraction(
     begin, end : float
         True times [s].
     screening : Screening
-        Which returns are doubtful.
+        Which returns are flagged.
 
     Returns
     -------
     lost : float
         Share of the returns that are missing, of beams that mostly return; NaN without any.
-    doubtful : float or None
-        Share of the returns whose intensity is doubtful; None where none were recorded.
+    flagged : float or None
+        Share of the returns whose intensity is flagged; None where none were recorded.
     """
     from trueterrain.georeference import mounting_of
 
@@ -240,8 +240,8 @@ def returned_fraction(
     lost = 1.0 - float(there[:, beams].mean())
     if "intensity" not in part:
         return lost, None
-    doubtful = screening.doubtful(part["intensity"].values)
-    return lost, float(doubtful[there].mean())
+    flagged = screening.flagged(part["intensity"].values)
+    return lost, float(flagged[there].mean())
 
 
 def lost_scans(time: npt.ArrayLike) -> Finding:

@@ -127,7 +127,7 @@ def dynamic_findings(
     Returns
     -------
     tuple of Finding
-        Place, faults that leave marks on the motion, bright ground, doubtful intensity, scans and
+        Place, faults that leave marks on the motion, bright ground, flagged intensity, scans and
         returns lost.
     """
     s = table["s"].values
@@ -139,7 +139,7 @@ def dynamic_findings(
     away /= np.linalg.norm(away)
     plan = path.at(np.array([times.mean()])).covariance[0, :2, :2]
     sd_way = math.sqrt(float((away @ plan @ away.T)[0, 0]))
-    lost, doubtful = returned_fraction(tree, times.min(), times.max(), screening)
+    lost, flagged = returned_fraction(tree, times.min(), times.max(), screening)
     stamps = np.asarray(tree["scans/time"], dtype=np.float64)
     return (
         plate_place_finding(
@@ -165,7 +165,7 @@ def dynamic_findings(
             plain["intensity"].values if "intensity" in plain else None,
             None,
         ),
-        intensity_finding(doubtful, screening),
+        intensity_finding(flagged, screening),
         lost_scans(stamps[(stamps >= path.time[0]) & (stamps <= path.time[-1])]),
         lost_returns(lost),
     )

@@ -36,7 +36,7 @@ def static_findings(
     screening: Screening,
     scans: int,
     returned: Floats,
-    doubtful: Floats,
+    flagged: Floats,
 ) -> tuple[Finding, ...]:
     """All that is looked for.
 
@@ -51,20 +51,20 @@ def static_findings(
     assumed, level, level_sd
         As the settings say.
     screening : Screening
-        Which returns are doubtful.
+        Which returns are flagged.
     scans : int
         Scans that were taken.
-    returned, doubtful : numpy.ndarray, shape (n,)
-        Returns of each beam that meets the plate, and how many of them are doubtful.
+    returned, flagged : numpy.ndarray, shape (n,)
+        Returns of each beam that meets the plate, and how many of them are flagged.
 
     Returns
     -------
     tuple of Finding
-        Place, boresight roll, bright ground, doubtful intensity, scans and returns lost.
+        Place, boresight roll, bright ground, flagged intensity, scans and returns lost.
     """
     plain = ~errors["edge"].values
     intensity = errors["intensity"].values if "intensity" in tree["scans"] else None
-    share = None if intensity is None else float(doubtful.sum() / max(returned.sum(), 1.0))
+    share = None if intensity is None else float(flagged.sum() / max(returned.sum(), 1.0))
     return (
         plate_place_finding(
             errors,
@@ -79,7 +79,7 @@ def static_findings(
             errors["s"].values[plain],
             errors["error"].values[plain],
             None if intensity is None else intensity[plain],
-            errors["doubtful"].values[plain] if screening.needs_intensity else None,
+            errors["flagged"].values[plain] if screening.needs_intensity else None,
         ),
         intensity_finding(share, screening),
         lost_scans(np.asarray(tree["scans/time"])[:scans]),

@@ -188,7 +188,7 @@ class PlateView:
     bands: tuple[ReflectivityBand, ...]
     "Surfaces."
 
-    doubts: tuple[str, ...]
+    flags: tuple[str, ...]
     "What is against this plate at this place, in words."
 
 
@@ -250,7 +250,7 @@ def view_plate(plate: PlateDesign, setup: ScanSetup = ScanSetup()) -> PlateView:
         shadows=shadows,
         edges=edges,
         bands=bands,
-        doubts=tuple(_view_notes(plate, s, shadows, edges, bands, setup)),
+        flags=tuple(_view_notes(plate, s, shadows, edges, bands, setup)),
     )
 
 

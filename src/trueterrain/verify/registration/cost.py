@@ -51,13 +51,13 @@ class RegistrationFit:
         along = self.x[first:end] - shift
         return along - 0.5 * self.length, self.z[first:end], np.interp(along, self.s, self.h)
 
-    def at(self, shift: float, rounds: int = _ROUNDS) -> tuple[float, float, Floats]:
+    def at(self, shift: float, iterations: int = _ROUNDS) -> tuple[float, float, Floats]:
         """Offset, slope and residuals with the plate at a shift."""
         t, z, h = self.on_plate(shift)
         y = z - h
         weight = np.ones_like(y)
         offset = slope = 0.0
-        for _ in range(rounds):
+        for _ in range(iterations):
             total = weight.sum()
             mean_t, mean_y = (weight @ t) / total, (weight @ y) / total
             slope = float((weight * (t - mean_t)) @ y / ((weight * (t - mean_t)) @ t))
@@ -68,12 +68,12 @@ class RegistrationFit:
             )
         return offset, slope, y - offset - slope * t
 
-    def cost(self, shift: float, cut: float, rounds: int) -> float:
+    def cost(self, shift: float, cut: float, iterations: int) -> float:
         """Mean bounded square of the residuals; infinite where too little is measured."""
         t = self.on_plate(shift)[0]
         if t.size < LEAST_POINTS or np.ptp(t) < NARROW * self.length:
             return math.inf
-        residual = self.at(shift, rounds)[2]
+        residual = self.at(shift, iterations)[2]
         return float(np.mean(np.minimum(residual**2, cut**2)))
 
 
@@ -124,12 +124,12 @@ def stretched_fit(fit: RegistrationFit, shift: float) -> tuple[RegistrationFit, 
     # about the middle of its relief, stretch and shift hardly interfere
     middle = float(rises @ (0.5 * (fit.s[1:] + fit.s[:-1])) / rises.sum())
 
-    def laid(stretch: float, rounds: int = _ROUNDS) -> tuple[float, float]:
+    def laid(stretch: float, iterations: int = _ROUNDS) -> tuple[float, float]:
         """Least cost with a stretch, and its shift."""
         one = fit.stretched(stretch)
 
         def cost(where: float) -> float:
-            return one.cost(where, cut, rounds)
+            return one.cost(where, cut, iterations)
 
         near = shift - stretch * middle + _STEP * np.arange(-_ASIDE, _ASIDE + 1)
         best = min(near.tolist(), key=cost)

@@ -37,7 +37,7 @@ ORDERS: tuple[int, ...] = (1, 2, 4)
 WITHIN = 0.2
 
 #: Ours: a vehicle at a steady speed allows a long window for east, north and yaw.
-_OURS = FusionSettings(method="rts", way_window=2.0)
+_OURS = FusionSettings(method="rts", smoothing_window=2.0)
 
 _SEARCH = 0.1  # [m] around its known place in which the plate is looked for
 

@@ -1,4 +1,4 @@
-"""What makes a comparison doubtful: units, lengths, a search that ends at its limit."""
+"""What makes a comparison flagged: units, lengths, a search that ends at its limit."""
 
 from collections.abc import Iterator
 
@@ -22,10 +22,10 @@ _UNLIKE = 0.01  # share by which lengths may differ without a word
 _AT_LIMIT = 0.02  # share of a search range that counts as its end
 
 
-def pair_doubts(
+def pair_flags(
     first: ProfileTrack, second: ProfileTrack, pair: RegisteredPair, options: AgreementSettings
 ) -> Iterator[str]:
-    """What is doubtful about two tracks beside each other."""
+    """What is flagged about two tracks beside each other."""
     like, shift, scale = pair.plain, pair.shift, pair.scale
     both = f"{first.name} and {second.name}"
     unit = _suspected_unit(second.length / first.length)

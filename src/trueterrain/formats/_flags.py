@@ -1,4 +1,4 @@
-"""What makes a profile doubtful, whatever file it came from."""
+"""What makes a profile flagged, whatever file it came from."""
 
 from typing import Any
 
@@ -8,19 +8,19 @@ import numpy.typing as npt
 _STEEP = 0.3  # [m/m] a median slope above it is no road: the unit of height is probably wrong
 
 
-def profile_doubts(
+def profile_flags(
     name: str, s: npt.NDArray[np.floating[Any]], height: npt.NDArray[np.floating[Any]]
 ) -> list[str]:
     """Problems of one track: missing heights, a unit that may be wrong, no variation at all."""
-    doubts = []
+    flags = []
     missing = int(np.count_nonzero(~np.isfinite(height)))
     if missing:
-        doubts.append(f"track {name}: {missing} of {height.size} heights are missing")
+        flags.append(f"track {name}: {missing} of {height.size} heights are missing")
     slopes = np.abs(np.diff(height) / np.diff(s))
     slopes = slopes[np.isfinite(slopes)]
     if slopes.size and np.median(slopes) > _STEEP:
         median = float(np.median(slopes))
-        doubts.append(f"track {name}: the median slope is {median:.2g} m/m, is the unit right?")
+        flags.append(f"track {name}: the median slope is {median:.2g} m/m, is the unit right?")
     if slopes.size and not slopes.any():
-        doubts.append(f"track {name}: all heights are equal")
-    return doubts
+        flags.append(f"track {name}: all heights are equal")
+    return flags
