@@ -19,6 +19,7 @@ version = release = trueterrain.__version__
 extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
+    "sphinx.ext.mathjax",
     "sphinx.ext.viewcode",
     "numpydoc",
     "myst_parser",
@@ -35,7 +36,7 @@ toc_object_entries = False  # parameters of a class are listed on its page, not 
 
 # pages in Markdown
 
-myst_enable_extensions = ["colon_fence", "deflist"]
+myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 
 # pages made from docstrings
