@@ -19,7 +19,6 @@ version = release = trueterrain.__version__
 extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
-    "sphinx.ext.mathjax",
     "sphinx.ext.viewcode",
     "numpydoc",
     "myst_parser",
@@ -36,7 +35,7 @@ toc_object_entries = False  # parameters of a class are listed on its page, not 
 
 # pages in Markdown
 
-myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath"]
+myst_enable_extensions = ["colon_fence", "deflist"]
 myst_heading_anchors = 3
 
 # pages made from docstrings
