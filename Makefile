@@ -4,12 +4,13 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: help demo test lint types bench study study-faults study-coverage docs clean
+.PHONY: help demo test test-all lint types bench study study-faults study-coverage docs clean
 
 help:
 	@echo "make demo   two lanes of Belgian block, from the recordings to a report: demo/"
-	@echo "make test   all tests, and the examples in the docstrings and the documentation"
-	@echo "make lint   style, formatting and import contracts"
+	@echo "make test   tests, and the examples in the docstrings and the documentation"
+	@echo "make test-all  the same, then the slow ones: statistical campaigns, whole surveys"
+	@echo "make lint   style, formatting, import contracts, words of the notation"
 	@echo "make types  static types"
 	@echo "make bench  speed, beside the peer in the same run"
 	@echo "make study  vehicles judge which reduction of the ground serves which use (minutes)"
@@ -31,12 +32,16 @@ demo: $(INSTALLED)
 	$(BIN)/trueterrain demo --output demo --force
 
 test: $(INSTALLED)
-	$(BIN)/python -m pytest --numprocesses auto --dist loadfile
+	$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m "not slow"
+
+test-all: test
+	$(BIN)/python -m pytest --numprocesses auto --dist worksteal -m slow
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/lint-imports
+	$(BIN)/python tools/check_words.py
 
 types: $(INSTALLED)
 	$(BIN)/mypy
