@@ -105,7 +105,7 @@ def info(path: str | Path) -> dict[str, Any]:
     path = Path(path)
     found = recognise_format(path)
     summary: dict[str, Any] = {"file": str(path), "bytes": path.stat().st_size}
-    summary |= _import_format(found.module).to_dict(path)
+    summary |= _import_format(found.module).describe(path)
     if not ending_matches(path, found):
         flag = f"the name ends with {path.suffix or 'nothing'!r}, the content is {found.name}"
         summary["problems"] = [flag, *summary["problems"]]

@@ -135,7 +135,7 @@ def recognise_format(path: str | Path) -> Format:
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / "profile.dat"
     ...     _ = path.write_text("s,height\n0.0,0.1\n")
-    ...     recognise(path).name
+    ...     recognise_format(path).name
     'CSV'
     """
     path = Path(path)

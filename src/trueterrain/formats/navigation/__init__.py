@@ -41,7 +41,7 @@ __all__ = [
 
 # imported when first asked for, so that the package itself costs nothing
 _HOMES = {
-    "Columns": ("columns", "Columns"),
+    "NavigationColumns": ("columns", "NavigationColumns"),
     "add_accuracy": ("smrmsg", "add_accuracy"),
     "check_navigation": ("_schema", "check_navigation"),
     "make_navigation": ("_schema", "make_navigation"),

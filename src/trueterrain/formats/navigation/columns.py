@@ -149,7 +149,7 @@ def read(
     ----------
     path : str or Path
         CSV or Parquet file.
-    columns : Columns
+    columns : NavigationColumns
         Which column holds what; by default they are called as the variables of navigation.
     origin : sequence of float, optional
         Longitude [deg], latitude [deg], ellipsoidal height [m] of the local frame; needed by
@@ -175,7 +175,7 @@ def read(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / "nav.csv"
     ...     _ = path.write_text("t,x,y,z,roll,pitch,hdg\n0,0,0,0,0,2,90\n1,9,0,0,0,2,90\n")
-    ...     named = Columns(time="t", east="x", north="y", up="z", heading="hdg", degrees=True)
+    ...     named = NavigationColumns(time="t", east="x", north="y", up="z", heading="hdg", degrees=True)
     ...     navigation = read(path, named)
     >>> navigation.pitch.values, navigation.yaw.values
     (array([-0.0349, -0.0349]), array([0., 0.]))
@@ -200,7 +200,7 @@ def blocks(
     ----------
     path : str or Path
         CSV or Parquet file.
-    columns : Columns
+    columns : NavigationColumns
         Which column holds what.
     origin : sequence of float, optional
         As for `read`.

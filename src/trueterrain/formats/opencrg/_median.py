@@ -29,7 +29,7 @@ def blockwise_median(blocks: Callable[[], Iterable[Floats]], sample: Floats) -> 
     Examples
     --------
     >>> values = np.array([7.0, 1.0, np.nan, 3.0, 2.0])
-    >>> median(lambda: [values[:3], values[3:]], values[:2])
+    >>> blockwise_median(lambda: [values[:3], values[3:]], values[:2])
     2.5
     """
     sample = np.sort(sample[np.isfinite(sample)])
