@@ -21,7 +21,7 @@ from zarr.codecs import BloscCodec
 from trueterrain import formats
 from trueterrain.core.errors import FormatError, TrueTerrainError
 from trueterrain.core.schemas import make_points, make_profile, make_surface
-from trueterrain.formats import _zarr, las, table
+from trueterrain.formats import _zarr, _zarr_write, las, table
 from trueterrain.formats.navigation import columns, sbet, smrmsg
 from trueterrain.formats.run import (
     Mounting,
@@ -33,7 +33,7 @@ from trueterrain.formats.run import (
     scan_blocks,
 )
 
-CASES = 60  # of each kind of file; stores have half as many, and each is looked at in two ways
+CASES = 60  # of each kind of file; stores have half as many, and each is read by two functions
 
 # --- whole files and stores -----------------------------------------------------------------------
 
@@ -153,7 +153,7 @@ def make(tmp_path):
     return made
 
 
-# --- ways of looking ------------------------------------------------------------------------------
+# --- functions that read ----------------------------------------------------------------------------
 
 
 def look_at(path, kind):
@@ -353,7 +353,7 @@ def test_other_programs_read_no_number_where_a_chunk_is_missing(make):
     assert (root["scans/range"][1000:2000] == root["scans/range"].attrs["_FillValue"]).all()
 
 
-def test_damage_in_the_truth_is_told_by_info(make):
+def test_info_reports_damage_in_the_truth(make):
     path = make("run")
     copy = path.with_name("t.zarr")
     truth = xr.Dataset({"height": ("u", np.arange(100.0))})
@@ -395,7 +395,7 @@ def test_runs_of_earlier_versions_are_opened(make, tmp_path, monkeypatch):
         "make_compressors",
         lambda level, shuffle: [BloscCodec(cname="zstd", clevel=level, shuffle=shuffle)],
     )
-    monkeypatch.setattr(_store, "choose_fill_value", lambda dtype: np.dtype(dtype).type(0))
+    monkeypatch.setattr(_zarr_write, "choose_fill_value", lambda dtype: np.dtype(dtype).type(0))
     old = make("run")
     document = json.loads((old / "zarr.json").read_text())
     del document["attributes"]["arrays"]
@@ -433,16 +433,18 @@ from trueterrain.core.errors import FormatError
 formats.info(sys.argv[1])
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 resource.setrlimit(resource.RLIMIT_AS, (6 << 30, 6 << 30))
-told = {}
+messages = {}
 for path in sys.argv[2:]:
     for look in (formats.open, formats.info):
         try:
             look(path)
-            told.setdefault(path, "was read")
+
+            messages.setdefault(path, "was read")
         except FormatError as error:
-            told.setdefault(path, str(error))
+
+            messages.setdefault(path, str(error))
 peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-print(json.dumps([told, (peak - before) * 1024]))
+print(json.dumps([messages, (peak - before) * 1024]))
 """
 
 
@@ -494,9 +496,11 @@ def test_files_that_ask_for_more_than_they_hold_are_refused_in_little_memory(mak
         capture_output=True,
         text=True,
     )
-    told, grown = json.loads(found.stdout)
+
+    messages, grown = json.loads(found.stdout)
     for path, words in asking.items():
-        assert words in told[str(path)], path
+
+        assert words in messages[str(path)], path
     assert grown < MEMORY
 
 

@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 import trueterrain.formats.navigation as nav
 from trueterrain.core import provenance
 from trueterrain.core.errors import CoverageError, FormatError, SchemaError, TrueTerrainError
-from trueterrain.formats.navigation import _recognise, boreas, columns, sbet, smrmsg
+from trueterrain.formats import navigation_signature
+from trueterrain.formats.navigation import (boreas, columns, sbet, smrmsg)
 from trueterrain.geometry.navigation_frames import (
     YawUnwrapper,
     check_origin,
@@ -408,16 +409,16 @@ def test_files_without_a_header_are_recognised_by_their_values(data):
     b = data / "scanning" / "accuracy" / "smrmsg.smrmsg"
     for path, is_sbet, is_smrmsg in ((a, True, False), (b, False, True)):
         start, size = start_of(path), path.stat().st_size
-        assert _recognise.is_sbet(start, size) == is_sbet
-        assert _recognise.is_smrmsg(start, size) == is_smrmsg
+        assert navigation_signature.is_sbet(start, size) == is_sbet
+        assert navigation_signature.is_smrmsg(start, size) == is_smrmsg
     others = sorted(path for path in data.rglob("*") if path.is_file() and path not in (a, b))
     assert len(others) > 50
     for other in others:
         start, size = start_of(other), other.stat().st_size
-        assert not _recognise.is_sbet(start, size)
-        assert not _recognise.is_smrmsg(start, size)
-    assert not _recognise.is_sbet(b"", 0)
-    assert not _recognise.is_smrmsg(b"\0" * 160, 160)
+        assert not navigation_signature.is_sbet(start, size)
+        assert not navigation_signature.is_smrmsg(start, size)
+    assert not navigation_signature.is_sbet(b"", 0)
+    assert not navigation_signature.is_smrmsg(b"\0" * 160, 160)
 
 
 # --- Boreas ---------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ from trueterrain.core import provenance
 from trueterrain.core.errors import CoverageError, FormatError, SchemaError, TrueTerrainError
 from trueterrain.core.schemas import ASSUMED, make_points, make_profile, make_surface
 from trueterrain.formats import recognise_format, table
-from trueterrain.formats.navigation._tables import table_columns
+from trueterrain.formats.number_table import table_columns
 
 ROUND_OFF = {"rtol": 0, "atol": 1e-12}  # [m] the truth is exact in decimal
 ENDINGS = ["csv", "parquet"]

@@ -21,7 +21,7 @@ import numpy.typing as npt
 import zarr
 from xarray.backends import BackendArray
 from xarray.core import indexing
-from zarr.codecs import BloscCodec, BytesCodec, Crc32cCodec
+from zarr.codecs import BloscCodec, BytesCodec
 from zarr.storage import LocalStore
 
 from trueterrain.core.errors import FormatError
@@ -37,18 +37,6 @@ _AT_ONCE = 1 << 25  # [bytes] that are read at a time to verify an array
 _HEADER = struct.Struct("<4xIII")  # of Blosc: bytes, bytes of a block, compressed bytes
 _CHUNK_NAME = re.compile(r"(c|\d+)([./]\d+)*")
 _CF_NUMBERS = ("scale_factor", "add_offset", "_FillValue", "missing_value")
-
-
-def make_compressors(level: int, shuffle: str) -> list[Any]:
-    """Codecs of every array that is written: compressed, with a checksum."""
-    blosc = BloscCodec(cname="zstd", clevel=level, shuffle=shuffle)  # type: ignore[arg-type]
-    return [blosc, Crc32cCodec()]
-
-
-def choose_fill_value(dtype: Any) -> Any:
-    """Value of chunks that are missing for readers that do not look for them: no number, if any."""
-    kind = np.dtype(dtype)
-    return kind.type(np.nan if kind.kind == "f" else 0)
 
 
 def damaged_error(path: str | Path, place: str, error: Exception | str) -> FormatError:

@@ -92,9 +92,9 @@ def write(profile: xr.Dataset, path: str | Path, *, force: bool = False, units: 
     profile : xarray.Dataset
         Profile with dims (s,) or (track, s), equally spaced, without NaN.
     path : str or Path
-        Where the file shall be.
+        Path of the file to write.
     force : bool
-        Replace a file that is there already.
+        Replace an existing file.
     units : str
         Unit of the heights, ``"m"``, ``"mm"``, ``"in"`` or ``"ft"``; stations are in m with the
         first two, in ft with the last two.
@@ -150,7 +150,7 @@ def describe(path: str | Path) -> dict[str, Any]:
     -------
     dict
         ``format``, ``kind``, ``tracks``, ``count``, ``spacing`` [m], ``extent`` [m], ``units``,
-        ``header`` and ``problems``; everything can be written as JSON.
+        ``header`` and ``problems``; all values are plain types that JSON can hold.
 
     Raises
     ------

@@ -128,9 +128,9 @@ def write(
     surface : xarray.Dataset
         Surface with dims (northing, easting), each equally spaced.
     path : str or Path
-        Where the file shall be.
+        Path of the file to write.
     force : bool
-        Replace a file that is there already.
+        Replace an existing file.
     dtype : str
         ``"float64"`` or ``"float32"``, which halves the size but iterations a height of 500 m by up to
         0.02 mm.

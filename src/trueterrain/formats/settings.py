@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from trueterrain.core.errors import FormatError
-from trueterrain.formats._problems import dataclasses_in, problems_of
+from trueterrain.formats._settings_problems import dataclasses_in, problems_of
 
 Settings = TypeVar("Settings")
 

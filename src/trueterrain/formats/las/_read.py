@@ -46,9 +46,9 @@ def read(path: str | Path, *, bounds: Bounds | None = None, crs: str | None = No
     path : str or Path
         The file.
     bounds : tuple of float, optional
-        Smallest easting and northing, largest easting and northing [m]; edges are inside.
+        West, south, east and north edge [m]; points on an edge are inside.
     crs : str, optional
-        EPSG code or WKT to take instead of what the file says.
+        EPSG code or WKT that replaces the CRS of the file.
 
     Returns
     -------
@@ -101,11 +101,11 @@ def blocks(
     path : str or Path
         The file.
     bounds : tuple of float, optional
-        Smallest easting and northing, largest easting and northing [m]; edges are inside.
+        West, south, east and north edge [m]; points on an edge are inside.
     size : int
         Largest number of points in a block.
     crs : str, optional
-        EPSG code or WKT to take instead of what the file says.
+        EPSG code or WKT that replaces the CRS of the file.
     variables : collection of str, optional
         Variables to read beside the coordinates, as far as the file has them; by default all.
         Compressed points are read faster the fewer there are.
@@ -158,7 +158,7 @@ def header_of(path: str | Path, crs: str | None = None) -> tuple[CrsReference, A
     path : str or Path
         The file.
     crs : str, optional
-        EPSG code or WKT to take instead of what the file says.
+        EPSG code or WKT that replaces the CRS of the file.
 
     Returns
     -------

@@ -56,9 +56,9 @@ def write(
     points : xarray.Dataset or iterator of xarray.Dataset
         Points, or blocks of points with the same variables; blocks are written as they come.
     path : str or Path
-        Where the file shall be.
+        Path of the file to write.
     force : bool
-        Replace a file that is there already.
+        Replace an existing file.
     scale : float, optional
         Step that coordinates are rounded to [m]; by default 0.0001, or the steps that they came
         with (``attrs["coordinate_scale"]``) where these are finer or no multiple of it.

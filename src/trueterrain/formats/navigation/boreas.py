@@ -25,10 +25,10 @@ import xarray as xr
 
 from trueterrain.core import provenance
 from trueterrain.core.errors import FormatError
-from trueterrain.formats.navigation._recognise import BOREAS_COLUMNS
 from trueterrain.formats.navigation._records import Floats, IntervalStatistics
 from trueterrain.formats.navigation._schema import check_navigation, navigation_of
-from trueterrain.formats.navigation._tables import table_columns, table_whole
+from trueterrain.formats.navigation_signature import BOREAS_COLUMNS
+from trueterrain.formats.number_table import table_columns, table_whole
 from trueterrain.geometry.navigation_frames import YawUnwrapper
 
 #: Yaw of the lidar's x axis in the car, counter-clockwise from ahead [rad]: median over both drives
@@ -102,7 +102,7 @@ def describe(path: str | Path) -> dict[str, Any]:
     dict
         ``format``, ``kind``, ``count``, ``time`` [s], ``rate`` [1/s], ``jitter`` [s], ``gaps``,
         ``extent`` [m], ``speed`` [m/s], ``crs`` (the file names none) and
-        ``problems``; everything can be written as JSON.
+        ``problems``; all values are plain types that JSON can hold.
 
     Raises
     ------

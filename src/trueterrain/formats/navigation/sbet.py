@@ -23,7 +23,6 @@ import xarray as xr
 from trueterrain.core import provenance
 from trueterrain.core.errors import FormatError
 from trueterrain.formats._text_head import Head, find_head
-from trueterrain.formats.navigation._recognise import is_sbet_text
 from trueterrain.formats.navigation._records import (
     BLOCK,
     WEEK,
@@ -34,7 +33,8 @@ from trueterrain.formats.navigation._records import (
     refuse_value,
 )
 from trueterrain.formats.navigation._schema import EpochRules, check_length, navigation_of
-from trueterrain.formats.navigation._tables import table_blocks
+from trueterrain.formats.navigation_signature import is_sbet_text
+from trueterrain.formats.number_table import table_blocks
 from trueterrain.formats.signature import open_regular
 from trueterrain.geometry.navigation_frames import (
     Origin,
@@ -167,7 +167,7 @@ def describe(path: str | Path) -> dict[str, Any]:
     dict
         ``format``, ``kind``, ``count``, ``time`` [s], ``rate`` [1/s], ``jitter`` [s], ``gaps``,
         ``extent`` of longitude and latitude [deg] and height [m], ``speed`` [m/s], ``crs`` (the
-        file names none) and ``problems``; everything can be written as JSON.
+        file names none) and ``problems``; all values are plain types that JSON can hold.
 
     Raises
     ------

@@ -138,7 +138,7 @@ def describe(path: str | Path) -> dict[str, Any]:
     dict
         ``format``, ``kind``, ``count``, ``time`` [s], ``rate`` [1/s], ``jitter`` [s], ``gaps``,
         ``median`` and ``largest`` standard deviation of each axis [m, rad] and ``problems``;
-        everything can be written as JSON.
+        all values are plain types that JSON can hold.
 
     Raises
     ------

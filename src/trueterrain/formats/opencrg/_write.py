@@ -58,9 +58,9 @@ def write(
         Surface along a reference line whose chords are as long as the spacing of u, or a map, which
         becomes a road along its easting axis.
     path : str or Path
-        Where the file shall be.
+        Path of the file to write.
     force : bool
-        Replace a file that is there already.
+        Replace an existing file.
     fmt : str
         Format of the numbers: ``"KRBI"`` (float32, the usual one), ``"KDBI"`` (float64), ``"LRFI"``
         or ``"LDFI"`` (text).

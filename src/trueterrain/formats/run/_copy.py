@@ -28,9 +28,9 @@ def write(
     tree : xarray.DataTree
         The run; it is checked, and copied block by block.
     path : str or Path
-        Where the store shall be: a folder ``NAME.zarr``.
+        Path of the store to write: a folder ``NAME.zarr``.
     force : bool
-        Replace a run that is there already.
+        Replace an existing run.
     progress : callable
         Told about the scans that are written.
 

@@ -44,7 +44,7 @@ def describe(path: str | Path) -> dict[str, Any]:
         ``empty_scans``; ``extent`` [m] and ``way`` [m] of the navigation, and its ``speed`` (the
         largest, as the way from five positions per second) [m/s]; ``clock_order``: the
         instruments in the order in which they start and end in true time, with their times [s];
-        ``truth`` (names of its groups) and ``problems``. Everything can be written as JSON.
+        ``truth`` (names of its groups) and ``problems``. All values are plain types that JSON can hold.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def problems_of(tree: xr.DataTree, path: str | Path | None = None) -> list[str]:
     Parameters
     ----------
     tree : xarray.DataTree
-        What shall be a run.
+        Tree to check.
     path : str or Path, optional
         Store that it came from.
 

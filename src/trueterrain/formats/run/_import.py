@@ -12,7 +12,7 @@ from trueterrain.core import Progress, no_progress, provenance
 from trueterrain.core.errors import FormatError
 from trueterrain.formats.navigation import columns as tables
 from trueterrain.formats.navigation import sbet, smrmsg
-from trueterrain.formats.navigation._tables import table_blocks
+from trueterrain.formats.number_table import table_blocks
 from trueterrain.formats.run._files import (
     AccelerometerTable,
     NavigationFiles,
@@ -42,9 +42,9 @@ def import_run(
         ``trueterrain.formats.settings.settings_template(RunFiles)`` is one to fill in. Files are
         named relative to it.
     output : str or Path
-        Where the store shall be: a folder ``NAME.zarr``.
+        Path of the store to write: a folder ``NAME.zarr``.
     force : bool
-        Replace a run that is there already.
+        Replace an existing run.
     progress : callable
         Told about the epochs, scans and samples that are written; totals are not known.
 

@@ -9,13 +9,13 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.core.errors import SchemaError
+from trueterrain.formats._suggestions import suggest_name
 from trueterrain.formats._zarr import open_arrays, require_whole
 from trueterrain.formats.navigation._schema import (
     TimeChecker,
     check_length,
     check_navigation,
     check_structure,
-    suggest_name,
 )
 from trueterrain.formats.run._schema import (
     ACCELEROMETERS,
@@ -44,7 +44,7 @@ def check_run(tree: xr.DataTree, path: str | Path | None = None) -> xr.DataTree:
     Parameters
     ----------
     tree : xarray.DataTree
-        What shall be a run.
+        Tree to check.
     path : str or Path, optional
         Store that it came from: for the message, and to see whether chunks of it are missing.
 
@@ -81,7 +81,7 @@ def check_layout(tree: xr.DataTree, path: str | Path | None = None) -> xr.DataTr
     Parameters
     ----------
     tree : xarray.DataTree
-        What shall be a run.
+        Tree to check.
     path : str or Path, optional
         Store that it came from, for the message.
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trueterrain.core.errors import FormatError
-from trueterrain.formats.navigation._tables import table_blocks, table_columns
+from trueterrain.formats.number_table import table_blocks, table_columns
 from trueterrain.formats.run._files import ScanTable
 
 Floats = npt.NDArray[np.float64]

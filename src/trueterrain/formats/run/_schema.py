@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from trueterrain.core.errors import SchemaError
-from trueterrain.formats.navigation._schema import NAVIGATION, SchemaVariable, suggest_name
+from trueterrain.formats._suggestions import suggest_name
+from trueterrain.formats.navigation._schema import NAVIGATION, SchemaVariable
 
 KIND = "trueterrain/run"
 

@@ -1,6 +1,5 @@
 """A Zarr store whose arrays grow row by row."""
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,8 @@ import numpy.typing as npt
 import zarr
 
 from trueterrain.core import Checksums
-from trueterrain.formats._zarr import ARRAYS, choose_fill_value, make_compressors
+from trueterrain.formats._zarr import ARRAYS
+from trueterrain.formats._zarr_write import create_array, json_attrs, make_compressors
 from trueterrain.formats.run._schema import ROW_CHUNK
 
 _CHUNK_VALUES = 1_000_000  # values in a chunk of more than one dimension, at most
@@ -39,8 +39,7 @@ class AppendableStore:
 
     def set_attrs(self, group: str, attrs: Mapping[Any, Any]) -> None:
         """Attributes of a group."""
-        plain = json.loads(json.dumps(dict(attrs), default=_json_value))
-        self._root.require_group(group).attrs.update(plain)
+        self._root.require_group(group).attrs.update(json_attrs(attrs))
 
     def write(
         self, path: str, values: Array, dims: Sequence[Any], attrs: Mapping[Any, Any]
@@ -101,18 +100,17 @@ class AppendableStore:
         if not path.startswith("truth/"):  # which may be taken away from a run
             self._needed.append(path)
         chunks = (chunk, *(max(1, n) for n in shape[1:])) if shape else ()
-        array = self._root.create_array(
+        array = create_array(
+            self._root,
             path,
             shape=shape,
             chunks=chunks,
             dtype=dtype,
-            fill_value=choose_fill_value(dtype) if fill is None else np.dtype(dtype).type(fill),
+            fill=fill,
+            # level 1 keeps up with a recording; neighbouring ranges differ in their low bits only
             compressors=make_compressors(1, "bitshuffle"),
-            dimension_names=[str(dim) for dim in dims],
-            attributes=json.loads(json.dumps(dict(attrs), default=_json_value)),
-            chunk_key_encoding={"name": "default", "separator": "."},
-            # so that a chunk that is missing is known to be lost
-            config={"write_empty_chunks": True},
+            dims=dims,
+            attrs=json_attrs(attrs),
         )
         self._arrays.append(array)
         return array
@@ -161,10 +159,3 @@ class _RowBuffer:
 def _rows_of(shape: tuple[int, ...]) -> int:
     """Rows in a chunk."""
     return max(1, min(ROW_CHUNK, _CHUNK_VALUES // max(1, int(np.prod(shape[1:])))))
-
-
-def _json_value(value: Any) -> Any:
-    """What JSON takes for numbers of numpy; other things as text."""
-    if isinstance(value, np.generic | np.ndarray):
-        return value.tolist()
-    return str(value)

@@ -58,7 +58,7 @@ class RunWriter:
     Parameters
     ----------
     path : str or Path
-        Where the store shall be: a folder ``NAME.zarr``.
+        Path of the store to write: a folder ``NAME.zarr``.
     name : str
         Name of the run.
     origin : sequence of float
@@ -81,7 +81,7 @@ class RunWriter:
     history : str
         Provenance to begin with, as `trueterrain.core.provenance` keeps it.
     force : bool
-        Replace a run that is there already.
+        Replace an existing run.
 
     Raises
     ------

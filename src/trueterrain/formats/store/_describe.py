@@ -26,7 +26,7 @@ def describe(path: str | Path) -> dict[str, Any]:
         ``format``, ``kind``, ``bytes``, ``variables``, ``extent`` [m], ``crs`` and ``problems``; of
         points also ``count``, ``time`` [s] and ``lanes``, of a surface ``size``, ``spacing`` and
         ``range`` [m] and ``missing`` (share of nodes without height), of a profile ``count``,
-        ``spacing`` [m] and ``tracks``. Everything can be written as JSON.
+        ``spacing`` [m] and ``tracks``. All values are plain types that JSON can hold.
 
     Raises
     ------

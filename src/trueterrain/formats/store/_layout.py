@@ -13,11 +13,10 @@ import zarr
 
 from trueterrain.core.errors import FormatError, SchemaError
 from trueterrain.core.schemas import SCHEMA
+from trueterrain.formats import _zarr_write
 from trueterrain.formats._zarr import (
     StoredArray,
-    choose_fill_value,
     damaged_error,
-    make_compressors,
     read_group_attrs,
 )
 from trueterrain.formats.signature import kind_of_store
@@ -150,19 +149,17 @@ def create_array(
     chunks = tuple(
         along if dim == rows else max(1, length) for dim, length in zip(dims, shape, strict=True)
     )
-    return root.create_array(
+    return _zarr_write.create_array(
+        root,
         name,
         shape=shape,
         chunks=chunks,
         dtype=dtype,
-        fill_value=choose_fill_value(dtype),
-        # bytes of the same weight side by side: as quick as without, and half the size
-        compressors=make_compressors(3, "shuffle"),
-        dimension_names=[str(dim) for dim in dims],
-        attributes=plain_attrs(attrs, f"variable {name}"),
-        chunk_key_encoding={"name": "default", "separator": "."},
-        # so that a chunk that is missing is known to be lost
-        config={"write_empty_chunks": True},
+        fill=None,
+        # shuffling the bytes by their significance halves the size and costs no time
+        compressors=_zarr_write.make_compressors(3, "shuffle"),
+        dims=dims,
+        attrs=plain_attrs(attrs, f"variable {name}"),
     )
 
 
@@ -181,11 +178,10 @@ def as_numbers(variable: xr.Variable) -> tuple[Any, dict[Any, Any]]:
 def plain_attrs(attrs: Mapping[Any, Any], place: str) -> dict[str, Any]:
     """Attributes as JSON keeps them."""
     try:
-        plain = json.loads(json.dumps(dict(attrs), default=_json_value))
+        return _zarr_write.json_attrs(attrs, _refuse_attribute)
     except TypeError as error:
         cure = "Keep numbers, texts, lists and tables of them only."
         raise SchemaError(f"attributes: {error}", place=place, cure=cure) from None
-    return dict(plain)
 
 
 def write_summary(
@@ -290,8 +286,7 @@ def _chunk_bounds(path: Path, points: StoredArray) -> StoredArray:
     return bounds
 
 
-def _json_value(value: Any) -> Any:
-    if isinstance(value, np.generic | np.ndarray):
-        return value.tolist()
+def _refuse_attribute(value: Any) -> Any:
+    """Raise a TypeError: JSON cannot hold a value of this type."""
     message = f"{type(value).__name__} cannot be kept in a store"
     raise TypeError(message)

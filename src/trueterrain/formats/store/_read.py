@@ -68,11 +68,11 @@ def blocks(
     path : str or Path
         Folder ``NAME.zarr``.
     bounds : tuple of float, optional
-        Smallest easting and northing, largest easting and northing [m]; edges are inside.
+        West, south, east and north edge [m]; points on an edge are inside.
     size : int
         Largest number of points in a block; multiples of 250 000 are read fastest.
     crs : str, optional
-        EPSG code or WKT to take instead of what the store says.
+        EPSG code or WKT that replaces the CRS of the store.
     variables : collection of str, optional
         Variables to read beside the coordinates, as far as the store has them; by default all.
 

@@ -42,7 +42,7 @@ def write(
         Points, surface or profile, or blocks of points with the same variables. Attributes of
         points are those of the last block, which has counted all of them.
     path : str or Path
-        Where the store shall be: a folder ``NAME.zarr``.
+        Path of the store to write: a folder ``NAME.zarr``.
     force : bool
         Replace points, a surface or a profile that is there already; nothing else ever.
 

@@ -87,11 +87,11 @@ def blocks(
     path : str or Path
         Text or Parquet file of points.
     bounds : tuple of float, optional
-        Smallest easting and northing, largest easting and northing [m]; edges are inside.
+        West, south, east and north edge [m]; points on an edge are inside.
     size : int
         Largest number of points in a block.
     crs : str, optional
-        EPSG code or WKT to take instead of what the file says.
+        EPSG code or WKT that replaces the CRS of the file.
     variables : collection of str, optional
         Variables to take beside the coordinates, as far as the table has them; by default all.
 
@@ -228,7 +228,7 @@ def describe(path: str | Path) -> dict[str, Any]:
     -------
     dict
         ``format``, ``kind``, ``count``, ``columns``, ``extent`` [m], ``crs``, ``problems``; for a
-        profile ``tracks`` and ``spacing`` [m]; everything can be written as JSON.
+        profile ``tracks`` and ``spacing`` [m]; all values are plain types that JSON can hold.
 
     Raises
     ------
@@ -288,7 +288,7 @@ def _open_table(path: Path, *, kind: str | None = None) -> _TableSource:
         attrs={},
         assumed=not table.named,
         blocks=lambda size: text_blocks(table, size),
-        place=lambda row: f"line {line_of_row(table, row)}",
+        place=lambda row: f"line {line_of_row(table.rows, row)}",
     )
 
 

@@ -55,9 +55,9 @@ def write(
     data : xarray.Dataset or iterator of xarray.Dataset
         A profile, points, or blocks of points.
     path : str or Path
-        Where the file shall be.
+        Path of the file to write.
     force : bool
-        Replace a file that is there already.
+        Replace an existing file.
 
     Raises
     ------

@@ -10,18 +10,16 @@ import numpy as np
 import numpy.typing as npt
 
 from trueterrain.core.errors import FormatError, name_file_in_errors
-from trueterrain.formats._text_head import Head, find_head, number_of, split_line
-from trueterrain.formats.navigation._recognise import is_navigation
-from trueterrain.formats.navigation._schema import suggest_name
+from trueterrain.formats._parquet import import_pyarrow, parquet_damage_named, require_numbers
+from trueterrain.formats._suggestions import suggest_name
+from trueterrain.formats._text_head import Head, find_head, number_of
+from trueterrain.formats._text_rows import GAPS, TextRows
+from trueterrain.formats.navigation_signature import is_navigation
 from trueterrain.formats.signature import open_regular
-from trueterrain.formats.table._parquet import import_pyarrow, parquet_damage_named
 
 Floats = npt.NDArray[np.float64]
 
 ROWS = 1_000_000  # read at a time
-
-_GAPS = ("", "nan", "NaN", "NAN", "NA", "null")
-_PANDAS = r"\s+"  # blanks, for pandas
 
 
 def table_columns(path: str | Path) -> list[str]:
@@ -100,10 +98,8 @@ def table_blocks(
 class _NumberTable:
     path: Path
     columns: tuple[str, ...]
-    separator: str | None = None  # of text; None: blanks
-    decimal: str = "."  # sign, of text
-    header: int = 0  # lines before the data
-    file: Any = None  # of Parquet
+    rows: TextRows | None = None  # of text
+    file: Any = None  # of Parquet: the open file of pyarrow
 
 
 def _open_table(path: Path) -> _NumberTable:
@@ -136,82 +132,35 @@ def _text_table(path: Path, head: Head) -> _NumberTable:
     return _NumberTable(
         path=path,
         columns=tuple(name.strip() for name in head.labels),
-        separator=head.separator,
-        decimal=head.decimal,
-        header=head.first - 1,
+        rows=TextRows(
+            path=path,
+            separator=head.separator,
+            decimal=head.decimal,
+            first=head.first,
+            fields=len(head.labels),
+        ),
     )
 
 
 def _text_blocks(table: _NumberTable, names: list[str], size: int) -> Iterator[dict[str, Floats]]:
-    import pandas as pd
-
+    rows = table.rows
+    assert rows is not None
     indices = {table.columns.index(name): name for name in names}
-    # all columns are read, since pandas overlooks surplus fields when told to use some only
-    dtypes = {i: float if i in indices else str for i in range(len(table.columns))}
-    row = 0
-    try:
-        with pd.read_csv(
-            table.path,
-            sep=table.separator or _PANDAS,
-            header=None,
-            skiprows=table.header,
-            dtype=dtypes,
-            decimal=table.decimal,
-            chunksize=size,
-            encoding="utf-8-sig",
-            encoding_errors="replace",
-            keep_default_na=False,
-            na_values=list(_GAPS),
-            skipinitialspace=True,
-            skip_blank_lines=True,
-            comment="#",
-            **_exact_parser(pd.__version__),
-        ) as reader:
-            for frame in reader:
-                if frame.shape[1] != len(table.columns) or frame.iloc[:, -1].isna().any():
-                    _explain_rows(table, indices)  # a line that was cut off looks like a gap
-                row += len(frame)
-                yield {name: frame[i].to_numpy(dtype=np.float64) for i, name in indices.items()}
-    except pd.errors.EmptyDataError:
-        return
-    except ValueError as error:  # pandas' own parser errors are ValueErrors, too
-        _explain_rows(table, indices)
-        raise FormatError(
-            f"cannot be read as a table ({error})", path=table.path, cure="Export it again."
-        ) from None
 
+    def check_cell(number: int, index: int, text: str) -> None:
+        """Raise if a cell is neither a finite number nor empty."""
+        value = number_of(text, rows.decimal)
+        if text.strip() not in GAPS and (value is None or math.isinf(value)):
+            raise rows.number_error(number, indices[index], text)
 
-def _exact_parser(pandas: str) -> dict[str, Any]:
-    """What makes pandas read every bit of a number, which it does by itself since 3.1."""
-    version = tuple(int(part) for part in pandas.split(".")[:2])
-    return {} if version >= (3, 1) else {"float_precision": "round_trip"}
+    def explain() -> None:
+        rows.check(check_cell, indices)
 
-
-def _explain_rows(table: _NumberTable, indices: dict[int, str]) -> None:
-    """Go through the file line by line and raise at the first that breaks a rule."""
-    with table.path.open(encoding="utf-8-sig", errors="replace", newline=None) as stream:
-        for number, line in enumerate(stream, start=1):
-            if number <= table.header or not _is_content(line):
-                continue
-            cells = split_line(line, table.separator, table.path)
-            if len(cells) != len(table.columns):
-                raise FormatError(
-                    f"has {len(cells)} of {len(table.columns)} fields",
-                    path=table.path,
-                    place=f"line {number}",
-                    cure="Complete or remove the line; if it is the last, the file was cut off.",
-                )
-            for index, name in indices.items():
-                if (
-                    cells[index].strip() not in _GAPS
-                    and _parse_number(cells[index], table.decimal) is None
-                ):
-                    raise FormatError(
-                        f"must be a number, got {cells[index][:80]!r}",
-                        path=table.path,
-                        place=f"line {number}, column {name!r}",
-                        cure="Correct the line, or export the file again.",
-                    )
+    for frame in rows.frames(indices, size, explain):
+        # pandas fills a line that was cut off as if its last cells were empty
+        if frame.shape[1] != rows.fields or frame.iloc[:, -1].isna().any():
+            explain()
+        yield {name: frame[i].to_numpy(dtype=np.float64) for i, name in indices.items()}
 
 
 def _open_parquet(path: Path) -> _NumberTable:
@@ -229,13 +178,7 @@ def _parquet_blocks(
     for name in names:
         with parquet_damage_named(table.path):  # of two columns of one name
             kind = table.file.schema_arrow.field(name).type
-        if not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
-            raise FormatError(
-                f"must hold numbers, got {kind}",
-                path=table.path,
-                place=f"column {name!r}",
-                cure="Convert the column to float64.",
-            )
+        require_numbers(pa, kind, name, table.path)
     with parquet_damage_named(table.path):
         rows = table.file.metadata.num_rows
         batches = table.file.iter_batches(batch_size=min(size, max(1, rows)), columns=names)
@@ -244,12 +187,3 @@ def _parquet_blocks(
                 name: batch.column(name).cast(pa.float64()).to_numpy(zero_copy_only=False)
                 for name in names
             }
-
-
-def _is_content(line: str) -> bool:
-    return bool(line.strip()) and not line.startswith("#")
-
-
-def _parse_number(text: str, decimal: str) -> float | None:
-    value = number_of(text, decimal)
-    return None if value is None or math.isinf(value) else value
