@@ -438,10 +438,8 @@ for path in sys.argv[2:]:
     for look in (formats.open, formats.info):
         try:
             look(path)
-
             messages.setdefault(path, "was read")
         except FormatError as error:
-
             messages.setdefault(path, str(error))
 peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 print(json.dumps([messages, (peak - before) * 1024]))
@@ -499,7 +497,6 @@ def test_files_that_ask_for_more_than_they_hold_are_refused_in_little_memory(mak
 
     messages, grown = json.loads(found.stdout)
     for path, words in asking.items():
-
         assert words in messages[str(path)], path
     assert grown < MEMORY
 

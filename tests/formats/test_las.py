@@ -19,7 +19,7 @@ from trueterrain.formats import las
 from trueterrain.formats.las._duplicates import DuplicateCounter
 from trueterrain.formats.signature import recognise_format
 
-EXACT = {"rtol": 0, "atol": 0}  # the same integers, scaled in the same way
+EXACT = {"rtol": 0, "atol": 0}  # the same integers with the same scale
 HALF_STEP = {"rtol": 0, "atol": 0.5e-4 + 1e-9}  # [m] rounding to 0.1 mm, and of float64 at 6e6 m
 STRIPS = [
     "faceraster_2strips_20m.laz",
@@ -277,7 +277,7 @@ def test_bad_names_and_arguments_of_write(tmp_path):
     with pytest.raises(CoverageError, match="no points"):
         las.write(iter([]), tmp_path / "p.laz")
     with pytest.raises(SchemaError, match="attribute crs"):
-        las.write(points.assign_attrs(crs="nowhere"), tmp_path / "p.laz")
+        las.write(points.assign_attrs(crs="Atlantis"), tmp_path / "p.laz")
     with pytest.raises(SchemaError, match="same variables"):
         las.write(iter([points, points.drop_vars("sd")]), tmp_path / "p.laz")
     assert list(tmp_path.iterdir()) == []
@@ -429,7 +429,7 @@ def test_real_stray_passes_are_found(data):
         (lambda f: f.gps_time.__setitem__(slice(None), -f.gps_time), "time falls 999 times"),
         (lambda f: f.gps_time.__setitem__(slice(None), 1e5), "adjusted standard time, but"),
         (lambda f: f.gps_time.__setitem__(slice(None), 1.4e9), "not adjusted?"),
-        (lambda f: f.point_source_id.__setitem__(slice(None), 0), "passes cannot be told apart"),
+        (lambda f: f.point_source_id.__setitem__(slice(None), 0), "passes cannot be separated"),
         (lambda f: f.point_source_id.__setitem__(slice(7), 0), "7 points have point_source_id 0"),
         (lambda f: f.point_source_id.__setitem__(slice(2), 9), "9 (2 points)"),
         (lambda f: f.points.array.__setitem__(slice(9), f.points.array[10:19]), "9 of 1000 points"),

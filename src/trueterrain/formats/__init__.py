@@ -332,7 +332,7 @@ def conversion_of(path: str | Path, crs: str | None = None) -> str:
 
 
 def _crs_in_metres(crs: str) -> str:
-    """CRS in metres for points in metres: that of the same projection if the given one is in feet."""
+    """CRS of points in metres: the given one, or its counterpart in metres if it is in feet."""
     from trueterrain.geometry.crs import crs_in_metres, parse_crs, units_of
 
     parsed = parse_crs(crs)

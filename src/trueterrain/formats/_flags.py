@@ -11,7 +11,7 @@ _STEEP = 0.3  # [m/m] no road has a larger median slope: the unit of height is p
 def profile_flags(
     name: str, s: npt.NDArray[np.floating[Any]], height: npt.NDArray[np.floating[Any]]
 ) -> list[str]:
-    """Flags of one track: missing heights, a median slope that suggests a wrong unit, no variation."""
+    """Flags of one track: missing heights, slopes that suggest a wrong unit, no variation."""
     flags = []
     missing = int(np.count_nonzero(~np.isfinite(height)))
     if missing:

@@ -151,7 +151,7 @@ def _named_head(rows: list[tuple[int, str]], at: int) -> Head:
 
 
 def _numbers_begin(rows: list[tuple[int, str]], at: int) -> bool:
-    """Whether numbers begin at a row: it and the next hold equally many (the first, last: alone)."""
+    """Whether a row and the next hold equally many numbers; the first and last row count alone."""
     signs = _signs_of_numbers(rows[at][1])
     if signs is None or at in (0, len(rows) - 1):
         return signs is not None
@@ -161,7 +161,7 @@ def _numbers_begin(rows: list[tuple[int, str]], at: int) -> bool:
 
 
 def _signs_of_numbers(line: str) -> tuple[str | None, str] | None:
-    """Separator and decimal sign that split a line into two or more numbers; None if none do."""
+    """Separator and decimal sign that split a line into two or more numbers, or None."""
     for separator in (*(sign for sign in _SEPARATORS if sign in line), None):
         fields = split_line(line, separator)
         for decimal in ".," if separator != "," else ".":

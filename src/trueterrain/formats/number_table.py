@@ -1,4 +1,8 @@
-"""Columns of numbers by name, from CSV or Parquet, some rows at a time."""
+"""Columns of numbers by name from a CSV or Parquet table, block by block.
+
+Used for navigation, scans and accelerometers: tables of recordings, whose columns the user names.
+Points and profiles, whose columns have names of their own, are read by `trueterrain.formats.table`.
+"""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -19,7 +23,7 @@ from trueterrain.formats.signature import open_regular
 
 Floats = npt.NDArray[np.float64]
 
-ROWS = 1_000_000  # read at a time
+ROWS = 1_000_000  # rows in a block by default
 
 
 def table_columns(path: str | Path) -> list[str]:
@@ -44,7 +48,7 @@ def table_columns(path: str | Path) -> list[str]:
 
 
 def table_whole(path: str | Path, names: Sequence[str]) -> dict[str, Floats]:
-    """Columns of a table, all rows."""
+    """Read columns of a table, all rows at once; see `table_blocks`."""
     parts = list(table_blocks(path, names))
     return {name: np.concatenate([part[name] for part in parts]) for name in names}
 
@@ -52,7 +56,7 @@ def table_whole(path: str | Path, names: Sequence[str]) -> dict[str, Floats]:
 def table_blocks(
     path: str | Path, names: Sequence[str], size: int = ROWS, *, head: Head | None = None
 ) -> Iterator[dict[str, Floats]]:
-    """Columns of a table, some rows at a time.
+    """Read columns of a table block by block.
 
     Parameters
     ----------
@@ -63,7 +67,7 @@ def table_blocks(
     size : int
         Largest number of rows at a time.
     head : Head, optional
-        Head of a text that names no columns.
+        Header of a text whose columns have no names.
 
     Yields
     ------
@@ -73,7 +77,8 @@ def table_blocks(
     Raises
     ------
     FormatError
-        Naming line and column: a missing column, a cell that is no number, a line of other length.
+        Naming line and column: a missing column, a cell that is not a number, a wrong number of
+        fields.
     """
     table = _open_table(Path(path)) if head is None else _text_table(Path(path), head)
     for name in names:
@@ -84,11 +89,11 @@ def table_blocks(
                 path=path,
                 place="header",
             )
-    wanted = list(dict.fromkeys(names))
+    columns = list(dict.fromkeys(names))
     read = _parquet_blocks if table.file is not None else _text_blocks
     rows = 0
-    for block in read(table, wanted, size):
-        rows += len(block[wanted[0]])
+    for block in read(table, columns, size):
+        rows += len(block[columns[0]])
         yield block
     if rows == 0:
         raise FormatError("has no rows", path=path, cure="Copy or export it again.")

@@ -25,9 +25,8 @@ _SAMPLE = 1 << 16  # [bytes] enough to see the first section of any header
 class Format:
     """A file format that this package reads."""
 
-
     name: str
-    "Name in messages and reports: OpenCRG, GeoTIFF, LAS, LAZ, COPC, ERD, CSV, Parquet, Zarr, Run, ..."
+    "Name in messages and reports, such as OpenCRG, GeoTIFF, LAZ or CSV."
 
     module: str
     "Module of `trueterrain.formats` that reads it."
@@ -180,8 +179,8 @@ def open_regular(path: str | Path) -> BinaryIO:
     FormatError
         If it is not a regular file.
     FileNotFoundError
-
-        If the path does not exist.    """
+        If the path does not exist.
+    """
     path = Path(path)
     mode = path.stat().st_mode
     if not stat.S_ISREG(mode):
@@ -212,8 +211,8 @@ def kind_of_store(path: str | Path) -> str:
     FormatError
         If it is another folder, another store, or its group is damaged.
     FileNotFoundError
-
-        If the path does not exist.    """
+        If the path does not exist.
+    """
     path = Path(path)
     if not path.exists():
         message = f"there is no store {path}"

@@ -1,4 +1,4 @@
-"""What a LAS file holds, and what is wrong with it, found in one pass over its points."""
+"""Summary and problems of a LAS file, from one pass over its points."""
 
 import datetime as dt
 from pathlib import Path
@@ -22,8 +22,8 @@ _FIELDS = (
     | _SELECTION.POINT_SOURCE_ID
     | _SELECTION.CLASSIFICATION
 )
-_STRAY = 0.005  # an id with a smaller fraction of the points is no pass, but a remnant
-_COARSE = 0.001  # [m] millimetre work needs steps of a tenth of it
+_STRAY = 0.005  # fraction of the points below which an id is a remnant, not a pass
+_COARSE = 0.001  # [m] scale above which coordinates are flagged as too coarse
 _NEAR_ROLLOVER = 3600.0  # [s] from either end of the week
 _LARGEST_EXTENT_ERROR = 1.5  # [steps] rounding of the header's extent
 _GPS_EPOCH = dt.datetime(1980, 1, 6)  # GPS time has no zone and no leap seconds
@@ -49,7 +49,7 @@ class LasStatistics:
         self._last_time = -np.inf
 
     def add(self, record: Any) -> None:
-        """Count the points of a record."""
+        """Add the points of a record."""
         whole = np.stack([np.asarray(record[name]) for name in "XYZ"])
         self.count += whole.shape[1]
         scales, offsets = self._header.scales, self._header.offsets
@@ -95,7 +95,8 @@ def describe(path: str | Path) -> dict[str, Any]:
         [m], ``offset`` [m], ``crs`` (in metres), ``crs_name``, ``units`` (how reading converts
         those of the file; empty if they are metres), ``time`` [s], ``density`` [1/m²],
         ``point_source_ids``, ``returns`` and ``classes`` with their counts, ``extra`` (names of
-        the extra bytes), ``software`` and ``problems``; all values are plain types that JSON can hold.
+        the extra bytes), ``software`` and ``problems``; all values are plain types that JSON can
+        hold.
 
     Raises
     ------
@@ -107,46 +108,53 @@ def describe(path: str | Path) -> dict[str, Any]:
         header = reader.header
         name = "COPC" if _copc.is_copc(header) else "LAZ" if header.are_points_compressed else "LAS"
         reference = reference_of(header)
-        tally = LasStatistics(header)
+        statistics = LasStatistics(header)
         for record in read_chunks(reader, path, BLOCK):
-            tally.add(record)
+            statistics.add(record)
     return {
         "format": name,
         "kind": "points",
         "version": str(header.version),
         "point_format": header.point_format.id,
-        "count": tally.count,
-        "extent": _point_extent(tally, reference),
+        "count": statistics.count,
+        "extent": _point_extent(statistics, reference),
         "scale": (header.scales * np.array(reference.units.factors)).tolist(),
         "offset": (header.offsets * np.array(reference.units.factors)).tolist(),
         "crs": reference.crs,
         "crs_name": reference.name,
         "units": reference.conversion,
-        "time": _time_summary(tally, header),
-        "density": _point_density(tally, reference),
-        "point_source_ids": _nonzero_counts(tally.sources),
-        "returns": _nonzero_counts(tally.returns),
-        "classes": _nonzero_counts(tally.classes),
+        "time": _time_summary(statistics, header),
+        "density": _point_density(statistics, reference),
+        "point_source_ids": _nonzero_counts(statistics.sources),
+        "returns": _nonzero_counts(statistics.returns),
+        "classes": _nonzero_counts(statistics.classes),
         "extra": [str(extra) for extra in header.point_format.extra_dimension_names],
         "software": str(header.generating_software).strip("\0 "),
-        "problems": _list_problems(header, reference, tally),
+        "problems": _list_problems(header, reference, statistics),
     }
 
 
-def _point_extent(tally: LasStatistics, reference: CrsReference) -> dict[str, list[float]] | None:
-    if not tally.count:
+def _point_extent(
+    statistics: LasStatistics, reference: CrsReference
+) -> dict[str, list[float]] | None:
+    if not statistics.count:
         return None
-    ends = zip(COORDINATES, tally.low, tally.high, reference.units.factors, strict=True)
+    ends = zip(COORDINATES, statistics.low, statistics.high, reference.units.factors, strict=True)
     return {name: [float(low * unit), float(high * unit)] for name, low, high, unit in ends}
 
 
-def _time_summary(tally: LasStatistics, header: Any) -> dict[str, Any] | None:
-    if not tally.time or tally.time_zeros == tally.count:
+def _time_summary(statistics: LasStatistics, header: Any) -> dict[str, Any] | None:
+    if not statistics.time or statistics.time_zeros == statistics.count:
         return None
     flag = "adjusted standard" if header.global_encoding.gps_time_type.value else "week seconds"
-    start, end = tally.time
-    summary: dict[str, Any] = {"kind": tally.time_kind, "flag": flag, "start": start, "end": end}
-    if tally.time_kind == "adjusted standard":
+    start, end = statistics.time
+    summary: dict[str, Any] = {
+        "kind": statistics.time_kind,
+        "flag": flag,
+        "start": start,
+        "end": end,
+    }
+    if statistics.time_kind == "adjusted standard":
         summary |= {"first": _gps_date(start), "last": _gps_date(end)}
     return summary
 
@@ -159,27 +167,27 @@ def _gps_date(time: float) -> str | None:
     return moment.isoformat(sep=" ", timespec="seconds") + " GPS"
 
 
-def _point_density(tally: LasStatistics, reference: CrsReference) -> float | None:
-    width, length = (tally.high - tally.low)[:2] * reference.units.horizontal
-    if reference.obstacle or not tally.count or not width * length > 0:
+def _point_density(statistics: LasStatistics, reference: CrsReference) -> float | None:
+    width, length = (statistics.high - statistics.low)[:2] * reference.units.horizontal
+    if reference.obstacle or not statistics.count or not width * length > 0:
         return None
-    return float(tally.count / (width * length))
+    return float(statistics.count / (width * length))
 
 
 def _nonzero_counts(counts: Any) -> dict[str, int]:
     return {str(number): int(counts[number]) for number in np.flatnonzero(counts)}
 
 
-def _list_problems(header: Any, reference: CrsReference, tally: LasStatistics) -> list[str]:
-    """Everything that is wrong or flagged, in words."""
-    if not tally.count:
+def _list_problems(header: Any, reference: CrsReference, statistics: LasStatistics) -> list[str]:
+    """Problems and flags of a file, in words."""
+    if not statistics.count:
         return ["there are no points", *reference.flags]
     return [
         *_about_crs(reference),
         *_about_waves(header),
-        *_about_time(header, tally),
-        *_about_sources(tally.sources, tally.count),
-        *_about_places(header, reference, tally),
+        *_about_time(header, statistics),
+        *_about_sources(statistics.sources, statistics.count),
+        *_about_places(header, reference, statistics),
     ]
 
 
@@ -200,32 +208,32 @@ def _about_waves(header: Any) -> list[str]:
     return []
 
 
-def _about_time(header: Any, tally: LasStatistics) -> list[str]:
+def _about_time(header: Any, statistics: LasStatistics) -> list[str]:
     if "gps_time" not in header.point_format.dimension_names:
         return ["the point format has no time"]
     problems = []
-    if tally.time_not_finite:
-        problems.append(f"{tally.time_not_finite} points have a time that is not finite")
-    if tally.time_zeros == tally.count:
+    if statistics.time_not_finite:
+        problems.append(f"{statistics.time_not_finite} points have a time that is not finite")
+    if statistics.time_zeros == statistics.count:
         return [*problems, "all times are 0"]
-    if tally.time_zeros:
-        problems.append(f"{tally.time_zeros} points have time 0")
-    problems += _about_kind(header, tally)
-    lanes = int(np.count_nonzero(tally.sources))
-    # passes one after the other are in order, though time falls where the next one begins
-    if tally.time_falls >= max(1, lanes):
-        times = f"{tally.time_falls} times along the file"
+    if statistics.time_zeros:
+        problems.append(f"{statistics.time_zeros} points have time 0")
+    problems += _about_kind(header, statistics)
+    passes = int(np.count_nonzero(statistics.sources))
+    # passes stored one after another may overlap in time: each may begin with a step back
+    if statistics.time_falls >= max(1, passes):
+        times = f"{statistics.time_falls} times along the file"
         problems.append(f"time falls {times}: the points are not in the order of measurement")
     return problems
 
 
-def _about_kind(header: Any, tally: LasStatistics) -> list[str]:
-    if not tally.time:
+def _about_kind(header: Any, statistics: LasStatistics) -> list[str]:
+    if not statistics.time:
         return []
-    start, end = tally.time
+    start, end = statistics.time
     values = f"the values run from {start:.9g} to {end:.9g} s"
     standard = header.global_encoding.gps_time_type.value == 1
-    if not standard and tally.time_kind == "adjusted standard":
+    if not standard and statistics.time_kind == "adjusted standard":
         taken = "taken for adjusted standard time"
         return [f"the time flag says seconds of the week, but {values}: {taken}"]
     if standard and start >= 0 and end <= SECONDS_OF_WEEK:
@@ -239,7 +247,7 @@ def _about_kind(header: Any, tally: LasStatistics) -> list[str]:
 
 def _about_sources(sources: Any, count: int) -> list[str]:
     if sources[0] == count:
-        return ["point_source_id is 0 everywhere: passes cannot be told apart"]
+        return ["point_source_id is 0 everywhere: passes cannot be separated"]
     problems = []
     if sources[0]:
         problems.append(f"{int(sources[0])} points have point_source_id 0 (not set)")
@@ -253,20 +261,22 @@ def _about_sources(sources: Any, count: int) -> list[str]:
     return problems
 
 
-def _about_places(header: Any, reference: CrsReference, tally: LasStatistics) -> list[str]:
+def _about_places(header: Any, reference: CrsReference, statistics: LasStatistics) -> list[str]:
     problems = []
-    repeated = tally.duplicates.count
+    repeated = statistics.duplicates.count
     if repeated:
-        about = "" if tally.duplicates.exact else "about "
-        problems.append(f"{about}{repeated} of {tally.count} points lie exactly where another lies")
+        about = "" if statistics.duplicates.exact else "about "
+        problems.append(
+            f"{about}{repeated} of {statistics.count} points lie exactly where another lies"
+        )
     scale = float(max(header.scales * np.array(reference.units.factors)))
     if scale > _COARSE:
         problems.append(f"coordinates are rounded to {scale:.6g} m: too coarse for millimetres")
-    errors = np.abs(np.stack([header.mins - tally.low, header.maxs - tally.high]))
+    errors = np.abs(np.stack([header.mins - statistics.low, header.maxs - statistics.high]))
     if (errors > _LARGEST_EXTENT_ERROR * header.scales).any():
         most = f"by up to {errors.max():.6g} m"
         problems.append(f"the extent in the header differs from that of the points {most}")
-    counted = tally.returns[1:]
+    counted = statistics.returns[1:]
     announced = np.zeros_like(counted)
     by_return = np.asarray(header.number_of_points_by_return)[: announced.size]
     announced[: by_return.size] = by_return

@@ -1,4 +1,4 @@
-"""Points from LAS, LAZ and COPC, block by block."""
+"""Read points from LAS, LAZ and COPC, block by block."""
 
 import json
 from collections.abc import Collection, Generator, Iterator
@@ -31,15 +31,15 @@ _OFFSET_UNIT = 1e6  # [s] unit of the time offset of LAS 1.5
 
 
 def read(path: str | Path, *, bounds: Bounds | None = None, crs: str | None = None) -> xr.Dataset:
-    """Points of a LAS, LAZ or COPC file.
+    """Read the points of a LAS, LAZ or COPC file.
 
     ``time`` is the GPS time, ``lane`` the point source id, ``sd`` and ``sd_relative`` the extra
     bytes of these names; all other dimensions have the names of
-    `trueterrain.core.schemas.RETURN_ATTRIBUTES`, other extra bytes ``extra_NAME``. Wave packets are not
-    read (``attrs["not_read"]``). Feet become metres, and the CRS one in metres.
-    ``attrs["coordinate_scale"]`` and ``["coordinate_offset"]`` are the steps that coordinates were
-    rounded to, and their origin [m]. ``attrs["gps_time_kind"]`` is ``"adjusted standard"`` or
-    ``"week seconds"``: as the file says, unless its values cannot be seconds of a week.
+    `trueterrain.core.schemas.RETURN_ATTRIBUTES`, other extra bytes ``extra_NAME``. Wave packets are
+    not read (``attrs["not_read"]``). Feet are converted to metres, and the CRS to one in metres.
+    ``attrs["coordinate_scale"]`` and ``["coordinate_offset"]`` are scale and offset of the
+    coordinates in the file [m]. ``attrs["gps_time_kind"]`` is ``"adjusted standard"`` or
+    ``"week seconds"``: as the header states, unless the values exceed the seconds of a week.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def read(path: str | Path, *, bounds: Bounds | None = None, crs: str | None = No
     CoverageError
         If there are no points (within the bounds).
     ValueError
-        If `crs` or `bounds` mean nothing.
+        If `crs` or `bounds` are not valid.
     """
     parts = list(_stream_points(path, bounds, BLOCK, crs, None))
     if not parts:
@@ -90,11 +90,11 @@ def blocks(
     crs: str | None = None,
     variables: Collection[str] | None = None,
 ) -> Iterator[xr.Dataset]:
-    """Points of a LAS, LAZ or COPC file block by block, never the whole file at once.
+    """Read the points of a LAS, LAZ or COPC file block by block, in flat memory.
 
-    With bounds, only the parts of a COPC file that touch them are read; other files are read
-    through. The order of the points is the file's, except for COPC with bounds. While a block is
-    worked with, the next one is read.
+    With bounds, only the parts of a COPC file that touch them are read; other files are read to the
+    end. The order of the points is that of the file, except for COPC with bounds. The next block is
+    read in a thread while the current one is processed.
 
     Parameters
     ----------
@@ -107,20 +107,20 @@ def blocks(
     crs : str, optional
         EPSG code or WKT that replaces the CRS of the file.
     variables : collection of str, optional
-        Variables to read beside the coordinates, as far as the file has them; by default all.
-        Compressed points are read faster the fewer there are.
+        Variables to read besides the coordinates; by default all that the file has. Decompression
+        is faster with fewer variables.
 
     Yields
     ------
     xarray.Dataset
-        Points; blocks without points are left out.
+        Points; blocks without points are omitted.
 
     Raises
     ------
     FormatError
         As by `read`; damage is found when it is reached.
     ValueError
-        If `crs`, `bounds` or `size` mean nothing.
+        If `crs`, `bounds` or `size` are not valid.
     """
     if size < 1:
         message = f"size must be at least 1 point, got {size}."
@@ -129,7 +129,7 @@ def blocks(
 
 
 def point_variables(path: str | Path) -> tuple[str, ...]:
-    """Variables beside the coordinates that points of a file have, by its header alone.
+    """Variables of the points of a file besides the coordinates, by its header alone.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def point_variables(path: str | Path) -> tuple[str, ...]:
 
 
 def header_of(path: str | Path, crs: str | None = None) -> tuple[CrsReference, Any]:
-    """Reference and extent of a file by its header alone.
+    """Coordinate reference and extent of a file, by its header alone.
 
     Parameters
     ----------
@@ -162,10 +162,10 @@ def header_of(path: str | Path, crs: str | None = None) -> tuple[CrsReference, A
 
     Returns
     -------
-    reference : Reference
-        What its coordinates refer to.
+    reference : CrsReference
+        CRS and units of the coordinates.
     extent : numpy.ndarray, shape (2, 3)
-        Least and greatest easting, northing, up, as the header says [m].
+        Minimum and maximum of easting, northing, up by the header [m].
 
     Raises
     ------
@@ -190,7 +190,7 @@ def _with_history(
     for block in _stream_points(path, bounds, size, crs, variables):
         if history is None:
             parameters = {"format": "LAS", "bounds": bounds, "crs": crs}
-            # the hash of the whole file would cost more than the part that is read
+            # with bounds, hashing the whole file would take longer than reading the part
             inputs = [path] if bounds is None else []
             parameters |= {} if inputs else {"file": Path(path).name}
             step = provenance.add_step(block, "read", parameters=parameters, inputs=inputs)
@@ -199,7 +199,7 @@ def _with_history(
 
 
 def _read_ahead(items: Generator[xr.Dataset, None, None]) -> Iterator[xr.Dataset]:
-    """Items in order, the next of which is made in a thread of its own."""
+    """Yield items in order; a thread computes the next one meanwhile."""
     with closing(items), ThreadPoolExecutor(1) as pool:
         waiting = pool.submit(next, items, None)
         while (item := waiting.result()) is not None:
@@ -245,7 +245,7 @@ def _stream_points(
 def _reading_plan(
     path: Path, crs: str | None, variables: Collection[str] | None
 ) -> tuple[CrsReference, list[str], Any]:
-    """Reference of a file, variables to read, and what to decompress for them."""
+    """CRS of a file, variables to read, and the parts of points to decompress for them."""
     override = None if crs is None else reference_named(crs)
     with open_reader(path) as reader:
         reference = _crs_reference(reader.header, path, override)
@@ -255,7 +255,7 @@ def _reading_plan(
 
 
 def time_kind(header: Any, time: Any) -> str:
-    """What gps_time counts: as the flag says, unless the values contradict it."""
+    """Kind of GPS time: as the flag of the header states, unless the values contradict it."""
     standard = header.global_encoding.gps_time_type.value == 1
     known = time[np.isfinite(time)]
     if not standard and not (known.size and np.abs(known).max() > SECONDS_OF_WEEK):
@@ -306,8 +306,8 @@ def _check_bounds(bounds: Bounds | None) -> None:
     west, south, east, north = bounds
     if not (west <= east and south <= north):
         message = (
-            "bounds must be smallest easting, smallest northing, largest easting, largest "
-            f"northing [m], got {bounds}."
+            "bounds must be west, south, east and north edge [m], west <= east and south <= north, "
+            f"got {bounds}."
         )
         raise ValueError(message)
 

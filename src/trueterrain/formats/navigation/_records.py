@@ -45,7 +45,8 @@ def file_records(
             raise FormatError("is empty", path=path, cure="Copy or export it again.")
         if length % record:
             raise FormatError(
-                f"has {length} bytes, which is no multiple of the {record} bytes of a {name} record",
+                f"has {length} bytes, which is no multiple of the {record} bytes of a {name} "
+                "record",
                 path=path,
                 place=f"record {length // record + 1}",
                 cure=f"The file was cut off, or is no {name} file; copy or export it again.",
@@ -106,9 +107,9 @@ def refuse_value(
 
 def describe_intervals(time: Floats) -> dict[str, Any]:
     """Rate, jitter and gaps of ascending times."""
-    tally = IntervalStatistics()
-    tally.add(time)
-    return tally.to_dict()
+    intervals = IntervalStatistics()
+    intervals.add(time)
+    return intervals.to_dict()
 
 
 class IntervalStatistics:

@@ -257,15 +257,12 @@ def check_structure(
 
 
 def check_length(
-
     data: xr.Dataset, dim: str, minimum: int, *, path: str | Path | None, place: str
 ) -> None:
     """Raise a SchemaError if there are too few values along a dimension."""
-
     if data.sizes[dim] < minimum:
         found = data.sizes[dim] or "none"
         raise SchemaError(
-
             f"must have at least {minimum} {dim}{'s' if minimum > 1 else ''}, got {found}",
             path=path,
             place=place or None,

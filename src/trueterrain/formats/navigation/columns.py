@@ -1,4 +1,4 @@
-"""Navigation from a CSV or Parquet table; a frozen dataclass names its columns and conventions."""
+"""Navigation from a CSV or Parquet table whose columns a frozen dataclass names."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
@@ -203,8 +203,8 @@ def blocks(
     path : str or Path
         CSV or Parquet file.
     columns : NavigationColumns
-
-        Names of the columns.    origin : sequence of float, optional
+        Names of the columns.
+    origin : sequence of float, optional
         As for `read`.
     size : int
         Largest number of epochs in a block.
@@ -221,8 +221,8 @@ def blocks(
     """
     rules = EpochRules(path=path)
     used = columns.used()
-
-    frame_origin = None if origin is None else check_origin(origin)    unwrapper = YawUnwrapper()
+    frame_origin = None if origin is None else check_origin(origin)
+    unwrapper = YawUnwrapper()
     row = 0
     for raw in table_blocks(path, list(used.values()), size):
         values = {name: raw[column] for name, column in used.items()}
@@ -264,10 +264,10 @@ def describe(path: str | Path) -> dict[str, Any]:
     """
     names = table_columns(path)
     time = next(name for name in names if TIME.match(name.strip()))
-    tally = IntervalStatistics()
+    intervals = IntervalStatistics()
     for block in table_blocks(path, [time]):
-        tally.add(block[time])
-    problems = tally.problems("navigation")
+        intervals.add(block[time])
+    problems = intervals.problems("navigation")
     if not set(OURS.used().values()) <= set(names):
         problems.append(
             "its columns, units and signs are not known: name them with `NavigationColumns`, or in "
@@ -277,7 +277,7 @@ def describe(path: str | Path) -> dict[str, Any]:
         "format": "Navigation table",
         "kind": "navigation",
         "columns": names,
-        **tally.to_dict(),
+        **intervals.to_dict(),
         "crs": "",
         "problems": problems,
     }

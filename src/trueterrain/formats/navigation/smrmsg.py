@@ -28,10 +28,10 @@ FIELDS = 10
 #: One minute of arc [rad].
 ARC_MINUTE = float(np.deg2rad(1 / 60))
 
-#: How far beyond its ends the accuracy is taken as the last that is known [s]: one interval.
+#: Time beyond the ends of the file for which its last value is used [s]: one interval.
 REACH = 1.0
 
-# our names of the fields, in our order, with the factor to SI
+# variable of navigation: index of its field, factor to SI units
 _SD = {
     "sd_east": (2, 1.0),
     "sd_north": (1, 1.0),
@@ -61,7 +61,7 @@ def read(path: str | Path) -> xr.Dataset:
     FormatError
         If the file is cut off, or a value is negative or not finite, naming record and field.
     SchemaError
-        If time does not run forward.
+        If time does not ascend.
     """
     path = Path(path)
     clock = WeekUnwrapper(path)
@@ -85,7 +85,7 @@ def read(path: str | Path) -> xr.Dataset:
 def add_accuracy(
     navigation: xr.Dataset, accuracy: xr.Dataset, *, path: str | Path | None = None
 ) -> xr.Dataset:
-    """Navigation with standard deviations interpolated to its epochs.
+    """Add reported standard deviations to navigation, interpolated to its epochs.
 
     Parameters
     ----------
@@ -146,13 +146,13 @@ def describe(path: str | Path) -> dict[str, Any]:
         As by `read`.
     """
     data = read(path)
-    tally = IntervalStatistics()
-    tally.add(data.time.values)
+    intervals = IntervalStatistics()
+    intervals.add(data.time.values)
     return {
         "format": "SMRMSG",
         "kind": "accuracy",
-        **tally.to_dict(),
+        **intervals.to_dict(),
         "median": {name: float(data[name].median()) for name in _SD},
         "largest": {name: float(data[name].max()) for name in _SD},
-        "problems": tally.problems("accuracy"),
+        "problems": intervals.problems("accuracy"),
     }

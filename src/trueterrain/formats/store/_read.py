@@ -186,8 +186,8 @@ def _check_bounds(bounds: Bounds | None) -> None:
     west, south, east, north = bounds
     if not (west <= east and south <= north):
         message = (
-            "bounds must be smallest easting, smallest northing, largest easting, largest "
-            f"northing [m], got {bounds}."
+            "bounds must be west, south, east and north edge [m], west <= east and south <= north, "
+            f"got {bounds}."
         )
         raise ValueError(message)
 

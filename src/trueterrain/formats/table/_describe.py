@@ -1,4 +1,4 @@
-"""What a table of points or a profile amounts to."""
+"""Summaries of points and profiles in tables for ``trueterrain info``."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -10,7 +10,7 @@ from trueterrain.formats._flags import profile_flags
 from trueterrain.formats.point_filter import ReturnCounts
 from trueterrain.formats.table._text import Values
 
-_EQUAL = 1e-3  # spacings that differ by less than this fraction count as equal, as for ERD
+_EQUAL = 1e-3  # fraction by which equal spacings may differ: rounding, as for ERD
 
 
 def describe_profile(profile: xr.Dataset) -> dict[str, Any]:
@@ -27,9 +27,9 @@ def describe_profile(profile: xr.Dataset) -> dict[str, Any]:
     summary: dict[str, Any] = {"count": s.size, "extent": {"s": [float(s[0]), float(s[-1])]}}
     steps = np.diff(s)
     if steps.size:
-        smallest, largest = float(steps.min()), float(steps.max())
-        equal = largest - smallest <= _EQUAL * smallest
-        summary["spacing"] = float(np.median(steps)) if equal else [smallest, largest]
+        low, high = float(steps.min()), float(steps.max())
+        equal = high - low <= _EQUAL * low
+        summary["spacing"] = float(np.median(steps)) if equal else [low, high]
     return summary | {"tracks": tracks, "problems": problems}
 
 

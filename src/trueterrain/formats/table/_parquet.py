@@ -1,4 +1,4 @@
-"""Tables as Parquet, row group by row group (extra ``parquet``)."""
+"""Tables in Parquet, read and written block by block (extra ``parquet``)."""
 
 import json
 from collections.abc import Iterator
@@ -14,12 +14,12 @@ from trueterrain.formats._parquet import import_pyarrow, parquet_damage_named, r
 from trueterrain.formats.table._columns import TableLayout, layout_of
 from trueterrain.formats.table._text import Values
 
-_METADATA = b"trueterrain"  # key under which CRS and provenance are kept
-_ROWS = 1_000_000  # that are read at a time
+_METADATA = b"trueterrain"  # key of the metadata that hold CRS and provenance
+_ROWS = 1_000_000  # rows that are read at a time
 
 
 def open_parquet(path: Path, *, kind: str | None = None) -> tuple[Any, TableLayout, dict[str, Any]]:
-    """Open a file; returns pyarrow's file, the meaning of its columns, and our metadata."""
+    """Open a file; returns the file of pyarrow, the meaning of its columns, and the attributes."""
     _, pq = import_pyarrow(path)
     with parquet_damage_named(path):
         file = pq.ParquetFile(path, page_checksum_verification=True)
@@ -35,7 +35,7 @@ def open_parquet(path: Path, *, kind: str | None = None) -> tuple[Any, TableLayo
 def parquet_blocks(
     path: Path, file: Any, layout: TableLayout, size: int | None = None
 ) -> Iterator[Values]:
-    """Columns in SI, at most `size` rows at a time."""
+    """Yield the columns in SI units, at most `size` rows at a time."""
     pa, _ = import_pyarrow(path)
     labels = file.schema_arrow.names
     row, rows = 0, file.metadata.num_rows
@@ -80,7 +80,7 @@ def _check_values(layout: TableLayout, column: Any, values: Any, row: int, path:
 
 
 class ParquetWriter:
-    """Writes one row group per table of columns; use as a context manager."""
+    """Writer of one row group per block of columns; a context manager."""
 
     def __init__(self, temporary: Path, metadata: dict[str, Any]) -> None:
         self._pa, self._pq = import_pyarrow(temporary)
@@ -108,7 +108,7 @@ class ParquetWriter:
             _add_columns(self._written, batch)
 
     def require_same(self, path: Path) -> None:
-        """Raise if the file does not hold what was written."""
+        """Read the file back; raise if it differs from what was written."""
         found = Checksums()
         try:
             with self._pq.ParquetFile(self._path) as file:

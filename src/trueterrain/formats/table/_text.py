@@ -1,4 +1,4 @@
-"""Tables as text: fast where the text is good, exact about the line where it is not."""
+"""Tables of points and profiles in text: header, blocks of columns, checks of every row."""
 
 import math
 from collections.abc import Iterator
@@ -23,12 +23,12 @@ from trueterrain.formats.table._columns import (
 
 Values = dict[TableColumn, npt.NDArray[np.float64] | npt.NDArray[np.str_]]
 
-_TAIL = 1 << 16  # [bytes] in which the last line is looked for
+_TAIL = 1 << 16  # [bytes] at the end of a file in which its last line is searched
 
 
 @dataclass(frozen=True, kw_only=True)
 class TextTable:
-    """A text file whose head has been read."""
+    """Header of a text table: its rows and the meaning of its columns."""
 
     rows: TextRows
     "Where the rows of data begin, and how they are divided."
@@ -41,7 +41,7 @@ class TextTable:
 
 
 def open_text(path: Path, *, kind: str | None = None) -> TextTable:
-    """Read the head of a text table."""
+    """Read the header of a text table, and check its last line."""
     encoding = _detect_encoding(path)
     with path.open(encoding=encoding, newline=None) as stream, name_file_in_errors(path):
         head = find_head(stream, names_columns)
@@ -96,7 +96,7 @@ def text_blocks(table: TextTable, size: int | None = None) -> Iterator[Values]:
 
 
 def _has_gaps(values: Values) -> bool:
-    """Whether there are gaps: they may be meant, or be the trace of a line that was cut off."""
+    """Whether values are missing: on purpose, or because a line was cut off."""
     return any(
         column.name != "track" and not np.isfinite(array.astype(float)).all()
         for column, array in values.items()
