@@ -218,15 +218,15 @@ def test_marked_sentinels_are_missing(tmp_path):
     assert np.isnan(geotiff.read(path).height.values[1, 2])
 
 
-@pytest.mark.parametrize("share", [0.0, 0.01, 0.3, 0.5, 0.9, 0.99])
-def test_cut_anywhere(tmp_path, share):
+@pytest.mark.parametrize("fraction", [0.0, 0.01, 0.3, 0.5, 0.9, 0.99])
+def test_a_truncated_file_is_refused(tmp_path, fraction):
     path = tmp_path / "ground.tif"
     rng = np.random.default_rng(1)
     surface = make_surface(rng.normal(size=(90, 80)), easting=range(80), northing=range(90))
     geotiff.write(surface, path)
     content = path.read_bytes()
     cut = tmp_path / "cut.tif"
-    cut.write_bytes(content[: int(share * len(content))])
+    cut.write_bytes(content[: int(fraction * len(content))])
     assert_refused(cut, "is no whole GeoTIFF file")
 
 

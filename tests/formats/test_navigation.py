@@ -13,7 +13,7 @@ import trueterrain.formats.navigation as nav
 from trueterrain.core import provenance
 from trueterrain.core.errors import CoverageError, FormatError, SchemaError, TrueTerrainError
 from trueterrain.formats import navigation_signature
-from trueterrain.formats.navigation import (boreas, columns, sbet, smrmsg)
+from trueterrain.formats.navigation import boreas, columns, sbet, smrmsg
 from trueterrain.geometry.navigation_frames import (
     YawUnwrapper,
     check_origin,
@@ -190,9 +190,9 @@ def test_velocities_of_the_wander_frame_agree_with_the_positions(data):
     west = along * np.sin(wander) + left * np.cos(wander)
     time = navigation.time.values
     for name, velocity in (("east", -west), ("north", north), ("up", up)):
-        way = navigation[name].values[-1] - navigation[name].values[0]
+        distance = navigation[name].values[-1] - navigation[name].values[0]
         # [m] of 110 m: velocities and positions are filtered, not derived from each other
-        npt.assert_allclose(way, np.trapezoid(velocity, time), rtol=0, atol=0.01)
+        npt.assert_allclose(distance, np.trapezoid(velocity, time), rtol=0, atol=0.01)
 
 
 def test_measured_points_lie_where_the_scanner_looked(data):
@@ -217,7 +217,9 @@ def test_measured_points_lie_where_the_scanner_looked(data):
     scanner = np.stack([pose["east"], pose["north"], pose["up"]], axis=-1)
     beam = body.inv().apply(points - scanner)
     length = np.linalg.norm(beam, axis=1)
-    npt.assert_allclose([length.min(), length.max()], [4454, 5345], rtol=0, atol=1)  # [m] as told
+    npt.assert_allclose(
+        [length.min(), length.max()], [4454, 5345], rtol=0, atol=1
+    )  # [m] as published
     across = np.rad2deg(np.arctan2(-beam[:, 1], -beam[:, 2]))  # [deg] right positive
     stored = np.array(las.scan_angle_rank, dtype=float)
     slope, bias = np.polyfit(stored, across, 1)
@@ -439,19 +441,20 @@ def test_the_drives_load(data, name, rows, span):
 
 @pytest.mark.parametrize("name", POSES)
 def test_velocities_are_the_derivatives_of_the_positions(data, name):
-    """Over 10 s the way is the integral of the velocity, in length and direction."""
+    """Displacements over 10 s are the integral of the velocity, in length and direction."""
     navigation = nav.read_boreas(poses(data, name))
     table = pd.read_csv(poses(data, name))
     time = navigation.time.values
-    way = navigation.east.values + 1j * navigation.north.values
+    position = navigation.east.values + 1j * navigation.north.values
     velocity = table.vel_east.to_numpy() + 1j * table.vel_north.to_numpy()
     steps = np.diff(time) * (velocity[1:] + velocity[:-1]) / 2
     driven = np.concatenate([[0], np.cumsum(steps)])
-    d_way, d_driven = way[100::100] - way[:-100:100], driven[100::100] - driven[:-100:100]
-    ratio = np.vdot(d_driven, d_way) / np.vdot(d_driven, d_driven)
+    moved = position[100::100] - position[:-100:100]
+    expected = driven[100::100] - driven[:-100:100]
+    ratio = np.vdot(expected, moved) / np.vdot(expected, expected)
     npt.assert_allclose(abs(ratio), 1, rtol=0, atol=1e-4)  # a map projection would give 2.1e-4
     npt.assert_allclose(np.angle(ratio), 0, rtol=0, atol=1e-4)  # [rad] a map's north: 1.8e-2
-    speed = np.abs(np.gradient(way, time))
+    speed = np.abs(np.gradient(position, time))
     npt.assert_allclose(speed, np.abs(velocity), rtol=0, atol=1.5)  # [m/s] 0.1 s steps, braking
     assert np.sqrt(np.mean((speed - np.abs(velocity)) ** 2)) < 0.05  # [m/s]
 
@@ -469,10 +472,10 @@ def test_attitudes_are_those_of_a_car(data, name):
     # [rad] straight ahead; the rest is the slip of the lidar in bends
     npt.assert_allclose(np.median(slip), 0, rtol=0, atol=2e-3)
     assert np.std(slip) < 0.02
-    # nose-down positive: the pitch is minus the slope of the way (and lifts when accelerating)
+    # nose-down positive: the pitch is minus the slope of the road (and lifts when accelerating)
     slope = up[moving] / speed[moving]
-    ahead = np.gradient(speed, time)[moving]
-    terms = np.stack([slope, ahead, np.ones(slope.size)], axis=-1)
+    acceleration = np.gradient(speed, time)[moving]
+    terms = np.stack([slope, acceleration, np.ones(slope.size)], axis=-1)
     factor = np.linalg.lstsq(terms, navigation.pitch.values[moving], rcond=None)[0]
     npt.assert_allclose(factor[0], -1, rtol=0, atol=0.03)
     assert factor[1] < 0  # accelerating lifts the nose

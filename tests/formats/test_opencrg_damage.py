@@ -84,10 +84,10 @@ def assert_refused(path, match):
         assert caught.value.cure
 
 
-@pytest.mark.parametrize("share", [0.0, 0.01, 0.3, 0.5, 0.9, 0.99])
-def test_cut_anywhere(any_format, share):
+@pytest.mark.parametrize("fraction", [0.0, 0.01, 0.3, 0.5, 0.9, 0.99])
+def test_a_truncated_file_is_refused(any_format, fraction):
     content = any_format.read_bytes()
-    any_format.with_name("cut.crg").write_bytes(content[: int(share * len(content))])
+    any_format.with_name("cut.crg").write_bytes(content[: int(fraction * len(content))])
     assert_refused(any_format.with_name("cut.crg"), "must")
 
 

@@ -62,7 +62,7 @@ def small_blocks(monkeypatch):
 @pytest.fixture
 def sampled(monkeypatch):
     """The C-API gets only some long sections, as those of files beyond 64 MB."""
-    monkeypatch.setattr(_verify, "_MOST_BYTES", 4 * 5 * ROWS)
+    monkeypatch.setattr(_verify, "_MAX_BYTES", 4 * 5 * ROWS)
 
 
 def by_pycrg(surface, path, fmt, monkeypatch):
@@ -193,7 +193,7 @@ def test_memory(tmp_path, monkeypatch, holes):
     opencrg.write(road(holes=True), tmp_path / "road.crg")  # imports
     monkeypatch.setattr(_blocks, "_NODES", 1 << 10)
     monkeypatch.setattr(_write, "_SAMPLE", 1 << 10)
-    monkeypatch.setattr(_verify, "_MOST_CELLS", 1 << 10)
+    monkeypatch.setattr(_verify, "_MAX_CELLS", 1 << 10)
     line = sum(surface[name].nbytes for name in ("u", "easting", "northing", "elevation"))
     for work, most in (
         (lambda: opencrg.write(surface, tmp_path / "road.crg", force=True), 0.0),
@@ -411,8 +411,8 @@ def test_every_size_is_written(tmp_path, monkeypatch, v, given):
     surface = make_surface(noise, u=u, v=v, easting=u, northing=np.zeros(rows))
     size = 4 if fmt == "KRBI" else 8
     with monkeypatch.context() as limits:
-        limits.setattr(_verify, "_MOST_BYTES", given.draw(st.integers(1, size * noise.size + 1000)))
-        limits.setattr(_verify, "_MOST_CELLS", given.draw(st.integers(1, 2 * noise.size)))
+        limits.setattr(_verify, "_MAX_BYTES", given.draw(st.integers(1, size * noise.size + 1000)))
+        limits.setattr(_verify, "_MAX_CELLS", given.draw(st.integers(1, 2 * noise.size)))
         limits.setattr(_blocks, "_NODES", given.draw(st.integers(1, 2 * noise.size)))
         limits.setattr(_write, "_SAMPLE", given.draw(st.integers(1, 2 * noise.size)))
         path = tmp_path / "road.crg"
@@ -455,6 +455,6 @@ def test_cells_for_the_c_api_lie_in_all_columns():
     for rows, columns in ((160_000, 380), (16_000, 380), (1000, 1), (3, 2), (90_000, 64)):
         cells = (rows - 1) * columns
         chosen = np.arange(0, cells, _verify._sampling_step(cells, columns))
-        assert chosen.size <= _verify._MOST_CELLS
+        assert chosen.size <= _verify._MAX_CELLS
         assert np.unique(chosen % columns).size == columns or cells < columns
-        assert chosen.size > 0.8 * min(cells, _verify._MOST_CELLS)
+        assert chosen.size > 0.8 * min(cells, _verify._MAX_CELLS)

@@ -166,7 +166,7 @@ def test_a_named_scale_is_taken(tmp_path):
         ("extra_classification", [0, 1], "means something else"),
     ],
 )
-def test_what_las_has_no_room_for_is_refused(tmp_path, variable, values, rule):
+def test_variables_that_las_cannot_hold_are_refused(tmp_path, variable, values, rule):
     points = make_points([0.0, 1.0], [0.0, 1.0], [0.0, 1.0], **{variable: values})
     with pytest.raises(SchemaError, match=rule):
         las.write(points, tmp_path / "p.las")

@@ -324,14 +324,14 @@ def test_memory_stays_flat_while_a_run_is_written(tmp_path):
 
 def test_a_run_in_memory_is_written_and_read(store, tmp_path):
     tree = loaded(store)
-    told = []
-    runs.write(tree, tmp_path / "again.zarr", progress=lambda *words: told.append(words))
+    calls = []
+    runs.write(tree, tmp_path / "again.zarr", progress=lambda *words: calls.append(words))
     again = open_run(tmp_path / "again.zarr")
     for path, node in tree.subtree_with_keys:
         for name, variable in node.to_dataset(inherit=False).variables.items():
             npt.assert_array_equal(again[path].to_dataset(inherit=False)[name], variable)
     assert again.attrs == tree.attrs
-    assert told[-1] == ("scans", SCANS, SCANS)
+    assert calls[-1] == ("scans", SCANS, SCANS)
 
 
 def test_a_run_that_was_cut_is_written_and_read(store, tmp_path):
@@ -785,8 +785,8 @@ def test_accelerations_that_cannot_be(store):
     good = tree["accelerometers"]["acceleration"].values
     for factor, message in (
         (1 / 9.80665, "at sensor 0. Multiply by 9.80665 if the values are in g"),
-        (-1, "got -9.8.* at sensor 0. Turn the sign"),
-        (0, "a body at rest feels 9.81"),
+        (-1, "got -9.8.* at sensor 0. Change the sign"),
+        (0, "9.81 m/s2 for a body at rest"),
     ):
         with pytest.raises(SchemaError, match=message):
             check_run(changed(tree, "accelerometers", acceleration=good * factor))
@@ -889,9 +889,9 @@ def test_description_of_a_good_run(store):
     for name in ("east", "north", "up"):
         values = data["navigation"][name]
         npt.assert_allclose(summary["extent"][name], [values.min(), values.max()], **ROUND_OFF)
-    fifths = [*range(0, EPOCHS, 40), EPOCHS - 1]  # of a second: noise is no way
+    fifths = [*range(0, EPOCHS, 40), EPOCHS - 1]  # of a second: noise would lengthen the path
     steps = np.diff([data["navigation"][name][fifths] for name in ("east", "north", "up")], axis=1)
-    npt.assert_allclose(summary["way"], np.linalg.norm(steps, axis=0).sum(), rtol=0, atol=1e-9)
+    npt.assert_allclose(summary["distance"], np.linalg.norm(steps, axis=0).sum(), rtol=0, atol=1e-9)
     assert summary["accelerometers"]["sensors"] == 3
     assert summary["accelerometers"]["count"] == SAMPLES
     assert summary["bytes"] == sum(file.stat().st_size for file in files_of(store))
@@ -923,7 +923,7 @@ def test_description_tells_gaps_and_drop_outs(tmp_path):
     assert "scans: 1 gap in time, the longest 0.501" in problems
     assert "48% of the beams have no return" in problems
     assert "1 of 1845 have no return at all" in problems
-    assert "ranges reach the largest that can be kept, 6.5534 m" in problems
+    assert "ranges reach the largest that can be stored, 6.5534 m" in problems
 
 
 def test_description_lists_every_problem(copy):
@@ -947,7 +947,7 @@ def test_description_flags_jumps_and_jitter(tmp_path):
     data["navigation"]["time"] += np.where(np.arange(EPOCHS) % 2, 0.002, 0)
     problems = describe(record(tmp_path / "x.zarr", data, truth=False))["problems"]
     assert any("positions jump, as if at" in text for text in problems)
-    assert any("navigation: the time between two of them varies" in text for text in problems)
+    assert any("navigation: the interval between times varies" in text for text in problems)
 
 
 # --- import ---------------------------------------------------------------------------------------
@@ -1030,11 +1030,11 @@ FLAT = [
 @pytest.mark.parametrize("cells", [200, 1_000_000])
 def test_flat_files_give_the_run_that_was_written(store, tmp_path, kind, cells, monkeypatch):
     monkeypatch.setattr(scan_tables.scan_table_blocks, "__defaults__", (cells,))
-    told = []
+    calls = []
     import_run(
         flat(recording(), tmp_path / "flat", **kind),
         tmp_path / "x.zarr",
-        progress=lambda *words: told.append(words),
+        progress=lambda *words: calls.append(words),
     )
     tree, truth = open_run(tmp_path / "x.zarr"), open_run(store)
     # without a return there is no row, and so no intensity
@@ -1058,7 +1058,7 @@ def test_flat_files_give_the_run_that_was_written(store, tmp_path, kind, cells, 
     steps = provenance.provenance_steps(tree.to_dataset())
     assert [step["step"] for step in steps] == ["import"]
     assert steps[0]["inputs"][0]["name"] == "run.toml"
-    assert told[-1] == ("accelerometers", SAMPLES, None)
+    assert calls[-1] == ("accelerometers", SAMPLES, None)
 
 
 def described(folder, change, **kind):
@@ -1177,7 +1177,7 @@ def test_scans_outside_of_the_navigation_may_be_dropped(tmp_path):
     path = described(tmp_path, change, ending="parquet")
     time = recording()["time"] + 1.0
     inside = int(np.count_nonzero(time + 0.0009 <= 99.0 + 0.005 * (EPOCHS - 1)))
-    message = f"{SCANS - inside} scans outside of the navigation are left out"
+    message = f"{SCANS - inside} scans outside of the navigation are omitted"
     with pytest.warns(UserWarning, match=message):
         import_run(path, tmp_path / "x.zarr")
     assert open_run(tmp_path / "x.zarr")["scans"].sizes["scan"] == inside

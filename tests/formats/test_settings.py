@@ -289,8 +289,8 @@ class Mount:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wander:
-    """Drift that wanders."""
+class RandomDrift:
+    """Drift as a random process."""
 
     sd: float = 0.02
 
@@ -312,8 +312,8 @@ class Rig:
     """What carries instruments."""
 
     mount: Mount = field(default_factory=lambda: Mount(place=(-2.0, 1.0)))
-    claimed: Mount | None = field(default=None, metadata={"table": Mount(place=(-2.0, 1.0))})
-    drift: Wander | Series = field(default_factory=lambda: Wander(sd=0.5))
+    reported: Mount | None = field(default=None, metadata={"table": Mount(place=(-2.0, 1.0))})
+    drift: RandomDrift | Series = field(default_factory=lambda: RandomDrift(sd=0.5))
     layers: tuple[dict[str, object], ...] = ()
 
 
@@ -326,10 +326,10 @@ class Fleet:
 
 
 def test_a_table_completes_the_default_of_its_field():
-    rig = parse_settings(Rig, {"mount": {"clock": 0.5}, "claimed": {}})
+    rig = parse_settings(Rig, {"mount": {"clock": 0.5}, "reported": {}})
     assert rig.mount == Mount(place=(-2.0, 1.0), clock=0.5)
-    assert rig.claimed == Mount(place=(-2.0, 1.0))
-    assert parse_settings(Rig, {}).claimed is None
+    assert rig.reported == Mount(place=(-2.0, 1.0))
+    assert parse_settings(Rig, {}).reported is None
     assert parse_settings(Rig, {"mount": {"place": [0.0, 0.0]}}).mount == Mount()
 
 
@@ -347,7 +347,7 @@ def test_tables_of_another_class_are_not_completed():
     assert parse_settings(Rig, {"drift": series}).drift == Series(
         **{name: tuple(values) for name, values in series.items()}
     )
-    assert parse_settings(Rig, {"drift": {}}).drift == Wander(sd=0.5)
+    assert parse_settings(Rig, {"drift": {}}).drift == RandomDrift(sd=0.5)
 
 
 @pytest.mark.parametrize(

@@ -161,7 +161,9 @@ def test_info_adds_name_size_and_a_wrong_ending(tmp_path, profile):
     right = formats.info(tmp_path / "p.erd")
     assert right["file"] == str(tmp_path / "p.erd")
     assert right["bytes"] == (tmp_path / "p.erd").stat().st_size
-    assert right["problems"] == ["spacing 1 m: readers in the manner of UMTRI refuse 1 m and more"]
+    assert right["problems"] == [
+        "spacing 1 m: readers derived from that of UMTRI refuse 1 m and more"
+    ]
     (tmp_path / "p.erd").rename(tmp_path / "p.laz")
     wrong = formats.info(tmp_path / "p.laz")
     assert wrong["problems"][0] == "the name ends with '.laz', the content is ERD"

@@ -67,8 +67,8 @@ WRITERS = {
 
 
 @contextmanager
-def room_for(size):
-    """No file grows beyond a size [bytes], as on a disk that is full."""
+def max_file_size(size):
+    """Limit the size of files [bytes], as on a full disk."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
     try:
@@ -91,7 +91,10 @@ def test_a_full_disk_is_an_error_and_leaves_the_old_file(tmp_path, name, fractio
     before = content(path)
     largest = max(map(len, before.values()))
     for old in (True, False):
-        with room_for(max(0, int(fraction * largest) - 1)), pytest.raises(OutputError) as caught:
+        with (
+            max_file_size(max(0, int(fraction * largest) - 1)),
+            pytest.raises(OutputError) as caught,
+        ):
             write(data, path if old else tmp_path / f"new-{name}", force=True)
         assert "\n" not in str(caught.value)
         assert str(caught.value).startswith(str(path if old else tmp_path / f"new-{name}"))

@@ -1,4 +1,4 @@
-"""Writing arrays of Zarr 3 stores: codecs, chunks and attributes that runs and stores share."""
+"""Writing arrays of Zarr 3 stores: codecs, chunks and attributes, common to runs and stores."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence

@@ -132,7 +132,7 @@ def write(
     force : bool
         Replace an existing file.
     dtype : str
-        ``"float64"`` or ``"float32"``, which halves the size but rounds a height of 500 m by up to
+        ``"float64"`` or ``"float32"``, which halves the size but changes a height of 500 m by up to
         0.02 mm.
 
     Raises

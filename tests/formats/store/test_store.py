@@ -38,7 +38,7 @@ def cloud(count=1234, seed=1, crs="EPSG:25832"):
         lane=np.repeat(np.array([3, 7], np.uint16), [count // 2, count - count // 2]),
         sd=rng.uniform(0.001, 0.002, count).astype(np.float32),
     )
-    points = points.assign_attrs(gps_time_kind="week seconds", scans=7, share=np.float64(0.1))
+    points = points.assign_attrs(gps_time_kind="week seconds", scans=7, fraction=np.float64(0.1))
     return provenance.add_step(points, "measure", parameters={"beams": [1, 2]})
 
 
@@ -209,7 +209,7 @@ def test_edges_are_inside_and_places_that_are_none_outside(tmp_path):
     (block,) = formats.point_blocks(tmp_path / "a.zarr", bounds=(1, 1, 2, 2))
     npt.assert_array_equal(block.up, [1, 2])
     problems = formats.info(tmp_path / "a.zarr")["problems"]
-    assert problems == ["1 of 4 points are at no finite place"]
+    assert problems == ["1 of 4 points have coordinates that are not finite"]
 
 
 @pytest.mark.usefixtures("small_chunks")
@@ -237,7 +237,7 @@ def test_crs_of_the_user_and_arguments_without_sense(tmp_path):
         list(formats.point_blocks(tmp_path / "road.zarr"))
 
 
-def test_blocks_must_be_alike(tmp_path):
+def test_blocks_must_have_the_same_variables_and_crs(tmp_path):
     for second, words in (
         (cloud(5).drop_vars("sd"), "must have the same variables"),
         (cloud(5).assign(sd=cloud(5)["sd"].astype(float)), "sd .float64.* after .*sd .float32"),

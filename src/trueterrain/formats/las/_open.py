@@ -191,7 +191,8 @@ def read_chunk_table(path: Path, header: Any, record: Any = None) -> list[LasChu
     """Read the table of chunks, and check that no chunk is larger than the file.
 
     lazrs allocates the sizes that chunks, layers and the table of chunks state, and aborts the
-    process if memory does not suffice. `record` is the LASzip record, by default that of the header.
+    process if memory does not suffice. `record` is the LASzip record; by default that of the
+    header.
     """
     records = header.vlrs.get("LasZipVlr") if record is None else [record]
     if not records:

@@ -1,4 +1,4 @@
-"""Surfaces from OpenCRG files, and what such files hold."""
+"""Read surfaces from OpenCRG files, and describe such files."""
 
 import json
 import logging
@@ -21,23 +21,22 @@ from trueterrain.formats.opencrg._payload import CrgPayload
 
 Floats = npt.NDArray[np.float64]
 
-#: Line in the free text of files that we write, since OpenCRG has no place for a CRS.
+#: Prefix of the line of free text that holds the CRS, for which OpenCRG has no field.
 CRS_MARK = "crs: "
-#: Lines that carry the provenance of what we write, as JSON.
+#: Prefix of the lines of free text that hold the provenance, as JSON.
 HISTORY_MARK = "history: "
 
 _SINGLE = 1.2e-7  # [1] pycrg holds heights as float32
 _SAME_PLACE = 1e-6  # [m]
 
-# the library reports what is wrong by itself; without a handler, warnings of the C code would be
-# printed as well
+# pycrg raises errors and logs them, too; without a handler, warnings of the C code are printed
 logging.getLogger("pycrg").addHandler(logging.NullHandler())
 
 
 def read(path: str | Path) -> xr.Dataset:
-    """Surface from an OpenCRG file, in the coordinates in which it is stored.
+    """Read a surface from an OpenCRG file, in the coordinates in which it is stored.
 
-    Modifiers that the file asks for are not applied; they are kept, like its options, as JSON in
+    Modifiers of the file are not applied; they are kept, like its options, as JSON in
     ``attrs["opencrg_modifiers"]`` and ``attrs["opencrg_options"]``.
 
     Parameters
@@ -48,13 +47,13 @@ def read(path: str | Path) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        Surface with dims (u, v). ``height`` [m] is whole: grid, elevation of the reference line and
-        banking together. ``banking`` [m/m] is present if the file has it.
+        Surface with dims (u, v). ``height`` [m] is the sum of grid, elevation of the reference line
+        and banking. ``banking`` [m/m] is present if the file has it.
 
     Raises
     ------
     FormatError
-        If the file is damaged, cut off, refers to another file, or is no OpenCRG file.
+        If the file is damaged, cut off, refers to another file, or is not an OpenCRG file.
 
     Examples
     --------
@@ -73,7 +72,7 @@ def read(path: str | Path) -> xr.Dataset:
 
 
 def describe(path: str | Path) -> dict[str, Any]:
-    """What an OpenCRG file holds and what is flagged about it.
+    """Summary of an OpenCRG file for ``trueterrain info``.
 
     Parameters
     ----------
@@ -84,8 +83,8 @@ def describe(path: str | Path) -> dict[str, Any]:
     -------
     dict
         ``format``, ``kind``, ``number_format``, ``size`` (cross-sections, long sections),
-        ``spacing``, ``range`` and ``extent`` [m], ``missing`` (share of nodes without height),
-        ``curvature`` of the reference line (least, greatest) [1/m], ``crs``, ``modifiers``,
+        ``spacing``, ``range`` and ``extent`` [m], ``missing`` (fraction of nodes without height),
+        ``curvature`` of the reference line (minimum, maximum) [1/m], ``crs``, ``modifiers``,
         ``options``, ``comment`` and ``problems``.
 
     Raises
@@ -136,7 +135,7 @@ def describe(path: str | Path) -> dict[str, Any]:
 
 
 class _StoredSurface(NamedTuple):
-    """What stands in a file: its header, and the grid and reference line that follow."""
+    """Contents of a file: header, offsets of the long sections, reference line and grid."""
 
     header: CrgHeader
     offsets: Floats
@@ -169,9 +168,9 @@ def _reference_line(header: CrgHeader) -> pycrg.CrgGrid:
 
 
 def _require_agreement(header: CrgHeader, numbers: CrgPayload, line: pycrg.CrgGrid) -> None:
-    """Two readers of one file must find the same: our own and the ASAM C-API.
+    """Raise unless this package and the ASAM C-API read the same numbers from a file.
 
-    The heights of the C-API, held as float32, give way to those that stand in the file.
+    Heights of the C-API, which are float32, are replaced by those of the file.
     """
     same = numbers.shape == line.z.shape and abs(line.u[0] - header.start) < _SAME_PLACE
     for rows in row_blocks(numbers.shape) if same else ():
@@ -201,7 +200,7 @@ def _require_agreement(header: CrgHeader, numbers: CrgPayload, line: pycrg.CrgGr
 def _assemble_surface(stored: _StoredSurface) -> xr.Dataset:
     header, v, line = stored.header, stored.offsets, stored.line
     banked = bool(line.bank.any())
-    height = line.z  # no copy: a second one would not be small
+    height = line.z  # in place: a copy of a large surface would double the memory
     for rows in row_blocks(height.shape):
         height[rows] += line.ref_z[rows, None]
         if banked:
@@ -224,7 +223,7 @@ def _assemble_surface(stored: _StoredSurface) -> xr.Dataset:
 
 
 def _marked_text(header: CrgHeader, mark: str) -> str:
-    """Text that was broken into lines with a mark."""
+    """Text of all lines of the comment that begin with a mark, joined."""
     return "".join(line.removeprefix(mark) for line in header.comment if line.startswith(mark))
 
 
@@ -240,7 +239,7 @@ def _restore_history(surface: xr.Dataset, header: CrgHeader) -> None:
 
 
 def _section_ends(easting: Floats, northing: Floats, v: Floats) -> Floats:
-    """Both ends of each cross-section [m], on the mitre of its two chords of equal length."""
+    """Both ends of each cross-section [m], on the bisector of its two chords of equal length."""
     along = np.stack([np.gradient(easting), np.gradient(northing)], axis=-1)
     chord = np.hypot(easting[1] - easting[0], northing[1] - northing[0])
     along *= chord / (along**2).sum(axis=1, keepdims=True)

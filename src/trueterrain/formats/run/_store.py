@@ -1,4 +1,4 @@
-"""A Zarr store whose arrays grow row by row."""
+"""Zarr store of a run, whose arrays are appended to block by block."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,15 +13,15 @@ from trueterrain.formats._zarr import ARRAYS
 from trueterrain.formats._zarr_write import create_array, json_attrs, make_compressors
 from trueterrain.formats.run._schema import ROW_CHUNK
 
-_CHUNK_VALUES = 1_000_000  # values in a chunk of more than one dimension, at most
+_CHUNK_VALUES = 1_000_000  # largest number of values in a chunk of several dimensions
 
 Array = npt.NDArray[Any]
 
 
 class AppendableStore:
-    """Arrays of a Zarr store that rows are appended to.
+    """Zarr store with arrays that grow along their first dimension.
 
-    Rows wait until they fill a chunk, so that memory stays flat, each chunk is written once, and
+    Rows are buffered until they fill a chunk: so memory stays flat, each chunk is written once, and
     blocks of any size give the same bytes.
     """
 
@@ -60,7 +60,7 @@ class AppendableStore:
         chunk: int | None = None,
         fill: float | None = None,
     ) -> None:
-        """Make an array without rows, whose rows will be as those of `like`."""
+        """Create an array without rows; shape and type of a row are those of `like`."""
         chunk = chunk or _rows_of(like.shape)
         shape = (0, *like.shape[1:])
         array = self._create(path, shape, chunk, like.dtype, dims, attrs, fill)
@@ -71,7 +71,7 @@ class AppendableStore:
         self._rows[path].append(rows)
 
     def close(self, path: Path) -> None:
-        """Write the rows that still wait, and read all back; errors name the path of the output."""
+        """Write the buffered rows, and read all back; errors name `path`, that of the output."""
         for rows in self._rows.values():
             rows.close()
         self._root.attrs[ARRAYS] = sorted(self._needed)
@@ -97,7 +97,7 @@ class AppendableStore:
         if np.dtype(dtype).kind not in "fiub":
             message = f"{path} must hold numbers, got {dtype}."
             raise ValueError(message)
-        if not path.startswith("truth/"):  # which may be taken away from a run
+        if not path.startswith("truth/"):  # the truth may be removed from a run
             self._needed.append(path)
         chunks = (chunk, *(max(1, n) for n in shape[1:])) if shape else ()
         array = create_array(
@@ -117,7 +117,7 @@ class AppendableStore:
 
 
 class _RowBuffer:
-    """Rows of an array, written whole chunk by whole chunk."""
+    """Buffer of the rows of an array, written in whole chunks."""
 
     def __init__(self, array: zarr.Array[Any], written: Checksums) -> None:
         self._array = array
@@ -128,7 +128,7 @@ class _RowBuffer:
         self._checksums = written
 
     def append(self, values: Array) -> None:
-        """Append rows; whole chunks are written, the rest waits."""
+        """Append rows; whole chunks are written, the rest is buffered."""
         start = 0
         while start < len(values):
             if self._filled == 0 and len(values) - start >= self._chunk:
@@ -143,7 +143,7 @@ class _RowBuffer:
             start = end
 
     def close(self) -> None:
-        """Write what waits."""
+        """Write the buffered rows."""
         if self._filled:
             self._write(self._waiting[: self._filled])
             self._filled = 0
@@ -157,5 +157,5 @@ class _RowBuffer:
 
 
 def _rows_of(shape: tuple[int, ...]) -> int:
-    """Rows in a chunk."""
+    """Number of rows in a chunk."""
     return max(1, min(ROW_CHUNK, _CHUNK_VALUES // max(1, int(np.prod(shape[1:])))))

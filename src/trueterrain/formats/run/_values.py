@@ -1,4 +1,4 @@
-"""Arguments of the writer: their shapes, and ranges and intensities as stored whole numbers."""
+"""Arguments of `RunWriter`: checks of shapes, ranges and intensities as stored integers."""
 
 from pathlib import Path
 from typing import Any
@@ -12,14 +12,14 @@ from trueterrain.formats.run._schema import QUANTUM
 Array = npt.NDArray[Any]
 Floats = npt.NDArray[np.float64]
 
-_STEPS_16 = 2**16 - 1  # the largest number marks no return
+_STEPS_16 = 2**16 - 1  # the largest integer marks a beam without a return
 _STEPS_32 = 2**32 - 1
 
 
 def quantise_ranges(
     ranges: npt.NDArray[Any], fill: int, first: int, path: Path
 ) -> npt.NDArray[Any]:
-    """Ranges in steps; NaN becomes the number that marks no return."""
+    """Ranges [m] as integers, steps of 0.1 mm; NaN becomes `fill`."""
     steps = np.asarray(ranges, dtype=np.float64) / QUANTUM
     np.rint(steps, out=steps)
     good = (steps >= 1) & (steps < fill)
@@ -43,7 +43,7 @@ def quantise_ranges(
 
 
 def whole_intensity(intensity: npt.NDArray[Any], first: int, path: Path) -> npt.NDArray[np.uint16]:
-    """Intensities as whole numbers; NaN, where there was no return, becomes 0."""
+    """Intensities as integers; NaN (no return) becomes 0."""
     if intensity.dtype == np.uint16:
         return intensity
     values = (

@@ -1,4 +1,4 @@
-"""How a dataset lies in a store, and whether a store is whole."""
+"""Layout of a store: its arrays, their chunks and its summary; opening a store with checks."""
 
 import json
 from collections.abc import Mapping
@@ -21,17 +21,17 @@ from trueterrain.formats._zarr import (
 )
 from trueterrain.formats.signature import kind_of_store
 
-CHUNK = 250_000  # values; blocks of a million points are made of whole chunks
+CHUNK = 250_000  # values in a chunk; blocks of a million points consist of whole chunks
 
 #: Group that lists the arrays.
 SUMMARY = "summary"
 
-#: Array in it with least and greatest easting and northing of the points in each chunk.
+#: Array in it with minimum and maximum of easting and northing of the points in each chunk.
 BOUNDS = f"{SUMMARY}/bounds"
 
-_TEXTS = "texts"  # attribute of an array of numbers that stand for texts
+_TEXTS = "texts"  # attribute of an array of integers: the texts that they stand for
 
-# what a kind of data cannot be without
+# required variables of each kind of data
 _NEEDED = {"points": ("easting", "northing", "up"), "surface": ("height",), "profile": ("height",)}
 
 Values = npt.NDArray[Any]
@@ -39,7 +39,7 @@ Values = npt.NDArray[Any]
 
 @dataclass(frozen=True, kw_only=True)
 class ArrayEntry:
-    """What the summary says of an array."""
+    """Description of an array in the summary."""
 
     name: str
     dims: list[str]
@@ -72,7 +72,7 @@ _STATISTICS: dict[str, Any] = {
 
 @dataclass(frozen=True, kw_only=True)
 class OpenedStore:
-    """A store that is open, and has been found to be whole."""
+    """Open store, in which no array or chunk is missing."""
 
     path: Path
     kind: str
@@ -81,8 +81,8 @@ class OpenedStore:
     statistics: dict[str, Any]
     arrays: dict[str, StoredArray]
     bounds: StoredArray | None
-    strange: list[str]
-    "Names of arrays and groups that the summary does not know."
+    unlisted: list[str]
+    "Names of arrays and groups that the summary does not list."
 
     @property
     def sizes(self) -> dict[str, int]:
@@ -104,7 +104,7 @@ class OpenedStore:
         return self.bounds.read()
 
     def variable(self, entry: ArrayEntry, rows: slice = slice(None)) -> xr.Variable:
-        """An array as it was before it was written."""
+        """Variable of an array, or rows of it, as it was written."""
         attrs = dict(self.arrays[entry.name].attrs)
         values = self.values(entry.name, rows)
         texts = attrs.pop(_TEXTS, None)
@@ -126,7 +126,7 @@ def rows_of(kind: str, dims: Mapping[Any, Any] | tuple[Any, ...]) -> str:
 
 
 def create_group(path: Path, attrs: Mapping[Any, Any]) -> zarr.Group:
-    """Group with the attributes of a dataset."""
+    """Create the group of a store with the attributes of a dataset."""
     return zarr.create_group(path, zarr_format=3, attributes=plain_attrs(attrs, "the dataset"))
 
 
@@ -140,7 +140,7 @@ def create_array(
     attrs: Mapping[Any, Any],
     rows: str,
 ) -> "zarr.Array[Any]":
-    """Array without values, in chunks along the dimension `rows`."""
+    """Create an array without values, in chunks along the dimension `rows`."""
     dtype = np.dtype(dtype).newbyteorder("=")
     if dtype.kind not in "fiub":
         raise SchemaError(f"must hold numbers, got {dtype}", place=f"variable {name}")
@@ -164,19 +164,19 @@ def create_array(
 
 
 def as_numbers(variable: xr.Variable) -> tuple[Any, dict[Any, Any]]:
-    """Variable and attributes to write; numbers stand for texts, which Zarr 3 knows no type for."""
+    """Variable and attributes to write; texts become integers, as Zarr 3 has no type for them."""
     if variable.dtype.kind not in "UOT":
         return variable, dict(variable.attrs)
     values = np.asarray(variable.values)
     if not all(isinstance(value, str) for value in values.ravel()):
-        return variable, dict(variable.attrs)  # neither numbers nor texts: refused as such
+        return variable, dict(variable.attrs)  # neither numbers nor texts: refused on writing
     texts, index = np.unique(values.astype(str), return_inverse=True)
     numbers = xr.Variable(variable.dims, index.reshape(values.shape).astype(np.int32))
     return numbers, {**variable.attrs, _TEXTS: texts.tolist()}
 
 
 def plain_attrs(attrs: Mapping[Any, Any], place: str) -> dict[str, Any]:
-    """Attributes as JSON keeps them."""
+    """Attributes as JSON holds them; a SchemaError names a type that JSON cannot hold."""
     try:
         return _zarr_write.json_attrs(attrs, _refuse_attribute)
     except TypeError as error:
@@ -187,7 +187,7 @@ def plain_attrs(attrs: Mapping[Any, Any], place: str) -> dict[str, Any]:
 def write_summary(
     root: zarr.Group, entries: list[ArrayEntry], statistics: Mapping[str, Any]
 ) -> None:
-    """Write what must be there, when all of it is."""
+    """Write the summary; it comes last, so that a store without it is incomplete."""
     summary = {"variables": [asdict(entry) for entry in entries], "statistics": dict(statistics)}
     root.require_group(SUMMARY).attrs.update(plain_attrs(summary, SUMMARY))
 
@@ -198,7 +198,7 @@ def open_store(path: str | Path) -> OpenedStore:
     Raises
     ------
     FormatError
-        If it is no store of points, a surface or a profile, of a newer schema, or not whole.
+        If it is not a store of points, a surface or a profile, has a newer schema, or lacks chunks.
     """
     path = Path(path)
     kind = kind_of_store(path)
@@ -226,7 +226,7 @@ def open_store(path: str | Path) -> OpenedStore:
         statistics=statistics,
         arrays=arrays,
         bounds=_chunk_bounds(path, arrays["easting"]) if kind == "points" else None,
-        strange=sorted(
+        unlisted=sorted(
             part.name
             for part in path.iterdir()
             if part.is_dir() and part.name not in {*arrays, SUMMARY}
@@ -235,12 +235,12 @@ def open_store(path: str | Path) -> OpenedStore:
 
 
 def _is_folder_name(name: str) -> bool:
-    """Whether a name is that of one folder, and leads to no other place."""
+    """Whether a name is that of a folder in the store, not a path out of it."""
     return name.strip(". ") != "" and not set(name) & set("/\\\0")
 
 
 def _read_summary(path: Path, kind: str) -> tuple[list[ArrayEntry], dict[str, Any]]:
-    """What the summary says of the arrays, and its statistics."""
+    """Read the summary: descriptions of the arrays, and statistics."""
     from pydantic import TypeAdapter, ValidationError
 
     place = f"group {SUMMARY}"
@@ -264,7 +264,7 @@ def _read_summary(path: Path, kind: str) -> tuple[list[ArrayEntry], dict[str, An
 
 
 def _open_array(path: Path, entry: ArrayEntry) -> StoredArray:
-    """Array of a store, as the summary describes it, whose chunks are all there."""
+    """Open an array; raise unless it agrees with the summary and no chunk is missing."""
     array = StoredArray(path, entry.name)
     is_ = (list(array.dims), list(array.shape), str(array.dtype))
     was = (entry.dims, entry.shape, entry.dtype)
@@ -276,7 +276,7 @@ def _open_array(path: Path, entry: ArrayEntry) -> StoredArray:
 
 
 def _chunk_bounds(path: Path, points: StoredArray) -> StoredArray:
-    """Bounds of the chunks of points."""
+    """Open the array of the bounds of the chunks of points."""
     bounds = StoredArray(path, BOUNDS)
     chunks = -(-points.shape[0] // CHUNK)
     if bounds.shape != (chunks, 4):

@@ -12,8 +12,8 @@ path     ``easting,northing`` (or ``x,y``): waypoints in order along the path, s
 Columns of heights may be named as their tracks: ``s,left,right``, ``station,track 1,track 2 [mm]``.
 Lengths are metres unless the header names another unit: ``height [mm]``, ``s_ft``, ``height inch``.
 Columns are separated by commas, semicolons, tabs or blanks; except with commas, numbers may have
-decimal commas. Titles before the header and lines that begin with # are skipped. Without a header, two
-columns of numbers are ``s height`` and three are ``easting northing up``, in metres: ``info`` and
+decimal commas. Titles before the header and comment lines (#) are skipped. Without a header, two
+columns are ``s height`` and three are ``easting northing up``, in metres: ``info`` and
 commands that rate profiles warn of this assumption.
 
 Text keeps numbers to the last bit, but neither CRS nor provenance; Parquet keeps these, too.
