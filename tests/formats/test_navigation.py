@@ -1,4 +1,4 @@
-"""Navigation: SBET, SMRMSG, Boreas poses and tables against independent numbers."""
+"""Navigation: SBET, SMRMSG, Boreas poses and tables compared with independent numbers."""
 
 import sys
 
@@ -100,7 +100,7 @@ def test_angles_of_iso_8855_for_a_body_at_the_origin():
 
 
 def test_attitude_far_from_the_origin_follows_the_positions():
-    """A point 1 m ahead of (right of, below) the body is where the ellipsoid says it is."""
+    """A point 1 m in front of (right of, below) the body lies where the ellipsoid puts it."""
     origin = (11.0, 48.0, 400.0)
     lon, lat, height = np.deg2rad(11.2), np.deg2rad(48.15), 600.0
     r, q, h = 0.03, -0.05, 1.1
@@ -137,7 +137,7 @@ def test_yaw_differs_by_the_convergence_of_the_meridians():
 @pytest.mark.parametrize(
     "origin", [(1.0, 2.0), (1.0, 91.0, 0.0), (361.0, 0.0, 0.0), (np.nan, 0.0, 0.0)]
 )
-def test_an_origin_must_be_a_place(origin):
+def test_an_invalid_origin_is_refused(origin):
     with pytest.raises(ValueError, match="origin must"):
         check_origin(origin)
 
@@ -154,7 +154,7 @@ def test_yaw_continues_over_a_full_turn():
 # --- SBET -----------------------------------------------------------------------------------------
 
 
-def test_the_measured_sbet_reads_right(data):
+def test_the_measured_sbet_is_read_correctly(data):
     navigation = nav.read_sbet(leeward(data) / "sbet.out")
     assert navigation.sizes["epoch"] == 200
     time = navigation.time.values
@@ -244,7 +244,7 @@ def test_wander_is_subtracted_from_the_heading(tmp_path):
     npt.assert_allclose(nav.read_sbet(path).yaw[0], np.pi / 2 - 0.2, rtol=0, atol=1e-9)
 
 
-def test_an_origin_of_ones_own(tmp_path):
+def test_an_origin_given_by_the_user(tmp_path):
     path = sbet_file(tmp_path, records())
     origin = (11.0, 48.0, 490.0)
     navigation = nav.read_sbet(path, origin=origin)
@@ -274,7 +274,7 @@ def test_an_empty_sbet(tmp_path):
         nav.read_sbet(sbet_file(tmp_path, records(0)))
 
 
-def test_a_single_record_is_no_navigation(tmp_path):
+def test_a_single_record_is_refused(tmp_path):
     with pytest.raises(SchemaError, match="at least 2 epochs, got 1"):
         nav.read_sbet(sbet_file(tmp_path, records(1)))
 
@@ -323,7 +323,7 @@ def test_description_of_the_measured_sbet(data):
     npt.assert_allclose(summary["extent"]["latitude"], [37.7638, 37.7648], rtol=0, atol=1e-4)
 
 
-def test_description_tells_gaps(tmp_path):
+def test_description_lists_gaps(tmp_path):
     path = sbet_file(tmp_path, records(time=[10.0, 10.005, 10.010, 12.0, 12.005]))
     summary = sbet.describe(path)
     assert summary["gap_count"] == 1
@@ -332,7 +332,7 @@ def test_description_tells_gaps(tmp_path):
     assert "1 gap in time" in summary["problems"][0]
 
 
-def test_description_flags_times_that_are_no_seconds_of_the_week(tmp_path):
+def test_description_flags_times_beyond_the_gps_week(tmp_path):
     path = sbet_file(tmp_path, records(time=1.3e9 + np.arange(5)))
     assert "no seconds of the GPS week" in sbet.describe(path)["problems"][0]
 
@@ -340,7 +340,7 @@ def test_description_flags_times_that_are_no_seconds_of_the_week(tmp_path):
 # --- SMRMSG ---------------------------------------------------------------------------------------
 
 
-def test_the_measured_accuracies_read_right(data):
+def test_the_measured_accuracies_are_read_correctly(data):
     accuracy = nav.read_smrmsg(data / "scanning" / "accuracy" / "smrmsg.smrmsg")
     assert accuracy.sizes["epoch"] == 21902
     medians = {name: float(accuracy[name].median()) for name in accuracy.data_vars}
@@ -406,7 +406,7 @@ def start_of(path):
         return stream.read(1024)
 
 
-def test_files_without_a_header_are_recognised_by_their_values(data):
+def test_sbet_and_smrmsg_are_recognised_by_their_values(data):
     a = leeward(data) / "sbet.out"
     b = data / "scanning" / "accuracy" / "smrmsg.smrmsg"
     for path, is_sbet, is_smrmsg in ((a, True, False), (b, False, True)):
@@ -429,7 +429,7 @@ def test_files_without_a_header_are_recognised_by_their_values(data):
 @pytest.mark.parametrize(
     ("name", "rows", "span"), [(POSES[0], 10790, 1119), (POSES[1], 9967, 1034)]
 )
-def test_the_drives_load(data, name, rows, span):
+def test_the_drives_are_read(data, name, rows, span):
     navigation = nav.read_boreas(poses(data, name))
     summary = boreas.describe(poses(data, name))
     assert navigation.sizes["epoch"] == rows == summary["count"]
@@ -529,7 +529,7 @@ def our_table(count=300):
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
-def test_tables_with_our_names_keep_every_bit(tmp_path, ending):
+def test_tables_with_default_names_are_read_exactly(tmp_path, ending):
     table = our_table()
     path = tmp_path / f"nav.{ending}"
     table.to_csv(path, index=False) if ending == "csv" else table.to_parquet(path)
@@ -578,7 +578,7 @@ def test_a_table_of_degrees_equals_the_sbet(tmp_path):
         npt.assert_allclose(navigation[name], truth[name], **ANGLE)
 
 
-def test_heading_without_a_place_turns_into_yaw(tmp_path):
+def test_heading_without_a_position_becomes_yaw(tmp_path):
     table = our_table(5).rename(columns={"yaw": "heading"})
     path = tmp_path / "nav.csv"
     table.to_csv(path, index=False)
@@ -676,7 +676,7 @@ def test_a_latitude_beyond_the_pole(tmp_path):
         nav.read_columns(path, chosen)
 
 
-# --- the kind -------------------------------------------------------------------------------------
+# --- schema ---------------------------------------------------------------------------------------
 
 
 def test_schema_of_navigation():
