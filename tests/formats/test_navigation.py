@@ -309,7 +309,7 @@ def test_a_record_that_is_nan(tmp_path, name):
 def test_bytes_in_the_wrong_order(tmp_path):
     path = tmp_path / "sbet.out"
     records().astype(">f8").tofile(path)
-    with pytest.raises(FormatError, match=r"record 1, .*wrong order"):
+    with pytest.raises(FormatError, match=r"record 1, .*byte order is wrong"):
         nav.read_sbet(path)
 
 

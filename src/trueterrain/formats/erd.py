@@ -27,6 +27,7 @@ import xarray as xr
 from trueterrain.core import Checksums, provenance, whole_output
 from trueterrain.core.errors import FormatError, SchemaError
 from trueterrain.core.schemas import check_profile, make_profile
+from trueterrain.formats._bounds import value_range
 from trueterrain.formats._erd_text import COLUMNS, SIGNATURE, TEXT, UNITS, ErdHeader, load_erd
 from trueterrain.formats._flags import profile_flags
 
@@ -168,8 +169,7 @@ def describe(path: str | Path) -> dict[str, Any]:
             continue
         height = values[:, channel] * UNITS[unit]
         problems += profile_flags(name, s, height)
-        known = height[np.isfinite(height)]
-        low, high = (float(known.min()), float(known.max())) if known.size else (None, None)
+        low, high = value_range(height) or (None, None)
         tracks.append({"name": name, "lowest": low, "highest": high})
     if header.step >= _UMTRI_STEP:
         problems.append(

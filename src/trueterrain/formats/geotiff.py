@@ -21,6 +21,7 @@ import xarray as xr
 from trueterrain.core import Checksums, not_whole, provenance, require_writable, whole_output
 from trueterrain.core.errors import FormatError, OutputError, TrueTerrainError
 from trueterrain.core.schemas import check_surface, make_surface
+from trueterrain.formats._bounds import value_range
 from trueterrain.geometry.crs import parse_crs
 
 Floats = npt.NDArray[np.float64]
@@ -107,9 +108,9 @@ def describe(path: str | Path) -> dict[str, Any]:
         "size": list(height.shape),
         "spacing": spacing,
         "extent": {
-            "easting": _value_range(surface["easting"].values),
-            "northing": _value_range(surface["northing"].values),
-            "height": _value_range(height),
+            "easting": value_range(surface["easting"].values),
+            "northing": value_range(surface["northing"].values),
+            "height": value_range(height),
         },
         "missing": float(np.isnan(height).mean()),
         "bands": bands,
@@ -403,8 +404,3 @@ def _flag_surface(surface: xr.Dataset, bands: list[str]) -> list[str]:
     elif np.ptp(finite) == 0:
         found.append(f"all heights are {finite[0]:g} m")
     return found
-
-
-def _value_range(values: Floats) -> list[float] | None:
-    finite = values[np.isfinite(values)]
-    return [float(finite.min()), float(finite.max())] if finite.size else None

@@ -255,7 +255,7 @@ def attribute_docs(kind: type) -> dict[str, str]:
 
 
 def _complete_values(base: Any, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Values with those by which `base`, a dataclass or an instance, differs from its class."""
+    """Add to values those by which `base`, a dataclass or instance, differs from its class."""
     kind = base if isinstance(base, type) else type(base)
     hints, out = typing.get_type_hints(kind), dict(given)
     if not set(given) <= {field.name for field in dataclasses.fields(kind)}:
@@ -281,13 +281,13 @@ def _complete_values(base: Any, given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _table_of(field: Any, value: Any) -> Any:
-    """Instance that completes a table, if there is one."""
+    """Instance whose values a table takes for keys that it omits, if there is one."""
     table = value if dataclasses.is_dataclass(value) else field.metadata.get("table")
     return None if isinstance(table, type) else table
 
 
 def _format_table(settings: Any, path: tuple[str, ...], *, commented: bool) -> list[str]:
-    """Lines of a table: its values first, then the tables in it, as TOML wants them."""
+    """Lines of a table: first its values, then its tables, as TOML requires."""
     kind = settings if isinstance(settings, type) else type(settings)
     docs, hints = attribute_docs(kind), typing.get_type_hints(kind)
     lines: list[str] = []
@@ -307,10 +307,10 @@ def _format_table(settings: Any, path: tuple[str, ...], *, commented: bool) -> l
                 )
         elif inner and value in (None, dataclasses.MISSING, (), []):
             array = typing.get_origin(hints[field.name]) in (tuple, list)
-            # a table that must be there stands open, what is needed in it is to be filled in
-            aside = commented or array or value is not dataclasses.MISSING
+            # a required table is not a comment: the user fills in its required values
+            as_comment = commented or array or value is not dataclasses.MISSING
             table = _table_of(field, value) or inner[0]
-            tables += _format_section(table, here, help_lines, commented=aside, array=array)
+            tables += _format_section(table, here, help_lines, commented=as_comment, array=array)
         else:
             lines += [
                 *help_lines,

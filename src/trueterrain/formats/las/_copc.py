@@ -11,7 +11,8 @@ import numpy.typing as npt
 from laspy.copc import Bounds as Box
 from laspy.copc import CopcInfoVlr, CopcReader, load_octree_for_query
 
-from trueterrain.formats.las._open import Bounds, LasChunk, damage_named, read_chunk_table
+from trueterrain.formats._bounds import Bounds
+from trueterrain.formats.las._open import LasChunk, damage_named, read_chunk_table
 
 _LARGEST = 2**31 - 1  # largest integer coordinate of LAS
 

@@ -19,8 +19,6 @@ from trueterrain.formats.signature import open_regular
 # laspy raises errors and logs them, too; without a handler the log goes to stderr
 logging.getLogger("laspy").addHandler(logging.NullHandler())
 
-Bounds = tuple[float, float, float, float]
-
 _EXPORT = "The file is damaged or cut off: copy or export it again."
 _SHORTEST_HEADER = 227  # [bytes]
 _WITH_EVLRS = 4  # minor version of LAS from which on there are extended records

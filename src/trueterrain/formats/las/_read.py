@@ -13,6 +13,7 @@ import xarray as xr
 from trueterrain.core import provenance
 from trueterrain.core.errors import CoverageError, FormatError
 from trueterrain.core.schemas import make_points
+from trueterrain.formats._bounds import Bounds, check_bounds, clip_points
 from trueterrain.formats.las import _copc
 from trueterrain.formats.las._crs import CrsReference, reference_named, reference_of
 from trueterrain.formats.las._dimensions import (
@@ -21,7 +22,7 @@ from trueterrain.formats.las._dimensions import (
     values_of,
     variables_of,
 )
-from trueterrain.formats.las._open import Bounds, open_reader, read_chunks
+from trueterrain.formats.las._open import open_reader, read_chunks
 
 BLOCK = 1_000_000  # points
 
@@ -215,7 +216,7 @@ def _stream_points(
     variables: Collection[str] | None,
 ) -> Iterator[xr.Dataset]:
     path = Path(path)
-    _check_bounds(bounds)
+    check_bounds(bounds)
     reference, names, selection = _reading_plan(path, crs, variables)
     factors = reference.units.factors
     with open_reader(path, selection) as reader:
@@ -237,7 +238,7 @@ def _stream_points(
                 attrs["gps_time_kind"] = time_kind(header, points.time.values)
             points = points.assign_attrs(attrs)
             if bounds is not None:
-                points = _clip_points(points, bounds)
+                points = clip_points(points, bounds)
             if points.sizes["point"]:
                 yield points
 
@@ -291,25 +292,6 @@ def _make_points(
     for name in names:
         points[name].attrs |= attrs_of(record.point_format, name)
     return points
-
-
-def _clip_points(points: xr.Dataset, bounds: Bounds) -> xr.Dataset:
-    west, south, east, north = bounds
-    x, y = points.easting.values, points.northing.values
-    inside = (x >= west) & (x <= east) & (y >= south) & (y <= north)
-    return points if inside.all() else points.isel(point=np.flatnonzero(inside))
-
-
-def _check_bounds(bounds: Bounds | None) -> None:
-    if bounds is None:
-        return
-    west, south, east, north = bounds
-    if not (west <= east and south <= north):
-        message = (
-            "bounds must be west, south, east and north edge [m], west <= east and south <= north, "
-            f"got {bounds}."
-        )
-        raise ValueError(message)
 
 
 def _crs_reference(header: Any, path: Path, override: CrsReference | None) -> CrsReference:

@@ -13,6 +13,7 @@ import xarray as xr
 from trueterrain.core import provenance
 from trueterrain.core.errors import FormatError
 from trueterrain.core.schemas import check_surface, make_surface
+from trueterrain.formats._bounds import value_range
 from trueterrain.formats.opencrg import _rules
 from trueterrain.formats.opencrg._blocks import row_blocks
 from trueterrain.formats.opencrg._header import CrgHeader, read_header
@@ -118,14 +119,14 @@ def describe(path: str | Path) -> dict[str, Any]:
         "number_format": header.number_format,
         "size": [u.size, v.size],
         "spacing": {"u": header.increment, "v": round(float(steps.mean()), 9) if even else None},
-        "range": {"u": _value_range(u), "v": _value_range(v)},
+        "range": {"u": value_range(u), "v": value_range(v)},
         "extent": {
-            "easting": _value_range(corners[..., 0]),
-            "northing": _value_range(corners[..., 1]),
-            "height": _value_range(height),
+            "easting": value_range(corners[..., 0]),
+            "northing": value_range(corners[..., 1]),
+            "height": value_range(height),
         },
         "missing": float(np.isnan(height).mean()),
-        "curvature": _value_range(curvature) if curvature.size else [0.0, 0.0],
+        "curvature": value_range(curvature) if curvature.size else [0.0, 0.0],
         "crs": surface.attrs["crs"],
         "modifiers": header.modifiers,
         "options": header.options,
@@ -246,8 +247,3 @@ def _section_ends(easting: Floats, northing: Floats, v: Floats) -> Floats:
     normal = np.stack([-along[:, 1], along[:, 0]], axis=-1)
     line = np.stack([easting, northing], axis=-1)
     return np.stack([line + v[0] * normal, line + v[-1] * normal], axis=1)
-
-
-def _value_range(values: Floats) -> list[float] | None:
-    finite = values[np.isfinite(values)]
-    return [float(finite.min()), float(finite.max())] if finite.size else None

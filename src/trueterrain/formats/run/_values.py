@@ -63,6 +63,7 @@ def whole_intensity(intensity: npt.NDArray[Any], first: int, path: Path) -> npt.
 
 
 def fill_of(max_range: float) -> int:
+    """Integer that marks a beam without a return: the largest of two or four bytes."""
     if not 0 < max_range < _STEPS_32 * QUANTUM:
         message = (
             f"max_range must be greater than 0 m and less than {_STEPS_32 * QUANTUM:.0f} m, "
@@ -73,6 +74,7 @@ def fill_of(max_range: float) -> int:
 
 
 def require_shape(name: str, values: Array, shape: tuple[int | None, ...]) -> None:
+    """Raise a ValueError unless an array has a shape; None stands for any length."""
     fits = len(values.shape) == len(shape) and all(
         wanted in (None, found) for wanted, found in zip(shape, values.shape, strict=True)
     )
@@ -83,6 +85,7 @@ def require_shape(name: str, values: Array, shape: tuple[int | None, ...]) -> No
 
 
 def fan_of(angle: npt.ArrayLike, delay: npt.ArrayLike) -> dict[str, Floats]:
+    """Angle [rad] and delay [s] of the beams as arrays of equal shape (beam,)."""
     fan = {
         "angle": np.asarray(angle, dtype=np.float64),
         "delay": np.asarray(delay, dtype=np.float64),
@@ -98,6 +101,7 @@ def fan_of(angle: npt.ArrayLike, delay: npt.ArrayLike) -> dict[str, Floats]:
 
 
 def positions_of(positions: npt.ArrayLike | None) -> Floats | None:
+    """Positions of the accelerometers [m], shape (sensor, 3)."""
     if positions is None:
         return None
     values = np.asarray(positions, dtype=np.float64)

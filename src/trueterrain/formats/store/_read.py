@@ -3,19 +3,17 @@
 from collections.abc import Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from trueterrain.core.errors import CoverageError, FormatError, SchemaError
 from trueterrain.core.schemas import COORDINATES, check_points, check_profile, check_surface
+from trueterrain.formats._bounds import Bounds, check_bounds, clip_points
 from trueterrain.formats._zarr import damaged_error
 from trueterrain.formats.store._layout import CHUNK, OpenedStore, Values, open_store, rows_of
 
 BLOCK = 1_000_000  # points
-
-Bounds = tuple[float, float, float, float]
 
 _CHECKS = {"points": check_points, "surface": check_surface, "profile": check_profile}
 
@@ -91,7 +89,7 @@ def blocks(
     if size < 1:
         message = f"size must be at least 1 point, got {size}."
         raise ValueError(message)
-    _check_bounds(bounds)
+    check_bounds(bounds)
     stored = _opened_points(path)
     if variables is not None:
         wanted = {*COORDINATES, *variables}
@@ -106,7 +104,7 @@ def blocks(
             continue
         points = _build_dataset(stored, "point", rows)
         if bounds is not None:
-            points = _clip_points(points, bounds)
+            points = clip_points(points, bounds)
         if points.sizes["point"]:
             yield points if crs is None else points.assign_attrs(crs=crs)
 
@@ -180,18 +178,6 @@ def _select_rows(stored: OpenedStore, dim: str, between: tuple[float, float]) ->
     return slice(int(first), int(last))
 
 
-def _check_bounds(bounds: Bounds | None) -> None:
-    if bounds is None:
-        return
-    west, south, east, north = bounds
-    if not (west <= east and south <= north):
-        message = (
-            "bounds must be west, south, east and north edge [m], west <= east and south <= north, "
-            f"got {bounds}."
-        )
-        raise ValueError(message)
-
-
 def _touched_chunks(chunks: Values, bounds: Bounds) -> Values:
     """Indices of the chunks whose bounds touch the given bounds."""
     west, south, east, north = bounds
@@ -211,10 +197,3 @@ def _narrow_rows(rows: slice, touched: Values) -> slice:
         return slice(rows.start, rows.start)
     first, last = int(among[0]) * CHUNK, (int(among[-1]) + 1) * CHUNK
     return slice(max(rows.start, first), min(rows.stop, last))
-
-
-def _clip_points(points: xr.Dataset, bounds: Bounds) -> xr.Dataset:
-    west, south, east, north = bounds
-    x, y = points.easting.values, points.northing.values
-    inside: Any = (x >= west) & (x <= east) & (y >= south) & (y <= north)
-    return points if inside.all() else points.isel(point=np.flatnonzero(inside))

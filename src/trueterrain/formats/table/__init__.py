@@ -31,6 +31,7 @@ import xarray as xr
 from trueterrain.core import provenance
 from trueterrain.core.errors import FormatError
 from trueterrain.core.schemas import ASSUMED, COORDINATES
+from trueterrain.formats._bounds import Bounds, clip_points
 from trueterrain.formats.signature import open_regular
 from trueterrain.formats.table._build import build_points, build_profile
 from trueterrain.formats.table._columns import TableColumn, TableLayout
@@ -75,7 +76,7 @@ def read(path: str | Path) -> xr.Dataset:
 def blocks(
     path: str | Path,
     *,
-    bounds: tuple[float, float, float, float] | None = None,
+    bounds: Bounds | None = None,
     size: int = _BLOCK,
     crs: str | None = None,
     variables: Collection[str] | None = None,
@@ -115,7 +116,7 @@ def blocks(
         }
         points = build_points(taken).assign_attrs(attrs)
         if bounds is not None:
-            points = _clip_points(points, bounds)
+            points = clip_points(points, bounds)
         if points.sizes["point"]:
             yield points
 
@@ -329,10 +330,3 @@ def _concatenate_blocks(source: _TableSource) -> dict[TableColumn, Any]:
     return {
         column: np.concatenate([part[column] for part in parts]) for column in source.layout.columns
     }
-
-
-def _clip_points(points: xr.Dataset, bounds: tuple[float, float, float, float]) -> xr.Dataset:
-    west, south, east, north = bounds
-    x, y = points.easting.values, points.northing.values
-    inside = (x >= west) & (x <= east) & (y >= south) & (y <= north)
-    return points.isel(point=np.flatnonzero(inside))

@@ -92,7 +92,7 @@ def _require_ascending(
 
 
 def _as_integers(name: str, array: Any) -> Any:
-    """Counts and ids as integers, where they are."""
+    """Counts and ids as integers, unless values are missing or not whole."""
     if name in _WHOLE_NUMBERS and np.isfinite(array).all() and (array == np.rint(array)).all():
         return array.astype(np.int64)
     return array

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from trueterrain.formats._bounds import value_range
 from trueterrain.formats._flags import profile_flags
 from trueterrain.formats.point_filter import ReturnCounts
 from trueterrain.formats.table._text import Values
@@ -21,8 +22,7 @@ def describe_profile(profile: xr.Dataset) -> dict[str, Any]:
     problems, tracks = [], []
     for name, height in zip(names, np.atleast_2d(profile.height.values), strict=True):
         problems += profile_flags(name or "height", s, height)
-        known = height[np.isfinite(height)]
-        low, high = (float(known.min()), float(known.max())) if known.size else (None, None)
+        low, high = value_range(height) or (None, None)
         tracks.append({"name": name, "lowest": low, "highest": high})
     summary: dict[str, Any] = {"count": s.size, "extent": {"s": [float(s[0]), float(s[-1])]}}
     steps = np.diff(s)
