@@ -227,13 +227,13 @@ def test_a_truncated_file_is_refused(tmp_path, fraction):
     content = path.read_bytes()
     cut = tmp_path / "cut.tif"
     cut.write_bytes(content[: int(fraction * len(content))])
-    assert_refused(cut, "is no whole GeoTIFF file")
+    assert_refused(cut, "is not a complete GeoTIFF file")
 
 
 def test_other_files(tmp_path):
     text = tmp_path / "text.tif"
     text.write_text("s,height\n0,1\n")
-    assert_refused(text, "is no whole GeoTIFF file")
+    assert_refused(text, "is not a complete GeoTIFF file")
     assert_refused(tmp_path / "none.tif", "does not exist")
 
 

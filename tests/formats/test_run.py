@@ -849,7 +849,7 @@ def test_other_folders_are_refused(tmp_path, store):
     with pytest.raises(FileNotFoundError, match="there is no run"):
         open_run(tmp_path / "no.zarr")
     (tmp_path / "empty.zarr").mkdir()
-    with pytest.raises(FormatError, match="is no Zarr 3 store"):
+    with pytest.raises(FormatError, match="is not a Zarr 3 store"):
         open_run(tmp_path / "empty.zarr")
     other = tmp_path / "other.zarr"
     xr.Dataset({"a": ("x", [1.0])}).to_zarr(other, zarr_format=3, consolidated=False)

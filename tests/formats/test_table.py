@@ -410,14 +410,14 @@ def test_parquet_without_pyarrow_says_how_to_get_it(tmp_path, monkeypatch):
 
 def test_data_that_are_not_tables_are_refused(tmp_path):
     surface = make_surface(np.zeros((2, 2)), easting=[0, 1], northing=[0, 1])
-    with pytest.raises(SchemaError, match="a surface is no table"):
+    with pytest.raises(SchemaError, match="a surface is not a table"):
         table.write(surface, tmp_path / "p.csv")
     with pytest.raises(CoverageError, match="no points to write"):
         table.write(iter([]), tmp_path / "p.csv")
     different = [make_points([0], [0], [0]), make_points([0], [0], [0], lane=[1])]
     with pytest.raises(SchemaError, match="all blocks must have the same variables"):
         table.write(iter(different), tmp_path / "p.csv")
-    with pytest.raises(FormatError, match="holds no points but a profile"):
+    with pytest.raises(FormatError, match="holds a profile, not points"):
         list(table.blocks(write_text(tmp_path, "s,height\n0,1\n1,1\n")))
     assert [path.name for path in tmp_path.iterdir()] == ["t.csv"]
 

@@ -63,7 +63,7 @@ def _read_lines(path: Path) -> list[str]:
     if not content.startswith(SIGNATURE.encode()):
         found = "is empty" if not content else f"begins with {content[:12]!r}"
         raise FormatError(
-            f"is no ERD file: it must begin with {SIGNATURE}2.00, but {found}",
+            f"is not an ERD file: it must begin with {SIGNATURE}2.00, but {found}",
             path=path,
             place="line 1",
             cure="See with `trueterrain info` what the file is.",

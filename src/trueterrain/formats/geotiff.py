@@ -221,7 +221,7 @@ def _open_raster(path: Path) -> Iterator[Any]:
                 yield source
     except (rasterio.errors.RasterioError, UnicodeDecodeError) as error:
         raise FormatError(
-            f"is no whole GeoTIFF file: {_reason_text(error)}",
+            f"is not a complete GeoTIFF file: {_reason_text(error)}",
             path=path,
             cure="The file is cut off, damaged or of another kind: copy or export it again.",
         ) from error

@@ -160,7 +160,7 @@ def _read_records(start: bytes, size: int, fields: int) -> list[tuple[float, ...
 
 
 def _times_ascend(records: list[tuple[float, ...]]) -> bool:
-    # steps of up to a minute, or back to the begin of a GPS week
+    # steps of up to a minute, or back to the start of a GPS week
     step = records[-1][0] - records[0][0]
     return len(records) == 1 or 0 < step < 60 or step < -_WEEK / 2
 

@@ -151,7 +151,7 @@ def recognise_format(path: str | Path) -> Format:
     if found is None:
         known = ", ".join(known.name for known in FORMATS)
         raise FormatError(
-            f"is no file that can be read: it is {_what_was_found(start)}; known are {known}",
+            f"is not a file that can be read: it is {_what_was_found(start)}; known are {known}",
             path=path,
             place="start of the file",
             cure=_cure_text(start),
@@ -275,7 +275,7 @@ def _no_store(path: Path) -> FormatError:
         )
     if path.suffix == ".zarr":
         return FormatError(
-            "is no whole Zarr 3 store: it holds no zarr.json",
+            "is not a complete Zarr 3 store: it holds no zarr.json",
             path=path,
             cure="Copy the whole folder again.",
         )

@@ -233,7 +233,7 @@ def test_a_crs_of_the_user_and_invalid_arguments(tmp_path):
     for arguments, words in (({"size": 0}, "size must"), ({"bounds": (1, 0, 0, 1)}, "bounds must")):
         with pytest.raises(ValueError, match=words):
             list(store.blocks(tmp_path / "a.zarr", **arguments))
-    with pytest.raises(FormatError, match="holds no points but a surface"):
+    with pytest.raises(FormatError, match="holds a surface, not points"):
         list(formats.point_blocks(tmp_path / "road.zarr"))
 
 
@@ -331,7 +331,7 @@ def test_info_lists_foreign_entries_of_a_store(tmp_path):
     formats.write(profiles(), tmp_path / "a.zarr")
     zarr.open_group(tmp_path / "a.zarr", mode="a").create_array("mine", shape=(3,), dtype="f8")
     found = formats.info(tmp_path / "a.zarr")
-    assert found["problems"] == ["mine: is no part of the store and is ignored"]
+    assert found["problems"] == ["mine: is not part of the store and is ignored"]
     assert [track["name"] for track in found["tracks"]] == ["left", "right of it"]
     xr.testing.assert_identical(formats.open(tmp_path / "a.zarr"), profiles())
 

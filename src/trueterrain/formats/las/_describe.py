@@ -234,7 +234,7 @@ def _about_kind(header: Any, statistics: LasStatistics) -> list[str]:
     values = f"the values run from {start:.9g} to {end:.9g} s"
     standard = header.global_encoding.gps_time_type.value == 1
     if not standard and statistics.time_kind == "adjusted standard":
-        taken = "taken for adjusted standard time"
+        taken = "taken as adjusted standard time"
         return [f"the time flag says seconds of the week, but {values}: {taken}"]
     if standard and start >= 0 and end <= SECONDS_OF_WEEK:
         return [f"the time flag says adjusted standard time, but {values}: seconds of the week?"]

@@ -118,7 +118,7 @@ def _require_las(path: Path) -> int:
         if start[:4] != b"LASF":
             found = "is empty" if not start else f"begins with {start[:4]!r}"
             raise FormatError(
-                f"is no LAS or LAZ file: it must begin with LASF, but {found}",
+                f"is not a LAS or LAZ file: it must begin with LASF, but {found}",
                 path=path,
                 place="byte 1",
                 cure="See with `trueterrain info` what the file is.",

@@ -133,7 +133,7 @@ def _columns_of(path: Path) -> dict[str, Floats]:
     missing = [name for name in BOREAS_COLUMNS if name not in found]
     if missing:
         raise FormatError(
-            f"is no file of Boreas poses: it lacks the columns {', '.join(missing)}",
+            f"is not a file of Boreas poses: it lacks the columns {', '.join(missing)}",
             path=path,
             place="header",
             cure="Name the columns of another table with NavigationColumns and read_columns.",

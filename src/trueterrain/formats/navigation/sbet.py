@@ -48,7 +48,7 @@ FIELDS = 17
 
 _SAMPLE = 1 << 16  # [bytes] of a text in which its first record is searched
 _HIGHEST = 100_000.0  # [m] largest plausible height: the edge of space
-_SWAPPED = "If the byte order is wrong, or it is no SBET file, export it again."
+_SWAPPED = "If the byte order is wrong, or it is not an SBET file, export it again."
 
 
 def read(
@@ -136,7 +136,7 @@ def blocks(
         if frame_origin is None:
             frame_origin = _origin_of(longitude[0], latitude[0], height[0])
         east, north, up = enu_of_geodetic(longitude, latitude, height, frame_origin).T
-        # the platform heading refers to the wander frame, which is turned from north by alpha
+        # the wander frame is rotated west of north by the wander angle
         heading = fields[9] - fields[10]
         roll, pitch, yaw = iso8855_of_ned(
             roll, pitch, heading, longitude=longitude, latitude=latitude, origin=frame_origin

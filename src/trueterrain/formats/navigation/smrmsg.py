@@ -73,7 +73,7 @@ def read(path: str | Path) -> xr.Dataset:
             values = fields[index]
             bad = ~(np.isfinite(values) & (values >= 0))
             rule = "must be finite and not negative"
-            refuse_value(path, name, rule, values, bad, first, "It may be no SMRMSG file.")
+            refuse_value(path, name, rule, values, bad, first, "It may not be an SMRMSG file.")
             columns[name].append(values * factor)
     variables: dict[str, Any] = {"time": ("epoch", np.concatenate(times), {"units": "s"})}
     for name, parts in columns.items():

@@ -191,5 +191,5 @@ def _require_possible(block: Floats, first: int, path: Path) -> None:
             f"must be at most {HIGHEST:g} m in size, got {block[i, j]:g} m",
             path=path,
             place=f"height, node ({first + i}, {j})",
-            cure="Remove what is no ground.",
+            cure="Remove heights that are not ground.",
         )

@@ -136,7 +136,7 @@ def _require_signature(stream: BinaryIO, path: Path) -> None:
     else:
         found = f"it begins with {begin[:12]!r}"
     raise FormatError(
-        f"is no OpenCRG file: it must begin with $CT, but {found}",
+        f"is not an OpenCRG file: it must begin with $CT, but {found}",
         path=path,
         place="line 1",
         cure="See with `trueterrain info` what the file is.",
@@ -263,7 +263,7 @@ def _parse_parameter(
     name = name.lower()
     match = _NUMBER.match(value)
     if not equals or not name:
-        header.problems.append(f"line {number} of section ${section} is no `name = value`")
+        header.problems.append(f"line {number} of section ${section} is not `name = value`")
         return
     if (section, name) in seen:
         header.problems.append(f"{name} stands twice in section ${section}")

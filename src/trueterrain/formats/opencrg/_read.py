@@ -241,6 +241,9 @@ def _restore_history(surface: xr.Dataset, header: CrgHeader) -> None:
 
 def _section_ends(easting: Floats, northing: Floats, v: Floats) -> Floats:
     """Both ends of each cross-section [m], on the bisector of its two chords of equal length."""
+    # half the sum of both chords has the direction of the bisected line and the length L cos(a/2),
+    # a the angle between them; times L / |along|² it is the unit vector over cos(a/2), so that the
+    # ends keep their distance v from both chords
     along = np.stack([np.gradient(easting), np.gradient(northing)], axis=-1)
     chord = np.hypot(easting[1] - easting[0], northing[1] - northing[0])
     along *= chord / (along**2).sum(axis=1, keepdims=True)

@@ -242,7 +242,7 @@ def _write_part(
 
 def _difference_error(found: str, place: str, path: Path) -> OutputError:
     return OutputError(
-        f"what was written does not read back the same: {found}",
+        f"the file differs from the surface when it is read back: {found}",
         path=path,
         place=place,
         cure="Nothing is left of the file; please report this.",

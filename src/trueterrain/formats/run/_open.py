@@ -64,7 +64,7 @@ def _open_store(path: Path) -> dict[str, StoredArray]:
         raise FileNotFoundError(message)
     if not (path / "zarr.json").is_file():
         raise FormatError(
-            "is no Zarr 3 store: it holds no zarr.json",
+            "is not a Zarr 3 store: it holds no zarr.json",
             path=path,
             cure="Name the folder NAME.zarr of a run, or copy the whole folder again.",
         )

@@ -107,7 +107,7 @@ class AppendableStore:
             chunks=chunks,
             dtype=dtype,
             fill=fill,
-            # level 1 keeps up with a recording; neighbouring ranges differ in their low bits only
+            # a fast level; bitshuffle, since neighbouring ranges differ in few of their low bits
             compressors=make_compressors(1, "bitshuffle"),
             dims=dims,
             attrs=json_attrs(attrs),

@@ -49,7 +49,7 @@ def describe(path: str | Path) -> dict[str, Any]:
     summary["crs"] = str(stored.attrs.get("crs", ""))
     summary["problems"] = damage + summary["problems"]
     summary["problems"] += [
-        f"{name}: is no part of the store and is ignored" for name in stored.unlisted
+        f"{name}: is not part of the store and is ignored" for name in stored.unlisted
     ]
     return summary
 

@@ -135,7 +135,7 @@ def _opened_points(path: str | Path) -> OpenedStore:
     stored = open_store(path)
     if stored.kind != "points":
         raise FormatError(
-            f"holds no points but a {stored.kind}",
+            f"holds a {stored.kind}, not points",
             path=path,
             cure="Convert a surface to points first: `trueterrain convert`.",
         )

@@ -147,7 +147,7 @@ def _open_points(path: str | Path) -> "_TableSource":
     source = _open_table(Path(path))
     if source.layout.kind != "points":
         raise FormatError(
-            f"holds no points but a {source.layout.kind}",
+            f"holds a {source.layout.kind}, not points",
             path=path,
             place="header",
             cure="Name the columns easting, northing, up.",

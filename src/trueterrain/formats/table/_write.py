@@ -80,7 +80,7 @@ def write(
     path = Path(path)
     if isinstance(data, xr.Dataset) and kind_of(data) == "surface":
         raise SchemaError(
-            "a surface is no table",
+            "a surface is not a table",
             path=path,
             cure="Write CRG or GeoTIFF, or its nodes as points.",
         )
