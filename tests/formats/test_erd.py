@@ -124,7 +124,7 @@ def test_the_written_header_suits_simple_readers(tmp_path):
 @pytest.mark.parametrize(
     ("change", "place", "rule"),
     [
-        (("ERDFILEV2.00", "SOMETHING"), "line 1", "no ERD file"),
+        (("ERDFILEV2.00", "SOMETHING"), "line 1", "not an ERD file"),
         (("     5,", "     1,"), "line 2", "KEYNUM must be 5"),
         (("0.0250", "0"), "line 2", "greater than 0"),
         (("0.0250, -1,", ""), "line 2", "KEYNUM, step"),

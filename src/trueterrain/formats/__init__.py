@@ -10,6 +10,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from trueterrain import core
 from trueterrain.core.errors import CoverageError, FormatError, name_file_in_errors
 from trueterrain.formats.point_filter import PointFilter, ReturnCounts
 from trueterrain.formats.signature import Format, ending_matches, recognise_format
@@ -188,8 +189,6 @@ def require_writable(
     Traceback (most recent call last):
     trueterrain.core.errors.OutputError: missing/points.zarr: the folder missing does not exist. ...
     """
-    from trueterrain import core
-
     store = Path(path).suffix.lower() == ".zarr"
     kinds = tuple(_WRITERS) if kind is None else (kind,)
     core.require_writable(path, force=force, inputs=inputs, replaces=kinds if store else "file")

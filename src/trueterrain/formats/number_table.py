@@ -178,8 +178,7 @@ def _open_parquet(path: Path) -> _NumberTable:
 def _parquet_blocks(
     table: _NumberTable, names: list[str], size: int
 ) -> Iterator[dict[str, Floats]]:
-    import pyarrow as pa
-
+    pa, _ = import_pyarrow(table.path)
     for name in names:
         with parquet_damage_named(table.path):  # of two columns of one name
             kind = table.file.schema_arrow.field(name).type

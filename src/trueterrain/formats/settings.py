@@ -7,6 +7,7 @@ Keys that a table omits are taken from the default of its field, which may diffe
 of its class. A field that is None by default may name this default: ``metadata={"table": ...}``.
 """
 
+import ast
 import dataclasses
 import enum
 import inspect
@@ -236,8 +237,6 @@ def attribute_docs(kind: type) -> dict[str, str]:
     dict of str
         Text by name of the field, without line breaks; fields without help are left out.
     """
-    import ast
-
     docs: dict[str, str] = {}
     for base in reversed(kind.__mro__[:-1]):
         try:

@@ -23,6 +23,7 @@ import xarray as xr
 from trueterrain.core import provenance
 from trueterrain.core.errors import FormatError
 from trueterrain.formats._text_head import Head, find_head
+from trueterrain.formats.navigation import smrmsg
 from trueterrain.formats.navigation._records import (
     BLOCK,
     WEEK,
@@ -93,8 +94,6 @@ def read(
     check_length(data, "epoch", 2, path=path, place="")
     inputs = [path]
     if accuracy is not None:
-        from trueterrain.formats.navigation import smrmsg
-
         data = smrmsg.add_accuracy(data, smrmsg.read(accuracy), path=accuracy)
         inputs.append(Path(accuracy))
     parameters = {"format": "SBET", "origin": data.attrs["origin"]}

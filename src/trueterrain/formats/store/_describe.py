@@ -8,6 +8,7 @@ import numpy as np
 from trueterrain.formats._zarr import find_damaged_chunks
 from trueterrain.formats.store._layout import OpenedStore, Values, open_store
 from trueterrain.formats.store._read import read
+from trueterrain.formats.table._describe import describe_profile
 
 _EVEN = 1e-6  # [m] tolerance of equal spacing
 
@@ -83,8 +84,6 @@ def _describe_surface(stored: OpenedStore) -> dict[str, Any]:
 
 
 def _describe_profile(stored: OpenedStore) -> dict[str, Any]:
-    from trueterrain.formats.table._describe import describe_profile
-
     return describe_profile(read(stored.path))
 
 
