@@ -1,4 +1,4 @@
-"""Damaged files and stores of every kind: an error in one line or a result, in bounded memory."""
+"""Damaged files and stores of all formats give a one-line error or data, in bounded memory."""
 
 import json
 import os
@@ -21,7 +21,7 @@ from zarr.codecs import BloscCodec
 from trueterrain import formats
 from trueterrain.core.errors import FormatError, TrueTerrainError
 from trueterrain.core.schemas import make_points, make_profile, make_surface
-from trueterrain.formats import _zarr, las, table
+from trueterrain.formats import _zarr, _zarr_write, las, table
 from trueterrain.formats.navigation import columns, sbet, smrmsg
 from trueterrain.formats.run import (
     Mounting,
@@ -33,13 +33,13 @@ from trueterrain.formats.run import (
     scan_blocks,
 )
 
-CASES = 60  # of each kind of file; stores have half as many, and each is looked at in two ways
+CASES = 60  # of each kind of file; stores have half as many, and each is read by two functions
 
-# --- whole files and stores -----------------------------------------------------------------------
+# --- undamaged files and stores -------------------------------------------------------------------
 
 
 def write_run(path):
-    """A run of four chunks of ranges, with everything that a run can have."""
+    """A run of four chunks of ranges, with all optional groups and variables."""
     rng = np.random.default_rng(1)
     scans, beams, samples = 3300, 3, 1500
     pose = {name: rng.normal(0, 0.01, 800) for name in ("east", "north", "roll", "pitch", "yaw")}
@@ -143,7 +143,7 @@ FILES = [kind for kind in MADE if kind not in STORES]
 
 @pytest.fixture
 def make(tmp_path):
-    """Make a whole file or store of a kind."""
+    """Function that writes an undamaged file or store of a kind."""
 
     def made(kind):
         name, write = MADE[kind]
@@ -153,11 +153,11 @@ def make(tmp_path):
     return made
 
 
-# --- ways of looking ------------------------------------------------------------------------------
+# --- functions that read -------------------------------------------------------------------------
 
 
 def look_at(path, kind):
-    """Everything that reads a kind of file, block by block and whole."""
+    """All functions that read a kind of file, block by block and at once."""
     if kind == "run":
         tree = open_run(path)
         check_run(tree, path)
@@ -175,7 +175,7 @@ def look_at(path, kind):
 
 
 def require_one_line(path, kind):
-    """Return the error of looking at a file, or nothing; no other error may come out."""
+    """Error of reading a file, or nothing; other types of errors are raised."""
     found = None
     for look in (lambda: look_at(path, kind), lambda: json.dumps(formats.info(path))):
         try:
@@ -221,7 +221,7 @@ IN_FILES = (flip_bit, cut_end, overwrite_word, overwrite_head, overwrite_tail, i
 
 
 def edit_json(text, rng):
-    """Another number, another type, or a key less, anywhere in a document."""
+    """Change a number or a type, or remove a key, anywhere in a JSON document."""
     document = json.loads(text)
     places = []
 
@@ -242,7 +242,7 @@ def edit_json(text, rng):
 
 
 @pytest.mark.parametrize("kind", FILES)
-def test_damaged_files_are_one_line_or_are_read(make, kind):
+def test_damaged_files_give_a_one_line_error_or_are_read(make, kind):
     path = make(kind)
     whole = path.read_bytes()
     found = 0
@@ -256,7 +256,7 @@ def test_damaged_files_are_one_line_or_are_read(make, kind):
 
 
 @pytest.mark.parametrize("kind", STORES)
-def test_damaged_stores_are_one_line_or_are_read(make, kind):
+def test_damaged_stores_give_a_one_line_error_or_are_read(make, kind):
     path = make(kind)
     whole = {file: file.read_bytes() for file in sorted(path.rglob("*")) if file.is_file()}
     metadata = [file for file in whole if file.name == "zarr.json"]
@@ -284,10 +284,10 @@ def test_damaged_stores_are_one_line_or_are_read(make, kind):
     assert require_one_line(path, kind) is None
 
 
-# --- runs whose chunks are not as they were written -----------------------------------------------
+# --- runs with missing or damaged chunks ----------------------------------------------------------
 
 
-def test_every_flipped_bit_of_a_run_is_found(make):
+def test_flipped_bits_of_a_run_are_detected(make):
     path = make("run")
     arrays = _zarr.open_arrays(path)
     chunks = [(array, file) for array in arrays.values() for file in path.glob(f"{array.name}/c*")]
@@ -318,14 +318,14 @@ def test_a_run_without_an_array_a_chunk_or_metadata_is_not_opened(make, tmp_path
 
 
 def problems_of_run(path):
-    """What info says of a run, be it beyond description."""
+    """Message of info about a run, also if it is too damaged to be described."""
     try:
         return describe(path)["problems"]
     except FormatError as error:
         return [str(error)]
 
 
-def test_the_truth_may_be_taken_away_from_a_run(make):
+def test_the_truth_can_be_removed_from_a_run(make):
     path = make("run")
     truth = xr.Dataset({"height": ("u", [1.0, 2.0])})
     with RunWriter(
@@ -344,7 +344,7 @@ def test_the_truth_may_be_taken_away_from_a_run(make):
     assert "truth" not in open_run(path.with_name("t.zarr")).children
 
 
-def test_other_programs_read_no_number_where_a_chunk_is_missing(make):
+def test_missing_chunks_are_nan_for_other_programs(make):
     path = make("run")
     (path / "navigation" / "up" / "c.0").unlink()
     (path / "scans" / "range" / "c.1.0").unlink()
@@ -353,7 +353,7 @@ def test_other_programs_read_no_number_where_a_chunk_is_missing(make):
     assert (root["scans/range"][1000:2000] == root["scans/range"].attrs["_FillValue"]).all()
 
 
-def test_damage_in_the_truth_is_told_by_info(make):
+def test_info_reports_damage_in_the_truth(make):
     path = make("run")
     copy = path.with_name("t.zarr")
     truth = xr.Dataset({"height": ("u", np.arange(100.0))})
@@ -389,13 +389,13 @@ def test_info_verifies_the_chunks_of_points(make):
 
 
 def test_runs_of_earlier_versions_are_opened(make, tmp_path, monkeypatch):
-    """Without checksums, without a list of arrays, with zeros for chunks that are missing."""
+    """They have no checksums and no list of arrays, and zeros as fill value."""
     monkeypatch.setattr(
         _store,
         "make_compressors",
         lambda level, shuffle: [BloscCodec(cname="zstd", clevel=level, shuffle=shuffle)],
     )
-    monkeypatch.setattr(_store, "choose_fill_value", lambda dtype: np.dtype(dtype).type(0))
+    monkeypatch.setattr(_zarr_write, "choose_fill_value", lambda dtype: np.dtype(dtype).type(0))
     old = make("run")
     document = json.loads((old / "zarr.json").read_text())
     del document["attributes"]["arrays"]
@@ -422,9 +422,9 @@ def test_parts_of_a_stored_array_are_those_of_its_values(make):
         _zarr.StoredArray(path, "scans/range").read(len(whole))
 
 
-# --- files that ask for more than there is --------------------------------------------------------
+# --- files with counts that exceed their size -----------------------------------------------------
 
-MEMORY = 400e6  # [bytes] beyond what importing takes: a block of a million points, and its copies
+MEMORY = 400e6  # [bytes] in addition to imports: a block of a million points, and its copies
 
 ASKING = """
 import json, resource, sys
@@ -433,16 +433,16 @@ from trueterrain.core.errors import FormatError
 formats.info(sys.argv[1])
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 resource.setrlimit(resource.RLIMIT_AS, (6 << 30, 6 << 30))
-told = {}
+messages = {}
 for path in sys.argv[2:]:
     for look in (formats.open, formats.info):
         try:
             look(path)
-            told.setdefault(path, "was read")
+            messages.setdefault(path, "was read")
         except FormatError as error:
-            told.setdefault(path, str(error))
+            messages.setdefault(path, str(error))
 peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-print(json.dumps([told, (peak - before) * 1024]))
+print(json.dumps([messages, (peak - before) * 1024]))
 """
 
 
@@ -453,8 +453,8 @@ def patched(path, name, at, word):
     return path.with_name(name)
 
 
-def test_files_that_ask_for_more_than_they_hold_are_refused_in_little_memory(make):
-    """In a process of its own, since some of these ended it."""
+def test_oversized_counts_are_refused_in_bounded_memory(make):
+    """In a separate process, since some of these files ended the process."""
     flat, layered, store = make("laz, one by one"), make("laz, in layers"), make("surface")
     run = make("run")
     asking = {}
@@ -494,13 +494,14 @@ def test_files_that_ask_for_more_than_they_hold_are_refused_in_little_memory(mak
         capture_output=True,
         text=True,
     )
-    told, grown = json.loads(found.stdout)
+
+    messages, grown = json.loads(found.stdout)
     for path, words in asking.items():
-        assert words in told[str(path)], path
+        assert words in messages[str(path)], path
     assert grown < MEMORY
 
 
-def test_pages_of_a_hierarchy_that_lead_to_themselves_end():
+def test_circular_pages_of_a_copc_hierarchy_are_refused():
     from trueterrain.formats.las._copc import _Pages
 
     class Page:
@@ -518,7 +519,7 @@ def test_pages_of_a_hierarchy_that_lead_to_themselves_end():
             pages.read(size)
 
 
-def test_an_sbet_that_is_cut_while_it_is_read(tmp_path):
+def test_an_sbet_that_is_truncated_while_it_is_read(tmp_path):
     path = tmp_path / "a.out"
     path.write_bytes(sbet_records(20_000))
     blocks = sbet.blocks(path, size=100)
@@ -543,7 +544,7 @@ def test_a_field_longer_than_any_number(tmp_path):
             list(columns.blocks(path, columns.OURS, origin=(11.0, 48.0, 500.0)))
 
 
-def test_pipes_sockets_devices_and_folders_are_no_files(tmp_path):
+def test_pipes_sockets_devices_and_folders_are_refused(tmp_path):
     os.mkfifo(tmp_path / "pipe.csv")
     (tmp_path / "folder.laz").mkdir()
     (tmp_path / "link.csv").symlink_to(tmp_path / "pipe.csv")
@@ -561,7 +562,7 @@ def test_pipes_sockets_devices_and_folders_are_no_files(tmp_path):
                     read(tmp_path / name)
 
 
-def test_a_pipe_in_a_store_is_no_chunk(make):
+def test_a_pipe_in_a_store_is_not_a_chunk(make):
     path = make("run")
     (path / "navigation" / "up" / "c.0").unlink()
     os.mkfifo(path / "navigation" / "up" / "c.0")

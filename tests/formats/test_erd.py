@@ -38,7 +38,7 @@ def write_text(folder, text, name="p.erd"):
     return path
 
 
-def test_header_and_heights_are_read_as_written_by_others(tmp_path):
+def test_files_of_other_programs_are_read(tmp_path):
     profile = erd.read(write_text(tmp_path, LTPP))
     assert profile.height.dims == ("track", "s")
     assert list(profile.track.values) == ["LElev.", "RElev."]
@@ -71,7 +71,7 @@ def test_stations_in_international_feet(tmp_path):
     npt.assert_allclose(erd.read(write_text(tmp_path, text)).s, [0, 0.03048, 0.06096], **ROUND_OFF)
 
 
-def test_records_may_run_over_lines_and_line_ends_may_be_of_dos(tmp_path):
+def test_records_may_span_lines_and_have_dos_line_ends(tmp_path):
     head, _, _ = LTPP.partition("   1.5")
     text = (head + "1.5 -2.5 2.5\n-3.5\n3.5D0 -4.5\n\x1a").replace("\n", "\r\n")
     whole = erd.read(write_text(tmp_path, LTPP))
@@ -106,12 +106,12 @@ def test_round_trip(tmp_path, units, tracks):
     assert keys.count("XSTART  ") == keys.count("HISTORY ") == keys.count("SHORTNAM") == 1
 
 
-def test_name_of_the_only_track_is_kept(tmp_path):
+def test_the_name_of_a_single_track_is_kept(tmp_path):
     erd.write(make_profile([0, 1, 2], [0, 0, 1]).assign_attrs(track="left"), tmp_path / "p.erd")
     assert erd.read(tmp_path / "p.erd").attrs["track"] == "left"
 
 
-def test_written_header_is_what_simple_readers_expect(tmp_path):
+def test_the_written_header_suits_simple_readers(tmp_path):
     erd.write(make_profile([0, 0.25, 0.5], [1, 2, 3]), tmp_path / "p.erd", units="mm")
     lines = (tmp_path / "p.erd").read_text().splitlines()
     assert lines[0][:12] == "ERDFILEV2.00"
@@ -124,7 +124,7 @@ def test_written_header_is_what_simple_readers_expect(tmp_path):
 @pytest.mark.parametrize(
     ("change", "place", "rule"),
     [
-        (("ERDFILEV2.00", "SOMETHING"), "line 1", "no ERD file"),
+        (("ERDFILEV2.00", "SOMETHING"), "line 1", "not an ERD file"),
         (("     5,", "     1,"), "line 2", "KEYNUM must be 5"),
         (("0.0250", "0"), "line 2", "greater than 0"),
         (("0.0250, -1,", ""), "line 2", "KEYNUM, step"),
@@ -139,7 +139,7 @@ def test_written_header_is_what_simple_readers_expect(tmp_path):
         (("DISTRICT04", "XSTART  here"), "key XSTART", "'here'"),
     ],
 )
-def test_damage_is_named_with_its_place(tmp_path, change, place, rule):
+def test_messages_name_the_place_of_damage(tmp_path, change, place, rule):
     assert change[0] in LTPP
     path = write_text(tmp_path, LTPP.replace(*change, 1))
     for function in (erd.read, erd.describe):
@@ -156,7 +156,7 @@ def test_empty_file(tmp_path):
         erd.read(write_text(tmp_path, ""))
 
 
-def test_channel_that_is_no_height_is_left_out_with_a_warning(tmp_path):
+def test_channels_that_are_not_heights_are_omitted_with_a_warning(tmp_path):
     path = write_text(tmp_path, LTPP.replace("UNITSNAMmm      MM", "UNITSNAMkm/h    mm"))
     with pytest.warns(UserWarning, match=r"LElev\. is left out"):
         profile = erd.read(path)
@@ -164,7 +164,7 @@ def test_channel_that_is_no_height_is_left_out_with_a_warning(tmp_path):
     assert profile.attrs["track"] == "RElev."
 
 
-def test_unequal_spacing_is_refused_with_the_cure(tmp_path):
+def test_unequal_spacing_is_refused(tmp_path):
     with pytest.raises(SchemaError, match=r"sample 1 .*Write CSV"):
         erd.write(make_profile([0, 0.5, 2], [0, 0, 0]), tmp_path / "p.erd")
     assert not list(tmp_path.iterdir())
@@ -176,7 +176,7 @@ def test_rounded_stations_count_as_equal(tmp_path):
     npt.assert_allclose(erd.read(tmp_path / "p.erd").s, s, rtol=0, atol=1e-5)
 
 
-def test_missing_heights_are_refused_with_the_station(tmp_path):
+def test_missing_heights_are_refused(tmp_path):
     profile = make_profile([1, 2, 3], [[0, 0, 0], [0, np.nan, 0]], tracks=["left", "right"])
     with pytest.raises(SchemaError, match=r"s = 2 m of track right.*Write CSV"):
         erd.write(profile, tmp_path / "p.erd")

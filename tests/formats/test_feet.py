@@ -1,4 +1,4 @@
-"""Point clouds in feet: read in metres, with a CRS in metres that names the same places."""
+"""Point clouds in feet: read in metres, with the equivalent CRS in metres."""
 
 import laspy
 import numpy as np
@@ -79,7 +79,7 @@ def test_feet_become_metres(tmp_path, crs, across, up, said):
 
 
 @pytest.mark.parametrize("crs", [one[0] for one in FEET])
-def test_metres_that_were_feet_are_written_and_read_again(tmp_path, crs):
+def test_converted_metres_are_written_and_read(tmp_path, crs):
     write_feet(tmp_path / "in.las", crs)
     points = las.read(tmp_path / "in.las")
     formats.write(points, tmp_path / "out.laz")
@@ -118,7 +118,7 @@ def test_units_by_geotiff_keys(tmp_path, keys, across, up):
 
 
 @pytest.mark.parametrize(("code", "unit"), [(26917, 9003), (2264, 9001), (2264, 9002)])
-def test_keys_that_contradict_each_other_are_refused(tmp_path, code, unit):
+def test_contradicting_geotiff_keys_are_refused(tmp_path, code, unit):
     path = tmp_path / "p.las"
     write_feet(path, keys={1024: 1, 3072: code, 3076: unit})
     with pytest.raises(FormatError, match=r"by the GeoTIFF key 3076 .* but in .*--crs"):
@@ -126,7 +126,7 @@ def test_keys_that_contradict_each_other_are_refused(tmp_path, code, unit):
     assert las.read(path, crs="EPSG:26917").attrs["crs"] == "EPSG:26917"
 
 
-def test_a_crs_in_feet_may_be_named(tmp_path):
+def test_a_crs_in_feet_may_be_given(tmp_path):
     x, _, z = write_feet(tmp_path / "p.las")
     points = las.read(tmp_path / "p.las", crs="EPSG:2913+8228")
     npt.assert_allclose(points.easting, x * FOOT, **SAME_PLACE)
@@ -140,7 +140,7 @@ def test_a_crs_in_feet_may_be_named(tmp_path):
     assert "in metres" in formats.conversion_of(tmp_path / "p.csv", "EPSG:2913")
 
 
-def test_info_says_metres_and_what_is_assumed(tmp_path):
+def test_info_reports_conversion_and_assumptions(tmp_path):
     x, _, _ = write_feet(tmp_path / "p.las", "EPSG:2264")
     found = las.describe(tmp_path / "p.las")
     npt.assert_allclose(found["extent"]["easting"], np.array([x.min(), x.max()]) * SURVEY_FOOT)

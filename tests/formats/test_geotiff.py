@@ -1,4 +1,4 @@
-"""GeoTIFF surfaces: what comes back, and what is refused."""
+"""GeoTIFF surfaces: round trips, files of other programs, refused files."""
 
 import builtins
 import json
@@ -80,7 +80,7 @@ def test_a_raster_of_another_program(tmp_path):
 
 
 def test_pixels_that_are_points(tmp_path):
-    """GDAL moves the transform by half a pixel, so the nodes stay where the file puts them."""
+    """GDAL shifts the transform by half a pixel; the nodes must not move."""
     path = raw(tmp_path / "dem.tif")
     with rasterio.open(path, "r+") as target:
         target.update_tags(AREA_OR_POINT="Point")
@@ -102,7 +102,7 @@ def test_scaled_integers(tmp_path):
     npt.assert_array_equal(height[-1], [100.0, 100.5, 101.0, np.nan])
 
 
-def test_what_belongs_to_the_heights(tmp_path):
+def test_optional_bands_are_kept(tmp_path):
     shape = (5, 7)
     surface = ground(
         sd=np.full(shape, 0.002),
@@ -126,14 +126,14 @@ def test_what_belongs_to_the_heights(tmp_path):
     ]
 
 
-def test_history_comes_back(tmp_path):
+def test_provenance_is_kept(tmp_path):
     path = tmp_path / "ground.tif"
     geotiff.write(add_step(ground(), "grid", parameters={"spacing": 0.25}), path)
     assert [step["step"] for step in provenance_steps(geotiff.read(path))] == ["grid", "read"]
 
 
 @pytest.mark.parametrize("crs", ["", "EPSG:32632", "EPSG:25832+7837"])
-def test_crs_comes_back(tmp_path, crs):
+def test_the_crs_is_kept(tmp_path, crs):
     path = tmp_path / "ground.tif"
     geotiff.write(ground(crs), path)
     found = geotiff.read(path).attrs["crs"]
@@ -209,7 +209,7 @@ SENTINEL = np.array([[1, 2, 3, 4.0], [5, 6, -9999, 8], [1, 2, 3, 4]])
     ],
 )
 @pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
-def test_rasters_that_are_no_surface(tmp_path, settings, match):
+def test_rasters_that_are_not_surfaces_are_refused(tmp_path, settings, match):
     assert_refused(raw(tmp_path / "dem.tif", **settings), match)
 
 
@@ -218,22 +218,22 @@ def test_marked_sentinels_are_missing(tmp_path):
     assert np.isnan(geotiff.read(path).height.values[1, 2])
 
 
-@pytest.mark.parametrize("share", [0.0, 0.01, 0.3, 0.5, 0.9, 0.99])
-def test_cut_anywhere(tmp_path, share):
+@pytest.mark.parametrize("fraction", [0.0, 0.01, 0.3, 0.5, 0.9, 0.99])
+def test_a_truncated_file_is_refused(tmp_path, fraction):
     path = tmp_path / "ground.tif"
     rng = np.random.default_rng(1)
     surface = make_surface(rng.normal(size=(90, 80)), easting=range(80), northing=range(90))
     geotiff.write(surface, path)
     content = path.read_bytes()
     cut = tmp_path / "cut.tif"
-    cut.write_bytes(content[: int(share * len(content))])
-    assert_refused(cut, "is no whole GeoTIFF file")
+    cut.write_bytes(content[: int(fraction * len(content))])
+    assert_refused(cut, "is not a complete GeoTIFF file")
 
 
 def test_other_files(tmp_path):
     text = tmp_path / "text.tif"
     text.write_text("s,height\n0,1\n")
-    assert_refused(text, "is no whole GeoTIFF file")
+    assert_refused(text, "is not a complete GeoTIFF file")
     assert_refused(tmp_path / "none.tif", "does not exist")
 
 
@@ -255,7 +255,7 @@ def along_a_line():
         (make_surface(np.zeros((3, 2)), easting=[0, 1], northing=[0, 1, 3]), "axis northing: must"),
     ],
 )
-def test_surfaces_that_fit_into_no_raster(tmp_path, surface, match):
+def test_surfaces_that_are_not_rasters_are_refused(tmp_path, surface, match):
     path = tmp_path / "ground.tif"
     with pytest.raises(OutputError, match=match) as caught:
         geotiff.write(surface, path)

@@ -1,4 +1,4 @@
-"""LAS, LAZ and COPC: real files against laspy itself, made ones against what was put in."""
+"""LAS, LAZ and COPC: real files compared with laspy, written files with their input."""
 
 import io
 import json
@@ -19,7 +19,7 @@ from trueterrain.formats import las
 from trueterrain.formats.las._duplicates import DuplicateCounter
 from trueterrain.formats.signature import recognise_format
 
-EXACT = {"rtol": 0, "atol": 0}  # the same integers, scaled in the same way
+EXACT = {"rtol": 0, "atol": 0}  # the same integers with the same scale
 HALF_STEP = {"rtol": 0, "atol": 0.5e-4 + 1e-9}  # [m] rounding to 0.1 mm, and of float64 at 6e6 m
 STRIPS = [
     "faceraster_2strips_20m.laz",
@@ -61,7 +61,7 @@ def concatenated(blocks, name):
     return np.concatenate([block[name].values for block in blocks])
 
 
-# ---- reading real files, with laspy as the independent witness
+# ---- reading real files, compared with laspy
 
 
 def test_points_are_those_of_laspy(strip):
@@ -82,7 +82,7 @@ def test_points_are_those_of_laspy(strip):
     assert provenance.provenance_steps(points)[-1]["inputs"][0]["name"] == strip.name
 
 
-def test_blocks_are_the_whole_in_order(strip):
+def test_blocks_give_all_points_in_order(strip):
     whole = las.read(strip)
     blocks = list(las.blocks(strip, size=7001))
     assert max(block.sizes["point"] for block in blocks) <= 7001
@@ -90,7 +90,7 @@ def test_blocks_are_the_whole_in_order(strip):
         npt.assert_array_equal(concatenated(blocks, name), whole[name])
 
 
-def test_bounds_cut_exactly_and_hold_their_edges(faces):
+def test_bounds_include_their_edges(faces):
     truth = laspy.read(faces)
     x, y = np.asarray(truth.x), np.asarray(truth.y)
     bounds = (float(x[7]), float(np.median(y)), float(x[7]) + 5, float(y.max()))
@@ -109,7 +109,7 @@ def test_nothing_within_bounds(faces):
         las.read(faces, bounds=(0, 0, 1, 1))
 
 
-def test_time_kind_of_a_file_that_tells_the_truth(data):
+def test_kind_of_time_agrees_with_the_flag(data):
     points = las.read(data / "scanning" / "georeference" / "leeward" / "points.las")
     assert points.attrs["gps_time_kind"] == "week seconds"
     assert points.attrs["crs"] == "EPSG:32611"  # named by its citation only
@@ -162,7 +162,7 @@ def test_degrees_are_refused(tmp_path):
     npt.assert_array_equal(las.read(path, crs="EPSG:25832").easting, [1, 2])
 
 
-def test_missing_crs_is_no_error_but_a_problem(data):
+def test_a_missing_crs_is_listed_as_a_problem(data):
     path = data / "scanning" / "strips" / STRIPS[3]
     assert las.read(path).attrs["crs"] == ""
     assert las.read(path, crs="EPSG:5490").attrs["crs"] == "EPSG:5490"
@@ -188,7 +188,7 @@ def test_round_trip(tmp_path, ending):
     assert las.describe(path)["problems"] == []
 
 
-def test_file_is_what_millimetre_work_needs(tmp_path):
+def test_coordinates_are_exact_to_a_tenth_of_a_millimetre(tmp_path):
     las.write(cloud(), tmp_path / "p.laz")
     witness = laspy.read(tmp_path / "p.laz")
     header = witness.header
@@ -221,7 +221,7 @@ def test_writing_block_by_block_gives_the_same_points(tmp_path):
         npt.assert_allclose(again[name], whole[name], rtol=0, atol=2e-9)  # [m] other offset
 
 
-def test_real_strip_survives_conversion(faces, tmp_path):
+def test_a_real_strip_is_converted_without_loss(faces, tmp_path):
     las.write(las.blocks(faces, size=5000), tmp_path / "p.laz")
     before, after = las.read(faces), las.read(tmp_path / "p.laz")
     for name in before.data_vars:
@@ -246,7 +246,7 @@ def test_vertical_crs_is_kept(tmp_path):
         ({"time": [0, np.nan]}, "variable time: must be finite"),
     ],
 )
-def test_what_does_not_fit_is_refused(tmp_path, change, rule):
+def test_values_beyond_the_range_of_las_are_refused(tmp_path, change, rule):
     named = {"easting": [0, 1], "northing": [0, 1], "up": [0, 1]} | change
     if change.get("easting") == [0, 3e5]:
         # the offset comes from the first block
@@ -277,7 +277,7 @@ def test_bad_names_and_arguments_of_write(tmp_path):
     with pytest.raises(CoverageError, match="no points"):
         las.write(iter([]), tmp_path / "p.laz")
     with pytest.raises(SchemaError, match="attribute crs"):
-        las.write(points.assign_attrs(crs="nowhere"), tmp_path / "p.laz")
+        las.write(points.assign_attrs(crs="Atlantis"), tmp_path / "p.laz")
     with pytest.raises(SchemaError, match="same variables"):
         las.write(iter([points, points.drop_vars("sd")]), tmp_path / "p.laz")
     assert list(tmp_path.iterdir()) == []
@@ -325,7 +325,7 @@ def test_las_that_is_cut_off(data, tmp_path, size):
 
 @pytest.mark.parametrize("name", [STRIPS[0], STRIPS[1]])
 @pytest.mark.parametrize("surplus", [1, 5000, 10**8])
-def test_header_that_announces_too_many_points(data, tmp_path, name, surplus):
+def test_header_with_too_many_points(data, tmp_path, name, surplus):
     content = bytearray((data / "scanning" / "strips" / name).read_bytes())
     form, place = ("<Q", 247) if content[25] >= 4 else ("<I", 107)
     (count,) = struct.unpack_from(form, content, place)
@@ -335,7 +335,7 @@ def test_header_that_announces_too_many_points(data, tmp_path, name, surplus):
     assert_refused(path)
 
 
-def test_las_whose_header_announces_too_many_points(data, tmp_path):
+def test_las_header_with_too_many_points(data, tmp_path):
     content = bytearray(
         (data / "scanning" / "georeference" / "leeward" / "points.las").read_bytes()
     )
@@ -405,7 +405,7 @@ def test_points_without_time_and_lane_are_described(tmp_path):
     assert "all times are 0" in summary["problems"]
 
 
-def test_real_lies_about_time_are_found(data):
+def test_wrong_time_flags_of_real_files_are_flagged(data):
     tile = las.describe(data / "scanning" / "strips" / "test_data_77055_627755_LA93_IGN69.laz")
     assert (tile["time"]["flag"], tile["time"]["kind"]) == ("week seconds", "adjusted standard")
     assert tile["time"]["first"].startswith("2021-05-28")
@@ -414,7 +414,7 @@ def test_real_lies_about_time_are_found(data):
     assert not any("time flag" in text for text in honest["problems"])
 
 
-def test_real_stray_passes_are_found(data):
+def test_stray_passes_of_real_files_are_flagged(data):
     problems = las.describe(data / "scanning" / "strips" / STRIPS[3])["problems"]
     assert any("4310 (467 points), 4340 (680 points)" in text for text in problems)
 
@@ -429,7 +429,7 @@ def test_real_stray_passes_are_found(data):
         (lambda f: f.gps_time.__setitem__(slice(None), -f.gps_time), "time falls 999 times"),
         (lambda f: f.gps_time.__setitem__(slice(None), 1e5), "adjusted standard time, but"),
         (lambda f: f.gps_time.__setitem__(slice(None), 1.4e9), "not adjusted?"),
-        (lambda f: f.point_source_id.__setitem__(slice(None), 0), "passes cannot be told apart"),
+        (lambda f: f.point_source_id.__setitem__(slice(None), 0), "passes cannot be separated"),
         (lambda f: f.point_source_id.__setitem__(slice(7), 0), "7 points have point_source_id 0"),
         (lambda f: f.point_source_id.__setitem__(slice(2), 9), "9 (2 points)"),
         (lambda f: f.points.array.__setitem__(slice(9), f.points.array[10:19]), "9 of 1000 points"),
@@ -457,7 +457,7 @@ def test_week_rollover_is_found(tmp_path):
         (255, 5, "the counts by return in the header differ"),
     ],
 )
-def test_lies_of_the_header_are_found(tmp_path, place, value, problem):
+def test_wrong_values_of_the_header_are_flagged(tmp_path, place, value, problem):
     path = tmp_path / "p.las"
     las.write(cloud(), path)
     content = bytearray(path.read_bytes())
@@ -475,8 +475,8 @@ def test_lies_of_the_header_are_found(tmp_path, place, value, problem):
     ],
     ids=["count of records", "start of points", "size of header"],
 )
-def test_records_that_cannot_be_are_found_at_once(data, tmp_path, at, number, place):
-    """Reading as many records as a damaged header announces would take hours."""
+def test_impossible_record_counts_are_refused_at_once(data, tmp_path, at, number, place):
+    """Reading the number of records of a damaged header would take hours."""
     content = bytearray((data / "scanning" / "strips" / "faceraster_2strips_20m.laz").read_bytes())
     width = 2 if at == 94 else 4
     content[at : at + width] = number.to_bytes(width, "little")
@@ -486,7 +486,7 @@ def test_records_that_cannot_be_are_found_at_once(data, tmp_path, at, number, pl
             look(tmp_path / "bad.laz")
 
 
-def test_more_chunks_than_fit_are_found(data, tmp_path):
+def test_too_many_chunks_are_refused(data, tmp_path):
     content = bytearray((data / "scanning" / "strips" / "faceraster_2strips_20m.laz").read_bytes())
     points = int.from_bytes(content[96:100], "little")
     table = int.from_bytes(content[points : points + 8], "little")
@@ -496,13 +496,13 @@ def test_more_chunks_than_fit_are_found(data, tmp_path):
         las.read(tmp_path / "bad.laz")
 
 
-def test_a_header_cut_short_is_found(tmp_path):
+def test_a_truncated_header_is_refused(tmp_path):
     (tmp_path / "bad.las").write_bytes(b"LASF" + bytes(100))
     with pytest.raises(FormatError, match="ends at byte 104, within its header"):
         las.read(tmp_path / "bad.las")
 
 
-def test_coarse_scale_is_found(tmp_path):
+def test_a_coarse_scale_is_flagged(tmp_path):
     las.write(cloud(), tmp_path / "p.laz", scale=0.01)
     problems = las.describe(tmp_path / "p.laz")["problems"]
     assert any("rounded to 0.01 m: too coarse" in text for text in problems)
@@ -520,11 +520,11 @@ def test_duplicates_are_estimated_in_bounded_memory():
     npt.assert_allclose(counter.count, 50_000, rtol=0, atol=4 * 0.025 * 50_000)
 
 
-# ---- COPC: laspy reads it, nothing at hand writes it, so a small one is made here
+# ---- COPC: laspy reads it, but no available library writes it, so a small file is built here
 
 
 def write_copc(path: Path, points, levels=3) -> None:
-    """Put points into an octree of the given depth, by the letter of COPC 1.0."""
+    """Write points into an octree of the given depth, following COPC 1.0."""
     header = laspy.LasHeader(version="1.4", point_format=6)
     header.scales, header.offsets = np.full(3, 1e-4), np.array([691000.0, 5334000.0, 500.0])
     header.add_crs(pyproj.CRS.from_epsg(25832))
@@ -623,12 +623,12 @@ def by_time(blocks):
     return {name: concatenated(blocks, name)[order] for name in ("easting", "up", "time", "lane")}
 
 
-def test_made_copc_is_what_laspy_takes_for_one(copc):
+def test_laspy_accepts_the_copc_of_these_tests(copc):
     with laspy.CopcReader.open(copc) as reader:
         assert len(reader.query()) == 6000
 
 
-def test_copc_is_read_whole(copc):
+def test_copc_is_read_completely(copc):
     again = by_time(list(las.blocks(copc, size=1000)))
     truth = cloud(6000)
     npt.assert_array_equal(again["time"], truth.time)
@@ -658,7 +658,7 @@ def test_copc_by_bounds_gives_each_point_once(copc, bounds, size):
     npt.assert_allclose(again["up"], truth.up[inside], **HALF_STEP)
 
 
-def test_points_on_the_planes_of_the_octree_are_found_once(tmp_path):
+def test_points_on_faces_of_the_octree_are_read_once(tmp_path):
     grid = np.linspace(0, 100, 41)
     x, y = (axis.ravel() for axis in np.meshgrid(grid, grid))
     points = make_points(

@@ -1,4 +1,4 @@
-"""Navigation: SBET, SMRMSG, Boreas poses and tables against independent numbers."""
+"""Navigation: SBET, SMRMSG, Boreas poses and tables compared with independent numbers."""
 
 import sys
 
@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 import trueterrain.formats.navigation as nav
 from trueterrain.core import provenance
 from trueterrain.core.errors import CoverageError, FormatError, SchemaError, TrueTerrainError
-from trueterrain.formats.navigation import _recognise, boreas, columns, sbet, smrmsg
+from trueterrain.formats import navigation_signature
+from trueterrain.formats.navigation import boreas, columns, sbet, smrmsg
 from trueterrain.geometry.navigation_frames import (
     YawUnwrapper,
     check_origin,
@@ -99,7 +100,7 @@ def test_angles_of_iso_8855_for_a_body_at_the_origin():
 
 
 def test_attitude_far_from_the_origin_follows_the_positions():
-    """A point 1 m ahead of (right of, below) the body is where the ellipsoid says it is."""
+    """A point 1 m in front of (right of, below) the body lies where the ellipsoid puts it."""
     origin = (11.0, 48.0, 400.0)
     lon, lat, height = np.deg2rad(11.2), np.deg2rad(48.15), 600.0
     r, q, h = 0.03, -0.05, 1.1
@@ -136,7 +137,7 @@ def test_yaw_differs_by_the_convergence_of_the_meridians():
 @pytest.mark.parametrize(
     "origin", [(1.0, 2.0), (1.0, 91.0, 0.0), (361.0, 0.0, 0.0), (np.nan, 0.0, 0.0)]
 )
-def test_an_origin_must_be_a_place(origin):
+def test_an_invalid_origin_is_refused(origin):
     with pytest.raises(ValueError, match="origin must"):
         check_origin(origin)
 
@@ -153,7 +154,7 @@ def test_yaw_continues_over_a_full_turn():
 # --- SBET -----------------------------------------------------------------------------------------
 
 
-def test_the_measured_sbet_reads_right(data):
+def test_the_measured_sbet_is_read_correctly(data):
     navigation = nav.read_sbet(leeward(data) / "sbet.out")
     assert navigation.sizes["epoch"] == 200
     time = navigation.time.values
@@ -189,9 +190,9 @@ def test_velocities_of_the_wander_frame_agree_with_the_positions(data):
     west = along * np.sin(wander) + left * np.cos(wander)
     time = navigation.time.values
     for name, velocity in (("east", -west), ("north", north), ("up", up)):
-        way = navigation[name].values[-1] - navigation[name].values[0]
+        distance = navigation[name].values[-1] - navigation[name].values[0]
         # [m] of 110 m: velocities and positions are filtered, not derived from each other
-        npt.assert_allclose(way, np.trapezoid(velocity, time), rtol=0, atol=0.01)
+        npt.assert_allclose(distance, np.trapezoid(velocity, time), rtol=0, atol=0.01)
 
 
 def test_measured_points_lie_where_the_scanner_looked(data):
@@ -216,7 +217,9 @@ def test_measured_points_lie_where_the_scanner_looked(data):
     scanner = np.stack([pose["east"], pose["north"], pose["up"]], axis=-1)
     beam = body.inv().apply(points - scanner)
     length = np.linalg.norm(beam, axis=1)
-    npt.assert_allclose([length.min(), length.max()], [4454, 5345], rtol=0, atol=1)  # [m] as told
+    npt.assert_allclose(
+        [length.min(), length.max()], [4454, 5345], rtol=0, atol=1
+    )  # [m] as published
     across = np.rad2deg(np.arctan2(-beam[:, 1], -beam[:, 2]))  # [deg] right positive
     stored = np.array(las.scan_angle_rank, dtype=float)
     slope, bias = np.polyfit(stored, across, 1)
@@ -241,7 +244,7 @@ def test_wander_is_subtracted_from_the_heading(tmp_path):
     npt.assert_allclose(nav.read_sbet(path).yaw[0], np.pi / 2 - 0.2, rtol=0, atol=1e-9)
 
 
-def test_an_origin_of_ones_own(tmp_path):
+def test_an_origin_given_by_the_user(tmp_path):
     path = sbet_file(tmp_path, records())
     origin = (11.0, 48.0, 490.0)
     navigation = nav.read_sbet(path, origin=origin)
@@ -271,7 +274,7 @@ def test_an_empty_sbet(tmp_path):
         nav.read_sbet(sbet_file(tmp_path, records(0)))
 
 
-def test_a_single_record_is_no_navigation(tmp_path):
+def test_a_single_record_is_refused(tmp_path):
     with pytest.raises(SchemaError, match="at least 2 epochs, got 1"):
         nav.read_sbet(sbet_file(tmp_path, records(1)))
 
@@ -306,7 +309,7 @@ def test_a_record_that_is_nan(tmp_path, name):
 def test_bytes_in_the_wrong_order(tmp_path):
     path = tmp_path / "sbet.out"
     records().astype(">f8").tofile(path)
-    with pytest.raises(FormatError, match=r"record 1, .*wrong order"):
+    with pytest.raises(FormatError, match=r"record 1, .*byte order is wrong"):
         nav.read_sbet(path)
 
 
@@ -320,7 +323,7 @@ def test_description_of_the_measured_sbet(data):
     npt.assert_allclose(summary["extent"]["latitude"], [37.7638, 37.7648], rtol=0, atol=1e-4)
 
 
-def test_description_tells_gaps(tmp_path):
+def test_description_lists_gaps(tmp_path):
     path = sbet_file(tmp_path, records(time=[10.0, 10.005, 10.010, 12.0, 12.005]))
     summary = sbet.describe(path)
     assert summary["gap_count"] == 1
@@ -329,7 +332,7 @@ def test_description_tells_gaps(tmp_path):
     assert "1 gap in time" in summary["problems"][0]
 
 
-def test_description_flags_times_that_are_no_seconds_of_the_week(tmp_path):
+def test_description_flags_times_beyond_the_gps_week(tmp_path):
     path = sbet_file(tmp_path, records(time=1.3e9 + np.arange(5)))
     assert "no seconds of the GPS week" in sbet.describe(path)["problems"][0]
 
@@ -337,7 +340,7 @@ def test_description_flags_times_that_are_no_seconds_of_the_week(tmp_path):
 # --- SMRMSG ---------------------------------------------------------------------------------------
 
 
-def test_the_measured_accuracies_read_right(data):
+def test_the_measured_accuracies_are_read_correctly(data):
     accuracy = nav.read_smrmsg(data / "scanning" / "accuracy" / "smrmsg.smrmsg")
     assert accuracy.sizes["epoch"] == 21902
     medians = {name: float(accuracy[name].median()) for name in accuracy.data_vars}
@@ -403,21 +406,21 @@ def start_of(path):
         return stream.read(1024)
 
 
-def test_files_without_a_header_are_recognised_by_their_values(data):
+def test_sbet_and_smrmsg_are_recognised_by_their_values(data):
     a = leeward(data) / "sbet.out"
     b = data / "scanning" / "accuracy" / "smrmsg.smrmsg"
     for path, is_sbet, is_smrmsg in ((a, True, False), (b, False, True)):
         start, size = start_of(path), path.stat().st_size
-        assert _recognise.is_sbet(start, size) == is_sbet
-        assert _recognise.is_smrmsg(start, size) == is_smrmsg
+        assert navigation_signature.is_sbet(start, size) == is_sbet
+        assert navigation_signature.is_smrmsg(start, size) == is_smrmsg
     others = sorted(path for path in data.rglob("*") if path.is_file() and path not in (a, b))
     assert len(others) > 50
     for other in others:
         start, size = start_of(other), other.stat().st_size
-        assert not _recognise.is_sbet(start, size)
-        assert not _recognise.is_smrmsg(start, size)
-    assert not _recognise.is_sbet(b"", 0)
-    assert not _recognise.is_smrmsg(b"\0" * 160, 160)
+        assert not navigation_signature.is_sbet(start, size)
+        assert not navigation_signature.is_smrmsg(start, size)
+    assert not navigation_signature.is_sbet(b"", 0)
+    assert not navigation_signature.is_smrmsg(b"\0" * 160, 160)
 
 
 # --- Boreas ---------------------------------------------------------------------------------------
@@ -426,7 +429,7 @@ def test_files_without_a_header_are_recognised_by_their_values(data):
 @pytest.mark.parametrize(
     ("name", "rows", "span"), [(POSES[0], 10790, 1119), (POSES[1], 9967, 1034)]
 )
-def test_the_drives_load(data, name, rows, span):
+def test_the_drives_are_read(data, name, rows, span):
     navigation = nav.read_boreas(poses(data, name))
     summary = boreas.describe(poses(data, name))
     assert navigation.sizes["epoch"] == rows == summary["count"]
@@ -438,19 +441,20 @@ def test_the_drives_load(data, name, rows, span):
 
 @pytest.mark.parametrize("name", POSES)
 def test_velocities_are_the_derivatives_of_the_positions(data, name):
-    """Over 10 s the way is the integral of the velocity, in length and direction."""
+    """Displacements over 10 s are the integral of the velocity, in length and direction."""
     navigation = nav.read_boreas(poses(data, name))
     table = pd.read_csv(poses(data, name))
     time = navigation.time.values
-    way = navigation.east.values + 1j * navigation.north.values
+    position = navigation.east.values + 1j * navigation.north.values
     velocity = table.vel_east.to_numpy() + 1j * table.vel_north.to_numpy()
     steps = np.diff(time) * (velocity[1:] + velocity[:-1]) / 2
     driven = np.concatenate([[0], np.cumsum(steps)])
-    d_way, d_driven = way[100::100] - way[:-100:100], driven[100::100] - driven[:-100:100]
-    ratio = np.vdot(d_driven, d_way) / np.vdot(d_driven, d_driven)
+    moved = position[100::100] - position[:-100:100]
+    expected = driven[100::100] - driven[:-100:100]
+    ratio = np.vdot(expected, moved) / np.vdot(expected, expected)
     npt.assert_allclose(abs(ratio), 1, rtol=0, atol=1e-4)  # a map projection would give 2.1e-4
     npt.assert_allclose(np.angle(ratio), 0, rtol=0, atol=1e-4)  # [rad] a map's north: 1.8e-2
-    speed = np.abs(np.gradient(way, time))
+    speed = np.abs(np.gradient(position, time))
     npt.assert_allclose(speed, np.abs(velocity), rtol=0, atol=1.5)  # [m/s] 0.1 s steps, braking
     assert np.sqrt(np.mean((speed - np.abs(velocity)) ** 2)) < 0.05  # [m/s]
 
@@ -468,10 +472,10 @@ def test_attitudes_are_those_of_a_car(data, name):
     # [rad] straight ahead; the rest is the slip of the lidar in bends
     npt.assert_allclose(np.median(slip), 0, rtol=0, atol=2e-3)
     assert np.std(slip) < 0.02
-    # nose-down positive: the pitch is minus the slope of the way (and lifts when accelerating)
+    # nose-down positive: the pitch is minus the slope of the road (and lifts when accelerating)
     slope = up[moving] / speed[moving]
-    ahead = np.gradient(speed, time)[moving]
-    terms = np.stack([slope, ahead, np.ones(slope.size)], axis=-1)
+    acceleration = np.gradient(speed, time)[moving]
+    terms = np.stack([slope, acceleration, np.ones(slope.size)], axis=-1)
     factor = np.linalg.lstsq(terms, navigation.pitch.values[moving], rcond=None)[0]
     npt.assert_allclose(factor[0], -1, rtol=0, atol=0.03)
     assert factor[1] < 0  # accelerating lifts the nose
@@ -525,7 +529,7 @@ def our_table(count=300):
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
-def test_tables_with_our_names_keep_every_bit(tmp_path, ending):
+def test_tables_with_default_names_are_read_exactly(tmp_path, ending):
     table = our_table()
     path = tmp_path / f"nav.{ending}"
     table.to_csv(path, index=False) if ending == "csv" else table.to_parquet(path)
@@ -574,7 +578,7 @@ def test_a_table_of_degrees_equals_the_sbet(tmp_path):
         npt.assert_allclose(navigation[name], truth[name], **ANGLE)
 
 
-def test_heading_without_a_place_turns_into_yaw(tmp_path):
+def test_heading_without_a_position_becomes_yaw(tmp_path):
     table = our_table(5).rename(columns={"yaw": "heading"})
     path = tmp_path / "nav.csv"
     table.to_csv(path, index=False)
@@ -672,7 +676,7 @@ def test_a_latitude_beyond_the_pole(tmp_path):
         nav.read_columns(path, chosen)
 
 
-# --- the kind -------------------------------------------------------------------------------------
+# --- schema ---------------------------------------------------------------------------------------
 
 
 def test_schema_of_navigation():

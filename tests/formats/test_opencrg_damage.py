@@ -1,4 +1,4 @@
-"""Damaged OpenCRG files: each is an error of one line that names file, place and cure."""
+"""Damaged OpenCRG files: each gives a one-line error that names file, place and cure."""
 
 import re
 
@@ -24,7 +24,7 @@ def road(v):
 
 @pytest.fixture(params=["KRBI", "KDBI", "LRFI", "LDFI"])
 def any_format(request, tmp_path):
-    """Path of a good file in each format: numbered long sections, banking."""
+    """Path of an undamaged file in each format: numbered long sections, banking."""
     path = tmp_path / "good.crg"
     opencrg.write(road([-1, -0.5, 0, 0.5, 1]), path, fmt=request.param)
     return path
@@ -45,7 +45,7 @@ def uneven(tmp_path):
 
 
 def damage(path, change):
-    """Write a changed copy beside a file; `change` turns (header, data) into bytes."""
+    """Write a changed copy next to a file; `change` maps (header, data) to bytes."""
     content = path.read_bytes()
     at = content.index(b"$$$$")
     at = content.index(b"\n", at) + 1
@@ -84,10 +84,10 @@ def assert_refused(path, match):
         assert caught.value.cure
 
 
-@pytest.mark.parametrize("share", [0.0, 0.01, 0.3, 0.5, 0.9, 0.99])
-def test_cut_anywhere(any_format, share):
+@pytest.mark.parametrize("fraction", [0.0, 0.01, 0.3, 0.5, 0.9, 0.99])
+def test_a_truncated_file_is_refused(any_format, fraction):
     content = any_format.read_bytes()
-    any_format.with_name("cut.crg").write_bytes(content[: int(share * len(content))])
+    any_format.with_name("cut.crg").write_bytes(content[: int(fraction * len(content))])
     assert_refused(any_format.with_name("cut.crg"), "must")
 
 
@@ -99,7 +99,7 @@ def test_last_record_lost(any_format):
     assert_refused(damage(any_format, lambda header, payload: header + payload[:-81]), "must")
 
 
-def test_something_behind_the_data(binary):
+def test_surplus_bytes_after_the_data(binary):
     assert_refused(damage(binary, lambda header, payload: header + payload + bytes(80)), "must be")
 
 
@@ -122,7 +122,7 @@ def test_header_with_crlf_alone_is_fine(binary):
     npt.assert_array_equal(opencrg.read(path).height, opencrg.read(binary).height)
 
 
-def test_text_formats_survive_converted_line_ends(tmp_path):
+def test_text_formats_allow_converted_line_ends(tmp_path):
     path = tmp_path / "good.crg"
     opencrg.write(road([-1, 0, 1]), path, fmt="LRFI")
     converted = tmp_path / "converted.crg"
@@ -194,7 +194,7 @@ def test_number_format_wrong(binary):
     assert_refused(damage(binary, with_line(rb"^#:KRBI", rb"#:KDBI")), "must be .* bytes long")
 
 
-def test_text_where_bytes_must_stand(binary):
+def test_text_instead_of_binary_numbers(binary):
     path = damage(binary, lambda header, payload: header + b" 0.0000000" * 60)
     assert_refused(path, "they are text although #: says KRBI")
 
@@ -236,7 +236,7 @@ def test_last_line_break_lost(tmp_path):
     assert_refused(damage(path, lambda header, payload: header + payload[:-1]), "no line break")
 
 
-def test_letters_among_the_numbers(tmp_path):
+def test_letters_in_the_numbers(tmp_path):
     path = tmp_path / "good.crg"
     opencrg.write(road([-1, 0, 1]), path, fmt="LRFI")
     path = damage(path, lambda header, payload: header + payload.replace(b"0", b"x", 1))

@@ -1,4 +1,4 @@
-"""OpenCRG files read as the ASAM C-API evaluates them, where they are stored."""
+"""OpenCRG files compared with the ASAM C-API, in the coordinates in which they are stored."""
 
 import json
 
@@ -41,7 +41,7 @@ ALL.append("opencrg/asam/belgian_block")
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_heights_and_places_are_those_of_the_c_api(data, name):
+def test_heights_and_coordinates_agree_with_the_c_api(data, name):
     path = data / f"{name}.crg"
     surface = check_surface(opencrg.read(path))
     u, v, height = surface.u.values, surface.v.values, surface.height.values
@@ -78,7 +78,7 @@ def test_recorded_points_of_belgian_block(data):
     npt.assert_allclose(ours[both], z[both], **RECORDED_HEIGHT)
 
 
-def test_facts_about_belgian_block(data):
+def test_numbers_of_belgian_block(data):
     found = opencrg.describe(data / "opencrg/asam/belgian_block.crg")
     assert found["format"] == "OpenCRG"
     assert found["kind"] == "surface"
@@ -113,7 +113,7 @@ def test_extent_is_that_of_the_corners(data):
 
 
 def test_a_numbered_grid_without_edges_is_symmetric(data):
-    """The two files say of themselves that they are equivalent."""
+    """The two files state that they are equivalent."""
     folder = data / "opencrg/asam/crg-txt"
     bare = opencrg.read(folder / "handmade_straight_minimalist.crg")
     whole = opencrg.read(folder / "handmade_straight.crg")
@@ -169,6 +169,6 @@ def test_reading_is_recorded(data):
 @pytest.mark.parametrize(
     "name", ["fileref", "fileref_mods", "fileref_opts", "testOptionBorderMode"]
 )
-def test_a_reference_to_another_file_is_named(data, name):
+def test_a_reference_to_another_file_is_refused(data, name):
     with pytest.raises(FormatError, match=r"refers to .*handmade_.*Name that file itself"):
         opencrg.read(data / f"opencrg/asam/crg-txt/{name}.crg")

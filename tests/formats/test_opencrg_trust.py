@@ -1,4 +1,4 @@
-"""OpenCRG files that hold something else than the surface never appear, big surfaces included."""
+"""Verification of written OpenCRG files: a file that differs from the surface never appears."""
 
 import re
 import tracemalloc
@@ -27,7 +27,7 @@ BESIDE = 1e-5  # [m] beside a node, far enough that heights there differ by more
 
 
 def road(*, even=True, banked=True, sloped=True, edges=True, holes=False, rows=ROWS):
-    """A curved road whose heights lie 421 m above its line, as wide as 9 nodes."""
+    """A curved road of 9 nodes across, with heights 421 m above its reference line."""
     u = 0.5 * np.arange(rows)
     v = 0.25 * np.arange(COLUMNS) - 1
     if not even:
@@ -54,19 +54,19 @@ def road(*, even=True, banked=True, sloped=True, edges=True, holes=False, rows=R
 
 @pytest.fixture
 def small_blocks(monkeypatch):
-    """Surfaces of this file treated like big ones: 7 cross-sections at a time."""
+    """Blocks of 7 cross-sections, so that the surfaces of these tests count as large."""
     monkeypatch.setattr(_blocks, "_NODES", 7 * COLUMNS)
     monkeypatch.setattr(_write, "_SAMPLE", 5 * COLUMNS)
 
 
 @pytest.fixture
 def sampled(monkeypatch):
-    """The C-API gets only some long sections, as those of files beyond 64 MB."""
-    monkeypatch.setattr(_verify, "_MOST_BYTES", 4 * 5 * ROWS)
+    """The C-API gets only some long sections, as for files beyond 64 MB."""
+    monkeypatch.setattr(_verify, "_MAX_BYTES", 4 * 5 * ROWS)
 
 
 def by_pycrg(surface, path, fmt, monkeypatch):
-    """The same file in one piece by pycrg alone, with what it was given for the line."""
+    """The same file written at once by pycrg, with the same reference line."""
     given_to_pycrg = {}
     whole = pycrg.write
 
@@ -91,8 +91,8 @@ def by_pycrg(surface, path, fmt, monkeypatch):
 @pytest.mark.parametrize("fmt", ["KRBI", "KDBI"])
 @pytest.mark.parametrize("even", [False, True])
 @pytest.mark.parametrize("line", [(False, False), (True, False), (False, True), (True, True)])
-def test_files_are_those_of_pycrg(tmp_path, monkeypatch, small_blocks, fmt, even, line):
-    """Byte for byte, although pycrg writes neither the heights nor the list of long sections."""
+def test_files_equal_those_of_pycrg(tmp_path, monkeypatch, small_blocks, fmt, even, line):
+    """Byte by byte, although here pycrg writes neither heights nor the list of long sections."""
     surface = road(even=even, banked=line[0], sloped=line[1], holes=True)
     written, whole = by_pycrg(surface, tmp_path / "road.crg", fmt, monkeypatch)
     assert written == whole
@@ -112,7 +112,7 @@ def test_blocks_do_not_change_a_file(tmp_path, monkeypatch, kind):
     xr.testing.assert_equal(opencrg.read(tmp_path / "many.crg"), one)
 
 
-def test_text_in_the_comment_is_not_taken_for_the_header(tmp_path, monkeypatch):
+def test_comments_are_not_parsed_as_header(tmp_path, monkeypatch):
     comment = ["long_section_v_increment = 3", "D:long section 1,m", "#:KDBI", "$", "$" * 72]
     opencrg.write(road(), tmp_path / "road.crg", comment=comment)
     found = opencrg.describe(tmp_path / "road.crg")
@@ -120,7 +120,7 @@ def test_text_in_the_comment_is_not_taken_for_the_header(tmp_path, monkeypatch):
     assert found["comment"].splitlines()[1:3] == comment[:2]
 
 
-def test_missing_is_always_the_same_nan(tmp_path):
+def test_missing_heights_have_one_nan(tmp_path):
     surface = road()
     opencrg.write(surface, tmp_path / "positive.crg")
     surface["height"] = surface.height.where(surface.height.notnull(), -np.nan)
@@ -131,7 +131,7 @@ def test_missing_is_always_the_same_nan(tmp_path):
     assert b"\xff\xc0\x00\x00" not in content
 
 
-def test_a_first_byte_that_the_c_api_would_skip(tmp_path):
+def test_a_first_byte_that_the_c_api_skips(tmp_path):
     height = np.zeros((4, 3))
     height[0, 0] = np.array([0x0A000000], dtype="u4").view("f4")[0]
     u = np.arange(4.0)
@@ -142,7 +142,7 @@ def test_a_first_byte_that_the_c_api_would_skip(tmp_path):
 
 
 class Watched(BackendArray):
-    """An array on disk, so to say, that notes how many rows are asked for at once."""
+    """Lazy array that records how many rows are read at a time."""
 
     def __init__(self, values):
         self.values, self.shape, self.dtype = values, values.shape, values.dtype
@@ -188,12 +188,12 @@ def test_surfaces_in_a_zarr_store(tmp_path, small_blocks):
 
 @pytest.mark.parametrize("holes", [False, True])
 def test_memory(tmp_path, monkeypatch, holes):
-    """Neither writing holds another copy of the heights, nor reading more than one and a half."""
+    """Writing holds no copy of the heights, reading at most one and a half."""
     surface = road(rows=20_000, holes=holes)
     opencrg.write(road(holes=True), tmp_path / "road.crg")  # imports
     monkeypatch.setattr(_blocks, "_NODES", 1 << 10)
     monkeypatch.setattr(_write, "_SAMPLE", 1 << 10)
-    monkeypatch.setattr(_verify, "_MOST_CELLS", 1 << 10)
+    monkeypatch.setattr(_verify, "_MAX_CELLS", 1 << 10)
     line = sum(surface[name].nbytes for name in ("u", "easting", "northing", "elevation"))
     for work, most in (
         (lambda: opencrg.write(surface, tmp_path / "road.crg", force=True), 0.0),
@@ -207,7 +207,7 @@ def test_memory(tmp_path, monkeypatch, holes):
 
 
 def changed_line(key, change):
-    """Another number in a line of the header."""
+    """Change a number in a line of the header."""
 
     def apply(header, payload):
         line = re.compile(rb"^(" + key + rb" += +)(\S+)$", re.MULTILINE)
@@ -228,7 +228,7 @@ def replaced(old, new):
 
 
 def table(change):
-    """Other numbers: three of the line before the heights in each cross-section."""
+    """Change numbers: three channels of the reference line precede the heights of each section."""
 
     def apply(header, payload):
         numbers = np.frombuffer(payload, ">f4").copy()
@@ -301,8 +301,8 @@ DAMAGE = {
 
 @pytest.mark.parametrize("size", ["small", "big"])
 @pytest.mark.parametrize("name", DAMAGE)
-def test_what_was_not_meant_does_not_appear(request, tmp_path, monkeypatch, name, size):
-    """Whatever goes wrong between the surface and the bytes on disk, small or large."""
+def test_a_wrong_file_does_not_appear(request, tmp_path, monkeypatch, name, size):
+    """Errors of any size between the surface and the bytes on disk are detected."""
     if size == "big":
         request.getfixturevalue("small_blocks")
         request.getfixturevalue("sampled")
@@ -324,20 +324,20 @@ def test_what_was_not_meant_does_not_appear(request, tmp_path, monkeypatch, name
 
 
 @pytest.mark.parametrize("fmt", ["LRFI", "LDFI"])
-def test_text_that_was_not_meant_does_not_appear(tmp_path, monkeypatch, fmt):
+def test_a_wrong_text_file_does_not_appear(tmp_path, monkeypatch, fmt):
     whole = pycrg.write
 
     def lossy(path, z, *arguments, **keywords):
         whole(path, np.asarray(z) + 1e-3 * (np.shape(z)[1] > 2), *arguments, **keywords)
 
     monkeypatch.setattr(pycrg, "write", lossy)
-    with pytest.raises(OutputError, match=r"read back the same: differences of 0\.001 m"):
+    with pytest.raises(OutputError, match=r"when it is read back: differences of 0\.001 m"):
         opencrg.write(road(), tmp_path / "road.crg", fmt=fmt)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_line_learnt_wrongly_does_not_appear(tmp_path, monkeypatch):
-    """Heights that are right only above another line than that in the file."""
+def test_a_wrong_reference_line_does_not_appear(tmp_path, monkeypatch):
+    """Heights that are correct only above a different reference line."""
     learn = _stream.flat_road
 
     def wrong(*arguments):
@@ -356,8 +356,8 @@ def test_a_line_learnt_wrongly_does_not_appear(tmp_path, monkeypatch):
     st.integers(1, 9),
     st.integers(1, 9),
 )
-def test_median(values, size, step):
-    """Of values with ties and gaps, whatever the blocks and the sample."""
+def test_blockwise_median_equals_numpy(values, size, step):
+    """Values with ties and gaps, any blocks, any sample."""
     values = np.array(values, dtype=float)
     finite = values[np.isfinite(values)]
     if not finite.size:
@@ -377,7 +377,7 @@ def some_of(count):
 
 @settings(max_examples=50)
 @given(some_of(ROWS), some_of(COLUMNS))
-def test_patches_are_seen_from_everywhere(rows, columns):
+def test_patched_arrays_support_every_index(rows, columns):
     surface = road(holes=True)
     holes = np.flatnonzero(opencrg.fill_interior(surface).filled.values)
     lazy = patch_surface(surface, holes)
@@ -388,7 +388,7 @@ def test_patches_are_seen_from_everywhere(rows, columns):
 
 @st.composite
 def sections(draw, most=420):
-    """Long sections on multiples of 1 mm, at equal distances or not, fewer or more than 200."""
+    """Long sections at multiples of 1 mm, equally spaced or not, fewer or more than 200."""
     count = draw(st.integers(2, most))
     step = draw(st.integers(1, 30))
     places = step * np.arange(count)
@@ -411,8 +411,8 @@ def test_every_size_is_written(tmp_path, monkeypatch, v, given):
     surface = make_surface(noise, u=u, v=v, easting=u, northing=np.zeros(rows))
     size = 4 if fmt == "KRBI" else 8
     with monkeypatch.context() as limits:
-        limits.setattr(_verify, "_MOST_BYTES", given.draw(st.integers(1, size * noise.size + 1000)))
-        limits.setattr(_verify, "_MOST_CELLS", given.draw(st.integers(1, 2 * noise.size)))
+        limits.setattr(_verify, "_MAX_BYTES", given.draw(st.integers(1, size * noise.size + 1000)))
+        limits.setattr(_verify, "_MAX_CELLS", given.draw(st.integers(1, 2 * noise.size)))
         limits.setattr(_blocks, "_NODES", given.draw(st.integers(1, 2 * noise.size)))
         limits.setattr(_write, "_SAMPLE", given.draw(st.integers(1, 2 * noise.size)))
         path = tmp_path / "road.crg"
@@ -427,7 +427,7 @@ def test_every_size_is_written(tmp_path, monkeypatch, v, given):
 @settings(max_examples=80, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(sections(most=260))
 def test_overlooked_sections_are_those_of_the_c_api(tmp_path, v):
-    """The C-API finds wrong heights where the rule names sections, and none where it does not."""
+    """The C-API finds wrong heights next to the listed sections, and only there."""
     height = np.random.default_rng(v.size).uniform(1, 2, (2, v.size))
     height[:, ::2] *= -1  # neighbours differ by 2 m or more
     pycrg.write(tmp_path / "road.crg", height, 0.01, v, mods={})
@@ -443,18 +443,18 @@ def test_overlooked_sections_are_those_of_the_c_api(tmp_path, v):
     assert wrong.any() or not (overlooked & ~at_end).any()
 
 
-def test_sections_that_the_c_api_overlooks_are_a_flag(tmp_path):
-    """A file of other programs, whose heights programs with the C library get wrong."""
+def test_sections_that_the_c_api_overlooks_are_flagged(tmp_path):
+    """A file of another program that programs with the C library read wrongly."""
     v = np.delete(0.01 * np.arange(381) - 1.9, 7)
     pycrg.write(tmp_path / "road.crg", np.zeros((3, v.size)), 0.01, v, mods={})
     (found,) = opencrg.describe(tmp_path / "road.crg")["problems"]
     assert found.startswith("the distance between long sections is not the same and at v = -1.87 m")
 
 
-def test_cells_for_the_c_api_lie_in_all_columns():
+def test_evaluated_cells_cover_all_columns():
     for rows, columns in ((160_000, 380), (16_000, 380), (1000, 1), (3, 2), (90_000, 64)):
         cells = (rows - 1) * columns
         chosen = np.arange(0, cells, _verify._sampling_step(cells, columns))
-        assert chosen.size <= _verify._MOST_CELLS
+        assert chosen.size <= _verify._MAX_CELLS
         assert np.unique(chosen % columns).size == columns or cells < columns
-        assert chosen.size > 0.8 * min(cells, _verify._MOST_CELLS)
+        assert chosen.size > 0.8 * min(cells, _verify._MAX_CELLS)

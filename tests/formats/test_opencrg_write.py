@@ -1,4 +1,4 @@
-"""OpenCRG files as they are written: what comes back, what is refused, and that nothing is left."""
+"""Writing OpenCRG: round trips, refused surfaces, no partial files."""
 
 import json
 
@@ -79,7 +79,7 @@ def test_round_trip(tmp_path, fmt, banked, sloped, v):
 @pytest.mark.parametrize("fmt", FORMATS)
 @pytest.mark.parametrize("largest", [1e-12, 1e-5, 9e-4, 0.002, 0.02, 0.2, 0.9, 20.0, 3000.0])
 def test_heights_of_any_size_are_written(tmp_path, fmt, largest):
-    """Above a line that is level: of either sign, from nothing to a mountain."""
+    """Heights above a level line: of both signs, from zero to a mountain."""
     height = largest * np.random.default_rng(1).uniform(-1, 1, (5, 7))
     height -= np.median(height)
     opencrg.write(straight_road(height), tmp_path / "road.crg", fmt=fmt)
@@ -87,8 +87,8 @@ def test_heights_of_any_size_are_written(tmp_path, fmt, largest):
     npt.assert_allclose(opencrg.read(tmp_path / "road.crg").height, height, rtol=0, atol=rounding)
 
 
-def test_the_c_api_finds_the_road_where_it_was(tmp_path):
-    """Off the reference line, where a lost edge or banking would show."""
+def test_the_c_api_finds_the_road_at_its_position(tmp_path):
+    """Evaluated beside the reference line, where a lost edge or banking shows."""
     road = curved_road(offset=421.75)
     path = tmp_path / "road.crg"
     opencrg.write(road, path)
@@ -112,7 +112,7 @@ def test_the_c_api_finds_the_road_where_it_was(tmp_path):
     assert opencrg.describe(path)["problems"] == []
 
 
-def test_the_payload_fills_whole_records(tmp_path):
+def test_the_data_fill_whole_records(tmp_path):
     path = tmp_path / "road.crg"
     opencrg.write(curved_road(), path)
     content = path.read_bytes()
@@ -130,7 +130,7 @@ def test_a_long_straight_does_not_drift(tmp_path):
     npt.assert_allclose(written.northing, road.northing, rtol=0, atol=1e-6)
 
 
-def test_every_sample_can_be_written_again(data, tmp_path):
+def test_every_sample_can_be_written(data, tmp_path):
     for name in ("belgian_block", "crg-txt/handmade_curved_banked_sloped", "crg-txt/handmade_arc"):
         road = opencrg.read(data / f"opencrg/asam/{name}.crg")
         written = opencrg.write(road, tmp_path / "again.crg", force=True)
@@ -138,13 +138,13 @@ def test_every_sample_can_be_written_again(data, tmp_path):
         npt.assert_allclose(written.height, road.height, rtol=0, atol=1e-7)
 
 
-def test_options_of_the_ground_are_kept(data, tmp_path):
+def test_options_beyond_the_grid_are_kept(data, tmp_path):
     road = opencrg.read(data / "opencrg/chrono/Barber.crg")
     opencrg.write(road, tmp_path / "again.crg")
     assert opencrg.describe(tmp_path / "again.crg")["options"] == {"refline_continuation": 1.0}
 
 
-def test_history_and_crs_come_back(tmp_path):
+def test_provenance_and_crs_are_kept(tmp_path):
     wkt = 'LOCAL_CS["a grid with a long name",UNIT["metre",1]]' + " " * 3 + "AXIS" * 40
     road = add_step(curved_road(), "merge", parameters={"text": "a, b  c" * 20})
     road = road.assign_attrs(crs=" ".join(wkt.split()))
@@ -158,7 +158,7 @@ def test_history_and_crs_come_back(tmp_path):
     assert max(map(len, comment.splitlines())) <= 72
 
 
-def test_what_the_file_cannot_hold_is_returned(tmp_path):
+def test_variables_that_the_file_cannot_hold_are_returned(tmp_path):
     road = curved_road(sd=np.full((201, 5), 0.001), count=np.full((201, 5), 7))
     written = opencrg.write(road, tmp_path / "road.crg")
     npt.assert_array_equal(written.sd, 0.001)
@@ -207,7 +207,7 @@ def test_holes_in_a_plane_are_filled_exactly(seed, along, across):
     npt.assert_array_equal(filled.height.values[valid], height[valid])
 
 
-def test_holes_get_no_new_extremes():
+def test_filled_holes_have_no_new_extremes():
     rng = np.random.default_rng(6)
     height = rng.normal(size=(40, 30))
     height[10:30, 5:25] = np.nan
@@ -217,12 +217,12 @@ def test_holes_get_no_new_extremes():
     assert inside.max() <= np.nanmax(height)
 
 
-def test_a_map_has_no_interior_by_itself():
+def test_fill_interior_refuses_maps():
     with pytest.raises(ValueError, match="got a map"):
         opencrg.fill_interior(make_surface(np.zeros((2, 2)), easting=[0, 1], northing=[0, 1]))
 
 
-def test_holes_are_filled_on_writing_and_edges_stay(tmp_path):
+def test_writing_fills_holes_but_not_edges(tmp_path):
     height = np.tile(np.arange(6.0), (5, 1)) / 10
     height[2, 2:4] = np.nan
     height[1, 0] = height[3, 4:] = np.nan
@@ -287,7 +287,7 @@ def test_broken_rules(tmp_path, road, match):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_small_deviations_are_snapped(tmp_path):
+def test_small_deviations_are_rounded(tmp_path):
     u = 0.5 * np.arange(6) + 0.00004
     v = np.array([0.00003, 0.25, 0.5, 0.75])
     written = opencrg.write(changed(u=u, v=v), tmp_path / "road.crg")
@@ -295,8 +295,8 @@ def test_small_deviations_are_snapped(tmp_path):
     npt.assert_array_equal(written.v, [0, 0.25, 0.5, 0.75])
 
 
-def test_chords_that_add_up_wrongly_are_refused(tmp_path):
-    """Each chord passes, but the end would lie 45 mm beside where it is."""
+def test_chords_with_accumulating_errors_are_refused(tmp_path):
+    """Each chord is within its tolerance, but the end would be off by 45 mm."""
     u = 0.5 * np.arange(1001)
     heading = 0.3 * np.sin(0.01 * np.arange(1000))
     step = 0.500045

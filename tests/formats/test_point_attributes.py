@@ -1,4 +1,4 @@
-"""What LAS keeps of a return beside its place: nothing is lost from file to memory to file."""
+"""Attributes of returns in LAS: lossless from file to memory to file; selection of points."""
 
 import laspy
 import numpy as np
@@ -99,7 +99,7 @@ def require_same(before, after):
 @pytest.mark.parametrize("ending", [".laz", ".las", ".zarr", ".parquet", ".csv"])
 @pytest.mark.parametrize("point_format", FORMATS)
 def test_every_dimension_survives(tmp_path, point_format, ending):
-    """To another file and back to LAS, by blocks, with laspy as the independent witness."""
+    """To another format and back to LAS, block by block, compared with laspy."""
     largest = EXACT_IN_TEXT if ending == ".csv" else 2**64
     before = write_las(tmp_path / "in.las", point_format, largest=largest)
     path = tmp_path / f"between{ending}"
@@ -114,7 +114,7 @@ def test_every_dimension_survives(tmp_path, point_format, ending):
 
 
 @pytest.mark.parametrize("name", STRIPS)
-def test_real_strips_lose_nothing(data, tmp_path, name):
+def test_real_strips_are_copied_without_loss(data, tmp_path, name):
     path = data / "scanning" / "strips" / name
     formats.write(formats.point_blocks(path), tmp_path / "out.laz")
     require_same(columns(path), columns(tmp_path / "out.laz"))
@@ -134,7 +134,7 @@ def test_scaled_extra_bytes_stay_integers(tmp_path):
     offset=st.sampled_from([0.0, 500000.0, 500000.5, 512345.00013, -0.00007]),
     steps=st.lists(st.integers(-(2**29), 2**29), min_size=1, max_size=20),
 )
-def test_coordinates_are_not_rounded_again(tmp_path_factory, scale, offset, steps):
+def test_coordinates_are_not_rounded_twice(tmp_path_factory, scale, offset, steps):
     path = tmp_path_factory.mktemp("steps")
     far = int(1e5 / max(scale, 1e-4))  # [steps] 100 km: 0.1 mm holds 214 km to either side
     x = np.clip(steps, -far, far) * scale + offset
@@ -148,7 +148,7 @@ def test_coordinates_are_not_rounded_again(tmp_path_factory, scale, offset, step
     assert max(again.attrs["coordinate_scale"]) <= max(scale, 1e-4)
 
 
-def test_a_named_scale_is_taken(tmp_path):
+def test_a_given_scale_is_used(tmp_path):
     write_las(tmp_path / "in.las", 6)
     formats.write(las.read(tmp_path / "in.las"), tmp_path / "out.las", scale=0.002)
     assert header_of(tmp_path / "out.las").scales.tolist() == [0.002] * 3
@@ -166,14 +166,14 @@ def test_a_named_scale_is_taken(tmp_path):
         ("extra_classification", [0, 1], "means something else"),
     ],
 )
-def test_what_las_has_no_room_for_is_refused(tmp_path, variable, values, rule):
+def test_variables_that_las_cannot_hold_are_refused(tmp_path, variable, values, rule):
     points = make_points([0.0, 1.0], [0.0, 1.0], [0.0, 1.0], **{variable: values})
     with pytest.raises(SchemaError, match=rule):
         las.write(points, tmp_path / "p.las")
     assert not (tmp_path / "p.las").exists()
 
 
-def test_wave_packets_are_named_as_not_read(tmp_path):
+def test_wave_packets_are_reported_as_not_read(tmp_path):
     header = laspy.LasHeader(version="1.4", point_format=9)
     content = laspy.LasData(header)
     content.x, content.y, content.z = [0.0, 1.0], [0.0, 1.0], [0.0, 1.0]
@@ -182,11 +182,11 @@ def test_wave_packets_are_named_as_not_read(tmp_path):
     assert "wave packets are not read" in las.describe(tmp_path / "p.las")["problems"]
 
 
-# ---- only what is asked for
+# ---- selection of variables
 
 
 @pytest.mark.parametrize("ending", [".laz", ".zarr", ".parquet", ".csv"])
-def test_readers_read_the_variables_that_are_asked_for(tmp_path, ending):
+def test_readers_read_the_requested_variables(tmp_path, ending):
     source = write_las(tmp_path / "in.las", 8)
     path = tmp_path / f"p{ending}"
     formats.write(formats.point_blocks(source), path)
@@ -232,7 +232,7 @@ def returns(tmp_path):
 
 @pytest.mark.parametrize("only", FILTERS, ids=str)
 @pytest.mark.parametrize("ending", [".las", ".zarr", ".parquet", ".csv"])
-def test_points_are_chosen_in_every_format(returns, tmp_path, ending, only):
+def test_points_are_filtered_in_every_format(returns, tmp_path, ending, only):
     path = tmp_path / f"p{ending}"
     formats.write(formats.point_blocks(returns), path)
     whole = formats.open(returns)
@@ -252,7 +252,7 @@ def test_points_are_chosen_in_every_format(returns, tmp_path, ending, only):
     npt.assert_array_equal(np.concatenate([block.up for block in blocks]), whole.up[inside])
 
 
-def test_what_cannot_be_chosen_is_an_error(returns, tmp_path):
+def test_filtering_without_the_variable_is_an_error(returns, tmp_path):
     with pytest.raises(CoverageError, match=r"none of 300 points is of class 9; .*classes 2: 150"):
         formats.open(returns, only=PointFilter(classes=(9,)))
     formats.write(make_points([0.0], [0.0], [0.0]), tmp_path / "bare.csv")
@@ -270,7 +270,7 @@ def test_a_filter_is_a_table_of_settings():
     assert parse_settings(PointFilter, {"returns": 2}) == PointFilter(returns=2)
 
 
-def test_gaps_among_classes_are_no_class(tmp_path):
+def test_missing_classes_are_not_counted(tmp_path):
     (tmp_path / "p.csv").write_text("x,y,z,classification\n0,0,1,2\n1,0,1,nan\n2,0,1,6\n")
     assert formats.info(tmp_path / "p.csv")["classes"] == {"2": 1, "6": 1}
     (only,) = formats.point_blocks(tmp_path / "p.csv", only=PointFilter(classes=(2,)))

@@ -1,4 +1,4 @@
-"""The recorded run: written block by block, read lazily, checked, described, imported."""
+"""Runs: written block by block, read lazily, checked, described, imported."""
 
 import dataclasses
 import json
@@ -112,7 +112,7 @@ def record(path, data, *, block=SCANS, accelerometers=True, intensity=True, trut
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory):
-    """A whole run on disk; tests do not change it."""
+    """A complete run on disk; tests do not change it."""
     return record(tmp_path_factory.mktemp("run") / "good.zarr", recording())
 
 
@@ -147,7 +147,7 @@ def with_group(tree, name, data):
 # --- the store ------------------------------------------------------------------------------------
 
 
-def test_a_run_comes_back_as_it_was_written(store):
+def test_a_run_is_read_as_it_was_written(store):
     data, tree = recording(), open_run(store)
     scans = group(tree, "scans")
     npt.assert_allclose(scans["range"], data["range"], **HALF_STEP)
@@ -167,7 +167,7 @@ def test_a_run_comes_back_as_it_was_written(store):
     assert pose.attrs == {"source": "simulated", "seed": 3}
 
 
-def test_the_store_is_laid_out_as_designed(store):
+def test_the_store_has_the_specified_layout(store):
     tree = open_run(store)
     assert tree.attrs["kind"] == "trueterrain/run"
     assert tree.attrs["schema"] == 1
@@ -324,17 +324,17 @@ def test_memory_stays_flat_while_a_run_is_written(tmp_path):
 
 def test_a_run_in_memory_is_written_and_read(store, tmp_path):
     tree = loaded(store)
-    told = []
-    runs.write(tree, tmp_path / "again.zarr", progress=lambda *words: told.append(words))
+    calls = []
+    runs.write(tree, tmp_path / "again.zarr", progress=lambda *words: calls.append(words))
     again = open_run(tmp_path / "again.zarr")
     for path, node in tree.subtree_with_keys:
         for name, variable in node.to_dataset(inherit=False).variables.items():
             npt.assert_array_equal(again[path].to_dataset(inherit=False)[name], variable)
     assert again.attrs == tree.attrs
-    assert told[-1] == ("scans", SCANS, SCANS)
+    assert calls[-1] == ("scans", SCANS, SCANS)
 
 
-def test_a_run_that_was_cut_is_written_and_read(store, tmp_path):
+def test_part_of_a_run_is_written_and_read(store, tmp_path):
     tree = open_run(store)
     scans = group(tree, "scans").isel(scan=slice(100, 200))
     runs.write(with_group(tree, "scans", scans), tmp_path / "cut.zarr")
@@ -410,7 +410,7 @@ def test_only_stores_are_replaced(tmp_path):
     assert (folder / "work.txt").read_text() == "years"
 
 
-def test_where_a_run_may_be_written(tmp_path):
+def test_paths_of_a_run(tmp_path):
     with pytest.raises(ValueError, match=r"path must end with .zarr"):
         record(tmp_path / "x.run", recording())
     with pytest.raises(OutputError, match="does not exist"):
@@ -451,7 +451,7 @@ def test_a_writer_outside_of_a_with_statement(tmp_path):
 
 
 def appending(tmp_path, action):
-    """Do something to a writer, and see that nothing remains of it."""
+    """Check that a writer leaves nothing after an error."""
     data = recording()
     try:
         with RunWriter(
@@ -468,7 +468,7 @@ def appending(tmp_path, action):
         assert list(tmp_path.iterdir()) == []
 
 
-def test_blocks_must_fit(tmp_path):
+def test_blocks_must_have_equal_variables_and_shapes(tmp_path):
     def wrong_beams(run, data):
         run.append_scans(data["time"], data["range"][:, :5])
 
@@ -516,7 +516,7 @@ def test_blocks_must_fit(tmp_path):
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, np.inf, 6.6])
-def test_ranges_that_cannot_be(tmp_path, value):
+def test_impossible_ranges_are_refused(tmp_path, value):
     def action(run, data):
         run.append_scans(data["time"][:5], data["range"][:5])
         data["range"][7, 3] = value
@@ -529,7 +529,7 @@ def test_ranges_that_cannot_be(tmp_path, value):
 
 
 @pytest.mark.parametrize("value", [-1.0, 1.5, 70000.0])
-def test_intensities_that_cannot_be(tmp_path, value):
+def test_impossible_intensities_are_refused(tmp_path, value):
     def action(run, data):
         strength = data["intensity"].astype(float)
         strength[7, 3] = value
@@ -548,7 +548,7 @@ def test_intensities_without_a_return_become_zero(tmp_path):
     )
 
 
-def test_bad_navigation_is_refused_when_it_comes(tmp_path):
+def test_bad_navigation_is_refused_when_it_is_appended(tmp_path):
     def action(run, data):
         for start in (0, 300):
             rows = slice(start, start + 300)
@@ -575,7 +575,7 @@ def test_bad_navigation_is_refused_when_it_comes(tmp_path):
         ({"accelerometer_clock": 1e6}, "accelerometer_clock must be in seconds"),
     ],
 )
-def test_mountings_that_cannot_be(store, change, message):
+def test_impossible_mountings_are_refused(store, change, message):
     with pytest.raises(ValueError, match=message):
         Mounting(**change)
     tree = loaded(store)
@@ -619,7 +619,7 @@ def test_time_that_runs_backwards(store):
 
 
 def test_time_that_runs_backwards_between_two_blocks(store):
-    """The rules go block by block, and remember."""
+    """The rules are checked across the limits of blocks."""
     from trueterrain.formats.navigation._schema import TimeChecker
 
     clock = TimeChecker(path=None, place="time")
@@ -744,7 +744,7 @@ def _with_attr(tree, name, value):
 
 
 @pytest.mark.parametrize(("change", "message"), structural_faults())
-def test_layouts_that_are_no_run(store, change, message):
+def test_layouts_that_are_not_runs_are_refused(store, change, message):
     with pytest.raises(SchemaError, match=message) as error:
         check_run(change(loaded(store)), "bad.zarr")
     assert str(error.value).startswith("bad.zarr: ")
@@ -758,7 +758,7 @@ def test_transposed_ranges(store):
         check_run(with_group(tree, "scans", data))
 
 
-def test_values_that_cannot_be(store):
+def test_impossible_values_are_refused(store):
     tree = loaded(store)
     angle = np.linspace(-40.0, 40.0, BEAMS)
     with pytest.raises(SchemaError, match=r"angle: must be within half a turn.*Convert degrees"):
@@ -780,13 +780,13 @@ def test_values_that_cannot_be(store):
         check_run(changed(tree, "navigation", sd_up=np.full(EPOCHS, -1.0)))
 
 
-def test_accelerations_that_cannot_be(store):
+def test_impossible_accelerations_are_refused(store):
     tree = loaded(store)
     good = tree["accelerometers"]["acceleration"].values
     for factor, message in (
         (1 / 9.80665, "at sensor 0. Multiply by 9.80665 if the values are in g"),
-        (-1, "got -9.8.* at sensor 0. Turn the sign"),
-        (0, "a body at rest feels 9.81"),
+        (-1, "got -9.8.* at sensor 0. Change the sign"),
+        (0, "9.81 m/s2 for a body at rest"),
     ):
         with pytest.raises(SchemaError, match=message):
             check_run(changed(tree, "accelerometers", acceleration=good * factor))
@@ -806,7 +806,7 @@ def test_accelerations_that_cannot_be(store):
         check_run(with_group(tree, "accelerometers", flat))
 
 
-def test_runs_without_anything_in_them(store):
+def test_empty_runs_are_refused(store):
     tree = loaded(store)
     for name, dim, message in (
         ("scans", "scan", "scans: must have at least 1 scan, got none"),
@@ -824,14 +824,14 @@ def test_runs_without_anything_in_them(store):
 # --- damaged stores -------------------------------------------------------------------------------
 
 
-def test_chunks_that_are_lost_are_missed(copy):
+def test_missing_chunks_are_detected(copy):
     (copy / "scans" / "range" / "c.1.0").unlink()
     with pytest.raises(FormatError, match=r"bad.zarr: array scans/range: 1 of 3 chunks are mis"):
         check_run(open_run(copy), copy)
     assert "1 of 3 chunks are missing" in describe(copy)["problems"][0]
 
 
-def test_chunks_that_are_damaged_are_named(copy):
+def test_damaged_chunks_are_named(copy):
     chunk = copy / "scans" / "range" / "c.1.0"
     chunk.write_bytes(chunk.read_bytes()[:50])
     with pytest.raises(FormatError, match=r"array scans/range, chunk c\.1\.0: is damaged"):
@@ -839,17 +839,17 @@ def test_chunks_that_are_damaged_are_named(copy):
     assert any("is damaged" in problem for problem in describe(copy)["problems"])
 
 
-def test_metadata_that_are_damaged(copy):
+def test_damaged_metadata_are_refused(copy):
     (copy / "scans" / "range" / "zarr.json").write_text('{"shape": [1')
     with pytest.raises(FormatError, match=r"bad.zarr: scans/range/zarr.json: is damaged"):
         open_run(copy)
 
 
-def test_what_is_no_store(tmp_path, store):
+def test_other_folders_are_refused(tmp_path, store):
     with pytest.raises(FileNotFoundError, match="there is no run"):
         open_run(tmp_path / "no.zarr")
     (tmp_path / "empty.zarr").mkdir()
-    with pytest.raises(FormatError, match="is no Zarr 3 store"):
+    with pytest.raises(FormatError, match="is not a Zarr 3 store"):
         open_run(tmp_path / "empty.zarr")
     other = tmp_path / "other.zarr"
     xr.Dataset({"a": ("x", [1.0])}).to_zarr(other, zarr_format=3, consolidated=False)
@@ -889,22 +889,22 @@ def test_description_of_a_good_run(store):
     for name in ("east", "north", "up"):
         values = data["navigation"][name]
         npt.assert_allclose(summary["extent"][name], [values.min(), values.max()], **ROUND_OFF)
-    fifths = [*range(0, EPOCHS, 40), EPOCHS - 1]  # of a second: noise is no way
+    fifths = [*range(0, EPOCHS, 40), EPOCHS - 1]  # of a second: noise would lengthen the path
     steps = np.diff([data["navigation"][name][fifths] for name in ("east", "north", "up")], axis=1)
-    npt.assert_allclose(summary["way"], np.linalg.norm(steps, axis=0).sum(), rtol=0, atol=1e-9)
+    npt.assert_allclose(summary["distance"], np.linalg.norm(steps, axis=0).sum(), rtol=0, atol=1e-9)
     assert summary["accelerometers"]["sensors"] == 3
     assert summary["accelerometers"]["count"] == SAMPLES
     assert summary["bytes"] == sum(file.stat().st_size for file in files_of(store))
 
 
-def test_description_tells_the_order_of_the_clocks(store):
+def test_description_lists_the_order_of_the_clocks(store):
     order = describe(store)["clock_order"]
     assert [name for name, _ in order["start"]] == ["accelerometers", "navigation", "scans"]
     npt.assert_allclose([t for _, t in order["start"]], [96.25, 99, 100.002], rtol=0, atol=1e-5)
     assert [name for name, _ in order["end"]] == ["accelerometers", "scans", "navigation"]
 
 
-def test_description_tells_gaps_and_drop_outs(tmp_path):
+def test_description_lists_gaps_and_dropouts(tmp_path):
     data = recording()
     keep = np.ones(SCANS, dtype=bool)
     keep[1000:1500] = False
@@ -923,7 +923,7 @@ def test_description_tells_gaps_and_drop_outs(tmp_path):
     assert "scans: 1 gap in time, the longest 0.501" in problems
     assert "48% of the beams have no return" in problems
     assert "1 of 1845 have no return at all" in problems
-    assert "ranges reach the largest that can be kept, 6.5534 m" in problems
+    assert "ranges reach the largest that can be stored, 6.5534 m" in problems
 
 
 def test_description_lists_every_problem(copy):
@@ -947,7 +947,7 @@ def test_description_flags_jumps_and_jitter(tmp_path):
     data["navigation"]["time"] += np.where(np.arange(EPOCHS) % 2, 0.002, 0)
     problems = describe(record(tmp_path / "x.zarr", data, truth=False))["problems"]
     assert any("positions jump, as if at" in text for text in problems)
-    assert any("navigation: the time between two of them varies" in text for text in problems)
+    assert any("navigation: the interval between times varies" in text for text in problems)
 
 
 # --- import ---------------------------------------------------------------------------------------
@@ -1030,11 +1030,11 @@ FLAT = [
 @pytest.mark.parametrize("cells", [200, 1_000_000])
 def test_flat_files_give_the_run_that_was_written(store, tmp_path, kind, cells, monkeypatch):
     monkeypatch.setattr(scan_tables.scan_table_blocks, "__defaults__", (cells,))
-    told = []
+    calls = []
     import_run(
         flat(recording(), tmp_path / "flat", **kind),
         tmp_path / "x.zarr",
-        progress=lambda *words: told.append(words),
+        progress=lambda *words: calls.append(words),
     )
     tree, truth = open_run(tmp_path / "x.zarr"), open_run(store)
     # without a return there is no row, and so no intensity
@@ -1058,7 +1058,7 @@ def test_flat_files_give_the_run_that_was_written(store, tmp_path, kind, cells, 
     steps = provenance.provenance_steps(tree.to_dataset())
     assert [step["step"] for step in steps] == ["import"]
     assert steps[0]["inputs"][0]["name"] == "run.toml"
-    assert told[-1] == ("accelerometers", SAMPLES, None)
+    assert calls[-1] == ("accelerometers", SAMPLES, None)
 
 
 def described(folder, change, **kind):
@@ -1160,7 +1160,7 @@ def test_a_beam_twice_in_a_scan(tmp_path):
         import_run(path, tmp_path / "x.zarr")
 
 
-def test_scans_that_share_a_number(tmp_path):
+def test_one_number_for_two_scans(tmp_path):
     path = flat(recording(), tmp_path / "flat", scan=True)
     table = pd.read_csv(tmp_path / "flat" / "scans.csv")
     table.loc[5, "t"] += 0.1
@@ -1177,14 +1177,14 @@ def test_scans_outside_of_the_navigation_may_be_dropped(tmp_path):
     path = described(tmp_path, change, ending="parquet")
     time = recording()["time"] + 1.0
     inside = int(np.count_nonzero(time + 0.0009 <= 99.0 + 0.005 * (EPOCHS - 1)))
-    message = f"{SCANS - inside} scans outside of the navigation are left out"
+    message = f"{SCANS - inside} scans outside of the navigation are omitted"
     with pytest.warns(UserWarning, match=message):
         import_run(path, tmp_path / "x.zarr")
     assert open_run(tmp_path / "x.zarr")["scans"].sizes["scan"] == inside
 
 
 def test_navigation_from_an_sbet_with_its_accuracies(tmp_path):
-    """Scans that a table holds beside an SBET: the origin is the first record."""
+    """Scans of a table with an SBET: the origin is the first record."""
     data = recording()
     path = flat(data, tmp_path / "flat", ending="parquet")
     table = np.zeros((EPOCHS, 17))

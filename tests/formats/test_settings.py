@@ -192,7 +192,7 @@ def test_a_misspelt_key_names_the_right_one(tmp_path):
     assert str(error.value) == f"{path}: scanner.beems: is unknown (did you mean 'beams'?)."
 
 
-def test_a_strange_key_lists_the_known_ones():
+def test_an_unknown_key_lists_the_known_ones():
     with pytest.raises(FormatError, match=r"xyz: is unknown .known are beams, position, side"):
         parse_settings(Scanner, {"xyz": 1})
 
@@ -257,7 +257,7 @@ def test_a_file_that_is_not_utf8(tmp_path):
         read_settings(Scene, path)
 
 
-def test_a_byte_order_mark_does_no_harm(tmp_path):
+def test_a_byte_order_mark_is_ignored(tmp_path):
     path = tmp_path / "scene.toml"
     path.write_bytes(b'\xef\xbb\xbfname = "a"\n')
     assert read_settings(Scene, path).name == "a"
@@ -289,8 +289,8 @@ class Mount:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wander:
-    """Drift that wanders."""
+class RandomDrift:
+    """Drift as a random process."""
 
     sd: float = 0.02
 
@@ -312,8 +312,8 @@ class Rig:
     """What carries instruments."""
 
     mount: Mount = field(default_factory=lambda: Mount(place=(-2.0, 1.0)))
-    claimed: Mount | None = field(default=None, metadata={"table": Mount(place=(-2.0, 1.0))})
-    drift: Wander | Series = field(default_factory=lambda: Wander(sd=0.5))
+    reported: Mount | None = field(default=None, metadata={"table": Mount(place=(-2.0, 1.0))})
+    drift: RandomDrift | Series = field(default_factory=lambda: RandomDrift(sd=0.5))
     layers: tuple[dict[str, object], ...] = ()
 
 
@@ -326,10 +326,10 @@ class Fleet:
 
 
 def test_a_table_completes_the_default_of_its_field():
-    rig = parse_settings(Rig, {"mount": {"clock": 0.5}, "claimed": {}})
+    rig = parse_settings(Rig, {"mount": {"clock": 0.5}, "reported": {}})
     assert rig.mount == Mount(place=(-2.0, 1.0), clock=0.5)
-    assert rig.claimed == Mount(place=(-2.0, 1.0))
-    assert parse_settings(Rig, {}).claimed is None
+    assert rig.reported == Mount(place=(-2.0, 1.0))
+    assert parse_settings(Rig, {}).reported is None
     assert parse_settings(Rig, {"mount": {"place": [0.0, 0.0]}}).mount == Mount()
 
 
@@ -347,7 +347,7 @@ def test_tables_of_another_class_are_not_completed():
     assert parse_settings(Rig, {"drift": series}).drift == Series(
         **{name: tuple(values) for name, values in series.items()}
     )
-    assert parse_settings(Rig, {"drift": {}}).drift == Wander(sd=0.5)
+    assert parse_settings(Rig, {"drift": {}}).drift == RandomDrift(sd=0.5)
 
 
 @pytest.mark.parametrize(
@@ -362,12 +362,12 @@ def test_tables_of_another_class_are_not_completed():
         ({"time": "now", "height": [1.0]}, r"^drift\.time: must be a valid .*array, got"),
     ],
 )
-def test_of_several_tables_only_the_one_that_is_meant_is_blamed(drift, message):
+def test_messages_concern_the_nearest_class_of_a_union(drift, message):
     with pytest.raises(FormatError, match=message):
         parse_settings(Rig, {"drift": drift})
 
 
-def test_long_arrays_take_a_line_for_each_value_and_come_back(tmp_path):
+def test_long_arrays_take_a_line_for_each_value(tmp_path):
     layers = tuple({"kind": "road", "seed": n, "two words": "a" * 30} for n in range(3))
     text = settings_template(Rig(layers=layers))
     assert '    { kind = "road", seed = 1, "two words"' in text

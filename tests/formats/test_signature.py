@@ -1,4 +1,4 @@
-"""Files are known by their content; dispatch by kind and ending."""
+"""Recognition of files by content; dispatch by kind and ending."""
 
 import json
 
@@ -49,7 +49,7 @@ def test_real_files_under_any_name(data, tmp_path, name, found):
     assert formats.recognise_format(other).name == found
 
 
-def test_made_files_are_recognised(tmp_path, profile, points):
+def test_written_files_are_recognised(tmp_path, profile, points):
     for ending in ("erd", "csv", "parquet"):
         formats.write(profile, tmp_path / f"profile.{ending}")
         npt.assert_allclose(formats.open(tmp_path / f"profile.{ending}").height, profile.height)
@@ -123,7 +123,7 @@ def test_kind_of_tables(tmp_path, text, kind):
 )
 @pytest.mark.parametrize("titles", ["", "POSPac MMS export\nproject: road A1; 12 Nov\n"])
 @pytest.mark.parametrize("separator", [",", ";", "\t"])
-def test_columns_of_navigation_are_no_points(tmp_path, names, titles, separator):
+def test_columns_of_navigation_are_not_points(tmp_path, names, titles, separator):
     labels = [name.strip() for name in names.split(",")]
     rows = [[f"{0.5 * row + column:.1f}" for column in range(len(labels))] for row in range(4)]
     lines = [separator.join(row) for row in [labels, *rows]]
@@ -161,7 +161,9 @@ def test_info_adds_name_size_and_a_wrong_ending(tmp_path, profile):
     right = formats.info(tmp_path / "p.erd")
     assert right["file"] == str(tmp_path / "p.erd")
     assert right["bytes"] == (tmp_path / "p.erd").stat().st_size
-    assert right["problems"] == ["spacing 1 m: readers in the manner of UMTRI refuse 1 m and more"]
+    assert right["problems"] == [
+        "spacing 1 m: readers derived from that of UMTRI refuse 1 m and more"
+    ]
     (tmp_path / "p.erd").rename(tmp_path / "p.laz")
     wrong = formats.info(tmp_path / "p.laz")
     assert wrong["problems"][0] == "the name ends with '.laz', the content is ERD"
@@ -181,7 +183,7 @@ def test_points_block_by_block(tmp_path, points, profile):
         list(formats.point_blocks(tmp_path / "p.erd"))
 
 
-def test_what_cannot_be_written_names_what_can(tmp_path, profile, points, road):
+def test_messages_name_the_possible_endings(tmp_path, profile, points, road):
     for data, ending, known in [
         (profile, ".laz", ".erd, .csv, .parquet, .zarr"),
         (points, ".crg", ".laz, .las, .csv, .parquet, .zarr"),

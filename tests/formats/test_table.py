@@ -11,7 +11,7 @@ from trueterrain.core import provenance
 from trueterrain.core.errors import CoverageError, FormatError, SchemaError, TrueTerrainError
 from trueterrain.core.schemas import ASSUMED, make_points, make_profile, make_surface
 from trueterrain.formats import recognise_format, table
-from trueterrain.formats.navigation._tables import table_columns
+from trueterrain.formats.number_table import table_columns
 
 ROUND_OFF = {"rtol": 0, "atol": 1e-12}  # [m] the truth is exact in decimal
 ENDINGS = ["csv", "parquet"]
@@ -24,7 +24,7 @@ def write_text(folder, text, name="t.csv", encoding="utf-8"):
 
 
 def awkward(size):
-    """Numbers that need all their digits."""
+    """Numbers that need all digits of float64."""
     rng = np.random.default_rng(7)
     return 771234.5678 + rng.random(size) * 10.0 ** rng.integers(-9, 3, size)
 
@@ -137,8 +137,8 @@ FORMULAS = ("=1+2", "+1-2", "-cmd", "@sum", "\tx", "'=1", "''+a", "=HYPERLINK(1)
 
 
 @pytest.mark.parametrize("ending", [".csv", ".parquet"])
-def test_no_track_is_a_formula_to_a_spreadsheet(tmp_path, ending):
-    """Names come from files of others; a cell that begins so is run when the file is opened."""
+def test_names_of_tracks_are_not_formulas_of_spreadsheets(tmp_path, ending):
+    """Names come from files of others; a spreadsheet would run such a cell as a formula."""
     names = [*FORMULAS, "left", "-0.75", "+1e3", "'quoted'"]
     written = make_profile([0, 1], np.zeros((len(names), 2)), tracks=names)
     path = tmp_path / f"p{ending}"
@@ -163,7 +163,7 @@ def test_no_track_is_a_formula_to_a_spreadsheet(tmp_path, ending):
         ("height_left", "height_right", ["left", "right"], 1.0),
     ],
 )
-def test_tracks_under_their_own_names(tmp_path, station, left, right, names, scale):
+def test_columns_named_as_their_tracks(tmp_path, station, left, right, names, scale):
     text = f"{station},{left},speed,{right}\n0,1,9,2\n0.5,3,9,4\n"
     profile = table.read(write_text(tmp_path, text))
     assert list(profile.track.values) == names
@@ -173,7 +173,7 @@ def test_tracks_under_their_own_names(tmp_path, station, left, right, names, sca
 
 @pytest.mark.parametrize("unit", ["in", "inch", "inches", "ft", "feet", "mm", "cm", "usft", "m"])
 @pytest.mark.parametrize("label", ["{} [{}]", "{} ({})", "{}_{}", "{} {}"])
-def test_units_are_read_however_they_stand(tmp_path, unit, label):
+def test_units_are_read_in_every_notation(tmp_path, unit, label):
     metres = {
         "in": 0.0254,
         "inch": 0.0254,
@@ -243,7 +243,7 @@ def test_names_of_columns_may_stand_in_a_comment(tmp_path):
 
 
 @pytest.mark.parametrize("spacing", [0.25, 1.0, 3.0, 9.84])
-def test_units_that_nobody_named_are_not_taken_in_silence(tmp_path, spacing):
+def test_assumed_units_are_reported(tmp_path, spacing):
     """Inches without a header gave an IRI of 6.67 m/km for 1.51."""
     rows = np.column_stack([spacing * np.arange(200), np.zeros(200)])
     np.savetxt(tmp_path / "t.csv", rows, delimiter=",")
@@ -260,7 +260,7 @@ def test_units_that_nobody_named_are_not_taken_in_silence(tmp_path, spacing):
     assert not [problem for problem in table.describe(named)["problems"] if "names" in problem]
 
 
-def test_tracks_side_by_side(tmp_path):
+def test_tracks_in_columns(tmp_path):
     text = "s,height_left,height_right wheel [mm],sd_left\n0,1,2000,5\n1,3,4000,6\n"
     profile = table.read(write_text(tmp_path, text))
     assert list(profile.track.values) == ["left", "right wheel"]
@@ -305,7 +305,7 @@ def test_latin_text_in_other_columns(tmp_path):
         ("easting,northing\n1,2\n", "header", "it is a path", "heights"),
     ],
 )
-def test_mistakes_are_named_with_their_place(tmp_path, text, place, rule, cure):
+def test_messages_name_the_place_of_mistakes(tmp_path, text, place, rule, cure):
     path = write_text(tmp_path, text)
     if rule is None:  # 'z' beside 'height' is only another column
         assert any("z" in problem for problem in table.describe(path)["problems"])
@@ -319,7 +319,7 @@ def test_mistakes_are_named_with_their_place(tmp_path, text, place, rule, cure):
     assert "\n" not in message
 
 
-def test_gap_in_the_heights_of_a_profile_is_no_mistake(tmp_path):
+def test_gaps_in_heights_are_allowed(tmp_path):
     path = write_text(tmp_path, "s,height,sd\n0,1,0.1\n1,nan,\n2,3,0.1\n")
     npt.assert_array_equal(table.read(path).height, [1, np.nan, 3])
     assert any("1 of 3 heights are missing" in text for text in table.describe(path)["problems"])
@@ -408,16 +408,16 @@ def test_parquet_without_pyarrow_says_how_to_get_it(tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["p.parquet"]
 
 
-def test_what_cannot_be_written(tmp_path):
+def test_data_that_are_not_tables_are_refused(tmp_path):
     surface = make_surface(np.zeros((2, 2)), easting=[0, 1], northing=[0, 1])
-    with pytest.raises(SchemaError, match="a surface is no table"):
+    with pytest.raises(SchemaError, match="a surface is not a table"):
         table.write(surface, tmp_path / "p.csv")
     with pytest.raises(CoverageError, match="no points to write"):
         table.write(iter([]), tmp_path / "p.csv")
     different = [make_points([0], [0], [0]), make_points([0], [0], [0], lane=[1])]
     with pytest.raises(SchemaError, match="all blocks must have the same variables"):
         table.write(iter(different), tmp_path / "p.csv")
-    with pytest.raises(FormatError, match="holds no points but a profile"):
+    with pytest.raises(FormatError, match="holds a profile, not points"):
         list(table.blocks(write_text(tmp_path, "s,height\n0,1\n1,1\n")))
     assert [path.name for path in tmp_path.iterdir()] == ["t.csv"]
 

@@ -1,4 +1,4 @@
-"""Files that a full or failing disk leaves in parts never appear, and never replace a good one."""
+"""Full and failing disks: partial files never appear, and never replace a complete one."""
 
 import resource
 from contextlib import contextmanager
@@ -67,8 +67,8 @@ WRITERS = {
 
 
 @contextmanager
-def room_for(size):
-    """No file grows beyond a size [bytes], as on a disk that is full."""
+def max_file_size(size):
+    """Limit the size of files [bytes], as on a full disk."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
     try:
@@ -91,7 +91,10 @@ def test_a_full_disk_is_an_error_and_leaves_the_old_file(tmp_path, name, fractio
     before = content(path)
     largest = max(map(len, before.values()))
     for old in (True, False):
-        with room_for(max(0, int(fraction * largest) - 1)), pytest.raises(OutputError) as caught:
+        with (
+            max_file_size(max(0, int(fraction * largest) - 1)),
+            pytest.raises(OutputError) as caught,
+        ):
             write(data, path if old else tmp_path / f"new-{name}", force=True)
         assert "\n" not in str(caught.value)
         assert str(caught.value).startswith(str(path if old else tmp_path / f"new-{name}"))
@@ -100,7 +103,7 @@ def test_a_full_disk_is_an_error_and_leaves_the_old_file(tmp_path, name, fractio
 
 
 def damaged_before(monkeypatch, owner, name, path_of):
-    """Let a byte of a file change after it is written, before it is read back."""
+    """Change a byte of a file after it is written and before it is read back."""
     check = getattr(owner, name)
 
     def after_damage(*arguments, **keywords):
@@ -124,7 +127,7 @@ READ_BACK = {
 
 
 @pytest.mark.parametrize("name", READ_BACK)
-def test_a_byte_that_is_not_what_was_written(tmp_path, monkeypatch, name):
+def test_a_changed_byte_is_detected(tmp_path, monkeypatch, name):
     write, data = WRITERS[name]
     damaged_before(monkeypatch, *READ_BACK[name])
     with pytest.raises(OutputError, match=f"/{name}: was not written whole"):
@@ -133,7 +136,7 @@ def test_a_byte_that_is_not_what_was_written(tmp_path, monkeypatch, name):
 
 
 @pytest.mark.parametrize("name", ["points.zarr", "surface.zarr", "profile.zarr", "run.zarr"])
-def test_a_chunk_that_is_not_what_was_written(tmp_path, monkeypatch, name):
+def test_a_changed_chunk_is_detected(tmp_path, monkeypatch, name):
     put = zarr.Array.__setitem__
 
     def put_otherwise(array, selection, values):
@@ -149,8 +152,8 @@ def test_a_chunk_that_is_not_what_was_written(tmp_path, monkeypatch, name):
 
 
 @pytest.mark.parametrize("name", ["points.las", "points.zarr", "points.csv"])
-def test_numbers_in_the_byte_order_of_another_machine(tmp_path, name):
-    """What libraries turn to the order of this machine is the same number."""
+def test_numbers_in_another_byte_order(tmp_path, name):
+    """Numbers are the same when libraries convert them to the byte order of the machine."""
     write, points = WRITERS[name]
     turned = points.copy()
     for axis in ("easting", "northing", "up"):

@@ -153,9 +153,9 @@ def _scan_text(scans: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _trajectory_text(summary: Mapping[str, Any]) -> Iterator[str]:
-    if "way" in summary:
+    if "distance" in summary:
         speed = summary["navigation"]["speed"]
-        yield f"way of {summary['way']:.2f} m, up to {speed:.2f} m/s"
+        yield f"way of {summary['distance']:.2f} m, up to {speed:.2f} m/s"
     if summary.get("extent"):
         spans = (
             f"{axis} {low:.3f} to {high:.3f} m" for axis, (low, high) in summary["extent"].items()

@@ -114,8 +114,8 @@ def _is_parquet_of_navigation(path: Path) -> bool:
 
     if formats.recognise_format(path).name != "Parquet":
         return False
-    from trueterrain.formats.navigation._recognise import is_navigation
-    from trueterrain.formats.navigation._tables import table_columns
+    from trueterrain.formats.navigation_signature import is_navigation
+    from trueterrain.formats.number_table import table_columns
 
     return is_navigation(table_columns(path))
 

@@ -1,4 +1,4 @@
-"""File formats: what a file is, reading and writing it.
+"""File formats: recognise, describe, read and write files of any known format.
 
 A file, or a folder that is a Zarr store, is recognised by its content, never by its ending alone.
 Each format is a module with ``read``, ``write`` and ``describe``, imported when it is first needed.
@@ -10,6 +10,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from trueterrain import core
 from trueterrain.core.errors import CoverageError, FormatError, name_file_in_errors
 from trueterrain.formats.point_filter import PointFilter, ReturnCounts
 from trueterrain.formats.signature import Format, ending_matches, recognise_format
@@ -32,10 +33,10 @@ __all__ = [
     "writer_of",
 ]
 
-#: Points in a block, unless told otherwise.
+#: Points in a block by default.
 BLOCK = 1_000_000
 
-# endings by which a kind of data can be written, and the module that does it
+# module that writes a kind of data under each ending
 _WRITERS = {
     "surface": {".crg": "opencrg", ".tif": "geotiff", ".tiff": "geotiff", ".zarr": "store"},
     "profile": {".erd": "erd", ".csv": "table", ".parquet": "table", ".zarr": "store"},
@@ -59,8 +60,7 @@ def open(  # noqa: A001 - called as trueterrain.formats.open
     path : str or Path
         CRG, GeoTIFF, LAS, LAZ, COPC, ERD, CSV or Parquet file, or a Zarr store; or navigation.
     only : PointFilter, optional
-        Which points of a cloud are taken; by default all. Of other kinds of data, nothing else is
-        allowed.
+        Classes and returns of the points to take; by default all. Only for points.
 
     Returns
     -------
@@ -71,7 +71,7 @@ def open(  # noqa: A001 - called as trueterrain.formats.open
     Raises
     ------
     FormatError
-        If the format is unknown or the file is damaged, or holds no points that could be chosen.
+        If the format is unknown, the file is damaged, or `only` is given and it holds no points.
     CoverageError
         If no point is taken.
     """
@@ -84,7 +84,9 @@ def open(  # noqa: A001 - called as trueterrain.formats.open
 
 
 def info(path: str | Path) -> dict[str, Any]:
-    """Say what a file is, and what is wrong with it.
+    """Describe a file: format, kind of data, counts, extent, CRS and problems.
+
+    Use it before processing a file of unknown origin; the values are those of ``trueterrain info``.
 
     Parameters
     ----------
@@ -94,18 +96,18 @@ def info(path: str | Path) -> dict[str, Any]:
     Returns
     -------
     dict
-        What the format's ``describe`` says (``format``, ``kind``, ``extent``, ``problems``, ...),
-        and ``file`` and ``bytes``; everything can be written as JSON.
+        ``file``, ``bytes``, and the result of the format's ``describe`` (``format``, ``kind``,
+        ``extent``, ``problems``, ...); all values are plain types that JSON can hold.
 
     Raises
     ------
     FormatError
-        If the format is unknown or the file is damaged beyond description.
+        If the format is unknown, or the file is too damaged to be described.
     """
     path = Path(path)
     found = recognise_format(path)
     summary: dict[str, Any] = {"file": str(path), "bytes": path.stat().st_size}
-    summary |= _import_format(found.module).to_dict(path)
+    summary |= _import_format(found.module).describe(path)
     if not ending_matches(path, found):
         flag = f"the name ends with {path.suffix or 'nothing'!r}, the content is {found.name}"
         summary["problems"] = [flag, *summary["problems"]]
@@ -119,17 +121,17 @@ def write(
     force: bool = False,
     **options: Any,
 ) -> Any:
-    """Write data in the format that the ending names.
+    """Write data; the ending of the path selects the format.
 
     Parameters
     ----------
     data : xarray.Dataset or iterator of xarray.Dataset
-        Surface (.crg, .tif, .zarr), profile (.erd, .csv, .parquet, .zarr), or points (.laz, .las,
-        .csv, .parquet, .zarr); points also block by block.
+        Surface (.crg, .tif, .zarr), profile (.erd, .csv, .parquet, .zarr), points (.laz, .las,
+        .csv, .parquet, .zarr), or an iterator of blocks of points.
     path : str or Path
-        Where the file shall be, or the store.
+        Path of the file or store to write.
     force : bool
-        Replace a file that is there already, or a store of the same kind of data.
+        Replace an existing file, or an existing store of the same kind of data.
     **options
         Passed to the format's own ``write``.
 
@@ -160,20 +162,21 @@ def require_writable(
     inputs: Iterable[str | Path] = (),
     kind: str | None = None,
 ) -> None:
-    """Raise if an output, file or store, may not be written, before the work for it begins.
+    """Raise if an output file or store may not be written.
+
+    Call it before a long computation, so that the error comes at once and not at the end.
 
     Parameters
     ----------
     path : str or Path
-        Where the output shall be; a name that ends with .zarr is that of a store.
+        Path of the output; a name that ends with .zarr is that of a store.
     force : bool
-        Whether what is there already may be replaced: a file by a file, a store by a store of the
-        same kind.
+        Allow replacing an existing output: a file by a file, a store by a store of the same kind.
     inputs : iterable of str or Path
-        Files and stores that the work reads; the output is none of them, holds none and lies in
-        none, not even with `force`.
+        Files and stores that are read. The output must not be one of them, contain one or lie
+        inside one, not even with `force`.
     kind : str, optional
-        ``"points"``, ``"surface"`` or ``"profile"``: what will be written; by default any of them.
+        Kind of data to write: ``"points"``, ``"surface"`` or ``"profile"``; by default any of them.
 
     Raises
     ------
@@ -182,26 +185,24 @@ def require_writable(
 
     Examples
     --------
-    >>> require_writable("nowhere/points.zarr")
+    >>> require_writable("missing/points.zarr")
     Traceback (most recent call last):
-    trueterrain.core.errors.OutputError: nowhere/points.zarr: the folder nowhere does not exist. ...
+    trueterrain.core.errors.OutputError: missing/points.zarr: the folder missing does not exist. ...
     """
-    from trueterrain import core
-
     store = Path(path).suffix.lower() == ".zarr"
     kinds = tuple(_WRITERS) if kind is None else (kind,)
     core.require_writable(path, force=force, inputs=inputs, replaces=kinds if store else "file")
 
 
 def writer_of(kind: str, path: str | Path) -> str:
-    """Module that writes a kind of data under an ending.
+    """Name of the module that writes a kind of data to a path, by the ending of the path.
 
     Parameters
     ----------
     kind : str
         ``"points"``, ``"surface"`` or ``"profile"``.
     path : str or Path
-        Where the file shall be.
+        Path of the file to write.
 
     Returns
     -------
@@ -211,7 +212,7 @@ def writer_of(kind: str, path: str | Path) -> str:
     Raises
     ------
     ValueError
-        Naming the endings that this kind of data can have.
+        If this kind of data has no format with that ending; the message names those that it has.
 
     Examples
     --------
@@ -237,24 +238,23 @@ def point_blocks(
     variables: Collection[str] | None = None,
     only: PointFilter | None = None,
 ) -> "Iterator[xr.Dataset]":
-    """Points of a file block by block, never the whole file at once.
+    """Read the points of a file block by block, in flat memory.
 
     Parameters
     ----------
     path : str or Path
         LAS, LAZ, COPC, CSV or Parquet file, or Zarr store, of points.
     bounds : tuple of float, optional
-        Smallest easting and northing, largest easting and northing [m]; points on the edges are
-        inside.
+        West, south, east and north edge [m]; points on an edge are inside.
     size : int
         Largest number of points in a block.
     crs : str, optional
-        EPSG code or WKT to take instead of what the file says.
+        EPSG code or WKT that replaces the CRS of the file.
     variables : collection of str, optional
-        Variables to read beside the coordinates, as far as the file has them; by default all. The
-        fewer, the faster.
+        Variables to read besides the coordinates; those that the file lacks are ignored. By default
+        all; reading fewer is faster.
     only : PointFilter, optional
-        Which points are taken; by default all.
+        Classes and returns of the points to take; by default all.
 
     Yields
     ------
@@ -264,9 +264,9 @@ def point_blocks(
     Raises
     ------
     FormatError
-        If the file is damaged, holds no points, or lacks what they are chosen by.
+        If the file is damaged, holds no points, or lacks the variables that `only` needs.
     CoverageError
-        If there are points (within the bounds), but none of them is taken.
+        If there are points within the bounds, but `only` takes none of them.
     """
     module = _points_module(path)
     chosen = () if only is None else only.variables
@@ -286,7 +286,7 @@ def point_blocks(
 
 
 def point_variables(path: str | Path) -> tuple[str, ...]:
-    """Variables beside the coordinates that points of a file have; the points are not read.
+    """Variables of the points of a file besides the coordinates, by its header alone.
 
     Parameters
     ----------
@@ -308,19 +308,19 @@ def point_variables(path: str | Path) -> tuple[str, ...]:
 
 
 def conversion_of(path: str | Path, crs: str | None = None) -> str:
-    """How coordinates of a point cloud in feet become metres when they are read, in words.
+    """Conversion of coordinates to metres on reading, in words, for reports and log messages.
 
     Parameters
     ----------
     path : str or Path
         Any file.
     crs : str, optional
-        EPSG code or WKT to take instead of what the file says.
+        EPSG code or WKT that replaces the CRS of the file.
 
     Returns
     -------
     str
-        Empty if they are metres, or the format has no CRS with units of its own.
+        Empty if coordinates are in metres, or the format states no units.
     """
     module = _import_format(recognise_format(path).module)
     if hasattr(module, "header_of"):
@@ -331,7 +331,7 @@ def conversion_of(path: str | Path, crs: str | None = None) -> str:
 
 
 def _crs_in_metres(crs: str) -> str:
-    """CRS for points that are in metres, whatever the axes of the one that is named."""
+    """CRS of points in metres: the given one, or its counterpart in metres if it is in feet."""
     from trueterrain.geometry.crs import crs_in_metres, parse_crs, units_of
 
     parsed = parse_crs(crs)
@@ -343,7 +343,7 @@ def _crs_in_metres(crs: str) -> str:
 def _filtered_blocks(
     blocks: "Iterator[xr.Dataset]", only: PointFilter, path: str | Path
 ) -> "Iterator[xr.Dataset]":
-    """Points that are taken; an error that says what there is if there are none."""
+    """Points that a filter takes; if it takes none, an error that counts classes and returns."""
     counts, seen, taken = ReturnCounts(), 0, 0
     for block in blocks:
         with name_file_in_errors(path):
@@ -382,7 +382,7 @@ def _no_points(path: str | Path) -> FormatError:
 
 
 def kind_of_file(path: str | Path) -> str:
-    """Kind of data in a file, by its first bytes.
+    """Kind of data in a file, by its first bytes or its header.
 
     Parameters
     ----------

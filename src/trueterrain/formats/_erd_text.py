@@ -1,4 +1,4 @@
-"""The text of an ERD file: its header and its numbers, checked against each other."""
+"""Parse ERD text: its header and its numbers, checked against each other."""
 
 import re
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from trueterrain.core.errors import FormatError
 
-#: Lengths that ERD can name [m].
+#: Units of length in ERD [m].
 UNITS = {"m": 1.0, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
 
 SIGNATURE = "ERDFILEV"
@@ -19,7 +19,7 @@ COLUMNS = 8  # width of keys, of short names and of units
 
 @dataclass(frozen=True, kw_only=True)
 class ErdHeader:
-    """What the header of an ERD file says, in metres."""
+    """Contents of the header of an ERD file, in metres."""
 
     channels: int
     samples: int
@@ -29,27 +29,27 @@ class ErdHeader:
     units: list[str]
     names: list[str]
     keys: list[tuple[str, str]]
-    data_line: int  # number of the first line behind END, from 0
+    data_line: int  # index of the first line after END, from 0
     problems: list[str]
 
 
 def load_erd(path: Path) -> tuple[ErdHeader, npt.NDArray[np.float64]]:
-    """Header, and the numbers (samples, channels) as they stand in the file."""
+    """Read the header, and the numbers, shape (sample, channel), in the units of the file."""
     lines = _read_lines(path)
     header = _parse_header(lines, path)
-    wanted = header.samples * header.channels
+    expected = header.samples * header.channels
     values = _parse_numbers(lines, header.data_line, path)
-    if values.size < wanted:
+    if values.size < expected:
         raise FormatError(
-            f"ends after {values.size} of {wanted} numbers ({header.samples} samples of "
+            f"ends after {values.size} of {expected} numbers ({header.samples} samples of "
             f"{header.channels} channels are announced in line 2)",
             path=path,
             place=f"line {len(lines)}",
             cure="The file is cut off: copy or export it again.",
         )
-    if values.size > wanted:
+    if values.size > expected:
         raise FormatError(
-            f"must announce the numbers that follow, but announces {wanted} (samples x channels) "
+            f"must announce the numbers that follow, but announces {expected} (samples x channels) "
             f"and {values.size} follow",
             path=path,
             place="line 2",
@@ -63,7 +63,7 @@ def _read_lines(path: Path) -> list[str]:
     if not content.startswith(SIGNATURE.encode()):
         found = "is empty" if not content else f"begins with {content[:12]!r}"
         raise FormatError(
-            f"is no ERD file: it must begin with {SIGNATURE}2.00, but {found}",
+            f"is not an ERD file: it must begin with {SIGNATURE}2.00, but {found}",
             path=path,
             place="line 1",
             cure="See with `trueterrain info` what the file is.",
@@ -213,5 +213,5 @@ def _parse_numbers(lines: list[str], first: int, path: Path) -> npt.NDArray[np.f
 
 
 def _fortran_exponents(word: str) -> str:
-    """Fortran writes 1.0D-03 for 1.0e-3."""
+    """Text with exponents of Fortran, 1.0D-03, written as 1.0e-03."""
     return re.sub(r"(?<=[\d.])[dD](?=[-+\d])", "e", word)

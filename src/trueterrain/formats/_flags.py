@@ -1,17 +1,17 @@
-"""What makes a profile flagged, whatever file it came from."""
+"""Checks of a profile that flag suspicious heights, for all formats of profiles."""
 
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-_STEEP = 0.3  # [m/m] a median slope above it is no road: the unit of height is probably wrong
+_STEEP = 0.3  # [m/m] no road has a larger median slope: the unit of height is probably wrong
 
 
 def profile_flags(
     name: str, s: npt.NDArray[np.floating[Any]], height: npt.NDArray[np.floating[Any]]
 ) -> list[str]:
-    """Problems of one track: missing heights, a unit that may be wrong, no variation at all."""
+    """Flags of one track: missing heights, slopes that suggest a wrong unit, no variation."""
     flags = []
     missing = int(np.count_nonzero(~np.isfinite(height)))
     if missing:

@@ -1,4 +1,4 @@
-"""Head of a table in text: titles, names of the columns, separator and decimal sign."""
+"""Header of a table in text: titles, names of the columns, separator and decimal sign."""
 
 import csv
 from collections.abc import Callable, Iterable
@@ -8,13 +8,13 @@ from pathlib import Path
 
 from trueterrain.core.errors import FormatError
 
-_LINES = 200  # of content, among which the head is looked for
+_LINES = 200  # lines that are not blank, among which the header is searched
 _SEPARATORS = ("\t", ";", ",")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Head:
-    """Where a table begins in a text, and how its lines are divided."""
+    """Header of a text table: names of the columns, separator, decimal sign, first line of data."""
 
     separator: str | None
     "Sign between two fields; None stands for blanks."
@@ -33,19 +33,19 @@ class Head:
 
 
 def find_head(lines: Iterable[str], understood: Callable[[list[str]], bool]) -> Head | None:
-    r"""Head of a table in text.
+    r"""Find the header of a table in text.
 
-    Titles may stand before the names of the columns. The names are the first line that is
-    understood. Without such a line, they are the last one without a number before the first two
-    lines of numbers alone, if it has as many fields as these; else the table has no names. A
-    comment (#) right before the data counts if it is understood.
+    Titles may precede the names of the columns. The names are the first line that `understood`
+    accepts. If there is none, they are the last line without numbers before the first two lines
+    that hold numbers only, provided that the numbers of fields agree; else the columns have no
+    names. A comment (#) directly before the data is accepted as names if `understood` accepts it.
 
     Parameters
     ----------
     lines : iterable of str
         Lines of the file.
     understood : callable
-        Whether labels are names of columns.
+        Takes the fields of a line; returns whether they are names of columns.
 
     Returns
     -------
@@ -74,7 +74,7 @@ def find_head(lines: Iterable[str], understood: Callable[[list[str]], bool]) -> 
     first, line = rows[data]
     separator, decimal = _signs_of_numbers(line) or (None, ".")
     fields = split_line(line, separator)
-    # rows with gaps may stand between the names and the first row of numbers alone
+    # rows with empty cells may lie between the names and the first row of numbers only
     before = []
     for at in reversed(range(data)):
         words = split_line(rows[at][1], separator)
@@ -97,12 +97,12 @@ def find_head(lines: Iterable[str], understood: Callable[[list[str]], bool]) -> 
 
 
 def separator_of(line: str) -> str | None:
-    """Separator of the columns of a line of text; None stands for blanks."""
+    """Separator of the columns in a line of text; None stands for blanks."""
     return next((separator for separator in _SEPARATORS if separator in line), None)
 
 
 def split_line(line: str, separator: str | None, path: str | Path | None = None) -> list[str]:
-    """Fields of a line; blanks around them, and quotes, are taken off.
+    """Split a line into fields, without quotes and the blanks around them.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def split_line(line: str, separator: str | None, path: str | Path | None = None)
 
 
 def number_of(text: str, decimal: str = ".") -> float | None:
-    """Number in a text, None if there is none; a comma is only taken where it is decimal."""
+    """Number in a text, or None; a comma is accepted only as the decimal sign."""
     if decimal == ",":
         text = "" if "." in text else text.replace(",", ".")
     try:
@@ -134,7 +134,7 @@ def number_of(text: str, decimal: str = ".") -> float | None:
 
 
 def _named_head(rows: list[tuple[int, str]], at: int) -> Head:
-    """Head whose names are a row; the next ones show the decimal sign."""
+    """Header whose names are the row `at`; the rows that follow show the decimal sign."""
     line, text = rows[at]
     separator = separator_of(text)
     fields = [field for _, row in rows[at + 1 :] for field in split_line(row, separator)]
@@ -151,7 +151,7 @@ def _named_head(rows: list[tuple[int, str]], at: int) -> Head:
 
 
 def _numbers_begin(rows: list[tuple[int, str]], at: int) -> bool:
-    """Whether a row and the next one are as many numbers; of the first row, it alone."""
+    """Whether a row and the next hold equally many numbers; the first and last row count alone."""
     signs = _signs_of_numbers(rows[at][1])
     if signs is None or at in (0, len(rows) - 1):
         return signs is not None
@@ -161,7 +161,7 @@ def _numbers_begin(rows: list[tuple[int, str]], at: int) -> bool:
 
 
 def _signs_of_numbers(line: str) -> tuple[str | None, str] | None:
-    """Separator and decimal sign by which a line is two numbers or more, None if there are none."""
+    """Separator and decimal sign that split a line into two or more numbers, or None."""
     for separator in (*(sign for sign in _SEPARATORS if sign in line), None):
         fields = split_line(line, separator)
         for decimal in ".," if separator != "," else ".":

@@ -1,8 +1,8 @@
-"""Zarr 3 stores on disk, opened with care: nothing is read before its size is known to be right.
+"""Open Zarr 3 stores safely: sizes are checked before anything is read.
 
-A chunk that is missing would read as zeros, and a damaged one ends in whatever the library raises.
-Here both are errors that name the array and the chunk. Chunks are compared with the folder when a
-store is opened, which lists files and reads none but the first bytes of one chunk in each array.
+The library reads missing chunks as zeros, and raises exceptions of many types over damaged ones.
+Here both are FormatErrors that name the array and the chunk. On opening, the chunks are compared
+with the files of the folder; only the first bytes of one chunk of each array are read.
 """
 
 import itertools
@@ -21,38 +21,26 @@ import numpy.typing as npt
 import zarr
 from xarray.backends import BackendArray
 from xarray.core import indexing
-from zarr.codecs import BloscCodec, BytesCodec, Crc32cCodec
+from zarr.codecs import BloscCodec, BytesCodec
 from zarr.storage import LocalStore
 
 from trueterrain.core.errors import FormatError
 
-#: Attribute of a store that lists the arrays without which it is not whole.
+#: Attribute of a store that lists its required arrays.
 ARRAYS = "arrays"
 
 Values = npt.NDArray[Any]
 
 _CURE = "Copy the whole folder again."
-_LARGEST_CHUNK = 2**31 - 1  # [bytes] that the compressor takes
-_AT_ONCE = 1 << 25  # [bytes] that are read at a time to verify an array
-_HEADER = struct.Struct("<4xIII")  # of Blosc: bytes, bytes of a block, compressed bytes
+_LARGEST_CHUNK = 2**31 - 1  # [bytes] limit of the compressor
+_AT_ONCE = 1 << 25  # [bytes] read at a time to verify an array
+_HEADER = struct.Struct("<4xIII")  # of Blosc: size, block size, compressed size [bytes]
 _CHUNK_NAME = re.compile(r"(c|\d+)([./]\d+)*")
 _CF_NUMBERS = ("scale_factor", "add_offset", "_FillValue", "missing_value")
 
 
-def make_compressors(level: int, shuffle: str) -> list[Any]:
-    """Codecs of every array that is written: compressed, with a checksum."""
-    blosc = BloscCodec(cname="zstd", clevel=level, shuffle=shuffle)  # type: ignore[arg-type]
-    return [blosc, Crc32cCodec()]
-
-
-def choose_fill_value(dtype: Any) -> Any:
-    """Value of chunks that are missing for readers that do not look for them: no number, if any."""
-    kind = np.dtype(dtype)
-    return kind.type(np.nan if kind.kind == "f" else 0)
-
-
 def damaged_error(path: str | Path, place: str, error: Exception | str) -> FormatError:
-    """Error of a store that is not as it was written."""
+    """Error for a store that differs from what was written."""
     words = " ".join(str(error).split()).rstrip(".")[:160] or type(error).__name__
     if "computed checksum do not match" in words:
         words = "its checksum is not that of its content"
@@ -86,27 +74,27 @@ class StoredArray(BackendArray):
             )
             self.attrs: dict[str, Any] = dict(self._array.attrs)
             if isinstance(self.attrs.get("_FillValue"), str):
-                del self.attrs["_FillValue"]  # xarray's writing of NaN, which needs no decoding
+                del self.attrs["_FillValue"]  # NaN as written by xarray, which needs no decoding
             self.shape = tuple(int(length) for length in self._array.shape)
             self.dtype = np.dtype(self._array.dtype)
             self.chunks = tuple(map(int, self._array.shards or self._array.chunks))
             metadata: Any = self._array.metadata
             self._codecs = tuple(metadata.codecs)
             self.dims = tuple(map(str, metadata.dimension_names or ()))
-        except Exception as error:  # of any kind over metadata that are damaged
+        except Exception as error:  # damaged metadata raise exceptions of many types
             raise damaged_error(path, self._place, error) from None
         self._is_whole = False
         self._check_metadata()
 
     def __getitem__(self, key: Any) -> Values:
-        """Values of a part, as xarray asks for them."""
+        """Values of a part, for the lazy indexing of xarray."""
         found: Values = indexing.explicit_indexing_adapter(
             key, self.shape, indexing.IndexingSupport.OUTER, self.read
         )
         return found
 
     def read(self, key: Any = ...) -> Values:
-        """Values of a part, after a look whether all chunks are there.
+        """Read the values of a part, after a check that no chunk is missing.
 
         Parameters
         ----------
@@ -129,18 +117,18 @@ class StoredArray(BackendArray):
         outer = any(isinstance(part, np.ndarray | list) for part in parts)
         try:
             return np.asarray(self._array.oindex[key] if outer else self._array[key])
-        except MemoryError:  # the chunks are there: it is the part that is too large
+        except MemoryError:  # no damage: the part is too large
             raise
-        except Exception as error:  # of any kind over chunks that are damaged
+        except Exception as error:  # damaged chunks raise exceptions of many types
             found = self._named(error, parts)
-            if found is None:  # none is: the index lies outside
+            if found is None:  # no chunk is damaged: the index lies outside of the array
                 raise
             raise found from None
 
     def verify_chunks(self) -> None:
-        """Read every chunk once, some at a time; raise a FormatError at the first that is damaged.
+        """Read every chunk; raise a FormatError at the first that is damaged.
 
-        Chunks have a checksum, but for runs of earlier versions.
+        Chunks have a checksum, except in runs of earlier versions.
         """
         if not self.shape:
             self.read()
@@ -151,13 +139,13 @@ class StoredArray(BackendArray):
             self.read(slice(start, start + step))
 
     def require_chunks(self) -> None:
-        """Raise a FormatError if a chunk is missing, or there are more than the shape has."""
+        """Raise a FormatError if a chunk is missing, or there are more than the shape needs."""
         counts = self._chunk_counts()
         total = math.prod(counts)
         found = {
             name for name in _list_files(self._path / self.name) if _CHUNK_NAME.fullmatch(name)
         }
-        # no more names than files are looked for, however many a damaged shape asks for
+        # a generator, as a damaged shape may demand any number: the first missing chunk ends it
         names = (self._chunk_name(_index_of(number, counts)) for number in range(total))
         first = next((name for name in names if name not in found), None)
         if first is not None:
@@ -193,7 +181,7 @@ class StoredArray(BackendArray):
             raise damaged_error(self._path, self._place, how)
 
     def _is_number(self, name: str) -> bool:
-        """Whether an attribute by which values are decoded is missing, or a number that can be."""
+        """Whether an attribute for decoding values is absent or a valid number."""
         if name not in self.attrs:
             return True
         value = self.attrs[name]
@@ -207,7 +195,7 @@ class StoredArray(BackendArray):
         return isinstance(value, int) and int(limits.min) <= value <= int(limits.max)
 
     def _check_first(self, name: str) -> None:
-        """Compare the size of a chunk with the shape of all: room is made by the shape."""
+        """Compare the size in a chunk with the shape of chunks, by which memory is allocated."""
         if not (isinstance(self._codecs[0], BytesCodec) and len(self._codecs) > 1):
             return
         if not isinstance(self._codecs[1], BloscCodec):
@@ -224,7 +212,7 @@ class StoredArray(BackendArray):
             raise damaged_error(self._path, f"{self._place}, chunk {name}", how)
 
     def _chunk_counts(self) -> list[int]:
-        """Chunks along each dimension."""
+        """Number of chunks along each dimension."""
         return [-(-n // chunk) for n, chunk in zip(self.shape, self.chunks, strict=True)]
 
     def _chunk_bytes(self) -> int:
@@ -234,7 +222,7 @@ class StoredArray(BackendArray):
         return self._array.metadata.encode_chunk_key(index)
 
     def _named(self, error: Exception, parts: tuple[Any, ...]) -> FormatError | None:
-        """Error with the name of the first chunk that cannot be read by itself."""
+        """Error that names the first chunk that cannot be read; None if all can be."""
         for index in self._touched(parts):
             part = tuple(
                 slice(i * chunk, min((i + 1) * chunk, length))
@@ -261,7 +249,7 @@ class StoredArray(BackendArray):
 
 
 class _Chunks(LocalStore):
-    """Files of a store, in which a chunk that is missing is an error and no zeros."""
+    """Store on disk in which a missing chunk is an error, not zeros."""
 
     async def get(self, key: str, *args: Any, **kwargs: Any) -> Any:
         value = await super().get(key, *args, **kwargs)
@@ -272,7 +260,7 @@ class _Chunks(LocalStore):
 
 
 def _index_of(number: int, counts: list[int]) -> tuple[int, ...]:
-    """Index of a chunk by its number, the last dimension first."""
+    """Index of a chunk by its number; the last dimension varies fastest."""
     index = []
     for count in reversed(counts):
         number, place = divmod(number, count)
@@ -281,7 +269,7 @@ def _index_of(number: int, counts: list[int]) -> tuple[int, ...]:
 
 
 def find_damaged_chunks(arrays: Iterable[StoredArray]) -> list[str]:
-    """Arrays that cannot be read, one line each, after every chunk was read."""
+    """Read every chunk of some arrays; return one line for each damaged array."""
     found = []
     for array in arrays:
         try:
@@ -292,7 +280,7 @@ def find_damaged_chunks(arrays: Iterable[StoredArray]) -> list[str]:
 
 
 def require_whole(path: Path, arrays: Mapping[str, StoredArray]) -> None:
-    """Raise a FormatError if an array that the store lists is missing, or a chunk of any."""
+    """Raise a FormatError if a required array is missing, or a chunk of any array."""
     listed = read_group_attrs(path).get(ARRAYS, [])
     for name in listed if isinstance(listed, list) else [ARRAYS]:
         if name not in arrays:
@@ -302,7 +290,7 @@ def require_whole(path: Path, arrays: Mapping[str, StoredArray]) -> None:
 
 
 def open_arrays(path: Path) -> dict[str, StoredArray]:
-    """Arrays of a store by their path in it."""
+    """Open the arrays of a store, by their path in it."""
     return {name: StoredArray(path, name) for name in _named_nodes(path, "array")}
 
 
@@ -316,7 +304,7 @@ def read_group_attrs(path: Path, name: str = "") -> dict[str, Any]:
 
 
 def find_groups(path: Path) -> list[str]:
-    """Paths of the groups in a store; the first is the store itself, named by nothing."""
+    """Paths of the groups in a store; the first is the store itself, the empty path."""
     return _named_nodes(path, "group")
 
 
@@ -341,12 +329,12 @@ def _named_nodes(path: Path, kind: str) -> list[str]:
 
 
 def _raise_error(error: OSError) -> None:
-    """Say that a folder cannot be read, instead of going on without it."""
+    """Raise the error of a folder that cannot be read, which `os.walk` would ignore."""
     raise error
 
 
 def _is_of_store(file: str) -> bool:
-    """Whether a file is one of those that make a group or an array."""
+    """Whether a file is metadata or a chunk of a Zarr store."""
     last = file.rpartition("/")[2]
     return last == "zarr.json" or _CHUNK_NAME.fullmatch(last) is not None
 
@@ -366,7 +354,7 @@ def _place_of(name: str) -> str:
 
 
 def _list_files(folder: Path, above: str = "") -> Iterator[str]:
-    """Names of the files in a folder and those below; a pipe or a device is no file."""
+    """Names of the regular files in a folder and its subfolders."""
     with os.scandir(folder) as entries:
         for entry in entries:
             if entry.is_dir():

@@ -1,13 +1,13 @@
 """ERD: longitudinal profiles as text, the exchange format of pavement engineers.
 
-A header of 8-column keys ends with ``END``; then come the heights of all tracks, sample by sample,
-blank-separated. Lengths are converted here: metres inside, m or ft along and m, mm, in or ft for
-heights in the file. The foot is the international foot, 0.3048 m exactly; the US survey foot
-differs by 2 parts in a million (2 mm per km), and the format cannot name it.
+A header of 8-column keys ends with ``END``; the heights of all tracks follow, sample by sample,
+separated by blanks. Stations are in m or ft, heights in m, mm, in or ft; they are converted to
+metres. The foot is the international foot, 0.3048 m exactly; the US survey foot differs by 2 parts
+in a million (2 mm per km), and the format cannot name it.
 
-Written beside the known keys, and ignored by other readers: ``XSTART``, the station of the first
-sample in the unit of ``XUNITS``; ``TRACKS``, the whole names of the tracks where 8 columns cut
-them; ``HISTORY``, the provenance as JSON. These three are our own.
+Three keys of this package are written, too, which other readers ignore: ``XSTART``, the station of
+the first sample in the unit of ``XUNITS``; ``TRACKS``, the full names of tracks that are longer
+than 8 columns; ``HISTORY``, the provenance as JSON.
 
 Sources: the description of ERD at UMTRI and the reader of the UMTRI program IRIMain.
 """
@@ -27,23 +27,24 @@ import xarray as xr
 from trueterrain.core import Checksums, provenance, whole_output
 from trueterrain.core.errors import FormatError, SchemaError
 from trueterrain.core.schemas import check_profile, make_profile
+from trueterrain.formats._bounds import value_range
 from trueterrain.formats._erd_text import COLUMNS, SIGNATURE, TEXT, UNITS, ErdHeader, load_erd
 from trueterrain.formats._flags import profile_flags
 
-#: Deviation from equal spacing that is taken for rounding, as a fraction of the spacing.
+#: Deviation from equal spacing that counts as rounding, as a fraction of the spacing.
 SPACING_TOLERANCE = 1e-3
 
-_OURS = ("SHORTNAM", "UNITSNAM", "XUNITS", "XSTART", "TRACKS", "HISTORY")  # made anew on writing
+_OURS = ("SHORTNAM", "UNITSNAM", "XUNITS", "XSTART", "TRACKS", "HISTORY")  # keys that write sets
 _DECIMALS = {"m": 9, "mm": 6, "in": 8, "ft": 9}  # keep heights within 0.5 nm
-_UMTRI_STEP = 1.0  # [m] the UMTRI reader refuses larger ones
+_UMTRI_STEP = 1.0  # [m] spacing from which on the UMTRI reader refuses a file
 
 
 def read(path: str | Path) -> xr.Dataset:
-    """Profile from an ERD text file.
+    """Read a profile from an ERD text file.
 
     Tracks are named by SHORTNAM; one track gives a profile without dimension ``track``, its name in
     ``attrs["track"]``. Other keys of the header are kept in ``attrs["erd_header"]`` (JSON list of
-    pairs) and written back by `write`. Channels that are no length are left out with a warning.
+    pairs) and written back by `write`. Channels that are not lengths are omitted with a warning.
 
     Parameters
     ----------
@@ -58,7 +59,7 @@ def read(path: str | Path) -> xr.Dataset:
     Raises
     ------
     FormatError
-        If the file is no ERD file, is binary (KEYNUM other than 5), lacks units or numbers.
+        If the file is not an ERD file, is binary (KEYNUM other than 5), or lacks units or numbers.
     """
     header, values = load_erd(Path(path))
     used = _used_channels(header, path)
@@ -84,17 +85,17 @@ def read(path: str | Path) -> xr.Dataset:
 def write(profile: xr.Dataset, path: str | Path, *, force: bool = False, units: str = "m") -> None:
     """Write a profile as ERD text.
 
-    Only heights and stations fit into an ERD file; easting, northing, sd and count are not kept.
-    Heights are kept within 1e-9 m.
+    ERD holds heights and stations only; easting, northing, sd and count are lost. Heights are exact
+    to 1e-9 m.
 
     Parameters
     ----------
     profile : xarray.Dataset
         Profile with dims (s,) or (track, s), equally spaced, without NaN.
     path : str or Path
-        Where the file shall be.
+        Path of the file to write.
     force : bool
-        Replace a file that is there already.
+        Replace an existing file.
     units : str
         Unit of the heights, ``"m"``, ``"mm"``, ``"in"`` or ``"ft"``; stations are in m with the
         first two, in ft with the last two.
@@ -106,7 +107,7 @@ def write(profile: xr.Dataset, path: str | Path, *, force: bool = False, units: 
     SchemaError
         If the spacing is not equal or a height is NaN.
     OutputError
-        If the file exists and `force` is false, or is not whole when it is read back.
+        If the file exists and `force` is false, or differs when it is read back.
 
     Examples
     --------
@@ -150,7 +151,7 @@ def describe(path: str | Path) -> dict[str, Any]:
     -------
     dict
         ``format``, ``kind``, ``tracks``, ``count``, ``spacing`` [m], ``extent`` [m], ``units``,
-        ``header`` and ``problems``; everything can be written as JSON.
+        ``header`` and ``problems``; all values are plain types that JSON can hold.
 
     Raises
     ------
@@ -168,12 +169,11 @@ def describe(path: str | Path) -> dict[str, Any]:
             continue
         height = values[:, channel] * UNITS[unit]
         problems += profile_flags(name, s, height)
-        known = height[np.isfinite(height)]
-        low, high = (float(known.min()), float(known.max())) if known.size else (None, None)
+        low, high = value_range(height) or (None, None)
         tracks.append({"name": name, "lowest": low, "highest": high})
     if header.step >= _UMTRI_STEP:
         problems.append(
-            f"spacing {header.step:g} m: readers in the manner of UMTRI refuse 1 m and more"
+            f"spacing {header.step:g} m: readers derived from that of UMTRI refuse 1 m and more"
         )
     return {
         "format": "ERD",
@@ -221,7 +221,7 @@ def _equal_step(s: npt.NDArray[np.float64]) -> float:
     worst = int(np.argmax(deviation))
     if deviation[worst] > SPACING_TOLERANCE * step:
         raise SchemaError(
-            f"ERD needs equal spacing, but sample {worst} lies {deviation[worst]:.3g} m beside "
+            f"ERD needs equal spacing, but sample {worst} lies {deviation[worst]:.3g} m off "
             f"s = {s[0] + step * worst:.6g} m",
             place="axis s",
             cure="Write CSV, which keeps any spacing, or extract the profile at equal spacing.",

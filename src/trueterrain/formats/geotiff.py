@@ -1,7 +1,7 @@
-"""GeoTIFF: surfaces over a map, a band of heights and, where known, bands of what belongs to them.
+"""GeoTIFF: surfaces over a map, with a band of heights and optional bands of sd, count and filled.
 
-The centres of the pixels are the nodes of the surface. A reference system in metres is needed,
-since heights over degrees have no slope; without any, coordinates are taken as metres.
+The centres of the pixels are the nodes of the surface. A reference system in metres is required,
+since slopes of heights over degrees are undefined; without any, metres are assumed.
 
 Needs rasterio, which comes with ``pip install trueterrain[gis]``.
 """
@@ -21,26 +21,27 @@ import xarray as xr
 from trueterrain.core import Checksums, not_whole, provenance, require_writable, whole_output
 from trueterrain.core.errors import FormatError, OutputError, TrueTerrainError
 from trueterrain.core.schemas import check_surface, make_surface
+from trueterrain.formats._bounds import value_range
 from trueterrain.geometry.crs import parse_crs
 
 Floats = npt.NDArray[np.float64]
 
-#: No ground is higher or lower [m].
+#: Largest plausible height or depth of ground [m].
 HIGHEST = 1e5
 
-_UNEVEN = 1e-6  # [m] by which a node may lie beside its place on an equally spaced axis
-_SENTINELS = (-9999.0, -32767.0, -32768.0, -99999.0)  # [m] heights that mean "none" in many files
+_UNEVEN = 1e-6  # [m] by which nodes of an equally spaced axis may deviate
+_SENTINELS = (-9999.0, -32767.0, -32768.0, -99999.0)  # [m] heights that stand for "no data"
 _OPTIONAL = {"sd": "m", "sd_relative": "m", "count": "", "filled": ""}
 _METRES = {"", "m", "metre", "meter", "metres", "meters"}
 _HISTORY = "TRUETERRAIN_HISTORY"
 _WARP = "Warp it to a projected CRS first, for example gdalwarp -t_srs EPSG:25832 IN.tif OUT.tif."
 
-# the library reports what is wrong by itself; without a handler, GDAL's messages would be printed
+# rasterio raises errors and logs them, too; without a handler, GDAL's messages would be printed
 logging.getLogger("rasterio").addHandler(logging.NullHandler())
 
 
 def read(path: str | Path) -> xr.Dataset:
-    """Surface over a map from a GeoTIFF file.
+    """Read a surface over a map from a GeoTIFF file.
 
     Band 1 holds the heights; further bands are read if they are called sd, sd_relative, count
     or filled.
@@ -73,7 +74,7 @@ def read(path: str | Path) -> xr.Dataset:
 
 
 def describe(path: str | Path) -> dict[str, Any]:
-    """What a GeoTIFF file holds and what is flagged about it.
+    """Summary of a GeoTIFF file for ``trueterrain info``.
 
     Parameters
     ----------
@@ -84,7 +85,7 @@ def describe(path: str | Path) -> dict[str, Any]:
     -------
     dict
         ``format``, ``kind``, ``size`` (rows, columns), ``spacing`` and ``extent`` [m], ``missing``
-        (share of nodes without height), ``bands``, ``number_format``, ``crs`` and ``problems``.
+        (fraction of nodes without height), ``bands``, ``number_format``, ``crs`` and ``problems``.
 
     Raises
     ------
@@ -107,9 +108,9 @@ def describe(path: str | Path) -> dict[str, Any]:
         "size": list(height.shape),
         "spacing": spacing,
         "extent": {
-            "easting": _value_range(surface["easting"].values),
-            "northing": _value_range(surface["northing"].values),
-            "height": _value_range(height),
+            "easting": value_range(surface["easting"].values),
+            "northing": value_range(surface["northing"].values),
+            "height": value_range(height),
         },
         "missing": float(np.isnan(height).mean()),
         "bands": bands,
@@ -128,11 +129,11 @@ def write(
     surface : xarray.Dataset
         Surface with dims (northing, easting), each equally spaced.
     path : str or Path
-        Where the file shall be.
+        Path of the file to write.
     force : bool
-        Replace a file that is there already.
+        Replace an existing file.
     dtype : str
-        ``"float64"`` or ``"float32"``, which halves the size but iterations a height of 500 m by up to
+        ``"float64"`` or ``"float32"``, which halves the size but changes a height of 500 m by up to
         0.02 mm.
 
     Raises
@@ -220,7 +221,7 @@ def _open_raster(path: Path) -> Iterator[Any]:
                 yield source
     except (rasterio.errors.RasterioError, UnicodeDecodeError) as error:
         raise FormatError(
-            f"is no whole GeoTIFF file: {_reason_text(error)}",
+            f"is not a complete GeoTIFF file: {_reason_text(error)}",
             path=path,
             cure="The file is cut off, damaged or of another kind: copy or export it again.",
         ) from error
@@ -254,7 +255,7 @@ def _read_surface(source: Any, path: Path) -> xr.Dataset:
 
 
 def _read_band(source: Any, band: int) -> Floats:
-    """Values of a band, NaN where it has none, in its own unit."""
+    """Values of a band with its scale and offset applied; NaN where it has no data."""
     stored = source.read(band, masked=True)
     values = np.ma.filled(stored.astype(np.float64), np.nan)
     return np.asarray(values * source.scales[band - 1] + source.offsets[band - 1])
@@ -350,7 +351,7 @@ def _node_spacing(axis: Floats, name: str, path: Path) -> float:
     if off.max() > _UNEVEN:
         at = int(np.argmax(off))
         raise OutputError(
-            f"must be equally spaced, but node {at} lies {off[at]:.3g} m beside its place",
+            f"must be equally spaced, but node {at} is off by {off[at]:.3g} m",
             path=path,
             place=f"axis {name}",
             cure="Grid the surface with equal spacing.",
@@ -359,7 +360,7 @@ def _node_spacing(axis: Floats, name: str, path: Path) -> float:
 
 
 class _CrsReference(NamedTuple):
-    """A CRS by its name, and why coordinates in it are no metres; empty if they are."""
+    """Name of a CRS, and why it cannot be used (empty if coordinates are in metres)."""
 
     name: str
     obstacle: str = ""
@@ -403,8 +404,3 @@ def _flag_surface(surface: xr.Dataset, bands: list[str]) -> list[str]:
     elif np.ptp(finite) == 0:
         found.append(f"all heights are {finite[0]:g} m")
     return found
-
-
-def _value_range(values: Floats) -> list[float] | None:
-    finite = values[np.isfinite(values)]
-    return [float(finite.min()), float(finite.max())] if finite.size else None

@@ -1,7 +1,7 @@
-"""Points by class and return: which are taken, how many there are, which are no ground.
+"""Selection and counts of points by class and return number.
 
-Airborne and mobile clouds hold roofs, trees, wires and noise beside the ground. A height statistic
-of all of them is no height of the ground, so every reader of points takes the same `PointFilter`.
+Airborne and mobile clouds hold roofs, trees, wires and noise besides the ground. A height statistic
+of all points is not a height of the ground, so every reader of points accepts a `PointFilter`.
 
 Source: ASPRS LAS 1.4 R15, table 17 (standard classes).
 """
@@ -44,19 +44,19 @@ CLASS_NAMES = {
     22: "temporal exclusion",
 }
 
-#: Classes of what stands on the ground or above it, and of noise.
+#: Classes of objects on or above the ground, and of noise.
 ABOVE_GROUND = (3, 4, 5, 6, 7, 13, 14, 15, 16, 18, 19)
 
-#: Classes of what a vehicle drives on.
+#: Classes of surfaces that vehicles drive on.
 GROUND = (2, 11, 17)
 
-_CLASSES = 256  # that a byte can hold
-_RETURNS = 16  # that four bits can hold
+_CLASSES = 256  # values of one byte
+_RETURNS = 16  # values of four bits
 
 
 @dataclass(frozen=True, kw_only=True)
 class PointFilter:
-    """Which points of a cloud are taken."""
+    """Selection of points of a cloud by class and return number."""
 
     classes: tuple[int, ...] = ()
     "Classes to take, e.g. 2 (ground) and 11 (road surface); by default all."
@@ -80,7 +80,7 @@ class PointFilter:
 
     @property
     def variables(self) -> tuple[str, ...]:
-        """Variables of points that are looked at."""
+        """Names of the variables of points that the filter needs."""
         needed = {
             "classification": bool(self.classes),
             "return_number": self.returns is not None,
@@ -89,7 +89,7 @@ class PointFilter:
         return tuple(name for name, is_needed in needed.items() if is_needed)
 
     def require(self, known: "Collection[str] | xr.Dataset") -> None:
-        """Raise if points lack what they are chosen by.
+        """Raise if points lack a variable that the filter needs.
 
         Parameters
         ----------
@@ -110,7 +110,7 @@ class PointFilter:
                 )
 
     def apply(self, points: "xr.Dataset") -> "xr.Dataset":
-        """The points that are taken.
+        """Take the points that pass the filter.
 
         Parameters
         ----------
@@ -120,12 +120,12 @@ class PointFilter:
         Returns
         -------
         xarray.Dataset
-            The same, or fewer.
+            Points that pass; `points` itself if all do.
 
         Raises
         ------
         FormatError
-            If they lack the variables that they are chosen by.
+            If they lack a variable that the filter needs.
 
         Examples
         --------
@@ -158,7 +158,7 @@ class PointFilter:
 
 
 class ReturnCounts:
-    """Counts points by class and by return; memory does not grow with their number."""
+    """Counts of points by class and by return number, accumulated block by block in flat memory."""
 
     def __init__(self) -> None:
         self._counts: dict[str, dict[str, int]] = {"returns": {}, "classes": {}}
@@ -169,7 +169,7 @@ class ReturnCounts:
         Parameters
         ----------
         columns : mapping of str to array_like
-            Columns, or points; those without classes and returns count nothing.
+            Columns, or points; without classes and return numbers nothing is counted.
         """
         for key, name in (("returns", "return_number"), ("classes", "classification")):
             if name in columns:
@@ -178,7 +178,7 @@ class ReturnCounts:
                     self._counts[key][label] = self._counts[key].get(label, 0) + number
 
     def merge(self, other: "ReturnCounts") -> None:
-        """Add what another one counted.
+        """Add the counts of another block.
 
         Parameters
         ----------
@@ -195,12 +195,12 @@ class ReturnCounts:
         return self._counts["classes"]
 
     def counts(self) -> dict[str, dict[str, int]]:
-        """Points by ``returns`` and ``classes``, in order; only what was counted.
+        """Numbers of points by ``returns`` and ``classes``, sorted; without empty tables.
 
         Returns
         -------
         dict
-            Can be written as JSON.
+            Plain types that JSON can hold.
         """
         return {
             key: dict(sorted(found.items(), key=lambda one: float(one[0])))
@@ -210,12 +210,12 @@ class ReturnCounts:
 
 
 def classes_needed(only: PointFilter | None) -> tuple[str, ...]:
-    """Variables that `flag_of_classes` needs of points: none where classes were chosen.
+    """Variables of points that `flag_of_classes` needs: none if classes were selected.
 
     Parameters
     ----------
     only : PointFilter, optional
-        How points are chosen.
+        Selection of the points.
 
     Returns
     -------
@@ -226,7 +226,7 @@ def classes_needed(only: PointFilter | None) -> tuple[str, ...]:
 
 
 def flag_of_classes(classes: Mapping[str, int]) -> str:
-    """What is no ground among points that are taken as ground, in words.
+    """Warning about points that by their class are not ground, in words.
 
     Parameters
     ----------
@@ -236,7 +236,7 @@ def flag_of_classes(classes: Mapping[str, int]) -> str:
     Returns
     -------
     str
-        One line that names the option; empty if all may be ground.
+        One line that names the option to use; empty if all points may be ground.
 
     Examples
     --------
@@ -259,8 +259,8 @@ def flag_of_classes(classes: Mapping[str, int]) -> str:
 
 
 def _count_values(values: Any) -> Iterator[tuple[float, int]]:
-    """Each value, and how often it is there."""
-    if values.dtype == np.uint8:  # as files have it: no need to sort
+    """Each value, and how often it occurs."""
+    if values.dtype == np.uint8:  # the type in LAS files: bincount needs no sorting
         numbers = np.bincount(values)
         found = np.flatnonzero(numbers)
         yield from zip(found.tolist(), numbers[found].tolist(), strict=True)

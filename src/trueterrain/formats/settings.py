@@ -1,12 +1,13 @@
-"""Settings: TOML files that are read into frozen dataclasses, and templates made from them.
+"""Settings: read TOML files into frozen dataclasses, and write templates of them.
 
-A dataclass is the only description of its settings: the names and defaults are its fields, the help
-is the text below each field, the checks are its ``__post_init__``. Nested dataclasses are tables.
+A dataclass is the only description of its settings: its fields give names and defaults, the text
+below each field is the help, ``__post_init__`` checks the values. Nested dataclasses are tables.
 
-What a table leaves out is as in the default of its field, which may differ from the defaults of its
-class. A field that is None by default may name what completes it: ``metadata={"table": ...}``.
+Keys that a table omits are taken from the default of its field, which may differ from the defaults
+of its class. A field that is None by default may name this default: ``metadata={"table": ...}``.
 """
 
+import ast
 import dataclasses
 import enum
 import inspect
@@ -24,13 +25,13 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from trueterrain.core.errors import FormatError
-from trueterrain.formats._problems import dataclasses_in, problems_of
+from trueterrain.formats._settings_problems import dataclasses_in, problems_of
 
 Settings = TypeVar("Settings")
 
 _WIDTH = 98  # [characters] of a comment
 
-#: Keys of earlier versions, and what they are called now.
+#: Keys of earlier versions, and their present names.
 RENAMED = {
     "largest_angle": "max_angle",
     "largest_angle_sd": "max_angle_sd",
@@ -53,7 +54,7 @@ RENAMED = {
 
 
 def read_settings(kind: type[Settings], path: str | Path) -> Settings:
-    r"""Settings from a TOML file.
+    r"""Read settings from a TOML file.
 
     Parameters
     ----------
@@ -70,8 +71,8 @@ def read_settings(kind: type[Settings], path: str | Path) -> Settings:
     Raises
     ------
     FormatError
-        If the file is no TOML, or settings are unknown, missing or break a rule: all of them are
-        named with their dotted path, unknown ones with the known name that is nearest.
+        If the file is not TOML, or settings are unknown, missing or break a rule. The message lists
+        all of them by their dotted path, and for unknown ones the most similar known name.
 
     Examples
     --------
@@ -118,7 +119,7 @@ def parse_settings(
     values : mapping
         Values by name; tables are mappings, too.
     path : str or Path, optional
-        File that they came from, for the message.
+        File of the values, for the message.
 
     Returns
     -------
@@ -141,12 +142,12 @@ def parse_settings(
     """
     from pydantic import ConfigDict, TypeAdapter, ValidationError
 
-    # a list around it hands "forbid" down to plain dataclasses, which have no setting of their own
+    # within a list, "forbid" also applies to plain dataclasses, which have no configuration
     adapter = TypeAdapter(list[kind], config=ConfigDict(extra="forbid"))  # type: ignore[valid-type]  # made at run time
     values = _rename_keys(values)
     text = json.dumps([_complete_values(kind, values)], default=str)
     try:
-        # as JSON, so that arrays may become tuples and yet no text becomes a number
+        # strict JSON: arrays may become tuples, but a text does not become a number
         settings: Settings = adapter.validate_json(text, strict=True)[0]
     except ValidationError as error:
         problems = problems_of([dict(entry) for entry in error.errors()], kind, values)
@@ -155,7 +156,7 @@ def parse_settings(
 
 
 def _rename_keys(values: Any) -> Any:
-    """Values with the keys of earlier versions renamed, and a warning that names the new ones."""
+    """Rename keys of earlier versions, with a warning that names the new ones."""
     if isinstance(values, list | tuple):
         return [_rename_keys(value) for value in values]
     if not isinstance(values, Mapping):
@@ -169,15 +170,15 @@ def _rename_keys(values: Any) -> Any:
 
 
 def settings_template(settings: Any, *, title: str = "") -> str:
-    r"""Complete TOML text for settings: every value, with its help as comment.
+    r"""Write settings as TOML: every value, with its help as a comment.
 
     Parameters
     ----------
     settings : dataclass or type
-        Instance whose values are written, or dataclass whose defaults are. What has no default
-        stands in a comment, to be filled in.
+        Instance whose values are written, or dataclass whose defaults are written. Fields without a
+        default are written as comments, to be filled in.
     title : str
-        First line; by default what the class says about itself.
+        First line; by default the docstring of the class.
 
     Returns
     -------
@@ -205,12 +206,12 @@ def settings_template(settings: Any, *, title: str = "") -> str:
 
 
 def check_name(name: str) -> None:
-    """Raise ValueError unless a name can be part of the name of a file.
+    """Raise a ValueError unless a name can be part of the name of a file.
 
     Parameters
     ----------
     name : str
-        Of a scene, a pass, a survey, a lane or a profile.
+        Name of a scene, a pass, a survey, a run or a profile.
 
     Examples
     --------
@@ -236,8 +237,6 @@ def attribute_docs(kind: type) -> dict[str, str]:
     dict of str
         Text by name of the field, without line breaks; fields without help are left out.
     """
-    import ast
-
     docs: dict[str, str] = {}
     for base in reversed(kind.__mro__[:-1]):
         try:
@@ -255,7 +254,7 @@ def attribute_docs(kind: type) -> dict[str, str]:
 
 
 def _complete_values(base: Any, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Values with those by which `base`, a dataclass or an instance, differs from its class."""
+    """Add to values those by which `base`, a dataclass or instance, differs from its class."""
     kind = base if isinstance(base, type) else type(base)
     hints, out = typing.get_type_hints(kind), dict(given)
     if not set(given) <= {field.name for field in dataclasses.fields(kind)}:
@@ -281,13 +280,13 @@ def _complete_values(base: Any, given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _table_of(field: Any, value: Any) -> Any:
-    """Instance that completes a table, if there is one."""
+    """Instance whose values a table takes for keys that it omits, if there is one."""
     table = value if dataclasses.is_dataclass(value) else field.metadata.get("table")
     return None if isinstance(table, type) else table
 
 
 def _format_table(settings: Any, path: tuple[str, ...], *, commented: bool) -> list[str]:
-    """Lines of a table: its values first, then the tables in it, as TOML wants them."""
+    """Lines of a table: first its values, then its tables, as TOML requires."""
     kind = settings if isinstance(settings, type) else type(settings)
     docs, hints = attribute_docs(kind), typing.get_type_hints(kind)
     lines: list[str] = []
@@ -307,10 +306,10 @@ def _format_table(settings: Any, path: tuple[str, ...], *, commented: bool) -> l
                 )
         elif inner and value in (None, dataclasses.MISSING, (), []):
             array = typing.get_origin(hints[field.name]) in (tuple, list)
-            # a table that must be there stands open, what is needed in it is to be filled in
-            aside = commented or array or value is not dataclasses.MISSING
+            # a required table is not a comment: the user fills in its required values
+            as_comment = commented or array or value is not dataclasses.MISSING
             table = _table_of(field, value) or inner[0]
-            tables += _format_section(table, here, help_lines, commented=aside, array=array)
+            tables += _format_section(table, here, help_lines, commented=as_comment, array=array)
         else:
             lines += [
                 *help_lines,
@@ -337,7 +336,7 @@ def _format_section(
 
 
 def _terse_lines(lines: list[str]) -> list[str]:
-    """Lines of a further table of an array, whose comments stand at the first."""
+    """Lines of a further table of an array, without the comments of the first."""
     kept = [line for line in lines if line and not line.startswith("#")]
     empty = {
         line
@@ -398,7 +397,7 @@ def _format_key(name: str) -> str:
 
 
 def _with_choices(text: str, hint: Any) -> str:
-    """Help with the values that there are to choose from."""
+    """Help text with the list of allowed values."""
     choices = typing.get_args(hint) if typing.get_origin(hint) is typing.Literal else ()
     if isinstance(hint, type) and issubclass(hint, enum.Enum):
         choices = tuple(hint)

@@ -1,4 +1,4 @@
-"""What a file is, by its first bytes: an ending is only a claim."""
+"""Recognise the format of a file by its first bytes; the ending of its name is not trusted."""
 
 import json
 import re
@@ -10,7 +10,7 @@ from typing import BinaryIO
 
 from trueterrain.core.errors import FormatError
 from trueterrain.formats._text_head import Head, find_head, number_of, split_line
-from trueterrain.formats.navigation._recognise import (
+from trueterrain.formats.navigation_signature import (
     is_boreas,
     is_navigation,
     is_sbet,
@@ -26,16 +26,16 @@ class Format:
     """A file format that this package reads."""
 
     name: str
-    "Name for people: OpenCRG, GeoTIFF, LAS, LAZ, COPC, ERD, CSV, Parquet, Zarr, Run, ..."
+    "Name in messages and reports, such as OpenCRG, GeoTIFF, LAZ or CSV."
 
     module: str
     "Module of `trueterrain.formats` that reads it."
 
     endings: tuple[str, ...]
-    "Endings that files of the format carry."
+    "Endings of the names of such files, with the dot."
 
     compressed: bool = False
-    "Whether the content is packed."
+    "Whether the content is compressed."
 
 
 CRG = Format(name="OpenCRG", module="opencrg", endings=(".crg",))
@@ -72,14 +72,14 @@ FORMATS = (
     NAVIGATION,
 )
 
-# names that head the columns of our own tables, with any unit or track behind them
+# names of the columns of tables that this package writes, perhaps followed by a unit or a track
 _COLUMN = re.compile(r"(s|height|easting|northing|up|x|y|z)(\W.*|_.*)?$")
 
-# what the attribute "kind" of our Zarr groups begins with, and what may follow
+# prefix of the attribute "kind" of Zarr groups of this package, and the kinds that may follow
 _OURS = "trueterrain/"
 _STORED = ("points", "surface", "profile", "run")
 
-# what a path may lead to instead of a file
+# kinds of entries of a file system that are not regular files
 _NO_FILES = {
     stat.S_ISDIR: "a folder",
     stat.S_ISFIFO: "a pipe",
@@ -88,7 +88,7 @@ _NO_FILES = {
     stat.S_ISBLK: "a device",
 }
 
-# formats that turn up beside ours and deserve to be called by their name
+# first bytes of formats that are not read, so that the message can name them
 _FOREIGN = {
     b"\x89HDF\r\n\x1a\n": "an HDF5 or NetCDF-4 file",
     b"CDF": "a NetCDF-3 file",
@@ -122,12 +122,12 @@ def recognise_format(path: str | Path) -> Format:
     Returns
     -------
     Format
-        What it is; nothing says that it is whole.
+        The format; whether the file is complete is not checked.
 
     Raises
     ------
     FormatError
-        If it is none of the known formats; the message says what was found.
+        If it is none of the known formats; the message names what was found.
 
     Examples
     --------
@@ -135,7 +135,7 @@ def recognise_format(path: str | Path) -> Format:
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / "profile.dat"
     ...     _ = path.write_text("s,height\n0.0,0.1\n")
-    ...     recognise(path).name
+    ...     recognise_format(path).name
     'CSV'
     """
     path = Path(path)
@@ -151,7 +151,7 @@ def recognise_format(path: str | Path) -> Format:
     if found is None:
         known = ", ".join(known.name for known in FORMATS)
         raise FormatError(
-            f"is no file that can be read: it is {_what_was_found(start)}; known are {known}",
+            f"is not a file that can be read: it is {_what_was_found(start)}; known are {known}",
             path=path,
             place="start of the file",
             cure=_cure_text(start),
@@ -162,7 +162,7 @@ def recognise_format(path: str | Path) -> Format:
 def open_regular(path: str | Path) -> BinaryIO:
     """Open a file to read its bytes; pipes, sockets, devices and folders are refused.
 
-    Reading seeks, and a pipe would be waited for: for ever if nobody writes.
+    Reading needs to seek, and opening a pipe without a writer would block for ever.
 
     Parameters
     ----------
@@ -177,9 +177,9 @@ def open_regular(path: str | Path) -> BinaryIO:
     Raises
     ------
     FormatError
-        If it is anything else than a file.
+        If it is not a regular file.
     FileNotFoundError
-        If there is nothing.
+        If the path does not exist.
     """
     path = Path(path)
     mode = path.stat().st_mode
@@ -204,14 +204,14 @@ def kind_of_store(path: str | Path) -> str:
     Returns
     -------
     str
-        ``"points"``, ``"surface"``, ``"profile"`` or ``"run"``; nothing says that it is whole.
+        ``"points"``, ``"surface"``, ``"profile"`` or ``"run"``; completeness is not checked.
 
     Raises
     ------
     FormatError
         If it is another folder, another store, or its group is damaged.
     FileNotFoundError
-        If there is nothing.
+        If the path does not exist.
     """
     path = Path(path)
     if not path.exists():
@@ -244,7 +244,7 @@ def kind_of_store(path: str | Path) -> str:
 
 
 def ending_matches(path: str | Path, found: Format) -> bool:
-    """Whether the ending of a name is one that files of the format carry."""
+    """Whether the name of a file has one of the endings of a format."""
     return Path(path).name.lower().endswith(found.endings)
 
 
@@ -266,7 +266,7 @@ def _kind_names() -> str:
 
 
 def _no_store(path: Path) -> FormatError:
-    """What to say of a folder without the metadata of a Zarr 3 group."""
+    """Error for a folder without the metadata of a Zarr 3 group."""
     if any((path / name).is_file() for name in (".zgroup", ".zarray", ".zattrs")):
         return FormatError(
             "is a Zarr 2 store, and only Zarr 3 is read",
@@ -275,7 +275,7 @@ def _no_store(path: Path) -> FormatError:
         )
     if path.suffix == ".zarr":
         return FormatError(
-            "is no whole Zarr 3 store: it holds no zarr.json",
+            "is not a complete Zarr 3 store: it holds no zarr.json",
             path=path,
             cure="Copy the whole folder again.",
         )
@@ -303,7 +303,7 @@ def _recognise_table(start: bytes) -> Format | None:
     text = _as_text(start)
     try:
         head = None if text is None else find_head(text.splitlines(), _are_columns)
-    except FormatError:  # a field that is no number and no name
+    except FormatError:  # a field too long for a number or a name
         return CSV
     if text is None or head is None or len(head.labels) < 2:
         return None
@@ -314,7 +314,7 @@ def _recognise_table(start: bytes) -> Format | None:
         return BOREAS
     if is_navigation(names):
         return NAVIGATION
-    # columns of another kind: numbers must follow their names, else it is prose
+    # unknown names of columns: a row of numbers must follow, else the text is prose
     numbered = len(row) == len(names) and number_of(row[0], head.decimal) is not None
     return CSV if numbered or _are_columns(names) else None
 

@@ -1,4 +1,4 @@
-"""Stores of points, surfaces and profiles: nothing is lost, and nothing is read that is damaged."""
+"""Stores of points, surfaces and profiles: lossless, and damage is always detected."""
 
 import json
 import shutil
@@ -26,7 +26,7 @@ def small_chunks(monkeypatch):
 
 
 def cloud(count=1234, seed=1, crs="EPSG:25832"):
-    """Points along easting as a scanner sees them, with all that points can have."""
+    """Points along easting as from a scanner, with all variables of points."""
     rng = np.random.default_rng(seed)
     points = make_points(
         691000 + np.sort(rng.uniform(0, 50, count)),
@@ -38,12 +38,12 @@ def cloud(count=1234, seed=1, crs="EPSG:25832"):
         lane=np.repeat(np.array([3, 7], np.uint16), [count // 2, count - count // 2]),
         sd=rng.uniform(0.001, 0.002, count).astype(np.float32),
     )
-    points = points.assign_attrs(gps_time_kind="week seconds", scans=7, share=np.float64(0.1))
+    points = points.assign_attrs(gps_time_kind="week seconds", scans=7, fraction=np.float64(0.1))
     return provenance.add_step(points, "measure", parameters={"beams": [1, 2]})
 
 
 def road(rows=300, columns=7):
-    """Surface along a bend, with holes and all that surfaces can have."""
+    """Surface along a bend, with holes and all variables of surfaces."""
     rng = np.random.default_rng(2)
     u, v = 0.1 * np.arange(rows), np.linspace(-0.3, 0.3, columns)
     height = rng.normal(512, 0.01, (rows, columns))
@@ -93,12 +93,12 @@ DATA = {
 }
 
 
-# --- nothing is lost ------------------------------------------------------------------------------
+# --- round trips ----------------------------------------------------------------------------------
 
 
 @pytest.mark.usefixtures("small_chunks")
 @pytest.mark.parametrize("name", DATA)
-def test_every_bit_comes_back(tmp_path, name):
+def test_stores_are_lossless(tmp_path, name):
     data = DATA[name]()
     formats.write(data, tmp_path / "a.zarr")
     again = formats.open(tmp_path / "a.zarr")
@@ -114,7 +114,7 @@ def test_every_bit_comes_back(tmp_path, name):
 
 
 @pytest.mark.parametrize("name", ["points", "surface", "map", "profile"])
-def test_xarray_alone_opens_the_same(tmp_path, name):
+def test_xarray_opens_the_same_data(tmp_path, name):
     data = DATA[name]()
     formats.write(data, tmp_path / "a.zarr")
     with xr.open_dataset(
@@ -131,7 +131,7 @@ def test_a_real_road_and_a_real_cloud(data, tmp_path):
         xr.testing.assert_identical(formats.open(target), before)
 
 
-def test_what_cannot_be_kept_is_refused(tmp_path):
+def test_values_that_a_store_cannot_hold_are_refused(tmp_path):
     dated = make_profile([0, 1], [0, 1]).assign_coords(when=("s", np.array(["NaT"] * 2, "M8[s]")))
     strange = make_points([0], [0], [0]).assign_attrs(strange=object())
     placed = make_points([0], [0], [0]).assign_coords(place=3)
@@ -167,7 +167,7 @@ def test_blocks_of_any_size_make_the_same_store(tmp_path, size):
 
 
 def test_points_are_written_as_they_come(tmp_path, monkeypatch, small_chunks):
-    """When the last block is made, all but a few chunks are on disk already."""
+    """When the last block is computed, all but a few chunks are on disk already."""
     held = []
 
     def parts():
@@ -203,18 +203,18 @@ def test_blocks_within_bounds(tmp_path, size, bounds):
         xr.testing.assert_identical(xr.concat(found, "point"), points.isel(point=inside))
 
 
-def test_edges_are_inside_and_places_that_are_none_outside(tmp_path):
+def test_bounds_include_edges_and_exclude_nan(tmp_path):
     points = make_points([0.0, 1.0, 2.0, np.nan], [0.0, 1.0, 2.0, 1.0], [0.0, 1.0, 2.0, 3.0])
     formats.write(points, tmp_path / "a.zarr")
     (block,) = formats.point_blocks(tmp_path / "a.zarr", bounds=(1, 1, 2, 2))
     npt.assert_array_equal(block.up, [1, 2])
     problems = formats.info(tmp_path / "a.zarr")["problems"]
-    assert problems == ["1 of 4 points are at no finite place"]
+    assert problems == ["1 of 4 points have coordinates that are not finite"]
 
 
 @pytest.mark.usefixtures("small_chunks")
 def test_only_chunks_that_touch_the_bounds_are_read(tmp_path):
-    """Others may be damaged without anybody noticing."""
+    """Damage of other chunks has no effect."""
     points = cloud()
     formats.write(points, tmp_path / "a.zarr")
     spoil(tmp_path / "a.zarr" / "up" / "c.0")
@@ -225,7 +225,7 @@ def test_only_chunks_that_touch_the_bounds_are_read(tmp_path):
         list(formats.point_blocks(tmp_path / "a.zarr", size=CHUNK))
 
 
-def test_crs_of_the_user_and_arguments_without_sense(tmp_path):
+def test_a_crs_of_the_user_and_invalid_arguments(tmp_path):
     formats.write(cloud(10), tmp_path / "a.zarr")
     formats.write(road(), tmp_path / "road.zarr")
     (block,) = formats.point_blocks(tmp_path / "a.zarr", crs="EPSG:2154")
@@ -233,11 +233,11 @@ def test_crs_of_the_user_and_arguments_without_sense(tmp_path):
     for arguments, words in (({"size": 0}, "size must"), ({"bounds": (1, 0, 0, 1)}, "bounds must")):
         with pytest.raises(ValueError, match=words):
             list(store.blocks(tmp_path / "a.zarr", **arguments))
-    with pytest.raises(FormatError, match="holds no points but a surface"):
+    with pytest.raises(FormatError, match="holds a surface, not points"):
         list(formats.point_blocks(tmp_path / "road.zarr"))
 
 
-def test_blocks_must_be_alike(tmp_path):
+def test_blocks_must_have_the_same_variables_and_crs(tmp_path):
     for second, words in (
         (cloud(5).drop_vars("sd"), "must have the same variables"),
         (cloud(5).assign(sd=cloud(5)["sd"].astype(float)), "sd .float64.* after .*sd .float32"),
@@ -253,7 +253,7 @@ def test_blocks_must_be_alike(tmp_path):
 
 
 def test_attributes_are_those_of_the_last_block(tmp_path):
-    """It has counted all points."""
+    """The last block holds the counts of all points."""
     parts = (cloud(5).assign_attrs(returns=n) for n in (5, 10, 15))
     formats.write(parts, tmp_path / "a.zarr")
     assert formats.open(tmp_path / "a.zarr").attrs["returns"] == 15
@@ -266,7 +266,7 @@ def test_attributes_are_those_of_the_last_block(tmp_path):
 @pytest.mark.parametrize(
     ("name", "dim"), [("surface", "u"), ("map", "northing"), ("profiles", "s")]
 )
-def test_a_part_is_read_alone(tmp_path, name, dim):
+def test_only_the_requested_part_is_read(tmp_path, name, dim):
     data = DATA[name]()
     formats.write(data, tmp_path / "a.zarr")
     start, end = (float(value) for value in data[dim][[20, 35]])
@@ -327,11 +327,11 @@ def test_info_of_surfaces_is_that_of_their_crg_and_their_values(tmp_path):
     assert formats.info(tmp_path / "map.zarr")["extent"]["northing"] == [0.0, 273.0]
 
 
-def test_info_names_what_is_no_part_of_a_store(tmp_path):
+def test_info_lists_foreign_entries_of_a_store(tmp_path):
     formats.write(profiles(), tmp_path / "a.zarr")
     zarr.open_group(tmp_path / "a.zarr", mode="a").create_array("mine", shape=(3,), dtype="f8")
     found = formats.info(tmp_path / "a.zarr")
-    assert found["problems"] == ["mine: is no part of the store and is ignored"]
+    assert found["problems"] == ["mine: is not part of the store and is ignored"]
     assert [track["name"] for track in found["tracks"]] == ["left", "right of it"]
     xr.testing.assert_identical(formats.open(tmp_path / "a.zarr"), profiles())
 
@@ -340,7 +340,7 @@ def test_info_names_what_is_no_part_of_a_store(tmp_path):
 
 
 def spoil(path):
-    """One bit in the middle of a file is another."""
+    """Flip one bit in the middle of a file."""
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 1
     path.write_bytes(bytes(content))
@@ -375,7 +375,7 @@ DAMAGE = {
 
 @pytest.mark.usefixtures("small_chunks")
 @pytest.mark.parametrize("name", DAMAGE)
-def test_damage_is_one_line_with_file_place_and_cure(tmp_path, name):
+def test_damage_gives_a_one_line_error(tmp_path, name):
     path = tmp_path / "a.zarr"
     formats.write(cloud(), path)
     harm, words = DAMAGE[name]
@@ -397,7 +397,7 @@ def test_a_store_that_breaks_the_rules_of_its_kind_is_damaged(tmp_path):
         formats.open(tmp_path / "a.zarr")
 
 
-def test_every_array_of_a_surface_and_a_profile_is_watched(tmp_path):
+def test_damage_of_every_array_is_detected(tmp_path):
     for kind, data in (("surface", road()), ("profile", profiles())):
         formats.write(data, tmp_path / f"{kind}.zarr")
         for name in map(str, data.variables):
@@ -409,7 +409,7 @@ def test_every_array_of_a_surface_and_a_profile_is_watched(tmp_path):
             shutil.rmtree(broken)
 
 
-def test_foreign_folders_are_called_by_their_name(tmp_path):
+def test_messages_name_the_kind_of_foreign_folders(tmp_path):
     foreign = tmp_path / "foreign.zarr"
     xr.Dataset({"height": ("s", [1.0, 2.0])}, attrs={"title": "none of ours"}).to_zarr(
         foreign, zarr_format=3, consolidated=False
@@ -473,7 +473,7 @@ def test_a_store_is_replaced_whole_or_not_at_all(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["a.zarr"]
 
 
-def test_outputs_are_looked_at_before_the_work(tmp_path):
+def test_outputs_are_checked_before_the_work(tmp_path):
     formats.write(cloud(5), tmp_path / "a.zarr")
     for output, words in (
         ("a.zarr", "is an input as well"),

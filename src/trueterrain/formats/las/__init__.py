@@ -1,8 +1,8 @@
 """Point clouds: LAS, LAZ and COPC, through laspy.
 
-Reading gives absolute coordinates in float64, in metres also where the file is in feet, and every
-attribute of the returns; writing gives LAS 1.4 with point format 6 to 8, steps of 0.1 mm or those
-that the coordinates came with, and an offset near the data, since the defaults of most tools round
+Reading gives absolute coordinates in float64, in metres even if the file is in feet, and all
+attributes of the returns. Writing gives LAS 1.4 with point format 6 to 8, a scale of 0.1 mm or that
+of the file that was read, and an offset near the data: the defaults of most tools round coordinates
 to 1 cm. Files of any size are read and written block by block.
 
 Sources: ASPRS LAS 1.4 R15; COPC 1.0.

@@ -1,4 +1,4 @@
-"""Parts of COPC files: only the nodes of the octree that touch what is asked for are read."""
+"""Spatial queries of COPC files: only the nodes of the octree that touch the bounds are read."""
 
 import os
 from collections.abc import Iterator
@@ -11,9 +11,10 @@ import numpy.typing as npt
 from laspy.copc import Bounds as Box
 from laspy.copc import CopcInfoVlr, CopcReader, load_octree_for_query
 
-from trueterrain.formats.las._open import Bounds, LasChunk, damage_named, read_chunk_table
+from trueterrain.formats._bounds import Bounds
+from trueterrain.formats.las._open import LasChunk, damage_named, read_chunk_table
 
-_LARGEST = 2**31 - 1  # of the integers that LAS keeps coordinates in
+_LARGEST = 2**31 - 1  # largest integer coordinate of LAS
 
 
 def is_copc(header: Any) -> bool:
@@ -22,26 +23,27 @@ def is_copc(header: Any) -> bool:
 
 
 def query_nodes(path: Path, bounds: Bounds, size: int, selection: Any) -> Iterator[Any]:
-    """Yield records of the points within bounds; each of about `size` points at most.
+    """Yield records of the points within bounds, of about `size` points at most.
 
-    A box that touches nodes with too many points is halved, level by level of the octree and along
-    planes between whole coordinates, so that every point belongs to exactly one record.
+    At each level of the octree, a box that touches nodes with too many points is halved
+    recursively. The cuts lie between integer coordinates, so that each point belongs to exactly
+    one record.
     """
     with damage_named(path, "COPC header"):
         reader = CopcReader.open(path, decompression_selection=selection)
     with reader, damage_named(path, "COPC"):
         header = reader.header
         _require_cube(reader)
-        held = set(read_chunk_table(path, header, reader.laszip_vlr))
+        chunks = set(read_chunk_table(path, header, reader.laszip_vlr))
         west, south, east, north = bounds
         low = _integer_coordinates(header, np.array([west, south, -np.inf]), np.floor)
         high = _integer_coordinates(header, np.array([east, north, np.inf]), np.ceil)
         with damage_named(path, "COPC hierarchy"):
             nodes = _octree_nodes(reader, low, high, None)
             for node in nodes:
-                # room is made for as many bytes and points as a node announces
+                # laspy allocates as many bytes and points as a node states: check them first
                 chunk = LasChunk(node.offset, node.byte_size, node.point_count)
-                if chunk not in held:
+                if chunk not in chunks:
                     message = f"{node.key} is no chunk of the file: {chunk}"
                     raise ValueError(message)
         for level in sorted({node.key.level for node in nodes}):
@@ -62,7 +64,7 @@ def _query_parts(
     if count == 0:
         return
     if count > size and len(nodes) > 1:
-        # halves of the box around the nodes, cut where cells of the octree meet
+        # cut the box around the nodes in halves, along a face of the cells of the octree
         header = reader.header
         mins = np.min([node.bounds.mins for node in nodes], axis=0)
         maxs = np.max([node.bounds.maxs for node in nodes], axis=0)
@@ -70,10 +72,10 @@ def _query_parts(
         axis = int(np.argmax(maxs - mins))
         cells = round(float((maxs - mins)[axis] / side))
         plane = mins[axis] + side * max(1, cells // 2)
-        middle = int(np.floor((plane - header.offsets[axis]) / header.scales[axis]))
-        if low[axis] <= middle < high[axis]:
+        cut = int(np.floor((plane - header.offsets[axis]) / header.scales[axis]))
+        if low[axis] <= cut < high[axis]:
             left, right = high.copy(), low.copy()
-            left[axis], right[axis] = middle, middle + 1
+            left[axis], right[axis] = cut, cut + 1
             yield from _query_parts(reader, path, low, left, level, size)
             yield from _query_parts(reader, path, right, high, level, size)
             return
@@ -102,7 +104,7 @@ def _octree_nodes(
 
 
 class _Pages:
-    """Source of the pages of the hierarchy, which may announce any size and lead to themselves."""
+    """Source of the pages of the hierarchy; refuses pages of impossible size and circular ones."""
 
     def __init__(self, source: Any) -> None:
         self._source = source
@@ -121,7 +123,7 @@ class _Pages:
 
 
 def _require_cube(reader: Any) -> None:
-    """The cube of the octree must be one."""
+    """Raise a ValueError if the cube of the octree is not finite or has no size."""
     info = reader.copc_info
     if not (np.isfinite(info.center).all() and 0 < info.halfsize < np.inf):
         message = f"a cube of {2 * info.halfsize} m around {info.center}"
@@ -129,7 +131,7 @@ def _require_cube(reader: Any) -> None:
 
 
 def _query_box(header: Any, low: npt.NDArray[np.int64], high: npt.NDArray[np.int64]) -> Any:
-    # a quarter of a step wider: rounding must not lose the points on the faces
+    # a quarter of a step wider, so that rounding does not lose points on the faces
     mins = (low - 0.25) * header.scales + header.offsets
     maxs = (high + 0.25) * header.scales + header.offsets
     return Box(mins, maxs)
@@ -137,5 +139,5 @@ def _query_box(header: Any, low: npt.NDArray[np.int64], high: npt.NDArray[np.int
 
 def _integer_coordinates(header: Any, values: npt.NDArray[np.float64], towards: Any) -> Any:
     steps = towards((values - header.offsets) / header.scales)
-    # one step within the range, since _box widens by a quarter
+    # one step within the range of the integers, since _query_box widens by a quarter
     return np.clip(steps, -_LARGEST + 1, _LARGEST - 1).astype(np.int64)

@@ -34,29 +34,29 @@ _SAME_UNIT = 1e-9  # within which two units are equal; both kinds of feet differ
 
 @dataclass(frozen=True, kw_only=True)
 class CrsReference:
-    """What a file says about the ground that its coordinates refer to."""
+    """Coordinate reference system of a file, the units of its coordinates, and flags."""
 
     crs: str = ""
     "EPSG code, or WKT if no code fits, with axes in metres; empty if unknown."
 
     name: str = ""
-    "Name for people."
+    "Name in messages and reports."
 
     units: Units = field(default_factory=Units)
     "Units of the coordinates in the file."
 
     assumed: str = ""
-    "What the file does not say about its units; empty if it says all."
+    "Assumption about units that the file does not state; empty if it states them."
 
     obstacle: str = ""
-    "Why the coordinates are not easting, northing, up; empty if they are."
+    "Why the coordinates are not easting, northing and up; empty if they are."
 
     flags: tuple[str, ...] = ()
-    "What is wrong with the record itself."
+    "Problems of the record itself."
 
     @property
     def conversion(self) -> str:
-        """How lengths become metres, in words; empty if they are."""
+        """Conversion of lengths to metres, in words; empty if they are in metres."""
         if self.units.metres or self.obstacle:
             return ""
         text = f"converted from {self.units} to metres"
@@ -85,18 +85,18 @@ def reference_of(header: Any) -> CrsReference:
 
 
 def reference_named(crs: str) -> CrsReference:
-    """Reference that the user names instead of the file's own.
+    """Reference that the user states instead of that of the file.
 
     Raises
     ------
     ValueError
-        If the name means nothing.
+        If the name is not a CRS.
     """
     return _make_reference(parse_crs(crs), [])
 
 
 def wkt_of(crs: str) -> str:
-    """WKT for a LAS file: of version 1, as LAS 1.4 asks for, where that can express the CRS."""
+    """WKT for a LAS file: version 1 as required by LAS 1.4, or 2 if that cannot express the CRS."""
     parsed = parse_crs(crs)
     try:
         return str(parsed.to_wkt("WKT1_GDAL"))
@@ -127,7 +127,7 @@ def _unit_obstacle(crs: pyproj.CRS) -> str:
 
 
 def _by_keys(reference: CrsReference, keys: dict[int, int]) -> CrsReference:
-    """Reference with the units that GeoTIFF keys name beside a code."""
+    """Reference with the units that GeoTIFF keys name besides an EPSG code."""
     if reference.obstacle or not keys:
         return reference
     across, up = (_LINEAR_UNITS.get(keys.get(key, 0)) for key in (_UNITS, _VERTICAL_UNITS))

@@ -1,4 +1,4 @@
-"""What a LAS file holds, and what is wrong with it, found in one pass over its points."""
+"""Summary and problems of a LAS file, from one pass over its points."""
 
 import datetime as dt
 from pathlib import Path
@@ -8,11 +8,11 @@ import laspy
 import numpy as np
 
 from trueterrain.core.schemas import COORDINATES
-from trueterrain.formats.las import _copc, _problems
+from trueterrain.formats.las import _copc
 from trueterrain.formats.las._crs import CrsReference, reference_of
 from trueterrain.formats.las._duplicates import DuplicateCounter
 from trueterrain.formats.las._open import open_reader, read_chunks
-from trueterrain.formats.las._read import ADJUSTED, BLOCK, time_kind, times_of
+from trueterrain.formats.las._read import ADJUSTED, BLOCK, SECONDS_OF_WEEK, time_kind, times_of
 
 _SELECTION = laspy.DecompressionSelection
 _FIELDS = (
@@ -22,11 +22,15 @@ _FIELDS = (
     | _SELECTION.POINT_SOURCE_ID
     | _SELECTION.CLASSIFICATION
 )
+_STRAY = 0.005  # fraction of the points below which an id is a remnant, not a pass
+_COARSE = 0.001  # [m] scale above which coordinates are flagged as too coarse
+_NEAR_ROLLOVER = 3600.0  # [s] from either end of the week
+_LARGEST_EXTENT_ERROR = 1.5  # [steps] rounding of the header's extent
 _GPS_EPOCH = dt.datetime(1980, 1, 6)  # GPS time has no zone and no leap seconds
 
 
 class LasStatistics:
-    """Everything that is counted while the points go by; memory does not grow with the file."""
+    """Counts and ranges of the points of a file; memory does not grow with their number."""
 
     def __init__(self, header: Any) -> None:
         self._header = header
@@ -45,7 +49,7 @@ class LasStatistics:
         self._last_time = -np.inf
 
     def add(self, record: Any) -> None:
-        """Count the points of a record."""
+        """Add the points of a record."""
         whole = np.stack([np.asarray(record[name]) for name in "XYZ"])
         self.count += whole.shape[1]
         scales, offsets = self._header.scales, self._header.offsets
@@ -91,7 +95,8 @@ def describe(path: str | Path) -> dict[str, Any]:
         [m], ``offset`` [m], ``crs`` (in metres), ``crs_name``, ``units`` (how reading converts
         those of the file; empty if they are metres), ``time`` [s], ``density`` [1/m²],
         ``point_source_ids``, ``returns`` and ``classes`` with their counts, ``extra`` (names of
-        the extra bytes), ``software`` and ``problems``; everything can be written as JSON.
+        the extra bytes), ``software`` and ``problems``; all values are plain types that JSON can
+        hold.
 
     Raises
     ------
@@ -103,46 +108,53 @@ def describe(path: str | Path) -> dict[str, Any]:
         header = reader.header
         name = "COPC" if _copc.is_copc(header) else "LAZ" if header.are_points_compressed else "LAS"
         reference = reference_of(header)
-        tally = LasStatistics(header)
+        statistics = LasStatistics(header)
         for record in read_chunks(reader, path, BLOCK):
-            tally.add(record)
+            statistics.add(record)
     return {
         "format": name,
         "kind": "points",
         "version": str(header.version),
         "point_format": header.point_format.id,
-        "count": tally.count,
-        "extent": _point_extent(tally, reference),
+        "count": statistics.count,
+        "extent": _point_extent(statistics, reference),
         "scale": (header.scales * np.array(reference.units.factors)).tolist(),
         "offset": (header.offsets * np.array(reference.units.factors)).tolist(),
         "crs": reference.crs,
         "crs_name": reference.name,
         "units": reference.conversion,
-        "time": _time_summary(tally, header),
-        "density": _point_density(tally, reference),
-        "point_source_ids": _nonzero_counts(tally.sources),
-        "returns": _nonzero_counts(tally.returns),
-        "classes": _nonzero_counts(tally.classes),
+        "time": _time_summary(statistics, header),
+        "density": _point_density(statistics, reference),
+        "point_source_ids": _nonzero_counts(statistics.sources),
+        "returns": _nonzero_counts(statistics.returns),
+        "classes": _nonzero_counts(statistics.classes),
         "extra": [str(extra) for extra in header.point_format.extra_dimension_names],
         "software": str(header.generating_software).strip("\0 "),
-        "problems": _problems.problems_of(header, reference, tally),
+        "problems": _list_problems(header, reference, statistics),
     }
 
 
-def _point_extent(tally: LasStatistics, reference: CrsReference) -> dict[str, list[float]] | None:
-    if not tally.count:
+def _point_extent(
+    statistics: LasStatistics, reference: CrsReference
+) -> dict[str, list[float]] | None:
+    if not statistics.count:
         return None
-    ends = zip(COORDINATES, tally.low, tally.high, reference.units.factors, strict=True)
+    ends = zip(COORDINATES, statistics.low, statistics.high, reference.units.factors, strict=True)
     return {name: [float(low * unit), float(high * unit)] for name, low, high, unit in ends}
 
 
-def _time_summary(tally: LasStatistics, header: Any) -> dict[str, Any] | None:
-    if not tally.time or tally.time_zeros == tally.count:
+def _time_summary(statistics: LasStatistics, header: Any) -> dict[str, Any] | None:
+    if not statistics.time or statistics.time_zeros == statistics.count:
         return None
     flag = "adjusted standard" if header.global_encoding.gps_time_type.value else "week seconds"
-    start, end = tally.time
-    summary: dict[str, Any] = {"kind": tally.time_kind, "flag": flag, "start": start, "end": end}
-    if tally.time_kind == "adjusted standard":
+    start, end = statistics.time
+    summary: dict[str, Any] = {
+        "kind": statistics.time_kind,
+        "flag": flag,
+        "start": start,
+        "end": end,
+    }
+    if statistics.time_kind == "adjusted standard":
         summary |= {"first": _gps_date(start), "last": _gps_date(end)}
     return summary
 
@@ -155,12 +167,121 @@ def _gps_date(time: float) -> str | None:
     return moment.isoformat(sep=" ", timespec="seconds") + " GPS"
 
 
-def _point_density(tally: LasStatistics, reference: CrsReference) -> float | None:
-    width, length = (tally.high - tally.low)[:2] * reference.units.horizontal
-    if reference.obstacle or not tally.count or not width * length > 0:
+def _point_density(statistics: LasStatistics, reference: CrsReference) -> float | None:
+    width, length = (statistics.high - statistics.low)[:2] * reference.units.horizontal
+    if reference.obstacle or not statistics.count or not width * length > 0:
         return None
-    return float(tally.count / (width * length))
+    return float(statistics.count / (width * length))
 
 
 def _nonzero_counts(counts: Any) -> dict[str, int]:
     return {str(number): int(counts[number]) for number in np.flatnonzero(counts)}
+
+
+def _list_problems(header: Any, reference: CrsReference, statistics: LasStatistics) -> list[str]:
+    """Problems and flags of a file, in words."""
+    if not statistics.count:
+        return ["there are no points", *reference.flags]
+    return [
+        *_about_crs(reference),
+        *_about_waves(header),
+        *_about_time(header, statistics),
+        *_about_sources(statistics.sources, statistics.count),
+        *_about_places(header, reference, statistics),
+    ]
+
+
+def _about_crs(reference: CrsReference) -> list[str]:
+    problems = list(reference.flags)
+    if reference.obstacle:
+        problems.append(
+            f"coordinates are {reference.obstacle}, not easting, northing, up: reading refuses them"
+        )
+    if reference.assumed:
+        problems.append(reference.assumed)
+    return problems
+
+
+def _about_waves(header: Any) -> list[str]:
+    if "wavepacket_index" in header.point_format.dimension_names:
+        return ["wave packets are not read"]
+    return []
+
+
+def _about_time(header: Any, statistics: LasStatistics) -> list[str]:
+    if "gps_time" not in header.point_format.dimension_names:
+        return ["the point format has no time"]
+    problems = []
+    if statistics.time_not_finite:
+        problems.append(f"{statistics.time_not_finite} points have a time that is not finite")
+    if statistics.time_zeros == statistics.count:
+        return [*problems, "all times are 0"]
+    if statistics.time_zeros:
+        problems.append(f"{statistics.time_zeros} points have time 0")
+    problems += _about_kind(header, statistics)
+    passes = int(np.count_nonzero(statistics.sources))
+    # passes stored one after another may overlap in time: each may begin with a step back
+    if statistics.time_falls >= max(1, passes):
+        times = f"{statistics.time_falls} times along the file"
+        problems.append(f"time falls {times}: the points are not in the order of measurement")
+    return problems
+
+
+def _about_kind(header: Any, statistics: LasStatistics) -> list[str]:
+    if not statistics.time:
+        return []
+    start, end = statistics.time
+    values = f"the values run from {start:.9g} to {end:.9g} s"
+    standard = header.global_encoding.gps_time_type.value == 1
+    if not standard and statistics.time_kind == "adjusted standard":
+        taken = "taken as adjusted standard time"
+        return [f"the time flag says seconds of the week, but {values}: {taken}"]
+    if standard and start >= 0 and end <= SECONDS_OF_WEEK:
+        return [f"the time flag says adjusted standard time, but {values}: seconds of the week?"]
+    if standard and end >= ADJUSTED:
+        return [f"the time flag says adjusted standard time, but {values}: not adjusted?"]
+    if not standard and start < _NEAR_ROLLOVER and end > SECONDS_OF_WEEK - _NEAR_ROLLOVER:
+        return [f"{values}: the week may have rolled over during the measurement"]
+    return []
+
+
+def _about_sources(sources: Any, count: int) -> list[str]:
+    if sources[0] == count:
+        return ["point_source_id is 0 everywhere: passes cannot be separated"]
+    problems = []
+    if sources[0]:
+        problems.append(f"{int(sources[0])} points have point_source_id 0 (not set)")
+    stray = [int(i) for i in np.flatnonzero(sources) if i and sources[i] < _STRAY * count]
+    if stray:
+        named = ", ".join(f"{i} ({int(sources[i])} points)" for i in stray[:5])
+        more = f" and {len(stray) - 5} more" if len(stray) > 5 else ""
+        problems.append(
+            f"stray point_source_id with less than {_STRAY:.1%} of the points: {named}{more}"
+        )
+    return problems
+
+
+def _about_places(header: Any, reference: CrsReference, statistics: LasStatistics) -> list[str]:
+    problems = []
+    repeated = statistics.duplicates.count
+    if repeated:
+        about = "" if statistics.duplicates.exact else "about "
+        problems.append(
+            f"{about}{repeated} of {statistics.count} points lie exactly where another lies"
+        )
+    scale = float(max(header.scales * np.array(reference.units.factors)))
+    if scale > _COARSE:
+        problems.append(f"coordinates are rounded to {scale:.6g} m: too coarse for millimetres")
+    errors = np.abs(np.stack([header.mins - statistics.low, header.maxs - statistics.high]))
+    if (errors > _LARGEST_EXTENT_ERROR * header.scales).any():
+        most = f"by up to {errors.max():.6g} m"
+        problems.append(f"the extent in the header differs from that of the points {most}")
+    counted = statistics.returns[1:]
+    announced = np.zeros_like(counted)
+    by_return = np.asarray(header.number_of_points_by_return)[: announced.size]
+    announced[: by_return.size] = by_return
+    # headers before LAS 1.4 count five returns only
+    known = min(by_return.size, counted.size)
+    if (announced[:known] != counted[:known]).any():
+        problems.append("the counts by return in the header differ from those of the points")
+    return problems

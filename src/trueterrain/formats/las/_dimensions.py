@@ -1,4 +1,4 @@
-"""Dimensions of LAS points as variables of Points, and back."""
+"""Dimensions of LAS points converted to variables of Points, and back."""
 
 from collections.abc import Collection
 from pathlib import Path
@@ -52,7 +52,7 @@ _PART_OF = {
 
 
 def variables_of(point_format: Any) -> tuple[str, ...]:
-    """Variables that points of a format have beside their coordinates."""
+    """Variables of points of a format besides their coordinates."""
     standard = set(point_format.standard_dimension_names)
     angle = {"scan_angle"} if standard & {"scan_angle", "scan_angle_rank"} else set()
     time = {"time"} if "gps_time" in standard else set()
@@ -74,7 +74,7 @@ def selection_of(point_format: Any, names: Collection[str]) -> Any:
 
 
 def values_of(record: Any, name: str) -> Any:
-    """Values of a variable among points, but for times."""
+    """Values of a variable of a record, except times (see `times_of`)."""
     point_format = record.point_format
     if name in (extra := _extra_dimensions(point_format)):
         dimension, element = extra[name]
@@ -91,7 +91,7 @@ def values_of(record: Any, name: str) -> Any:
 
 
 def attrs_of(point_format: Any, name: str) -> dict[str, Any]:
-    """What a file says about extra bytes: description, and step and origin of scaled integers."""
+    """Attributes of extra bytes: description, and scale and offset of scaled integers."""
     if name in _DEVIATIONS or name not in (extra := _extra_dimensions(point_format)):
         return {}
     dimension, element = extra[name]
@@ -108,7 +108,7 @@ def attrs_of(point_format: Any, name: str) -> dict[str, Any]:
 
 
 def point_format_of(points: xr.Dataset) -> int:
-    """Least point format of LAS 1.4 that holds the variables: 6, or 7 and 8 with colours."""
+    """Smallest point format of LAS 1.4 that holds the variables: 6, or 7 and 8 with colours."""
     if "nir" in points:
         return 8
     return 7 if any(name in points for name in _COLOURS) else 6
@@ -146,7 +146,7 @@ def extra_parameters(points: xr.Dataset, point_format: int, path: Path) -> list[
 
 
 def put_attributes(record: Any, points: xr.Dataset, done: int, path: Path) -> None:
-    """Put what points keep of their returns, and extra bytes, into a record."""
+    """Copy attributes of the returns and extra bytes into a record."""
     for name in map(str, points.data_vars):
         if name == "scan_angle":
             steps = np.rint(points[name].values / ANGLE_STEP)
@@ -165,33 +165,33 @@ def put_attributes(record: Any, points: xr.Dataset, done: int, path: Path) -> No
         record["number_of_returns"] = np.maximum(count, np.asarray(record["return_number"]))
 
 
-def whole_numbers(values: Any, name: str, least: int, most: int, done: int, path: Path) -> Any:
-    """Values as integers that fit, or an error that names the first that does not."""
-    bad = ~((values >= least) & (values <= most) & (values == np.rint(values)))
+def whole_numbers(values: Any, name: str, low: int, high: int, done: int, path: Path) -> Any:
+    """Values as integers from `low` to `high`; a SchemaError names the first that is not."""
+    bad = ~((values >= low) & (values <= high) & (values == np.rint(values)))
     if bad.any():
         first = int(np.flatnonzero(bad)[0])
         raise SchemaError(
-            f"must hold whole numbers from {least} to {most}, got {values[first]} at point "
+            f"must hold whole numbers from {low} to {high}, got {values[first]} at point "
             f"{done + first + 1}",
             path=path,
             place=f"variable {name}",
             cure="Scale and round the values, or drop the variable.",
         )
-    return values.astype(np.uint16) if least == 0 else values
+    return values.astype(np.uint16) if low == 0 else values
 
 
 def _extra_dimensions(point_format: Any) -> dict[str, tuple[str, int | None]]:
-    """Variables from extra bytes: dimension, and number among those of one name."""
+    """Variables of extra bytes: dimension, and index in it if it holds several values."""
     found: dict[str, tuple[str, int | None]] = {}
     for dimension in point_format.extra_dimensions:
         name = dimension.name
-        variable = EXTRA + name.replace("/", "_")  # no folder in a store
+        variable = EXTRA + name.replace("/", "_")  # a slash would be a folder in a Zarr store
         if name in _DEVIATIONS and dimension.num_elements == 1:
             found[name] = (name, None)
         elif dimension.num_elements == 1:
             found[variable] = (name, None)
         else:
-            # room for the number in a name of 32 bytes
+            # names are cut so that the index fits into 32 bytes, too
             parts = range(dimension.num_elements)
             found |= {f"{variable[: len(EXTRA) + _LONGEST_NAME - 3]}_{i}": (name, i) for i in parts}
     return found

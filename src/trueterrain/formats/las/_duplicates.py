@@ -1,26 +1,26 @@
-"""Counting repeated places in bounded memory."""
+"""Count duplicate points in bounded memory."""
 
 import numpy as np
 import numpy.typing as npt
 
-_LIMIT = 1 << 22  # hashes held: 32 MB
+_LIMIT = 1 << 22  # hashes that are kept: 32 MB
 
 # odd constants of 64-bit mixing functions (splitmix64, xxhash)
 _MIX = (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB)
 
 
 class DuplicateCounter:
-    """Counts points that lie exactly where another one lies.
+    """Count of points with exactly the same coordinates as another point.
 
-    Each place becomes a 64-bit hash. Up to `limit` points all hashes are held and the count is
-    exact, but for a chance below 1 in a million. Beyond that only hashes that end in a zero bit are
-    kept, then two zero bits, and so on: repeated places are kept or dropped together, so that the
-    count in the sample, times 2 per bit, estimates the count in the file.
+    Each position becomes a 64-bit hash. Up to `limit` points all hashes are kept and the count is
+    exact, except for collisions (a chance below 1 in a million). Beyond that only hashes that end
+    in a zero bit are kept, then in two zero bits, and so on. Duplicates are kept or dropped
+    together, so the count in this sample times 2 per bit estimates the count in the file.
 
     Parameters
     ----------
     limit : int
-        Largest number of hashes held, 8 bytes each.
+        Largest number of hashes that are kept, 8 bytes each.
     """
 
     def __init__(self, limit: int = _LIMIT) -> None:
@@ -42,7 +42,7 @@ class DuplicateCounter:
 
     @property
     def count(self) -> int:
-        """Number of points at a place that has been taken by another one."""
+        """Number of points at a position where another point lies."""
         if not self._held:
             return 0
         held = np.concatenate(self._held)

@@ -1,4 +1,4 @@
-"""Opening LAS, LAZ and COPC files, and saying in one line what is wrong with damaged ones."""
+"""Open LAS, LAZ and COPC files safely: sizes are checked, damage gives a one-line FormatError."""
 
 import logging
 import os
@@ -16,26 +16,24 @@ import numpy as np
 from trueterrain.core.errors import FormatError, TrueTerrainError
 from trueterrain.formats.signature import open_regular
 
-# laspy logs what it raises as well; without a handler that ends up on stderr
+# laspy raises errors and logs them, too; without a handler the log goes to stderr
 logging.getLogger("laspy").addHandler(logging.NullHandler())
-
-Bounds = tuple[float, float, float, float]
 
 _EXPORT = "The file is damaged or cut off: copy or export it again."
 _SHORTEST_HEADER = 227  # [bytes]
-_WITH_EVLRS = 4  # minor version from which on there are extended records
-_POINTER = 8  # [bytes] in front of compressed points: where the table of chunks begins
-_VERSION = 4  # [bytes] at the start of that table, in front of the count of chunks
+_WITH_EVLRS = 4  # minor version of LAS from which on there are extended records
+_POINTER = 8  # [bytes] before compressed points: position of the table of chunks
+_VERSION = 4  # [bytes] at the start of that table, before the number of chunks
 
-_ITEMS = struct.Struct("<12xI16xH")  # of the record of the compression: points in a chunk, items
+_ITEMS = struct.Struct("<12xI16xH")  # of the LASzip record: points in a chunk, number of items
 _ITEM = struct.Struct("<HH2x")  # kind and size
-_LAYERS = {10: 9, 11: 1, 12: 2, 13: 1}  # of the kinds of items that are compressed in layers
-_BYTES = 14  # kind of the extra bytes, which have a layer each
-_LARGEST_CHUNK = 1 << 20  # points for which there is room in any case
+_LAYERS = {10: 9, 11: 1, 12: 2, 13: 1}  # layers of each kind of item that is compressed in layers
+_BYTES = 14  # kind of item of extra bytes, with one layer for each byte
+_LARGEST_CHUNK = 1 << 20  # points of a chunk that are always accepted
 
 
 class LasChunk(NamedTuple):
-    """Compressed points as the table of chunks describes them."""
+    """One chunk of compressed points, by the table of chunks."""
 
     start: int
     size: int  # [bytes]
@@ -43,7 +41,7 @@ class LasChunk(NamedTuple):
 
 
 class _RecordLayout(NamedTuple):
-    """How the records before and behind the points are laid out [bytes]."""
+    """Layout of the variable length records before and after the points [bytes]."""
 
     name: str
     header: int
@@ -76,12 +74,12 @@ def open_reader(path: str | Path, selection: Any = None) -> Iterator[Any]:
 
 @contextmanager
 def damage_named(path: Path, place: str) -> Iterator[None]:
-    """Turn what laspy and lazrs raise on damaged files into a FormatError with a place."""
+    """Turn exceptions of laspy and lazrs over damaged files into a FormatError with a place."""
     try:
         yield
     except (TrueTerrainError, FileNotFoundError, PermissionError):
         raise
-    except Exception as error:  # of any kind, and pyo3 panics are not even that
+    except Exception as error:  # of many types; panics of pyo3 are BaseExceptions, see below
         raise FormatError(
             f"cannot be read ({error})", path=path, place=place, cure=_EXPORT
         ) from None
@@ -94,7 +92,7 @@ def damage_named(path: Path, place: str) -> Iterator[None]:
 
 
 def read_chunks(reader: Any, path: Path, size: int) -> Iterator[Any]:
-    """Yield the point records of an open file, `size` at a time; all that the header announces."""
+    """Yield the point records of an open file, `size` at a time; all that the header states."""
     count = reader.header.point_count
     done = 0
     while done < count:
@@ -120,7 +118,7 @@ def _require_las(path: Path) -> int:
         if start[:4] != b"LASF":
             found = "is empty" if not start else f"begins with {start[:4]!r}"
             raise FormatError(
-                f"is no LAS or LAZ file: it must begin with LASF, but {found}",
+                f"is not a LAS or LAZ file: it must begin with LASF, but {found}",
                 path=path,
                 place="byte 1",
                 cure="See with `trueterrain info` what the file is.",
@@ -132,8 +130,8 @@ def _require_las(path: Path) -> int:
                 place=f"byte {size}",
                 cure=_EXPORT,
             )
-        # laspy reads as many records as a damaged header announces, for hours if need be; and COPC
-        # keeps its hierarchy behind the points, where nothing else would miss what is cut off
+        # laspy reads as many records as the header states, for hours if that is damaged; and the
+        # hierarchy of COPC lies after the points, where no other check notices a truncated file
         begin, points, count = struct.unpack_from("<HLL", start, 94)
         _require_records(stream, path, _VLR, begin, count, min(points, size))
         if start[25] >= _WITH_EVLRS:
@@ -188,10 +186,11 @@ def _require_scales(path: Path, header: Any) -> None:
 
 
 def read_chunk_table(path: Path, header: Any, record: Any = None) -> list[LasChunk]:
-    """Chunks of compressed points, none of which asks for more than the file holds.
+    """Read the table of chunks, and check that no chunk is larger than the file.
 
-    lazrs makes room for whatever chunks, layers and the table of chunks announce, and ends the
-    process if there is not enough. The record of the compression is that of the header.
+    lazrs allocates the sizes that chunks, layers and the table of chunks state, and aborts the
+    process if memory does not suffice. `record` is the LASzip record; by default that of the
+    header.
     """
     records = header.vlrs.get("LasZipVlr") if record is None else [record]
     if not records:
@@ -247,7 +246,7 @@ def _table_start(path: Path, stream: BinaryIO, header: Any) -> int:
     size = stream.seek(0, os.SEEK_END)
     stream.seek(header.offset_to_point_data)
     table = int.from_bytes(stream.read(_POINTER), "little", signed=True)
-    if table == -1:  # writers that cannot seek leave the pointer in the last bytes
+    if table == -1:  # writers that cannot seek put the position into the last bytes of the file
         stream.seek(-_POINTER, os.SEEK_END)
         table = int.from_bytes(stream.read(_POINTER), "little", signed=True)
     if not header.offset_to_point_data < table < size:
@@ -259,7 +258,7 @@ def _table_start(path: Path, stream: BinaryIO, header: Any) -> int:
         )
     stream.seek(table + _VERSION)
     chunks = int.from_bytes(stream.read(4), "little")
-    if chunks * header.point_format.size > size:  # each holds one whole point at least
+    if chunks * header.point_format.size > size:  # each chunk begins with one uncompressed point
         raise FormatError(
             f"cannot hold the {chunks} chunks of points that it announces in {size} bytes",
             path=path,
@@ -270,7 +269,7 @@ def _table_start(path: Path, stream: BinaryIO, header: Any) -> int:
 
 
 def _require_items(path: Path, about: bytes, header: Any) -> int:
-    """Layers in each chunk, if points are compressed in layers; the items must make a point."""
+    """Number of layers in each chunk (0: no layers); the items must add up to a point."""
     _, count = _ITEMS.unpack_from(about)
     items = [_ITEM.unpack_from(about, _ITEMS.size + i * _ITEM.size) for i in range(count)]
     size = sum(size for _, size in items)
@@ -285,7 +284,7 @@ def _require_items(path: Path, about: bytes, header: Any) -> int:
 
 
 def _layered_size(stream: BinaryIO, chunk: LasChunk, header: Any, layers: int) -> int:
-    """Bytes that a chunk needs: its first point, the count of points, sizes of layers, layers."""
+    """Size of a chunk [bytes]: first point, number of points, sizes of the layers, layers."""
     head = int(header.point_format.size) + 4 + 4 * layers
     stream.seek(chunk.start)
     start = stream.read(head)

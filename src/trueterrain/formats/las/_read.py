@@ -1,4 +1,4 @@
-"""Points from LAS, LAZ and COPC, block by block."""
+"""Read points from LAS, LAZ and COPC, block by block."""
 
 import json
 from collections.abc import Collection, Generator, Iterator
@@ -13,6 +13,7 @@ import xarray as xr
 from trueterrain.core import provenance
 from trueterrain.core.errors import CoverageError, FormatError
 from trueterrain.core.schemas import make_points
+from trueterrain.formats._bounds import Bounds, check_bounds, clip_points
 from trueterrain.formats.las import _copc
 from trueterrain.formats.las._crs import CrsReference, reference_named, reference_of
 from trueterrain.formats.las._dimensions import (
@@ -21,7 +22,7 @@ from trueterrain.formats.las._dimensions import (
     values_of,
     variables_of,
 )
-from trueterrain.formats.las._open import Bounds, open_reader, read_chunks
+from trueterrain.formats.las._open import open_reader, read_chunks
 
 BLOCK = 1_000_000  # points
 
@@ -31,24 +32,24 @@ _OFFSET_UNIT = 1e6  # [s] unit of the time offset of LAS 1.5
 
 
 def read(path: str | Path, *, bounds: Bounds | None = None, crs: str | None = None) -> xr.Dataset:
-    """Points of a LAS, LAZ or COPC file.
+    """Read the points of a LAS, LAZ or COPC file.
 
     ``time`` is the GPS time, ``lane`` the point source id, ``sd`` and ``sd_relative`` the extra
     bytes of these names; all other dimensions have the names of
-    `trueterrain.core.schemas.RETURN_ATTRIBUTES`, other extra bytes ``extra_NAME``. Wave packets are not
-    read (``attrs["not_read"]``). Feet become metres, and the CRS one in metres.
-    ``attrs["coordinate_scale"]`` and ``["coordinate_offset"]`` are the steps that coordinates were
-    rounded to, and their origin [m]. ``attrs["gps_time_kind"]`` is ``"adjusted standard"`` or
-    ``"week seconds"``: as the file says, unless its values cannot be seconds of a week.
+    `trueterrain.core.schemas.RETURN_ATTRIBUTES`, other extra bytes ``extra_NAME``. Wave packets are
+    not read (``attrs["not_read"]``). Feet are converted to metres, and the CRS to one in metres.
+    ``attrs["coordinate_scale"]`` and ``["coordinate_offset"]`` are scale and offset of the
+    coordinates in the file [m]. ``attrs["gps_time_kind"]`` is ``"adjusted standard"`` or
+    ``"week seconds"``: as the header states, unless the values exceed the seconds of a week.
 
     Parameters
     ----------
     path : str or Path
         The file.
     bounds : tuple of float, optional
-        Smallest easting and northing, largest easting and northing [m]; edges are inside.
+        West, south, east and north edge [m]; points on an edge are inside.
     crs : str, optional
-        EPSG code or WKT to take instead of what the file says.
+        EPSG code or WKT that replaces the CRS of the file.
 
     Returns
     -------
@@ -62,7 +63,7 @@ def read(path: str | Path, *, bounds: Bounds | None = None, crs: str | None = No
     CoverageError
         If there are no points (within the bounds).
     ValueError
-        If `crs` or `bounds` mean nothing.
+        If `crs` or `bounds` are not valid.
     """
     parts = list(_stream_points(path, bounds, BLOCK, crs, None))
     if not parts:
@@ -90,37 +91,37 @@ def blocks(
     crs: str | None = None,
     variables: Collection[str] | None = None,
 ) -> Iterator[xr.Dataset]:
-    """Points of a LAS, LAZ or COPC file block by block, never the whole file at once.
+    """Read the points of a LAS, LAZ or COPC file block by block, in flat memory.
 
-    With bounds, only the parts of a COPC file that touch them are read; other files are read
-    through. The order of the points is the file's, except for COPC with bounds. While a block is
-    worked with, the next one is read.
+    With bounds, only the parts of a COPC file that touch them are read; other files are read to the
+    end. The order of the points is that of the file, except for COPC with bounds. The next block is
+    read in a thread while the current one is processed.
 
     Parameters
     ----------
     path : str or Path
         The file.
     bounds : tuple of float, optional
-        Smallest easting and northing, largest easting and northing [m]; edges are inside.
+        West, south, east and north edge [m]; points on an edge are inside.
     size : int
         Largest number of points in a block.
     crs : str, optional
-        EPSG code or WKT to take instead of what the file says.
+        EPSG code or WKT that replaces the CRS of the file.
     variables : collection of str, optional
-        Variables to read beside the coordinates, as far as the file has them; by default all.
-        Compressed points are read faster the fewer there are.
+        Variables to read besides the coordinates; by default all that the file has. Decompression
+        is faster with fewer variables.
 
     Yields
     ------
     xarray.Dataset
-        Points; blocks without points are left out.
+        Points; blocks without points are omitted.
 
     Raises
     ------
     FormatError
         As by `read`; damage is found when it is reached.
     ValueError
-        If `crs`, `bounds` or `size` mean nothing.
+        If `crs`, `bounds` or `size` are not valid.
     """
     if size < 1:
         message = f"size must be at least 1 point, got {size}."
@@ -129,7 +130,7 @@ def blocks(
 
 
 def point_variables(path: str | Path) -> tuple[str, ...]:
-    """Variables beside the coordinates that points of a file have, by its header alone.
+    """Variables of the points of a file besides the coordinates, by its header alone.
 
     Parameters
     ----------
@@ -151,21 +152,21 @@ def point_variables(path: str | Path) -> tuple[str, ...]:
 
 
 def header_of(path: str | Path, crs: str | None = None) -> tuple[CrsReference, Any]:
-    """Reference and extent of a file by its header alone.
+    """Coordinate reference and extent of a file, by its header alone.
 
     Parameters
     ----------
     path : str or Path
         The file.
     crs : str, optional
-        EPSG code or WKT to take instead of what the file says.
+        EPSG code or WKT that replaces the CRS of the file.
 
     Returns
     -------
-    reference : Reference
-        What its coordinates refer to.
+    reference : CrsReference
+        CRS and units of the coordinates.
     extent : numpy.ndarray, shape (2, 3)
-        Least and greatest easting, northing, up, as the header says [m].
+        Minimum and maximum of easting, northing, up by the header [m].
 
     Raises
     ------
@@ -190,7 +191,7 @@ def _with_history(
     for block in _stream_points(path, bounds, size, crs, variables):
         if history is None:
             parameters = {"format": "LAS", "bounds": bounds, "crs": crs}
-            # the hash of the whole file would cost more than the part that is read
+            # with bounds, hashing the whole file would take longer than reading the part
             inputs = [path] if bounds is None else []
             parameters |= {} if inputs else {"file": Path(path).name}
             step = provenance.add_step(block, "read", parameters=parameters, inputs=inputs)
@@ -199,7 +200,7 @@ def _with_history(
 
 
 def _read_ahead(items: Generator[xr.Dataset, None, None]) -> Iterator[xr.Dataset]:
-    """Items in order, the next of which is made in a thread of its own."""
+    """Yield items in order; a thread computes the next one meanwhile."""
     with closing(items), ThreadPoolExecutor(1) as pool:
         waiting = pool.submit(next, items, None)
         while (item := waiting.result()) is not None:
@@ -215,7 +216,7 @@ def _stream_points(
     variables: Collection[str] | None,
 ) -> Iterator[xr.Dataset]:
     path = Path(path)
-    _check_bounds(bounds)
+    check_bounds(bounds)
     reference, names, selection = _reading_plan(path, crs, variables)
     factors = reference.units.factors
     with open_reader(path, selection) as reader:
@@ -237,7 +238,7 @@ def _stream_points(
                 attrs["gps_time_kind"] = time_kind(header, points.time.values)
             points = points.assign_attrs(attrs)
             if bounds is not None:
-                points = _clip_points(points, bounds)
+                points = clip_points(points, bounds)
             if points.sizes["point"]:
                 yield points
 
@@ -245,7 +246,7 @@ def _stream_points(
 def _reading_plan(
     path: Path, crs: str | None, variables: Collection[str] | None
 ) -> tuple[CrsReference, list[str], Any]:
-    """Reference of a file, variables to read, and what to decompress for them."""
+    """CRS of a file, variables to read, and the parts of points to decompress for them."""
     override = None if crs is None else reference_named(crs)
     with open_reader(path) as reader:
         reference = _crs_reference(reader.header, path, override)
@@ -255,7 +256,7 @@ def _reading_plan(
 
 
 def time_kind(header: Any, time: Any) -> str:
-    """What gps_time counts: as the flag says, unless the values contradict it."""
+    """Kind of GPS time: as the flag of the header states, unless the values contradict it."""
     standard = header.global_encoding.gps_time_type.value == 1
     known = time[np.isfinite(time)]
     if not standard and not (known.size and np.abs(known).max() > SECONDS_OF_WEEK):
@@ -291,25 +292,6 @@ def _make_points(
     for name in names:
         points[name].attrs |= attrs_of(record.point_format, name)
     return points
-
-
-def _clip_points(points: xr.Dataset, bounds: Bounds) -> xr.Dataset:
-    west, south, east, north = bounds
-    x, y = points.easting.values, points.northing.values
-    inside = (x >= west) & (x <= east) & (y >= south) & (y <= north)
-    return points if inside.all() else points.isel(point=np.flatnonzero(inside))
-
-
-def _check_bounds(bounds: Bounds | None) -> None:
-    if bounds is None:
-        return
-    west, south, east, north = bounds
-    if not (west <= east and south <= north):
-        message = (
-            "bounds must be smallest easting, smallest northing, largest easting, largest "
-            f"northing [m], got {bounds}."
-        )
-        raise ValueError(message)
 
 
 def _crs_reference(header: Any, path: Path, override: CrsReference | None) -> CrsReference:

@@ -1,4 +1,4 @@
-"""Points to LAS 1.4 and LAZ."""
+"""Write points as LAS 1.4 and LAZ."""
 
 from collections.abc import Iterator
 from itertools import chain
@@ -24,14 +24,14 @@ from trueterrain.formats.las._dimensions import (
 )
 from trueterrain.formats.las._read import SECONDS_OF_WEEK
 
-_COARSEST = 0.1  # [m] steps of coordinates; coarser ones leave no ground to measure
-_STEP = 0.0001  # [m] that coordinates are rounded to, unless they were to something finer
-_LATTICE = 1e-6  # by which a multiple of a step may differ from a whole number, as a fraction
-_WHOLE_STEPS = 1e-3  # [steps] by which an offset may: float64 holds 6e6 m to 1e-5 steps of 0.1 mm
-_LARGEST = 2**31 - 1  # of the integers that LAS keeps coordinates in
+_COARSEST = 0.1  # [m] largest scale of coordinates; coarser ones destroy the profile
+_STEP = 0.0001  # [m] default scale of coordinates, unless that of the input is finer
+_LATTICE = 1e-6  # relative deviation within which a scale counts as a multiple of another
+_WHOLE_STEPS = 1e-3  # [steps] the same for offsets: float64 holds 6e6 m to 1e-5 steps of 0.1 mm
+_LARGEST = 2**31 - 1  # largest integer coordinate of LAS
 _LARGEST_UINT16 = 2**16 - 1
 _LARGEST_RECORD = 2**16 - 1  # [bytes] of a variable length record
-_ROWS = 1_000_000  # written at a time
+_ROWS = 1_000_000  # points that are written at a time
 _KINDS = {"week seconds": 0, "adjusted standard": 1}
 _WHOLE = {"lane": "point_source_id", "intensity": "intensity"}
 
@@ -48,20 +48,20 @@ def write(
     ``lane`` becomes the point source id, ``time`` the GPS time, ``sd`` and ``sd_relative`` extra
     bytes (float32), and so do variables ``extra_NAME``, in their own type. The CRS is written as
     WKT, the provenance as a record of user ``trueterrain``. The offset is a whole number of metres
-    near the first block of points, unless coordinates that were rounded to steps would not fit to
-    it.
+    near the first block of points, unless the coordinates came with a scale and offset that this
+    would not fit: they are then kept, so that no coordinate is rounded twice.
 
     Parameters
     ----------
     points : xarray.Dataset or iterator of xarray.Dataset
-        Points, or blocks of points with the same variables; blocks are written as they come.
+        Points, or blocks of points with the same variables; blocks are written one by one.
     path : str or Path
-        Where the file shall be.
+        Path of the file to write.
     force : bool
-        Replace a file that is there already.
+        Replace an existing file.
     scale : float, optional
-        Step that coordinates are rounded to [m]; by default 0.0001, or the steps that they came
-        with (``attrs["coordinate_scale"]``) where these are finer or no multiple of it.
+        Scale of the coordinates [m]: the step to which they are rounded. By default 0.0001, or that
+        of the input (``attrs["coordinate_scale"]``) if it is finer or not a multiple of 0.0001.
 
     Raises
     ------
@@ -69,12 +69,12 @@ def write(
         If `scale` is not greater than 0 and at most 0.1 m, or the name ends with .copc.laz or
         neither .las nor .laz.
     SchemaError
-        If coordinates are not finite or lie too far apart for the scale, or lanes, intensities and
-        other attributes are no whole numbers that LAS has room for.
+        If coordinates are not finite or too far apart for the scale, or lanes, intensities and
+        other attributes are not whole numbers in the range of LAS.
     CoverageError
         If there are no points.
     OutputError
-        If the file exists and `force` is false, or is not whole when it is read back.
+        If the file exists and `force` is false, or differs when it is read back.
 
     Examples
     --------
@@ -105,7 +105,7 @@ def write(
         written = Checksums()
         try:
             with (
-                temporary.open("wb+") as stream,  # laspy would leave it open if the disk is full
+                temporary.open("wb+") as stream,  # laspy does not close it if the disk is full
                 laspy.open(
                     stream, mode="w", header=header, do_compress=compress, closefd=False
                 ) as writer,
@@ -139,7 +139,7 @@ def _make_header(first: xr.Dataset, scale: float | None, path: Path) -> Any:
     axes = [_axis_lattice(first, axis, scale, path) for axis in range(3)]
     header.scales = np.array([step for step, _ in axes])
     header.offsets = np.array([offset for _, offset in axes])
-    header.global_encoding.wkt = True  # the standard asks for it, whether there is a WKT or not
+    header.global_encoding.wkt = True  # LAS 1.4 requires the flag from point format 6 on
     header.global_encoding.gps_time_type = laspy.header.GpsTimeType(_gps_time_kind(first))
     if crs := first.attrs.get("crs"):
         try:
@@ -157,19 +157,19 @@ def _make_header(first: xr.Dataset, scale: float | None, path: Path) -> Any:
 def _axis_lattice(
     points: xr.Dataset, axis: int, scale: float | None, path: Path
 ) -> tuple[float, float]:
-    """Step and offset of an axis [m], by which steps that coordinates came with are kept."""
-    middle = _coordinate_offset(points, COORDINATES[axis], path)
+    """Scale and offset of an axis [m] that keep coordinates on the lattice of their source."""
+    centre = _coordinate_offset(points, COORDINATES[axis], path)
     scales = points.attrs.get("coordinate_scale")
     origins = points.attrs.get("coordinate_offset")
     if scales is None or origins is None:
-        return scale or _STEP, middle
+        return scale or _STEP, centre
     was, origin = float(scales[axis]), float(origins[axis])
     ratio = was / _STEP
     fits = not was > 0 or (ratio > 0.5 and abs(ratio - np.rint(ratio)) < _LATTICE * ratio)
     step = scale or (_STEP if fits else was)
-    apart = (middle - origin) / step
+    apart = (centre - origin) / step  # [steps] whole if both offsets lie on one lattice
     if scale is not None or abs(apart - np.rint(apart)) < _WHOLE_STEPS:
-        return step, middle
+        return step, centre
     return step, origin if abs(apart) < _LARGEST / 2 else float(origin + step * np.rint(apart))
 
 

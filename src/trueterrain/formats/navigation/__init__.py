@@ -1,6 +1,6 @@
-"""Navigation: where the body was and how it stood, epoch by epoch.
+"""Navigation: position and attitude of the body at each epoch.
 
-All readers give the same dataset with the dimension ``epoch``: ``time`` [s]; ``east``, ``north``,
+All readers return the same dataset with the dimension ``epoch``: ``time`` [s]; ``east``, ``north``,
 ``up`` [m] in the local frame of ``attrs["origin"]``; ``roll``, ``pitch``, ``yaw`` [rad]; where
 known ``sd_east``, ``sd_north``, ``sd_up`` [m] and ``sd_roll``, ``sd_pitch``, ``sd_yaw`` [rad].
 
@@ -12,7 +12,7 @@ Every other convention is converted here, once.
 `read_sbet`        Applanix smoothed best estimate of trajectory (17 doubles per record)
 `read_smrmsg`      Applanix accuracy of it (10 doubles per record)
 `read_boreas`      poses of the Boreas data set (CSV)
-`read_columns`     CSV or Parquet with columns that are named by `NavigationColumns`
+`read_columns`     CSV or Parquet; `NavigationColumns` names the columns and conventions
 =================  ==============================================================================
 """
 
@@ -39,9 +39,9 @@ __all__ = [
     "read_smrmsg",
 ]
 
-# imported when first asked for, so that the package itself costs nothing
-_HOMES = {
-    "Columns": ("columns", "Columns"),
+# module and name of each public object; modules are imported on first use, to keep imports fast
+_SOURCES = {
+    "NavigationColumns": ("columns", "NavigationColumns"),
     "add_accuracy": ("smrmsg", "add_accuracy"),
     "check_navigation": ("_schema", "check_navigation"),
     "make_navigation": ("_schema", "make_navigation"),
@@ -54,8 +54,8 @@ _HOMES = {
 
 def __getattr__(name: str) -> Any:
     """Import a public name when it is first used."""
-    if name not in _HOMES:
+    if name not in _SOURCES:
         message = f"module {__name__!r} has no attribute {name!r}"
         raise AttributeError(message)
-    module, attribute = _HOMES[name]
+    module, attribute = _SOURCES[name]
     return getattr(importlib.import_module(f"{__name__}.{module}"), attribute)

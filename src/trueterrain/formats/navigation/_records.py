@@ -1,4 +1,4 @@
-"""Files that are nothing but records of doubles: SBET and SMRMSG."""
+"""Binary files of equal records of doubles without a header, SBET and SMRMSG; checks of times."""
 
 import os
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ from trueterrain.formats.signature import open_regular
 
 Floats = npt.NDArray[np.float64]
 
-#: Length of the week that Applanix and GPS count seconds in [s].
+#: Length of the GPS week [s].
 WEEK = 604_800.0
 
 BLOCK = 1 << 16  # records
@@ -23,33 +23,41 @@ BLOCK = 1 << 16  # records
 def file_records(
     path: Path, fields: int, name: str, size: int = BLOCK
 ) -> Iterator[tuple[int, Floats]]:
-    """Number of the first record and the fields (field, record) of block after block of a file.
+    """Read the records of a file block by block.
 
-    They are read, never mapped into memory: a file that is cut meanwhile is an error, and does not
-    end the process.
+    The file is read, not mapped into memory: a mapped file that is truncated meanwhile would end
+    the process with a bus error instead of an exception.
+
+    Yields
+    ------
+    first : int
+        Index of the first record of the block.
+    values : numpy.ndarray, shape (field, record)
+        Values of the fields.
     """
     if size < 1:
         message = f"size must be at least 1 record, got {size}."
         raise ValueError(message)
     record = 8 * fields
     with open_regular(path) as stream:
-        held = stream.seek(0, os.SEEK_END)
-        if held == 0:
+        length = stream.seek(0, os.SEEK_END)
+        if length == 0:
             raise FormatError("is empty", path=path, cure="Copy or export it again.")
-        if held % record:
+        if length % record:
             raise FormatError(
-                f"has {held} bytes, which is no multiple of the {record} bytes of a {name} record",
+                f"has {length} bytes, which is no multiple of the {record} bytes of a {name} "
+                "record",
                 path=path,
-                place=f"record {held // record + 1}",
+                place=f"record {length // record + 1}",
                 cure=f"The file was cut off, or is no {name} file; copy or export it again.",
             )
         stream.seek(0)
-        for first in range(0, held // record, size):
-            wanted = min(size, held // record - first)
-            content = stream.read(wanted * record)
-            if len(content) < wanted * record:
+        for first in range(0, length // record, size):
+            count = min(size, length // record - first)
+            content = stream.read(count * record)
+            if len(content) < count * record:
                 raise FormatError(
-                    f"had {held} bytes when reading began, and was cut since",
+                    f"had {length} bytes when reading began, and was cut since",
                     path=path,
                     place=f"record {first + len(content) // record + 1}",
                     cure="Read it when it is whole.",
@@ -61,7 +69,7 @@ def file_records(
 
 
 class WeekUnwrapper:
-    """Seconds of the week made continuous: after a rollover, they count on beyond the week."""
+    """Seconds of the GPS week made continuous: after a rollover they count on beyond the week."""
 
     def __init__(self, path: Path) -> None:
         self._clock = TimeChecker(path=path, place="time")
@@ -70,11 +78,12 @@ class WeekUnwrapper:
         self.rollovers: list[int] = []  # records at which a week began
 
     def continued(self, time: Floats) -> Floats:
-        """Times of the next block [s]; raises if they do not run forward."""
+        """Continuous times of the next block [s]; raises a SchemaError if they do not ascend."""
         last = time[:1] if self._last is None else np.array([self._last])
         steps = np.diff(time, prepend=last)
-        falls = np.flatnonzero(steps < -WEEK / 2)
-        self.rollovers += [self._clock.count + int(fall) for fall in falls]
+        # a step back by more than half a week is a rollover, a smaller one an error of the file
+        rollovers = np.flatnonzero(steps < -WEEK / 2)
+        self.rollovers += [self._clock.count + int(index) for index in rollovers]
         weeks = self._weeks + np.cumsum(steps < -WEEK / 2)
         continuous: Floats = time + WEEK * weeks
         self._clock.check(continuous)
@@ -85,7 +94,7 @@ class WeekUnwrapper:
 def refuse_value(
     path: Path, name: str, rule: str, values: Floats, bad: Any, first: int, cure: str
 ) -> None:
-    """Raise a FormatError for the first value that is bad."""
+    """Raise a FormatError for the first value that breaks a rule."""
     if bad.any():
         index = int(np.flatnonzero(bad)[0])
         raise FormatError(
@@ -97,18 +106,22 @@ def refuse_value(
 
 
 def describe_intervals(time: Floats) -> dict[str, Any]:
-    """Rate, jitter and gaps of times that run forward, for descriptions."""
-    tally = IntervalStatistics()
-    tally.add(time)
-    return tally.to_dict()
+    """Rate, jitter and gaps of ascending times."""
+    intervals = IntervalStatistics()
+    intervals.add(time)
+    return intervals.to_dict()
 
 
 class IntervalStatistics:
-    """Median interval, its jitter, and gaps, found in one pass with flat memory."""
+    """Median interval between times, its jitter, and gaps, in one pass and flat memory.
 
-    _LISTED = 16  # gaps that are told one by one
-    _SAMPLE = 1_000_000  # intervals that the median is taken from
-    _GAP = 1.5  # intervals longer than so many medians are gaps
+    The median is that of the first block. Jitter is the rms deviation of the intervals that are no
+    gaps from the median.
+    """
+
+    _LISTED = 16  # gaps that are listed individually
+    _SAMPLE = 1_000_000  # intervals of which the median is taken
+    _GAP = 1.5  # intervals longer than this multiple of the median are gaps
 
     def __init__(self) -> None:
         self.count = 0
@@ -122,7 +135,7 @@ class IntervalStatistics:
         self._regular = 0
 
     def add(self, time: Floats) -> None:
-        """Count the times of the next block."""
+        """Add the times of the next block [s]."""
         if time.size == 0:
             return
         if self.count == 0:
@@ -148,7 +161,7 @@ class IntervalStatistics:
                 self.gaps.append({"start": float(time[at]), "length": float(steps[at])})
 
     def to_dict(self) -> dict[str, Any]:
-        """Count, time [s], rate [1/s], jitter [s] and gaps [s], as JSON takes them."""
+        """Count, time [s], rate [1/s], jitter [s] and gaps [s], in plain types."""
         known = self.count > 1 and self.median > 0
         jitter = float(np.sqrt(self._squares / self._regular)) if self._regular else None
         return {
@@ -162,7 +175,7 @@ class IntervalStatistics:
         }
 
     def problems(self, name: str) -> list[str]:
-        """Gaps and times that do not run forward, in words."""
+        """Messages about gaps and about times that do not ascend."""
         found = []
         if self.gap_count:
             first = self.gaps[0]

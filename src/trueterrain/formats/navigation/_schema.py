@@ -1,7 +1,6 @@
-"""What a navigation dataset must hold, and the rules its values obey."""
+"""Schema of navigation: required variables, dimensions and units, and the rules of their values."""
 
-import difflib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,13 +10,14 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.core.errors import SchemaError
+from trueterrain.formats._suggestions import suggest_name
 
 Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
 class SchemaVariable:
-    """One variable of a schema."""
+    """Dimensions and units of one variable of a schema."""
 
     dims: tuple[str, ...]
     "Dimensions."
@@ -45,11 +45,11 @@ NAVIGATION = {
     **{f"sd_{name}": _epoch_variable("rad", required=False) for name in ATTITUDE},
 }
 
-_BLOCK = 1 << 16  # epochs looked at at a time
+_BLOCK = 1 << 16  # epochs that are checked at a time
 
 
 def make_navigation(columns: Mapping[str, npt.ArrayLike], **attrs: Any) -> xr.Dataset:
-    """Navigation from arrays.
+    """Create navigation from arrays, and check it.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def make_navigation(columns: Mapping[str, npt.ArrayLike], **attrs: Any) -> xr.Da
         ``time`` [s], ``east``, ``north``, ``up`` [m], ``roll``, ``pitch``, ``yaw`` [rad] after
         ISO 8855, and any of ``sd_east`` ... ``sd_yaw`` [m, rad].
     **attrs
-        Attributes, such as ``origin`` = [longitude deg, latitude deg, ellipsoidal height m].
+        Attributes, for example ``origin`` = [longitude deg, latitude deg, ellipsoidal height m].
 
     Returns
     -------
@@ -79,7 +79,7 @@ def make_navigation(columns: Mapping[str, npt.ArrayLike], **attrs: Any) -> xr.Da
 
 
 def navigation_of(columns: Mapping[str, npt.ArrayLike], **attrs: Any) -> xr.Dataset:
-    """Navigation from arrays, unchecked."""
+    """Create navigation from arrays without a check."""
     variables = {
         name: ("epoch", np.asarray(values, dtype=np.float64), {"units": NAVIGATION[name].units})
         for name, values in columns.items()
@@ -90,16 +90,16 @@ def navigation_of(columns: Mapping[str, npt.ArrayLike], **attrs: Any) -> xr.Data
 def check_navigation(
     data: xr.Dataset, *, path: str | Path | None = None, place: str = ""
 ) -> xr.Dataset:
-    """Return the dataset if it is navigation, else say what is wrong with it.
+    """Check that a dataset is navigation, and return it.
 
     Parameters
     ----------
     data : xarray.Dataset
-        What shall be navigation; it is looked at block by block.
+        Dataset to check; it is read block by block.
     path : str or Path, optional
-        File that it came from, for the message.
+        File of the dataset, for the message.
     place : str
-        Where in the file it stands, for the message.
+        Place in the file, for the message.
 
     Returns
     -------
@@ -122,7 +122,7 @@ def check_navigation(
 
 
 class EpochRules:
-    """The rules for the values of navigation, kept up from block to block."""
+    """Checks of the values of navigation, block by block."""
 
     def __init__(self, *, path: str | Path | None = None, place: str = "") -> None:
         self._path, self._place = path, place
@@ -182,7 +182,7 @@ class EpochRules:
 
 
 class TimeChecker:
-    """Times that must be finite and run forward, kept up from block to block."""
+    """Check that times are finite and strictly ascending, block by block."""
 
     def __init__(self, *, path: str | Path | None, place: str) -> None:
         self._path, self._place = path, place
@@ -190,7 +190,7 @@ class TimeChecker:
         self.count = 0
 
     def check(self, time: Floats) -> None:
-        """Raise a SchemaError at the first time that is not finite or does not run forward."""
+        """Raise a SchemaError at the first time that is not finite or does not ascend."""
         if time.size == 0:
             return
         bad = ~np.isfinite(time)
@@ -257,23 +257,17 @@ def check_structure(
 
 
 def check_length(
-    data: xr.Dataset, dim: str, least: int, *, path: str | Path | None, place: str
+    data: xr.Dataset, dim: str, minimum: int, *, path: str | Path | None, place: str
 ) -> None:
     """Raise a SchemaError if there are too few values along a dimension."""
-    if data.sizes[dim] < least:
+    if data.sizes[dim] < minimum:
         found = data.sizes[dim] or "none"
         raise SchemaError(
-            f"must have at least {least} {dim}{'s' if least > 1 else ''}, got {found}",
+            f"must have at least {minimum} {dim}{'s' if minimum > 1 else ''}, got {found}",
             path=path,
             place=place or None,
             cure="Copy or record it again.",
         )
-
-
-def suggest_name(name: str, known: Iterable[str]) -> str:
-    """``" (did you mean 'x'?)"`` if a known name is near."""
-    near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
-    return f" (did you mean {near[0]!r}?)" if near else ""
 
 
 def _join_place(place: str, inner: str) -> str:

@@ -1,4 +1,4 @@
-"""Navigation from any table: CSV or Parquet, its columns named by a frozen dataclass."""
+"""Navigation from a CSV or Parquet table whose columns a frozen dataclass names."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
@@ -10,10 +10,10 @@ import xarray as xr
 
 from trueterrain.core import provenance
 from trueterrain.core.errors import FormatError, SchemaError
-from trueterrain.formats.navigation._recognise import TIME
 from trueterrain.formats.navigation._records import Floats, IntervalStatistics
 from trueterrain.formats.navigation._schema import EpochRules, check_length, navigation_of
-from trueterrain.formats.navigation._tables import ROWS, table_blocks, table_columns
+from trueterrain.formats.navigation_signature import TIME
+from trueterrain.formats.number_table import ROWS, table_blocks, table_columns
 from trueterrain.geometry.navigation_frames import (
     Origin,
     YawUnwrapper,
@@ -39,7 +39,7 @@ def _require_one(what: str, one: dict[str, str], other: dict[str, str]) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class NavigationColumns:
-    """Which column of a table holds what; the columns decide which convention is meant.
+    """Names of the columns of a navigation table; the columns given decide the convention.
 
     Positions are either ``east``, ``north``, ``up`` [m] or ``longitude``, ``latitude`` [deg] and
     ``height`` [m]. Angles are either after ISO 8855 (``yaw`` given: pitch nose-down, yaw
@@ -105,7 +105,7 @@ class NavigationColumns:
     "Seconds per unit of the time."
 
     def __post_init__(self) -> None:
-        """Check that one convention is named, and wholly."""
+        """Check that the columns of exactly one convention are named, and all of them."""
         _require_one(
             "positions",
             self._named("east", "north", "up"),
@@ -129,7 +129,7 @@ class NavigationColumns:
         return bool(self.longitude)
 
     def used(self) -> dict[str, str]:
-        """Columns that are named, by what they hold."""
+        """Names of the columns that are given, by quantity."""
         chosen = {f.name: getattr(self, f.name) for f in fields(self)}
         return {
             name: column for name, column in chosen.items() if isinstance(column, str) and column
@@ -149,12 +149,12 @@ def read(
     ----------
     path : str or Path
         CSV or Parquet file.
-    columns : Columns
-        Which column holds what; by default they are called as the variables of navigation.
+    columns : NavigationColumns
+        Names of the columns; by default those of the variables of navigation.
     origin : sequence of float, optional
-        Longitude [deg], latitude [deg], ellipsoidal height [m] of the local frame; needed by
-        positions in east, north, up only if it shall be recorded, and by default the first row of
-        longitude, latitude and height.
+        Longitude [deg], latitude [deg], ellipsoidal height [m] of the local frame. By default the
+        position in the first row of longitude, latitude and height; with positions in east, north
+        and up it is only recorded.
 
     Returns
     -------
@@ -166,8 +166,8 @@ def read(
     FormatError
         Naming line and column: a missing column, a cell that is no number.
     SchemaError
-        If a value is NaN, time does not run forward, or angles are in degrees that were said to be
-        in radians.
+        If a value is NaN, time does not ascend, or angles are in degrees although radians were
+        stated.
 
     Examples
     --------
@@ -175,8 +175,10 @@ def read(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / "nav.csv"
     ...     _ = path.write_text("t,x,y,z,roll,pitch,hdg\n0,0,0,0,0,2,90\n1,9,0,0,0,2,90\n")
-    ...     named = Columns(time="t", east="x", north="y", up="z", heading="hdg", degrees=True)
-    ...     navigation = read(path, named)
+    ...     columns = NavigationColumns(
+    ...         time="t", east="x", north="y", up="z", heading="hdg", degrees=True
+    ...     )
+    ...     navigation = read(path, columns)
     >>> navigation.pitch.values, navigation.yaw.values
     (array([-0.0349, -0.0349]), array([0., 0.]))
     """
@@ -200,8 +202,8 @@ def blocks(
     ----------
     path : str or Path
         CSV or Parquet file.
-    columns : Columns
-        Which column holds what.
+    columns : NavigationColumns
+        Names of the columns.
     origin : sequence of float, optional
         As for `read`.
     size : int
@@ -219,8 +221,8 @@ def blocks(
     """
     rules = EpochRules(path=path)
     used = columns.used()
-    place = None if origin is None else check_origin(origin)
-    turns = YawUnwrapper()
+    frame_origin = None if origin is None else check_origin(origin)
+    unwrapper = YawUnwrapper()
     row = 0
     for raw in table_blocks(path, list(used.values()), size):
         values = {name: raw[column] for name, column in used.items()}
@@ -228,13 +230,13 @@ def blocks(
             values |= {name: np.deg2rad(values[name]) for name in _ANGLES if name in values}
         _refuse_impossible(values, used, row, path)
         row += values["time"].size
-        if columns.is_geodetic and place is None:
-            place = _first_place(values, path)
+        if columns.is_geodetic and frame_origin is None:
+            frame_origin = _first_position(values, path)
         named = {"time": values["time"] * columns.time_scale}
-        named |= _pose_columns(values, place)
-        named["yaw"] = turns.continued(named["yaw"])
+        named |= _pose_columns(values, frame_origin)
+        named["yaw"] = unwrapper.continued(named["yaw"])
         named |= {name: values[name] for name in _SD if name in values}
-        attrs = {} if place is None else {"origin": list(place)}
+        attrs = {} if frame_origin is None else {"origin": list(frame_origin)}
         block = navigation_of(named, **attrs)
         rules.check(block)
         yield block
@@ -246,7 +248,7 @@ def describe(path: str | Path) -> dict[str, Any]:
     Parameters
     ----------
     path : str or Path
-        CSV or Parquet file whose columns are those of navigation, however they are called.
+        CSV or Parquet file with columns of navigation under any of the usual names.
 
     Returns
     -------
@@ -262,37 +264,38 @@ def describe(path: str | Path) -> dict[str, Any]:
     """
     names = table_columns(path)
     time = next(name for name in names if TIME.match(name.strip()))
-    tally = IntervalStatistics()
+    intervals = IntervalStatistics()
     for block in table_blocks(path, [time]):
-        tally.add(block[time])
-    problems = tally.problems("navigation")
+        intervals.add(block[time])
+    problems = intervals.problems("navigation")
     if not set(OURS.used().values()) <= set(names):
         problems.append(
-            "its columns, units and signs are not known: name them with `NavigationColumns`, or in the "
-            "description of an import"
+            "its columns, units and signs are not known: name them with `NavigationColumns`, or in "
+            "the description of an import"
         )
     return {
         "format": "Navigation table",
         "kind": "navigation",
         "columns": names,
-        **tally.to_dict(),
+        **intervals.to_dict(),
         "crs": "",
         "problems": problems,
     }
 
 
-def _pose_columns(values: dict[str, Floats], place: Origin | None) -> dict[str, Floats]:
+def _pose_columns(values: dict[str, Floats], origin: Origin | None) -> dict[str, Floats]:
+    """Position [m] and attitude [rad] in the local frame after ISO 8855."""
     geodetic: dict[str, Floats] = {}
-    if "longitude" in values and place is not None:
+    if "longitude" in values and origin is not None:
         longitude, latitude = np.deg2rad(values["longitude"]), np.deg2rad(values["latitude"])
-        position = enu_of_geodetic(longitude, latitude, values["height"], place).T
+        position = enu_of_geodetic(longitude, latitude, values["height"], origin).T
         geodetic = {"longitude": longitude, "latitude": latitude}
     else:
         position = np.stack([values[name] for name in ("east", "north", "up")])
     roll, pitch = values["roll"], values["pitch"]
     if "heading" in values:
         roll, pitch, yaw = iso8855_of_ned(
-            roll, pitch, values["heading"], origin=place if geodetic else None, **geodetic
+            roll, pitch, values["heading"], origin=origin if geodetic else None, **geodetic
         )
     else:
         yaw = values["yaw"]
@@ -303,7 +306,7 @@ def _pose_columns(values: dict[str, Floats], place: Origin | None) -> dict[str, 
 def _refuse_impossible(
     values: dict[str, Floats], used: dict[str, str], row: int, path: str | Path
 ) -> None:
-    """Raise at gaps, and at angles that no later rule could tell from possible ones."""
+    """Raise at missing values, and at angles that a later check would accept after conversion."""
     limits: dict[str, tuple[float, str, str | None]] = {"latitude": (90.0, "90 deg", None)}
     quarter = (np.pi / 2, "a quarter turn (pi/2 rad)", "Say `degrees = true` if they are degrees.")
     limits |= {"roll": quarter, "pitch": quarter}
@@ -324,7 +327,7 @@ def _refuse_impossible(
             )
 
 
-def _first_place(values: dict[str, Floats], path: str | Path) -> tuple[float, float, float]:
+def _first_position(values: dict[str, Floats], path: str | Path) -> tuple[float, float, float]:
     first = [float(values[name][0]) for name in ("longitude", "latitude", "height")]
     try:
         return check_origin(first)

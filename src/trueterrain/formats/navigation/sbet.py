@@ -23,7 +23,7 @@ import xarray as xr
 from trueterrain.core import provenance
 from trueterrain.core.errors import FormatError
 from trueterrain.formats._text_head import Head, find_head
-from trueterrain.formats.navigation._recognise import is_sbet_text
+from trueterrain.formats.navigation import smrmsg
 from trueterrain.formats.navigation._records import (
     BLOCK,
     WEEK,
@@ -34,7 +34,8 @@ from trueterrain.formats.navigation._records import (
     refuse_value,
 )
 from trueterrain.formats.navigation._schema import EpochRules, check_length, navigation_of
-from trueterrain.formats.navigation._tables import table_blocks
+from trueterrain.formats.navigation_signature import is_sbet_text
+from trueterrain.formats.number_table import table_blocks
 from trueterrain.formats.signature import open_regular
 from trueterrain.geometry.navigation_frames import (
     Origin,
@@ -46,9 +47,9 @@ from trueterrain.geometry.navigation_frames import (
 
 FIELDS = 17
 
-_SAMPLE = 1 << 16  # [bytes] in which a text shows its first record
-_HIGHEST = 100_000.0  # [m] of a height that can be one: the edge of space
-_SWAPPED = "If the bytes stand in the wrong order, or it is no SBET file, export it again."
+_SAMPLE = 1 << 16  # [bytes] of a text in which its first record is searched
+_HIGHEST = 100_000.0  # [m] largest plausible height: the edge of space
+_SWAPPED = "If the byte order is wrong, or it is not an SBET file, export it again."
 
 
 def read(
@@ -56,9 +57,10 @@ def read(
 ) -> xr.Dataset:
     """Navigation from an SBET file.
 
-    Positions are turned into the local east-north-up frame of the origin, attitudes from the local
-    level of each record into that of the origin. Yaw is continuous, without jumps of a turn.
-    Seconds of the week count on beyond 604800 s after a week rollover.
+    Positions are transformed to the local east-north-up frame of the origin, attitudes from the
+    local level of each record to that of the origin: both differ by the curvature of the earth, 32
+    arc seconds per km. Yaw is continuous, without jumps of 2 pi. Seconds of the week count on
+    beyond 604800 s after a week rollover.
 
     Parameters
     ----------
@@ -82,7 +84,7 @@ def read(
         Naming record and field: the file is cut off, latitude or longitude is in degrees or
         impossible, a number is not finite.
     SchemaError
-        If time does not run forward.
+        If time does not ascend.
     CoverageError
         If the accuracies do not cover the epochs.
     """
@@ -92,8 +94,6 @@ def read(
     check_length(data, "epoch", 2, path=path, place="")
     inputs = [path]
     if accuracy is not None:
-        from trueterrain.formats.navigation import smrmsg
-
         data = smrmsg.add_accuracy(data, smrmsg.read(accuracy), path=accuracy)
         inputs.append(Path(accuracy))
     parameters = {"format": "SBET", "origin": data.attrs["origin"]}
@@ -126,20 +126,21 @@ def blocks(
     """
     path = Path(path)
     clock, rules = WeekUnwrapper(path), EpochRules(path=path)
-    turns = YawUnwrapper()
-    place = None if origin is None else check_origin(origin)
+    unwrapper = YawUnwrapper()
+    frame_origin = None if origin is None else check_origin(origin)
     for first, fields in _record_blocks(path, size):
         _check_fields(path, fields, first)
         time = clock.continued(fields[0])
         latitude, longitude, height, roll, pitch = fields[[1, 2, 3, 7, 8]]
-        if place is None:
-            place = _origin_of(longitude[0], latitude[0], height[0])
-        east, north, up = enu_of_geodetic(longitude, latitude, height, place).T
+        if frame_origin is None:
+            frame_origin = _origin_of(longitude[0], latitude[0], height[0])
+        east, north, up = enu_of_geodetic(longitude, latitude, height, frame_origin).T
+        # the wander frame is rotated west of north by the wander angle
         heading = fields[9] - fields[10]
         roll, pitch, yaw = iso8855_of_ned(
-            roll, pitch, heading, longitude=longitude, latitude=latitude, origin=place
+            roll, pitch, heading, longitude=longitude, latitude=latitude, origin=frame_origin
         )
-        yaw = turns.continued(yaw)
+        yaw = unwrapper.continued(yaw)
         columns = {
             "time": time,
             "east": east,
@@ -149,7 +150,7 @@ def blocks(
             "pitch": pitch,
             "yaw": yaw,
         }
-        block = navigation_of(columns, origin=list(place), time_reference="gps")
+        block = navigation_of(columns, origin=list(frame_origin), time_reference="gps")
         rules.check(block)
         yield block
 
@@ -167,7 +168,7 @@ def describe(path: str | Path) -> dict[str, Any]:
     dict
         ``format``, ``kind``, ``count``, ``time`` [s], ``rate`` [1/s], ``jitter`` [s], ``gaps``,
         ``extent`` of longitude and latitude [deg] and height [m], ``speed`` [m/s], ``crs`` (the
-        file names none) and ``problems``; everything can be written as JSON.
+        file names none) and ``problems``; all values are plain types that JSON can hold.
 
     Raises
     ------
@@ -175,36 +176,36 @@ def describe(path: str | Path) -> dict[str, Any]:
         As by `read`.
     """
     path = Path(path)
-    clock, tally = WeekUnwrapper(path), IntervalStatistics()
+    clock, intervals = WeekUnwrapper(path), IntervalStatistics()
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    fastest, latest = 0.0, 0.0
+    max_speed, max_time = 0.0, 0.0
     for first, fields in _record_blocks(path):
         _check_fields(path, fields, first)
-        tally.add(clock.continued(fields[0]))
-        place = np.stack([np.rad2deg(fields[2]), np.rad2deg(fields[1]), fields[3]])
-        low, high = np.minimum(low, place.min(axis=1)), np.maximum(high, place.max(axis=1))
-        fastest = max(fastest, float(np.sqrt(np.sum(fields[4:7] ** 2, axis=0)).max()))
-        latest = max(latest, float(fields[0].max()))
-    problems = tally.problems("navigation")
+        intervals.add(clock.continued(fields[0]))
+        position = np.stack([np.rad2deg(fields[2]), np.rad2deg(fields[1]), fields[3]])
+        low, high = np.minimum(low, position.min(axis=1)), np.maximum(high, position.max(axis=1))
+        max_speed = max(max_speed, float(np.sqrt(np.sum(fields[4:7] ** 2, axis=0)).max()))
+        max_time = max(max_time, float(fields[0].max()))
+    problems = intervals.problems("navigation")
     if clock.rollovers:
         problems.append(f"a GPS week begins at record {clock.rollovers[0] + 1}")
-    if latest > 2 * WEEK or tally.start < 0:
-        problems.append(f"times up to {latest:.0f} s are no seconds of the GPS week")
+    if max_time > 2 * WEEK or intervals.start < 0:
+        problems.append(f"times up to {max_time:.0f} s are no seconds of the GPS week")
     names = ("longitude", "latitude", "height")
     extent = {n: [float(a), float(b)] for n, a, b in zip(names, low, high, strict=True)}
     return {
         "format": "SBET",
         "kind": "navigation",
-        **tally.to_dict(),
+        **intervals.to_dict(),
         "extent": extent,
-        "speed": fastest,
+        "speed": max_speed,
         "crs": "",
         "problems": problems,
     }
 
 
 def _record_blocks(path: Path, size: int = BLOCK) -> Iterator[tuple[int, Floats]]:
-    """First number and fields, shape (field, n), of records some at a time, in bytes or as text."""
+    """Index of the first record and fields, shape (field, record), block by block."""
     head = _text_head(path)
     if head is None:
         yield from file_records(path, FIELDS, "SBET", size)
@@ -220,7 +221,7 @@ def _record_blocks(path: Path, size: int = BLOCK) -> Iterator[tuple[int, Floats]
 
 
 def _text_head(path: Path) -> Head | None:
-    """Head of an SBET as text; None if it is in bytes."""
+    """Header of an SBET in text; None if the file is binary."""
     with open_regular(path) as stream:
         start = stream.read(_SAMPLE).decode("latin-1").splitlines()
     try:

@@ -28,10 +28,10 @@ FIELDS = 10
 #: One minute of arc [rad].
 ARC_MINUTE = float(np.deg2rad(1 / 60))
 
-#: How far beyond its ends the accuracy is taken as the last that is known [s]: one interval.
+#: Time beyond the ends of the file for which its last value is used [s]: one interval.
 REACH = 1.0
 
-# our names of the fields, in our order, with the factor to SI
+# variable of navigation: index of its field, factor to SI units
 _SD = {
     "sd_east": (2, 1.0),
     "sd_north": (1, 1.0),
@@ -61,7 +61,7 @@ def read(path: str | Path) -> xr.Dataset:
     FormatError
         If the file is cut off, or a value is negative or not finite, naming record and field.
     SchemaError
-        If time does not run forward.
+        If time does not ascend.
     """
     path = Path(path)
     clock = WeekUnwrapper(path)
@@ -73,7 +73,7 @@ def read(path: str | Path) -> xr.Dataset:
             values = fields[index]
             bad = ~(np.isfinite(values) & (values >= 0))
             rule = "must be finite and not negative"
-            refuse_value(path, name, rule, values, bad, first, "It may be no SMRMSG file.")
+            refuse_value(path, name, rule, values, bad, first, "It may not be an SMRMSG file.")
             columns[name].append(values * factor)
     variables: dict[str, Any] = {"time": ("epoch", np.concatenate(times), {"units": "s"})}
     for name, parts in columns.items():
@@ -85,7 +85,7 @@ def read(path: str | Path) -> xr.Dataset:
 def add_accuracy(
     navigation: xr.Dataset, accuracy: xr.Dataset, *, path: str | Path | None = None
 ) -> xr.Dataset:
-    """Navigation with standard deviations interpolated to its epochs.
+    """Add reported standard deviations to navigation, interpolated to its epochs.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def describe(path: str | Path) -> dict[str, Any]:
     dict
         ``format``, ``kind``, ``count``, ``time`` [s], ``rate`` [1/s], ``jitter`` [s], ``gaps``,
         ``median`` and ``largest`` standard deviation of each axis [m, rad] and ``problems``;
-        everything can be written as JSON.
+        all values are plain types that JSON can hold.
 
     Raises
     ------
@@ -146,13 +146,13 @@ def describe(path: str | Path) -> dict[str, Any]:
         As by `read`.
     """
     data = read(path)
-    tally = IntervalStatistics()
-    tally.add(data.time.values)
+    intervals = IntervalStatistics()
+    intervals.add(data.time.values)
     return {
         "format": "SMRMSG",
         "kind": "accuracy",
-        **tally.to_dict(),
+        **intervals.to_dict(),
         "median": {name: float(data[name].median()) for name in _SD},
         "largest": {name: float(data[name].max()) for name in _SD},
-        "problems": tally.problems("accuracy"),
+        "problems": intervals.problems("accuracy"),
     }

@@ -1,4 +1,4 @@
-"""A surface made to fit the rules of OpenCRG, or the rule that it breaks."""
+"""Fit a surface to the rules of OpenCRG: millimetre positions, equal chords, no holes."""
 
 from pathlib import Path
 from typing import Any
@@ -19,9 +19,9 @@ Index = npt.NDArray[np.int64]
 
 
 def fit_to_rules(surface: xr.Dataset, path: Path) -> xr.Dataset:
-    """Surface along a reference line that OpenCRG can hold: snapped to 1 mm and without holes.
+    """Surface along a reference line that OpenCRG can hold: rounded to 1 mm and without holes.
 
-    Its heights are not copied: what fills the holes is put in where they are looked at.
+    Heights are not copied: those that fill holes are inserted when blocks are read.
 
     Raises
     ------
@@ -40,10 +40,10 @@ def fit_to_rules(surface: xr.Dataset, path: Path) -> xr.Dataset:
 
 
 def _along_easting(surface: xr.Dataset) -> xr.Dataset:
-    """A map as a road along its easting axis, through the row of nodes nearest to its middle."""
+    """A map as a road along its easting axis, on the row of nodes nearest to its centre."""
     check_surface(surface)
     easting, northing = (np.asarray(surface[name], float) for name in ("easting", "northing"))
-    middle = northing[np.argmin(np.abs(northing - northing.mean()))]
+    centre = northing[np.argmin(np.abs(northing - northing.mean()))]
     cells: dict[str, Any] = {
         name: np.asarray(surface[name]).T
         for name in ("count", "sd", "sd_relative", "filled")
@@ -52,9 +52,9 @@ def _along_easting(surface: xr.Dataset) -> xr.Dataset:
     road = make_surface(
         np.asarray(surface["height"]).T,
         u=easting - easting[0],
-        v=northing - middle,
+        v=northing - centre,
         easting=easting,
-        northing=np.full(easting.size, middle),
+        northing=np.full(easting.size, centre),
         **cells,
     )
     return road.assign_attrs({**surface.attrs, "kind": road.attrs["kind"]})
@@ -164,7 +164,7 @@ def _require_gentle(road: xr.Dataset, path: Path) -> None:
 
 
 def _require_heights(road: xr.Dataset, path: Path) -> Index:
-    """Places of the holes within cross-sections, if the heights are such as can be written."""
+    """Flat indices of the holes within cross-sections; raises if heights cannot be written."""
     empty: list[int] = []
     holes: list[Index] = []
     for rows, block in height_blocks(road):
@@ -191,5 +191,5 @@ def _require_possible(block: Floats, first: int, path: Path) -> None:
             f"must be at most {HIGHEST:g} m in size, got {block[i, j]:g} m",
             path=path,
             place=f"height, node ({first + i}, {j})",
-            cure="Remove what is no ground.",
+            cure="Remove heights that are not ground.",
         )

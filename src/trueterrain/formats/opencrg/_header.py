@@ -1,7 +1,7 @@
-"""The text at the head of an OpenCRG file, and what is wrong with it.
+"""Read the header of an OpenCRG file, and list its problems.
 
-The sections are those of the ASAM C-API: a line that begins with ``$`` ends the section that is
-open; only when none is open does it begin one. So a section that is not ended swallows the next.
+Sections are parsed as by the ASAM C-API: a line that begins with ``$`` ends the open section; it
+begins a new one only if none is open. So a section that is not ended hides the next one.
 """
 
 import re
@@ -37,18 +37,18 @@ _CHANNELS = {
     "reference line banking": ("banking", "m/m"),
 }
 _LONGEST_LINE = 72  # [characters]
-_LONGEST_TEXT = 4096  # [bytes] a line beyond it belongs to no header
-_MOST_STATIONS = 1e9  # a count beyond it is damage
-#: Cure of a line that is missing from the header.
+_LONGEST_TEXT = 4096  # [bytes] a longer line is no line of a header
+_MAX_STATIONS = 1e9  # a larger count is damage
+#: Cure in messages about a line that is missing from the header.
 LOST = "Export the file again, or restore the line in the header."
 
 
 @dataclass
 class CrgHeader:
-    """What the header of an OpenCRG file says."""
+    """Contents of the header of an OpenCRG file."""
 
     path: Path
-    data_offset: int = 0  # [bytes] where the numbers begin
+    data_offset: int = 0  # [bytes] position of the first number
     number_format: NumberFormat | None = None
     comment: list[str] = field(default_factory=list)
     road: dict[str, float] = field(default_factory=dict)
@@ -72,12 +72,12 @@ class CrgHeader:
 
     @property
     def is_binary(self) -> bool:
-        """Whether the numbers are stored as bytes, not as text."""
+        """Whether the numbers are binary, not text."""
         return self.number_format in ("KRBI", "KDBI")
 
 
 def read_header(path: Path) -> CrgHeader:
-    """Header of an OpenCRG file that holds a grid, checked as far as it can be without the data."""
+    """Read the header of an OpenCRG file, with all checks that need no data."""
     header = CrgHeader(path)
     with path.open("rb") as stream:
         _require_signature(stream, path)
@@ -101,19 +101,19 @@ def read_header(path: Path) -> CrgHeader:
 
 
 def station_count(header: CrgHeader) -> int | None:
-    """Count of cross-sections that the header announces, None if it leaves that to the data."""
+    """Number of cross-sections by the header; None if it does not state it."""
     end = header.road.get("reference_line_end_u")
     if end is None:
         if not header.is_binary:
             return None
         raise FormatError(
-            "REFERENCE_LINE_END_U is missing, so nobody can tell whether the data are whole",
+            "REFERENCE_LINE_END_U is missing, so it is unknown whether the data are complete",
             path=header.path,
             place="section $ROAD_CRG",
             cure=LOST,
         )
     steps = (end - header.start) / header.increment
-    if not (0.5 < steps < _MOST_STATIONS and abs(steps - round(steps)) < 0.01):
+    if not (0.5 < steps < _MAX_STATIONS and abs(steps - round(steps)) < 0.01):
         raise FormatError(
             f"REFERENCE_LINE_END_U ({end:g} m) must lie a whole number of increments "
             f"({header.increment:g} m) beyond the start ({header.start:g} m)",
@@ -136,7 +136,7 @@ def _require_signature(stream: BinaryIO, path: Path) -> None:
     else:
         found = f"it begins with {begin[:12]!r}"
     raise FormatError(
-        f"is no OpenCRG file: it must begin with $CT, but {found}",
+        f"is not an OpenCRG file: it must begin with $CT, but {found}",
         path=path,
         place="line 1",
         cure="See with `trueterrain info` what the file is.",
@@ -169,7 +169,7 @@ def _parse_header(stream: BinaryIO, header: CrgHeader) -> None:
                     cure="Add the line.",
                 )
             if keyword == "$":
-                _finish_header(header, stream.tell(), number, crlf, long_lines)
+                _complete_header(header, stream.tell(), number, crlf, long_lines)
                 return
             if keyword and not seen and keyword != "CT":
                 header.problems.append(f"must begin with section $CT, but begins with ${keyword}")
@@ -189,7 +189,7 @@ def _parse_header(stream: BinaryIO, header: CrgHeader) -> None:
     )
 
 
-def _finish_header(
+def _complete_header(
     header: CrgHeader,
     offset: int,
     lines: int,
@@ -215,12 +215,12 @@ def _decode_line(raw: bytes) -> str:
 
 
 def _ends_or_begins(line: str, section: str) -> bool:
-    # a file reference may begin with an environment variable, and free text with anything
+    # a file reference may begin with an environment variable, free text with any character
     return line.startswith("$") if section in ("CT", "ROAD_CRG_FILE") else line.lstrip()[:1] == "$"
 
 
 def _section_keyword(line: str) -> str:
-    """Keyword of a line that begins with $: "$" before the data, empty if it names no section."""
+    """Keyword of a line that begins with $: "$" before the data, "" if it names no section."""
     upper = line.strip().upper()
     if upper.startswith("$$$$"):
         return "$"
@@ -263,7 +263,7 @@ def _parse_parameter(
     name = name.lower()
     match = _NUMBER.match(value)
     if not equals or not name:
-        header.problems.append(f"line {number} of section ${section} is no `name = value`")
+        header.problems.append(f"line {number} of section ${section} is not `name = value`")
         return
     if (section, name) in seen:
         header.problems.append(f"{name} stands twice in section ${section}")

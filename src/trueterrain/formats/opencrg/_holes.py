@@ -1,4 +1,4 @@
-"""Holes within the cross-sections of a surface, which OpenCRG does not allow."""
+"""Fill holes within the cross-sections of a surface, which OpenCRG does not allow."""
 
 from typing import Any, NamedTuple
 
@@ -18,9 +18,9 @@ Index = npt.NDArray[np.int64]
 def fill_interior(surface: xr.Dataset) -> xr.Dataset:
     """Fill holes between the outermost heights of each cross-section.
 
-    The heights of a hole solve the discrete Laplace equation between the heights around it: a
-    stretched membrane, without new extremes, and exact for planes. What is missing at the left and
-    right edge stays missing.
+    The heights of a hole solve the discrete Laplace equation with the heights around it as boundary
+    values: a stretched membrane, without new extremes, and exact for planes. Nodes that are missing
+    at the left and right edge stay missing.
 
     Parameters
     ----------
@@ -30,8 +30,8 @@ def fill_interior(surface: xr.Dataset) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        The surface without holes; the variable ``filled`` marks what was filled now or before, and
-        ``attrs["filled"]`` counts what was filled now. A standard deviation is NaN there.
+        The surface without holes. The variable ``filled`` marks all filled nodes, also those filled
+        before; ``attrs["filled"]`` counts those filled now. Standard deviations are NaN there.
 
     Raises
     ------
@@ -56,20 +56,21 @@ def fill_interior(surface: xr.Dataset) -> xr.Dataset:
 
 
 def holes_in(height: Floats) -> Index:
-    """Places of the holes in some cross-sections, counted along the flattened array."""
+    """Flat indices of the holes in some cross-sections."""
     valid = np.isfinite(height)
     if valid.all():
         return np.empty(0, dtype=np.int64)
     width = height.shape[1] - valid.argmax(axis=1) - valid[:, ::-1].argmax(axis=1)
+    # a row has a hole if fewer nodes are valid than lie between its outermost heights
     broken = np.flatnonzero(width > valid.sum(axis=1))
     row, column = np.nonzero(interior_holes(height[broken]))
     return np.asarray(broken[row] * height.shape[1] + column)
 
 
 def patch_surface(surface: xr.Dataset, holes: Index) -> xr.Dataset:
-    """The surface as `fill_interior` returns it, but patched only where it is looked at.
+    """The result of `fill_interior`, with the filled nodes inserted only when values are read.
 
-    So neither a big surface in memory nor one on disk is copied for the sake of a few nodes.
+    So a large surface, in memory or on disk, is not copied for a few nodes.
     """
     shape = surface["height"].shape
     if "filled" in surface:
@@ -92,21 +93,21 @@ def patch_surface(surface: xr.Dataset, holes: Index) -> xr.Dataset:
 
 
 def _patch_variable(variable: xr.Variable, index: Index, values: npt.NDArray[Any]) -> xr.Variable:
-    # protected and kept once it is whole, like what xarray opens from disk
+    # copy on write and cached once it is loaded, like arrays that xarray opens from disk
     lazy = indexing.LazilyIndexedArray(_PatchedArray(variable, index, values))
-    # xarray leaves what protects arrays without types
+    # these classes of xarray have no type annotations
     data = indexing.MemoryCachedArray(indexing.CopyOnWriteArray(lazy))  # type: ignore[arg-type,no-untyped-call]  # as xarray does
     return xr.Variable(variable.dims, data, variable.attrs, variable.encoding)
 
 
 class _PatchedArray(BackendArray):
-    """An array that has other values in some places, which are put in when it is read."""
+    """Lazy array with other values at some nodes, which are inserted on reading."""
 
     def __init__(self, source: xr.Variable, index: Index, values: npt.NDArray[Any]) -> None:
         self.shape = source.shape
         self.dtype = values.dtype
         self._source = source
-        self._index = index  # ascending, along the flattened array
+        self._index = index  # flat, ascending
         self._values = values
 
     def __getitem__(self, key: indexing.ExplicitIndexer) -> Any:
@@ -127,7 +128,11 @@ class _PatchedArray(BackendArray):
 
 
 def _solve_membrane(surface: xr.Dataset, holes: Index) -> Floats:
-    """Heights of the holes [m]."""
+    """Heights of the holes [m], from the discrete Laplace equation.
+
+    For each hole, sum over u and v of the second differences of height = 0. Neighbours that are
+    holes are unknowns of the sparse system, the others enter its right-hand side.
+    """
     from scipy.sparse import coo_array
     from scipy.sparse.linalg import spsolve
 
@@ -146,12 +151,12 @@ def _solve_membrane(surface: xr.Dataset, holes: Index) -> Floats:
         columns.append(equation)
         weights.append(-(to_before + to_after))
         for neighbour, weight in ((before, to_before), (after, to_after)):
-            number = _find_places(holes, neighbour)
+            number = _find_indices(holes, neighbour)
             hole = number >= 0
             rows.append(equation[hole])
             columns.append(number[hole])
             weights.append(weight[hole])
-            known = rim.heights[_find_places(rim.nodes, neighbour[~hole])]
+            known = rim.heights[_find_indices(rim.nodes, neighbour[~hole])]
             np.add.at(constant, equation[~hole], -weight[~hole] * known)
     entries = (np.concatenate(weights), (np.concatenate(rows), np.concatenate(columns)))
     matrix = coo_array(entries, shape=(holes.size, holes.size)).tocsc()
@@ -159,29 +164,29 @@ def _solve_membrane(surface: xr.Dataset, holes: Index) -> Floats:
 
 
 class _HoleRim(NamedTuple):
-    """The nodes around holes that have a height."""
+    """Nodes with a height next to holes."""
 
-    nodes: Index  # ascending, along the flattened array
+    nodes: Index  # flat, ascending
     heights: Floats
 
 
 def _heights_around(surface: xr.Dataset, holes: Index) -> _HoleRim:
     rows, columns = surface["height"].shape
-    beside = np.concatenate([holes - columns, holes - 1, holes + 1, holes + columns])
-    beside = np.unique(beside[(beside >= 0) & (beside < rows * columns)])
-    beside = beside[_find_places(holes, beside) < 0]
-    found = np.empty(beside.size)
+    neighbours = np.concatenate([holes - columns, holes - 1, holes + 1, holes + columns])
+    neighbours = np.unique(neighbours[(neighbours >= 0) & (neighbours < rows * columns)])
+    neighbours = neighbours[_find_indices(holes, neighbours) < 0]
+    found = np.empty(neighbours.size)
     for block in row_blocks((rows, columns)):
-        first, last = np.searchsorted(beside, [block.start * columns, block.stop * columns])
+        first, last = np.searchsorted(neighbours, [block.start * columns, block.stop * columns])
         if first < last:
             flat = block_heights(surface, block).reshape(-1)
-            found[first:last] = flat[beside[first:last] - block.start * columns]
+            found[first:last] = flat[neighbours[first:last] - block.start * columns]
     known = np.isfinite(found)
-    return _HoleRim(beside[known], found[known])
+    return _HoleRim(neighbours[known], found[known])
 
 
-def _find_places(ascending: Index, wanted: Index) -> Index:
-    """Where values stand in an array, -1 for those that do not."""
+def _find_indices(ascending: Index, wanted: Index) -> Index:
+    """Index of each value in an ascending array, -1 for values that are not in it."""
     at = np.searchsorted(ascending, wanted)
     inside = at < ascending.size
     inside[inside] = ascending[at[inside]] == wanted[inside]
@@ -191,18 +196,28 @@ def _find_places(ascending: Index, wanted: Index) -> Index:
 def _second_differences(
     holes: Index, rim: _HoleRim, shape: tuple[int, ...], axis: int, positions: Floats
 ) -> tuple[Index, Index, Index, Floats, Floats]:
-    """Holes with a known or unknown height on both sides along an axis, and their weights [1/m²].
+    """Second differences of height along an axis, for holes with a node on both sides.
 
-    They are given by their number, the nodes on both sides by their place. A side alone would not
-    do: then a plane would no longer satisfy the equation. Across the road, each hole has both
-    sides, so no equation is empty.
+    With distances a before and b after the node, h'' = 2/(a(a+b)) h_before + 2/(b(a+b)) h_after
+    less their sum times h. Holes with a neighbour on one side only get no equation along this axis:
+    a one-sided difference would not vanish for planes. Across the road each hole has both
+    neighbours, so no equation is empty.
+
+    Returns
+    -------
+    number : ndarray
+        Numbers of the holes.
+    before, after : ndarray
+        Flat indices of both neighbours.
+    to_before, to_after : ndarray
+        Their weights [1/m²].
     """
     along = np.divmod(holes, shape[1])[axis]
     step = shape[1] if axis == 0 else 1
     number = np.flatnonzero((along > 0) & (along < positions.size - 1))
-    for beside in (-step, step):
-        node = holes[number] + beside
-        number = number[(_find_places(holes, node) >= 0) | (_find_places(rim.nodes, node) >= 0)]
+    for offset in (-step, step):
+        node = holes[number] + offset
+        number = number[(_find_indices(holes, node) >= 0) | (_find_indices(rim.nodes, node) >= 0)]
     at = along[number]
     left = positions[at] - positions[at - 1]
     right = positions[at + 1] - positions[at]

@@ -1,4 +1,4 @@
-"""The exact median of what is too large to be sorted at once."""
+"""Exact median of values that are too many to be sorted in memory."""
 
 from collections.abc import Callable, Iterable
 
@@ -11,15 +11,16 @@ Floats = npt.NDArray[np.float64]
 def blockwise_median(blocks: Callable[[], Iterable[Floats]], sample: Floats) -> float:
     """Median of the finite values of all blocks.
 
-    A sample says between which two values the median must lie; all values are counted, but only
-    those in between are held. The result does not depend on the sample, nor on the blocks.
+    A sample gives a bracket in which the median probably lies. All values are counted, but only
+    those in the bracket are kept and sorted; if the median lies outside, the bracket is widened.
+    The result depends neither on the sample nor on the blocks.
 
     Parameters
     ----------
     blocks : callable
-        Gives all values, block by block, as often as it is called.
+        Returns an iterator of all values, block by block, at each call.
     sample : ndarray
-        Some of the values, from all over; at least one of them is finite.
+        Some of the values, spaced over all blocks; at least one is finite.
 
     Returns
     -------
@@ -29,20 +30,23 @@ def blockwise_median(blocks: Callable[[], Iterable[Floats]], sample: Floats) -> 
     Examples
     --------
     >>> values = np.array([7.0, 1.0, np.nan, 3.0, 2.0])
-    >>> median(lambda: [values[:3], values[3:]], values[:2])
+    >>> blockwise_median(lambda: [values[:3], values[3:]], values[:2])
     2.5
     """
     sample = np.sort(sample[np.isfinite(sample)])
-    share = 0.02  # of the values on either side of the median
+    fraction = 0.02  # of the values in the bracket, on either side of the median
     while True:
         bracket = (-np.inf, np.inf)
-        if sample.size and share < 0.5:
-            places = ((0.5 - share) * (sample.size - 1), (0.5 + share) * (sample.size - 1))
+        if sample.size and fraction < 0.5:
+            places = (
+                (0.5 - fraction) * (sample.size - 1),
+                (0.5 + fraction) * (sample.size - 1),
+            )
             bracket = (float(sample[int(places[0])]), float(sample[int(np.ceil(places[1]))]))
         found = _median_between(blocks(), *bracket)
         if found is not None:
             return found
-        share *= 2
+        fraction *= 2
 
 
 def _median_between(blocks: Iterable[Floats], low: float, high: float) -> float | None:
@@ -53,12 +57,12 @@ def _median_between(blocks: Iterable[Floats], low: float, high: float) -> float 
         below += int(np.count_nonzero(values < low))
         above += int(np.count_nonzero(values > high))
         near = values[(values >= low) & (values <= high)]
-        # ties are counted: of a flat road, all heights may be the same
+        # values equal to a bound are counted, not kept: all heights of a flat road may be equal
         lows += int(np.count_nonzero(near == low))
         highs += int(np.count_nonzero((near == high) & (high > low)))
         between.append(near[(near > low) & (near < high)])
-    middle = np.concatenate(between)
-    count = below + lows + middle.size + highs + above
+    inner = np.concatenate(between)
+    count = below + lows + inner.size + highs + above
     if count == 0:
         message = "at least one value must be finite"
         raise ValueError(message)
@@ -70,7 +74,7 @@ def _median_between(blocks: Iterable[Floats], low: float, high: float) -> float 
         if rank < lows:
             return low
         rank -= lows
-        return float(np.partition(middle, rank)[rank]) if rank < middle.size else high
+        return float(np.partition(inner, rank)[rank]) if rank < inner.size else high
 
     lower, upper = ranked((count - 1) // 2), ranked(count // 2)
     return None if lower is None or upper is None else (lower + upper) / 2

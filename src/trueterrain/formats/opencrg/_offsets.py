@@ -1,7 +1,7 @@
-"""Where the long sections of an OpenCRG file lie across the road.
+"""Lateral offsets v of the long sections of an OpenCRG file.
 
-They are named by position, or numbered from the right edge and spaced equally. The MATLAB library
-and the C library derive what the header leaves out in different ways; where that matters, it is
+Sections are named by position, or numbered from the right edge with equal spacing. The MATLAB
+library and the C library complete a header that lacks lines differently; where that matters, it is
 an error.
 """
 
@@ -11,7 +11,7 @@ import numpy.typing as npt
 from trueterrain.core.errors import FormatError
 from trueterrain.formats.opencrg._header import LOST, CrgHeader
 
-_COINCIDE = 1e-6  # [m] columns that are nearer to each other are the same
+_COINCIDE = 1e-6  # [m] distance below which two long sections coincide
 
 
 def section_offsets(header: CrgHeader) -> npt.NDArray[np.float64]:
@@ -30,7 +30,7 @@ def section_offsets(header: CrgHeader) -> npt.NDArray[np.float64]:
     right, left = (header.road.get(f"long_section_v_{side}") for side in ("right", "left"))
     if (right is None) != (left is None):
         raise FormatError(
-            f"LONG_SECTION_V_{'RIGHT' if right is None else 'LEFT'} is missing beside its partner",
+            f"LONG_SECTION_V_{'RIGHT' if right is None else 'LEFT'} is missing, its partner is not",
             path=header.path,
             place="section $ROAD_CRG",
             cure=LOST,

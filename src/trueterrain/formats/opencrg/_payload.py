@@ -1,8 +1,7 @@
-"""The numbers of an OpenCRG file: all of them, none too many, and none that damage has made.
+"""Read the numbers of an OpenCRG file, with checks of their count and size.
 
-The reference implementations decode whatever bytes they find. Line ends that a transfer converted
-inside binary numbers, or a lost end, then give heights of 1e15 m without a word; here they are
-errors.
+The reference implementations decode any bytes. Line ends that a transfer converted inside binary
+numbers, or a truncated file, then give heights of 1e15 m without a message; here they are errors.
 """
 
 import os
@@ -18,7 +17,7 @@ from trueterrain.formats.opencrg._header import NUMBER_FORMATS, CrgHeader, stati
 Floats = npt.NDArray[np.float64]
 
 _RECORD = 80  # [bytes]
-#: No road is higher [m]; a number that damage has made nearly always is.
+#: Largest plausible height of a road [m]; damaged numbers are nearly always larger.
 HIGHEST = 1e5
 _LARGEST_CHANNEL = {"phi": 1e3, "slope": 1e2, "banking": 1e2}  # [rad, m/m]
 _CONVERTED = (
@@ -29,11 +28,11 @@ _CUT = "The file is cut off or damaged: copy or export it again."
 
 
 class CrgPayload:
-    """The numbers of an OpenCRG file: cross-sections of them are read when they are asked for.
+    """Numbers of an OpenCRG file; blocks of cross-sections are read on demand.
 
     Parameters
     ----------
-    header : Header
+    header : CrgHeader
         Header of the file.
     offsets : ndarray
         Offset of each long section [m], in the order of the file.
@@ -41,7 +40,7 @@ class CrgPayload:
     Raises
     ------
     FormatError
-        If there are too few or too many, if damage has made one, or if text is no number.
+        If there are too few or too many, if one is implausible, or if text is not a number.
     """
 
     def __init__(self, header: CrgHeader, offsets: Floats) -> None:
@@ -79,7 +78,7 @@ class CrgPayload:
         return values[:, self._others], grid
 
     def require_possible(self) -> None:
-        """Raise if damage has made any of the numbers."""
+        """Raise a FormatError if any of the numbers is implausible."""
         for rows in row_blocks((self.rows, len(self._header.channels))):
             self._values(rows)
 
@@ -101,7 +100,7 @@ class CrgPayload:
 
 
 def _require_length(header: CrgHeader, size: int) -> int:
-    """Count of cross-sections, if the numbers are as many as the header announces."""
+    """Number of cross-sections; raises if the count of numbers differs from the header."""
     rows, columns = station_count(header), len(header.channels)
     assert rows is not None  # binary files must announce it
     needed = rows * columns * size
@@ -177,7 +176,7 @@ def _from_text(header: CrgHeader, payload: bytes) -> Floats:
 
 
 def _require_lines(header: CrgHeader, lines: list[bytes], lengths: list[int], ended: bool) -> int:
-    """Count of cross-sections, if the lines are as many and as long as they must be."""
+    """Number of cross-sections; raises if number or length of the lines are wrong."""
     per_row = len(lengths)
     rows, rest = divmod(len(lines), per_row)
     announced = station_count(header)
@@ -223,7 +222,7 @@ def _parse_fields(header: CrgHeader, fields: npt.NDArray[np.bytes_]) -> Floats:
 
 
 def _require_possible(header: CrgHeader, values: Floats, limits: Floats, first: int) -> None:
-    """Raise if a number of the cross-sections from `first` on is larger than it can be, or lost."""
+    """Raise if a number of the cross-sections from `first` on is too large, or missing."""
     line = [k for k, kind in enumerate(header.channels) if kind in _LARGEST_CHANNEL]
     largest = np.fmax(np.fmax.reduce(values), -np.fmin.reduce(values))
     if not (largest > limits).any() and not np.isnan(values[:, line]).any():

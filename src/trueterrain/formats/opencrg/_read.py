@@ -1,4 +1,4 @@
-"""Surfaces from OpenCRG files, and what such files hold."""
+"""Read surfaces from OpenCRG files, and describe such files."""
 
 import json
 import logging
@@ -13,6 +13,7 @@ import xarray as xr
 from trueterrain.core import provenance
 from trueterrain.core.errors import FormatError
 from trueterrain.core.schemas import check_surface, make_surface
+from trueterrain.formats._bounds import value_range
 from trueterrain.formats.opencrg import _rules
 from trueterrain.formats.opencrg._blocks import row_blocks
 from trueterrain.formats.opencrg._header import CrgHeader, read_header
@@ -21,23 +22,22 @@ from trueterrain.formats.opencrg._payload import CrgPayload
 
 Floats = npt.NDArray[np.float64]
 
-#: Line in the free text of files that we write, since OpenCRG has no place for a CRS.
+#: Prefix of the line of free text that holds the CRS, for which OpenCRG has no field.
 CRS_MARK = "crs: "
-#: Lines that carry the provenance of what we write, as JSON.
+#: Prefix of the lines of free text that hold the provenance, as JSON.
 HISTORY_MARK = "history: "
 
 _SINGLE = 1.2e-7  # [1] pycrg holds heights as float32
 _SAME_PLACE = 1e-6  # [m]
 
-# the library reports what is wrong by itself; without a handler, warnings of the C code would be
-# printed as well
+# pycrg raises errors and logs them, too; without a handler, warnings of the C code are printed
 logging.getLogger("pycrg").addHandler(logging.NullHandler())
 
 
 def read(path: str | Path) -> xr.Dataset:
-    """Surface from an OpenCRG file, in the coordinates in which it is stored.
+    """Read a surface from an OpenCRG file, in the coordinates in which it is stored.
 
-    Modifiers that the file asks for are not applied; they are kept, like its options, as JSON in
+    Modifiers of the file are not applied; they are kept, like its options, as JSON in
     ``attrs["opencrg_modifiers"]`` and ``attrs["opencrg_options"]``.
 
     Parameters
@@ -48,13 +48,13 @@ def read(path: str | Path) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        Surface with dims (u, v). ``height`` [m] is whole: grid, elevation of the reference line and
-        banking together. ``banking`` [m/m] is present if the file has it.
+        Surface with dims (u, v). ``height`` [m] is the sum of grid, elevation of the reference line
+        and banking. ``banking`` [m/m] is present if the file has it.
 
     Raises
     ------
     FormatError
-        If the file is damaged, cut off, refers to another file, or is no OpenCRG file.
+        If the file is damaged, cut off, refers to another file, or is not an OpenCRG file.
 
     Examples
     --------
@@ -73,7 +73,7 @@ def read(path: str | Path) -> xr.Dataset:
 
 
 def describe(path: str | Path) -> dict[str, Any]:
-    """What an OpenCRG file holds and what is flagged about it.
+    """Summary of an OpenCRG file for ``trueterrain info``.
 
     Parameters
     ----------
@@ -84,8 +84,8 @@ def describe(path: str | Path) -> dict[str, Any]:
     -------
     dict
         ``format``, ``kind``, ``number_format``, ``size`` (cross-sections, long sections),
-        ``spacing``, ``range`` and ``extent`` [m], ``missing`` (share of nodes without height),
-        ``curvature`` of the reference line (least, greatest) [1/m], ``crs``, ``modifiers``,
+        ``spacing``, ``range`` and ``extent`` [m], ``missing`` (fraction of nodes without height),
+        ``curvature`` of the reference line (minimum, maximum) [1/m], ``crs``, ``modifiers``,
         ``options``, ``comment`` and ``problems``.
 
     Raises
@@ -119,14 +119,14 @@ def describe(path: str | Path) -> dict[str, Any]:
         "number_format": header.number_format,
         "size": [u.size, v.size],
         "spacing": {"u": header.increment, "v": round(float(steps.mean()), 9) if even else None},
-        "range": {"u": _value_range(u), "v": _value_range(v)},
+        "range": {"u": value_range(u), "v": value_range(v)},
         "extent": {
-            "easting": _value_range(corners[..., 0]),
-            "northing": _value_range(corners[..., 1]),
-            "height": _value_range(height),
+            "easting": value_range(corners[..., 0]),
+            "northing": value_range(corners[..., 1]),
+            "height": value_range(height),
         },
         "missing": float(np.isnan(height).mean()),
-        "curvature": _value_range(curvature) if curvature.size else [0.0, 0.0],
+        "curvature": value_range(curvature) if curvature.size else [0.0, 0.0],
         "crs": surface.attrs["crs"],
         "modifiers": header.modifiers,
         "options": header.options,
@@ -136,7 +136,7 @@ def describe(path: str | Path) -> dict[str, Any]:
 
 
 class _StoredSurface(NamedTuple):
-    """What stands in a file: its header, and the grid and reference line that follow."""
+    """Contents of a file: header, offsets of the long sections, reference line and grid."""
 
     header: CrgHeader
     offsets: Floats
@@ -169,9 +169,9 @@ def _reference_line(header: CrgHeader) -> pycrg.CrgGrid:
 
 
 def _require_agreement(header: CrgHeader, numbers: CrgPayload, line: pycrg.CrgGrid) -> None:
-    """Two readers of one file must find the same: our own and the ASAM C-API.
+    """Raise unless this package and the ASAM C-API read the same numbers from a file.
 
-    The heights of the C-API, held as float32, give way to those that stand in the file.
+    Heights of the C-API, which are float32, are replaced by those of the file.
     """
     same = numbers.shape == line.z.shape and abs(line.u[0] - header.start) < _SAME_PLACE
     for rows in row_blocks(numbers.shape) if same else ():
@@ -201,7 +201,7 @@ def _require_agreement(header: CrgHeader, numbers: CrgPayload, line: pycrg.CrgGr
 def _assemble_surface(stored: _StoredSurface) -> xr.Dataset:
     header, v, line = stored.header, stored.offsets, stored.line
     banked = bool(line.bank.any())
-    height = line.z  # no copy: a second one would not be small
+    height = line.z  # in place: a copy of a large surface would double the memory
     for rows in row_blocks(height.shape):
         height[rows] += line.ref_z[rows, None]
         if banked:
@@ -224,7 +224,7 @@ def _assemble_surface(stored: _StoredSurface) -> xr.Dataset:
 
 
 def _marked_text(header: CrgHeader, mark: str) -> str:
-    """Text that was broken into lines with a mark."""
+    """Text of all lines of the comment that begin with a mark, joined."""
     return "".join(line.removeprefix(mark) for line in header.comment if line.startswith(mark))
 
 
@@ -240,15 +240,13 @@ def _restore_history(surface: xr.Dataset, header: CrgHeader) -> None:
 
 
 def _section_ends(easting: Floats, northing: Floats, v: Floats) -> Floats:
-    """Both ends of each cross-section [m], on the mitre of its two chords of equal length."""
+    """Both ends of each cross-section [m], on the bisector of its two chords of equal length."""
+    # half the sum of both chords has the direction of the bisected line and the length L cos(a/2),
+    # a the angle between them; times L / |along|² it is the unit vector over cos(a/2), so that the
+    # ends keep their distance v from both chords
     along = np.stack([np.gradient(easting), np.gradient(northing)], axis=-1)
     chord = np.hypot(easting[1] - easting[0], northing[1] - northing[0])
     along *= chord / (along**2).sum(axis=1, keepdims=True)
     normal = np.stack([-along[:, 1], along[:, 0]], axis=-1)
     line = np.stack([easting, northing], axis=-1)
     return np.stack([line + v[0] * normal, line + v[-1] * normal], axis=1)
-
-
-def _value_range(values: Floats) -> list[float] | None:
-    finite = values[np.isfinite(values)]
-    return [float(finite.min()), float(finite.max())] if finite.size else None

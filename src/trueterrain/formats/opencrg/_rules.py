@@ -1,4 +1,4 @@
-"""Rules of OpenCRG beyond its syntax, those of the checks in its MATLAB library.
+"""Rules of OpenCRG beyond its syntax, as checked by its MATLAB library.
 
 All positions are multiples of 1 mm; heights are missing only at the left and right edge; slope and
 banking are at most 1; no centre of curvature of the reference line lies on the road.
@@ -13,26 +13,27 @@ from trueterrain.formats.opencrg._header import CrgHeader
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
-MILLIMETRE = 1e-3  # [m] positions are multiples of it
-TOLERANCE = 1e-4  # [m] by which a position may miss one, and a chord its length
-STEEPEST = 1.0  # [m/m]
-LOOKED_UP = 199  # [steps] across the road, of the table in which the C-API looks sections up
-_AT_STEP = 1e-6  # [steps] by which a long section at the end of a step may miss it
+MILLIMETRE = 1e-3  # [m] unit of all positions
+TOLERANCE = 1e-4  # [m] tolerance of positions and of the lengths of chords
+STEEPEST = 1.0  # [m/m] largest slope and banking
+LOOKED_UP = 199  # [steps] across the road, in the table by which the C-API finds long sections
+_AT_STEP = 1e-6  # [steps] tolerance of a long section at the end of a step
 
 
 def line_curvature(easting: Floats, northing: Floats, increment: float) -> Floats:
     """Curvature of the reference line at its inner nodes [1/m], left turns positive."""
+    # sine of the angle between two chords of equal length, over that length
     x, y = np.diff(easting), np.diff(northing)
     return np.asarray((x[:-1] * y[1:] - y[:-1] * x[1:]) / increment**3)
 
 
 def beyond_centre(kappa: Floats, v: Floats) -> Mask:
-    """Inner nodes at which the road reaches the centre of curvature, where it overlaps itself."""
+    """Inner nodes where the road reaches its centre of curvature, and so overlaps itself."""
     return np.asarray(np.maximum(kappa * v[0], kappa * v[-1]) >= 1)
 
 
 def interior_holes(height: Floats) -> Mask:
-    """Nodes without height that have one both to their right and to their left."""
+    """Nodes without height between nodes of their cross-section that have one."""
     valid = np.isfinite(height)
     from_right = np.logical_or.accumulate(valid, axis=1)
     from_left = np.logical_or.accumulate(valid[:, ::-1], axis=1)[:, ::-1]
@@ -40,31 +41,31 @@ def interior_holes(height: Floats) -> Mask:
 
 
 def off_grid(positions: Floats) -> Mask:
-    """Positions that are no multiple of 1 mm."""
+    """Positions that are not multiples of 1 mm."""
     return np.asarray(np.abs(positions - np.round(positions / MILLIMETRE) * MILLIMETRE) > TOLERANCE)
 
 
 def is_even(v: Floats) -> bool:
-    """Whether the distance between long sections is the same, as pycrg decides it."""
+    """Whether long sections are equally spaced, by the criterion of pycrg."""
     even = np.linspace(v[0], v[-1], v.size)
     return bool(np.abs(v - even).max() <= 1e-9 * max(1.0, v[-1] - v[0]))
 
 
 def overlooked_sections(v: Floats) -> Mask:
-    """Long sections behind which the C-API finds wrong heights, up to the next one.
+    """Long sections that the C-API overlooks, so that it interpolates wrong heights next to them.
 
-    Sections at unequal distances are looked up in a table of 199 equal steps, and of several within
-    one step the last is overlooked.
+    The C-API finds sections with unequal spacing by a table of 199 equal steps across the road; of
+    several sections within one step it overlooks the last.
     """
     if is_even(v):
         return np.zeros(v.size, dtype=bool)
     step = np.ceil((v[:-1] - v[0]) / (v[-1] - v[0]) * LOOKED_UP - _AT_STEP)
-    shared = np.concatenate([[False], np.diff(step) == 0, [False]])
-    return np.asarray(shared & ~np.roll(shared, -1))
+    same_step = np.concatenate([[False], np.diff(step) == 0, [False]])
+    return np.asarray(same_step & ~np.roll(same_step, -1))
 
 
 def check_rules(header: CrgHeader, surface: xr.Dataset, kappa: Floats) -> list[str]:
-    """What programs may stumble over, or read differently than this package does."""
+    """Problems of a surface for other programs: broken rules, and lines they read differently."""
     return [
         *_modifier_flags(header),
         *_position_flags(header, surface),
@@ -81,7 +82,7 @@ def _modifier_flags(header: CrgHeader) -> list[str]:
         ]
     if header.modifiers:
         names = ", ".join(header.modifiers)
-        return [f"the file asks for modifiers that are not applied here: {names}"]
+        return [f"the file has modifiers that are not applied here: {names}"]
     return []
 
 
@@ -103,7 +104,7 @@ def _position_flags(header: CrgHeader, surface: xr.Dataset) -> list[str]:
             f"than 1/{LOOKED_UP} of the width: programs with the C library find wrong heights there"
         )
     if "reference_line_end_u" not in header.road:
-        found.append("REFERENCE_LINE_END_U is missing: a lost end of the file cannot be noticed")
+        found.append("REFERENCE_LINE_END_U is missing: a truncated file cannot be detected")
     return found
 
 

@@ -1,8 +1,8 @@
-"""Heights into an OpenCRG file, block by block.
+"""Write heights into an OpenCRG file, block by block.
 
-What stands before the heights, the header and the rounded reference line, comes from pycrg: it
-writes a file with the two outermost long sections alone, all zero. The header gets the lines of all
-long sections, which pycrg writes into a second small file.
+The header and the rounded reference line come from pycrg: it writes a file with only the two
+outermost long sections, all zero. The lines of all long sections, which pycrg writes into a second
+small file, are inserted into that header.
 """
 
 import re
@@ -32,17 +32,17 @@ _RECORD = 80  # [bytes]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FlatRoad:
-    """The reference line as a file holds it: rounded, but known exactly."""
+    """Reference line as rounded in a file, and the header of that file."""
 
     header: bytes
     "Header of a file with the two outermost long sections."
     channels: Floats
-    "Numbers that stand before the heights of each cross-section, rounded as in the file."
+    "Channels before the heights of each cross-section, rounded as in the file."
     grid: pycrg.CrgGrid
-    "The reference line that follows from them."
+    "Reference line that results from them."
 
     def heights(self, v: Floats, rows: slice) -> Floats:
-        """Heights of the reference line and its banking alone [m], to be broadcast to the grid."""
+        """Heights of the reference line and its banking [m], to be broadcast to the grid."""
         base = self.grid.ref_z[rows, None]
         if self.grid.bank.any():
             base = base + self.grid.bank[rows, None] * v
@@ -50,7 +50,7 @@ class FlatRoad:
 
 
 def flat_road(path: Path, road: xr.Dataset, keywords: Mapping[str, Any]) -> FlatRoad:
-    """Reference line that the C-API makes of what pycrg writes to a path."""
+    """Write the reference line with pycrg to a path, and read it with the C-API."""
     pycrg.write(path, np.zeros((road.sizes["u"], 2)), v=road["v"].values[[0, -1]], **keywords)
     header = read_header(path)
     numbers = CrgPayload(header, section_offsets(header))
@@ -60,15 +60,15 @@ def flat_road(path: Path, road: xr.Dataset, keywords: Mapping[str, Any]) -> Flat
 
 
 def number_type(fmt: str) -> np.dtype[Any]:
-    """Type of the numbers of a binary format."""
+    """Data type of a binary format."""
     return np.dtype(">f4" if fmt == "KRBI" else ">f8")
 
 
 def with_sections(header: bytes, v: Floats, fmt: str, path: Path) -> bytes:
-    """Header with other long sections between the same edges; a path is needed for a moment."""
+    """Header with other long sections between the same edges; `path` is used temporarily."""
     pycrg.write(path, np.zeros((2, v.size)), 1.0, v, fmt=fmt)
     example = _header_bytes(path)
-    # free text may look like anything, so it stays apart
+    # free text is kept apart: it may contain lines that look like those to be replaced
     end_of_text = header.index(b"\n$\n")
     text, rest = header[:end_of_text], header[end_of_text:]
     increment, sections = (b"".join(lines.findall(example)) for lines in (_INCREMENT, _SECTIONS))
@@ -101,7 +101,7 @@ def write_blocks(road: xr.Dataset, flat: FlatRoad, path: Path, fmt: str) -> None
             table = np.empty((len(block), before + v.size), dtype=number_type(fmt))
             table[:, :before] = flat.channels[rows]
             rest = block - flat.heights(v, rows)
-            # all that is missing is written as the same NaN, whatever made it
+            # all missing heights are written as the same NaN, so that files are reproducible
             np.copyto(rest, np.nan, where=np.isnan(rest))
             table[:, before:] = rest
             content = table.tobytes()
@@ -113,7 +113,7 @@ def write_blocks(road: xr.Dataset, flat: FlatRoad, path: Path, fmt: str) -> None
 
 
 def record_padding(length: int, fmt: str) -> bytes:
-    """What fills the last record of numbers that are so many bytes long."""
+    """Bytes that fill up the last record after `length` bytes of numbers: NaN."""
     number = number_type(fmt)
     return np.full(-length % _RECORD // number.itemsize, np.nan, dtype=number).tobytes()
 

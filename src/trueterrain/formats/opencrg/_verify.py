@@ -1,11 +1,11 @@
-"""Whether a file that was written holds what it should, for two independent readers.
+"""Verify a written file with two independent readers.
 
-Every number is read back by this package and compared with the surface. The ASAM C-API loads the
-file as well and evaluates it: all nodes of the reference line, and the middle of every cell or, if
-there are more, of 200,000 cells all over. As the C-API would hold a big file twice, of one beyond
-64 MB it gets a copy with all cross-sections but only some of the long sections. These lie at
-unequal distances in general, and then no more of them than half the steps of the table in which the
-C-API looks them up, since it overlooks some that share a step.
+This package reads every number back and compares it with the surface. The ASAM C-API loads the file
+as well and evaluates it: all nodes of the reference line, and the centre of every cell or, if there
+are more, of 200,000 cells spaced over the file. Since the C-API holds a file twice in memory, it
+gets a copy of a file beyond 64 MB with all cross-sections but only some of the long sections. In
+general these have unequal spacing; there are at most half as many as the steps of the table by
+which the C-API finds them, since it overlooks sections within one step.
 """
 
 import math
@@ -30,31 +30,31 @@ from trueterrain.formats.opencrg._stream import FlatRoad, number_type, record_pa
 Floats = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
-_SAME = 1e-9  # [m] positions along and across
-_SAME_PLACE = 1e-7  # [m] of coordinates of up to 1e7 m, after some steps in double precision
-_ROUND_OFF = 1e-9  # [m] of heights of up to some km in double precision
+_SAME = 1e-9  # [m] tolerance of u and v
+_SAME_PLACE = 1e-7  # [m] tolerance of coordinates up to 1e7 m: rounding in double precision
+_ROUND_OFF = 1e-9  # [m] tolerance of heights up to some km: rounding in double precision
 # rounding of a number in each format: absolute, and relative to its size. Text has 9 or 19
 # characters for a number, of which the sign and the point leave 7 or 17 digits to one below 1.
 _ROUNDING = {"KRBI": (0, 1.2e-7), "KDBI": (0, 1e-15), "LRFI": (5e-8, 1e-6), "LDFI": (0, 1e-15)}
-_C_API_ROUNDING = 1.2e-7  # the C-API holds heights as float32
-_MOST_CELLS = 200_000  # so that checking takes less time than writing
-_MOST_BYTES = 64_000_000  # of numbers that the C-API gets; it needs twice as much memory
-_MOST_SECTIONS = (_rules.LOOKED_UP + 1) // 2  # of a copy
+_C_API_ROUNDING = 1.2e-7  # relative: the C-API holds heights as float32
+_MAX_CELLS = 200_000  # cells to evaluate, so that checking takes less time than writing
+_MAX_BYTES = 64_000_000  # of numbers for the C-API, which needs twice as much memory
+_MAX_SECTIONS = (_rules.LOOKED_UP + 1) // 2  # long sections of a copy
 
 
 def require_same(road: xr.Dataset, path: Path, fmt: str, flat: FlatRoad) -> None:
-    """Raise if a file does not hold a surface.
+    """Raise unless a file holds a surface.
 
     Parameters
     ----------
     road : xarray.Dataset
-        What should have been written.
+        Surface that was written.
     path : Path
         The file.
     fmt : str
         Format of the numbers.
     flat : FlatRoad
-        The reference line that the file should hold.
+        Reference line that was written.
 
     Raises
     ------
@@ -69,10 +69,10 @@ def require_same(road: xr.Dataset, path: Path, fmt: str, flat: FlatRoad) -> None
     _compare_positions(road, header, v, flat, path)
     numbers = CrgPayload(header, offsets)
     kept = np.arange(v.size)
-    if header.is_binary and path.stat().st_size - header.data_offset > _MOST_BYTES:
+    if header.is_binary and path.stat().st_size - header.data_offset > _MAX_BYTES:
         size = number_type(fmt).itemsize
-        most = min(max(2, _MOST_BYTES // (size * numbers.rows)), _MOST_SECTIONS)
-        kept = np.unique(np.linspace(0, v.size - 1, most).astype(int))
+        count = min(max(2, _MAX_BYTES // (size * numbers.rows)), _MAX_SECTIONS)
+        kept = np.unique(np.linspace(0, v.size - 1, count).astype(int))
     cells = _CheckCells(numbers.rows, kept)
     largest = _compare_numbers(road, numbers, flat, cells, path, fmt)
     with _evaluate_file(path, header, kept, v, fmt) as crg:
@@ -138,13 +138,13 @@ class _CheckCells:
 
     def all(self) -> tuple[Index, Index, Floats]:
         """Number of each cell along and across, and its height [m]."""
-        i, j, middle = zip(*self._found, strict=True)
-        return np.concatenate(i), np.concatenate(j), np.concatenate(middle)
+        i, j, height = zip(*self._found, strict=True)
+        return np.concatenate(i), np.concatenate(j), np.concatenate(height)
 
 
 def _sampling_step(cells: int, columns: int) -> int:
-    """Step from one cell to the next that is looked at, so that they lie in all columns."""
-    step = -(-cells // _MOST_CELLS)
+    """Step between evaluated cells, coprime with the columns, so that all columns are covered."""
+    step = -(-cells // _MAX_CELLS)
     while math.gcd(step, columns) > 1:
         step += 1
     return step
@@ -153,25 +153,25 @@ def _sampling_step(cells: int, columns: int) -> int:
 def _compare_numbers(
     road: xr.Dataset, numbers: CrgPayload, flat: FlatRoad, cells: _CheckCells, path: Path, fmt: str
 ) -> float:
-    """Compare every number of the file and return the size of the largest height in it [m]."""
+    """Compare every number of the file; return the largest absolute height in it [m]."""
     if numbers.shape != road["height"].shape:
         raise _difference_error(f"{numbers.shape} heights", "height", path)
     v = road["v"].values
-    furthest = largest = 0.0
+    difference = largest = 0.0
     height = np.full((1, v.size), np.nan)
     for rows, should in height_blocks(road):
         line, grid = numbers[rows]
         if not np.array_equal(line, flat.channels[rows], equal_nan=True):
             raise _difference_error("other headings, slopes or bankings", "reference line", path)
-        # the last cross-section before the block goes first, for the cells in between
+        # the last cross-section of the previous block comes first, for the cells between both
         height = np.concatenate([height[-1:], grid])
         height[1:] += flat.heights(v, rows)
-        furthest = max(furthest, _max_difference(height[1:], should, path))
+        difference = max(difference, _max_difference(height[1:], should, path))
         largest = max(largest, np.fmax.reduce(grid, axis=None), -np.fmin.reduce(grid, axis=None))
         cells.add(rows, height)
     step, rounding = _ROUNDING[fmt]
-    if furthest > _ROUND_OFF + step + rounding * largest:
-        raise _difference_error(f"differences of {furthest:.3g} m", "height", path)
+    if difference > _ROUND_OFF + step + rounding * largest:
+        raise _difference_error(f"differences of {difference:.3g} m", "height", path)
     return largest
 
 
@@ -193,23 +193,23 @@ def _compare_evaluation(
 
 
 def _max_difference(found: Floats, should: Floats, path: Path) -> float:
-    """Largest difference of heights [m], which must be missing in the same places."""
+    """Largest difference of heights [m]; raises unless the same nodes are missing."""
     off = np.abs(found - should)
-    furthest = float(off.max())
-    if math.isnan(furthest):
+    difference = float(off.max())
+    if math.isnan(difference):
         if (np.isnan(found) != np.isnan(should)).any():
             raise _difference_error(
                 "heights where there should be none, or none where they should be", "height", path
             )
-        furthest = float(np.nanmax(off))
-    return furthest
+        difference = float(np.nanmax(off))
+    return difference
 
 
 @contextmanager
 def _evaluate_file(
     path: Path, header: CrgHeader, kept: Index, v: Floats, fmt: str
 ) -> Iterator[pycrg.RoadSurface]:
-    """The file in the C-API, with some of its long sections."""
+    """Open the file in the C-API, or a copy with some of its long sections."""
     if kept.size == v.size:
         with pycrg.RoadSurface.open(path, apply_modifiers=False) as crg:
             yield crg
@@ -242,7 +242,7 @@ def _write_part(
 
 def _difference_error(found: str, place: str, path: Path) -> OutputError:
     return OutputError(
-        f"what was written does not read back the same: {found}",
+        f"the file differs from the surface when it is read back: {found}",
         path=path,
         place=place,
         cure="Nothing is left of the file; please report this.",

@@ -1,4 +1,4 @@
-"""Surfaces into OpenCRG files, read back before they appear."""
+"""Write surfaces as OpenCRG files, which are read back before they appear."""
 
 import json
 import textwrap
@@ -23,11 +23,11 @@ from trueterrain.formats.opencrg._stream import FlatRoad, flat_road, write_block
 
 Floats = npt.NDArray[np.float64]
 
-_SHIFTED_ABOVE = 1.0  # [m] heights that lie further above the line would lose digits as float32
-_SAMPLE = 1 << 16  # [nodes] that say about where the median of the heights lies
-_STRAIGHT = 1e-6  # [m] a line that bends less is written with one exact heading
-_LINE = 72  # [characters]
-# options that say how the ground goes on beyond the grid; others concern programs, not the ground
+_SHIFTED_ABOVE = 1.0  # [m] median above the line from which on float32 would lose digits
+_SAMPLE = 1 << 16  # [nodes] sample that brackets the median of the heights
+_STRAIGHT = 1e-6  # [m] deviation up to which a line is written as straight, with one exact heading
+_LINE = 72  # [characters] longest line of the header
+# options for heights beyond the grid; other options concern programs, not the surface
 _KEPT_OPTIONS = ("border_", "refline_continuation")
 
 
@@ -41,16 +41,16 @@ def write(
 ) -> xr.Dataset:
     """Write a surface as OpenCRG, in absolute coordinates, and return what was written.
 
-    The file holds an empty section of modifiers, so programs leave the road where it is. Positions
-    are snapped to multiples of 1 mm where they are within 0.1 mm of one. Holes between the heights
-    of a cross-section are filled (see `fill_interior`), since OpenCRG allows none but at the edges.
-    Before the file appears, every number of it is read back by this package and compared with the
-    surface, and the ASAM C-API evaluates it: every node of the reference line, and the middle of
-    every cell or, if there are more, of 200,000 cells all over. Beyond 64 MB the C-API gets all
+    The file holds an empty section of modifiers, so that programs do not move the road. Positions
+    within 0.1 mm of a multiple of 1 mm are rounded to it. Holes between the heights of a
+    cross-section are filled (see `fill_interior`), since OpenCRG allows them only at the edges.
+    Before the file appears, this package reads every number back and compares it with the surface,
+    and the ASAM C-API evaluates every node of the reference line, and the centre of every cell or,
+    if there are more, of 200,000 cells spaced over the file. Beyond 64 MB the C-API gets all
     cross-sections but only some of the long sections.
 
-    A surface is written in blocks of cross-sections, and one that lies in a store is not loaded as
-    a whole; only the text formats and maps are.
+    A surface is written in blocks of cross-sections; one in a store is never loaded as a whole,
+    except for maps and the text formats.
 
     Parameters
     ----------
@@ -58,9 +58,9 @@ def write(
         Surface along a reference line whose chords are as long as the spacing of u, or a map, which
         becomes a road along its easting axis.
     path : str or Path
-        Where the file shall be.
+        Path of the file to write.
     force : bool
-        Replace a file that is there already.
+        Replace an existing file.
     fmt : str
         Format of the numbers: ``"KRBI"`` (float32, the usual one), ``"KDBI"`` (float64), ``"LRFI"``
         or ``"LDFI"`` (text).
@@ -70,19 +70,19 @@ def write(
     Returns
     -------
     xarray.Dataset
-        Surface with dims (u, v): positions and reference line as they stand in the file, and the
-        heights before they were rounded to its format. ``filled`` [1] marks what was filled and
-        ``attrs["filled"]`` counts it; ``count`` and ``sd`` are kept although the file cannot hold
-        them. Arrays are those of `surface` where nothing was filled; else they are put together
-        when they are needed, as xarray does with what it opens from disk.
+        Surface with dims (u, v): positions and reference line as in the file, heights before
+        rounding to its format. ``filled`` [1] marks filled nodes and ``attrs["filled"]`` counts
+        them; ``count`` and ``sd`` are kept although the file cannot hold them. Arrays are those of
+        `surface` if nothing was filled; else they are computed on access, like arrays that xarray
+        opens from disk.
 
     Raises
     ------
     ValueError
         If `fmt` is unknown.
     OutputError
-        If the surface breaks a rule of OpenCRG, if the file exists and `force` is false, or if what
-        was written does not read back the same. No file is left then.
+        If the surface breaks a rule of OpenCRG, if the file exists and `force` is false, or if the
+        file differs when it is read back. No file is left then.
 
     Examples
     --------
@@ -124,7 +124,7 @@ def write(
 
 
 def _header_keywords(road: xr.Dataset, fmt: str, comment: str | Iterable[str]) -> dict[str, Any]:
-    """What stands in the file beside the heights, in the words of pycrg."""
+    """Contents of the file besides the heights, as keyword arguments of pycrg."""
     u, easting, northing, elevation = (
         np.asarray(road[name], float) for name in ("u", "easting", "northing", "elevation")
     )
@@ -155,10 +155,10 @@ def _median_offset(road: xr.Dataset, elevation: Floats) -> float:
         rest = height - elevation[rows, None]
         return rest - np.asarray(road["banking"])[rows, None] * v if "banking" in road else rest
 
-    some = slice(0, road.sizes["u"], max(1, road["height"].size // _SAMPLE))
+    sample = slice(0, road.sizes["u"], max(1, road["height"].size // _SAMPLE))
     return blockwise_median(
         lambda: (above(block, rows) for rows, block in height_blocks(road)),
-        above(block_heights(road, some), some),
+        above(block_heights(road, sample), sample),
     )
 
 
@@ -205,7 +205,7 @@ def _stored_options(road: xr.Dataset) -> dict[str, float]:
 
 
 def _with_record(road: xr.Dataset, flat: FlatRoad, surface: xr.Dataset, fmt: str) -> xr.Dataset:
-    """What was written, on the reference line that the file holds."""
+    """The surface that was written, on the reference line of the file."""
     line = {"easting": flat.grid.x, "northing": flat.grid.y, "elevation": flat.grid.ref_z}
     along = np.unwrap(np.arctan2(np.diff(flat.grid.y), np.diff(flat.grid.x)))
     line["heading"] = np.concatenate([along[:1], along])

@@ -1,4 +1,4 @@
-"""Runs: what a mobile profiler recorded, as a Zarr 3 group ``NAME.zarr``.
+"""Runs: recordings of a mobile profiler, as Zarr 3 groups ``NAME.zarr``.
 
 An `xarray.DataTree` with attributes ``kind``, ``schema``, ``name``, ``origin`` (longitude deg,
 latitude deg, ellipsoidal height m of the local east-north-up frame), ``time_reference`` (``"gps"``
@@ -11,18 +11,18 @@ or ``"run"``) and ``mounting``, and these groups:
 ``navigation``      see `trueterrain.formats.navigation`
 ``accelerometers``  ``time`` (sample) [s]; ``acceleration`` (sample, sensor) [m/s²], the specific
                     force along body z; ``position`` (sensor, axis) [m] in the body; optional
-``truth``           what a simulation knows; optional
+``truth``           true values of a simulated run; optional
 ==================  =============================================================================
 
-Beam by beam, a return was measured at ``time + delay + mounting["scanner_clock"]``, true time.
-Everything is chunked along time. Ranges are kept in steps of 0.1 mm, two bytes each; all times and
-the navigation are kept exactly. Chunks carry a checksum, and the attribute ``arrays`` lists what
-must be there: a run that lacks an array or a chunk is not opened, and a chunk that is damaged is an
-error when it is read. Runs of earlier versions have neither checksums nor list, and are opened if
-no chunk is missing.
+A return is measured at the true time ``time + delay + mounting["scanner_clock"]`` of its beam. All
+arrays are chunked along time. Ranges are stored in steps of 0.1 mm, two bytes each; times and
+navigation are stored exactly. Chunks carry a checksum, and the attribute ``arrays`` lists the
+required arrays: a run that lacks an array or a chunk is not opened, and a damaged chunk is an error
+when it is read. Runs of earlier versions have neither checksums nor list; they are opened if no
+chunk is missing.
 
 `RunWriter` writes a run block by block, `open_run` opens it lazily, `scan_blocks` reads its scans,
-`check_run` says what is wrong with it, `import_run` makes one from flat files.
+`check_run` checks it, `import_run` converts flat files to a run.
 """
 
 from trueterrain.formats._zarr import StoredArray
@@ -57,5 +57,5 @@ __all__ = [
     "write",
 ]
 
-#: As every format calls it.
+#: The name that all formats have.
 read = open_run

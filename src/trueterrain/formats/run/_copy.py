@@ -1,4 +1,4 @@
-"""A run in memory, or one that was changed, to a store."""
+"""Write a run that is in memory, or a lazy run that was changed."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -28,23 +28,23 @@ def write(
     tree : xarray.DataTree
         The run; it is checked, and copied block by block.
     path : str or Path
-        Where the store shall be: a folder ``NAME.zarr``.
+        Path of the store to write: a folder ``NAME.zarr``.
     force : bool
-        Replace a run that is there already.
+        Replace an existing run.
     progress : callable
-        Told about the scans that are written.
+        Called with ``"scans"``, the number of scans written so far, and the total.
 
     Raises
     ------
     SchemaError
-        If it is no run, see `check_run`.
+        If it is not a run, see `check_run`.
     OutputError
         If the store exists and `force` is false.
     """
     check_run(tree)
     scans = group_of(tree, "scans")
     sensors = group_of(tree, "accelerometers") if "accelerometers" in tree.children else None
-    # unless the ranges were read from two bytes, any may come
+    # without the encoding of a file, ranges may be of any size: four bytes
     stored = scans["range"].encoding.get("_FillValue", 2**32 - 1)
     nodes = tree.children["truth"].children if "truth" in tree.children else {}
     truth = {name: node.to_dataset(inherit=False) for name, node in nodes.items()}
@@ -79,7 +79,7 @@ def write(
 
 
 def _time_of(group: xr.Dataset) -> str:
-    """Dimension along time, or nothing."""
+    """Dimension along time; empty if there is none."""
     return next((dim for dim in _ALONG_TIME if dim in group.sizes), "")
 
 

@@ -1,4 +1,4 @@
-"""What a run holds, and what is wrong with it."""
+"""Summary and problems of a run for ``trueterrain info``."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -20,14 +20,14 @@ Floats = npt.NDArray[np.float64]
 
 _TIMED = {"scans": "scan", "navigation": "epoch", "accelerometers": "sample"}
 _CLOCKS = {"scans": "scanner_clock", "accelerometers": "accelerometer_clock"}
-_MANY = 0.2  # share of drop-outs that deserves a word
-_FASTEST = 100.0  # [m/s] that a vehicle can drive
-_JITTER = 0.1  # of the interval that deserves a word
-_STRIDE = 0.2  # [s] from position to position of which way and speed are taken: noise is no way
+_MANY = 0.2  # fraction of beams without a return above which a run is flagged
+_FASTEST = 100.0  # [m/s] largest plausible speed of a vehicle
+_JITTER = 0.1  # jitter above which times are flagged, as a fraction of the interval
+_STRIDE = 0.2  # [s] between positions for distance and speed: noise would add to shorter steps
 
 
 def describe(path: str | Path) -> dict[str, Any]:
-    """Summary of a run for ``trueterrain info``; reads it once, in blocks.
+    """Summary of a run for ``trueterrain info``, read once, block by block.
 
     Parameters
     ----------
@@ -40,16 +40,16 @@ def describe(path: str | Path) -> dict[str, Any]:
         ``format``, ``kind``, ``name``, ``origin``, ``time_reference``, ``mounting``, ``bytes``,
         ``count`` (returns), ``scans``, ``navigation`` and ``accelerometers`` with their ``count``,
         ``time`` [s], ``rate`` [1/s], ``jitter`` (rms) [s] and ``gaps``; of the scans ``beams``,
-        ``angle`` [rad], ``range`` [m], ``dropouts`` (share of beams without a return) and
-        ``empty_scans``; ``extent`` [m] and ``way`` [m] of the navigation, and its ``speed`` (the
-        largest, as the way from five positions per second) [m/s]; ``clock_order``: the
-        instruments in the order in which they start and end in true time, with their times [s];
-        ``truth`` (names of its groups) and ``problems``. Everything can be written as JSON.
+        ``angle`` [rad], ``range`` [m], ``dropouts`` (fraction of beams without a return)
+        and ``empty_scans``; ``extent`` [m] and ``distance`` [m] of the navigation, and its
+        ``speed`` (maximum, from five positions per second) [m/s]; ``clock_order``: the instruments
+        in the order in which they start and end in true time, with their times [s]; ``truth``
+        (names of its groups) and ``problems``. All values are plain types that JSON can hold.
 
     Raises
     ------
     FormatError
-        If it is no Zarr store, or damaged beyond description.
+        If it is not a Zarr store, or too damaged to be described.
     """
     path = Path(path)
     tree = open_tree(path)
@@ -70,14 +70,14 @@ def describe(path: str | Path) -> dict[str, Any]:
             flags += _describe_scans(tree, summary)
     if "navigation" in summary:
         with _note_problems(problems):
-            flags += _describe_way(tree, summary)
+            flags += _describe_trajectory(tree, summary)
     if "accelerometers" in summary:
         summary["accelerometers"]["sensors"] = tree.children["accelerometers"].sizes.get(
             "sensor", 0
         )
     summary["clock_order"] = _clock_order(tree, summary)
     summary["truth"] = sorted(tree.children["truth"].children) if "truth" in tree.children else []
-    # all else has been read by now
+    # all other groups have been read above
     arrays = open_arrays(path)
     problems += find_damaged_chunks(arrays[name] for name in arrays if name.startswith("truth/"))
     summary["problems"] = list(dict.fromkeys([*problems, *flags]))
@@ -85,20 +85,20 @@ def describe(path: str | Path) -> dict[str, Any]:
 
 
 def problems_of(tree: xr.DataTree, path: str | Path | None = None) -> list[str]:
-    """Every rule that a run breaks, one line each.
+    """List every rule that a run breaks, one line each.
 
     Parameters
     ----------
     tree : xarray.DataTree
-        What shall be a run.
+        Tree to check.
     path : str or Path, optional
-        Store that it came from.
+        Store of the tree.
 
     Returns
     -------
     list of str
-        Messages as those of `check_run`, without the name of the file; a wrong layout hides what
-        comes after it.
+        Messages as those of `check_run`, without the name of the file. If the layout is wrong, only
+        that is listed.
     """
     found: list[str] = []
     for index, rule in enumerate(rules_of(tree, path)):
@@ -111,7 +111,7 @@ def problems_of(tree: xr.DataTree, path: str | Path | None = None) -> list[str]:
 
 @contextmanager
 def _note_problems(problems: list[str]) -> Iterator[None]:
-    """Keep what is wrong with the data as a problem, and go on."""
+    """Append an error of the data to the problems, and continue."""
     try:
         yield
     except TrueTerrainError as error:
@@ -127,14 +127,15 @@ def _is_timed(tree: xr.DataTree, name: str, dim: str) -> bool:
 
 
 def _describe_timing(group: xr.Dataset, name: str, dim: str) -> tuple[dict[str, Any], list[str]]:
-    tally = IntervalStatistics()
+    intervals = IntervalStatistics()
     for block in row_blocks(group, dim, ("time",)):
-        tally.add(block["time"])
-    summary = tally.to_dict()
-    flags = [text for text in tally.problems(name) if "run forward" not in text]
+        intervals.add(block["time"])
+    summary = intervals.to_dict()
+    # times that do not ascend are among the problems already, by the rules of a run
+    flags = [text for text in intervals.problems(name) if "run forward" not in text]
     if summary["rate"] and summary["jitter"] and summary["jitter"] * summary["rate"] > _JITTER:
         flags.append(
-            f"{name}: the time between two of them varies by {summary['jitter']:.3g} s (rms)"
+            f"{name}: the interval between times varies by {summary['jitter']:.3g} s (rms)"
         )
     return summary, flags
 
@@ -171,17 +172,18 @@ def _describe_scans(tree: xr.DataTree, summary: dict[str, Any]) -> list[str]:
         flags.append(f"scans: {empty} of {scans['count']} have no return at all")
     largest = group["range"].encoding.get("_FillValue", np.inf) * QUANTUM
     if returns and high > largest - 2 * QUANTUM:
-        flags.append(f"scans: ranges reach the largest that can be kept, {high:.4f} m")
+        flags.append(f"scans: ranges reach the largest that can be stored, {high:.4f} m")
     return flags
 
 
-def _describe_way(tree: xr.DataTree, summary: dict[str, Any]) -> list[str]:
-    """Extent and length of the way, by the navigation."""
+def _describe_trajectory(tree: xr.DataTree, summary: dict[str, Any]) -> list[str]:
+    """Add extent, distance and speed of the navigation to the summary; return flags."""
     group = group_of(tree, "navigation")
     axes = ("east", "north", "up")
     if not all(name in group and group[name].dims == ("epoch",) for name in axes):
         return []
-    low, high, way, fastest, jump = np.full(3, np.inf), np.full(3, -np.inf), 0.0, 0.0, 0.0
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    distance, max_speed, max_jump = 0.0, 0.0, 0.0
     stride = max(1, round(_STRIDE * (summary["navigation"]["rate"] or 0.0)))
     before = landmark = np.empty((4, 0))
     done, count = 0, group.sizes["epoch"]
@@ -191,23 +193,23 @@ def _describe_way(tree: xr.DataTree, summary: dict[str, Any]) -> list[str]:
         high = np.fmax(high, np.fmax.reduce(rows[1:], axis=1, initial=-np.inf))
         number = done + np.arange(rows.shape[1])
         landmarks = rows[:, (number % stride == 0) | (number == count - 1)]
-        jump = max(jump, _travelled_steps(before, rows)[1])
+        max_jump = max(max_jump, _travelled_steps(before, rows)[1])
         length, speed = _travelled_steps(landmark, landmarks)
-        way, fastest = way + length, max(fastest, speed)
+        distance, max_speed = distance + length, max(max_speed, speed)
         before, done = rows[:, -1:], done + rows.shape[1]
         landmark = landmarks[:, -1:] if landmarks.size else landmark
     known = bool(np.isfinite(low).all())
     spans = zip(axes, low, high, strict=True)
     summary["extent"] = {name: [float(a), float(b)] for name, a, b in spans} if known else None
-    summary["way"] = way
-    summary["navigation"]["speed"] = fastest
-    if jump > _FASTEST:
-        return [f"navigation: positions jump, as if at {jump:.4g} m/s"]
+    summary["distance"] = distance
+    summary["navigation"]["speed"] = max_speed
+    if max_jump > _FASTEST:
+        return [f"navigation: positions jump, as if at {max_jump:.4g} m/s"]
     return []
 
 
 def _travelled_steps(before: Floats, rows: Floats) -> tuple[float, float]:
-    """Length of the way through times and positions (4, epoch) [m], and largest speed [m/s]."""
+    """Distance along times and positions, shape (4, epoch) [m], and maximum speed [m/s]."""
     steps = np.diff(np.concatenate([before, rows], axis=1), axis=1)
     steps = steps[:, np.isfinite(steps).all(axis=0) & (steps[0] > 0)]
     length = np.sqrt(np.sum(steps[1:] ** 2, axis=0))
@@ -215,8 +217,9 @@ def _travelled_steps(before: Floats, rows: Floats) -> tuple[float, float]:
 
 
 def _clock_order(tree: xr.DataTree, summary: dict[str, Any]) -> dict[str, list[list[Any]]]:
+    """Instruments in the order of their first and last true time [s]."""
     mounting = Mounting()
-    with suppress(SchemaError):  # which is among the problems
+    with suppress(SchemaError):  # it is among the problems already
         mounting = Mounting.from_attrs(tree.attrs.get("mounting"))
     spans = {}
     for name, dim in _TIMED.items():

@@ -1,4 +1,4 @@
-"""What a TOML says about the flat files of a run."""
+"""Settings of an import: description of the flat files of a run in TOML."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,22 +15,22 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class NavigationFiles:
-    """Where the navigation stands."""
+    """Files of the navigation."""
 
     file: Path
     "SBET file, or table (CSV, Parquet); relative to the description."
 
     format: Literal["sbet", "table"] = "sbet"
-    "What kind of file it is."
+    "Format of the file."
 
     accuracy: Path | None = None
-    "SMRMSG file with the standard deviations."
+    "SMRMSG file with the reported standard deviations."
 
     columns: NavigationColumns | None = None
-    "Columns of a table; by default they are called as the variables of navigation."
+    "Names of the columns of a table; by default those of the variables of navigation."
 
     def __post_init__(self) -> None:
-        """Check that columns are not named for nothing."""
+        """Check that columns are named for a table only."""
         if self.format == "sbet" and self.columns is not None:
             message = "columns must be named for a table only, got format 'sbet'."
             raise ValueError(message)
@@ -41,8 +41,8 @@ class ScanTable:
     """A table of ranges: a row per return, or a row per scan.
 
     With layout ``"returns"`` each row holds the time, the range, and the beam by number or angle.
-    With layout ``"scans"`` each row holds the time and the ranges of all beams, in columns that are
-    called as `range` (and `intensity`) with the number of the beam behind: range0, range1, ...
+    With layout ``"scans"`` each row holds the time and the ranges of all beams, in columns named as
+    `range` (and `intensity`) followed by the number of the beam: range0, range1, ...
     """
 
     file: Path
@@ -52,16 +52,16 @@ class ScanTable:
     "Whether a row is a return or a whole scan."
 
     angles: tuple[float, ...] = ()
-    "Angle of each beam from straight down, positive to the left; or say the next three."
+    "Angle of each beam from straight down, positive to the left; or give the next three."
 
     first_angle: float | None = None
-    "Angle of the first beam of an even fan."
+    "Angle of the first beam of a fan with equal steps."
 
     last_angle: float | None = None
-    "Angle of the last beam of an even fan."
+    "Angle of the last beam of a fan with equal steps."
 
     beams: int | None = None
-    "Beams of an even fan."
+    "Number of beams of a fan with equal steps."
 
     degrees: bool = False
     "Whether angles are in degrees, else in radians."
@@ -76,7 +76,7 @@ class ScanTable:
     "Whether the time of a row is that of the first beam of its scan, or that of the beam."
 
     scan: str = ""
-    "Column of the number of the scan; without it, a scan begins where its time changes."
+    "Column of the number of the scan; without it, a scan begins where the time changes."
 
     beam: str = ""
     "Column of the number of the beam, from 0; or name the column of the angle."
@@ -85,10 +85,10 @@ class ScanTable:
     "Column of the angle."
 
     range: str = "range"
-    "Column of the range, or what the columns of ranges begin with."
+    "Column of the range, or the beginning of the names of the columns of ranges."
 
     intensity: str = ""
-    "Column of the intensity, or what the columns of intensities begin with; empty: there is none."
+    "Column of the intensity, or the beginning of their names; empty: there is none."
 
     range_scale: float = 1.0
     "Metres per unit of the range."
@@ -97,16 +97,16 @@ class ScanTable:
     "Seconds per unit of the time."
 
     no_return: float | None = None
-    "Range that stands for no return, in the unit of the table; 0 and empty cells always do."
+    "Range that means no return, in the unit of the table; 0 and empty cells always do."
 
     max_range: float = 6.5
-    "Largest range that the scanner can give [m]."
+    "Largest range of the scanner [m]."
 
     outside: Literal["error", "drop"] = "error"
-    "What to do with scans before the first or after the last epoch of the navigation."
+    "Treatment of scans before the first or after the last epoch of the navigation."
 
     def __post_init__(self) -> None:
-        """Check that the fan and the beams are named in one way."""
+        """Check that fan and beams are given by exactly one method."""
         even = (self.first_angle, self.last_angle, self.beams)
         if bool(self.angles) == all(value is not None for value in even):
             message = (
@@ -165,7 +165,7 @@ class AccelerometerTable:
     "Seconds per unit of the time."
 
     def __post_init__(self) -> None:
-        """Check that each sensor has a position."""
+        """Check that each column has the position of its sensor."""
         if not self.columns or len(self.columns) != len(self.positions):
             message = (
                 f"columns must name one column for each of the positions, got {len(self.columns)} "
@@ -179,7 +179,7 @@ class AccelerometerTable:
 
 @dataclass(frozen=True, kw_only=True)
 class RunFiles:
-    """The flat files of a run."""
+    """Flat files of a run, and the attributes of the run."""
 
     name: str
     "Name of the run."
@@ -189,16 +189,16 @@ class RunFiles:
     first position of the navigation."""
 
     time_reference: Literal["gps", "run"] = "gps"
-    "Whether times are seconds of the GPS week, or seconds since any moment."
+    "Whether times are seconds of the GPS week, or seconds from an arbitrary epoch."
 
     navigation: NavigationFiles
-    "Where the navigation stands."
+    "Files of the navigation."
 
     scans: ScanTable
-    "Where the scans stand."
+    "Table of the scans."
 
     accelerometers: AccelerometerTable | None = None
-    "Where the accelerations stand."
+    "Table of the accelerations."
 
     mounting: Mounting = field(default_factory=Mounting)
-    "Where the instruments sit in the body, and how much their clocks are behind."
+    "Pose of the scanner in the body frame, and clock offsets of the instruments."

@@ -1,4 +1,4 @@
-"""Runs from flat files, described by a small TOML."""
+"""Convert flat files, described by a small TOML, to a run."""
 
 import warnings
 from collections.abc import Iterator
@@ -12,7 +12,7 @@ from trueterrain.core import Progress, no_progress, provenance
 from trueterrain.core.errors import FormatError
 from trueterrain.formats.navigation import columns as tables
 from trueterrain.formats.navigation import sbet, smrmsg
-from trueterrain.formats.navigation._tables import table_blocks
+from trueterrain.formats.number_table import table_blocks
 from trueterrain.formats.run._files import (
     AccelerometerTable,
     NavigationFiles,
@@ -33,27 +33,27 @@ def import_run(
     force: bool = False,
     progress: Progress = no_progress,
 ) -> None:
-    r"""Make a run from flat files; memory stays flat however large they are.
+    r"""Convert flat files to a run, block by block in flat memory.
 
     Parameters
     ----------
     description : str or Path
-        TOML that says what the files hold, see `RunFiles`;
-        ``trueterrain.formats.settings.settings_template(RunFiles)`` is one to fill in. Files are
-        named relative to it.
+        TOML that describes the files, see `RunFiles`;
+        ``trueterrain.formats.settings.settings_template(RunFiles)`` is a template. Paths of
+        files are relative to it.
     output : str or Path
-        Where the store shall be: a folder ``NAME.zarr``.
+        Path of the store to write: a folder ``NAME.zarr``.
     force : bool
-        Replace a run that is there already.
+        Replace an existing run.
     progress : callable
-        Told about the epochs, scans and samples that are written; totals are not known.
+        Called with the numbers of epochs, scans and samples written so far; the total is None.
 
     Raises
     ------
     FormatError
         If the description or a file is wrong: file, line or row, column, rule and value.
     SchemaError
-        If what the files hold is no run, see `check_run`.
+        If the data break a rule of runs, see `check_run`.
     CoverageError
         If the accuracies do not cover the navigation.
     OutputError
@@ -118,7 +118,7 @@ def _navigation_blocks(files: RunFiles, description: Path) -> Iterator[xr.Datase
         chosen = source.columns or tables.OURS
         if files.origin is None and not chosen.is_geodetic:
             raise FormatError(
-                "origin: is missing, and positions in east, north, up do not tell it",
+                "origin: is missing, and positions in east, north, up do not define it",
                 path=description,
                 cure="Give origin = [longitude, latitude, height].",
             )
@@ -154,7 +154,7 @@ def _import_scans(
         written += kept.time.size
         progress("scans", written, None)
     if dropped:
-        message = f"{table.file}: {dropped} scans outside of the navigation are left out"
+        message = f"{table.file}: {dropped} scans outside of the navigation are omitted"
         warnings.warn(message, stacklevel=3)
 
 
@@ -175,7 +175,7 @@ def _import_accelerometers(run: RunWriter, sensors: AccelerometerTable, progress
 
 
 def _with_folder(files: RunFiles, folder: Path) -> RunFiles:
-    """Files named from where we are, not from where the description is."""
+    """Files with paths relative to the working folder, not to that of the description."""
     navigation = files.navigation
     accuracy = None if navigation.accuracy is None else folder / navigation.accuracy
     sensors = files.accelerometers

@@ -1,4 +1,4 @@
-"""Runs from a store, lazily."""
+"""Open runs lazily, and read their scans block by block."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,15 +18,15 @@ from trueterrain.formats._zarr import (
 )
 from trueterrain.formats.run._rules import check_layout, group_of
 
-#: Scans in a block, unless told otherwise.
+#: Scans in a block by default.
 BLOCK = 2000
 
 
 def open_run(path: str | Path) -> xr.DataTree:
-    """Run from a store; values are read when they are asked for, chunk by chunk.
+    """Open a run lazily; values are read on access, chunk by chunk.
 
-    Attributes, groups, variables, dimensions and units are checked, and whether every chunk is
-    there; values are not: see `check_run`. A chunk that is damaged is an error when it is read.
+    Attributes, groups, variables, dimensions and units are checked, and that no chunk is missing.
+    Values are not checked, see `check_run`. A damaged chunk is an error when it is read.
 
     Parameters
     ----------
@@ -42,9 +42,9 @@ def open_run(path: str | Path) -> xr.DataTree:
     Raises
     ------
     FormatError
-        If it is no Zarr store, or damaged, naming the array that lacks chunks.
+        If it is not a Zarr store, or is damaged; the message names the array that lacks chunks.
     SchemaError
-        If it is no run.
+        If it is not a run.
     """
     arrays = _open_store(Path(path))
     tree = check_layout(_make_tree(Path(path), arrays), path)
@@ -53,18 +53,18 @@ def open_run(path: str | Path) -> xr.DataTree:
 
 
 def open_tree(path: str | Path) -> xr.DataTree:
-    """Tree from a store whose arrays fit each other; nothing says that it is a run, or whole."""
+    """Open a store as a tree; neither that it is a run nor that it is complete is checked."""
     return _make_tree(Path(path), _open_store(Path(path)))
 
 
 def _open_store(path: Path) -> dict[str, StoredArray]:
-    """Arrays of a store."""
+    """Open the arrays of a store."""
     if not path.exists():
         message = f"there is no run {path}"
         raise FileNotFoundError(message)
     if not (path / "zarr.json").is_file():
         raise FormatError(
-            "is no Zarr 3 store: it holds no zarr.json",
+            "is not a Zarr 3 store: it holds no zarr.json",
             path=path,
             cure="Name the folder NAME.zarr of a run, or copy the whole folder again.",
         )
@@ -90,20 +90,20 @@ def _make_tree(path: Path, arrays: dict[str, StoredArray]) -> xr.DataTree:
 
 
 def scan_blocks(run: xr.DataTree | str | Path, size: int = BLOCK) -> Iterator[xr.Dataset]:
-    """Scans of a run block by block, never all at once.
+    """Read the scans of a run block by block, in flat memory.
 
     Parameters
     ----------
     run : xarray.DataTree or path
         The run, or its store.
     size : int
-        Largest number of scans in a block; some thousand, in multiples of 1000, are read fastest.
+        Largest number of scans in a block; a few thousand, in multiples of 1000, is fastest.
 
     Yields
     ------
     xarray.Dataset
-        ``time`` (scan), ``range`` and perhaps ``intensity`` (scan, beam), ``angle`` and ``delay``
-        (beam), in memory; ``attrs["first_scan"]`` is the index of the first scan.
+        ``time`` (scan), ``range`` and, if recorded, ``intensity`` (scan, beam), ``angle`` and
+        ``delay`` (beam), in memory; ``attrs["first_scan"]`` is the index of the first scan.
 
     Raises
     ------

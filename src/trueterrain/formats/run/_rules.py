@@ -1,4 +1,4 @@
-"""The rules of a run: each function goes block by block and raises at the first breach."""
+"""Rules of a run; each function reads block by block and raises at the first violation."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -9,13 +9,13 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.core.errors import SchemaError
+from trueterrain.formats._suggestions import suggest_name
 from trueterrain.formats._zarr import open_arrays, require_whole
 from trueterrain.formats.navigation._schema import (
     TimeChecker,
     check_length,
     check_navigation,
     check_structure,
-    suggest_name,
 )
 from trueterrain.formats.run._schema import (
     ACCELEROMETERS,
@@ -30,23 +30,23 @@ from trueterrain.geometry.navigation_frames import check_origin
 
 Floats = npt.NDArray[np.float64]
 
-_GRAVITY = (5.0, 15.0)  # [m/s²] where the median of a specific force along z must lie
-_LONG_ENOUGH = 5.0  # [s] over which it does: on rough ground a car may fall for most of a second
-_IN_G = (0.5, 1.5)  # where it lies if the unit is g
-_SLACK = 1.001  # of the delay beyond the time between two scans: rounding of clocks
+_GRAVITY = (5.0, 15.0)  # [m/s²] allowed median of the specific force along z
+_LONG_ENOUGH = 5.0  # [s] shortest time for this rule: on rough ground a car may fall for a second
+_IN_G = (0.5, 1.5)  # range of the median if the unit is g
+_SLACK = 1.001  # factor by which a delay may exceed the time between two scans: rounding of clocks
 
 
 def check_run(tree: xr.DataTree, path: str | Path | None = None) -> xr.DataTree:
-    """Return the tree if it is a run, else say what is wrong with it.
+    """Check that a tree is a run, and return it.
 
-    Everything but the ranges is looked at, block by block.
+    All values except the ranges are checked, block by block.
 
     Parameters
     ----------
     tree : xarray.DataTree
-        What shall be a run.
+        Tree to check.
     path : str or Path, optional
-        Store that it came from: for the message, and to see whether chunks of it are missing.
+        Store of the tree: for the message, and to check for missing chunks.
 
     Returns
     -------
@@ -56,9 +56,9 @@ def check_run(tree: xr.DataTree, path: str | Path | None = None) -> xr.DataTree:
     Raises
     ------
     SchemaError
-        Naming file, group and variable, rule, value and index: time that does not run forward, a
-        value that is not finite, scans outside of the span of the navigation, a wrong dimension or
-        unit, an unknown group, variable or key, angles that are no radians.
+        Naming file, group and variable, rule, value and index: time that does not ascend, a value
+        that is not finite, scans outside of the time span of the navigation, a wrong dimension or
+        unit, an unknown group, variable or key, angles that are not in radians.
     FormatError
         If chunks of the store are missing or damaged.
 
@@ -66,7 +66,7 @@ def check_run(tree: xr.DataTree, path: str | Path | None = None) -> xr.DataTree:
     --------
     >>> check_run(xr.DataTree(xr.Dataset(attrs={"kind": "log"})), "x.zarr")
     Traceback (most recent call last):
-    trueterrain.core.errors.SchemaError: x.zarr: attribute kind: must be 'trueterrain/run', got 'log'...
+    trueterrain.core.errors.SchemaError: x.zarr: attribute kind: must be 'trueterrain/run', got ...
     """
     for rule in rules_of(tree, path):
         rule()
@@ -74,16 +74,16 @@ def check_run(tree: xr.DataTree, path: str | Path | None = None) -> xr.DataTree:
 
 
 def check_layout(tree: xr.DataTree, path: str | Path | None = None) -> xr.DataTree:
-    """Return the tree if attributes, groups, variables, dimensions and units are those of a run.
+    """Check attributes, groups, variables, dimensions and units of a run, and return it.
 
-    Values along time are not looked at, so that it costs nothing.
+    Values along time are not read, so the check is fast.
 
     Parameters
     ----------
     tree : xarray.DataTree
-        What shall be a run.
+        Tree to check.
     path : str or Path, optional
-        Store that it came from, for the message.
+        Store of the tree, for the message.
 
     Returns
     -------
@@ -116,7 +116,7 @@ def _check_types(data: xr.Dataset, path: str | Path | None, place: str) -> None:
 
 
 def rules_of(tree: xr.DataTree, path: str | Path | None) -> Iterator[Callable[[], Any]]:
-    """The rules to check, in order; none depends on one that was broken before."""
+    """Yield the rules in order; if the first (the layout) holds, each can be checked by itself."""
     yield lambda: check_layout(tree, path)
     yield lambda: check_chunks(path)
     yield lambda: check_scans(tree, path)
@@ -127,7 +127,7 @@ def rules_of(tree: xr.DataTree, path: str | Path | None) -> Iterator[Callable[[]
 
 
 def check_attrs(tree: xr.DataTree, path: str | Path | None) -> None:
-    """Kind, schema, name, origin, time reference and mounting."""
+    """Check kind, schema, name, origin, time reference and mounting."""
     attrs = tree.attrs
     if attrs.get("kind") != KIND:
         raise SchemaError(
@@ -162,7 +162,7 @@ def check_attrs(tree: xr.DataTree, path: str | Path | None) -> None:
 
 
 def check_groups(tree: xr.DataTree, path: str | Path | None) -> None:
-    """Scans and navigation must be there, and nothing unknown."""
+    """Check that scans and navigation exist, and that there are no unknown groups."""
     known = (*GROUPS, "truth")
     for name in tree.children:
         if name not in known:
@@ -182,13 +182,13 @@ def check_groups(tree: xr.DataTree, path: str | Path | None) -> None:
 
 
 def check_chunks(path: str | Path | None) -> None:
-    """No array and no chunk of a store may be missing: other programs read zeros there."""
+    """Check that no array or chunk is missing: other programs would read zeros."""
     if path is not None and Path(path).is_dir():
         require_whole(Path(path), open_arrays(Path(path)))
 
 
 def check_scans(tree: xr.DataTree, path: str | Path | None) -> None:
-    """Angles and delays of the beams, times of the scans."""
+    """Check angles and delays of the beams, and times of the scans."""
     scans = group_of(tree, "scans")
     check_length(scans, "beam", 1, path=path, place="scans")
     check_length(scans, "scan", 1, path=path, place="scans")
@@ -240,7 +240,7 @@ def _check_delays(delay: Floats, interval: float, path: str | Path | None) -> No
 
 
 def check_coverage(tree: xr.DataTree, path: str | Path | None) -> None:
-    """Every beam of every scan must lie within the span of the navigation."""
+    """Check that all beams of all scans lie within the time span of the navigation."""
     scans, navigation = group_of(tree, "scans"), group_of(tree, "navigation")
     clock = Mounting.from_attrs(tree.attrs["mounting"]).scanner_clock
     start, end = span_of(navigation, "epoch")
@@ -264,7 +264,7 @@ def check_coverage(tree: xr.DataTree, path: str | Path | None) -> None:
 
 
 def check_accelerometers(tree: xr.DataTree, path: str | Path | None) -> None:
-    """Times, positions and units of the accelerometers."""
+    """Check times, positions and units of the accelerometers."""
     group, place = group_of(tree, "accelerometers"), "accelerometers"
     check_structure(group, ACCELEROMETERS, path=path, place=place)
     check_length(group, "sample", 2, path=path, place=place)
@@ -289,13 +289,13 @@ def _check_gravity(acceleration: Floats, path: str | Path | None) -> None:
     for sensor, median in enumerate(np.median(acceleration, axis=0)):
         if _GRAVITY[0] <= median <= _GRAVITY[1]:
             continue
-        cure = "Write the specific force along body z: a body at rest feels 9.81 m/s2 upward."
+        cure = "Write the specific force along body z: +9.81 m/s2 for a body at rest."
         if _IN_G[0] <= abs(median) <= _IN_G[1]:
             cure = "Multiply by 9.80665 if the values are in g."
         elif median < 0:
-            cure = "Turn the sign if the axis points down."
+            cure = "Change the sign if the axis points down."
         raise SchemaError(
-            f"must have a median from {_GRAVITY[0]:g} to {_GRAVITY[1]:g} m/s2 (gravity is felt), "
+            f"must have a median from {_GRAVITY[0]:g} to {_GRAVITY[1]:g} m/s2 (near gravity), "
             f"got {median:.4g} at sensor {sensor}",
             path=path,
             place="accelerometers, variable acceleration",
@@ -323,7 +323,7 @@ def group_of(tree: xr.DataTree, name: str) -> xr.Dataset:
 def row_blocks(
     data: xr.Dataset, dim: str, names: tuple[str, ...], size: int = ROW_CHUNK
 ) -> Iterator[dict[str, Any]]:
-    """Values of some variables, block by block along a dimension."""
+    """Yield the values of some variables, block by block along a dimension."""
     for start in range(0, data.sizes[dim], size):
         rows = slice(start, start + size)
         yield {name: data[name].isel({dim: rows}).values for name in names}
@@ -336,6 +336,6 @@ def span_of(data: xr.Dataset, dim: str) -> tuple[float, float]:
 
 
 def _first_interval(scans: xr.Dataset) -> float:
-    """Median time between the first scans [s]; a single scan may last as long as it likes."""
+    """Median time between the first scans [s]; infinite for a single scan."""
     time = scans["time"].isel(scan=slice(0, ROW_CHUNK)).values
     return float(np.median(np.diff(time))) if time.size > 1 else np.inf

@@ -1,4 +1,4 @@
-"""Scans from tables, some rows at a time."""
+"""Read scans from tables, block by block."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -9,19 +9,19 @@ import numpy as np
 import numpy.typing as npt
 
 from trueterrain.core.errors import FormatError
-from trueterrain.formats.navigation._tables import table_blocks, table_columns
+from trueterrain.formats.number_table import table_blocks, table_columns
 from trueterrain.formats.run._files import ScanTable
 
 Floats = npt.NDArray[np.float64]
 
 ROWS = 1_000_000  # cells of ranges read at a time
-_STAMP = 2e-6  # [s] to which the times of beams follow the fan: rounded stamps
-_NEAR = 0.25  # of the spacing of the fan, within which an angle must meet a beam
+_STAMP = 2e-6  # [s] tolerance of the times of beams: rounded stamps
+_NEAR = 0.25  # tolerance of the angles of beams, as a fraction of the spacing of the fan
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScanBlock:
-    """A block of scans."""
+    """Times [s], ranges [m] and intensities of some scans."""
 
     time: Floats
     range: Floats
@@ -29,20 +29,20 @@ class ScanBlock:
 
 
 def scan_table_blocks(path: Path, table: ScanTable, cells: int = ROWS) -> Iterator[ScanBlock]:
-    """Scans of a table block by block.
+    """Read the scans of a table block by block.
 
     Parameters
     ----------
     path : Path
         The table.
     table : ScanTable
-        What its columns hold.
+        Description of its columns.
     cells : int
-        Ranges to read at a time, about.
+        Approximate number of ranges in a block.
 
     Yields
     ------
-    Scans
+    ScanBlock
         Times [s], ranges [m], NaN where there was no return, and intensities.
 
     Raises
@@ -90,12 +90,12 @@ def _numbered_columns(path: Path, labels: list[str], start: str, beams: int) -> 
 
 
 def _long_scans(path: Path, table: ScanTable, cells: int) -> Iterator[ScanBlock]:
-    """Rows are sorted into scans; the last scan of a block waits for the rest of its rows."""
+    """Scans of a table with a row per return; the last scan of a block waits for its other rows."""
     where = table.beam or table.angle
     names = [table.time, where, table.range]
     names += [name for name in (table.intensity, table.scan) if name]
     waiting: dict[str, Floats] | None = None
-    row = 0  # of the first row that waits or comes
+    row = 0  # index of the first row of the block, including those that wait
     for block in table_blocks(path, names, max(cells, table.fan()[0].size)):
         rows = block if waiting is None else _join_columns(waiting, block)
         sorter = _ScanSorter(path, table, rows, row)
@@ -114,7 +114,7 @@ def _join_columns(first: dict[str, Floats], then: dict[str, Floats]) -> dict[str
 
 
 class _ScanSorter:
-    """Sorts the rows of a table into scans."""
+    """Assignment of the rows of a table to scans and beams."""
 
     def __init__(self, path: Path, table: ScanTable, rows: dict[str, Floats], row: int) -> None:
         self._path, self._table, self._rows, self._row = path, table, rows, row
@@ -125,7 +125,7 @@ class _ScanSorter:
         self.starts = self._starts_of(rows)
 
     def scans(self, end: int) -> ScanBlock:
-        """Scans of the rows before `end`."""
+        """Scans of the rows before row `end`."""
         starts = self.starts[self.starts < end]
         number = np.repeat(np.arange(starts.size), np.diff([*starts, end]))
         time, beam = self._time[:end], self._beam[:end]
@@ -144,11 +144,11 @@ class _ScanSorter:
         )
 
     def _starts_of(self, rows: dict[str, Floats]) -> npt.NDArray[np.intp]:
-        """Rows at which scans begin."""
+        """Indices of the rows at which scans begin."""
         if self._table.scan:
             begins = np.diff(rows[self._table.scan]) != 0
         else:
-            # two scans are apart by more than the delay of the last beam
+            # the times of two scans differ by more than the delay of the last beam
             apart = self._delay.max() / 2 if self._table.time_of == "beam" else 0.0
             begins = np.abs(np.diff(self._time)) > apart
         return np.concatenate([[0], np.flatnonzero(begins) + 1])

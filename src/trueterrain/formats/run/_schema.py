@@ -1,4 +1,4 @@
-"""What a run must hold."""
+"""Schema of a run: groups, variables, attributes and the mounting of the instruments."""
 
 import math
 from collections.abc import Mapping
@@ -7,20 +7,21 @@ from pathlib import Path
 from typing import Any
 
 from trueterrain.core.errors import SchemaError
-from trueterrain.formats.navigation._schema import NAVIGATION, SchemaVariable, suggest_name
+from trueterrain.formats._suggestions import suggest_name
+from trueterrain.formats.navigation._schema import NAVIGATION, SchemaVariable
 
 KIND = "trueterrain/run"
 
 #: Version of the schema below.
 SCHEMA = 1
 
-#: Step that ranges are rounded to [m].
+#: Step of stored ranges [m].
 QUANTUM = 1e-4
 
 #: Scans in a chunk of a store.
 SCAN_CHUNK = 1000
 
-#: Values along time in a chunk of everything else.
+#: Values along time in a chunk of all other arrays.
 ROW_CHUNK = 1 << 16
 
 TIME_REFERENCES = ("gps", "run")
@@ -41,13 +42,15 @@ ACCELEROMETERS = {
 
 GROUPS = {"scans": SCANS, "navigation": NAVIGATION, "accelerometers": ACCELEROMETERS}
 
-_FARTHEST = 50.0  # [m] of an instrument from the origin of the body
-_LATEST = 3600.0  # [s] of a clock that is meant
+_FARTHEST = 50.0  # [m] largest plausible distance of an instrument from the origin of the body
+_LATEST = 3600.0  # [s] largest plausible clock offset
 
 
 @dataclass(frozen=True, kw_only=True)
 class Mounting:
-    """Where the instruments sit in the body, and how much their clocks are behind.
+    """Pose of the scanner in the body frame, and clock offsets of the instruments.
+
+    True time = stamp of an instrument + its clock offset.
 
     Examples
     --------
@@ -62,10 +65,10 @@ class Mounting:
     "Roll, pitch, yaw of the scanner in the body [rad]: to body is Rz(yaw) Ry(pitch) Rx(roll)."
 
     scanner_clock: float = 0.0
-    "What is added to the scanner's stamps to make them true time [s]."
+    "Clock offset of the scanner [s]: true time less its stamps."
 
     accelerometer_clock: float = 0.0
-    "What is added to the accelerometers' stamps to make them true time [s]."
+    "Clock offset of the accelerometers [s]: true time less their stamps."
 
     def __post_init__(self) -> None:
         """Check numbers and units."""
@@ -87,7 +90,7 @@ class Mounting:
                 raise ValueError(message)
 
     def to_attrs(self) -> dict[str, Any]:
-        """Values as they stand in the attributes of a run."""
+        """Values as in the attributes of a run."""
         return {
             name: [float(part) for part in value]
             if isinstance(value, tuple | list)
@@ -97,24 +100,24 @@ class Mounting:
 
     @classmethod
     def from_attrs(cls, values: Any, *, path: str | Path | None = None) -> "Mounting":
-        """Mounting from the attribute of a run.
+        """Create a mounting from the attribute of a run.
 
         Parameters
         ----------
         values : mapping
-            What ``attrs["mounting"]`` holds.
+            Value of ``attrs["mounting"]``.
         path : str or Path, optional
-            File that it came from, for the message.
+            File of the run, for the message.
 
         Returns
         -------
         Mounting
-            The same.
+            Mounting with these values.
 
         Raises
         ------
         SchemaError
-            If a key is missing or unknown, or a value is impossible.
+            If a key is missing or unknown, or a value breaks its rule.
         """
         place = "attribute mounting"
         if not isinstance(values, Mapping):

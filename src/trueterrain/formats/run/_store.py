@@ -1,6 +1,5 @@
-"""A Zarr store whose arrays grow row by row."""
+"""Zarr store of a run, whose arrays are appended to block by block."""
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,18 +9,19 @@ import numpy.typing as npt
 import zarr
 
 from trueterrain.core import Checksums
-from trueterrain.formats._zarr import ARRAYS, choose_fill_value, make_compressors
+from trueterrain.formats._zarr import ARRAYS
+from trueterrain.formats._zarr_write import create_array, json_attrs, make_compressors
 from trueterrain.formats.run._schema import ROW_CHUNK
 
-_CHUNK_VALUES = 1_000_000  # values in a chunk of more than one dimension, at most
+_CHUNK_VALUES = 1_000_000  # largest number of values in a chunk of several dimensions
 
 Array = npt.NDArray[Any]
 
 
 class AppendableStore:
-    """Arrays of a Zarr store that rows are appended to.
+    """Zarr store with arrays that grow along their first dimension.
 
-    Rows wait until they fill a chunk, so that memory stays flat, each chunk is written once, and
+    Rows are buffered until they fill a chunk: so memory stays flat, each chunk is written once, and
     blocks of any size give the same bytes.
     """
 
@@ -39,8 +39,7 @@ class AppendableStore:
 
     def set_attrs(self, group: str, attrs: Mapping[Any, Any]) -> None:
         """Attributes of a group."""
-        plain = json.loads(json.dumps(dict(attrs), default=_json_value))
-        self._root.require_group(group).attrs.update(plain)
+        self._root.require_group(group).attrs.update(json_attrs(attrs))
 
     def write(
         self, path: str, values: Array, dims: Sequence[Any], attrs: Mapping[Any, Any]
@@ -61,7 +60,7 @@ class AppendableStore:
         chunk: int | None = None,
         fill: float | None = None,
     ) -> None:
-        """Make an array without rows, whose rows will be as those of `like`."""
+        """Create an array without rows; shape and type of a row are those of `like`."""
         chunk = chunk or _rows_of(like.shape)
         shape = (0, *like.shape[1:])
         array = self._create(path, shape, chunk, like.dtype, dims, attrs, fill)
@@ -72,7 +71,7 @@ class AppendableStore:
         self._rows[path].append(rows)
 
     def close(self, path: Path) -> None:
-        """Write the rows that still wait, and read all back; errors name the path of the output."""
+        """Write the buffered rows, and read all back; errors name `path`, that of the output."""
         for rows in self._rows.values():
             rows.close()
         self._root.attrs[ARRAYS] = sorted(self._needed)
@@ -98,28 +97,27 @@ class AppendableStore:
         if np.dtype(dtype).kind not in "fiub":
             message = f"{path} must hold numbers, got {dtype}."
             raise ValueError(message)
-        if not path.startswith("truth/"):  # which may be taken away from a run
+        if not path.startswith("truth/"):  # the truth may be removed from a run
             self._needed.append(path)
         chunks = (chunk, *(max(1, n) for n in shape[1:])) if shape else ()
-        array = self._root.create_array(
+        array = create_array(
+            self._root,
             path,
             shape=shape,
             chunks=chunks,
             dtype=dtype,
-            fill_value=choose_fill_value(dtype) if fill is None else np.dtype(dtype).type(fill),
+            fill=fill,
+            # a fast level; bitshuffle, since neighbouring ranges differ in few of their low bits
             compressors=make_compressors(1, "bitshuffle"),
-            dimension_names=[str(dim) for dim in dims],
-            attributes=json.loads(json.dumps(dict(attrs), default=_json_value)),
-            chunk_key_encoding={"name": "default", "separator": "."},
-            # so that a chunk that is missing is known to be lost
-            config={"write_empty_chunks": True},
+            dims=dims,
+            attrs=json_attrs(attrs),
         )
         self._arrays.append(array)
         return array
 
 
 class _RowBuffer:
-    """Rows of an array, written whole chunk by whole chunk."""
+    """Buffer of the rows of an array, written in whole chunks."""
 
     def __init__(self, array: zarr.Array[Any], written: Checksums) -> None:
         self._array = array
@@ -130,7 +128,7 @@ class _RowBuffer:
         self._checksums = written
 
     def append(self, values: Array) -> None:
-        """Append rows; whole chunks are written, the rest waits."""
+        """Append rows; whole chunks are written, the rest is buffered."""
         start = 0
         while start < len(values):
             if self._filled == 0 and len(values) - start >= self._chunk:
@@ -145,7 +143,7 @@ class _RowBuffer:
             start = end
 
     def close(self) -> None:
-        """Write what waits."""
+        """Write the buffered rows."""
         if self._filled:
             self._write(self._waiting[: self._filled])
             self._filled = 0
@@ -159,12 +157,5 @@ class _RowBuffer:
 
 
 def _rows_of(shape: tuple[int, ...]) -> int:
-    """Rows in a chunk."""
+    """Number of rows in a chunk."""
     return max(1, min(ROW_CHUNK, _CHUNK_VALUES // max(1, int(np.prod(shape[1:])))))
-
-
-def _json_value(value: Any) -> Any:
-    """What JSON takes for numbers of numpy; other things as text."""
-    if isinstance(value, np.generic | np.ndarray):
-        return value.tolist()
-    return str(value)

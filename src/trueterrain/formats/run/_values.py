@@ -1,4 +1,4 @@
-"""Arguments of the writer: their shapes, and ranges and intensities as stored whole numbers."""
+"""Arguments of `RunWriter`: checks of shapes, ranges and intensities as stored integers."""
 
 from pathlib import Path
 from typing import Any
@@ -12,14 +12,14 @@ from trueterrain.formats.run._schema import QUANTUM
 Array = npt.NDArray[Any]
 Floats = npt.NDArray[np.float64]
 
-_STEPS_16 = 2**16 - 1  # the largest number marks no return
+_STEPS_16 = 2**16 - 1  # the largest integer marks a beam without a return
 _STEPS_32 = 2**32 - 1
 
 
 def quantise_ranges(
     ranges: npt.NDArray[Any], fill: int, first: int, path: Path
 ) -> npt.NDArray[Any]:
-    """Ranges in steps; NaN becomes the number that marks no return."""
+    """Ranges [m] as integers, steps of 0.1 mm; NaN becomes `fill`."""
     steps = np.asarray(ranges, dtype=np.float64) / QUANTUM
     np.rint(steps, out=steps)
     good = (steps >= 1) & (steps < fill)
@@ -43,7 +43,7 @@ def quantise_ranges(
 
 
 def whole_intensity(intensity: npt.NDArray[Any], first: int, path: Path) -> npt.NDArray[np.uint16]:
-    """Intensities as whole numbers; NaN, where there was no return, becomes 0."""
+    """Intensities as integers; NaN (no return) becomes 0."""
     if intensity.dtype == np.uint16:
         return intensity
     values = (
@@ -63,6 +63,7 @@ def whole_intensity(intensity: npt.NDArray[Any], first: int, path: Path) -> npt.
 
 
 def fill_of(max_range: float) -> int:
+    """Integer that marks a beam without a return: the largest of two or four bytes."""
     if not 0 < max_range < _STEPS_32 * QUANTUM:
         message = (
             f"max_range must be greater than 0 m and less than {_STEPS_32 * QUANTUM:.0f} m, "
@@ -73,6 +74,7 @@ def fill_of(max_range: float) -> int:
 
 
 def require_shape(name: str, values: Array, shape: tuple[int | None, ...]) -> None:
+    """Raise a ValueError unless an array has a shape; None stands for any length."""
     fits = len(values.shape) == len(shape) and all(
         wanted in (None, found) for wanted, found in zip(shape, values.shape, strict=True)
     )
@@ -83,6 +85,7 @@ def require_shape(name: str, values: Array, shape: tuple[int | None, ...]) -> No
 
 
 def fan_of(angle: npt.ArrayLike, delay: npt.ArrayLike) -> dict[str, Floats]:
+    """Angle [rad] and delay [s] of the beams as arrays of equal shape (beam,)."""
     fan = {
         "angle": np.asarray(angle, dtype=np.float64),
         "delay": np.asarray(delay, dtype=np.float64),
@@ -98,6 +101,7 @@ def fan_of(angle: npt.ArrayLike, delay: npt.ArrayLike) -> dict[str, Floats]:
 
 
 def positions_of(positions: npt.ArrayLike | None) -> Floats | None:
+    """Positions of the accelerometers [m], shape (sensor, 3)."""
     if positions is None:
         return None
     values = np.asarray(positions, dtype=np.float64)

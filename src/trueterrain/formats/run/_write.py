@@ -1,4 +1,4 @@
-"""Runs to a store, block by block."""
+"""Write runs block by block."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
@@ -48,25 +48,24 @@ Floats = npt.NDArray[np.float64]
 
 
 class RunWriter:
-    """Writes a run block by block; the store appears when it is whole.
+    """Writer of a run, block by block; the store appears when it is complete.
 
     Memory stays flat however long the run is. Blocks of any size give the same store, byte by byte.
-    Ranges are rounded to 0.1 mm, everything else is kept exactly. At the end the run is checked as
-    by `check_run`; if it breaks a rule, or the block of the ``with`` statement fails, nothing
-    remains.
+    Ranges are rounded to 0.1 mm, all else is stored exactly. At the end the run is checked by
+    `check_run`; if it breaks a rule, or the body of the ``with`` statement fails, nothing remains.
 
     Parameters
     ----------
     path : str or Path
-        Where the store shall be: a folder ``NAME.zarr``.
+        Path of the store to write: a folder ``NAME.zarr``.
     name : str
         Name of the run.
     origin : sequence of float
         Longitude [deg], latitude [deg], ellipsoidal height [m] of the local frame.
     time_reference : str
-        ``"gps"`` (seconds of the GPS week) or ``"run"`` (seconds since any moment).
+        ``"gps"`` (seconds of the GPS week) or ``"run"`` (seconds from an arbitrary epoch).
     mounting : Mounting
-        Pose of the scanner in the body, and the clocks.
+        Pose of the scanner in the body frame, and clock offsets.
     angle : array_like, shape (beam,)
         Angle of each beam from straight down, positive to the left [rad].
     delay : array_like, shape (beam,)
@@ -74,19 +73,18 @@ class RunWriter:
     accelerometer_positions : array_like, shape (sensor, 3), optional
         Positions in the body frame [m], if there are accelerometers.
     truth : mapping of xarray.Dataset, optional
-        Groups of ``truth`` that are written at once, such as the ground.
+        Groups of ``truth`` that do not grow, such as the ground.
     max_range : float
-        Largest range that the scanner can give [m]; beyond 6.5534 m four bytes are kept instead of
-        two.
+        Largest range of the scanner [m]; beyond 6.5534 m ranges take four bytes instead of two.
     history : str
-        Provenance to begin with, as `trueterrain.core.provenance` keeps it.
+        Provenance of the inputs, in the form of `trueterrain.core.provenance`.
     force : bool
-        Replace a run that is there already.
+        Replace an existing run.
 
     Raises
     ------
     ValueError
-        If an argument is impossible.
+        If an argument breaks its rule.
     OutputError
         If the store exists and `force` is false, or its folder does not exist.
 
@@ -233,13 +231,13 @@ class RunWriter:
         Parameters
         ----------
         block : mapping of array_like, shape (epoch,), or xarray.Dataset
-            ``time`` [s], ``east``, ``north``, ``up`` [m], ``roll``, ``pitch``, ``yaw`` [rad]; any
-            of ``sd_east`` ... ``sd_yaw``, either always or never.
+            ``time`` [s], ``east``, ``north``, ``up`` [m], ``roll``, ``pitch``, ``yaw`` [rad]; and
+            any of ``sd_east`` ... ``sd_yaw``, the same in all blocks.
 
         Raises
         ------
         ValueError
-            If names come and go.
+            If names differ between blocks.
         SchemaError
             As by `trueterrain.formats.navigation.check_navigation`.
         """
@@ -271,7 +269,7 @@ class RunWriter:
         ValueError
             If shapes do not fit, or no positions were given.
         SchemaError
-            If time does not run forward.
+            If time does not ascend.
         """
         if self._positions is None:
             message = "accelerometer_positions must be given to the RunWriter, got none."
@@ -382,7 +380,7 @@ class RunWriter:
         try:
             check_run(open_tree(self._temporary), self._temporary)
         except (SchemaError, FormatError) as error:
-            # the user knows the name that the store was to have
+            # errors name the output, not the temporary name
             raise type(error)(
                 error.problem, path=self._path, place=error.place, cure=error.cure
             ) from None

@@ -1,18 +1,18 @@
-"""Points, surfaces and profiles as Zarr 3 groups ``NAME.zarr``: without any loss, block by block.
+"""Points, surfaces and profiles as Zarr 3 groups ``NAME.zarr``: lossless, block by block.
 
-Beside recorded runs, `trueterrain.formats.run`, these stores hold what is made of them:
+These stores hold results; recorded runs have a format of their own, `trueterrain.formats.run`.
 
 ================  =============================================================================
 ``NAME.zarr``     attributes of the dataset: ``kind`` (``"trueterrain/points"``, ``".../surface"``
                   or ``".../profile"``), ``schema``, ``crs``, ``provenance`` and all others
-``height``, ...   an array for each variable and axis, as it is called and in the precision that it
-                  has, in chunks of rows: points, cross-sections, samples
-``summary``       which arrays there must be, and what `describe` says of them; of points also the
-                  ``bounds`` of each chunk, so that only those are read that touch a place
+``height``, ...   an array for each variable and axis, with its name and precision, in chunks of
+                  rows: points, cross-sections, samples
+``summary``       list of the arrays, and their statistics for `describe`; for points also the
+                  ``bounds`` of each chunk, so that a spatial query reads only chunks it touches
 ================  =============================================================================
 
 Chunks are compressed (zstd of shuffled bytes) and carry a checksum. A store appears when it is
-whole; arrays and chunks that are lost or damaged later are found when it is read.
+complete; arrays and chunks that are lost or damaged later are detected when it is read.
 `xarray.open_zarr` opens the same data.
 """
 

@@ -1,4 +1,4 @@
-"""What a store holds, by its summary."""
+"""Summary of a store for ``trueterrain info``."""
 
 from pathlib import Path
 from typing import Any
@@ -8,12 +8,13 @@ import numpy as np
 from trueterrain.formats._zarr import find_damaged_chunks
 from trueterrain.formats.store._layout import OpenedStore, Values, open_store
 from trueterrain.formats.store._read import read
+from trueterrain.formats.table._describe import describe_profile
 
-_EVEN = 1e-6  # [m] within which steps are equal
+_EVEN = 1e-6  # [m] tolerance of equal spacing
 
 
 def describe(path: str | Path) -> dict[str, Any]:
-    """Summary of a store for ``trueterrain info``; reads every chunk once to verify its checksum.
+    """Summary of a store for ``trueterrain info``; every chunk is read to verify its checksum.
 
     Parameters
     ----------
@@ -25,14 +26,14 @@ def describe(path: str | Path) -> dict[str, Any]:
     dict
         ``format``, ``kind``, ``bytes``, ``variables``, ``extent`` [m], ``crs`` and ``problems``; of
         points also ``count``, ``time`` [s] and ``lanes``, of a surface ``size``, ``spacing`` and
-        ``range`` [m] and ``missing`` (share of nodes without height), of a profile ``count``,
-        ``spacing`` [m] and ``tracks``. Everything can be written as JSON.
+        ``range`` [m] and ``missing`` (fraction of nodes without height), of a profile ``count``,
+        ``spacing`` [m] and ``tracks``. All values are plain types that JSON can hold.
 
     Raises
     ------
     FormatError
-        If it is no such store, arrays or chunks are missing, or those are damaged without which
-        nothing can be said; other chunks that are damaged are among the problems.
+        If it is no such store, arrays or chunks are missing, or chunks that the summary needs are
+        damaged. Other damaged chunks are listed among the problems.
     """
     stored = open_store(path)
     summary: dict[str, Any] = {"format": "Zarr", "kind": stored.kind}
@@ -49,18 +50,22 @@ def describe(path: str | Path) -> dict[str, Any]:
     summary["crs"] = str(stored.attrs.get("crs", ""))
     summary["problems"] = damage + summary["problems"]
     summary["problems"] += [
-        f"{name}: is no part of the store and is ignored" for name in stored.strange
+        f"{name}: is not part of the store and is ignored" for name in stored.unlisted
     ]
     return summary
 
 
 def _describe_points(stored: OpenedStore) -> dict[str, Any]:
     found = dict(stored.statistics)
-    lost, time = found.pop("not_finite"), found.pop("time")
+    not_finite, time = found.pop("not_finite"), found.pop("time")
     if time is not None:
         kind = stored.attrs.get("gps_time_kind", "unknown")
         found["time"] = {"kind": kind, "start": time[0], "end": time[1]}
-    problems = [f"{lost:,} of {found['count']:,} points are at no finite place"] if lost else []
+    problems = (
+        [f"{not_finite:,} of {found['count']:,} points have coordinates that are not finite"]
+        if not_finite
+        else []
+    )
     return found | {"problems": problems}
 
 
@@ -79,8 +84,6 @@ def _describe_surface(stored: OpenedStore) -> dict[str, Any]:
 
 
 def _describe_profile(stored: OpenedStore) -> dict[str, Any]:
-    from trueterrain.formats.table._describe import describe_profile
-
     return describe_profile(read(stored.path))
 
 

@@ -1,4 +1,4 @@
-"""How a dataset lies in a store, and whether a store is whole."""
+"""Layout of a store: its arrays, their chunks and its summary; opening a store with checks."""
 
 import json
 from collections.abc import Mapping
@@ -13,26 +13,25 @@ import zarr
 
 from trueterrain.core.errors import FormatError, SchemaError
 from trueterrain.core.schemas import SCHEMA
+from trueterrain.formats import _zarr_write
 from trueterrain.formats._zarr import (
     StoredArray,
-    choose_fill_value,
     damaged_error,
-    make_compressors,
     read_group_attrs,
 )
 from trueterrain.formats.signature import kind_of_store
 
-CHUNK = 250_000  # values; blocks of a million points are made of whole chunks
+CHUNK = 250_000  # values in a chunk; blocks of a million points consist of whole chunks
 
 #: Group that lists the arrays.
 SUMMARY = "summary"
 
-#: Array in it with least and greatest easting and northing of the points in each chunk.
+#: Array in it with minimum and maximum of easting and northing of the points in each chunk.
 BOUNDS = f"{SUMMARY}/bounds"
 
-_TEXTS = "texts"  # attribute of an array of numbers that stand for texts
+_TEXTS = "texts"  # attribute of an array of integers: the texts that they stand for
 
-# what a kind of data cannot be without
+# required variables of each kind of data
 _NEEDED = {"points": ("easting", "northing", "up"), "surface": ("height",), "profile": ("height",)}
 
 Values = npt.NDArray[Any]
@@ -40,7 +39,7 @@ Values = npt.NDArray[Any]
 
 @dataclass(frozen=True, kw_only=True)
 class ArrayEntry:
-    """What the summary says of an array."""
+    """Description of an array in the summary."""
 
     name: str
     dims: list[str]
@@ -73,7 +72,7 @@ _STATISTICS: dict[str, Any] = {
 
 @dataclass(frozen=True, kw_only=True)
 class OpenedStore:
-    """A store that is open, and has been found to be whole."""
+    """Open store, in which no array or chunk is missing."""
 
     path: Path
     kind: str
@@ -82,8 +81,8 @@ class OpenedStore:
     statistics: dict[str, Any]
     arrays: dict[str, StoredArray]
     bounds: StoredArray | None
-    strange: list[str]
-    "Names of arrays and groups that the summary does not know."
+    unlisted: list[str]
+    "Names of arrays and groups that the summary does not list."
 
     @property
     def sizes(self) -> dict[str, int]:
@@ -105,7 +104,7 @@ class OpenedStore:
         return self.bounds.read()
 
     def variable(self, entry: ArrayEntry, rows: slice = slice(None)) -> xr.Variable:
-        """An array as it was before it was written."""
+        """Variable of an array, or rows of it, as it was written."""
         attrs = dict(self.arrays[entry.name].attrs)
         values = self.values(entry.name, rows)
         texts = attrs.pop(_TEXTS, None)
@@ -127,7 +126,7 @@ def rows_of(kind: str, dims: Mapping[Any, Any] | tuple[Any, ...]) -> str:
 
 
 def create_group(path: Path, attrs: Mapping[Any, Any]) -> zarr.Group:
-    """Group with the attributes of a dataset."""
+    """Create the group of a store with the attributes of a dataset."""
     return zarr.create_group(path, zarr_format=3, attributes=plain_attrs(attrs, "the dataset"))
 
 
@@ -141,7 +140,7 @@ def create_array(
     attrs: Mapping[Any, Any],
     rows: str,
 ) -> "zarr.Array[Any]":
-    """Array without values, in chunks along the dimension `rows`."""
+    """Create an array without values, in chunks along the dimension `rows`."""
     dtype = np.dtype(dtype).newbyteorder("=")
     if dtype.kind not in "fiub":
         raise SchemaError(f"must hold numbers, got {dtype}", place=f"variable {name}")
@@ -150,48 +149,45 @@ def create_array(
     chunks = tuple(
         along if dim == rows else max(1, length) for dim, length in zip(dims, shape, strict=True)
     )
-    return root.create_array(
+    return _zarr_write.create_array(
+        root,
         name,
         shape=shape,
         chunks=chunks,
         dtype=dtype,
-        fill_value=choose_fill_value(dtype),
-        # bytes of the same weight side by side: as quick as without, and half the size
-        compressors=make_compressors(3, "shuffle"),
-        dimension_names=[str(dim) for dim in dims],
-        attributes=plain_attrs(attrs, f"variable {name}"),
-        chunk_key_encoding={"name": "default", "separator": "."},
-        # so that a chunk that is missing is known to be lost
-        config={"write_empty_chunks": True},
+        fill=None,
+        # shuffling the bytes by their significance halves the size and costs no time
+        compressors=_zarr_write.make_compressors(3, "shuffle"),
+        dims=dims,
+        attrs=plain_attrs(attrs, f"variable {name}"),
     )
 
 
 def as_numbers(variable: xr.Variable) -> tuple[Any, dict[Any, Any]]:
-    """Variable and attributes to write; numbers stand for texts, which Zarr 3 knows no type for."""
+    """Variable and attributes to write; texts become integers, as Zarr 3 has no type for them."""
     if variable.dtype.kind not in "UOT":
         return variable, dict(variable.attrs)
     values = np.asarray(variable.values)
     if not all(isinstance(value, str) for value in values.ravel()):
-        return variable, dict(variable.attrs)  # neither numbers nor texts: refused as such
+        return variable, dict(variable.attrs)  # neither numbers nor texts: refused on writing
     texts, index = np.unique(values.astype(str), return_inverse=True)
     numbers = xr.Variable(variable.dims, index.reshape(values.shape).astype(np.int32))
     return numbers, {**variable.attrs, _TEXTS: texts.tolist()}
 
 
 def plain_attrs(attrs: Mapping[Any, Any], place: str) -> dict[str, Any]:
-    """Attributes as JSON keeps them."""
+    """Attributes as JSON holds them; a SchemaError names a type that JSON cannot hold."""
     try:
-        plain = json.loads(json.dumps(dict(attrs), default=_json_value))
+        return _zarr_write.json_attrs(attrs, _refuse_attribute)
     except TypeError as error:
         cure = "Keep numbers, texts, lists and tables of them only."
         raise SchemaError(f"attributes: {error}", place=place, cure=cure) from None
-    return dict(plain)
 
 
 def write_summary(
     root: zarr.Group, entries: list[ArrayEntry], statistics: Mapping[str, Any]
 ) -> None:
-    """Write what must be there, when all of it is."""
+    """Write the summary; it comes last, so that a store without it is incomplete."""
     summary = {"variables": [asdict(entry) for entry in entries], "statistics": dict(statistics)}
     root.require_group(SUMMARY).attrs.update(plain_attrs(summary, SUMMARY))
 
@@ -202,7 +198,7 @@ def open_store(path: str | Path) -> OpenedStore:
     Raises
     ------
     FormatError
-        If it is no store of points, a surface or a profile, of a newer schema, or not whole.
+        If it is not a store of points, a surface or a profile, has a newer schema, or lacks chunks.
     """
     path = Path(path)
     kind = kind_of_store(path)
@@ -230,7 +226,7 @@ def open_store(path: str | Path) -> OpenedStore:
         statistics=statistics,
         arrays=arrays,
         bounds=_chunk_bounds(path, arrays["easting"]) if kind == "points" else None,
-        strange=sorted(
+        unlisted=sorted(
             part.name
             for part in path.iterdir()
             if part.is_dir() and part.name not in {*arrays, SUMMARY}
@@ -239,12 +235,12 @@ def open_store(path: str | Path) -> OpenedStore:
 
 
 def _is_folder_name(name: str) -> bool:
-    """Whether a name is that of one folder, and leads to no other place."""
+    """Whether a name is that of a folder in the store, not a path out of it."""
     return name.strip(". ") != "" and not set(name) & set("/\\\0")
 
 
 def _read_summary(path: Path, kind: str) -> tuple[list[ArrayEntry], dict[str, Any]]:
-    """What the summary says of the arrays, and its statistics."""
+    """Read the summary: descriptions of the arrays, and statistics."""
     from pydantic import TypeAdapter, ValidationError
 
     place = f"group {SUMMARY}"
@@ -268,7 +264,7 @@ def _read_summary(path: Path, kind: str) -> tuple[list[ArrayEntry], dict[str, An
 
 
 def _open_array(path: Path, entry: ArrayEntry) -> StoredArray:
-    """Array of a store, as the summary describes it, whose chunks are all there."""
+    """Open an array; raise unless it agrees with the summary and no chunk is missing."""
     array = StoredArray(path, entry.name)
     is_ = (list(array.dims), list(array.shape), str(array.dtype))
     was = (entry.dims, entry.shape, entry.dtype)
@@ -280,7 +276,7 @@ def _open_array(path: Path, entry: ArrayEntry) -> StoredArray:
 
 
 def _chunk_bounds(path: Path, points: StoredArray) -> StoredArray:
-    """Bounds of the chunks of points."""
+    """Open the array of the bounds of the chunks of points."""
     bounds = StoredArray(path, BOUNDS)
     chunks = -(-points.shape[0] // CHUNK)
     if bounds.shape != (chunks, 4):
@@ -290,8 +286,7 @@ def _chunk_bounds(path: Path, points: StoredArray) -> StoredArray:
     return bounds
 
 
-def _json_value(value: Any) -> Any:
-    if isinstance(value, np.generic | np.ndarray):
-        return value.tolist()
+def _refuse_attribute(value: Any) -> Any:
+    """Raise a TypeError: JSON cannot hold a value of this type."""
     message = f"{type(value).__name__} cannot be kept in a store"
     raise TypeError(message)

@@ -1,4 +1,4 @@
-"""What is counted while a store is written, so that nobody has to read it for that."""
+"""Statistics of points and surfaces, accumulated while a store is written, for its summary."""
 
 from typing import Any
 
@@ -10,11 +10,11 @@ from trueterrain.formats.store._layout import CHUNK, Values
 
 _PLACE = ("easting", "northing")
 _SPANS = (*_PLACE, "up", "time")
-_MOST_LANES = 1000  # that are counted one by one
+_MAX_LANES = 1000  # lanes that are counted individually
 
 
 class PointStatistics:
-    """Counts points; memory grows by four numbers for each chunk."""
+    """Counts, extent and time span of points, and the bounds of each chunk."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -25,7 +25,7 @@ class PointStatistics:
         self._returns = ReturnCounts()
 
     def add(self, columns: dict[str, Values]) -> None:
-        """Count points that begin with a chunk."""
+        """Add points; the first of them begins a chunk."""
         self.count += columns["up"].size
         place = [columns[name] for name in _PLACE]
         for start in range(0, columns["up"].size, CHUNK):
@@ -40,7 +40,7 @@ class PointStatistics:
         finite = np.isfinite(place[0]) & np.isfinite(place[1]) & np.isfinite(columns["up"])
         self._not_finite += int(np.count_nonzero(~finite))
         self._returns.add(columns)
-        if "lane" in columns and len(self._lanes) <= _MOST_LANES:
+        if "lane" in columns and len(self._lanes) <= _MAX_LANES:
             for lane, number in zip(*np.unique(columns["lane"], return_counts=True), strict=True):
                 name = f"{lane.item():.15g}"
                 self._lanes[name] = self._lanes.get(name, 0) + int(number)
@@ -49,19 +49,19 @@ class PointStatistics:
         """West, south, east, north of each chunk, shape (chunk, 4) [m]."""
         return np.stack(self._bounds)
 
-    def statistics(self) -> dict[str, Any]:
-        """Count, spans, lanes."""
+    def to_dict(self) -> dict[str, Any]:
+        """Count, extent, time span, lanes, classes and returns."""
         spans = {name: span for name, span in self._spans.items() if span[0] <= span[1]}
         time = spans.pop("time", None)
         found: dict[str, Any] = {"count": self.count, "extent": spans, "time": time}
         found["not_finite"] = self._not_finite
-        if 0 < len(self._lanes) <= _MOST_LANES:
+        if 0 < len(self._lanes) <= _MAX_LANES:
             found["lanes"] = self._lanes
         return found | self._returns.counts()
 
 
 class SurfaceStatistics:
-    """Counts the nodes of a surface, rows by rows."""
+    """Extent of a surface and the fraction of its nodes without height."""
 
     def __init__(self, surface: xr.Dataset) -> None:
         self._ground = _ground_extent(surface)
@@ -70,13 +70,13 @@ class SurfaceStatistics:
         self._known = 0
 
     def add(self, height: Values) -> None:
-        """Count some rows."""
+        """Add the heights of some rows."""
         low, high = _finite_span(height)
         self._span = (min(self._span[0], low), max(self._span[1], high))
         self._known += int(np.count_nonzero(np.isfinite(height)))
 
-    def statistics(self) -> dict[str, Any]:
-        """Extent, and share of the nodes without height."""
+    def to_dict(self) -> dict[str, Any]:
+        """Extent [m], and fraction of the nodes without height."""
         height = list(self._span) if self._known else None
         return {
             "extent": self._ground | {"height": height},
@@ -85,10 +85,10 @@ class SurfaceStatistics:
 
 
 def _ground_extent(surface: xr.Dataset) -> dict[str, Any]:
-    """Eastings and northings that a surface covers [m]."""
+    """Range of easting and northing of the nodes of a surface [m]."""
     if "u" not in surface.dims:
         return {name: _finite_span(surface[name].values) for name in _PLACE}
-    # a cross-section halves the angle between the chord that ends at its node and the next one
+    # a cross-section bisects the angle between the chord that ends at its node and the next one
     ends, begins = surface["heading"].values, np.roll(surface["heading"].values, -1)
     begins[-1] = ends[-1]
     bisector = ends + 0.5 * (begins - ends)
@@ -99,7 +99,7 @@ def _ground_extent(surface: xr.Dataset) -> dict[str, Any]:
 
 
 def _finite_span(values: Values) -> tuple[float, float]:
-    """Least and greatest of the finite values."""
+    """Minimum and maximum of the finite values."""
     floats = np.asarray(values, dtype=np.float64)
     finite = np.isfinite(floats)
     return (

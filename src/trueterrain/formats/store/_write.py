@@ -1,4 +1,4 @@
-"""Points, surfaces and profiles to stores."""
+"""Write points, surfaces and profiles to stores."""
 
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -25,7 +25,7 @@ from trueterrain.formats.store._layout import (
 )
 from trueterrain.formats.store._statistics import PointStatistics, SurfaceStatistics
 
-_AT_ONCE = 4  # chunks that are written together, each by a thread of its own
+_AT_ONCE = 4  # chunks that are written together, each in its own thread
 
 
 def write(
@@ -33,31 +33,31 @@ def write(
 ) -> None:
     """Write points, a surface or a profile as a store.
 
-    Numbers keep every bit and all attributes are kept. Points may come block by block, and
-    surfaces that are not in memory are read part by part.
+    All numbers and attributes are stored exactly. Points may come block by block; surfaces that are
+    not in memory are read part by part.
 
     Parameters
     ----------
     data : xarray.Dataset or iterator of xarray.Dataset
         Points, surface or profile, or blocks of points with the same variables. Attributes of
-        points are those of the last block, which has counted all of them.
+        points are taken from the last block, so that they may hold counts of all blocks.
     path : str or Path
-        Where the store shall be: a folder ``NAME.zarr``.
+        Path of the store to write: a folder ``NAME.zarr``.
     force : bool
-        Replace points, a surface or a profile that is there already; nothing else ever.
+        Replace an existing store of the same kind of data, never anything else.
 
     Raises
     ------
     ValueError
         If the name does not end with .zarr.
     SchemaError
-        If the data are of no known kind, variables or the CRS change from block to block, or
-        something is neither a number nor a text.
+        If the data are of no known kind, variables or the CRS differ between blocks, or a value is
+        neither a number nor a text.
     CoverageError
         If there are no points to write.
     OutputError
-        If there is something already, and `force` is false or it is something else, or if the
-        store is not whole when it is read back.
+        If the path exists and `force` is false or it holds something else, or if the store differs
+        when it is read back.
 
     Examples
     --------
@@ -84,18 +84,18 @@ def write(
 
 
 def _write_whole(data: xr.Dataset, kind: str, target: Path, path: Path) -> None:
-    """Variable by variable, some chunks at a time."""
+    """Write a surface or profile variable by variable, some chunks at a time."""
     root = create_group(target, data.attrs)
     rows = rows_of(kind, data.sizes)
-    tally = SurfaceStatistics(data) if kind == "surface" else None
+    statistics = SurfaceStatistics(data) if kind == "surface" else None
     entries = []
     for name, variable in data.variables.items():
-        seen = tally.add if tally is not None and name == "height" else None
-        array = _write_variable(root, str(name), variable, rows, seen, path)
+        add = statistics.add if statistics is not None and name == "height" else None
+        array = _write_variable(root, str(name), variable, rows, add, path)
         entries.append(
             _array_entry(str(name), array, variable.dims, coordinate=name in data.coords)
         )
-    write_summary(root, entries, {} if tally is None else tally.statistics())
+    write_summary(root, entries, {} if statistics is None else statistics.to_dict())
 
 
 def _write_variable(
@@ -103,7 +103,7 @@ def _write_variable(
     name: str,
     variable: xr.Variable,
     rows: str,
-    seen: Callable[[Values], None] | None,
+    add_values: Callable[[Values], None] | None,
     path: Path,
 ) -> "zarr.Array[Any]":
     numbers, attrs = as_numbers(variable)
@@ -133,21 +133,21 @@ def _write_variable(
         array[place] = values
         written.add(name, values)
         found.add(name, array[place])
-        if seen is not None:
-            seen(values)
+        if add_values is not None:
+            add_values(values)
     found.require_same(written, path)
     return array
 
 
 def _write_points(blocks: Iterable[xr.Dataset], target: Path, path: Path) -> None:
-    taken = _BlockLayout(path)
-    tally = PointStatistics()
+    layout = _BlockLayout(path)
+    statistics = PointStatistics()
     root: zarr.Group | None = None
     arrays: dict[str, zarr.Array[Any]] = {}
     written, found = Checksums(), Checksums()
-    for columns in _whole_chunks(map(taken.columns, blocks)):
+    for columns in _whole_chunks(map(layout.columns, blocks)):
         if root is None:
-            root = create_group(target, taken.attrs)
+            root = create_group(target, layout.attrs)
             arrays = {
                 name: create_array(
                     root,
@@ -155,23 +155,23 @@ def _write_points(blocks: Iterable[xr.Dataset], target: Path, path: Path) -> Non
                     dims=("point",),
                     shape=(0,),
                     dtype=values.dtype,
-                    attrs=taken.first[name].attrs,
+                    attrs=layout.first[name].attrs,
                     rows="point",
                 )
                 for name, values in columns.items()
             }
-        start = tally.count
-        tally.add(columns)
+        start = statistics.count
+        statistics.add(columns)
         for name, array in arrays.items():
-            array.resize((tally.count,))
-            array[start : tally.count] = columns[name]
+            array.resize((statistics.count,))
+            array[start : statistics.count] = columns[name]
             written.add(name, columns[name])
-            found.add(name, array[start : tally.count])
+            found.add(name, array[start : statistics.count])
     if root is None:
         raise CoverageError("there are no points to write", path=path)
     found.require_same(written, path)
-    root.attrs.put(plain_attrs(taken.attrs, "the dataset"))
-    bounds = tally.bounds()
+    root.attrs.put(plain_attrs(layout.attrs, "the dataset"))
+    bounds = statistics.bounds()
     create_array(
         root,
         BOUNDS,
@@ -182,14 +182,14 @@ def _write_points(blocks: Iterable[xr.Dataset], target: Path, path: Path) -> Non
         rows="chunk",
     )[...] = bounds
     entries = [
-        _array_entry(name, array, ("point",), coordinate=name in taken.coordinates)
+        _array_entry(name, array, ("point",), coordinate=name in layout.coordinates)
         for name, array in arrays.items()
     ]
-    write_summary(root, entries, tally.statistics())
+    write_summary(root, entries, statistics.to_dict())
 
 
 class _BlockLayout:
-    """What the blocks of points have in common."""
+    """Variables and attributes of the first block of points, which all blocks must have."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -198,7 +198,7 @@ class _BlockLayout:
         self.attrs: dict[Any, Any] = {}
 
     def columns(self, block: xr.Dataset) -> dict[str, Values]:
-        """Columns of a block, which must be as those of the blocks before."""
+        """Columns of a block; raises unless its variables and CRS are those of the first block."""
         check_points(block, path=self._path)
         found = {str(name): variable for name, variable in block.variables.items()}
         for name, variable in found.items():
@@ -206,15 +206,15 @@ class _BlockLayout:
                 rule = f"must have the dimension (point), got {variable.dims}"
                 raise SchemaError(rule, path=self._path, place=f"variable {name}")
         if not self.first:
-            # without their values, but for a row: blocks are many
+            # one row is enough to keep names, types and attributes
             self.first = {name: variable[:1].copy() for name, variable in found.items()}
             self.coordinates = {str(name) for name in block.coords}
         else:
-            self._require_alike(found, block)
+            self._require_same(found, block)
         self.attrs = dict(block.attrs)
         return {name: np.asarray(found[name].values) for name in self.first}
 
-    def _require_alike(self, found: dict[str, xr.Variable], block: xr.Dataset) -> None:
+    def _require_same(self, found: dict[str, xr.Variable], block: xr.Dataset) -> None:
         now, before = (
             [f"{name} ({columns[name].dtype})" for name in sorted(columns)]
             for columns in (found, self.first)
@@ -235,7 +235,7 @@ class _BlockLayout:
 
 
 def _whole_chunks(blocks: Iterable[dict[str, Values]]) -> Iterator[dict[str, Values]]:
-    """Blocks of whole chunks, but for the last: a store does not depend on the size of blocks."""
+    """Blocks of whole chunks, except the last, so that block sizes do not change the store."""
     waiting: list[dict[str, Values]] = []
     held = 0
     for block in blocks:

@@ -1,22 +1,22 @@
 """Points and profiles as tables: CSV and other text, and Parquet.
 
 =======  ========================================================================================
-profile  ``s,easting,northing,height,sd,count``; ``s`` and ``height`` are enough. Several tracks
-         either in rows, with a column ``track``, or side by side: ``height_left,height_right``
+profile  ``s,easting,northing,height,sd,count``; ``s`` and ``height`` are required. Several tracks
+         either in rows, with a column ``track``, or in columns: ``height_left,height_right``
 points   ``easting,northing,up`` (or ``x,y,z``); optional ``time``, ``intensity``, ``lane``, ``sd``,
-         ``sd_relative``, ``classification`` and the other `trueterrain.core.schemas.RETURN_ATTRIBUTES`,
-         ``extra_NAME``
-path     ``easting,northing`` (or ``x,y``): waypoints in order, see `read_waypoints`
+         ``sd_relative``, ``classification`` and the others of
+         `trueterrain.core.schemas.RETURN_ATTRIBUTES`, ``extra_NAME``
+path     ``easting,northing`` (or ``x,y``): waypoints in order along the path, see `read_waypoints`
 =======  ========================================================================================
 
-Tracks may also stand under their names: ``s,left,right``, ``station,track 1,track 2 [mm]``. Lengths
-are metres unless the header names another unit: ``height [mm]``, ``s_ft``, ``height inch``. Columns
-are separated by commas, semicolons, tabs or blanks; with the last three, numbers may have decimal
-commas. Titles before the header and lines that begin with # are skipped. Without a header, two
-columns of numbers are ``s height`` and three are ``easting northing up``, in metres: ``info`` says
-so, and commands that rate profiles warn of it.
+Columns of heights may be named as their tracks: ``s,left,right``, ``station,track 1,track 2 [mm]``.
+Lengths are metres unless the header names another unit: ``height [mm]``, ``s_ft``, ``height inch``.
+Columns are separated by commas, semicolons, tabs or blanks; except with commas, numbers may have
+decimal commas. Titles before the header and comment lines (#) are skipped. Without a header, two
+columns are ``s height`` and three are ``easting northing up``, in metres: ``info`` and
+commands that rate profiles warn of this assumption.
 
-Text keeps every bit of the numbers, but neither CRS nor provenance; Parquet keeps them as well.
+Text keeps numbers to the last bit, but neither CRS nor provenance; Parquet keeps these, too.
 """
 
 from collections.abc import Callable, Collection, Iterator
@@ -31,6 +31,7 @@ import xarray as xr
 from trueterrain.core import provenance
 from trueterrain.core.errors import FormatError
 from trueterrain.core.schemas import ASSUMED, COORDINATES
+from trueterrain.formats._bounds import Bounds, clip_points
 from trueterrain.formats.signature import open_regular
 from trueterrain.formats.table._build import build_points, build_profile
 from trueterrain.formats.table._columns import TableColumn, TableLayout
@@ -42,11 +43,11 @@ from trueterrain.formats.table._write import write
 __all__ = ["blocks", "describe", "kind", "point_variables", "read", "read_waypoints", "write"]
 
 _BLOCK = 1_000_000  # rows at a time
-_USUAL = 0.305  # [m] between samples of a profile; profilers take 0.025 to 0.305 m (1 ft)
+_MAX_SPACING = 0.305  # [m] between samples of a profiler, which takes 0.025 to 0.305 m (1 ft)
 
 
 def read(path: str | Path) -> xr.Dataset:
-    """Points or a profile from a table.
+    """Read points or a profile from a table.
 
     Parameters
     ----------
@@ -61,8 +62,8 @@ def read(path: str | Path) -> xr.Dataset:
     Raises
     ------
     FormatError
-        Naming line and column: no number, a gap where none may be, s that does not ascend, a
-        missing column, a wrong number of fields.
+        Naming line and column: a cell that is not a number, a missing value of a required column,
+        s that does not ascend, a missing column, a wrong number of fields.
     """
     source = _open_table(Path(path))
     data = _read_whole(source).assign_attrs(source.attrs)
@@ -75,25 +76,25 @@ def read(path: str | Path) -> xr.Dataset:
 def blocks(
     path: str | Path,
     *,
-    bounds: tuple[float, float, float, float] | None = None,
+    bounds: Bounds | None = None,
     size: int = _BLOCK,
     crs: str | None = None,
     variables: Collection[str] | None = None,
 ) -> Iterator[xr.Dataset]:
-    """Points of a table block by block, never the whole file at once.
+    """Read the points of a table block by block, in flat memory.
 
     Parameters
     ----------
     path : str or Path
         Text or Parquet file of points.
     bounds : tuple of float, optional
-        Smallest easting and northing, largest easting and northing [m]; edges are inside.
+        West, south, east and north edge [m]; points on an edge are inside.
     size : int
         Largest number of points in a block.
     crs : str, optional
-        EPSG code or WKT to take instead of what the file says.
+        EPSG code or WKT that replaces the CRS of the file.
     variables : collection of str, optional
-        Variables to take beside the coordinates, as far as the table has them; by default all.
+        Variables to take besides the coordinates; by default all that the table has.
 
     Yields
     ------
@@ -115,13 +116,13 @@ def blocks(
         }
         points = build_points(taken).assign_attrs(attrs)
         if bounds is not None:
-            points = _clip_points(points, bounds)
+            points = clip_points(points, bounds)
         if points.sizes["point"]:
             yield points
 
 
 def point_variables(path: str | Path) -> tuple[str, ...]:
-    """Variables beside the coordinates that points of a table have, by its header alone.
+    """Variables of the points of a table besides the coordinates, by its header alone.
 
     Parameters
     ----------
@@ -146,7 +147,7 @@ def _open_points(path: str | Path) -> "_TableSource":
     source = _open_table(Path(path))
     if source.layout.kind != "points":
         raise FormatError(
-            f"holds no points but a {source.layout.kind}",
+            f"holds a {source.layout.kind}, not points",
             path=path,
             place="header",
             cure="Name the columns easting, northing, up.",
@@ -155,7 +156,7 @@ def _open_points(path: str | Path) -> "_TableSource":
 
 
 def read_waypoints(path: str | Path) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    r"""Waypoints of a path from a table.
+    r"""Read the waypoints of a path from a table.
 
     Parameters
     ----------
@@ -171,8 +172,8 @@ def read_waypoints(path: str | Path) -> tuple[npt.NDArray[np.float64], npt.NDArr
     Raises
     ------
     FormatError
-        Naming line and column: a waypoint that is NaN or no number, a missing column; or if all
-        waypoints are the same.
+        Naming line and column: a waypoint that is NaN or not a number, a missing column; or if all
+        waypoints are equal.
 
     Examples
     --------
@@ -228,7 +229,7 @@ def describe(path: str | Path) -> dict[str, Any]:
     -------
     dict
         ``format``, ``kind``, ``count``, ``columns``, ``extent`` [m], ``crs``, ``problems``; for a
-        profile ``tracks`` and ``spacing`` [m]; everything can be written as JSON.
+        profile ``tracks`` and ``spacing`` [m]; all values are plain types that JSON can hold.
 
     Raises
     ------
@@ -257,13 +258,15 @@ def describe(path: str | Path) -> dict[str, Any]:
 
 @dataclass(frozen=True, kw_only=True)
 class _TableSource:
+    """An open table, in text or Parquet, with one function to read its blocks."""
+
     path: Path
     format: str
     layout: TableLayout
     attrs: dict[str, Any]
-    assumed: bool  # whether the columns and their units were guessed, since none is named
+    assumed: bool  # whether columns and units are assumed, since the file names none
     blocks: Callable[[int | None], Iterator[Values]]
-    place: Callable[[int], str]  # where in the file a row stands
+    place: Callable[[int], str]  # place of a row in the file, for messages
 
 
 def _open_table(path: Path, *, kind: str | None = None) -> _TableSource:
@@ -288,19 +291,19 @@ def _open_table(path: Path, *, kind: str | None = None) -> _TableSource:
         attrs={},
         assumed=not table.named,
         blocks=lambda size: text_blocks(table, size),
-        place=lambda row: f"line {line_of_row(table, row)}",
+        place=lambda row: f"line {line_of_row(table.rows, row)}",
     )
 
 
 def _assumed_text(source: _TableSource, data: xr.Dataset | None) -> str:
-    """What was taken for granted of a table that names no columns."""
+    """Warning about the columns and units that are assumed of a table without names."""
     names = [column.name for column in source.layout.columns]
     text = f"has no names of columns: they are taken as {', '.join(names)} in metres"
     if data is not None and "s" in data.dims and data.sizes["s"] > 1:
         s = data["s"].values
         spacing = float(np.median(np.diff(s)))
         text += f", every {spacing:.4g} m over {s[-1] - s[0]:.6g} m"
-        if spacing > _USUAL:
+        if spacing > _MAX_SPACING:
             text += " (no profiler's spacing: are they inches or feet?)"
     example = ",".join(f"{name} [in]" for name in names)
     return f"{text}; name them and their units in a first line, such as {example}"
@@ -327,10 +330,3 @@ def _concatenate_blocks(source: _TableSource) -> dict[TableColumn, Any]:
     return {
         column: np.concatenate([part[column] for part in parts]) for column in source.layout.columns
     }
-
-
-def _clip_points(points: xr.Dataset, bounds: tuple[float, float, float, float]) -> xr.Dataset:
-    west, south, east, north = bounds
-    x, y = points.easting.values, points.northing.values
-    inside = (x >= west) & (x <= east) & (y >= south) & (y <= north)
-    return points.isel(point=np.flatnonzero(inside))

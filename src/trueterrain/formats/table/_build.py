@@ -1,4 +1,4 @@
-"""Columns in, kinds of data out."""
+"""Points and profiles from the columns of a table."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -31,7 +31,7 @@ def build_points(values: Values) -> xr.Dataset:
 
 
 def build_profile(values: Values, layout: TableLayout, path: Path, place: Place) -> xr.Dataset:
-    """Profile from the columns of a table; `place` says where a row stands in the file."""
+    """Profile from the columns of a table; `place` gives the place of a row in the file."""
     named = {column.key: array for column, array in values.items()}
     if ("track", None) in named:
         return _from_rows(named, path, place)
@@ -92,7 +92,7 @@ def _require_ascending(
 
 
 def _as_integers(name: str, array: Any) -> Any:
-    """Counts and ids as integers, where they are."""
+    """Counts and ids as integers, unless values are missing or not whole."""
     if name in _WHOLE_NUMBERS and np.isfinite(array).all() and (array == np.rint(array)).all():
         return array.astype(np.int64)
     return array

@@ -1,17 +1,17 @@
-"""Text in cells of CSV: what a spreadsheet would run as a formula is kept as text."""
+"""Text in cells of CSV, guarded against being run as a formula by a spreadsheet."""
 
 import re
 
 import numpy as np
 import numpy.typing as npt
 
-# a spreadsheet takes a cell that begins so for a formula; an apostrophe before it makes it text
+# a spreadsheet runs a cell that begins so as a formula; an apostrophe before it makes it text
 _FORMULA = re.compile(r"'*[=+\-@\t\r]")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 
 def guard_text(text: str) -> str:
-    """Text as it stands in a cell: with an apostrophe before what would be a formula.
+    """Text of a cell: an apostrophe is put before a text that would be a formula.
 
     Examples
     --------
@@ -22,7 +22,7 @@ def guard_text(text: str) -> str:
 
 
 def bare_texts(cells: npt.NDArray[np.str_]) -> npt.NDArray[np.str_]:
-    """Texts without the apostrophe that `guard_text` put before them."""
+    """Texts without the apostrophe of `guard_text`."""
     names, place = np.unique(cells, return_inverse=True)
     bare = [name[1:] if name[:1] == "'" and _FORMULA.match(name) else name for name in names]
     return np.array(bare, dtype=np.str_)[place]

@@ -1,4 +1,4 @@
-"""What the columns of a table mean: names, units, tracks."""
+"""Meaning of the columns of a table: names, units and tracks."""
 
 import difflib
 import math
@@ -53,7 +53,7 @@ _ALIASES = {
 }
 _PER_TRACK = ("height", "easting", "northing", "heading", "sd", "count")
 
-# names of tracks that need no word for height, and words that may stand beside them
+# names of tracks that are accepted as names of columns, and words that may accompany them
 _TRACK = re.compile(
     r"left|right|cent(er|re)|middle|[lrc]|[lrc]wp|[lrc]elev\.?|(track|line|laser|sensor)\d+"
 )
@@ -81,41 +81,41 @@ _REQUIRED = {
 
 @dataclass(frozen=True, kw_only=True)
 class TableColumn:
-    """One column of a file that is understood."""
+    """One column of a table whose name is known."""
 
     index: int
-    label: str  # as it stands in the file
-    name: str  # as the kinds of data call it
-    track: str | None = None  # of a wide table
-    scale: float = 1.0  # to SI
+    label: str  # name in the file
+    name: str  # name of the variable
+    track: str | None = None  # track, if there is one column per track
+    scale: float = 1.0  # factor to SI units
 
     @property
     def key(self) -> tuple[str, str | None]:
-        """Name and track, by which the column is found."""
+        """Name and track: the key of the column."""
         return self.name, self.track
 
 
 @dataclass(frozen=True, kw_only=True)
 class TableLayout:
-    """Meaning of a table."""
+    """Kind of data in a table and meaning of its columns."""
 
     kind: str  # points, profile or path
     columns: tuple[TableColumn, ...]
     ignored: tuple[str, ...] = ()
 
     def must_be_finite(self, column: TableColumn) -> bool:
-        """Whether a gap in the column makes the file useless; heights and sd may have gaps."""
+        """Whether the column must not have gaps; heights and standard deviations may."""
         needed = _REQUIRED[self.kind]
         return column.name in needed and column.name != "height"
 
     @property
     def tracks(self) -> list[str | None]:
-        """Tracks that stand side by side, in the order of the file; [None] if there is one."""
+        """Tracks with a column each, in the order of the file; [None] if there is only one."""
         return [column.track for column in self.columns if column.name == "height"]
 
 
 def layout_of(labels: list[str], path: str | Path, *, kind: str | None = None) -> TableLayout:
-    """Meaning of a table by the labels of its columns; `kind` asks for a certain one."""
+    """Meaning of a table by the names of its columns; `kind` demands a certain kind of data."""
     columns = _columns_of(labels, path)
     names = {column.name for column in columns}
     kind = kind or _kind_of(names)
@@ -128,7 +128,7 @@ def layout_of(labels: list[str], path: str | Path, *, kind: str | None = None) -
         for column in columns
         if column.name in _KEPT[kind] or (kind == "points" and column.name.startswith(EXTRA))
     ]
-    # easting_left belongs to height_left; where there is no height_left it belongs to nothing
+    # easting_left belongs to height_left; without a column height_left it is ignored
     tracks = {column.track for column in kept if column.name == "height"} or {None}
     kept = [column for column in kept if column.track in tracks or column.name in ("s", "track")]
     _refuse_doubles(kept, path)
@@ -141,13 +141,13 @@ def names_columns(labels: list[str]) -> bool:
     """Whether labels are the names of the columns of points, a profile or a path."""
     try:
         columns = _columns_of(labels, "")
-    except FormatError:  # a unit that is not known stands behind a name that is
+    except FormatError:  # a known name with an unknown unit
         return True
     return _kind_of({column.name for column in columns}) is not None
 
 
 def layout_without_header(count: int, path: str | Path, *, kind: str | None = None) -> TableLayout:
-    """Meaning of a table of numbers alone: two columns are s and height, three are points."""
+    """Meaning of a table without names: two columns are s and height, three are points."""
     if kind == "path" and count >= 2:
         names: tuple[str, ...] = ("easting", "northing")
     elif count == 2:
@@ -198,7 +198,7 @@ def _parse_column(index: int, label: str, path: str | Path) -> TableColumn | Non
 
 
 def _parse_track(index: int, label: str, path: str | Path) -> TableColumn | None:
-    """Heights of a track that stand under its name alone: left, right [mm], track 1."""
+    """Column of heights that has the name of its track: left, right [mm], track 1."""
     words, unit = _words_and_unit(label)
     parts = re.split(r"[\s_]+", words)
     if not unit and len(parts) > 1 and parts[-1].lower() in _LENGTHS:
@@ -232,7 +232,7 @@ def _make_column(
 
 
 def _split_words(words: str) -> list[str]:
-    """Name of a column, and what stands behind it: track, unit."""
+    """Name of a column, and the words that follow it: track, unit."""
     if words.startswith(EXTRA):
         return [words]
     known = [name for name in RETURN_ATTRIBUTES if f"{words.lower()}_".startswith(f"{name}_")]

@@ -1,4 +1,4 @@
-"""What a table of points or a profile amounts to."""
+"""Summaries of points and profiles in tables for ``trueterrain info``."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from trueterrain.formats._bounds import value_range
 from trueterrain.formats._flags import profile_flags
 from trueterrain.formats.point_filter import ReturnCounts
 from trueterrain.formats.table._text import Values
 
-_EQUAL = 1e-3  # spacings that differ by less than this fraction count as equal, as for ERD
+_EQUAL = 1e-3  # fraction by which equal spacings may differ: rounding, as for ERD
 
 
 def describe_profile(profile: xr.Dataset) -> dict[str, Any]:
@@ -21,15 +22,14 @@ def describe_profile(profile: xr.Dataset) -> dict[str, Any]:
     problems, tracks = [], []
     for name, height in zip(names, np.atleast_2d(profile.height.values), strict=True):
         problems += profile_flags(name or "height", s, height)
-        known = height[np.isfinite(height)]
-        low, high = (float(known.min()), float(known.max())) if known.size else (None, None)
+        low, high = value_range(height) or (None, None)
         tracks.append({"name": name, "lowest": low, "highest": high})
     summary: dict[str, Any] = {"count": s.size, "extent": {"s": [float(s[0]), float(s[-1])]}}
     steps = np.diff(s)
     if steps.size:
-        smallest, largest = float(steps.min()), float(steps.max())
-        equal = largest - smallest <= _EQUAL * smallest
-        summary["spacing"] = float(np.median(steps)) if equal else [smallest, largest]
+        low, high = float(steps.min()), float(steps.max())
+        equal = high - low <= _EQUAL * low
+        summary["spacing"] = float(np.median(steps)) if equal else [low, high]
     return summary | {"tracks": tracks, "problems": problems}
 
 

@@ -1,36 +1,25 @@
-"""Tables as Parquet, row group by row group (extra ``parquet``)."""
+"""Tables in Parquet, read and written block by block (extra ``parquet``)."""
 
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from trueterrain.core import Checksums, not_whole
-from trueterrain.core.errors import FormatError, TrueTerrainError
+from trueterrain.core.errors import FormatError
 from trueterrain.core.schemas import EXTRA
+from trueterrain.formats._parquet import import_pyarrow, parquet_damage_named, require_numbers
 from trueterrain.formats.table._columns import TableLayout, layout_of
 from trueterrain.formats.table._text import Values
 
-_METADATA = b"trueterrain"  # key under which CRS and provenance are kept
-_ROWS = 1_000_000  # that are read at a time
-_CURE = "Install it with `pip install trueterrain[parquet]`, or use CSV."
-
-
-def import_pyarrow(path: Path) -> tuple[Any, Any]:
-    """Return pyarrow and pyarrow.parquet, or say how to get them."""
-    try:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-    except ImportError:
-        raise TrueTerrainError("Parquet needs the package pyarrow", path=path, cure=_CURE) from None
-    return pa, pq
+_METADATA = b"trueterrain"  # key of the metadata that hold CRS and provenance
+_ROWS = 1_000_000  # rows that are read at a time
 
 
 def open_parquet(path: Path, *, kind: str | None = None) -> tuple[Any, TableLayout, dict[str, Any]]:
-    """Open a file; returns pyarrow's file, the meaning of its columns, and our metadata."""
+    """Open a file; returns the file of pyarrow, the meaning of its columns, and the attributes."""
     _, pq = import_pyarrow(path)
     with parquet_damage_named(path):
         file = pq.ParquetFile(path, page_checksum_verification=True)
@@ -43,24 +32,10 @@ def open_parquet(path: Path, *, kind: str | None = None) -> tuple[Any, TableLayo
     return file, layout_of(names, path, kind=kind), attrs
 
 
-@contextmanager
-def parquet_damage_named(path: Path) -> Iterator[None]:
-    """Turn what pyarrow raises on damaged files into a FormatError."""
-    try:
-        yield
-    except (TrueTerrainError, FileNotFoundError, PermissionError):
-        raise
-    except Exception as error:  # of any kind
-        words = " ".join(str(error).split()).rstrip(".")[:160] or type(error).__name__
-        raise FormatError(
-            f"is damaged or cut off ({words})", path=path, cure="Copy or export it again."
-        ) from None
-
-
 def parquet_blocks(
     path: Path, file: Any, layout: TableLayout, size: int | None = None
 ) -> Iterator[Values]:
-    """Columns in SI, at most `size` rows at a time."""
+    """Yield the columns in SI units, at most `size` rows at a time."""
     pa, _ = import_pyarrow(path)
     labels = file.schema_arrow.names
     row, rows = 0, file.metadata.num_rows
@@ -86,13 +61,7 @@ def parquet_blocks(
 
 
 def _column_numbers(pa: Any, array: Any, label: str, path: Path) -> Any:
-    if not (pa.types.is_integer(array.type) or pa.types.is_floating(array.type)):
-        raise FormatError(
-            f"must hold numbers, got {array.type}",
-            path=path,
-            place=f"column {label!r}",
-            cure="Convert the column to float64.",
-        )
+    require_numbers(pa, array.type, label, path)
     # extra bytes keep their type, since float64 does not hold 64-bit integers
     keep = label.startswith(EXTRA) and not array.null_count
     return (array if keep else array.cast(pa.float64())).to_numpy(zero_copy_only=False)
@@ -111,7 +80,7 @@ def _check_values(layout: TableLayout, column: Any, values: Any, row: int, path:
 
 
 class ParquetWriter:
-    """Writes one row group per table of columns; use as a context manager."""
+    """Writer of one row group per block of columns; a context manager."""
 
     def __init__(self, temporary: Path, metadata: dict[str, Any]) -> None:
         self._pa, self._pq = import_pyarrow(temporary)
@@ -139,7 +108,7 @@ class ParquetWriter:
             _add_columns(self._written, batch)
 
     def require_same(self, path: Path) -> None:
-        """Raise if the file does not hold what was written."""
+        """Read the file back; raise if it differs from what was written."""
         found = Checksums()
         try:
             with self._pq.ParquetFile(self._path) as file:

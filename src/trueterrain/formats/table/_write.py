@@ -1,4 +1,4 @@
-"""Points and profiles to tables."""
+"""Write points and profiles as tables."""
 
 from collections.abc import Iterator
 from contextlib import AbstractContextManager
@@ -40,24 +40,24 @@ _ATTRS = (  # kept in Parquet
     "coordinate_scale",
     "coordinate_offset",
 )
-_ROWS = 1_000_000  # written at a time
+_ROWS = 1_000_000  # rows that are written at a time
 
 
 def write(
     data: xr.Dataset | Iterator[xr.Dataset], path: str | Path, *, force: bool = False
 ) -> None:
-    """Write points or a profile as a table: Parquet if the name ends so, else CSV.
+    """Write points or a profile as a table: Parquet if the path has its ending, else CSV.
 
-    Several tracks are written in rows, with a column ``track``. Numbers keep every bit.
+    Several tracks are written in rows, with a column ``track``. Numbers are exact to the last bit.
 
     Parameters
     ----------
     data : xarray.Dataset or iterator of xarray.Dataset
         A profile, points, or blocks of points.
     path : str or Path
-        Where the file shall be.
+        Path of the file to write.
     force : bool
-        Replace a file that is there already.
+        Replace an existing file.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def write(
     CoverageError
         If there are no points to write.
     OutputError
-        If the file exists and `force` is false, or is not whole when it is read back.
+        If the file exists and `force` is false, or differs when it is read back.
 
     Examples
     --------
@@ -80,7 +80,7 @@ def write(
     path = Path(path)
     if isinstance(data, xr.Dataset) and kind_of(data) == "surface":
         raise SchemaError(
-            "a surface is no table",
+            "a surface is not a table",
             path=path,
             cure="Write CRG or GeoTIFF, or its nodes as points.",
         )
@@ -119,7 +119,7 @@ class _CsvWriter:
 
     def add(self, columns: dict[str, Any]) -> None:
         header = self._stream.tell() == 0
-        frame = pd.DataFrame(columns)  # floats are written with as many digits as they need
+        frame = pd.DataFrame(columns)  # the shortest digits that give the same float64 are written
         if "track" in frame:
             frame["track"] = frame["track"].map(guard_text)
         text = frame.to_csv(header=header, index=False, na_rep="nan", lineterminator="\n").encode()

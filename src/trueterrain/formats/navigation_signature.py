@@ -1,11 +1,11 @@
-"""Whether bytes can be an SBET or SMRMSG file, or columns of text those of navigation."""
+"""Recognise navigation: SBET and SMRMSG by their bytes, tables by the names of their columns."""
 
 import math
 import re
 import struct
 from collections.abc import Sequence
 
-#: Columns of Boreas poses that are needed.
+#: Required columns of Boreas poses.
 BOREAS_COLUMNS = (
     "GPSTime",
     "easting",
@@ -19,7 +19,7 @@ BOREAS_COLUMNS = (
     "heading",
 )
 
-#: What a column of time is called: GPS time, Time_s, SOW, seconds of week, t.
+#: Names of a column of time: GPS time, Time_s, SOW, seconds of week, t.
 TIME = re.compile(r"(gps|utc|unix)?[ _]?(time|sow|sec(ond)?s|timestamp)|t$", re.IGNORECASE)
 _NAMED = (
     TIME,
@@ -33,24 +33,23 @@ _SBET_FIELDS = 17
 
 _WEEK = 604_800.0  # [s]
 _HIGHEST = 100_000.0  # [m]
-_TINY = 1e-9  # [s, rad, m, m/s] what is less was not measured
+_TINY = 1e-9  # [s, rad, m, m/s] smaller values are not measurements
 
 
 def is_sbet(start: bytes, size: int) -> bool:
-    r"""Whether a file can be an SBET.
+    r"""Whether a file can be an SBET, by the plausibility of its first records.
 
     Parameters
     ----------
     start : bytes
-        Its first bytes, 272 at least if it has so many.
+        First bytes of the file, at least 272 if it is long enough.
     size : int
-        Its size [bytes]; a file that was cut off within its last record is still recognised.
+        Size of the file [bytes]; a file whose last record is cut off is still recognised.
 
     Returns
     -------
     bool
-        True if its first records hold a time, a latitude, a longitude, a height and angles that
-        can be such.
+        True if time, latitude, longitude, height and angles of the first records are plausible.
 
     Examples
     --------
@@ -64,19 +63,19 @@ def is_sbet(start: bytes, size: int) -> bool:
 
 
 def is_smrmsg(start: bytes, size: int) -> bool:
-    """Whether a file can be an SMRMSG.
+    """Whether a file can be an SMRMSG, by the plausibility of its first records.
 
     Parameters
     ----------
     start : bytes
-        Its first bytes, 160 at least if it has so many.
+        First bytes of the file, at least 160 if it is long enough.
     size : int
-        Its size [bytes].
+        Size of the file [bytes].
 
     Returns
     -------
     bool
-        True if its first records hold a time and nine errors that can be such.
+        True if the time and the nine errors of the first records are plausible.
 
     Examples
     --------
@@ -93,12 +92,12 @@ def is_sbet_text(fields: Sequence[str]) -> bool:
     Parameters
     ----------
     fields : sequence of str
-        Its fields.
+        Fields of the line.
 
     Returns
     -------
     bool
-        True if they are 17 numbers that can be such.
+        True if they are 17 numbers with plausible values.
 
     Examples
     --------
@@ -129,7 +128,7 @@ def is_boreas(names: Sequence[str]) -> bool:
 
 
 def is_navigation(names: Sequence[str]) -> bool:
-    """Whether the columns of a table are those of navigation, however they are called.
+    """Whether the columns of a table are those of navigation, by the usual names.
 
     Parameters
     ----------
@@ -139,7 +138,7 @@ def is_navigation(names: Sequence[str]) -> bool:
     Returns
     -------
     bool
-        True if there is a time, a position, roll, pitch, and a yaw angle or heading.
+        True if there are a time, a position, roll, pitch, and a yaw angle or heading.
 
     Examples
     --------
@@ -153,7 +152,7 @@ def is_navigation(names: Sequence[str]) -> bool:
 
 def _read_records(start: bytes, size: int, fields: int) -> list[tuple[float, ...]]:
     length = 8 * fields
-    # text, read as doubles, may well be tiny numbers
+    # the bytes of text, taken as doubles, can be tiny numbers that look plausible
     if all(32 <= byte < 127 or byte in b"\t\r\n" for byte in start[:length]):
         return []
     whole = min(len(start), size) // length
@@ -161,6 +160,7 @@ def _read_records(start: bytes, size: int, fields: int) -> list[tuple[float, ...
 
 
 def _times_ascend(records: list[tuple[float, ...]]) -> bool:
+    # steps of up to a minute, or back to the start of a GPS week
     step = records[-1][0] - records[0][0]
     return len(records) == 1 or 0 < step < 60 or step < -_WEEK / 2
 

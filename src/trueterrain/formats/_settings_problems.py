@@ -1,11 +1,12 @@
-"""What is wrong with settings, in words: dotted path, rule, value."""
+"""Messages for wrong settings: dotted path, rule and value, from the errors of pydantic."""
 
 import dataclasses
-import difflib
 import json
 import typing
 from collections.abc import Mapping, Sequence
 from typing import Any
+
+from trueterrain.formats._suggestions import suggest_name
 
 
 def problems_of(entries: list[dict[str, Any]], kind: type, values: Mapping[str, Any]) -> list[str]:
@@ -23,8 +24,8 @@ def problems_of(entries: list[dict[str, Any]], kind: type, values: Mapping[str, 
     Returns
     -------
     list of str
-        Without repetition. Where one of several tables may stand, only what is wrong with the one
-        that is most like the one given.
+        Without repetition. Where a table may be of several classes, only the problems of the class
+        that has most of the given keys.
     """
     meant = [entry for entry in entries if _is_meant(entry["loc"][1:], kind, values)]
     return list(dict.fromkeys(_explain_error(entry, kind, values) for entry in meant or entries))
@@ -38,7 +39,7 @@ def dataclasses_in(hint: Any) -> list[type]:
 
 
 def _is_meant(location: Sequence[int | str], kind: type, values: Any) -> bool:
-    """Whether an error is one of the table that the user means."""
+    """Whether an error concerns the class of table that has most of the given keys."""
     path: list[str] = []
     here = values
     for part in location:
@@ -50,8 +51,8 @@ def _is_meant(location: Sequence[int | str], kind: type, values: Any) -> bool:
         tables = _classes_at(kind, path)
         if isinstance(here, Mapping) and part in [table.__name__ for table in tables]:
             given = set(here)
-            likest = max(tables, key=lambda table: len(given & set(_field_names(table))))
-            if part != likest.__name__:
+            nearest = max(tables, key=lambda table: len(given & set(_field_names(table))))
+            if part != nearest.__name__:
                 return False
     return True
 
@@ -65,9 +66,8 @@ def _explain_error(entry: dict[str, Any], kind: type, values: Mapping[str, Any])
         known = sorted(
             {field for cls in _classes_at(kind, path[:-1]) for field in _field_names(cls)}
         )
-        near = difflib.get_close_matches(path[-1], known, n=1, cutoff=0.6)
-        hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
-        return f"{name}: is unknown ({hint})"
+        hint = suggest_name(path[-1], known) or f" (known are {', '.join(known)})"
+        return f"{name}: is unknown{hint}"
     if missing:
         return f"{name}: is missing"
     message = str(entry["msg"]).removeprefix("Value error, ").rstrip(".")
@@ -81,14 +81,14 @@ def _explain_error(entry: dict[str, Any], kind: type, values: Mapping[str, Any])
 
 
 def _user_path(location: Sequence[int | str], values: Any, *, missing: bool) -> list[str]:
-    """Location without the marks that a validator puts between for unions."""
+    """Location of an error without the names of classes that pydantic inserts for unions."""
     path, here = [], values
     for index, part in enumerate(location):
         in_list = isinstance(here, list) and isinstance(part, int) and part < len(here)
         if in_list or (isinstance(here, Mapping) and part in here):
             here = here[part]
         elif not (missing and index == len(location) - 1):
-            continue  # a mark
+            continue  # name of a class of a union
         path.append(str(part))
     return path
 
