@@ -47,7 +47,7 @@ def grid_of(driven, spacing=0.01, width=1.7):
 
 
 def sums_of(driven, grid, options=GridSettings(), *, size=10**9, threads=1, geometry=None):
-    sums = CellSums(grid, options.wanted(), threads=threads)
+    sums = CellSums(grid, options.kept_sums(), threads=threads)
     for start in range(0, driven.time.size, size):
         part = slice(start, start + size)
         sums.add_scans(geometry or driven.geometry, driven.time[part], driven.range[part])
@@ -178,7 +178,7 @@ def test_scanners_of_one_beam_and_slow_ones(noise_free, beams, span):
     time = noise_free.time[:: 1 if beams == 1 else 10]
     ranges = np.full((time.size, beams), 1.9)
     grid, options = grid_of(noise_free), GridSettings(level=False)
-    fused, one_by_one = CellSums(grid, options.wanted()), CellSums(grid, options.wanted())
+    fused, one_by_one = CellSums(grid, options.kept_sums()), CellSums(grid, options.kept_sums())
     fused.add_scans(geometry, time, ranges)
     scans = xr.Dataset(
         {
@@ -304,7 +304,7 @@ def test_errors_of_passes_in_agreement_stay(drive, with_errors):
         geometry = type(driven.geometry)(
             trajectory, driven.mounting, driven.geometry.angle, driven.geometry.delay
         )
-        sums = CellSums(grid, agreed.wanted())
+        sums = CellSums(grid, agreed.kept_sums())
         for number in range(4):
             if number:
                 sums.next_pass()

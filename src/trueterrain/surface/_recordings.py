@@ -4,19 +4,16 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import xarray as xr
 
 from trueterrain.core.errors import CoverageError
 from trueterrain.formats.run import StoredArray, open_run
 from trueterrain.georeference import ScanGeometry, mounting_of
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from trueterrain.surface.runs import PassRecord
+from trueterrain.surface.pass_record import PassRecord
 
 Index = npt.NDArray[np.intp]
 
@@ -24,7 +21,7 @@ _REACH = 10.0  # [m] range that is not often passed where greater ones can be st
 _AHEAD = 2  # blocks that are read before they are needed
 
 
-def origin_of(tree: "xr.DataTree") -> tuple[float, ...]:
+def origin_of(tree: xr.DataTree) -> tuple[float, ...]:
     """Longitude [deg], latitude [deg] and height [m] of the origin of a run's local frame."""
     return tuple(float(part) for part in tree.attrs["origin"])
 
@@ -40,7 +37,7 @@ class Recording:
         Whether intensities are wanted, if they were recorded.
     """
 
-    def __init__(self, one: "PassRecord", *, with_intensity: bool) -> None:
+    def __init__(self, one: PassRecord, *, with_intensity: bool) -> None:
         tree = open_run(one.path)
         mounting = one.mounting or mounting_of(tree, path=one.path)
         scans = tree["scans"]

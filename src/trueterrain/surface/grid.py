@@ -9,8 +9,6 @@ stays a step.
 
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -18,103 +16,21 @@ import xarray as xr
 
 from trueterrain.core.errors import CoverageError, SchemaError
 from trueterrain.surface._finish import ROWS, NodeValues, finish_sums
-from trueterrain.surface.accumulate import CellSums, KeptSums, ReturnTotals
+from trueterrain.surface.accumulate import CellSums, ReturnTotals
 from trueterrain.surface.cells import Grid
+from trueterrain.surface.settings import GridSettings
 
 Floats = npt.NDArray[np.float64]
 
-
-Statistic = Literal["mean", "minimum", "maximum", "median", "percentile"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class GridSettings:
-    """What is taken of the returns in a cell."""
-
-    statistic: Statistic = "mean"
-    "Height of a node: mean, minimum, maximum, median or percentile of the heights in its cell."
-
-    percent: float = 50.0
-    "Percentile that is taken [%]."
-
-    level: bool = True
-    "Whether a mean is brought from the mean place of the returns to the node along the slope."
-
-    radius: float = 0.0
-    """Radius of the disc around a node from whose cells a mean is taken, on the plane that fits
-    them, if it is levelled [m]; a cell belongs to it if its middle does. 0 for the own cell."""
-
-    power: float = 0.0
-    """Power of the inverse distance from the node that returns of a disc are weighed by; 0 weighs
-    all alike [1]."""
-
-    min_count: int = 1
-    "Cells with fewer returns have no height."
-
-    range_noise: float = 0.0
-    """Standard deviation of a return without that of its motion [m]; the scatter within cells is
-    taken where it is greater."""
-
-    agreed: bool = False
-    """Whether passes were brought into agreement, so that errors of their motion are the same; else
-    they are independent."""
-
-    def __post_init__(self) -> None:
-        """Check the values."""
-        if self.statistic not in get_args(Statistic):
-            message = (
-                f"statistic must be one of {', '.join(get_args(Statistic))}, got "
-                f"{self.statistic!r}."
-            )
-            raise ValueError(message)
-        if not 0 < self.percent < 100:
-            message = f"percent must be greater than 0 % and less than 100 %, got {self.percent}."
-            raise ValueError(message)
-        if not (self.radius >= 0 and self.power >= 0):
-            message = (
-                "radius must be at least 0 m and power at least 0, got "
-                f"{self.radius} m and {self.power}."
-            )
-            raise ValueError(message)
-        if self.radius and self.statistic != "mean":
-            message = f"radius goes with the mean, got the statistic {self.statistic}."
-            raise ValueError(message)
-        if self.power and not self.radius:
-            message = "power needs a radius, which is 0 m."
-            raise ValueError(message)
-        if self.min_count < 1:
-            message = f"min_count must be at least 1, got {self.min_count}."
-            raise ValueError(message)
-        if not self.range_noise >= 0:
-            message = f"range_noise must be at least 0 m, got {self.range_noise}."
-            raise ValueError(message)
-
-    def wanted(self, *, point_sd: bool = False) -> KeptSums:
-        """Sums that are needed.
-
-        Parameters
-        ----------
-        point_sd : bool
-            Whether points know their standard deviation.
-
-        Returns
-        -------
-        Wanted
-            For `CellSums`.
-        """
-        return KeptSums(
-            extremes=self.statistic in ("minimum", "maximum"),
-            places=self.statistic == "mean" and self.level,
-            point_sd=point_sd,
-            agreed=self.agreed,
-        )
-
-    @property
-    def share(self) -> float | None:
-        """Share of the heights that lie below the one that is taken [1]; None if it is no rank."""
-        if self.statistic == "median":
-            return 0.5
-        return 0.01 * self.percent if self.statistic == "percentile" else None
+__all__ = [
+    "GridSettings",
+    "finish_rows",
+    "grid_points",
+    "name_deviations",
+    "require_heights",
+    "surface_of",
+    "trim_surface",
+]
 
 
 def surface_of(
@@ -130,7 +46,7 @@ def surface_of(
     ----------
     sums : CellSums
         Sums over returns or points, with what `options.wanted` names.
-    options : GridOptions
+    options : GridSettings
         What is taken of them.
     crs : str
         Coordinate reference system of the grid.
@@ -158,13 +74,13 @@ def surface_of(
     position times the square of the slope. Least and greatest heights get the standard deviation
     of a single return; those of medians and percentiles are for normal errors.
     """
-    if options.share is not None and again is None:
+    if options.fraction is not None and again is None:
         message = f"{options.statistic} needs another look at the data: again must be given."
         raise ValueError(message)
     missing = [
         name
         for name in ("extremes", "places")
-        if getattr(options.wanted(), name) and not getattr(sums.wanted, name)
+        if getattr(options.kept_sums(), name) and not getattr(sums.wanted, name)
     ]
     if missing:
         message = f"the sums lack {', '.join(missing)}, which {options.statistic} needs."
@@ -221,7 +137,7 @@ def finish_rows(
     ----------
     sums : CellSums
         Sums that hold these rows, and `halo_of` more to either side as far as there are any.
-    options : GridOptions
+    options : GridSettings
         What is taken of them.
     rows : range
         The rows.
@@ -238,10 +154,10 @@ def finish_rows(
         ]
         for job in jobs:
             job.result()
-    if options.share is not None and again is not None:
+    if options.fraction is not None and again is not None:
         height = nodes.height[rows.start : rows.stop]
         seen = np.isfinite(height)
-        height[seen] = sums.quantile(options.share, rows, again)[seen]
+        height[seen] = sums.quantile(options.fraction, rows, again)[seen]
 
 
 def require_heights(nodes: NodeValues, options: GridSettings, tally: ReturnTotals) -> None:
@@ -276,7 +192,7 @@ def grid_points(
         Points, or blocks of them; medians and percentiles go through them twice and more.
     grid : Grid
         The cells.
-    options : GridOptions
+    options : GridSettings
         What is taken of the points in each.
     threads : int
         Threads that work at once; the surface does not depend on it.
@@ -300,13 +216,13 @@ def grid_points(
     >>> from trueterrain.core.schemas import make_points
     >>> from trueterrain.surface.cells import grid_over
     >>> points = make_points([0.1, 0.2, 0.9, 1.1], [0, 0, 1, 1], [5.0, 5.2, 7.0, 7.2])
-    >>> grid_points(points, grid_over(0, 0, 1, 1, spacing=1.0), GridOptions(level=False)).height
+    >>> grid_points(points, grid_over(0, 0, 1, 1, spacing=1.0), GridSettings(level=False)).height
     <xarray.DataArray 'height' (northing: 2, easting: 2)>...
     array([[5.1, nan],
            [nan, 7.1]])
     ...
     """
-    if options.share is not None and isinstance(points, Iterator):
+    if options.fraction is not None and isinstance(points, Iterator):
         message = f"{options.statistic} needs points that can be gone through twice, e.g. a list."
         raise ValueError(message)
     sums: CellSums | None = None
@@ -315,7 +231,7 @@ def grid_points(
         found = str(block.attrs.get("crs", ""))
         if sums is None:
             own = next((name for name in ("sd", "sd_relative") if name in block), None)
-            sums = CellSums(grid, options.wanted(point_sd=own is not None), threads=threads)
+            sums = CellSums(grid, options.kept_sums(point_sd=own is not None), threads=threads)
             crs = found
         elif found != crs:
             raise SchemaError(
@@ -363,7 +279,7 @@ def trim_surface(surface: xr.Dataset) -> xr.Dataset:
     >>> from trueterrain.core.schemas import make_surface
     >>> road = make_surface([[np.nan, np.nan], [1, 2], [1, 2]], u=[0, 1, 2], v=[0, 1],
     ...                     easting=[0, 1, 2], northing=[0, 0, 0])
-    >>> trimmed(road).u.values
+    >>> trim_surface(road).u.values
     array([1., 2.])
     """
     seen = np.isfinite(np.asarray(surface["height"]))

@@ -3,24 +3,24 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from trueterrain.core.errors import CoverageError
+from trueterrain.formats.run import Mounting, open_run
+from trueterrain.formats.table import read_waypoints
 from trueterrain.geometry.reference_line import (
     ReferenceLine,
     line_from_trajectory,
     line_through,
     straight_line,
 )
+from trueterrain.georeference import mounting_of
 from trueterrain.surface._self_overlap import find_self_overlap
 from trueterrain.surface.cells import Grid, grid_along, grid_over
-
-if TYPE_CHECKING:
-    from trueterrain.formats.run import Mounting
-    from trueterrain.surface.runs import PassRecord
+from trueterrain.surface.pass_record import PassRecord
 
 Four = tuple[float, float, float, float]
 
@@ -75,7 +75,7 @@ class GridPlacement:
             message = f"smoothing must be from 0 to {_MOST_SMOOTHING:g} m, got {self.smoothing}."
             raise ValueError(message)
 
-    def of_runs(self, passes: "Sequence[PassRecord]") -> Grid:
+    def of_runs(self, passes: Sequence[PassRecord]) -> Grid:
         """Grid for runs: along the way of the first, unless something else is asked for.
 
         Parameters
@@ -164,8 +164,6 @@ class GridPlacement:
         if self.line is not None:
             return self._along(straight_line(self.line[:2], self.line[2:], spacing=self.spacing))
         if self.path is not None:
-            from trueterrain.formats.table import read_waypoints
-
             line = line_through(
                 *read_waypoints(Path(self.path)),
                 spacing=self.spacing,
@@ -203,7 +201,7 @@ def _self_overlap_text(grid: Grid, met: tuple[float, float]) -> str:
     )
 
 
-def _time_at(one: "PassRecord", share: float) -> float:
+def _time_at(one: PassRecord, share: float) -> float:
     """Time before which a share of the way is gone, down to a tenth of a second."""
     way = _scanner_positions(one)
     gone = np.append(0.0, np.cumsum(np.hypot(*np.diff(way[:, :2], axis=0).T)))
@@ -211,17 +209,12 @@ def _time_at(one: "PassRecord", share: float) -> float:
     return float(np.floor(10 * at) / 10)
 
 
-def _pass_mounting(one: "PassRecord") -> "Mounting":
-    from trueterrain.formats.run import open_run
-    from trueterrain.georeference import mounting_of
-
+def _pass_mounting(one: PassRecord) -> Mounting:
     return one.mounting or mounting_of(open_run(one.path), path=one.path)
 
 
-def _scan_time_span(one: "PassRecord") -> tuple[float, float]:
+def _scan_time_span(one: PassRecord) -> tuple[float, float]:
     """True times of the first and the last scan that the motion covers."""
-    from trueterrain.formats.run import open_run
-
     stamps = np.asarray(open_run(one.path)["scans"]["time"], dtype=np.float64)
     clock = _pass_mounting(one).scanner_clock
     begin, end = (float(at) + clock for at in (np.nanmin(stamps), np.nanmax(stamps)))
@@ -229,14 +222,14 @@ def _scan_time_span(one: "PassRecord") -> tuple[float, float]:
     return max(begin, float(knots[0])), min(end, float(knots[-1]))
 
 
-def _motion_times(one: "PassRecord") -> npt.NDArray[Any]:
+def _motion_times(one: PassRecord) -> npt.NDArray[Any]:
     """Times of the motion while there are scans, shape (n,) [s]."""
     begin, end = _scan_time_span(one)
     time = one.trajectory.time
     return time[(time >= begin) & (time <= end)]
 
 
-def _scanner_positions(one: "PassRecord") -> npt.NDArray[Any]:
+def _scanner_positions(one: PassRecord) -> npt.NDArray[Any]:
     """Where the scanner is while it scans, shape (n, 3) [m]."""
     poses = one.trajectory.at(_motion_times(one))
     lever = np.array(_pass_mounting(one).scanner_position)

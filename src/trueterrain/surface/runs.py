@@ -1,7 +1,7 @@
 """From recorded runs to a surface, without points in between."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -10,35 +10,24 @@ import xarray as xr
 from trueterrain.core import provenance
 from trueterrain.core.errors import SchemaError
 from trueterrain.core.progress import Progress, no_progress
-from trueterrain.formats.run import Mounting, open_run
+from trueterrain.formats.run import open_run
 from trueterrain.georeference import Screening
-from trueterrain.motion.trajectory import Trajectory
 from trueterrain.surface._finish import NodeValues, halo_of
 from trueterrain.surface._recordings import Recording, origin_of, read_ahead
 from trueterrain.surface._windows import WindowPlan, plan_windows
 from trueterrain.surface.accumulate import CellSums
 from trueterrain.surface.cells import Grid
-from trueterrain.surface.grid import GridSettings, finish_rows, name_deviations, require_heights
+from trueterrain.surface.grid import finish_rows, name_deviations, require_heights
+from trueterrain.surface.pass_record import PassRecord
+from trueterrain.surface.settings import GridSettings
+
+__all__ = ["BLOCK", "MEMORY", "PassRecord", "grid_runs", "require_one_frame"]
 
 #: Scans in a block, unless told otherwise: whole chunks of a store.
 BLOCK = 4000
 
 #: Memory for sums, unless told otherwise [bytes].
 MEMORY = 256 << 20
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PassRecord:
-    """A run and its motion."""
-
-    path: Path
-    "Store of the run, NAME.zarr."
-
-    trajectory: Trajectory
-    "Motion of the body."
-
-    mounting: Mounting | None = None
-    "Where the scanner sits, and its clock; by default what the run says."
 
 
 def grid_runs(
@@ -102,7 +91,7 @@ def grid_runs(
         raise ValueError(message)
     recordings = [Recording(one, with_intensity=screening.needs_intensity) for one in passes]
     _require_same([one.path for one in recordings], [one.origin for one in recordings])
-    wanted = options.wanted()
+    wanted = options.kept_sums()
     plan = plan_windows(
         grid,
         recordings,

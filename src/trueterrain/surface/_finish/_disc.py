@@ -1,15 +1,12 @@
 """Cells around a node that its height is taken from."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from trueterrain.surface.cells import Grid
-
-if TYPE_CHECKING:
-    from trueterrain.surface.grid import GridSettings
+from trueterrain.surface.settings import GridSettings
 
 _HALO = 6  # rows around a node that its numbers depend on, beside the radius
 
@@ -28,7 +25,7 @@ class NodeDisc:
     "Weight of their returns [1]."
 
 
-def disc_of(options: "GridSettings", grid: Grid) -> NodeDisc | None:
+def disc_of(options: GridSettings, grid: Grid) -> NodeDisc | None:
     """Cells whose middle lies in the disc around a node; None for the own cell alone."""
     if not options.radius:
         return None
@@ -42,7 +39,7 @@ def disc_of(options: "GridSettings", grid: Grid) -> NodeDisc | None:
     return NodeDisc(ahead=i[inside], left=j[inside], weight=weight / weight.max())
 
 
-def halo_of(options: "GridSettings", grid: Grid) -> int:
+def halo_of(options: GridSettings, grid: Grid) -> int:
     """Rows to either side of a node that its numbers depend on."""
     disc = disc_of(options, grid)
     return _HALO + (int(np.abs(disc.ahead).max()) if disc else 0)

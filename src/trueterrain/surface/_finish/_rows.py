@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,9 +13,7 @@ from trueterrain.surface.accumulate import STEP, CellSums
 from trueterrain.surface.accumulate._kernels import MIDDLE
 from trueterrain.surface.accumulate._pose import VARIANCE_STEP
 from trueterrain.surface.accumulate._sums import PARTS
-
-if TYPE_CHECKING:
-    from trueterrain.surface.grid import GridSettings
+from trueterrain.surface.settings import GridSettings
 
 Floats = npt.NDArray[np.float64]
 
@@ -46,7 +44,7 @@ class NodeValues:
 
 
 def finish_sums(
-    sums: CellSums, options: "GridSettings", begin: int, end: int, nodes: NodeValues
+    sums: CellSums, options: GridSettings, begin: int, end: int, nodes: NodeValues
 ) -> None:
     """Numbers of the rows from `begin` to before `end`; the sums hold those around them too."""
     disc = disc_of(options, sums.grid)
@@ -97,7 +95,7 @@ def finish_sums(
         *slopes,
         sums.sideways_variance(),
         *sums.grid.spacing,
-        _quantile_variance_factor(options.share),
+        _quantile_variance_factor(options.fraction),
         options.min_count,
         begin - around.start,
         nodes.height[begin:end],
