@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from trueterrain.alignment.merge import MergeResult
-    from trueterrain.survey._lane import SurfaceResult, SurveyRun
+    from trueterrain.survey._products import SurfaceResult
+    from trueterrain.survey.runs import ProcessedRun
 
 _MOST = 0.99  # share of the cells whose differences before a common colour scale shows
 _SHOWN = 3  # profiles in one picture
@@ -77,27 +78,29 @@ class Pictures:
         """
         self._keep(lane, "surface", figures.surface_map(surface), "surface")
 
-    def of_motion(self, run: "SurveyRun") -> None:
+    def of_motion(self, run: "ProcessedRun") -> None:
         """Draw how the body moved.
 
         Parameters
         ----------
-        run : Run
+        run : ProcessedRun
             The run.
         """
-        t = run.taken.trajectory
+        t = run.record.trajectory
         _, pitch, roll = np.unwrap(t.at(t.time).rotation.as_euler("ZYX"), axis=0).T
         motion = {"time": t.time, "up": t.position[:, 2], "pitch": pitch, "roll": roll}
         self._keep(run.name, "motion", figures.body_motion(motion), "motion of the body")
 
-    def of_merging(self, merging: "MergeResult", runs: "Sequence[SurveyRun]", cell: float) -> None:
+    def of_merging(
+        self, merging: "MergeResult", runs: "Sequence[ProcessedRun]", cell: float
+    ) -> None:
         """Draw how passes were brought into agreement.
 
         Parameters
         ----------
         merging : Merging
             What was found.
-        runs : sequence of Run
+        runs : sequence of ProcessedRun
             The runs as they were before.
         cell : float
             Size of the cells in which they were compared [m].
@@ -106,8 +109,8 @@ class Pictures:
         if found is not None:
             claimed = {
                 run.name: (
-                    run.taken.trajectory.time,
-                    np.sqrt(run.taken.trajectory.covariance[:, 2, 2]),
+                    run.record.trajectory.time,
+                    np.sqrt(run.record.trajectory.covariance[:, 2, 2]),
                 )
                 for run in runs
             }

@@ -18,8 +18,8 @@ from trueterrain.report import (
     Text,
     Warnings,
 )
-from trueterrain.survey._lane import SurfaceResult
 from trueterrain.survey._pictures import Pictures
+from trueterrain.survey._products import SurfaceResult
 from trueterrain.survey._report_merge import merge_headline, merge_section
 from trueterrain.survey._report_parts import parse_columns, to_millimetres
 from trueterrain.survey._settings import Survey

@@ -200,10 +200,10 @@ class Survey:
         if not self.runs:
             message = "runs are missing: there must be at least one."
             raise ValueError(message)
-        _require_different("runs", [lane_name(run) for run in self.runs])
+        _require_different("runs", [run_name(run) for run in self.runs])
         _require_different("profiles", [profile.name for profile in self.profiles])
         if self.lanes is not None and self.lanes.fixed:
-            unknown = set(self.lanes.fixed) - {lane_name(run) for run in self.runs}
+            unknown = set(self.lanes.fixed) - {run_name(run) for run in self.runs}
             if unknown:
                 message = f"lanes.fixed must name runs, got {sorted(unknown)[0]!r}."
                 raise ValueError(message)
@@ -224,13 +224,13 @@ class Survey:
         return self.grid.as_map or self.grid.bounds is not None
 
 
-def lane_name(run: RunSettings) -> str:
-    """Name of the lane that a run becomes.
+def run_name(run: "RunSettings | str | Path") -> str:
+    """Name of a run in results.
 
     Parameters
     ----------
-    run : RunSettings
-        The run.
+    run : RunSettings, str or Path
+        The run, or its store.
 
     Returns
     -------
@@ -239,10 +239,12 @@ def lane_name(run: RunSettings) -> str:
 
     Examples
     --------
-    >>> lane_name(RunSettings(path="runs/kerb-off.zarr"))
+    >>> run_name(RunSettings(path="runs/kerb-off.zarr"))
     'kerb-off'
     """
-    return run.name or Path(run.path).name.removesuffix(".zarr")
+    if isinstance(run, RunSettings):
+        return run.name or run_name(run.path)
+    return Path(run).name.removesuffix(".zarr")
 
 
 def read_survey(path: str | Path) -> Survey:
@@ -278,7 +280,7 @@ def read_survey(path: str | Path) -> Survey:
         return str(folder / name)
 
     runs = tuple(
-        replace(run, path=found(run.path, f"runs {number}"), name=lane_name(run))
+        replace(run, path=found(run.path, f"runs {number}"), name=run_name(run))
         for number, run in enumerate(survey.runs, start=1)
     )
     profiles = tuple(
