@@ -137,7 +137,7 @@ def test_all_that_a_report_holds_is_on_the_pages(full):
         "⚠ Flagged",
         f"• Warned {EVIL}",
         "• lane 2 is short",
-        "Nothing flagged was found.",
+        "Nothing is flagged.",
         "Caption of the picture",
         "Caption of the view",
         "121 × 21 nodes are drawn: all there are.",

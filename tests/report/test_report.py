@@ -209,7 +209,7 @@ def test_flags_are_pointed_to_at_the_top(full, page_of):
     assert one.texts("p", class_="flags") == ["⚠ 1 flag about this result: see it."]
     none = page_of(Warnings(items=()))
     assert none.texts("p", class_="flags") == []
-    assert "Nothing flagged was found." in none.texts("main")[0]
+    assert "Nothing is flagged." in none.texts("main")[0]
 
 
 def test_provenance_is_folded_and_whole(full):

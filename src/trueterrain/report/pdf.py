@@ -283,7 +283,7 @@ def _warning_box(block: Warnings, width: float) -> Any:
     )
 
     if not block.items:
-        return Paragraph("Nothing flagged was found.", paragraph_styles()["note"])
+        return Paragraph("Nothing is flagged.", paragraph_styles()["note"])
     head = Paragraph(
         f"<font name='{BOLD}' color='{FLAG}'>⚠ Flagged</font>", paragraph_styles()["text"]
     )
