@@ -49,8 +49,8 @@ def accumulate_scans(
     intensity,
     floor,
     saturation,
-    good,
-    flagged,
+    good_weight,
+    flagged_weight,
     px,
     py,
     nx,
@@ -121,7 +121,7 @@ def accumulate_scans(
         z_low, z_high = np.int64(0), np.int64(0)
         u_sum, v_sum = np.int64(0), np.int64(0)
         row = np.int64(-1)
-        weight = good
+        weight = good_weight
         ax, ay, anx, any_ = px[i], py[i], nx[i], ny[i]
         bx, by, bnx, bny = px[i + 1], py[i + 1], nx[i + 1], ny[i + 1]
         ux, uy, le, wi, ll = dx[i], dy[i], lean[i], widen[i], length[i]
@@ -133,10 +133,10 @@ def accumulate_scans(
             if not (r >= nearest and r <= furthest):  # NaN too
                 continue
             if screened:
-                weight = good
+                weight = good_weight
                 if not (floor <= intensity[n, b] <= saturation):
                     flagged += fresh
-                    weight = flagged
+                    weight = flagged_weight
                     if weight == 0:
                         continue
             xb, yb, zb = x[b], y[b], z[b]
