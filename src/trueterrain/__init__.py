@@ -310,7 +310,7 @@ def _warn_renamed(old: str, new: str) -> None:
 class _MovedModule(MetaPathFinder, Loader):
     """Import of a module by the name that it had in earlier versions."""
 
-    def find_spec(self, fullname: str, *_: object) -> ModuleSpec | None:
+    def find_spec(self, fullname: str, *_unused: object) -> ModuleSpec | None:
         package, _, name = fullname.partition(".")
         if package != __name__ or name not in _MOVED:
             return None

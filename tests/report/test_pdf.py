@@ -311,7 +311,7 @@ def test_a_report_of_no_more_than_a_title_is_a_page(pdf_of):
     assert "…" in text_of(reader)  # the foot is cut where the page ends, and says so
 
 
-def test_an_existing_file_stays_unless_told(tmp_path):
+def test_an_existing_file_stays_without_force(tmp_path):
     (tmp_path / "report.pdf").write_text("mine")
     with pytest.raises(OutputError, match=r"report\.pdf: exists already"):
         write_report_pdf(Report(title="One"), tmp_path / "report.pdf")

@@ -127,7 +127,7 @@ def test_the_program_for_views_is_there_once_and_only_if_there_is_a_view(full, p
 
 
 def test_the_views_send_nothing_away(full):
-    """Plotly offers to upload charts unless it is told not to."""
+    """Plotly offers to upload charts unless that is switched off."""
     program = full.all("script")[-2]["text"]
     assert "showSendToCloud: false" in program
     assert 'plotlyServerURL: ""' in program

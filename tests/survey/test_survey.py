@@ -38,7 +38,9 @@ from trueterrain.verify import truth_of
 
 FILE = 1e-6  # [m] of a height near 0 as float32 in an OpenCRG file, half a step of the mantissa
 LIFTED = 0.010  # [m] by which a scanner is said to sit higher than it does
-TRUE_IRI = 0.03  # share by which 20 mm of ranges' noise per point change the IRI of a class B road
+TRUE_IRI = (
+    0.03  # relative change of the IRI of a class B road by 20 mm of range noise per point
+)
 
 
 @pytest.fixture(scope="module")

@@ -23,7 +23,7 @@ def printable_text(text: str) -> str:
 
     Examples
     --------
-    >>> len("a" + chr(27) + "[31m"), len(printable("a" + chr(27) + "[31m"))
+    >>> len("a" + chr(27) + "[31m"), len(printable_text("a" + chr(27) + "[31m"))
     (6, 9)
     """
     return _CONTROLS.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), text)
@@ -44,7 +44,7 @@ def json_values(value: Any) -> Any:
 
     Examples
     --------
-    >>> finite({"sd": (0.1, float("nan"))})
+    >>> json_values({"sd": (0.1, float("nan"))})
     {'sd': [0.1, None]}
     """
     if isinstance(value, dict):

@@ -1,4 +1,4 @@
-"""Outputs appear whole or not at all, and never in the place of something else."""
+"""Atomic outputs: complete or absent, and never in place of other data."""
 
 import json
 import os
@@ -280,9 +280,9 @@ def require_writable(
 
     Examples
     --------
-    >>> require_writable("nowhere/road.crg")
+    >>> require_writable("missing/road.crg")
     Traceback (most recent call last):
-    trueterrain.core.errors.OutputError: nowhere/road.crg: the folder nowhere does not exist. ...
+    trueterrain.core.errors.OutputError: missing/road.crg: the folder missing does not exist. ...
     """
     path = Path(path)
     if not isinstance(replaces, str) and path.suffix != ".zarr":

@@ -52,12 +52,14 @@ def column_decimals(values: Iterable[Any]) -> int | None:
 
 
 def format_value(value: Any, digits: int | None = None) -> str:
-    """A value as it is written: a number with some decimals, a word as it is.
+    """Text of a value: numbers with some decimals, text unchanged.
 
     Examples
     --------
-    >>> text(-0.12345), text(1234), text(1.0, 2), text(None), text(float("nan")), text(2e-9)
-    ('−0.1235', '1234', '1.00', '–', '–', '2.00 × 10⁻⁹')
+    >>> [format_value(value) for value in (-0.12345, 1234, None, float("nan"), 2e-9)]
+    ['−0.1235', '1234', '–', '–', '2.00 × 10⁻⁹']
+    >>> format_value(1.0, 2)
+    '1.00'
     """
     value = python_value(value)
     if value is None or value == "":
@@ -86,8 +88,8 @@ def format_size(number: int) -> str:
 
     Examples
     --------
-    >>> size(999), size(4_800_000), size(12_345)
-    ('999 B', '4.8 MB', '12 kB')
+    >>> [format_size(number) for number in (999, 4_800_000, 12_345)]
+    ['999 B', '4.8 MB', '12 kB']
     """
     power = min((len(str(number)) - 1) // 3, len(_BYTES) - 1)
     scaled = number / 1000**power

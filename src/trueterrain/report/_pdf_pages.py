@@ -75,16 +75,16 @@ def numbered_canvas(title: str, margin: float) -> type[Any]:
             self.setFont(PLAIN, _SIZE)
             self.setFillColor(QUIET)
             self.drawRightString(right, _FOOT, number)
-            room = right - margin - self.stringWidth(number, PLAIN, _SIZE) - 12
-            self.drawString(margin, _FOOT, _shorten_text(title, room, self))
+            width = right - margin - self.stringWidth(number, PLAIN, _SIZE) - 12
+            self.drawString(margin, _FOOT, _shorten_text(title, width, self))
 
     return Numbered
 
 
-def _shorten_text(text: str, room: float, canvas: Any) -> str:
-    """Text, cut where it would be wider than there is room [pt]."""
-    if canvas.stringWidth(text, PLAIN, _SIZE) <= room:
+def _shorten_text(text: str, width: float, canvas: Any) -> str:
+    """Text, cut to a width [pt]."""
+    if canvas.stringWidth(text, PLAIN, _SIZE) <= width:
         return text
-    while text and canvas.stringWidth(text + _ELLIPSIS, PLAIN, _SIZE) > room:
+    while text and canvas.stringWidth(text + _ELLIPSIS, PLAIN, _SIZE) > width:
         text = text[:-1]
     return text.rstrip() + _ELLIPSIS

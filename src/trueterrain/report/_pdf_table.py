@@ -19,10 +19,10 @@ from trueterrain.report._pdf_style import (
 _PAD = 4.0  # [pt] on both sides of a cell
 _STEP = 0.5  # [pt] by which the type of a wide table is made smaller
 _WORD = 70.0  # [pt] below which a column of words is not squeezed while type can be smaller
-_ROOM = 75.0  # [pt] for caption, head and a row or two, before a table begins
+_MIN_SPACE = 75.0  # [pt] for caption, head and a row or two at the start of a table
 _TALL = 250.0  # [pt] up to which a table is not broken over pages, a third of one
 _MANY = 50  # rows that are certainly taller
-_SLACK = 0.5  # [pt] rounding, for which no word shall be broken
+_SLACK = 0.5  # [pt] of rounding that must not break a word
 
 
 def table_flowables(block: dict[str, Any], width: float) -> list[Any]:
@@ -61,7 +61,7 @@ def table_flowables(block: dict[str, Any], width: float) -> list[Any]:
         found += [_draw_table(group, size, width), Spacer(0, 8)]
     if len(block["rows"]) <= _MANY and sum(one.wrap(width, _TALL)[1] for one in found) <= _TALL:
         return [found]
-    return [CondPageBreak(_ROOM), *found]
+    return [CondPageBreak(_MIN_SPACE), *found]
 
 
 class _Column:
@@ -79,7 +79,7 @@ class _Column:
         unit = f" [{self.unit}]" if self.unit else ""
         return self._around([self.label + unit], self.cells, size)
 
-    def least(self, size: float) -> float:
+    def min_widths(self, size: float) -> float:
         """Width at which no word and no number is broken [pt]."""
         words = [word for cell in self.cells for word in cell.split()]
         heads = [*self.label.split(), f"[{self.unit}]" if self.unit else ""]
@@ -87,7 +87,7 @@ class _Column:
 
     def squeezed(self, size: float) -> float:
         """Width below which it cannot be read [pt]."""
-        return self.least(size) if self.numeric else min(self.least(size), _WORD)
+        return self.min_widths(size) if self.numeric else min(self.min_widths(size), _WORD)
 
     def head(self) -> str:
         unit = f" <font color='{QUIET}' name='{PLAIN}'>[{escape_text(self.unit)}]</font>"
@@ -108,7 +108,7 @@ def _text_width(text: str, size: float, *, bold: bool = False) -> float:
 def _fit_columns(columns: list[_Column], width: float) -> tuple[float, list[list[_Column]]]:
     """Size of type, and the columns that stand beside each other: all of them if that can be."""
     size = TEXT - 2 * _STEP
-    while size > TINY and sum(one.least(size) for one in columns) > width:
+    while size > TINY and sum(one.min_widths(size) for one in columns) > width:
         size -= _STEP
     groups: list[list[_Column]] = [[columns[0]]]
     for column in columns[1:]:
@@ -119,18 +119,18 @@ def _fit_columns(columns: list[_Column], width: float) -> tuple[float, list[list
 
 
 def _column_widths(columns: list[_Column], size: float, width: float) -> list[float]:
-    """Natural widths if they fit, else between the least ones and these."""
+    """Natural widths if they fit, else between the min_widths ones and these."""
     natural = [one.natural(size) for one in columns]
     if sum(natural) <= width:
         return natural
-    least = [one.least(size) for one in columns]
-    if sum(least) > width:
-        natural, least = least, [one.squeezed(size) for one in columns]
-    if sum(least) >= width:  # a single number or two that are wider than the page
-        return [width * one / sum(least) for one in least]
-    room = [high - low for high, low in zip(natural, least, strict=True)]
-    share = (width - sum(least)) / sum(room)
-    return [low + share * more for low, more in zip(least, room, strict=True)]
+    min_widths = [one.min_widths(size) for one in columns]
+    if sum(min_widths) > width:
+        natural, min_widths = min_widths, [one.squeezed(size) for one in columns]
+    if sum(min_widths) >= width:  # a single number or two that are wider than the page
+        return [width * one / sum(min_widths) for one in min_widths]
+    slack = [high - low for high, low in zip(natural, min_widths, strict=True)]
+    fraction = (width - sum(min_widths)) / sum(slack)
+    return [low + fraction * more for low, more in zip(min_widths, slack, strict=True)]
 
 
 def _draw_table(columns: list[_Column], size: float, width: float) -> Any:

@@ -1,4 +1,4 @@
-"""A surface to turn and zoom, and the same surface seen from above for paper."""
+"""Interactive view of a surface, and a map of it for paper."""
 
 import json
 import math
@@ -27,10 +27,10 @@ _NAMES = {
 }
 _CHOICES = (1.0, 5.0, 20.0)  # vertical exaggerations that every page offers
 _STEPS = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
-_RELIEF = 0.08  # share of the longer side that heights are drawn as high as, at most
+_RELIEF = 0.08  # max height of the relief over the longer side
 _ACROSS = 1.9  # diagonal of the ground in the scene; the camera then sees all of it
 _TICKS = 6  # more ticks along a side of this size
-_FLATTEST = 1e-3  # [m] least range of the axis of heights
+_FLATTEST = 1e-3  # [m] min range of the axis of heights
 _LINE_POINTS = 2000  # of a line on the surface
 _LINE_COLOURS = ("#D55E00", "#CC79A7", "#56B4E9", "#E69F00", "#000000")  # apart on viridis
 _COLOUR_SCALE = "Viridis"
@@ -39,19 +39,19 @@ _LONG_ROAD = 8.0  # ratio of length to width from which a picture stretches the 
 
 @dataclass(frozen=True, kw_only=True)
 class _LengthUnit:
-    """How lengths are written."""
+    """Unit and base of lengths on an axis."""
 
     base: float = 0.0
-    "What is taken off [m]."
+    "Subtracted from the values [m]."
 
     factor: float = 1.0
-    "How much of the unit a metre is."
+    "Units in a metre."
 
     name: str = "m"
     "The unit."
 
     digits: int = 3
-    "Decimals that are worth reading."
+    "Significant decimals."
 
     def label(self, quantity: str) -> str:
         above = f" − {self.base:.12g} m" if self.base else ""
@@ -150,7 +150,7 @@ def _view_scene(
     exaggeration: float,
     units: tuple[_LengthUnit, _LengthUnit, _LengthUnit],
 ) -> dict[str, Any]:
-    """Axes as long as what they hold; those of heights by the exaggeration longer."""
+    """Axes as long as the data; that of heights longer by the exaggeration."""
     lines = [profile for _, profile in _profile_tracks(view)]
     held = [
         (float(np.nanmin(values)), float(np.nanmax(values)))
@@ -164,7 +164,7 @@ def _view_scene(
         )
     ]
     low, high = held[2]
-    if high - low < _FLATTEST:  # a plane needs room to be drawn in
+    if high - low < _FLATTEST:  # an axis of zero length cannot be drawn
         held[2] = (low + high - _FLATTEST) / 2, (low + high + _FLATTEST) / 2
     # the axes begin and end exactly here, else the exaggeration would not be what is stated
     sizes = [high - low for low, high in held]
@@ -186,16 +186,16 @@ def _view_scene(
 
 
 def _node_places(blocks: Blocks, east: _LengthUnit, north: _LengthUnit) -> dict[str, list[float]]:
-    """Where the nodes lie, at a hundredth of the size: rows are straight, so their ends tell."""
+    """Coordinates of the nodes: rows are straight, so their ends and fractions are enough."""
     ends = {
         f"{name}_{side}": unit.of(values[:, column])
         for name, unit, values in (("x", east, blocks.easting), ("y", north, blocks.northing))
         for side, column in (("first", 0), ("last", -1))
     }
-    share = (blocks.second - blocks.second[0]) / np.ptp(blocks.second)
+    fraction = (blocks.second - blocks.second[0]) / np.ptp(blocks.second)
     return {
         name: [round(float(value), 4) for value in values]
-        for name, values in {**ends, "share": share}.items()
+        for name, values in {**ends, "fraction": fraction}.items()
     }
 
 
@@ -237,10 +237,10 @@ def _profile_tracks(view: SurfaceView) -> list[tuple[str, xr.Dataset]]:
 
 
 def _view_camera(blocks: Blocks) -> dict[str, Any]:
-    """From the right of the way ahead, a little behind and above."""
+    """Camera to the right of the direction of travel, a little behind and above."""
     rows, columns = blocks.easting.shape
-    ahead = (slice(None), columns // 2) if blocks.along_line else (rows // 2, slice(None))
-    x, y = blocks.easting[ahead], blocks.northing[ahead]
+    central = (slice(None), columns // 2) if blocks.along_line else (rows // 2, slice(None))
+    x, y = blocks.easting[central], blocks.northing[central]
     angle = math.atan2(y[-1] - y[0], x[-1] - x[0]) - math.radians(115)
     return {
         "eye": {"x": 1.85 * math.cos(angle), "y": 1.85 * math.sin(angle), "z": 1.2},

@@ -234,7 +234,7 @@ class Report:
     "All else, in order."
 
     provenance: Mapping[str, Sequence[Mapping[str, Any]]] = field(default_factory=dict)
-    "Steps that led to each result (see `trueterrain.core.provenance.provenance_steps`), by its name."
+    "Provenance of each result by its name, as by `trueterrain.core.provenance`."
 
 
 def _require_verdict(verdict: Verdict | None) -> None:

@@ -30,7 +30,7 @@ from trueterrain.report.parts import (
 _MARGIN = 51.0  # [pt] 18 mm
 _TILES = 3  # beside each other
 _HIGHEST = 0.75  # of the page that a picture may fill, so that its caption stands beside it
-_ROOM = 120.0  # [pt] below a heading, which shall not end a page
+_MIN_SPACE = 120.0  # [pt] below a heading, so that it does not end a page
 _CODE_LINE = 112  # characters of a line of parameters
 
 
@@ -42,7 +42,7 @@ def write_report_pdf(report: Report, path: str | Path, *, force: bool = False) -
     report : Report
         What the pages show.
     path : str or Path
-        Where the file shall be.
+        Path of the file.
     force : bool
         Replace a file that is there already.
 
@@ -126,13 +126,13 @@ def _page_flow(report: Report, folder: Path, width: float, height: float) -> Ite
         ]
         for block in section.blocks:
             content += _block_flow(block, folder, width, height)
-        yield CondPageBreak(_ROOM)
+        yield CondPageBreak(_MIN_SPACE)
         heading = [Heading(section.title)]
         if content and isinstance(content[0], list):  # what is on one page has its heading there
             heading += content.pop(0)
         yield from _keep_together([heading, *content])
     if report.provenance:
-        yield CondPageBreak(_ROOM)
+        yield CondPageBreak(_MIN_SPACE)
         yield Heading("Provenance")
         for name, steps in report.provenance.items():
             yield from _provenance_flow(provenance_entry(name, steps), width)

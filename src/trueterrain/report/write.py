@@ -35,7 +35,7 @@ def write_report(report: Report, path: str | Path, *, force: bool = False) -> No
     report : Report
         What the page shows.
     path : str or Path
-        Where the page shall be.
+        Path of the page.
     force : bool
         Replace a file that is there already.
 
@@ -116,7 +116,7 @@ def _render_page(report: Report, folder: Path) -> str:
 
 
 def _prepare_block(block: Block, name: str, folder: Path) -> dict[str, Any]:
-    """A block as the template wants it."""
+    """Block as arguments of the template."""
     found: dict[str, Any]
     match block:
         case Text():
@@ -162,7 +162,7 @@ def _template_text(name: str) -> str:
 
 
 def _content_policy(scripts: list[str]) -> str:
-    """What the page may do: run just these scripts, and load nothing from anywhere."""
+    """Content security policy: only these scripts run, and nothing is loaded."""
     hashes = [
         f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'"
         for script in scripts

@@ -1,4 +1,7 @@
-"""Grids along a line that comes back over itself: no ground can be in both of their parts."""
+"""Self-overlap of a grid along a line that crosses or repeats itself.
+
+The same ground would then be in two parts of the grid, and each return in one of them only.
+"""
 
 import numpy as np
 import numpy.typing as npt
@@ -7,15 +10,15 @@ from trueterrain.surface.cells import Grid
 
 Floats = npt.NDArray[np.float64]
 
-_STEPS = 8  # of the width, by which a grid is looked at for overlaps
-_TOUCH = 0.02  # of the width, by which its parts may overlap: ends that meet, chords of bends
+_STEPS = 8  # per width at which the grid is checked
+_TOUCH = 0.02  # fraction of the width by which parts may overlap: ends that meet, chords of bends
 
 
 def find_self_overlap(grid: Grid) -> tuple[float, float] | None:
     """Stations of the first place where a grid along a line lies over an earlier part of itself.
 
-    A bend never overlaps itself, since its radius is greater than the grid is wide; what is left
-    are parts further apart than half a circle of that radius.
+    A bend does not overlap itself, since `grid_along` demands a radius greater than the half width;
+    so only parts further apart than half a circle of that radius are compared.
     """
     from scipy.spatial import KDTree
 
@@ -43,7 +46,10 @@ def find_self_overlap(grid: Grid) -> tuple[float, float] | None:
 
 
 def _overlap_depth(a: Floats, b: Floats) -> Floats:
-    """How far convex quadrangles reach into each other, shape (n,) [m]; not positive if apart."""
+    """Penetration depth of convex quadrangles, shape (n,) [m]; not positive if they are apart.
+
+    Separating axis theorem: they are apart if their projections on the normal of a side are.
+    """
     sides = np.concatenate([np.roll(one, -1, axis=1) - one for one in (a, b)], axis=1)
     across = np.stack([-sides[..., 1], sides[..., 0]], axis=-1)
     across /= np.linalg.norm(across, axis=-1, keepdims=True)

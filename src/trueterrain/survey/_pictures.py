@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from trueterrain.survey._products import SurfaceResult
     from trueterrain.survey.runs import ProcessedRun
 
-_MOST = 0.99  # share of the cells whose differences before a common colour scale shows
+_COVERED = 0.99  # fraction of the differences before alignment that the common colour scale covers
 _SHOWN = 3  # profiles in one picture
 _PART = 6.0  # [m] of a lane that is drawn node by node
 
@@ -50,7 +50,7 @@ class Pictures:
         profiles : dict of xarray.Dataset
             Its profiles by name.
         """
-        self.parts[lane] = _middle_part(surface)
+        self.parts[lane] = _central_part(surface)
         self._keep(lane, "part", figures.surface_map(self.parts[lane]), "part of the surface")
         if profiles:
             some = dict(list(profiles.items())[:_SHOWN])
@@ -61,8 +61,8 @@ class Pictures:
 
         Parameters
         ----------
-        lane : Lane
-            The lane.
+        lane : SurfaceResult
+            The surface.
         """
         self.of_surface(lane.name, lane.coarse)
 
@@ -98,8 +98,8 @@ class Pictures:
 
         Parameters
         ----------
-        merging : Merging
-            What was found.
+        merging : MergeResult
+            The alignment.
         runs : sequence of ProcessedRun
             The runs as they were before.
         cell : float
@@ -107,7 +107,7 @@ class Pictures:
         """
         found, vectors = merging.adjustment, merging.alignment
         if found is not None:
-            claimed = {
+            reported_sd = {
                 run.name: (
                     run.record.trajectory.time,
                     np.sqrt(run.record.trajectory.covariance[:, 2, 2]),
@@ -116,9 +116,9 @@ class Pictures:
             }
             self._merge(
                 "correction",
-                figures.lane_correction(found.corrections, navigation_sd=claimed or None),
+                figures.lane_correction(found.corrections, navigation_sd=reported_sd or None),
             )
-            largest = float(np.nanquantile(found.ground.before, _MOST))
+            largest = float(np.nanquantile(found.ground.before, _COVERED))
             for when in ("before", "after"):
                 self._merge(
                     when,
@@ -132,8 +132,8 @@ class Pictures:
             pair = vectors.pairs[0]
             self._merge("vectors", figures.discontinuity_vectors(pair))
             stations = pair.discontinuity.station[~pair.discontinuity.gap]
-            middle = float(stations[stations.size // 2])
-            self._merge("histograms", figures.lane_histograms(pair.discontinuity, station=middle))
+            centre = float(stations[stations.size // 2])
+            self._merge("histograms", figures.lane_histograms(pair.discontinuity, station=centre))
         for number, seam in enumerate(merging.seams, start=1):
             if np.isfinite(seam.before.median):
                 self._merge("seam" if number == 1 else f"seam-{number}", figures.seam_steps(seam))
@@ -156,10 +156,10 @@ class Pictures:
             self.files.append((file, f"{lane}: {what}"))
 
 
-def _middle_part(surface: xr.Dataset) -> xr.Dataset:
-    """A part of a long lane from its middle, so that single stones are seen."""
+def _central_part(surface: xr.Dataset) -> xr.Dataset:
+    """A part of a long lane from its centre, so that single stones are seen."""
     if "u" not in surface.dims:
         return surface
     u = surface["u"].values
-    middle = 0.5 * (u[0] + u[-1])
-    return surface.sel(u=slice(middle - 0.5 * _PART, middle + 0.5 * _PART)).copy(deep=True)
+    centre = 0.5 * (u[0] + u[-1])
+    return surface.sel(u=slice(centre - 0.5 * _PART, centre + 0.5 * _PART)).copy(deep=True)
