@@ -1,4 +1,4 @@
-"""Results as JSON takes them, and text as a terminal and a figure take it."""
+"""Values for JSON, and text for terminals and figures."""
 
 import math
 import re
@@ -30,7 +30,7 @@ def printable_text(text: str) -> str:
 
 
 def json_values(value: Any) -> Any:
-    """As JSON gives it back: tuples become lists, what is not finite null.
+    """Value for JSON: tuples become lists, numbers that are not finite become None.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""From the parts of a report to the page."""
+"""Reports as HTML pages."""
 
 import base64
 import hashlib
@@ -28,7 +28,7 @@ from trueterrain.report.parts import (
 
 
 def write_report(report: Report, path: str | Path, *, force: bool = False) -> None:
-    """Write a report as one HTML page that needs nothing else.
+    """Write a report as one self-contained HTML page.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def _prepare_block(block: Block, name: str, folder: Path) -> dict[str, Any]:
             from trueterrain.report._view import prepare_view
 
             found = {"kind": "view", **prepare_view(block)}
-            # JSON stays the same, and nothing in it can end the element that holds it
+            # escaped, so that no text in the JSON can end the script element
             found["figure"] = Markup(found["figure"].replace("<", "\\u003c"))
             found["choices"] = [(value, f"{value:g}") for value in found["choices"]]
         case Warnings():

@@ -18,13 +18,15 @@ from trueterrain.geometry.reference_line import (
     straight_line,
 )
 from trueterrain.georeference import mounting_of
-from trueterrain.surface._self_overlap import find_self_overlap
 from trueterrain.surface.cells import Grid, grid_along, grid_over
 from trueterrain.surface.pass_record import PassRecord
 
+Floats = npt.NDArray[np.float64]
 Four = tuple[float, float, float, float]
 
 _MAX_SMOOTHING = 1000.0  # [m] above, the line would not follow the road
+_STEPS = 8  # per width at which the grid is checked
+_TOUCH = 0.02  # fraction of the width by which parts may overlap: ends that meet, chords of bends
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,7 +120,7 @@ class GridPlacement:
         right = self.right + min((low for low, _ in offsets), default=0.0)
         left = self.left + max((high for _, high in offsets), default=0.0)
         grid = grid_along(line, right=right, left=left, spacing=self.across)
-        met = find_self_overlap(grid)
+        met = _find_self_overlap(grid)
         if met is not None and self.lap:
             whole = int(np.searchsorted(line.u, met[1])) - 1
             lap = ReferenceLine(
@@ -171,7 +173,7 @@ class GridPlacement:
                 half_width=max(-self.right, self.left, 0.0),
             )
             grid = self._along(line)
-            met = find_self_overlap(grid)
+            met = _find_self_overlap(grid)
             if met is not None:
                 raise CoverageError(
                     _self_overlap_text(grid, met),
@@ -199,6 +201,52 @@ def _self_overlap_text(grid: Grid, met: tuple[float, float]) -> str:
         f"it comes back over itself: the grid, {width:g} m wide, lies at u = {met[1]:.2f} m over "
         f"its part at u = {met[0]:.2f} m, and no ground can be in both"
     )
+
+
+def _find_self_overlap(grid: Grid) -> tuple[float, float] | None:
+    """Stations of the first overlap of a grid along a line with an earlier part of itself.
+
+    The same ground would be in two parts of the grid, and each return in one of them only.
+
+    A bend does not overlap itself, since `grid_along` demands a radius greater than the half width;
+    so only parts further apart than half a circle of that radius are compared.
+    """
+    from scipy.spatial import KDTree
+
+    frame, width = grid.frame, float(grid.v[-1] - grid.v[0])
+    every = max(1, int(width / (_STEPS * grid.spacing[0])))
+    rows = np.unique(np.append(np.arange(1, frame.u.size - 2, every), frame.u.size - 2))
+    # both ends of the cross-sections, and the quadrangles between them, shape (n, corner, axis)
+    ends = np.stack(
+        [
+            frame.origin_easting[rows, None] + grid.v[[0, -1]] * frame.normal_easting[rows, None],
+            frame.origin_northing[rows, None] + grid.v[[0, -1]] * frame.normal_northing[rows, None],
+        ],
+        axis=-1,
+    )
+    parts = np.concatenate([ends[:-1], ends[1:, ::-1]], axis=1)
+    station = frame.u[rows]
+    size = np.linalg.norm(parts[:, [0, 1]] - parts[:, [2, 3]], axis=-1).max(initial=0.0)
+    pairs = KDTree(parts.mean(axis=1)).query_pairs(size, output_type="ndarray")
+    pairs = pairs[station[pairs[:, 1]] - station[pairs[:, 0]] > 0.5 * np.pi * width]
+    met = pairs[_overlap_depth(parts[pairs[:, 0]], parts[pairs[:, 1]]) > _TOUCH * width]
+    if not met.size:
+        return None
+    first, second = met[np.lexsort(met.T)[0]]
+    return float(station[first]), float(station[second])
+
+
+def _overlap_depth(a: Floats, b: Floats) -> Floats:
+    """Penetration depth of convex quadrangles, shape (n,) [m]; not positive if they are apart.
+
+    Separating axis theorem: they are apart if their projections on the normal of a side are.
+    """
+    sides = np.concatenate([np.roll(one, -1, axis=1) - one for one in (a, b)], axis=1)
+    across = np.stack([-sides[..., 1], sides[..., 0]], axis=-1)
+    across /= np.linalg.norm(across, axis=-1, keepdims=True)
+    on_a, on_b = (np.einsum("nsk,nck->nsc", across, one) for one in (a, b))
+    reach = np.minimum(on_a.max(-1), on_b.max(-1)) - np.maximum(on_a.min(-1), on_b.min(-1))
+    return np.asarray(reach.min(axis=1, initial=np.inf))
 
 
 def _time_at(record: PassRecord, fraction: float) -> float:

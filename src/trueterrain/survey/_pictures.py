@@ -1,4 +1,4 @@
-"""The pictures of a survey: drawn while the data are there, kept for the report."""
+"""Figures of a survey: drawn while the data are in memory, kept for the report."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from trueterrain.survey._products import SurfaceResult
     from trueterrain.survey.runs import ProcessedRun
 
-_COVERED = 0.99  # fraction of the differences before alignment that the common colour scale covers
+_COVERED = 0.99  # fraction of the differences before alignment that the colours cover
 _SHOWN = 3  # profiles in one picture
-_PART = 6.0  # [m] of a lane that is drawn node by node
+_PART = 6.0  # [m] of a surface that is drawn node by node
 
 
 @dataclass(eq=False)
 class Pictures:
-    """Figures by lane and kind; each is written as PNG, too, if there is a folder."""
+    """Figures by surface and kind; also written as PNG if there is a folder."""
 
     folder: Path | None
     "Where they are written."
@@ -142,7 +142,7 @@ class Pictures:
         self._keep("merge", kind, axes, f"passes, {kind}")
 
     def close(self) -> None:
-        """Let go of all figures."""
+        """Close all figures."""
         from matplotlib import pyplot as plt
 
         for figure in self.figures.values():
@@ -157,7 +157,7 @@ class Pictures:
 
 
 def _central_part(surface: xr.Dataset) -> xr.Dataset:
-    """A part of a long lane from its centre, so that single stones are seen."""
+    """Central part of a long surface, in which single stones are visible."""
     if "u" not in surface.dims:
         return surface
     u = surface["u"].values

@@ -1,4 +1,4 @@
-"""What reports of surveys are put together with."""
+"""Helpers for the tables of reports."""
 
 import re
 

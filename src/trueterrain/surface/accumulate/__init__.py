@@ -2,10 +2,11 @@
 
 from trueterrain.surface.accumulate._pose import PoseVariance
 from trueterrain.surface.accumulate._reach import ScanReach, count_scan_visits, scan_reaches
-from trueterrain.surface.accumulate._sums import STEP, CellSums
-from trueterrain.surface.accumulate._totals import KeptSums, ReturnTotals
+from trueterrain.surface.accumulate._sums import CellSums
+from trueterrain.surface.accumulate._totals import PARTS, STEP, KeptSums, ReturnTotals
 
 __all__ = [
+    "PARTS",
     "STEP",
     "CellSums",
     "KeptSums",

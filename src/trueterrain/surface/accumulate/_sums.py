@@ -15,19 +15,10 @@ from trueterrain.surface.accumulate._quantiles import HeightCollection, cell_qua
 from trueterrain.surface.accumulate._reach import ScanReach, near_line
 from trueterrain.surface.accumulate._returns import StoredReturns
 from trueterrain.surface.accumulate._thread_sums import ThreadSums
-from trueterrain.surface.accumulate._totals import KeptSums, ReturnTotals
+from trueterrain.surface.accumulate._totals import GOOD, PARTS, STEP, KeptSums, ReturnTotals
 from trueterrain.surface.cells import Grid
 
 Floats = npt.NDArray[np.float64]
-
-#: Step in which heights are added up [m].
-STEP = 1e-5
-
-#: Parts of a cell in which positions inside it are added up.
-PARTS = 256
-
-#: Weight of a good return where flagged ones weigh less.
-GOOD = 16
 
 #: Scans whose motion is expanded at once.
 CHUNK = 2048

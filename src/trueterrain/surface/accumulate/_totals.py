@@ -5,13 +5,22 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
+#: Step in which heights are added up [m].
+STEP = 1e-5
+
+#: Parts of a cell in which positions inside it are added up.
+PARTS = 256
+
+#: Weight of a good return where flagged ones weigh less.
+GOOD = 16
+
 
 @dataclass(frozen=True, kw_only=True)
 class KeptSums:
     """Which sums of a cell are kept; each takes memory."""
 
     extremes: bool = False
-    "Least and greatest height of each cell."
+    "Min and max height of each cell."
 
     places: bool = True
     "Mean position of the returns in the cell."
