@@ -239,13 +239,13 @@ def recorded(scans: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def road(scans: int) -> Grid:
-    """Grid along the whole way, 4 m wide at 10 mm; the line is straight, so the way leaves it."""
+    """Grid along the whole run, 4 m wide at 10 mm; a straight line, which the run leaves."""
     length = max(SPEED * scans / RATE, 1.0)
     return grid_along(straight_line((0.0, 0.0), (length, 0.0)), right=-2.0, left=2.0 + 6.0)
 
 
 def add(grid: Grid, geometry: ScanGeometry, stamps: np.ndarray, ranges: np.ndarray) -> CellSums:
-    """Our way."""
+    """Sums by trueterrain."""
     sums = CellSums(grid, threads=THREADS)
     sums.add_scans(geometry, stamps, ranges, scale=STEP, missing=65535)
     sums.total()
@@ -261,7 +261,7 @@ def by_scipy(
     delay: np.ndarray,
     each: bool,
 ) -> np.ndarray:
-    """Count, mean and standard deviation the way one would write them on numpy and scipy.
+    """Count, mean and standard deviation as one would write them with numpy and scipy.
 
     With a pose for `each` return, as accuracy asks for, or one attitude for a scan.
     """

@@ -1,51 +1,35 @@
-"""The public names are a promise: they change on purpose or not at all."""
+"""Public names of `import trueterrain as tt`: the list is fixed, changes are deliberate."""
 
+import importlib
 import subprocess
 import sys
+from operator import attrgetter
+
+import pytest
 
 import trueterrain
 import trueterrain.profile
 import trueterrain.report
 
 PUBLIC = {
-    "BelgianBlock",
-    "Butterworth",
-    "Cleats",
     "CoverageError",
-    "Cracks",
     "Disc",
-    "Ellipse",
     "FormatError",
-    "InverseDistance",
-    "IriOptions",
-    "Mean",
-    "Measured",
+    "GridPlacement",
+    "GridSettings",
+    "IriSettings",
     "Median",
-    "MovingAverage",
     "OutputError",
-    "Percentile",
-    "Plane",
-    "PointFilter",
-    "PsdOptions",
-    "Rectangle",
-    "RideNumberOptions",
-    "Road",
-    "Scene",
     "SchemaError",
-    "Sine",
-    "SteepestCpf",
-    "Step",
-    "Stones",
     "TrueTerrainError",
-    "WheelPath",
-    "Window",
     "__version__",
-    "arc_path",
-    "check_run",
-    "continuous_iri",
-    "curve_path",
+    "align_passes",
+    "build_surface",
+    "calibrate_mounting",
     "filter_profile",
-    "function_path",
+    "fuse_motion",
+    "georeference_run",
+    "grid_points",
     "height_distributions",
     "heights_at",
     "import_run",
@@ -59,21 +43,87 @@ PUBLIC = {
     "open_run",
     "point_blocks",
     "point_profile",
-    "polyline_path",
+    "process_run",
     "psd",
     "read_scene",
+    "read_survey",
     "record_scene",
     "ride_number",
-    "rolling_straightedge",
-    "sample_points",
+    "run_survey",
     "sample_road",
     "sample_surface",
+    "static_test",
     "straight_path",
     "surface_to_points",
+    "tyre_envelope",
     "tyre_profile",
-    "waveband_rms",
     "waypoint_path",
     "write",
+}
+
+NAMESPACES = {
+    "alignment",
+    "figures",
+    "formats",
+    "geometry",
+    "ground",
+    "motion",
+    "paths",
+    "profile",
+    "report",
+    "roughness",
+    "scenes",
+    "simulate",
+    "statistics",
+    "surface",
+    "survey",
+    "vehicle",
+    "verify",
+}
+
+# names of version 0.1 that moved, and the words that their warnings name
+RENAMED = {
+    "BelgianBlock": "tt.ground.BelgianBlock",
+    "Butterworth": "tt.roughness.Butterworth",
+    "Cleats": "tt.ground.Cleats",
+    "Cracks": "tt.ground.Cracks",
+    "Ellipse": "tt.profile.Ellipse",
+    "InverseDistance": "tt.statistics.InverseDistance",
+    "IriOptions": "tt.roughness.IriSettings",
+    "Mean": "tt.statistics.Mean",
+    "Measured": "tt.ground.Measured",
+    "MovingAverage": "tt.roughness.MovingAverage",
+    "Percentile": "tt.statistics.Percentile",
+    "Plane": "tt.ground.Plane",
+    "PointFilter": "tt.formats.PointFilter",
+    "PsdOptions": "tt.roughness.PsdSettings",
+    "Rectangle": "tt.profile.Rectangle",
+    "RideNumberOptions": "tt.roughness.RideNumberSettings",
+    "Road": "tt.ground.Road",
+    "Scene": "tt.scenes.Scene",
+    "Sine": "tt.ground.Sine",
+    "SteepestCpf": "tt.statistics.SteepestCpf",
+    "Step": "tt.ground.Step",
+    "Stones": "tt.ground.Stones",
+    "WheelPath": "tt.paths.WheelPath",
+    "Window": "tt.statistics.Window",
+    "arc_path": "tt.paths.arc_path",
+    "check_run": "tt.formats.run.check_run",
+    "continuous_iri": "tt.roughness.continuous_iri",
+    "curve_path": "tt.paths.curve_path",
+    "function_path": "tt.paths.function_path",
+    "polyline_path": "tt.paths.polyline_path",
+    "rolling_straightedge": "tt.roughness.rolling_straightedge",
+    "sample_points": "tt.ground.sample_points",
+    "waveband_rms": "tt.roughness.waveband_rms",
+}
+
+MOVED = {
+    "engine": "core",
+    "errors": "core.errors",
+    "kinds": "core.schemas",
+    "lanes": "alignment",
+    "provenance": "core.provenance",
 }
 
 PROFILE = {
@@ -82,7 +132,7 @@ PROFILE = {
     "Disc",
     "Ellipse",
     "Envelope",
-    "EnvelopeOptions",
+    "EnvelopeSettings",
     "HeightDistribution",
     "HeightDistributions",
     "InverseDistance",
@@ -91,7 +141,6 @@ PROFILE = {
     "Median",
     "PatchMean",
     "Percentile",
-    "ProfileOptions",
     "RadialSpringTyre",
     "Rectangle",
     "RigidDisc",
@@ -100,6 +149,7 @@ PROFILE = {
     "SteepestCpf",
     "TandemCams",
     "TyreData",
+    "TyreProfileSettings",
     "WheelPath",
     "Window",
     "arc_path",
@@ -160,14 +210,35 @@ def test_the_names_of_profiles_are_the_promised_ones():
     assert set(trueterrain.profile.__all__) == PROFILE
 
 
-def test_public_names_are_sorted_and_listed_by_dir():
+def test_public_names_are_sorted_and_listed_by_dir_with_the_namespaces():
     assert trueterrain.__all__ == sorted(trueterrain.__all__)
-    assert dir(trueterrain) == trueterrain.__all__
+    assert dir(trueterrain) == sorted(PUBLIC | NAMESPACES)
 
 
-def test_every_public_name_can_be_had():
-    for name in trueterrain.__all__:
+def test_every_public_name_can_be_imported():
+    for name in dir(trueterrain):
         assert getattr(trueterrain, name) is not None
+
+
+@pytest.mark.parametrize("old", sorted(RENAMED))
+def test_an_earlier_name_works_and_warns_with_the_new_one(old):
+    new = RENAMED[old]
+    with pytest.warns(DeprecationWarning, match=rf"tt\.{old} is {new} now"):
+        found = getattr(trueterrain, old)
+    assert found is attrgetter(new.removeprefix("tt."))(trueterrain)
+
+
+@pytest.mark.parametrize("old", sorted(MOVED))
+def test_an_earlier_module_works_and_warns_with_the_new_one(old):
+    sys.modules.pop(f"trueterrain.{old}", None)
+    with pytest.warns(DeprecationWarning, match=f"{old} is trueterrain.{MOVED[old]} now"):
+        found = importlib.import_module(f"trueterrain.{old}")
+    assert found is importlib.import_module(f"trueterrain.{MOVED[old]}")
+
+
+def test_an_unknown_module_is_an_import_error():
+    with pytest.raises(ModuleNotFoundError, match=r"trueterrain\.nothing"):
+        importlib.import_module("trueterrain.nothing")
 
 
 def test_an_unknown_name_is_an_attribute_error():

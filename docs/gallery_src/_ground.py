@@ -16,5 +16,5 @@ def belgian_block() -> tuple[xr.Dataset, str]:
     """Surface of a Belgian block road, 10 m by 3.4 m on a grid of 10 mm, and what it is."""
     if _FILE.is_file():
         return tt.open(_FILE), "Belgian block, measured (ASAM OpenCRG sample belgian_block.crg)"
-    road = tt.sample_road(tt.BelgianBlock(seed=2009), length=10.0, width=3.4)
+    road = tt.sample_road(tt.ground.BelgianBlock(seed=2009), length=10.0, width=3.4)
     return road, "Belgian block, simulated (BelgianBlock(seed=2009))"

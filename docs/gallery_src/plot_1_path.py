@@ -40,7 +40,7 @@ def weave(x):
 
 
 spacing = 0.25
-path = tt.curve_path(weave, 0.0, length, spacing=spacing)
+path = tt.paths.curve_path(weave, 0.0, length, spacing=spacing)
 
 # %%
 # The truth: the arc length of a sine is an elliptic integral of the second kind.

@@ -27,7 +27,7 @@ disc = tt.Disc(radius=0.05)
 # second lies well above the first: higher than at 95 % of the others. The CPF is smoothed over 4 mm
 # before its slope is taken, so that no handful of heights can be the steepest part of it.
 
-statistics = [tt.Median(resolution=0.001), tt.SteepestCpf(bandwidth=0.004)]
+statistics = [tt.Median(resolution=0.001), tt.statistics.SteepestCpf(bandwidth=0.004)]
 median, steepest = (
     tt.tyre_profile(road, path, area=disc, statistic=statistic).height.values
     for statistic in statistics

@@ -13,8 +13,8 @@ import numpy as np
 import trueterrain as tt
 from trueterrain import figures
 
-smooth = tt.Road(road_class="A", seed=5)
-stony = smooth + tt.Stones(density=400.0, diameter_min=0.008, diameter_max=0.03, seed=6)
+smooth = tt.ground.Road(road_class="A", seed=5)
+stony = smooth + tt.ground.Stones(density=400.0, diameter_min=0.008, diameter_max=0.03, seed=6)
 size = {"length": 100.0, "width": 0.2, "spacing_u": 0.005, "spacing_v": 0.005}
 bare, covered = tt.sample_road(smooth, **size), tt.sample_road(stony, **size)
 

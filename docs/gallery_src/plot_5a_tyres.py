@@ -17,8 +17,8 @@ from trueterrain.profile import RadialSpringTyre, RigidDisc, TandemCams, tyre_en
 from trueterrain.simulate.ground import Stone
 
 obstacles = {
-    "cleat, 10 mm high, 20 mm long": tt.Cleats(width=0.02, rise=0.01),
-    "gap, 5 mm deep, 20 mm long": tt.Cleats(width=0.02, rise=-0.005),
+    "cleat, 10 mm high, 20 mm long": tt.ground.Cleats(width=0.02, rise=0.01),
+    "gap, 5 mm deep, 20 mm long": tt.ground.Cleats(width=0.02, rise=-0.005),
     "stone, 20 mm high, 50 mm beside": Stone(y=0.05, diameter=0.04, rise=0.02),
 }
 tyres = {
@@ -71,7 +71,7 @@ for name, (line, felt) in roads.items():
         height = np.round(1000 * profile.height.values, 1) + 0.0  # not -0.0
         print(f"    {tyre:15}{height[np.abs(height).argmax()]:5.1f}{height[height.size // 2]:6.1f}")
 
-_, felt = feel(tt.Cleats(width=0.025, rise=0.01))
+_, felt = feel(tt.ground.Cleats(width=0.025, rise=0.01))
 print(
     f"cleat 25 mm long\n    median, 25 mm  {1000 * float(felt['median, 25 mm'].height.max()):5.1f}"
 )

@@ -1,29 +1,36 @@
-"""Ground you can trust: terrain measurement for vehicle simulation and pavement engineering.
+"""trueterrain: terrain measurement for vehicle simulation and pavement engineering.
 
-The package is the way of the data; each room is one step of it::
+The data pass through these stages; one function for each is in this namespace::
 
-    formats ──► surface ──► profile ──► roughness
-    files       where the   what a      what it
-                nodes lie   tyre feels  amounts to
+    recorded run ──► motion ──► alignment ──► surface ──► profile ──► roughness
+    open_run      process_run  align_passes  build_      tyre_       iri
+    import_run    fuse_motion                surface     profile     ride_number
 
-``simulate`` makes ground whose truth is known, ``figures`` shows it, ``cli`` is the command line.
+Enter anywhere: a point cloud goes to `grid_points`, a CRG file to `tyre_profile`, an ERD file to
+`iri`. `run_survey` runs all stages from one file of settings. Everything else is in the namespaces
+``tt.ground``, ``tt.paths``, ``tt.statistics``, ``tt.figures``, ..., imported when first used.
 
-Conventions: ground axes are easting, northing, up; u runs ahead along a reference line, v to its
-left; headings turn counter-clockwise from east. Lengths are metres, angles radians, everywhere.
-Data are `xarray.Dataset` of the kinds Points, Surface and Profile (see `trueterrain.core.schemas`).
+Conventions: ground axes are easting, northing, up; u runs along a reference line, v to its left;
+headings are counter-clockwise from east. Lengths are in metres, angles in radians. Data are
+`xarray.Dataset` with the schemas Points, Surface and Profile (see `trueterrain.core.schemas`).
 Errors in arguments are `ValueError`, errors in data `TrueTerrainError`.
 
 Examples
 --------
 >>> import trueterrain as tt
->>> road = tt.sample_road(tt.BelgianBlock(seed=1), length=2.0, width=1.0)
+>>> road = tt.sample_road(tt.ground.BelgianBlock(seed=1), length=2.0, width=1.0)
 >>> path = tt.offset_path(road, 0.2, spacing=0.01)
->>> felt = tt.tyre_profile(road, path, area=tt.Disc(radius=0.025), statistic=tt.Median())
->>> felt.height.sizes["s"]
+>>> profile = tt.tyre_profile(road, path, area=tt.Disc(radius=0.025), statistic=tt.Median())
+>>> profile.height.sizes["s"]
 201
 """
 
+import sys
+import warnings
 from importlib import import_module
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from trueterrain._version import __version__
@@ -36,161 +43,213 @@ from trueterrain.core.errors import (
 )
 
 if TYPE_CHECKING:
+    from trueterrain import alignment as alignment
+    from trueterrain import figures as figures
+    from trueterrain import formats as formats
+    from trueterrain import geometry as geometry
+    from trueterrain import motion as motion
+    from trueterrain import profile as profile
+    from trueterrain import report as report
+    from trueterrain import roughness as roughness
+    from trueterrain import simulate as simulate
+    from trueterrain import surface as surface
+    from trueterrain import survey as survey
+    from trueterrain import vehicle as vehicle
+    from trueterrain import verify as verify
     from trueterrain.core.schemas import make_points, make_profile, make_surface
-    from trueterrain.formats import PointFilter, info, open, point_blocks, write  # noqa: A004 - tt.open(...)
-    from trueterrain.formats.run import check_run, import_run, open_run
+    from trueterrain.formats import info, open, point_blocks, write  # noqa: A004 - used as tt.open
+    from trueterrain.formats.run import import_run, open_run
+    from trueterrain.geometry.path import offset_path, straight_path, waypoint_path
+    from trueterrain.georeference import calibrate_mounting
+    from trueterrain.motion import fuse_motion
     from trueterrain.profile import (
         Disc,
-        Ellipse,
-        InverseDistance,
-        Mean,
         Median,
-        Percentile,
-        Rectangle,
-        SteepestCpf,
-        WheelPath,
-        Window,
-        arc_path,
-        curve_path,
-        function_path,
         height_distributions,
-        offset_path,
         point_profile,
-        polyline_path,
-        straight_path,
+        tyre_envelope,
         tyre_profile,
-        waypoint_path,
     )
-    from trueterrain.roughness import (
-        Butterworth,
-        IriSettings,
-        MovingAverage,
-        PsdSettings,
-        RideNumberSettings,
-        continuous_iri,
-        filter_profile,
-        iri,
-        psd,
-        ride_number,
-        rolling_straightedge,
-        waveband_rms,
+    from trueterrain.roughness import IriSettings, filter_profile, iri, psd, ride_number
+    from trueterrain.simulate.ground import sample_road, sample_surface
+    from trueterrain.simulate.scene import read_scene, record_scene
+    from trueterrain.surface import (
+        GridPlacement,
+        GridSettings,
+        grid_points,
+        heights_at,
+        surface_to_points,
     )
-    from trueterrain.simulate.ground import (
-        BelgianBlock,
-        Cleats,
-        Cracks,
-        Measured,
-        Plane,
-        Road,
-        Sine,
-        Step,
-        Stones,
-        sample_points,
-        sample_road,
-        sample_surface,
+    from trueterrain.survey import (
+        align_passes,
+        build_surface,
+        georeference_run,
+        process_run,
+        read_survey,
+        run_survey,
     )
-    from trueterrain.simulate.scene import Scene, read_scene, record_scene
-    from trueterrain.surface import heights_at, surface_to_points
+    from trueterrain.verify.static import static_test
 
-# each public name and the room it lives in: a room is imported when its first name is used
-_ROOMS = {
-    "trueterrain.formats": ("PointFilter", "info", "open", "point_blocks", "write"),
-    "trueterrain.formats.run": ("check_run", "import_run", "open_run"),
-    "trueterrain.core.schemas": ("make_points", "make_profile", "make_surface"),
-    "trueterrain.profile": (
-        "Disc",
-        "Ellipse",
-        "InverseDistance",
-        "Mean",
-        "Median",
-        "Percentile",
-        "Rectangle",
-        "SteepestCpf",
-        "WheelPath",
-        "Window",
-        "arc_path",
-        "curve_path",
-        "function_path",
-        "height_distributions",
+# Modules of this package and the public names that each provides. They import numpy, numba and
+# scipy, which takes seconds, so each is imported when one of its names is first used.
+_MODULES = {
+    "core.schemas": (
+        "make_points",
+        "make_profile",
+        "make_surface",
+    ),
+    "formats": (
+        "info",
+        "open",
+        "point_blocks",
+        "write",
+    ),
+    "formats.run": (
+        "import_run",
+        "open_run",
+    ),
+    "geometry.path": (
         "offset_path",
-        "point_profile",
-        "polyline_path",
         "straight_path",
-        "tyre_profile",
         "waypoint_path",
     ),
-    "trueterrain.roughness": (
-        "Butterworth",
+    "georeference": ("calibrate_mounting",),
+    "motion": ("fuse_motion",),
+    "profile": (
+        "Disc",
+        "Median",
+        "height_distributions",
+        "point_profile",
+        "tyre_envelope",
+        "tyre_profile",
+    ),
+    "roughness": (
         "IriSettings",
-        "MovingAverage",
-        "PsdSettings",
-        "RideNumberSettings",
-        "continuous_iri",
         "filter_profile",
         "iri",
         "psd",
         "ride_number",
-        "rolling_straightedge",
-        "waveband_rms",
     ),
-    "trueterrain.simulate.ground": (
-        "BelgianBlock",
-        "Cleats",
-        "Cracks",
-        "Measured",
-        "Plane",
-        "Road",
-        "Sine",
-        "Step",
-        "Stones",
-        "sample_points",
+    "simulate.ground": (
         "sample_road",
         "sample_surface",
     ),
-    "trueterrain.simulate.scene": ("Scene", "read_scene", "record_scene"),
-    "trueterrain.surface": ("heights_at", "surface_to_points"),
+    "simulate.scene": (
+        "read_scene",
+        "record_scene",
+    ),
+    "surface": (
+        "GridPlacement",
+        "GridSettings",
+        "grid_points",
+        "heights_at",
+        "surface_to_points",
+    ),
+    "survey": (
+        "align_passes",
+        "build_surface",
+        "georeference_run",
+        "process_run",
+        "read_survey",
+        "run_survey",
+    ),
+    "verify.static": ("static_test",),
 }
-_ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}
+_MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
+
+# Namespaces, and the modules they are.
+_NAMESPACES = {
+    "alignment": "alignment",
+    "figures": "figures",
+    "formats": "formats",
+    "geometry": "geometry",
+    "ground": "simulate.ground",
+    "motion": "motion",
+    "paths": "geometry.path",
+    "profile": "profile",
+    "report": "report",
+    "roughness": "roughness",
+    "scenes": "simulate.scene",
+    "simulate": "simulate",
+    "statistics": "profile.statistic",
+    "surface": "surface",
+    "survey": "survey",
+    "vehicle": "vehicle",
+    "verify": "verify",
+}
+
+# Names of earlier versions, kept for one release: the module and the name that replace them.
+_RENAMED = {
+    "IriOptions": ("roughness", "IriSettings"),
+    "PsdOptions": ("roughness", "PsdSettings"),
+    "RideNumberOptions": ("roughness", "RideNumberSettings"),
+    "PointFilter": ("formats", "PointFilter"),
+    "Scene": ("scenes", "Scene"),
+    "check_run": ("formats.run", "check_run"),
+    **{
+        name: ("ground", name)
+        for name in (
+            "BelgianBlock",
+            "Cleats",
+            "Cracks",
+            "Measured",
+            "Plane",
+            "Road",
+            "Sine",
+            "Step",
+            "Stones",
+            "sample_points",
+        )
+    },
+    **{
+        name: ("paths", name)
+        for name in ("WheelPath", "arc_path", "curve_path", "function_path", "polyline_path")
+    },
+    **{name: ("profile", name) for name in ("Ellipse", "Rectangle")},
+    **{
+        name: ("statistics", name)
+        for name in ("InverseDistance", "Mean", "Percentile", "SteepestCpf", "Window")
+    },
+    **{
+        name: ("roughness", name)
+        for name in (
+            "Butterworth",
+            "MovingAverage",
+            "continuous_iri",
+            "rolling_straightedge",
+            "waveband_rms",
+        )
+    },
+}
+
+# Modules of earlier versions, kept for one release, and those that replace them.
+_MOVED = {
+    "engine": "core",
+    "errors": "core.errors",
+    "kinds": "core.schemas",
+    "lanes": "alignment",
+    "provenance": "core.provenance",
+}
 
 __all__ = [
-    "BelgianBlock",
-    "Butterworth",
-    "Cleats",
     "CoverageError",
-    "Cracks",
     "Disc",
-    "Ellipse",
     "FormatError",
-    "InverseDistance",
+    "GridPlacement",
+    "GridSettings",
     "IriSettings",
-    "Mean",
-    "Measured",
     "Median",
-    "MovingAverage",
     "OutputError",
-    "Percentile",
-    "Plane",
-    "PointFilter",
-    "PsdSettings",
-    "Rectangle",
-    "RideNumberSettings",
-    "Road",
-    "Scene",
     "SchemaError",
-    "Sine",
-    "SteepestCpf",
-    "Step",
-    "Stones",
     "TrueTerrainError",
-    "WheelPath",
-    "Window",
     "__version__",
-    "arc_path",
-    "check_run",
-    "continuous_iri",
-    "curve_path",
+    "align_passes",
+    "build_surface",
+    "calibrate_mounting",
     "filter_profile",
-    "function_path",
+    "fuse_motion",
+    "georeference_run",
+    "grid_points",
     "height_distributions",
     "heights_at",
     "import_run",
@@ -204,30 +263,65 @@ __all__ = [
     "open_run",
     "point_blocks",
     "point_profile",
-    "polyline_path",
+    "process_run",
     "psd",
     "read_scene",
+    "read_survey",
     "record_scene",
     "ride_number",
-    "rolling_straightedge",
-    "sample_points",
+    "run_survey",
     "sample_road",
     "sample_surface",
+    "static_test",
     "straight_path",
     "surface_to_points",
+    "tyre_envelope",
     "tyre_profile",
-    "waveband_rms",
     "waypoint_path",
     "write",
 ]
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _ROOM_OF:
-        message = f"module 'trueterrain' has no attribute {name!r}"
-        raise AttributeError(message)
-    return getattr(import_module(_ROOM_OF[name]), name)
+    if name in _MODULE_OF:
+        return getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)
+    if name in _NAMESPACES:
+        return import_module(f"{__name__}.{_NAMESPACES[name]}")
+    if name in _RENAMED:
+        module, new = _RENAMED[name]
+        _warn_renamed(f"tt.{name}", f"tt.{module}.{new}")
+        return getattr(import_module(f"{__name__}.{_NAMESPACES.get(module, module)}"), new)
+    if name in _MOVED:
+        _warn_renamed(f"tt.{name}", f"tt.{_MOVED[name]}")
+        return import_module(f"{__name__}.{_MOVED[name]}")
+    message = f"module 'trueterrain' has no attribute {name!r}"
+    raise AttributeError(message)
 
 
 def __dir__() -> list[str]:
-    return __all__
+    return sorted([*__all__, *_NAMESPACES])
+
+
+def _warn_renamed(old: str, new: str) -> None:
+    text = f"{old} is {new} now; the old name goes with the next release."
+    warnings.warn(text, DeprecationWarning, stacklevel=3)
+
+
+class _MovedModule(MetaPathFinder, Loader):
+    """Import of a module by the name that it had in earlier versions."""
+
+    def find_spec(self, fullname: str, *_unused: object) -> ModuleSpec | None:
+        package, _, name = fullname.partition(".")
+        if package != __name__ or name not in _MOVED:
+            return None
+        _warn_renamed(fullname, f"{__name__}.{_MOVED[name]}")
+        return ModuleSpec(fullname, self)
+
+    def exec_module(self, module: ModuleType) -> None:
+        # the import system returns what is in sys.modules once this is done
+        name = module.__name__
+        new = _MOVED[name.partition(".")[2]]
+        sys.modules[name] = import_module(f"{__name__}.{new}")
+
+
+sys.meta_path.append(_MovedModule())

@@ -123,22 +123,22 @@ def test_a_clock_that_jumps_is_refused(call, copy, command, name, jump, words):
     refused(finished, str(copy.path), *words)
 
 
-def test_a_clock_of_the_scanner_that_jumps_ahead_is_told(call, copy):
+def test_a_clock_of_the_scanner_that_jumps_ahead_is_flagged(call, copy):
     """It looks as if the scanner had paused; what comes too late has no motion, and is counted."""
     time = copy.values("scans/time")
     copy.replace("scans/time", np.where(time > 0.6, time + 0.25, time))
-    told = f"{copy.path}: scans: a gap of 0.251 s at 0.600000 s"
+    flag = f"{copy.path}: scans: a gap of 0.251 s at 0.600000 s"
     finished, report = call("georeference", copy.path)
     assert finished.code == 0
-    assert told in finished.err
+    assert flag in finished.err
     assert report["scans_uncovered"] > 100
     finished, _ = call("grid", copy.path)
-    assert told in finished.err
+    assert flag in finished.err
     refused(finished, "each cross-section must have a height", "the first at u = 3.02")
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_clock_of_the_accelerometers_that_jumps_ahead_is_told(call, copy, command):
+def test_a_clock_of_the_accelerometers_that_jumps_ahead_is_flagged(call, copy, command):
     time = copy.values("accelerometers/time")
     copy.replace("accelerometers/time", np.where(time > 0.6, time + 0.05, time))
     finished, report = call(command, copy.path)
@@ -202,7 +202,7 @@ def test_poses_that_are_not_finite_are_gaps(call, copy, command):
         ("scans/time", 7, "must be finite everywhere, got nan at index 7"),
     ],
 )
-def test_motion_that_is_nowhere_finite_and_times_that_are_not(
+def test_motion_without_finite_values_and_times_that_are_not(
     call, copy, command, name, rows, words
 ):
     values = copy.values(name)
@@ -237,7 +237,7 @@ def standing(tmp_path_factory):
     return path
 
 
-def test_a_vehicle_that_stands_has_no_way_to_grid_along(call, standing):
+def test_a_vehicle_that_stands_has_no_trajectory_to_grid_along(call, standing):
     finished, _ = call("grid", standing)
     refused(finished, "does not move far enough", "Give a reference line, or grid over a map")
 
@@ -271,7 +271,7 @@ def test_runs_of_different_origins_are_refused(call, recorded, copy):
 
 
 def test_points_of_different_systems_are_refused(call, tmp_path):
-    """Even where coordinates look alike; --crs says which is right if one is wrong."""
+    """Even where coordinates look similar; --crs corrects a wrong one."""
     rng = np.random.default_rng(1)
     files = []
     for name, crs in (("a", "EPSG:32632"), ("b", "EPSG:25832")):

@@ -17,7 +17,7 @@ RISE = -0.12  # [m]
 EDGE = 0.15  # [m] around the kerb that is left out: spot, cells, and the shadow under it
 
 WAVE = 0.15  # [m] at least, from peak to peak: more than the kerb is high
-# [m] from peak to peak over 2.6 s: the drift of navigation wanders by 5 mm in 1 s
+# [m] from peak to peak over 2.6 s: the drift of navigation changes by 5 mm in 1 s
 LEFT = 0.006
 SWING = 3e-4  # [m] rms of what is left, less the parabola that drift over some seconds is
 HEIGHT = 0.003  # [m] of the kerb, of which the drift of 0.1 s is part

@@ -104,7 +104,7 @@ def recorded(request, tmp_path_factory):
 
 
 def grid_of(run, trajectory):
-    """Along the way of the laser, as wide as beams reach from a body that leans."""
+    """Along the trajectory of the laser, as wide as beams reach from a body that leans."""
     time = open_run(run)["scans"]["time"].values
     line = line_from_trajectory(
         trajectory, spacing=SPACING, lever=LASER, begin=time[0], end=time[-1]

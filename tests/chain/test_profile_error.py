@@ -5,10 +5,10 @@ as a certificate does it: both are tyre profiles (median in a disc of 25 mm) of 
 measured one is moved along the lane until it fits, and a straight line is taken off what is left,
 since no instrument on board tells where the plate lies and how high.
 
-Moving it as a whole does not undo that the horizontal drift of navigation (20 mm, 25 s) wanders by
+Moving it as a whole does not undo that the horizontal drift of navigation (20 mm, 25 s) changes by
 5 mm within the second that the event takes; at upright edges this shows as height. No accelerometer
 that reads along z can tell it. What rts takes away, because the speed is steady, leaves an error of
-scale. So fused motion is compared with the exact one with the exact way and with that of navigation
+scale. So fused motion is compared with the exact one, on the exact path and that of navigation
 in both; and as a whole, with stations registered by shift and scale, as those of profilers are.
 """
 
@@ -36,9 +36,9 @@ FINE = 0.001  # [m] steps in which the true ground is added up over cells
 AS_GOOD = 1.1  # times the error with the exact pose
 EXACT = 1e-3  # [m] of edges that the spot of 10 mm and the cells of 10 mm round off
 SMOOTH = 1.5e-4  # [m] where the ground is smooth: noise of ranges, and of heights
-FOUND = 0.85  # times the error with the way in a window of 0.2 s: 0.63 to 0.83 over four seeds
-REGISTERED = 2e-3  # [m] of rts with all of its errors: at edges, the drift of the way
-THESIS = 4e-3  # [m] at least, of the way of the thesis
+FOUND = 0.85  # times the error with the path in a window of 0.2 s: 0.63 to 0.83 over four seeds
+REGISTERED = 2e-3  # [m] of rts with all of its errors: at edges, the drift of the path
+THESIS = 4e-3  # [m] at least, of the method of the thesis
 
 
 @pytest.fixture(scope="module")
@@ -133,15 +133,15 @@ def less_line(error, where=slice(None)):
     return error[where] - np.polyval(np.polyfit(at, error[where], 1), at)
 
 
-def put_together(way, heights):
+def put_together(path, heights):
     """East, north and yaw of one motion, the rest of another."""
-    at = heights.at(np.clip(way.time, heights.time[0], heights.time[-1]))
-    yaw = Rotation.from_quat(way.quaternion).as_euler("ZYX")[:, :1]
+    at = heights.at(np.clip(path.time, heights.time[0], heights.time[-1]))
+    yaw = Rotation.from_quat(path.quaternion).as_euler("ZYX")[:, :1]
     tilt = at.rotation.as_euler("ZYX")[:, 1:]
-    position, velocity = way.position.copy(), way.velocity.copy()
+    position, velocity = path.position.copy(), path.velocity.copy()
     position[:, 2], velocity[:, 2] = at.position[:, 2], at.velocity[:, 2]
     return replace(
-        way,
+        path,
         position=position,
         velocity=velocity,
         angular_velocity=at.angular_velocity,
@@ -167,13 +167,13 @@ def errors(excited, motions):
     return {name: excited[1].errors(motion) for name, motion in motions.items()}
 
 
-def test_rts_is_as_good_as_the_exact_pose_on_the_exact_way(excited, motions, errors):
+def test_rts_is_as_good_as_the_exact_pose_on_the_exact_path(excited, motions, errors):
     fused, _ = excited[1].errors(put_together(motions["exact"], motions["rts"]))
     assert errors["exact"][0] < EXACT
     assert fused < AS_GOOD * errors["exact"][0]
 
 
-def test_rts_is_as_good_as_the_exact_pose_on_the_way_of_navigation(excited, motions, errors):
+def test_rts_is_as_good_as_the_exact_pose_on_the_path_of_navigation(excited, motions, errors):
     best, _ = excited[1].errors(put_together(motions["rts"], motions["exact"]))
     assert errors["rts"][0] < AS_GOOD * best
     assert errors["rts"][0] < REGISTERED
@@ -193,7 +193,7 @@ def test_the_whole_of_rts_is_as_good_as_the_exact_pose_where_stations_are_regist
     assert whole < AS_GOOD * certificate.registered(motions["exact"])
 
 
-def test_the_way_that_rts_finds_is_better_than_one_that_follows_navigation(excited, motions):
+def test_the_path_that_rts_finds_is_better_than_one_that_follows_navigation(excited, motions):
     run, certificate = excited
     follows = fuse_motion(
         open_run(run), settings=FusionSettings(method="rts", smoothing_window=0.2)

@@ -178,7 +178,7 @@ def test_a_line_without_points_is_one_line(run, tmp_path):
     (tmp_path / "c.csv").write_text("easting,northing,up\n0,0,1\n1,1,2\n")
     finished = run("grid", tmp_path / "c.csv", "--line", 50, 50, 60, 50, "-o", tmp_path / "a.crg")
     assert finished.code == 2
-    assert "0 lie on the grid, 2 beside it" in finished.err
+    assert "0 lie on the grid, 2 outside" in finished.err
     assert len(finished.err.splitlines()) == 1
 
 

@@ -116,7 +116,7 @@ def test_clouds_are_merged(run, clouds, tmp_path, split):
     assert list(written.extra_dimension_names) == ["sd_relative"]
     assert json.loads(finished.out)["surface"]["sd"]["median"] is None
     page = (tmp_path / "out" / "report.html").read_text()
-    assert "The height error that all passes share is not known" in page
+    assert "The height error common to all passes is not known" in page
 
 
 def test_what_is_known_of_the_datum_can_be_said(run, clouds, tmp_path):

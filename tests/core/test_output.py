@@ -58,8 +58,8 @@ def test_an_input_is_never_replaced(tmp_path):
 
 
 def test_a_missing_folder_is_named(tmp_path):
-    with pytest.raises(OutputError, match=r"folder .*nowhere does not exist"):
-        require_writable(tmp_path / "nowhere" / "a.erd")
+    with pytest.raises(OutputError, match=r"folder .*missing does not exist"):
+        require_writable(tmp_path / "missing" / "a.erd")
 
 
 def test_a_folder_is_no_file(tmp_path):

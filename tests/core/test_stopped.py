@@ -61,7 +61,7 @@ def watch() -> Iterator[_Watch]:
 def system(request, monkeypatch):
     """File systems that exchange names, that have hard links only, and that have neither."""
     if request.param != "exchange":
-        monkeypatch.setattr(_rename, "_renameat2", lambda *_: False)
+        monkeypatch.setattr(_rename, "_rename_with_flag", lambda *_: False)
     if request.param == "neither":
 
         def refuse(*_, **__):
@@ -178,7 +178,7 @@ def test_killed_at_any_call_the_old_or_the_new_output_is_whole(
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("name", ["store", "folder", "stores"])
 def test_a_stop_during_the_move_waits_for_its_end(tmp_path, watch, monkeypatch, name, number):
-    monkeypatch.setattr(_rename, "_renameat2", lambda *_: False)
+    monkeypatch.setattr(_rename, "_rename_with_flag", lambda *_: False)
     case = CASES[name]
     write(case, tmp_path, "old", force=True)
     sent = []

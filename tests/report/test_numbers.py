@@ -51,7 +51,7 @@ def test_the_numbers_of_a_column_stand_below_each_other():
 
 
 def test_small_numbers_of_a_column_are_not_rounded_away():
-    """A count of returns and an error of a third of a millimetre can share a column."""
+    """A count of returns and an error of a third of a millimetre can be in one column."""
     assert column_decimals([940_000.0, 0.31e-3]) is None
     assert format_value(0.31e-3, None) == "0.00031"
 

@@ -137,7 +137,7 @@ def test_all_that_a_report_holds_is_on_the_pages(full):
         "⚠ Flagged",
         f"• Warned {EVIL}",
         "• lane 2 is short",
-        "Nothing flagged was found.",
+        "Nothing is flagged.",
         "Caption of the picture",
         "Caption of the view",
         "121 × 21 nodes are drawn: all there are.",
@@ -311,7 +311,7 @@ def test_a_report_of_no_more_than_a_title_is_a_page(pdf_of):
     assert "…" in text_of(reader)  # the foot is cut where the page ends, and says so
 
 
-def test_an_existing_file_stays_unless_told(tmp_path):
+def test_an_existing_file_stays_without_force(tmp_path):
     (tmp_path / "report.pdf").write_text("mine")
     with pytest.raises(OutputError, match=r"report\.pdf: exists already"):
         write_report_pdf(Report(title="One"), tmp_path / "report.pdf")

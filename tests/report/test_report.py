@@ -127,7 +127,7 @@ def test_the_program_for_views_is_there_once_and_only_if_there_is_a_view(full, p
 
 
 def test_the_views_send_nothing_away(full):
-    """Plotly offers to upload charts unless it is told not to."""
+    """Plotly offers to upload charts unless that is switched off."""
     program = full.all("script")[-2]["text"]
     assert "showSendToCloud: false" in program
     assert 'plotlyServerURL: ""' in program
@@ -209,7 +209,7 @@ def test_flags_are_pointed_to_at_the_top(full, page_of):
     assert one.texts("p", class_="flags") == ["⚠ 1 flag about this result: see it."]
     none = page_of(Warnings(items=()))
     assert none.texts("p", class_="flags") == []
-    assert "Nothing flagged was found." in none.texts("main")[0]
+    assert "Nothing is flagged." in none.texts("main")[0]
 
 
 def test_provenance_is_folded_and_whole(full):

@@ -36,10 +36,10 @@ def base_of(axis, name, unit="m"):
 
 def drawn_at(places):
     """Coordinates of nodes, as the page makes them of the ends of the rows."""
-    share = np.asarray(places["share"])
+    fraction = np.asarray(places["fraction"])
     return tuple(
         np.asarray(places[f"{axis}_first"])[:, None]
-        + share * (np.asarray(places[f"{axis}_last"]) - places[f"{axis}_first"])[:, None]
+        + fraction * (np.asarray(places[f"{axis}_last"]) - places[f"{axis}_first"])[:, None]
         for axis in "xy"
     )
 
@@ -123,7 +123,7 @@ def test_rows_of_blocks_along_a_bend_are_straight(page_of):
 
 
 def exaggeration_drawn(figure, millimetres=1000.0):
-    """How many times as large as distances heights come out, by what plotly is told."""
+    """How many times as large as distances heights come out, by the settings that plotly gets."""
     scene = figure["layout"]["scene"]
     assert scene["aspectmode"] == "manual"
     per_metre = {}
@@ -233,8 +233,8 @@ def test_what_cannot_be_drawn_is_refused(page_of, bend):
         SurfaceView(surface=bend, vertical_exaggeration=0)
     with pytest.raises(ValueError, match="no height anywhere; leave the view out"):
         page_of(SurfaceView(surface=plain((3, 3), height=np.full((3, 3), np.nan))))
-    nowhere = make_profile([0.0, 1.0], [0.0, 0.0])
+    placeless = make_profile([0.0, 1.0], [0.0, 0.0])
     with pytest.raises(ValueError, match="needs easting and northing, which 'path' lacks"):
-        page_of(SurfaceView(surface=bend, lines={"path": nowhere}))
+        page_of(SurfaceView(surface=bend, lines={"path": placeless}))
     with pytest.raises(SchemaError, match="variable heading"):
         page_of(SurfaceView(surface=bend.drop_vars("heading")))

@@ -39,7 +39,7 @@ class Driven:
 
 @pytest.fixture(scope="session")
 def drive(tmp_path_factory) -> Callable[..., Driven]:
-    """Drive over a smooth road, 8 m/s on a van, and record it without noise unless told."""
+    """Drive over a smooth road, 8 m/s on a van, and record it, by default without noise."""
 
     def driven(
         course: dict[str, Any],

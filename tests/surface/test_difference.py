@@ -139,16 +139,18 @@ def test_unlike_reference_systems_are_refused():
     assert surface_difference(one, same).attrs["crs"] == same.attrs["crs"]
 
 
-def test_an_unknown_reference_system_is_told():
-    with pytest.warns(UserWarning, match="only the surface says .*; the reference is taken"):
+def test_an_unknown_reference_system_is_a_warning():
+    with pytest.warns(UserWarning, match="only the surface has .*; the reference is assumed"):
         surface_difference(along(plain(), crs="EPSG:25832"), along(plain()))
-    with pytest.warns(UserWarning, match="only the reference says .*; the surface is taken"):
+    with pytest.warns(UserWarning, match="only the reference has .*; the surface is assumed"):
         surface_difference(along(plain()), along(plain(), crs="EPSG:25832"))
 
 
 def test_surfaces_that_do_not_overlap_are_refused():
     away = make_surface(plain(), u=U, v=V, easting=U + 500, northing=0 * U)
-    with pytest.raises(CoverageError, match=r"share no node .* easting 500.0 to 519.9 m"):
+    with pytest.raises(
+        CoverageError, match=r"have no node with a height in common: .*easting 500.0 to 519.9 m"
+    ):
         surface_difference(away, along(plain()))
 
 

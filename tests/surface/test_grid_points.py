@@ -26,7 +26,7 @@ CLOUDS = (
 
 
 def numpy_means(points, grid):
-    """Sums of heights in cells the way one would write them with numpy alone."""
+    """Sums of heights in cells as one would write them with numpy alone."""
     i = np.floor((points.easting.values - grid.u[0]) / grid.spacing[0] + 0.5).astype(int)
     j = np.floor((points.northing.values - grid.v[0]) / grid.spacing[1] + 0.5).astype(int)
     cell = j * grid.u.size + i
@@ -103,15 +103,15 @@ def test_standard_deviations_of_medians_are_honest():
 
 def test_medians_need_points_twice():
     grid, options = grid_over(0, 0, 10, 4, spacing=0.5), GridSettings(statistic="median")
-    with pytest.raises(ValueError, match="gone through twice"):
+    with pytest.raises(ValueError, match="read twice"):
         grid_points(iter([cloud()]), grid, options)
     sums = CellSums(grid)
     points = cloud()
     sums.add_points(points.easting, points.northing, points.up)
-    with pytest.raises(ValueError, match="another look"):
+    with pytest.raises(ValueError, match="through the data twice"):
         surface_of(sums, options)
     with pytest.raises(ValueError, match="must be the same"):
-        surface_of(sums, options, again=lambda _: None)
+        surface_of(sums, options, add_data=lambda _: None)
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3])
@@ -167,7 +167,7 @@ def test_standard_deviations_of_points_are_honest():
     ("given", "found"),
     [((), {"sd_relative"}), (("sd_relative",), {"sd_relative"}), (("sd",), {"sd"})],
 )
-def test_what_points_do_not_know_is_not_claimed(given, found):
+def test_an_unknown_absolute_sd_is_left_out(given, found):
     """Scatter alone is no absolute standard deviation, nor is one relative to a datum."""
     points = cloud(2000)
     own = ("point", np.full(2000, 0.02), {"units": "m"})
@@ -191,7 +191,7 @@ def test_sums_of_squares_may_pass_the_end_of_64_bits(heights, spread):
     many = np.tile(z * STEP, 200)
     sums.add_points(np.zeros(many.size), np.zeros(many.size), many)
     mean, deviation = np.empty((2, 2)), np.empty((2, 2))
-    from trueterrain.surface._finish import _kernels
+    from trueterrain.surface._nodes import _kernels
 
     part = sums.total()
     cells = (each.reshape(2, 2) for each in (part.count, part.totals, part.squares))
@@ -209,7 +209,9 @@ def test_points_along_a_road_are_those_over_the_map():
     over = grid_points(points, grid_over(0, 0, 10, 4, spacing=0.5), PLAIN)
     whole = road["count"].values.T
     assert whole.shape == (9, 21)
-    near = whole == over["count"].values  # points on the very edge of a cell may fall either way
+    near = (
+        whole == over["count"].values
+    )  # points on an edge may fall to either side
     assert near.mean() > 0.9
     npt.assert_allclose(
         road.height.values.T[near], over.height.values[near], rtol=0, atol=2 * ROUNDED
@@ -220,8 +222,8 @@ def test_points_without_height_and_outside_are_counted():
     points = make_points([0, 0.1, 50, np.nan], [0, 0, 0, 0], [1, np.nan, 3, 4])
     sums = CellSums(grid_over(0, 0, 2, 2, spacing=1.0))
     sums.add_points(points.easting, points.northing, points.up)
-    tally = sums.tally
-    assert (tally.used, tally.outside, tally.too_high) == (1, 2, 1)
+    return_totals = sums.return_totals
+    assert (return_totals.used, return_totals.outside, return_totals.too_high) == (1, 2, 1)
     assert surface_of(sums).height.values[0, 0] == 1.0
 
 

@@ -47,7 +47,7 @@ def grid_of(driven, spacing=0.01, width=1.7):
 
 
 def sums_of(driven, grid, options=GridSettings(), *, size=10**9, threads=1, geometry=None):
-    sums = CellSums(grid, options.wanted(), threads=threads)
+    sums = CellSums(grid, options.kept_sums(), threads=threads)
     for start in range(0, driven.time.size, size):
         part = slice(start, start + size)
         sums.add_scans(geometry or driven.geometry, driven.time[part], driven.range[part])
@@ -78,7 +78,7 @@ def test_the_surface_of_a_run_without_noise_is_the_ground(noise_free):
     npt.assert_allclose(surface.height.values[cells], truth[cells], rtol=0, atol=TRUE)
 
 
-def test_the_fused_way_is_that_of_points_and_scipy(noise_free):
+def test_sums_from_ranges_are_those_of_points_and_scipy(noise_free):
     """Counts and plain means from points, their grid coordinates and scipy's statistic."""
     grid, options = grid_of(noise_free), GridSettings(level=False)
     surface = surface_of(sums_of(noise_free, grid, options), options)
@@ -178,7 +178,7 @@ def test_scanners_of_one_beam_and_slow_ones(noise_free, beams, span):
     time = noise_free.time[:: 1 if beams == 1 else 10]
     ranges = np.full((time.size, beams), 1.9)
     grid, options = grid_of(noise_free), GridSettings(level=False)
-    fused, one_by_one = CellSums(grid, options.wanted()), CellSums(grid, options.wanted())
+    fused, one_by_one = CellSums(grid, options.kept_sums()), CellSums(grid, options.kept_sums())
     fused.add_scans(geometry, time, ranges)
     scans = xr.Dataset(
         {
@@ -193,7 +193,7 @@ def test_scanners_of_one_beam_and_slow_ones(noise_free, beams, span):
     a, b = surface_of(fused, options), surface_of(one_by_one, options)
     npt.assert_array_equal(a["count"], b["count"])
     npt.assert_allclose(a.height, b.height, rtol=0, atol=ROUNDED)
-    assert fused.tally.used > 0.5 * time.size
+    assert fused.return_totals.used > 0.5 * time.size
 
 
 def test_spacing_finer_than_the_data_leaves_holes_that_are_counted(noise_free):
@@ -223,7 +223,10 @@ def test_returns_far_off_the_line_do_no_harm(drive):
     grid = grid_of(driven)
     moved = replace(grid.line, easting=grid.line.easting + 500.0)
     sums = sums_of(driven, grid_along(moved, right=-1.7, left=1.7))
-    assert (sums.tally.used, sums.tally.outside) == (0, np.isfinite(driven.range).sum())
+    assert (sums.return_totals.used, sums.return_totals.outside) == (
+        0,
+        np.isfinite(driven.range).sum(),
+    )
     with pytest.raises(CoverageError, match="0 lie on the grid"):
         surface_of(sums)
 
@@ -304,7 +307,7 @@ def test_errors_of_passes_in_agreement_stay(drive, with_errors):
         geometry = type(driven.geometry)(
             trajectory, driven.mounting, driven.geometry.angle, driven.geometry.delay
         )
-        sums = CellSums(grid, agreed.wanted())
+        sums = CellSums(grid, agreed.kept_sums())
         for number in range(4):
             if number:
                 sums.next_pass()
@@ -330,7 +333,7 @@ def test_flagged_returns_are_left_out_or_weigh_less(drive):
         return surface_of(sums), sums
 
     strict, sums = surface(Screening(floor=500.0), wrong)
-    assert sums.tally.flagged == (bad & np.isfinite(driven.range)).sum()
+    assert sums.return_totals.flagged == (bad & np.isfinite(driven.range)).sum()
     without = np.where(bad, np.nan, driven.range)
     npt.assert_array_equal(strict.height, surface(Screening(), without)[0].height)
     soft, _ = surface(Screening(floor=500.0, weight=0.125), wrong)
@@ -346,7 +349,7 @@ def test_scans_without_motion_are_counted(drive):
     time = driven.time.copy()
     time[:3] = [np.nan, -5.0, 99.0]
     sums.add_scans(driven.geometry, time, driven.range)
-    assert (sums.tally.scans, sums.tally.scans_uncovered) == (time.size, 3)
+    assert (sums.return_totals.scans, sums.return_totals.scans_uncovered) == (time.size, 3)
 
 
 def test_arguments_without_sense_are_refused(drive):

@@ -63,7 +63,7 @@ def test_heights_of_a_hole_stay_between_those_around_it():
     assert inside.max() < around.max()
 
 
-def test_nothing_is_filled_where_nothing_shall_be():
+def test_nothing_is_filled_with_a_limit_of_zero():
     holed = with_holes(plane(), np.s_[5, 5])
     same, report = fill_holes(holed, HoleSettings(largest=0.0))
     npt.assert_array_equal(same.height, holed.height)
@@ -100,12 +100,12 @@ def test_holes_are_those_that_scipy_labels(seed, turned):
     assert count > 10
 
 
-def test_holes_are_filled_alike_a_few_at_a_time(monkeypatch):
+def test_holes_filled_in_batches_have_the_same_heights(monkeypatch):
     rng = np.random.default_rng(5)
     surface = plane()
     rough = with_holes(surface, rng.random(surface.height.shape) < 0.2)
     together, report = fill_holes(rough, HoleSettings(largest=0.5))
-    monkeypatch.setattr("trueterrain.surface.holes._TOGETHER", 7)
+    monkeypatch.setattr("trueterrain.surface.holes._MAX_BATCH", 7)
     apart, _ = fill_holes(rough, HoleSettings(largest=0.5))
     npt.assert_allclose(apart.height, together.height, rtol=0, atol=EXACT)
     assert report["filled_holes"] > 20

@@ -71,7 +71,7 @@ def test_the_line_of_a_run_follows_its_scanner():
     npt.assert_allclose(chords(line), 0.01, rtol=0, atol=CHORD)
 
 
-def test_noise_of_the_way_makes_no_bends():
+def test_noise_of_the_trajectory_makes_no_bends():
     line = line_from_trajectory(circling(noise=0.01), half_width=2.5)
     assert np.abs(line.curvature).max() * 2.5 < 0.9
     npt.assert_allclose(chords(line), 0.01, rtol=0, atol=CHORD)
@@ -85,9 +85,9 @@ def test_a_sharp_corner_is_smoothed_until_the_grid_fits():
 
 
 def test_a_turn_on_the_spot_is_refused():
-    way = np.r_[np.linspace(0, 3, 31), np.linspace(3, 0, 31)[1:]]
+    easting = np.r_[np.linspace(0, 3, 31), np.linspace(3, 0, 31)[1:]]
     with pytest.raises(CoverageError, match="too sharp for a grid of 2 m"):
-        line_through(way, 1e-3 * np.arange(way.size), half_width=2.0)
+        line_through(easting, 1e-3 * np.arange(easting.size), half_width=2.0)
 
 
 def test_a_body_at_rest_has_no_line():

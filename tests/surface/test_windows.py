@@ -117,12 +117,12 @@ def test_windows_of_any_size_give_the_same_surface(passes, planned, case):
     assert counts["scans"] == 2 * SCANS
     assert min(counts[name] for name in ("used", "outside", "scans_uncovered")) > 100
     for memory, threads, block in ((1, 2, 999), (1_000_000, 1, 4000), (1_500_000, 2, 500)):
-        surface, tally = grid_runs(
+        surface, return_totals = grid_runs(
             passes, grid, options, screening=screening, memory=memory, threads=threads, block=block
         )
         for name in ("height", "sd", "count"):
             npt.assert_array_equal(surface[name], whole[name])
-        assert tally == counts
+        assert return_totals == counts
     assert [len(plan.windows) > 1 for plan in planned] == [False, True, True, True]
 
 
@@ -144,12 +144,12 @@ def test_windows_whose_scans_were_not_guessed_are_worked_again(passes, planned, 
     """Guessed for ranges of 0.1 m: the scanner looks ahead, so other rows are reached."""
     whole, counts = grid_runs(passes[1:], arc(), memory=1 << 40)
     monkeypatch.setattr("trueterrain.surface._recordings._REACH", 0.1)
-    surface, tally = grid_runs(passes[1:], arc(), memory=1)
+    surface, return_totals = grid_runs(passes[1:], arc(), memory=1)
     assert len(planned[1].windows) >= 3
     assert planned[1].missed
     for name in ("height", "sd", "count"):
         npt.assert_array_equal(surface[name], whole[name])
-    assert tally == counts
+    assert return_totals == counts
 
 
 def test_a_long_grid_is_worked_in_windows_and_a_short_one_at_once(passes, planned):
@@ -159,8 +159,8 @@ def test_a_long_grid_is_worked_in_windows_and_a_short_one_at_once(passes, planne
     assert at_once.windows == [range(arc().shape[0])]
     assert not at_once.reaches
     assert len(windows.windows) > 1
-    room = windows.rows * arc().shape[1] * (28 + 20)
-    assert room <= 1_500_000
+    memory = windows.rows * arc().shape[1] * (28 + 20)
+    assert memory <= 1_500_000
     with pytest.raises(ValueError, match="memory at least"):
         grid_runs(passes, arc(), memory=0)
 

@@ -29,6 +29,8 @@ from trueterrain.survey import (
     ProfilePathSettings,
     RunSettings,
     Survey,
+    extract_profiles,
+    rate_profiles,
     read_survey,
     run_survey,
     survey_of,
@@ -38,7 +40,7 @@ from trueterrain.verify import truth_of
 
 FILE = 1e-6  # [m] of a height near 0 as float32 in an OpenCRG file, half a step of the mantissa
 LIFTED = 0.010  # [m] by which a scanner is said to sit higher than it does
-TRUE_IRI = 0.03  # share by which 20 mm of ranges' noise per point change the IRI of a class B road
+TRUE_IRI = 0.03  # relative change of the IRI of a class B road by 20 mm of range noise per point
 
 
 @pytest.fixture(scope="module")
@@ -117,6 +119,28 @@ def test_surfaces_are_those_of_gridding_step_by_step(found, survey, runs):
         rtol=0,
         atol=FILE,
     )
+
+
+def test_the_functions_of_the_chain_give_the_result_of_the_survey(found, survey, runs):
+    run = tt.process_run(runs[0], survey.motion)
+    surface, report = tt.build_surface([run], survey.grid, survey.cells, holes=survey.holes)
+    profiles, left_out = extract_profiles(surface, survey.profiles)
+    ratings, unrated = rate_profiles(profiles, survey.roughness)
+    lane = found.numbers["lanes"][0]
+    assert run.to_dict()["driven"] == found.numbers["runs"][0]["driven"]
+    assert report["returns"] == lane["returns"]
+    assert report["holes"]["filled_nodes"] == lane["surface"]["holes"]["filled_nodes"]
+    assert left_out == []
+    assert [problem in lane["problems"] for problem in unrated] == [True] * len(unrated)
+    assert [float(ratings[one["name"]].iri[0]) for one in lane["profiles"]] == [
+        one["iri"] for one in lane["profiles"]
+    ]
+
+
+def test_runs_of_one_name_are_not_aligned(runs):
+    run = tt.process_run(runs[0], name="first")
+    with pytest.raises(ValueError, match="different names, got 'first' more than once"):
+        tt.align_passes([run, run])
 
 
 def test_profiles_and_their_roughness_are_those_of_the_files(found):

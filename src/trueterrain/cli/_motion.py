@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from trueterrain.cli._console import write_note
-from trueterrain.core.errors import SchemaError, name_file_in_errors
+from trueterrain.core.errors import SchemaError
 
 if TYPE_CHECKING:
     from trueterrain.motion import Trajectory
@@ -38,21 +38,13 @@ def motion_of(
     CoverageError
         If there is too little navigation, or it covers no scan.
     """
-    import warnings
+    from trueterrain.motion import FusionSettings
+    from trueterrain.survey.runs import process_run
 
-    from trueterrain.formats.run import open_run
-    from trueterrain.motion import FusionSettings, fuse_motion
-    from trueterrain.motion._scans import scan_problems
-
-    tree = open_run(run)
-    with name_file_in_errors(run), warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # what it warns of is among the problems as well
-        motion = fuse_motion(tree, settings=FusionSettings(method=method))
-        problems = (*motion.problems, *scan_problems(tree, motion.trajectory))
-        trajectory = motion.trajectory.between(begin, end)
-    for problem in problems:
+    processed = process_run(run, FusionSettings(method=method), begin=begin, end=end)
+    for problem in processed.problems:
         write_note(f"{run}: {problem}")
-    return trajectory
+    return processed.trajectory
 
 
 def require_run(path: Path) -> None:

@@ -149,9 +149,10 @@ def grid(
     from trueterrain import formats
     from trueterrain.core import provenance
     from trueterrain.georeference import Screening
-    from trueterrain.surface.grid import GridSettings, trim_surface
-    from trueterrain.surface.holes import HoleSettings, fill_holes
+    from trueterrain.surface.grid import GridSettings
+    from trueterrain.surface.holes import HoleSettings
     from trueterrain.surface.placement import GridPlacement
+    from trueterrain.survey.surfaces import complete_surface
 
     inputs = [file, *more]
     formats.writer_of("surface", output)
@@ -214,12 +215,8 @@ def grid(
             )
         else:
             surface, counts = _grid_points(inputs, where, options, crs, only, workers, progress)
-    surface, holes = fill_holes(trim_surface(surface), HoleSettings(largest=fill), in_place=True)
-    loss = None
-    if down_sample is not None:
-        from trueterrain.surface.coarse import down_sample as coarser
-
-        surface, loss = coarser(surface, down_sample)
+    surface, completed = complete_surface(surface, HoleSettings(largest=fill), down_sample)
+    holes, loss = completed["holes"], completed["down_sample"]
     files = [one for one in inputs if one.is_file()] + ([path] if path else [])
     stores = [one.name for one in inputs if one.is_dir()]
     parameters = {"stores": stores, "options": options, "holes": holes, "down_sample": loss}

@@ -330,9 +330,8 @@ def _pass_cells(
             write_note(f"warning: {flag}")
         return cells_of_clouds(lanes, settings, cell=cell, progress=progress)
     from trueterrain.alignment.run_passes import cells_of_passes
-    from trueterrain.survey import lane_name, survey_of
-    from trueterrain.survey._lane import find_run
+    from trueterrain.survey import process_survey_run, run_name, survey_of
 
     survey = survey_of(inputs)
-    found = {lane_name(run): find_run(survey, run, progress).taken for run in survey.runs}
+    found = {run_name(run): process_survey_run(survey, run, progress).record for run in survey.runs}
     return cells_of_passes(found, settings, progress=progress), settings.cells.size, []

@@ -1,4 +1,4 @@
-"""How work is carried out: whole outputs or none, progress, blocks."""
+"""Shared foundations: errors, schemas, provenance, atomic outputs, progress, statistics."""
 
 from trueterrain.core.output import (
     require_writable,

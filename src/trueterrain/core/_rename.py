@@ -1,4 +1,4 @@
-"""Renames that replace nothing, or exchange two names at once, where the file system can."""
+"""Renames that replace nothing, or exchange two names, as far as the file system supports it."""
 
 import errno
 import os
@@ -16,12 +16,12 @@ _LACKING = (errno.ENOSYS, errno.EINVAL, errno.EOPNOTSUPP)
 
 
 def publish_file(source: Path, target: Path) -> None:
-    """Rename a file to a name that nothing has.
+    """Rename a file to a free name.
 
     Raises
     ------
     FileExistsError
-        If something has it, however short a time before.
+        If the name is taken, even since a moment before.
     """
     if _rename_with_flag(source, target, _NOREPLACE):
         return
@@ -38,7 +38,7 @@ def publish_file(source: Path, target: Path) -> None:
 
 
 def publish_folder(source: Path, target: Path) -> None:
-    """Rename a folder to a name that nothing has, or an empty folder.
+    """Rename a folder to a free name, or to that of an empty folder.
 
     Raises
     ------
@@ -53,26 +53,26 @@ def publish_folder(source: Path, target: Path) -> None:
         raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(target)) from error
 
 
-def replace_store(source: Path, target: Path, aside: Path) -> None:
-    """Put a folder at the name of another one, which ends up at `source` or in `aside`."""
+def replace_store(source: Path, target: Path, backup: Path) -> None:
+    """Replace a folder; the earlier one ends up at `source` or in `backup`."""
     if not _rename_with_flag(source, target, _EXCHANGE):
-        replace_entry(source, target, aside)
+        replace_entry(source, target, backup)
 
 
-def replace_entry(source: Path, target: Path, aside: Path) -> None:
-    """Rename a file or folder; a folder that has the name goes to `aside`, a file is replaced.
+def replace_entry(source: Path, target: Path, backup: Path) -> None:
+    """Rename a file or folder; a folder that has the name goes to `backup`, a file is replaced.
 
     As long as `source` is there, it can be called again after a stop at any moment.
     """
     if os.path.lexists(target) and (is_folder(source) or is_folder(target)):
-        aside.mkdir(exist_ok=True)
-        remove_path(aside / target.name)
-        target.rename(aside / target.name)
+        backup.mkdir(exist_ok=True)
+        remove_path(backup / target.name)
+        target.rename(backup / target.name)
     source.replace(target)
 
 
 def remove_path(path: Path) -> None:
-    """Remove a file, a link, or a folder with all that is in it; what is not there is no error."""
+    """Remove a file, a link, or a folder with its contents; a missing one is no error."""
     if is_folder(path):
         shutil.rmtree(path)
     else:
@@ -86,7 +86,7 @@ def is_folder(path: Path) -> bool:
 
 @contextmanager
 def defer_signals() -> Iterator[None]:
-    """Keep Ctrl-C and SIGTERM waiting until some renames that belong together are done."""
+    """Defer Ctrl-C and SIGTERM until renames that belong together are done."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -109,7 +109,7 @@ def defer_signals() -> Iterator[None]:
 
 
 def _rename_with_flag(source: Path, target: Path, flag: int) -> bool:
-    """Rename by the system call of Linux; False if kernel or file system lack it."""
+    """Rename by renameat2 of Linux; False if kernel or file system lack it."""
     if not sys.platform.startswith("linux"):
         return False
     import ctypes

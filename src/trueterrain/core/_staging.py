@@ -1,4 +1,4 @@
-"""Hidden folders in which outputs are written, and what becomes of those of processes that died.
+"""Hidden folders in which outputs are written, and recovery of those of processes that died.
 
 Each output has one, beside it or in it: ``.NAME.trueterrain-part``. Its process holds a lock on a
 file in it, which ends with the process, however it ends. Whoever gets the lock later knows that
@@ -30,7 +30,7 @@ _LOCK, _JOURNAL = "lock", "journal.json"
 
 @contextmanager
 def staging_folder(folder: Path, name: str, output: Path) -> Iterator[Path]:
-    """Hidden folder that this process alone writes to; removed at the end with all that is in it.
+    """Hidden folder that only this process writes to; removed at the end with its contents.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def staging_folder(folder: Path, name: str, output: Path) -> Iterator[Path]:
     recover_folder(folder)
     staging, lock = folder / f".{name}{ENDING}", None
     try:
-        with defer_signals():  # a signal finds the folder known, or not there
+        with defer_signals():  # so that a signal finds the folder either registered or absent
             staging, lock = _lock_folder(staging, output)
         (staging / NEW).mkdir()
         yield staging
@@ -64,14 +64,14 @@ def staging_folder(folder: Path, name: str, output: Path) -> Iterator[Path]:
     finally:
         if lock is not None:
             try:
-                if not (staging / _JOURNAL).exists():  # else the next call completes the move
+                if not (staging / _JOURNAL).exists():  # otherwise the next call completes the move
                     _discard_folder(staging)
             finally:
                 os.close(lock)
 
 
 def recover_folder(folder: Path) -> None:
-    """Complete or remove what processes that died left of their outputs in a folder."""
+    """Complete or remove unfinished outputs of processes that died."""
     for staging in sorted(folder.glob(f".*{ENDING}")):
         try:
             lock = os.open(staging / _LOCK, os.O_RDWR)
@@ -89,7 +89,7 @@ def recover_folder(folder: Path) -> None:
 
 
 def move_in(staging: Path, names: Sequence[str], removed: Sequence[str] = ()) -> None:
-    """Move what was written into the folder that holds the hidden one, all of it or nothing.
+    """Move the outputs into the folder above the hidden one, all of them or none.
 
     Once the journal is there, the next call completes what this one cannot.
 
@@ -183,7 +183,7 @@ def _lock_folder(staging: Path, output: Path) -> tuple[Path, int]:
 
 
 def _lock_file(file: int) -> bool | None:
-    """Lock a file until it is closed: True, False if another process has, None if none can."""
+    """Lock a file until it is closed: True; False if another process has; None if unsupported."""
     try:
         import fcntl
     except ImportError:  # Windows
@@ -198,7 +198,7 @@ def _lock_file(file: int) -> bool | None:
 
 
 def _is_lock_of(staging: Path, file: int) -> bool:
-    """Whether the file is the lock still, not one that its owner has removed meanwhile."""
+    """Whether the file is still the lock, not one that its owner removed meanwhile."""
     try:
         return os.path.samestat((staging / _LOCK).stat(), os.fstat(file))
     except FileNotFoundError:
@@ -212,7 +212,7 @@ def _clear_folder(staging: Path) -> None:
 
 
 def _discard_folder(staging: Path) -> None:
-    """Remove the hidden folder, the lock last; what remains, the next call removes."""
+    """Remove the hidden folder, the lock last; the next call removes the rest."""
     with suppress(OSError):
         _clear_folder(staging)
         (staging / _LOCK).unlink(missing_ok=True)

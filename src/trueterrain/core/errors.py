@@ -1,13 +1,13 @@
-"""What can be wrong with data, and how it is said.
+"""Errors in data, and their messages.
 
 ::
 
     Exception
      ├── ValueError            an argument breaks its rule
      └── TrueTerrainError      the data break a rule
-          ├── FormatError      a file is damaged or not what it claims to be
+          ├── FormatError      a file is damaged or not of its stated format
           ├── SchemaError      a dataset lacks a variable, unit or dimension
-          ├── CoverageError    there is no ground where ground is asked for
+          ├── CoverageError    data do not cover what is asked for
           └── OutputError      an output cannot be written
 
 Every message is one line: the file, the place in it, the rule and what was found, and the cure.
@@ -59,15 +59,15 @@ class TrueTerrainError(Exception):
 
 
 class FormatError(TrueTerrainError):
-    """A file is damaged or not what it claims to be."""
+    """A file is damaged or not of its stated format."""
 
 
 class SchemaError(TrueTerrainError):
-    """A dataset lacks a variable, a unit or a dimension that its kind must have."""
+    """A dataset lacks a variable, a unit or a dimension that its schema requires."""
 
 
 class CoverageError(TrueTerrainError):
-    """There is no ground where ground is asked for."""
+    """Data do not cover what is asked for."""
 
 
 class OutputError(TrueTerrainError):
@@ -86,7 +86,7 @@ def name_file_in_errors(path: str | Path | None) -> Iterator[None]:
     Examples
     --------
     >>> try:
-    ...     with concerning("p.erd"):
+    ...     with name_file_in_errors("p.erd"):
     ...         raise CoverageError("there is no height", place="s = 2 m")
     ... except CoverageError as error:
     ...     print(error)

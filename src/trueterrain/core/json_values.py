@@ -1,4 +1,4 @@
-"""Results as JSON takes them, and text as a terminal and a figure take it."""
+"""Values for JSON, and text for terminals and figures."""
 
 import math
 import re
@@ -23,14 +23,14 @@ def printable_text(text: str) -> str:
 
     Examples
     --------
-    >>> len("a" + chr(27) + "[31m"), len(printable("a" + chr(27) + "[31m"))
+    >>> len("a" + chr(27) + "[31m"), len(printable_text("a" + chr(27) + "[31m"))
     (6, 9)
     """
     return _CONTROLS.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), text)
 
 
 def json_values(value: Any) -> Any:
-    """As JSON gives it back: tuples become lists, what is not finite null.
+    """Value for JSON: tuples become lists, numbers that are not finite become None.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def json_values(value: Any) -> Any:
 
     Examples
     --------
-    >>> finite({"sd": (0.1, float("nan"))})
+    >>> json_values({"sd": (0.1, float("nan"))})
     {'sd': [0.1, None]}
     """
     if isinstance(value, dict):

@@ -1,4 +1,4 @@
-"""Compiled kernels: loops that numba turns into machine code, kept from one start to the next.
+"""Compiled kernels: loops that numba compiles, cached on disk.
 
 Compilation takes seconds, so its result is kept on disk. That is a convenience only: where no
 folder can be written, the disk is full or a kept file is damaged, kernels are compiled anew.
@@ -21,11 +21,11 @@ from numba.core.caching import (
     UserWideCacheLocator,
 )
 
-_warned = False  # whether the user knows that kernels are not kept
+_warned = False  # whether the user was warned that kernels are not cached
 
 
 def compile_kernel(function: Callable[..., Any] | None = None, /, **options: Any) -> Any:
-    """Compile a loop at its first call, and keep what was compiled for the next start.
+    """Compile a loop at its first call, and cache it on disk.
 
     Every kernel of the package is compiled by this decorator: without the lock of the interpreter,
     so that threads run it at once. Compiled code is kept in the folder of ``NUMBA_CACHE_DIR``, else
@@ -64,7 +64,7 @@ def compile_kernel(function: Callable[..., Any] | None = None, /, **options: Any
 
 
 def cache_folder() -> Path | None:
-    """Folder under which compiled kernels are kept; None if none can be written.
+    """Cache folder of compiled kernels; None if none can be written.
 
     Examples
     --------
@@ -76,7 +76,7 @@ def cache_folder() -> Path | None:
 
 
 class KernelCache(NullCache):  # type: ignore[misc]  # numba has no types
-    """Compiled code of one kernel on disk, where that is possible.
+    """Disk cache of one kernel, where a folder can be written.
 
     Nothing is read or written before the first call of the kernel.
 
@@ -91,10 +91,10 @@ class KernelCache(NullCache):  # type: ignore[misc]  # numba has no types
 
     @cached_property
     def _files(self) -> Any:
-        """What reads and writes the files; None if no folder can be written."""
+        """Reader and writer of the files; None if no folder can be written."""
         try:
             return _Files(self._function)
-        except (RuntimeError, OSError):  # no folder, or no source to see a change by
+        except (RuntimeError, OSError):  # no folder, or no source file to detect changes
             return None
 
     @property
@@ -108,12 +108,12 @@ class KernelCache(NullCache):  # type: ignore[misc]  # numba has no types
             return None
         try:
             return self._files.load_overload(sig, target_context)
-        except Exception:  # unpickling a damaged file raises whatever its bytes say
+        except Exception:  # unpickling a damaged file can raise anything
             self.flush()
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep compiled code for a signature; warns if that fails."""
+        """Cache compiled code for a signature; warns if that fails."""
         reason = "no cache folder can be written"
         if self._files is not None:
             try:
@@ -125,28 +125,28 @@ class KernelCache(NullCache):  # type: ignore[misc]  # numba has no types
         _warn_once(reason)
 
     def flush(self) -> None:
-        """Forget what is kept."""
+        """Empty the cache."""
         if self._files is not None:
             with suppress(OSError):
                 self._files.flush()
 
 
 def _warn_once(reason: str) -> None:
-    """Say that kernels are not kept, at the first kernel in each process."""
-    global _warned  # numba resets what python remembers of warnings, at each kernel
+    """Warn that kernels are not cached, once in each process."""
+    global _warned  # numba resets the registry of warnings at each kernel
     message = (
         f"compiled kernels are not kept ({reason}), so every start compiles them anew. "
         "Set NUMBA_CACHE_DIR to a folder that can be written."
     )
     with warnings.catch_warnings(record=True) as heard:
         warnings.warn(message, stacklevel=1)
-    if heard and not _warned:  # else a caller ignores warnings: the next kernel says it
+    if heard and not _warned:  # otherwise a caller ignores warnings, and the next kernel warns
         _warned = True
         warnings.warn(message, stacklevel=1)
 
 
 class _UserFolder(UserWideCacheLocator):  # type: ignore[misc]  # numba has no types
-    """The user's cache folder, of users that have one."""
+    """Cache folder of the user, if there is one."""
 
     def ensure_cache_path(self) -> None:
         if not Path(self.get_cache_path()).is_absolute():  # without a home: a folder named "~"
@@ -155,12 +155,12 @@ class _UserFolder(UserWideCacheLocator):  # type: ignore[misc]  # numba has no t
 
 
 class _Place(CompileResultCacheImpl):  # type: ignore[misc]  # numba has no types
-    """Where compiled code is kept: the first folder that can be written."""
+    """Cache folder: the first one that can be written."""
 
     _locator_classes = (UserProvidedCacheLocator, _UserFolder, InTreeCacheLocator)
 
 
 class _Files(FunctionCache):  # type: ignore[misc]  # numba has no types
-    """Files of compiled code, in the place above."""
+    """Files of compiled code in the cache folder."""
 
     _impl_class = _Place

@@ -58,14 +58,14 @@ def read_manifest(folder: Path) -> dict[str, Any] | None:
             return None
         files = {str(one["name"]): dict(one) for one in about["files"]}
         if any(Path(name).is_absolute() or ".." in Path(name).parts for name in files):
-            return None  # names files of others
+            return None  # names files outside the folder
         return {"result": str(about["result"]), "files": files}
     except (OSError, ValueError, TypeError, KeyError):
         return None
 
 
 def missing_files(folder: Path) -> list[str]:
-    """Files of a result that are not there, or not as they were written.
+    """Files of a result that are missing or changed.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def missing_files(folder: Path) -> list[str]:
 
 
 def is_as_written(path: Path, about: dict[str, Any]) -> bool:
-    """Whether a file has the size and the hash that a manifest says.
+    """Whether a file has the size and the hash of the manifest.
 
     Parameters
     ----------

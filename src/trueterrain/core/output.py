@@ -1,4 +1,4 @@
-"""Outputs appear whole or not at all, and never in the place of something else."""
+"""Atomic outputs: complete or absent, and never in place of other data."""
 
 import json
 import os
@@ -24,7 +24,7 @@ from trueterrain.core.manifest import (
     write_manifest,
 )
 
-_OURS = "trueterrain/"  # what the attribute "kind" of a store of this package begins with
+_OURS = "trueterrain/"  # prefix of the attribute "kind" of a store of this package
 _STORE = ("zarr.json", ".zgroup", ".zarray", ".zattrs")  # metadata of Zarr 3 and 2
 # files of a Zarr 3 store, not those of another one in it
 _PART = re.compile(r"(?!(.*/)?[^/]*\.zarr/)(.*/)?(zarr\.json|c([./]\d+)*)")
@@ -280,9 +280,9 @@ def require_writable(
 
     Examples
     --------
-    >>> require_writable("nowhere/road.crg")
+    >>> require_writable("missing/road.crg")
     Traceback (most recent call last):
-    trueterrain.core.errors.OutputError: nowhere/road.crg: the folder nowhere does not exist. ...
+    trueterrain.core.errors.OutputError: missing/road.crg: the folder missing does not exist. ...
     """
     path = Path(path)
     if not isinstance(replaces, str) and path.suffix != ".zarr":
@@ -327,7 +327,7 @@ def _require_apart(path: Path, target: Path, inputs: Iterable[str | Path]) -> No
 def _require_replaceable(
     path: Path, target: Path, replaces: str | Sequence[str], *, force: bool
 ) -> None:
-    """Raise if what is there is another thing than the output, or may not be replaced."""
+    """Raise if the existing file or folder is of another kind, or may not be replaced."""
     found = _kind_at_path(target)
     if replaces == "folder":
         if found == "file":
@@ -389,7 +389,7 @@ def _require_result(
 
 
 def _obsolete_files(folder: Path, new: Path) -> list[str]:
-    """Files of the earlier result that the new one lacks, unless they were changed since."""
+    """Files of the earlier result that the new one lacks and that were not changed since."""
     about = read_manifest(folder)
     files = {} if about is None else about["files"]
     return [
@@ -400,7 +400,7 @@ def _obsolete_files(folder: Path, new: Path) -> list[str]:
 
 
 def _kind_at_path(path: Path) -> str:
-    """What is at a path: ``"file"``, ``"folder"``, or in words another thing or a store."""
+    """Kind of the entry at a path: ``"file"``, ``"folder"``, or another kind in words."""
     if not path.is_dir():
         return "file" if path.is_file() else "no file, but a device or pipe"
     if not any((path / name).is_file() for name in _STORE):
@@ -423,7 +423,7 @@ def _kind_text(kind: str) -> str:
 
 
 def _resolve_target(path: Path) -> Path:
-    """Path of what a name leads to, whether it exists or not."""
+    """Path with links resolved, whether it exists or not."""
     return Path(os.path.realpath(path))
 
 

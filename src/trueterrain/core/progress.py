@@ -1,4 +1,4 @@
-"""Progress of long work: the library reports it, the command line shows it."""
+"""Progress of long computations: the library reports it, the command line shows it."""
 
 from collections.abc import Callable
 

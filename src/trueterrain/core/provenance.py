@@ -1,6 +1,6 @@
-"""Where a result comes from: version, steps, parameters and the hashes of the inputs.
+"""Provenance of a result: version, steps, parameters and the hashes of the inputs.
 
-The record travels in ``attrs["provenance"]`` as JSON text, so that every store keeps it.
+The record is JSON text in ``attrs["provenance"]``, so that every store keeps it.
 """
 
 import dataclasses
@@ -77,7 +77,7 @@ def add_step(
     data : xarray.Dataset
         The result of the step.
     step : str
-        What was done, e.g. ``"read"`` or ``"tyre_profile"``.
+        Name of the step, e.g. ``"read"`` or ``"tyre_profile"``.
     parameters : mapping, optional
         Settings of the step; dataclasses are written with their names and values.
     inputs : sequence of path, optional
@@ -92,7 +92,8 @@ def add_step(
 
     Examples
     --------
-    >>> steps(add_step(xr.Dataset(), "smooth", parameters={"length": 0.25}))[0]["parameters"]
+    >>> data = add_step(xr.Dataset(), "smooth", parameters={"length": 0.25})
+    >>> provenance_steps(data)[0]["parameters"]
     {'length': 0.25}
     """
     entry = {

@@ -1,4 +1,4 @@
-"""Outputs are read back before they appear."""
+"""Verification of outputs: they are read back before they get their name."""
 
 import errno
 import os
@@ -9,15 +9,15 @@ from typing import Any
 from trueterrain.core.errors import OutputError
 
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
-_ROOM = "Free some space there, or choose another folder."
+_CURE = "Free some space there, or choose another folder."
 _BYTES = 1 << 24  # that are read back at a time
 
 
 class Checksums:
-    """Checksums of what was written, or found again, by name; the size of blocks does not matter.
+    """Checksums of arrays by name, independent of the size of blocks.
 
-    Not every library says so when a disk is full or fails. So a writer adds what it writes, reads
-    it back before its file gets its name, and compares.
+    Not every library reports a full or failing disk. So a writer adds the checksums of what it
+    writes, reads the file back before it gets its name, and compares.
 
     Examples
     --------
@@ -27,7 +27,7 @@ class Checksums:
     >>> found.add("up", np.array([1.0, 2.0]))
     >>> found.require_same(written, "p.las")
     Traceback (most recent call last):
-    trueterrain.core.errors.OutputError: p.las: was not written whole: up reads back as 16 of 24 bytes...
+    trueterrain.core.errors.OutputError: p.las: was not written whole: up reads back as 16 ...
     >>> found.add("up", np.array([3.0]))
     >>> found.require_same(written, "p.las")
     """
@@ -36,12 +36,12 @@ class Checksums:
         self._sums: dict[str, tuple[int, int]] = {}
 
     def add(self, name: str, values: Any) -> None:
-        """Take up the next values of an array, or bytes.
+        """Add the next values of an array, or bytes.
 
         Parameters
         ----------
         name : str
-            What they are, such as the name of a column.
+            Name of the data, such as that of a column.
         values : array_like or bytes
             The values, which count by their bytes in memory, in the order of the machine.
         """
@@ -55,12 +55,12 @@ class Checksums:
         self._sums[name] = (size + len(values), zlib.crc32(values, checksum))
 
     def add_file(self, name: str, path: Path) -> None:
-        """Take up the bytes of a file.
+        """Add the bytes of a file.
 
         Parameters
         ----------
         name : str
-            What they are.
+            Name of the data.
         path : Path
             The file.
         """
@@ -69,7 +69,7 @@ class Checksums:
                 self.add(name, block)
 
     def require_same(self, written: "Checksums", path: str | Path) -> None:
-        """Raise if what was found is not what was written.
+        """Raise if the data read back differ from those written.
 
         Parameters
         ----------
@@ -92,14 +92,14 @@ class Checksums:
 
 
 def not_whole(path: str | Path, reason: str) -> OutputError:
-    """Error of an output that is not whole.
+    """Error of an incomplete output.
 
     Parameters
     ----------
     path : str or Path
         The output.
     reason : str
-        What was found, or the words of the library that wrote it.
+        Reason, or the message of the library that wrote it.
 
     Returns
     -------
@@ -124,23 +124,23 @@ def refuse_full_disk(error: OSError, path: str | Path) -> None:
     Parameters
     ----------
     error : OSError
-        What writing ended with.
+        Error of the writer.
     path : str or Path
         The output.
 
     Raises
     ------
     OutputError
-        If there is no room.
+        If the disk or quota is full.
 
     Examples
     --------
     >>> refuse_full_disk(OSError(errno.ENOSPC, "No space left on device"), "p.csv")
     Traceback (most recent call last):
-    trueterrain.core.errors.OutputError: p.csv: cannot be written: no space left on device. Free some ...
+    trueterrain.core.errors.OutputError: p.csv: cannot be written: no space left ...
     """
     if error.errno is not None and error.errno in _FULL:
         reason = os.strerror(error.errno)
         raise OutputError(
-            f"cannot be written: {reason[:1].lower()}{reason[1:]}", path=path, cure=_ROOM
+            f"cannot be written: {reason[:1].lower()}{reason[1:]}", path=path, cure=_CURE
         ) from error

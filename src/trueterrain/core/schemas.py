@@ -1,6 +1,6 @@
-"""The kinds of data: Points, Surface and Profile.
+"""Schemas of data: Points, Surface and Profile.
 
-Each kind is an `xarray.Dataset` with agreed names, dimensions and units. ``make_...`` builds one
+Each is an `xarray.Dataset` with agreed names, dimensions and units. ``make_...`` builds one
 from arrays, ``check_...`` says which variable breaks which rule.
 
 ==========  ==========================  =======================================================
@@ -17,15 +17,15 @@ Surface     northing, easting (a map)   height; optional count, sd, sd_relative,
 Profile     s, optional track           height; optional easting, northing, sd, count
 ==========  ==========================  =======================================================
 
-All lengths are metres, all angles radians. Ground axes are east, north, up; u runs ahead, v to the
-left; ``heading[i]`` is the direction of the chord that ends at node i, counter-clockwise from east
-(the first repeats the second). ``height`` of a surface is the whole height: the elevation and the
-banking of the reference line are contained in it.
+All lengths are metres, all angles radians. Ground axes are east, north, up; u runs along the line,
+v to the left; ``heading[i]`` is the direction of the chord that ends at node i, counter-clockwise
+from east (the first repeats the second). ``height`` of a surface is the full height: it includes
+elevation and banking of the reference line.
 
 ``sd`` of points and surfaces is the absolute standard deviation of a height. ``sd_relative`` leaves
-out what all of them have in common: the datum of the adjustment of several passes or, of points
-that bring no ``sd``, whatever they are relative to. Where the absolute one is not known, there is
-no ``sd``. That of a profile is of the statistic: it counts the scatter under the tyre only.
+out the error that all of them have in common: that of the datum of the adjustment of several passes
+or, for points without ``sd``, of the system that they refer to. If the absolute one is unknown,
+there is no ``sd``. That of a profile is of the statistic: the scatter under the tyre only.
 """
 
 from collections.abc import Mapping
@@ -41,7 +41,7 @@ from trueterrain.core.errors import SchemaError
 #: Version of the schemas below.
 SCHEMA = 1
 
-#: Attribute of data whose file names no unit: a sentence that says what was taken for it.
+#: Attribute of data whose file names no unit: a sentence that states the assumed unit.
 ASSUMED = "assumed"
 
 _UNITS = {
@@ -65,7 +65,7 @@ _UNITS = {
     "scan_angle": "rad",
 }
 
-#: What LAS keeps of a return beside place, time, intensity and point source, and its type there.
+#: Attributes of a return in LAS besides position, time, intensity and point source, and types.
 #: Names are those of LAS 1.4, colours are 16 bits, ``scan_angle`` is in rad.
 RETURN_ATTRIBUTES = {
     "return_number": "u1",
@@ -86,7 +86,7 @@ RETURN_ATTRIBUTES = {
     "nir": "u2",
 }
 
-#: Begin of the names of variables that hold extra bytes of LAS files.
+#: Prefix of the names of variables that hold extra bytes of LAS files.
 EXTRA = "extra_"
 
 #: Variables that every set of points has.
@@ -244,12 +244,12 @@ def make_profile(
 
 
 def check_points(data: xr.Dataset, *, path: str | Path | None = None) -> xr.Dataset:
-    """Return the dataset if it is of kind Points, else say what is wrong with it.
+    """Return the dataset if it conforms to the schema Points.
 
     Parameters
     ----------
     data : xarray.Dataset
-        What shall be Points.
+        Dataset to check.
     path : str or Path, optional
         File that it came from, for the message.
 
@@ -271,12 +271,12 @@ def check_points(data: xr.Dataset, *, path: str | Path | None = None) -> xr.Data
 
 
 def check_surface(data: xr.Dataset, *, path: str | Path | None = None) -> xr.Dataset:
-    """Return the dataset if it is of kind Surface, else say what is wrong with it.
+    """Return the dataset if it conforms to the schema Surface.
 
     Parameters
     ----------
     data : xarray.Dataset
-        What shall be a Surface.
+        Dataset to check.
     path : str or Path, optional
         File that it came from, for the message.
 
@@ -308,12 +308,12 @@ def check_surface(data: xr.Dataset, *, path: str | Path | None = None) -> xr.Dat
 
 
 def check_profile(data: xr.Dataset, *, path: str | Path | None = None) -> xr.Dataset:
-    """Return the dataset if it is of kind Profile, else say what is wrong with it.
+    """Return the dataset if it conforms to the schema Profile.
 
     Parameters
     ----------
     data : xarray.Dataset
-        What shall be a Profile.
+        Dataset to check.
     path : str or Path, optional
         File that it came from, for the message.
 

@@ -1,4 +1,4 @@
-"""Spectra by Welch's method, and how sure they are."""
+"""Spectral densities by Welch's method, and their confidence intervals."""
 
 import numpy as np
 import numpy.typing as npt
@@ -10,7 +10,7 @@ Complex = npt.NDArray[np.complex128]
 def welch_density(
     some: Floats, other: Floats, rate: float, size: int
 ) -> tuple[Floats, Complex, float]:
-    """Cross density of two signals: Hann windows that overlap by half, each freed of its trend.
+    """Cross density of two signals: Hann windows that overlap by half, each detrended.
 
     Parameters
     ----------
@@ -28,13 +28,12 @@ def welch_density(
     density : numpy.ndarray of complex
         One-sided cross density, in the units of both over Hz.
     degrees : float
-        Degrees of freedom: twice the number of independent segments that overlapping ones are worth
-        (Welch 1967).
+        Degrees of freedom: twice the equivalent number of independent segments (Welch 1967).
 
     Examples
     --------
     >>> noise = np.random.default_rng(1).standard_normal(20000)
-    >>> frequency, density, degrees = welch(noise, noise, 200.0, 1000)
+    >>> frequency, density, degrees = welch_density(noise, noise, 200.0, 1000)
     >>> print(f"{density.real.mean():.3f} 1/Hz with {degrees:.0f} degrees of freedom")
     0.010 1/Hz with 74 degrees of freedom
     """
@@ -44,22 +43,23 @@ def welch_density(
     step = size - size // 2
     frequency, density = csd(some, other, rate, window=window, noverlap=size // 2, detrend="linear")
     count = 1 + (some.size - size) // step
-    shared = 0.0
+    # segments overlap, so they are correlated by the overlap of their windows
+    correlated = 0.0
     for apart in range(1, min(count, -(-size // step))):
-        likeness = np.sum(window[: -apart * step] * window[apart * step :]) / np.sum(window**2)
-        shared += (1 - apart / count) * float(likeness) ** 2
-    return frequency[1:], density[1:].astype(complex), 2 * count / (1 + 2 * shared)
+        correlation = np.sum(window[: -apart * step] * window[apart * step :]) / np.sum(window**2)
+        correlated += (1 - apart / count) * float(correlation) ** 2
+    return frequency[1:], density[1:].astype(complex), 2 * count / (1 + 2 * correlated)
 
 
 def density_interval(degrees: float, confidence: float) -> tuple[float, float]:
-    """Least and greatest density that an estimate may stand for, over the estimate.
+    """Confidence interval of a spectral density, relative to its estimate.
 
     Parameters
     ----------
     degrees : float
         Degrees of freedom of the estimate.
     confidence : float
-        Share of repeats in which the interval holds the density, for random signals.
+        Probability that the interval contains the density, for random signals.
 
     Returns
     -------

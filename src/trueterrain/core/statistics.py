@@ -1,4 +1,4 @@
-"""Statistics that a few wild values do not disturb."""
+"""Robust statistics."""
 
 import math
 
@@ -10,7 +10,7 @@ MAD_TO_SD = 1.482602218505602
 
 
 def nmad(values: npt.ArrayLike) -> float:
-    """Normalised median absolute deviation: the standard deviation, were the values normal.
+    """Normalised median absolute deviation: an estimate of the standard deviation of normal values.
 
     Parameters
     ----------
@@ -20,7 +20,7 @@ def nmad(values: npt.ArrayLike) -> float:
     Returns
     -------
     float
-        1.4826 times the median of the magnitudes about the median; NaN of nothing.
+        1.4826 times the median of the magnitudes about the median; NaN without values.
 
     Examples
     --------

@@ -1,8 +1,8 @@
-"""Reports: a result as one page that opens, prints and can be sent on its own.
+"""Reports: self-contained HTML pages and PDF files.
 
-A report is built of plain parts (`Report`, `Section` and the blocks in it) and written by
-`write_report`. It shows what it is given and computes nothing about terrain. The page loads nothing
-from anywhere: pictures, styles and the program that turns the surface are all inside.
+A report is built of parts (`Report`, `Section` and the blocks in it) and written by `write_report`
+or `write_report_pdf`. It shows given values and computes nothing about terrain. The page loads
+nothing: pictures, styles and scripts are embedded.
 """
 
 from trueterrain.report.parts import (

@@ -1,4 +1,4 @@
-"""Numbers as typesetters set them."""
+"""Numbers and values as text."""
 
 import math
 from collections.abc import Iterable
@@ -10,11 +10,11 @@ UNKNOWN = "–"
 _MINUS = "−"
 _GAP = "\N{NARROW NO-BREAK SPACE}"
 _SIGNIFICANT = 4  # digits of the largest number of a column
-_LEAST = 2  # digits of its smallest
-_MOST_ADDED = 2  # decimals more than the largest number needs, for the sake of the smallest
+_MIN_SIGNIFICANT = 2  # digits of its smallest
+_MAX_ADDED = 2  # decimals beyond those of the largest number, for the smallest
 _MOST_DECIMALS = 9
-_SMALL, _LARGE = 1e-6, 1e12  # beyond them a power of ten is easier to read
-_GROUPED = 10_000  # from here on thousands are set apart
+_SMALL, _LARGE = 1e-6, 1e12  # limits of decimal notation
+_GROUPED = 10_000  # numbers from which thousands are separated
 _POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _BYTES = ("B", "kB", "MB", "GB", "TB")
 
@@ -32,7 +32,7 @@ def is_number(value: Any) -> bool:
 
 
 def column_decimals(values: Iterable[Any]) -> int | None:
-    """Decimals for a column of plain values, so that its numbers stand below each other.
+    """Decimals for a column of plain values, so that its decimal points are aligned.
 
     They show four significant digits of the largest number and two of the smallest, less what is
     zero in all; None if these are so far apart that each number needs its own. Whole numbers stay
@@ -44,20 +44,22 @@ def column_decimals(values: Iterable[Any]) -> int | None:
         return 0 if known else None
     wanted = (
         _significant_decimals(max(sizes), _SIGNIFICANT),
-        _significant_decimals(min(sizes), _LEAST),
+        _significant_decimals(min(sizes), _MIN_SIGNIFICANT),
     )
-    if wanted[1] - wanted[0] > _MOST_ADDED:
+    if wanted[1] - wanted[0] > _MAX_ADDED:
         return None
     return max(_needed_decimals(value, max(wanted)) for value in sizes)
 
 
 def format_value(value: Any, digits: int | None = None) -> str:
-    """A value as it is written: a number with some decimals, a word as it is.
+    """Text of a value: numbers with some decimals, text unchanged.
 
     Examples
     --------
-    >>> text(-0.12345), text(1234), text(1.0, 2), text(None), text(float("nan")), text(2e-9)
-    ('−0.1235', '1234', '1.00', '–', '–', '2.00 × 10⁻⁹')
+    >>> [format_value(value) for value in (-0.12345, 1234, None, float("nan"), 2e-9)]
+    ['−0.1235', '1234', '–', '–', '2.00 × 10⁻⁹']
+    >>> format_value(1.0, 2)
+    '1.00'
     """
     value = python_value(value)
     if value is None or value == "":
@@ -86,8 +88,8 @@ def format_size(number: int) -> str:
 
     Examples
     --------
-    >>> size(999), size(4_800_000), size(12_345)
-    ('999 B', '4.8 MB', '12 kB')
+    >>> [format_size(number) for number in (999, 4_800_000, 12_345)]
+    ['999 B', '4.8 MB', '12 kB']
     """
     power = min((len(str(number)) - 1) // 3, len(_BYTES) - 1)
     scaled = number / 1000**power
@@ -100,6 +102,6 @@ def _significant_decimals(size: float, significant: int) -> int:
 
 
 def _needed_decimals(value: float, digits: int) -> int:
-    """Decimals that are left without zeros at the end."""
+    """Decimals without trailing zeros."""
     fraction = f"{value:.{digits}f}".partition(".")[2]
     return len(fraction.rstrip("0"))

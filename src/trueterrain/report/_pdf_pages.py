@@ -1,4 +1,4 @@
-"""Pages of a report on paper: their foot, and headings that a reader's program lists."""
+"""Pages of a PDF report: footer, and headings in the outline."""
 
 from typing import Any
 
@@ -13,15 +13,15 @@ _FOOT = 30.0  # [pt] above the edge of the paper
 _ELLIPSIS = "…"
 
 
-class Heading(Paragraph):  # type: ignore[misc]  # reportlab tells no types
-    """Heading of a section, which is listed beside the pages as well."""
+class Heading(Paragraph):  # type: ignore[misc]  # reportlab has no types
+    """Heading of a section, with an entry in the outline."""
 
     def __init__(self, title: str) -> None:
         super().__init__(escape_text(title), paragraph_styles()["heading"])
         self._title = title
 
     def draw(self) -> None:
-        """Draw it, and note the place."""
+        """Draw it, and record its position."""
         self.canv.headings.append((self._title, self.canv.absolutePosition(0, self.height)[1]))
         super().draw()
 
@@ -42,8 +42,8 @@ def numbered_canvas(title: str, margin: float) -> type[Any]:
         For reportlab, which calls it.
     """
 
-    class Numbered(Canvas):  # type: ignore[misc]  # reportlab tells no types
-        """Keeps the pages until it is known how many they are."""
+    class Numbered(Canvas):  # type: ignore[misc]  # reportlab has no types
+        """Buffers the pages until their number is known."""
 
         def __init__(self, *args: Any, **kwargs: Any) -> None:
             super().__init__(*args, **kwargs)
@@ -60,7 +60,7 @@ def numbered_canvas(title: str, margin: float) -> type[Any]:
                 self.__dict__.update(state)
                 self._foot(len(self._kept))
                 for number, (title, height) in enumerate(self.headings):
-                    key = f"heading-{self._pageNumber}-{number}"  # places belong to whole pages
+                    key = f"heading-{self._pageNumber}-{number}"  # unique on each page
                     self.bookmarkHorizontalAbsolute(key, height)
                     self.addOutlineEntry(title, key, 0)
                 super().showPage()
@@ -75,16 +75,16 @@ def numbered_canvas(title: str, margin: float) -> type[Any]:
             self.setFont(PLAIN, _SIZE)
             self.setFillColor(QUIET)
             self.drawRightString(right, _FOOT, number)
-            room = right - margin - self.stringWidth(number, PLAIN, _SIZE) - 12
-            self.drawString(margin, _FOOT, _shorten_text(title, room, self))
+            width = right - margin - self.stringWidth(number, PLAIN, _SIZE) - 12
+            self.drawString(margin, _FOOT, _shorten_text(title, width, self))
 
     return Numbered
 
 
-def _shorten_text(text: str, room: float, canvas: Any) -> str:
-    """Text, cut where it would be wider than there is room [pt]."""
-    if canvas.stringWidth(text, PLAIN, _SIZE) <= room:
+def _shorten_text(text: str, width: float, canvas: Any) -> str:
+    """Text, cut to a width [pt]."""
+    if canvas.stringWidth(text, PLAIN, _SIZE) <= width:
         return text
-    while text and canvas.stringWidth(text + _ELLIPSIS, PLAIN, _SIZE) > room:
+    while text and canvas.stringWidth(text + _ELLIPSIS, PLAIN, _SIZE) > width:
         text = text[:-1]
     return text.rstrip() + _ELLIPSIS

@@ -1,4 +1,4 @@
-"""Types, inks and sizes of a report on paper."""
+"""Fonts, colours and paragraph styles of a PDF report."""
 
 from functools import cache
 from pathlib import Path
@@ -19,7 +19,7 @@ TEXT, TINY = 9.0, 6.0
 
 
 def register_fonts() -> None:
-    """Make the fonts known that come with matplotlib: they hold µ, ², ±, ⁻ and the marks."""
+    """Register the fonts of matplotlib, which have µ, ², ±, ⁻ and the symbols."""
     import matplotlib as mpl
     from reportlab.pdfbase import pdfmetrics
     from reportlab.pdfbase.ttfonts import TTFont
@@ -64,7 +64,7 @@ def paragraph_styles() -> dict[str, Any]:
 
 
 def escape_text(text: object) -> str:
-    """Text that stands as it is written; narrow gaps in numbers become ones that do not break."""
+    """Text with markup escaped; narrow spaces in numbers become non-breaking."""
     from xml.sax.saxutils import escape
 
     return escape(str(text).replace("\N{NARROW NO-BREAK SPACE}", "\N{NO-BREAK SPACE}"))

@@ -1,4 +1,4 @@
-"""Tables on paper: as wide as what they hold, never wider than the page."""
+"""Tables of a PDF report: as wide as their contents, at most as wide as the page."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -17,16 +17,16 @@ from trueterrain.report._pdf_style import (
 )
 
 _PAD = 4.0  # [pt] on both sides of a cell
-_STEP = 0.5  # [pt] by which the type of a wide table is made smaller
-_WORD = 70.0  # [pt] below which a column of words is not squeezed while type can be smaller
-_ROOM = 75.0  # [pt] for caption, head and a row or two, before a table begins
-_TALL = 250.0  # [pt] up to which a table is not broken over pages, a third of one
-_MANY = 50  # rows that are certainly taller
-_SLACK = 0.5  # [pt] rounding, for which no word shall be broken
+_STEP = 0.5  # [pt] by which the font size of a wide table is reduced
+_WORD = 70.0  # [pt] min width of a column of words while the font can be smaller
+_MIN_SPACE = 75.0  # [pt] for caption, head and a row or two at the start of a table
+_TALL = 250.0  # [pt] up to which a table stays on one page, a third of a page
+_MANY = 50  # rows that are taller in any case
+_SLACK = 0.5  # [pt] of rounding that must not break a word
 
 
 def table_flowables(block: dict[str, Any], width: float) -> list[Any]:
-    """A table with its caption; too many columns for a page become tables one below the other.
+    """A table with its caption; too many columns for a page become several tables.
 
     Parameters
     ----------
@@ -61,11 +61,11 @@ def table_flowables(block: dict[str, Any], width: float) -> list[Any]:
         found += [_draw_table(group, size, width), Spacer(0, 8)]
     if len(block["rows"]) <= _MANY and sum(one.wrap(width, _TALL)[1] for one in found) <= _TALL:
         return [found]
-    return [CondPageBreak(_ROOM), *found]
+    return [CondPageBreak(_MIN_SPACE), *found]
 
 
 class _Column:
-    """A column of cells, and how wide they are at a size of type."""
+    """A column of cells, and its width at a font size."""
 
     def __init__(
         self, label: str, unit: str, numeric: bool, cells: Sequence[str], inks: Sequence[str] = ()
@@ -75,19 +75,19 @@ class _Column:
         self.bold = bool(inks)
 
     def natural(self, size: float) -> float:
-        """Width at which nothing is broken [pt]."""
+        """Width without line breaks [pt]."""
         unit = f" [{self.unit}]" if self.unit else ""
         return self._around([self.label + unit], self.cells, size)
 
-    def least(self, size: float) -> float:
-        """Width at which no word and no number is broken [pt]."""
+    def min_widths(self, size: float) -> float:
+        """Width without breaks in words and numbers [pt]."""
         words = [word for cell in self.cells for word in cell.split()]
         heads = [*self.label.split(), f"[{self.unit}]" if self.unit else ""]
         return self._around(heads, self.cells if self.numeric else words, size)
 
     def squeezed(self, size: float) -> float:
-        """Width below which it cannot be read [pt]."""
-        return self.least(size) if self.numeric else min(self.least(size), _WORD)
+        """Min readable width [pt]."""
+        return self.min_widths(size) if self.numeric else min(self.min_widths(size), _WORD)
 
     def head(self) -> str:
         unit = f" <font color='{QUIET}' name='{PLAIN}'>[{escape_text(self.unit)}]</font>"
@@ -106,9 +106,9 @@ def _text_width(text: str, size: float, *, bold: bool = False) -> float:
 
 
 def _fit_columns(columns: list[_Column], width: float) -> tuple[float, list[list[_Column]]]:
-    """Size of type, and the columns that stand beside each other: all of them if that can be."""
+    """Font size, and the columns of each part: all in one part if they fit."""
     size = TEXT - 2 * _STEP
-    while size > TINY and sum(one.least(size) for one in columns) > width:
+    while size > TINY and sum(one.min_widths(size) for one in columns) > width:
         size -= _STEP
     groups: list[list[_Column]] = [[columns[0]]]
     for column in columns[1:]:
@@ -119,18 +119,18 @@ def _fit_columns(columns: list[_Column], width: float) -> tuple[float, list[list
 
 
 def _column_widths(columns: list[_Column], size: float, width: float) -> list[float]:
-    """Natural widths if they fit, else between the least ones and these."""
+    """Natural widths if they fit, else between the min widths and these."""
     natural = [one.natural(size) for one in columns]
     if sum(natural) <= width:
         return natural
-    least = [one.least(size) for one in columns]
-    if sum(least) > width:
-        natural, least = least, [one.squeezed(size) for one in columns]
-    if sum(least) >= width:  # a single number or two that are wider than the page
-        return [width * one / sum(least) for one in least]
-    room = [high - low for high, low in zip(natural, least, strict=True)]
-    share = (width - sum(least)) / sum(room)
-    return [low + share * more for low, more in zip(least, room, strict=True)]
+    min_widths = [one.min_widths(size) for one in columns]
+    if sum(min_widths) > width:
+        natural, min_widths = min_widths, [one.squeezed(size) for one in columns]
+    if sum(min_widths) >= width:  # one or two numbers that are wider than the page
+        return [width * one / sum(min_widths) for one in min_widths]
+    slack = [high - low for high, low in zip(natural, min_widths, strict=True)]
+    fraction = (width - sum(min_widths)) / sum(slack)
+    return [low + fraction * more for low, more in zip(min_widths, slack, strict=True)]
 
 
 def _draw_table(columns: list[_Column], size: float, width: float) -> Any:
@@ -147,7 +147,7 @@ def _draw_table(columns: list[_Column], size: float, width: float) -> Any:
 
     def cell(column: _Column, row: int) -> Any:
         words = escape_text(column.cells[row])
-        if column.numeric:  # one line, without the work of a paragraph
+        if column.numeric:  # one line, which needs no paragraph
             return column.cells[row]
         if column.inks:
             words = f"<font color='{column.inks[row]}'>{words}</font>"
@@ -174,5 +174,5 @@ def _draw_table(columns: list[_Column], size: float, width: float) -> Any:
         repeatRows=1,
         hAlign="LEFT",
         style=look,
-        splitInRow=1,  # a cell that is longer than a page goes on over it
+        splitInRow=1,  # a cell that is longer than a page continues on the next one
     )

@@ -1,10 +1,10 @@
-"""Figures inside the page."""
+"""Figures embedded in a page or a PDF."""
 
 import base64
 import io
 from typing import Any
 
-_LARGEST_SVG = 300_000  # [bytes] beyond, an image of the same figure is smaller and opens faster
+_LARGEST_SVG = 300_000  # [bytes] above, an image of the same figure is smaller and opens faster
 _PAGE = 96.0  # [1/inch] dots of a page at its natural size
 _PAPER = 220.0  # [1/inch] dots on paper
 _INCH = 72.0  # [pt]
@@ -12,7 +12,7 @@ _DENSITY = 2.0  # dots of an image for each dot of the page, for fine screens an
 
 
 def embed_figure(figure: Any) -> tuple[str, int]:
-    """Address that holds the whole figure, and its natural width on the page [px].
+    """Data URL of a figure, and its natural width on the page [px].
 
     The same figure gives the same bytes: no date, and names within it from a fixed salt.
     """
@@ -30,7 +30,7 @@ def embed_figure(figure: Any) -> tuple[str, int]:
 
 
 def figure_image(figure: Any, widest: float, highest: float) -> tuple[io.BytesIO, float, float]:
-    """The whole figure as PNG for paper, with the width and height that it has there [pt]."""
+    """Figure as PNG for paper, with its width and height there [pt]."""
     whole, data = _whole_figure(figure), io.BytesIO()
     width, height = whole.get_figwidth(), whole.get_figheight()
     scale = min(_INCH, widest / width, highest / height)

@@ -1,4 +1,4 @@
-"""Surfaces reduced to what a page can show: means over blocks of nodes."""
+"""Surfaces reduced to the size of a page: means over blocks of nodes."""
 
 import math
 from dataclasses import dataclass
@@ -11,10 +11,10 @@ from trueterrain.surface import grid_frame, uv_to_xy
 
 Floats = npt.NDArray[np.float64]
 
-_MOST_NODES = 160_000  # on a page: 400 by 400
-_LONGEST = 4000  # nodes along an axis, which every graphics card can hold
-_LARGE = 10_000.0  # [m] coordinates beyond are shown from a round number on
-_ROUND = 100.0  # [m] the round number
+_MAX_NODES = 160_000  # on a page: 400 by 400
+_MAX_LENGTH = 4000  # nodes along an axis, a limit of graphics cards
+_LARGE = 10_000.0  # [m] above, coordinates are shown from a round base
+_ROUND = 100.0  # [m] multiple of which the base is
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -22,16 +22,16 @@ class Blocks:
     """Means over blocks of nodes; all arrays have the shape of the reduced surface."""
 
     first: Floats
-    "Middles of the blocks along the first axis of the surface: u or northing [m]."
+    "Centres of the blocks along the first axis of the surface: u or northing [m]."
 
     second: Floats
-    "Middles of the blocks along the second axis: v or easting [m]."
+    "Centres of the blocks along the second axis: v or easting [m]."
 
     easting: Floats
-    "Of the middle of each block [m]."
+    "Of the centre of each block [m]."
 
     northing: Floats
-    "Of the middle of each block [m]."
+    "Of the centre of each block [m]."
 
     height: Floats
     "Mean height of each block [m]; NaN where less than half of it has one."
@@ -47,7 +47,7 @@ class Blocks:
 
 
 def reduce_surface(surface: xr.Dataset, colour: str) -> Blocks:
-    """Means over blocks as small, and as square on the ground, as fit on a page."""
+    """Means over blocks: as small as a page allows, and nearly square on the ground."""
     along_line = "u" in surface.dims
     dims = ("u", "v") if along_line else ("northing", "easting")
     axes = [np.asarray(surface[dim], dtype=np.float64) for dim in dims]
@@ -73,7 +73,7 @@ def reduce_surface(surface: xr.Dataset, colour: str) -> Blocks:
 
 
 def round_below(values: Floats) -> float:
-    """A round number to count large coordinates from, 0 for small ones [m]."""
+    """Round base of large coordinates, 0 for small ones [m]."""
     low = float(values.min())
     return math.floor(low / _ROUND) * _ROUND if abs(low) > _LARGE else 0.0
 
@@ -83,12 +83,12 @@ def _thinning_factors(axes: list[Floats]) -> tuple[int, int]:
     factors = [1, 1]
     while True:
         sizes = [-(-axis.size // by) for axis, by in zip(axes, factors, strict=True)]
-        too_long = [size > _LONGEST for size in sizes]
-        if not any(too_long) and math.prod(sizes) <= _MOST_NODES:
+        too_long = [size > _MAX_LENGTH for size in sizes]
+        if not any(too_long) and math.prod(sizes) <= _MAX_NODES:
             return factors[0], factors[1]
         if any(too_long):
             grown = int(too_long[1])
-        else:  # that axis along which a block is shorter, unless it is down to two nodes
+        else:  # the axis along which a block is shorter, unless it has two nodes left
             blocks = [step * by for step, by in zip(spacing, factors, strict=True)]
             grown = int(blocks[1] < blocks[0])
             grown = grown if sizes[grown] > 2 else 1 - grown

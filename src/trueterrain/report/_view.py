@@ -1,4 +1,4 @@
-"""A surface to turn and zoom, and the same surface seen from above for paper."""
+"""Interactive view of a surface, and a map of it for paper."""
 
 import json
 import math
@@ -27,31 +27,31 @@ _NAMES = {
 }
 _CHOICES = (1.0, 5.0, 20.0)  # vertical exaggerations that every page offers
 _STEPS = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
-_RELIEF = 0.08  # share of the longer side that heights are drawn as high as, at most
+_RELIEF = 0.08  # max height of the relief over the longer side
 _ACROSS = 1.9  # diagonal of the ground in the scene; the camera then sees all of it
 _TICKS = 6  # more ticks along a side of this size
-_FLATTEST = 1e-3  # [m] least range of the axis of heights
+_MIN_HEIGHT_RANGE = 1e-3  # [m] min range of the axis of heights
 _LINE_POINTS = 2000  # of a line on the surface
 _LINE_COLOURS = ("#D55E00", "#CC79A7", "#56B4E9", "#E69F00", "#000000")  # apart on viridis
 _COLOUR_SCALE = "Viridis"
-_LONG_ROAD = 8.0  # ratio of length to width from which a picture stretches the width
+_LONG_ROAD = 8.0  # ratio of length to width above which a picture stretches the width
 
 
 @dataclass(frozen=True, kw_only=True)
 class _LengthUnit:
-    """How lengths are written."""
+    """Unit and base of lengths on an axis."""
 
     base: float = 0.0
-    "What is taken off [m]."
+    "Subtracted from the values [m]."
 
     factor: float = 1.0
-    "How much of the unit a metre is."
+    "Units in a metre."
 
     name: str = "m"
     "The unit."
 
     digits: int = 3
-    "Decimals that are worth reading."
+    "Significant decimals."
 
     def label(self, quantity: str) -> str:
         above = f" − {self.base:.12g} m" if self.base else ""
@@ -62,7 +62,7 @@ class _LengthUnit:
 
 
 def prepare_view(view: SurfaceView) -> dict[str, Any]:
-    """What the template needs: the figure as JSON, the picture, and how both are drawn."""
+    """Arguments of the template: the figure as JSON, the picture, and their scales."""
     blocks = _surface_blocks(view)
     exaggeration = view.vertical_exaggeration or suggested_exaggeration(blocks)
     source, width = _picture.embed_figure(_seen_from_above(view, blocks))
@@ -80,15 +80,15 @@ def prepare_view(view: SurfaceView) -> dict[str, Any]:
 
 
 def still_picture(view: SurfaceView) -> tuple[Any, float, str]:
-    """For paper: the surface from above, how much wider than long it is drawn, and its nodes."""
+    """Map of the surface for paper, its stretch across, and its nodes."""
     blocks = _surface_blocks(view)
     return _seen_from_above(view, blocks), _width_exaggeration(blocks), _how_drawn(blocks)
 
 
 def suggested_exaggeration(blocks: Blocks) -> float:
-    """Round factor at which heights can be seen without towering over the ground."""
+    """Round vertical exaggeration that limits the relief to a fraction of the length."""
     longer = max(float(np.ptp(blocks.first)), float(np.ptp(blocks.second)))
-    most = _RELIEF * longer / max(_value_range(blocks.height), _FLATTEST)
+    most = _RELIEF * longer / max(_value_range(blocks.height), _MIN_HEIGHT_RANGE)
     return max((step for step in _STEPS if step <= most), default=_STEPS[0])
 
 
@@ -101,7 +101,7 @@ def _surface_blocks(view: SurfaceView) -> Blocks:
 
 
 def _figure_json(view: SurfaceView, blocks: Blocks, exaggeration: float) -> str:
-    """The figure of plotly, and where the nodes of its surface lie."""
+    """Figure of plotly, and coordinates of the nodes of its surface."""
     import plotly.graph_objects as go
 
     east = _LengthUnit(base=round_below(blocks.easting))
@@ -112,7 +112,7 @@ def _figure_json(view: SurfaceView, blocks: Blocks, exaggeration: float) -> str:
         "Easting %{x:.2f} m<br>Northing %{y:.2f} m<br>"
         f"Height %{{z:.{up.digits}f}} {up.name}<extra></extra>"
     )
-    # plotly takes heights for colours unless it is given others
+    # plotly colours by height by default
     shown = None if view.colour == "height" else colour.of(blocks.colour)
     surface = go.Surface(
         z=up.of(blocks.height),
@@ -130,7 +130,7 @@ def _figure_json(view: SurfaceView, blocks: Blocks, exaggeration: float) -> str:
         lighting={"ambient": 0.7, "diffuse": 0.6, "specular": 0.05, "roughness": 0.9},
     )
     scene = _view_scene(view, blocks, exaggeration, (east, north, up))
-    if view.colour == "height":  # its colour scale names the heights already
+    if view.colour == "height":  # the colour scale labels the heights
         scene["zaxis"]["title"] = {"text": ""}
     layout = {
         "template": {},
@@ -150,7 +150,7 @@ def _view_scene(
     exaggeration: float,
     units: tuple[_LengthUnit, _LengthUnit, _LengthUnit],
 ) -> dict[str, Any]:
-    """Axes as long as what they hold; those of heights by the exaggeration longer."""
+    """Axes as long as the data; that of heights longer by the exaggeration."""
     lines = [profile for _, profile in _profile_tracks(view)]
     held = [
         (float(np.nanmin(values)), float(np.nanmax(values)))
@@ -164,9 +164,9 @@ def _view_scene(
         )
     ]
     low, high = held[2]
-    if high - low < _FLATTEST:  # a plane needs room to be drawn in
-        held[2] = (low + high - _FLATTEST) / 2, (low + high + _FLATTEST) / 2
-    # the axes begin and end exactly here, else the exaggeration would not be what is stated
+    if high - low < _MIN_HEIGHT_RANGE:  # an axis of zero length cannot be drawn
+        held[2] = (low + high - _MIN_HEIGHT_RANGE) / 2, (low + high + _MIN_HEIGHT_RANGE) / 2
+    # exact ends of the axes, so that the exaggeration is the stated one
     sizes = [high - low for low, high in held]
     scale = _ACROSS / math.hypot(*sizes[:2])
     sides = [size * scale * by for size, by in zip(sizes, (1.0, 1.0, exaggeration), strict=True)]
@@ -186,16 +186,16 @@ def _view_scene(
 
 
 def _node_places(blocks: Blocks, east: _LengthUnit, north: _LengthUnit) -> dict[str, list[float]]:
-    """Where the nodes lie, at a hundredth of the size: rows are straight, so their ends tell."""
+    """Coordinates of the nodes: rows are straight, so their ends and fractions are enough."""
     ends = {
         f"{name}_{side}": unit.of(values[:, column])
         for name, unit, values in (("x", east, blocks.easting), ("y", north, blocks.northing))
         for side, column in (("first", 0), ("last", -1))
     }
-    share = (blocks.second - blocks.second[0]) / np.ptp(blocks.second)
+    fraction = (blocks.second - blocks.second[0]) / np.ptp(blocks.second)
     return {
         name: [round(float(value), 4) for value in values]
-        for name, values in {**ends, "share": share}.items()
+        for name, values in {**ends, "fraction": fraction}.items()
     }
 
 
@@ -232,15 +232,15 @@ def _profile_tracks(view: SurfaceView) -> list[tuple[str, xr.Dataset]]:
             tracks.append((name, profile))
             continue
         tracks += [(f"{name}, {track}", profile.sel(track=track)) for track in profile.track.values]
-    # plotly reads tags in names, and people do not write them
+    # plotly interprets tags in names
     return [(name.replace("<", "‹").replace(">", "›"), profile) for name, profile in tracks]
 
 
 def _view_camera(blocks: Blocks) -> dict[str, Any]:
-    """From the right of the way ahead, a little behind and above."""
+    """Camera to the right of the direction of travel, a little behind and above."""
     rows, columns = blocks.easting.shape
-    ahead = (slice(None), columns // 2) if blocks.along_line else (rows // 2, slice(None))
-    x, y = blocks.easting[ahead], blocks.northing[ahead]
+    central = (slice(None), columns // 2) if blocks.along_line else (rows // 2, slice(None))
+    x, y = blocks.easting[central], blocks.northing[central]
     angle = math.atan2(y[-1] - y[0], x[-1] - x[0]) - math.radians(115)
     return {
         "eye": {"x": 1.85 * math.cos(angle), "y": 1.85 * math.sin(angle), "z": 1.2},
@@ -250,7 +250,7 @@ def _view_camera(blocks: Blocks) -> dict[str, Any]:
 
 
 def _seen_from_above(view: SurfaceView, blocks: Blocks) -> Any:
-    """The same means as a figure: over u and v along a line, else over the map."""
+    """Map of the same means: over u and v along a line, else over easting and northing."""
     from matplotlib import colormaps
     from matplotlib.figure import Figure
 
@@ -297,7 +297,7 @@ def _seen_from_above(view: SurfaceView, blocks: Blocks) -> Any:
 
 
 def _width_exaggeration(blocks: Blocks) -> float:
-    """By how much the picture from above draws the width larger than the length."""
+    """Stretch of the width over the length in the map."""
     if not blocks.along_line:
         return 1.0
     needed = np.ptp(blocks.first) / (_LONG_ROAD * np.ptp(blocks.second))
@@ -320,9 +320,9 @@ def _height_unit(height: Floats) -> _LengthUnit:
     if _value_range(height) >= 1.0:
         return _LengthUnit()
     low, high = float(np.nanmin(height)), float(np.nanmax(height))
-    if low > -1.0 and high < 1.0:  # heights about zero need no base
+    if low > -1.0 and high < 1.0:  # heights near zero need no base
         return _LengthUnit(factor=1000.0, name="mm", digits=1)
-    step = 10.0 ** math.ceil(math.log10(max(high - low, _FLATTEST)))
+    step = 10.0 ** math.ceil(math.log10(max(high - low, _MIN_HEIGHT_RANGE)))
     base = round(math.floor(low / step) * step, 3)
     return _LengthUnit(base=base, factor=1000.0, name="mm", digits=1)
 

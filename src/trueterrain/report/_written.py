@@ -1,4 +1,4 @@
-"""From the parts of a report to what is written of them, on a screen or on paper."""
+"""Text of the parts of a report, for screen and paper."""
 
 import json
 import os
@@ -20,7 +20,7 @@ VERDICTS: dict[Verdict | None, tuple[str, str]] = {
 
 
 def number_tile(number: Number) -> dict[str, Any]:
-    """A number of the headline, in words."""
+    """Text of a number of the headline."""
     value = _numbers.format_value(number.value, number.digits)
     return {
         "label": number.label,
@@ -33,7 +33,7 @@ def number_tile(number: Number) -> dict[str, Any]:
 
 
 def table_cells(table: Table) -> dict[str, Any]:
-    """Cells of a table as they are written, and which of its columns are numbers."""
+    """Text of the cells of a table, and which of its columns are numbers."""
     values = [[_numbers.python_value(value) for value in row] for row in table.rows]
     by_column = list(zip(*values, strict=True)) or [()] * len(table.columns)
     numeric = [
@@ -73,7 +73,7 @@ def file_entry(file: File, folder: Path) -> dict[str, str]:
         parts = sorted(place.rglob("*")) if place.is_dir() else [place]
         size = sum(part.stat().st_size for part in parts if part.is_file())
     name = Path(os.path.relpath(place, folder)).as_posix()
-    # the dot keeps a browser from taking the beginning of a name for a protocol
+    # with a leading dot no browser reads the start of a name as a protocol
     return {
         "name": name,
         "link": f"./{quote(name)}",
@@ -83,7 +83,7 @@ def file_entry(file: File, folder: Path) -> dict[str, str]:
 
 
 def provenance_entry(name: str, steps: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Steps that led to a result."""
+    """Provenance of a result as text."""
     return {
         "name": name,
         "steps": [
@@ -99,5 +99,5 @@ def provenance_entry(name: str, steps: Sequence[Mapping[str, Any]]) -> dict[str,
 
 
 def split_paragraphs(text: str) -> list[str]:
-    """Paragraphs of a text, which empty lines set apart."""
+    """Paragraphs of a text, separated by empty lines."""
     return [part.strip() for part in text.split("\n\n") if part.strip()]

@@ -1,4 +1,4 @@
-"""What a report is made of."""
+"""Parts of a report."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,10 +10,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Whether a requirement is met; "unknown" if the data do not tell.
+#: Whether a requirement is met; "unknown" if the data do not determine it.
 Verdict = Literal["good", "bad", "unknown"]
 
-#: What can stand in a cell of a table or in a tile; None and NaN are "not known".
+#: Value of a cell or a tile; None and NaN mean "not known".
 Value = float | int | str | None
 
 #: What the colour of a surface shows.
@@ -22,25 +22,25 @@ Colour = Literal["height", "sd", "sd_relative", "count"]
 
 @dataclass(frozen=True, kw_only=True)
 class Number:
-    """A number that the reader should see first."""
+    """Headline number, shown as a tile at the top."""
 
     label: str
-    "What it is."
+    "Name of the quantity."
 
     value: Value
-    "The number, or a word; None or NaN if it is not known."
+    "Number or word; None or NaN if it is not known."
 
     unit: str = ""
     "Its unit."
 
     digits: int | None = None
-    "Decimals; by default four significant digits, whole numbers whole."
+    "Decimals; by default four significant digits, none for integers."
 
     verdict: Verdict | None = None
-    "Whether it is as required; None if nothing is required."
+    "Whether the requirement is met; None without one."
 
     note: str = ""
-    "A few words below it, such as the requirement."
+    "Note below the number, such as the requirement."
 
     def __post_init__(self) -> None:
         """Check the verdict and the digits."""
@@ -61,13 +61,13 @@ class Column:
     """A column of a table."""
 
     label: str
-    "What it holds."
+    "Contents."
 
     unit: str = ""
     "Unit of its numbers."
 
     digits: int | None = None
-    "Decimals; by default as many as show four digits of its largest number."
+    "Decimals; by default four digits of the largest number."
 
     def __post_init__(self) -> None:
         """Check the digits."""
@@ -82,13 +82,13 @@ class Table:
     "Label, unit and digits of each column."
 
     rows: Sequence[Sequence[Value]]
-    "Cells, row by row; None or NaN for what is not known."
+    "Cells, row by row; None or NaN for unknown values."
 
     caption: str = ""
-    "What the table shows."
+    "Caption of the table."
 
     verdicts: Sequence[Verdict | None] = ()
-    "Whether each row is as required, shown as a last column; empty for none."
+    "Whether each row meets its requirement, shown as a last column; empty for none."
 
     def __post_init__(self) -> None:
         """Check that there is a cell for each column and a verdict for each row."""
@@ -113,21 +113,21 @@ class Table:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Picture:
-    """A figure of matplotlib; drawn as lines if these are few, else as an image."""
+    """Figure of matplotlib, as SVG if it is small, else as PNG."""
 
     figure: "Figure | Axes"
     "The figure, or any axes of it."
 
     alt: str
-    "What is to be seen, in words, for those who cannot see it."
+    "Description for readers who cannot see the figure."
 
     caption: str = ""
-    "What the figure shows; as a rule with its main number."
+    "Caption, usually with the main number."
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SurfaceView:
-    """A surface to turn and zoom, with its vertical exaggeration always stated.
+    """Interactive surface in 3D, with its vertical exaggeration stated.
 
     On paper, and where the page may not draw in three dimensions, the surface is seen from above.
     """
@@ -139,13 +139,13 @@ class SurfaceView:
     "Variable of the surface that the colour shows."
 
     vertical_exaggeration: float | None = None
-    "How many times as large as distances heights are drawn; by default by their range."
+    "Vertical exaggeration; by default by the range of the heights."
 
     lines: Mapping[str, "xr.Dataset"] = field(default_factory=dict)
     "Profiles with easting and northing [m] to draw on the surface, by name."
 
     caption: str = ""
-    "What the surface is; how it is drawn is added to it."
+    "Caption; scale and reduction are added to it."
 
     def __post_init__(self) -> None:
         """Check the colour and the exaggeration."""
@@ -163,7 +163,7 @@ class SurfaceView:
 
 @dataclass(frozen=True, kw_only=True)
 class Warnings:
-    """What is flagged about the result: shown where it stands, and pointed to at the top."""
+    """Flags about the result, with a reference at the top of the report."""
 
     items: Sequence[str]
     "One or two sentences each; empty if nothing is flagged."
@@ -174,30 +174,30 @@ class File:
     """A file that belongs to the result."""
 
     path: str | Path
-    "Where it is, from the folder of the report."
+    "Path, relative to the folder of the report."
 
     note: str = ""
-    "What it holds."
+    "Contents."
 
     size: int | None = None
-    "Its size [bytes]; by default looked up when the report is written."
+    "Size [bytes]; by default that of the file when the report is written."
 
 
 @dataclass(frozen=True, kw_only=True)
 class Files:
-    """Files that belong to the result, with links to them."""
+    """Files of the result, with links."""
 
     files: Sequence[File]
     "The files, in the order in which they are listed."
 
 
-#: What can stand in a section.
+#: Part of a section.
 Block = Text | Table | Picture | SurfaceView | Warnings | Files
 
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
-    """A part of a report with a title of its own."""
+    """Section of a report."""
 
     title: str
     "Its heading."
@@ -206,7 +206,7 @@ class Section:
     "Text, tables, pictures, views, warnings and files, in order."
 
     text: str = ""
-    "What the section is about, before the blocks."
+    "Introduction before the blocks."
 
     def __post_init__(self) -> None:
         """Check that it holds blocks."""
@@ -219,22 +219,22 @@ class Section:
 
 @dataclass(frozen=True, kw_only=True)
 class Report:
-    """A result to read, to print and to send."""
+    """A report: headline numbers, sections, provenance."""
 
     title: str
-    "What was measured or made."
+    "Title."
 
     subtitle: str = ""
-    "Place, date, vehicle, crew: what tells this report from others."
+    "Place, date, vehicle, crew."
 
     headline: tuple[Number, ...] = ()
-    "The numbers to see first."
+    "Headline numbers."
 
     sections: tuple[Section, ...] = ()
-    "All else, in order."
+    "Sections, in order."
 
     provenance: Mapping[str, Sequence[Mapping[str, Any]]] = field(default_factory=dict)
-    "Steps that led to each result (see `trueterrain.core.provenance.provenance_steps`), by its name."
+    "Provenance of each result by its name, as by `trueterrain.core.provenance`."
 
 
 def _require_verdict(verdict: Verdict | None) -> None:

@@ -1,4 +1,4 @@
-"""From the parts of a report to paper: a PDF of A4 pages that holds all that the page shows."""
+"""Reports as PDF: A4 pages with all contents of the HTML page."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -28,21 +28,23 @@ from trueterrain.report.parts import (
 )
 
 _MARGIN = 51.0  # [pt] 18 mm
-_TILES = 3  # beside each other
-_HIGHEST = 0.75  # of the page that a picture may fill, so that its caption stands beside it
-_ROOM = 120.0  # [pt] below a heading, which shall not end a page
+_TILES = 3  # in a row
+_MAX_HEIGHT = (
+    0.75  # of a picture over that of the page, which leaves space for a caption
+)
+_MIN_SPACE = 120.0  # [pt] below a heading, so that it does not end a page
 _CODE_LINE = 112  # characters of a line of parameters
 
 
 def write_report_pdf(report: Report, path: str | Path, *, force: bool = False) -> None:
-    """Write a report as PDF, to be printed, signed and kept.
+    """Write a report as PDF, to print, sign and archive.
 
     Parameters
     ----------
     report : Report
         What the pages show.
     path : str or Path
-        Where the file shall be.
+        Path of the file.
     force : bool
         Replace a file that is there already.
 
@@ -126,20 +128,20 @@ def _page_flow(report: Report, folder: Path, width: float, height: float) -> Ite
         ]
         for block in section.blocks:
             content += _block_flow(block, folder, width, height)
-        yield CondPageBreak(_ROOM)
+        yield CondPageBreak(_MIN_SPACE)
         heading = [Heading(section.title)]
-        if content and isinstance(content[0], list):  # what is on one page has its heading there
+        if content and isinstance(content[0], list):  # keep the heading on the page of its contents
             heading += content.pop(0)
         yield from _keep_together([heading, *content])
     if report.provenance:
-        yield CondPageBreak(_ROOM)
+        yield CondPageBreak(_MIN_SPACE)
         yield Heading("Provenance")
         for name, steps in report.provenance.items():
             yield from _provenance_flow(provenance_entry(name, steps), width)
 
 
 def _number_tiles(numbers: tuple[Number, ...], width: float) -> Iterator[Any]:
-    """Numbers to see first, some beside each other."""
+    """Tiles of the headline numbers, in rows."""
     from reportlab.platypus import Spacer
     from reportlab.platypus import Table as Grid
 
@@ -194,7 +196,7 @@ def _number_tile(one: dict[str, Any]) -> list[Any]:
 
 
 def _flag_pointer(report: Report) -> Iterator[Any]:
-    """A line that points to what is flagged further down."""
+    """Line that refers to the flags further down."""
     from reportlab.platypus import Paragraph
 
     from trueterrain.report._pdf_style import escape_text, paragraph_styles
@@ -211,7 +213,7 @@ def _flag_pointer(report: Report) -> Iterator[Any]:
 
 
 def _block_flow(block: Block, folder: Path, width: float, height: float) -> Iterator[Any]:
-    """What stands on the paper; a list stays on one page."""
+    """Contents of a block; a list is kept on one page."""
     from reportlab.platypus import Paragraph
 
     from trueterrain.report._pdf_style import escape_text, paragraph_styles
@@ -249,20 +251,20 @@ def _block_flow(block: Block, folder: Path, width: float, height: float) -> Iter
 
 
 def _keep_together(flowables: list[Any]) -> Iterator[Any]:
-    """Keep lists on one page each."""
+    """Keep each list on one page."""
     from reportlab.platypus import KeepTogether
 
     yield from (KeepTogether(one) if isinstance(one, list) else one for one in flowables)
 
 
 def _figure_flow(figure: Any, captions: list[str], width: float, height: float) -> list[Any]:
-    """A figure at its natural size, or as large as the page allows, with what it shows."""
+    """Figure at its natural size, or as large as the page allows, with its caption."""
     from reportlab.platypus import Image, Paragraph, Spacer
 
     from trueterrain.report._pdf_style import escape_text, paragraph_styles
     from trueterrain.report._picture import figure_image
 
-    data, wide, high = figure_image(figure, width, _HIGHEST * height)
+    data, wide, high = figure_image(figure, width, _MAX_HEIGHT * height)
     found: list[Any] = [Image(data, width=wide, height=high, hAlign="LEFT")]
     found += [
         Paragraph(escape_text(text), paragraph_styles()["caption"]) for text in captions if text
@@ -283,7 +285,7 @@ def _warning_box(block: Warnings, width: float) -> Any:
     )
 
     if not block.items:
-        return Paragraph("Nothing flagged was found.", paragraph_styles()["note"])
+        return Paragraph("Nothing is flagged.", paragraph_styles()["note"])
     head = Paragraph(
         f"<font name='{BOLD}' color='{FLAG}'>⚠ Flagged</font>", paragraph_styles()["text"]
     )
@@ -309,7 +311,7 @@ def _warning_box(block: Warnings, width: float) -> Any:
 
 
 def _provenance_flow(found: dict[str, Any], width: float) -> Iterator[Any]:
-    """Steps that led to a result, whole: nothing is folded on paper."""
+    """Provenance of a result, in full."""
     from reportlab.platypus import Paragraph, Preformatted
 
     from trueterrain.report._pdf_style import escape_text, paragraph_styles

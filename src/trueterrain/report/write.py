@@ -1,4 +1,4 @@
-"""From the parts of a report to the page."""
+"""Reports as HTML pages."""
 
 import base64
 import hashlib
@@ -28,14 +28,14 @@ from trueterrain.report.parts import (
 
 
 def write_report(report: Report, path: str | Path, *, force: bool = False) -> None:
-    """Write a report as one HTML page that needs nothing else.
+    """Write a report as one self-contained HTML page.
 
     Parameters
     ----------
     report : Report
         What the page shows.
     path : str or Path
-        Where the page shall be.
+        Path of the page.
     force : bool
         Replace a file that is there already.
 
@@ -116,7 +116,7 @@ def _render_page(report: Report, folder: Path) -> str:
 
 
 def _prepare_block(block: Block, name: str, folder: Path) -> dict[str, Any]:
-    """A block as the template wants it."""
+    """Block as arguments of the template."""
     found: dict[str, Any]
     match block:
         case Text():
@@ -140,7 +140,7 @@ def _prepare_block(block: Block, name: str, folder: Path) -> dict[str, Any]:
             from trueterrain.report._view import prepare_view
 
             found = {"kind": "view", **prepare_view(block)}
-            # JSON stays the same, and nothing in it can end the element that holds it
+            # escaped, so that no text in the JSON can end the script element
             found["figure"] = Markup(found["figure"].replace("<", "\\u003c"))
             found["choices"] = [(value, f"{value:g}") for value in found["choices"]]
         case Warnings():
@@ -162,7 +162,7 @@ def _template_text(name: str) -> str:
 
 
 def _content_policy(scripts: list[str]) -> str:
-    """What the page may do: run just these scripts, and load nothing from anywhere."""
+    """Content security policy: only these scripts run, and nothing is loaded."""
     hashes = [
         f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'"
         for script in scripts

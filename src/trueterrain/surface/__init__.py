@@ -1,14 +1,14 @@
-"""Surfaces: made from runs or points, where their nodes lie, and their height at any point.
+"""Surfaces: gridding of runs and points, where nodes lie, heights at any point.
 
-==================  =============================================================================
-`line`              reference lines: of a run's own way, through waypoints, straight
-`cells`             grids along a line or over a map, and the cells around their nodes
-`accumulate`        sums over the returns of each cell, in whole numbers
-`grid`, `runs`      from points and from recorded runs to a surface with its standard deviation
-`holes`, `coarse`   small holes filled; fewer nodes for smooth terrain, and what is lost
-`reference_line`    where nodes lie on the ground, and back
-`evaluate`          heights at any point
-==================  =============================================================================
+====================  ===========================================================================
+`cells`               grids along a line or over a map, and the cells around their nodes
+`placement`           where the nodes of a surface lie: along a run, a line, a path, or over a map
+`accumulate`          sums over the returns of each cell, as integers
+`grid`, `runs`        from points and from recorded runs to a surface with standard deviations
+`holes`, `coarse`     interpolation over small holes; coarser grids for smooth terrain
+`difference`          difference of two surfaces
+`evaluate`            heights at any point
+====================  ===========================================================================
 """
 
 from importlib import import_module
@@ -32,34 +32,38 @@ if TYPE_CHECKING:
     from trueterrain.surface.accumulate import CellSums
     from trueterrain.surface.cells import Grid, grid_along, grid_over
     from trueterrain.surface.coarse import down_sample
-    from trueterrain.surface.grid import GridSettings, grid_points, surface_of
+    from trueterrain.surface.grid import grid_points, surface_of, trim_surface
     from trueterrain.surface.holes import HoleSettings, fill_holes
-    from trueterrain.surface.runs import PassRecord, grid_runs
+    from trueterrain.surface.pass_record import PassRecord
+    from trueterrain.surface.placement import GridPlacement
+    from trueterrain.surface.runs import grid_runs
+    from trueterrain.surface.settings import GridSettings
 
-# names whose modules need more, and are imported when they are used
-_LATER = {
-    "CellSums": "accumulate",
-    "Filling": "holes",
-    "Grid": "cells",
-    "GridOptions": "grid",
-    "Pass": "runs",
-    "ReferenceLine": "line",
-    "down_sample": "coarse",
-    "fill_holes": "holes",
-    "grid_along": "cells",
-    "grid_over": "cells",
-    "grid_points": "grid",
-    "grid_runs": "runs",
-    "line_from_trajectory": "line",
-    "line_through": "line",
-    "straight_line": "line",
-    "surface_of": "grid",
+# modules that import numba or scipy; they are imported when one of their names is first used
+_MODULES = {
+    "geometry.reference_line": (
+        "ReferenceLine",
+        "line_from_trajectory",
+        "line_through",
+        "straight_line",
+    ),
+    "surface.accumulate": ("CellSums",),
+    "surface.cells": ("Grid", "grid_along", "grid_over"),
+    "surface.coarse": ("down_sample",),
+    "surface.grid": ("grid_points", "surface_of", "trim_surface"),
+    "surface.holes": ("HoleSettings", "fill_holes"),
+    "surface.pass_record": ("PassRecord",),
+    "surface.placement": ("GridPlacement",),
+    "surface.runs": ("grid_runs",),
+    "surface.settings": ("GridSettings",),
 }
+_MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = [
     "CellSums",
     "Grid",
     "GridFrame",
+    "GridPlacement",
     "GridSettings",
     "HoleSettings",
     "PassRecord",
@@ -79,14 +83,14 @@ __all__ = [
     "straight_line",
     "surface_of",
     "surface_to_points",
+    "trim_surface",
     "uv_to_xy",
     "xy_to_uv",
 ]
 
 
 def __getattr__(name: str) -> Any:
-    """Name from the module that it lives in."""
-    if name not in _LATER:
+    if name not in _MODULE_OF:
         message = f"module {__name__!r} has no attribute {name!r}"
         raise AttributeError(message)
-    return getattr(import_module(f"{__name__}.{_LATER[name]}"), name)
+    return getattr(import_module(f"trueterrain.{_MODULE_OF[name]}"), name)

@@ -1,4 +1,4 @@
-"""Loops over sets of nodes without height; all checks are made by the callers."""
+"""Loops over sets of nodes without height; callers check the arguments."""
 
 import numpy as np
 import numpy.typing as npt
@@ -11,30 +11,40 @@ Integers = npt.NDArray[np.int64]
 
 @compile_kernel
 def missing_runs(cells: Floats) -> npt.NDArray[np.int32]:
-    """Row, begin and end of cells without a finite value side by side, row by row."""
+    """Runs of consecutive cells without a finite value.
+
+    cells : shape (row, column)
+    returns row, first and one past the last column of each run, shape (run, 3)
+    """
+    # the first sweep counts the runs, the second stores them
     runs = np.empty((0, 3), np.int32)
-    for turn in range(2):
+    for sweep in range(2):
         found = 0
         for i in range(cells.shape[0]):
             inside = False
             for j in range(cells.shape[1]):
                 missing = not np.isfinite(cells[i, j])
                 if missing and not inside:
-                    if turn == 1:
+                    if sweep == 1:
                         runs[found, 0] = i
                         runs[found, 1] = j
                     found += 1
-                if turn == 1 and missing:
+                if sweep == 1 and missing:
                     runs[found - 1, 2] = j + 1
                 inside = missing
-        if turn == 0:
+        if sweep == 0:
             runs = np.empty((found, 3), np.int32)
     return runs
 
 
 @compile_kernel
 def connect_runs(runs: npt.NDArray[np.int32]) -> tuple[npt.NDArray[np.int32], int]:
-    """Number of the set that each run belongs to, by its first run, and how many sets there are."""
+    """Connected sets of runs, by union-find.
+
+    runs : shape (run, 3), row by row
+    returns the number of the set of each run, shape (run,), in the order of first runs, and the
+    number of sets
+    """
     number = np.arange(runs.shape[0]).astype(np.int32)
     above = 0
     for k in range(runs.shape[0]):
@@ -42,14 +52,14 @@ def connect_runs(runs: npt.NDArray[np.int32]) -> tuple[npt.NDArray[np.int32], in
             runs[above, 0] == runs[k, 0] - 1 and runs[above, 2] <= runs[k, 1]
         ):
             above += 1
-        beside = above
-        while runs[beside, 0] == runs[k, 0] - 1 and runs[beside, 1] < runs[k, 2]:
-            a, b = _find_root(number, beside), _find_root(number, k)
+        neighbour = above
+        while runs[neighbour, 0] == runs[k, 0] - 1 and runs[neighbour, 1] < runs[k, 2]:
+            a, b = _find_root(number, neighbour), _find_root(number, k)
             number[max(a, b)] = min(a, b)
-            beside += 1
+            neighbour += 1
     count = 0
     for k in range(runs.shape[0]):
-        # the first run of a set comes before all others, and has its number already
+        # the root of a set is its first run, so it has its number when the others come
         if number[k] == k:
             number[k] = count
             count += 1
@@ -60,7 +70,7 @@ def connect_runs(runs: npt.NDArray[np.int32]) -> tuple[npt.NDArray[np.int32], in
 
 @compile_kernel
 def _find_root(number: npt.NDArray[np.int32], k: int) -> int:
-    """First run of the set of a run."""
+    """First run of the set of run k, with path compression."""
     while number[k] != k:
         number[k] = number[number[k]]
         k = number[k]
@@ -75,7 +85,13 @@ def measure_holes(
     high: Integers,
     nodes: Integers,
 ) -> None:
-    """First and last cells of each hole along both axes, and how many it has."""
+    """Extent and size of each hole.
+
+    runs : shape (run, 3)
+    hole : hole of each run, shape (run,)
+    low, high : output, first and one past the last cell along both axes, shape (hole, 2)
+    nodes : output, number of cells, shape (hole,)
+    """
     for k in range(runs.shape[0]):
         h = hole[k]
         nodes[h] += runs[k, 2] - runs[k, 1]

@@ -1,60 +1,57 @@
-"""Scans of recorded runs as they are stored, read while those before them are gridded."""
+"""Stored scans of recorded runs, read in the background while earlier ones are gridded."""
 
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import xarray as xr
 
 from trueterrain.core.errors import CoverageError
 from trueterrain.formats.run import StoredArray, open_run
 from trueterrain.georeference import ScanGeometry, mounting_of
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from trueterrain.surface.runs import PassRecord
+from trueterrain.surface.pass_record import PassRecord
 
 Index = npt.NDArray[np.intp]
 
-_REACH = 10.0  # [m] range that is not often passed where greater ones can be stored
-_AHEAD = 2  # blocks that are read before they are needed
+_REACH = 10.0  # [m] range that few returns exceed, if the type of the ranges gives no limit
+_PREFETCHED = 2  # blocks that are read in advance
 
 
-def origin_of(tree: "xr.DataTree") -> tuple[float, ...]:
+def origin_of(tree: xr.DataTree) -> tuple[float, ...]:
     """Longitude [deg], latitude [deg] and height [m] of the origin of a run's local frame."""
     return tuple(float(part) for part in tree.attrs["origin"])
 
 
 class Recording:
-    """Scans of a pass; nothing but their stamps is held.
+    """Scans of a pass; only their time stamps are kept in memory.
 
     Parameters
     ----------
-    one : Pass
+    record : PassRecord
         The run and its motion.
     with_intensity : bool
-        Whether intensities are wanted, if they were recorded.
+        Whether intensities are read, if they were recorded.
     """
 
-    def __init__(self, one: "PassRecord", *, with_intensity: bool) -> None:
-        tree = open_run(one.path)
-        mounting = one.mounting or mounting_of(tree, path=one.path)
+    def __init__(self, record: PassRecord, *, with_intensity: bool) -> None:
+        tree = open_run(record.path)
+        mounting = record.mounting or mounting_of(tree, path=record.path)
         scans = tree["scans"]
-        self.path = one.path
+        self.path = record.path
         self.origin = origin_of(tree)
         self._arrays: dict[str, StoredArray] = {}
         self.time = self._read("time", slice(None))
-        self.geometry = ScanGeometry(one.trajectory, mounting, scans["angle"], scans["delay"])
+        self.geometry = ScanGeometry(record.trajectory, mounting, scans["angle"], scans["delay"])
         if not self.geometry.covers(self.time).any():
-            knots = one.trajectory.time
+            knots = record.trajectory.time
             raise CoverageError(
                 f"the motion, {knots[0]:.3f} s to {knots[-1]:.3f} s, covers none of the "
                 f"{self.time.size} scans",
-                path=one.path,
+                path=record.path,
                 place="scans",
                 cure="Compare the clocks of scanner and navigation: `trueterrain info`.",
             )
@@ -68,7 +65,7 @@ class Recording:
         self.furthest = float(np.iinfo(ranges.dtype).max) * self.scale if whole else _REACH
 
     def read(self, index: Index) -> tuple[Any, Any]:
-        """Ranges and intensities of scans that lie close together, as they are stored."""
+        """Stored ranges and intensities of scans that are close together."""
         first = int(index[0])
         rows = slice(first, int(index[-1]) + 1)
         found = [self._read(name, rows) for name in self._names]
@@ -78,13 +75,13 @@ class Recording:
         return ranges, intensity
 
     def blocks(self, index: Index | None, size: int) -> Iterator[Index]:
-        """Scans, or all, in blocks of so many of the store."""
+        """Numbers of the given scans, or of all, split at every `size` scans of the store."""
         index = np.arange(self.time.size) if index is None else index
         ends = np.searchsorted(index, np.arange(size, self.time.size, size))
         yield from (some for some in np.split(index, ends) if some.size)
 
     def _read(self, name: str, rows: slice) -> npt.NDArray[Any]:
-        """Numbers as they are stored: to decode them to metres would take longer than gridding."""
+        """Stored numbers: decoding them to metres would take longer than gridding."""
         return self._array(name).read(rows)
 
     def _array(self, name: str) -> StoredArray:
@@ -96,7 +93,7 @@ class Recording:
 def read_ahead(
     recordings: Sequence[Recording], wanted: Iterable[tuple[int, Index]]
 ) -> Iterator[tuple[int, Index, Any, Any]]:
-    """Blocks of scans in order, while the next ones are read.
+    """Blocks of scans in order; the next ones are read in the background.
 
     Parameters
     ----------
@@ -119,7 +116,7 @@ def read_ahead(
     with ThreadPoolExecutor(1) as pool:
         for number, index in wanted:
             waiting.append((number, index, pool.submit(recordings[number].read, index)))
-            if len(waiting) > _AHEAD:
+            if len(waiting) > _PREFETCHED:
                 yield first()
         while waiting:
             yield first()

@@ -1,7 +1,6 @@
-"""Grids: which nodes there are, and the cells around them that returns are sorted into.
+"""Grids: nodes of a surface, and the cells around them into which returns are sorted.
 
-The cell of a node reaches half a spacing to either side, so a node at the edge has a whole cell
-as well.
+The cell of a node reaches half a spacing to either side, also for nodes at the edge.
 """
 
 from dataclasses import dataclass
@@ -16,13 +15,13 @@ from trueterrain.core.schemas import make_surface
 from trueterrain.geometry.grid_frame import Floats, GridFrame, grid_frame, xy_to_uv
 from trueterrain.geometry.reference_line import ReferenceLine, require_millimetres
 
-_MOST = 500_000_000  # nodes, of 60 bytes with their sums
-_NEAR = 16  # nodes from one that is looked at to the next, where a scan is looked for
+_MAX_NODES = 500_000_000  # of 60 bytes each with their sums
+_NEAR = 16  # nodes from one entry of the search tree to the next
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Grid:
-    """Nodes of a surface to be: along a reference line, or over a map."""
+    """Nodes of a surface: along a reference line, or over a map."""
 
     line: ReferenceLine | None
     "Reference line; None for a map."
@@ -38,7 +37,7 @@ class Grid:
         if self.u.size < 2 or self.v.size < 2:
             message = f"a grid needs at least 2 x 2 nodes, got {self.u.size} x {self.v.size}."
             raise ValueError(message)
-        _require_room(self.u.size, self.v.size)
+        _require_size(self.u.size, self.v.size)
 
     @property
     def spacing(self) -> tuple[float, float]:
@@ -69,8 +68,8 @@ class Grid:
             Along the reference line, or over a map with northings first.
         """
         if self.line is None:
-            turned: dict[str, Any] = {name: values.T for name, values in cells.items()}
-            return make_surface(height.T, easting=self.u, northing=self.v, crs=crs, **turned)
+            transposed: dict[str, Any] = {name: values.T for name, values in cells.items()}
+            return make_surface(height.T, easting=self.u, northing=self.v, crs=crs, **transposed)
         line = self.line
         return make_surface(
             height,
@@ -102,7 +101,7 @@ class Grid:
 
     @cached_property
     def frame(self) -> GridFrame:
-        """Geometry of the cells: one chord more at either end, half a spacing more across."""
+        """Frame of the cells: one chord more at either end, half a spacing more across."""
         along, across = self.spacing
         u = np.concatenate([[self.u[0] - along], self.u, [self.u[-1] + along]])
         v = np.array([self.v[0] - 0.5 * across, self.v[-1] + 0.5 * across])
@@ -125,10 +124,10 @@ class Grid:
 
     @cached_property
     def strips(self) -> tuple[Floats, ...]:
-        """Nodes and cross directions of `frame`, and per strip what the loops need.
+        """Nodes and cross directions of `frame`, and geometry of the strips between nodes.
 
-        That is its direction, how far ahead of its begin the cross-section there runs per metre of
-        offset, by how much the strip grows longer per metre of offset, and its length.
+        Of each strip: direction (two arrays), how far the cross-section at its start leans forward
+        per metre of offset, how much the strip grows longer per metre of offset, and its length.
         """
         frame = self.frame
         x, y = frame.origin_easting, frame.origin_northing
@@ -140,24 +139,24 @@ class Grid:
         return x, y, nx, ny, dx, dy, lean, widen, length
 
     def near(self, easting: Floats, northing: Floats) -> npt.NDArray[np.int64]:
-        """Strip of `frame` near each place.
+        """Strip of `frame` near each point.
 
         Parameters
         ----------
-        easting, northing : numpy.ndarray, shape (place,)
+        easting, northing : numpy.ndarray, shape (point,)
             Coordinates [m].
 
         Returns
         -------
-        numpy.ndarray of int, shape (place,)
-            The strip that holds the place, or one near it.
+        numpy.ndarray of int, shape (point,)
+            The strip that holds the point, or one near it.
         """
         u, _ = xy_to_uv(self.frame, easting, northing)
         strip = np.searchsorted(self.frame.u, np.nan_to_num(u, nan=self.u[0]), side="right") - 1
-        lost = np.flatnonzero(np.isnan(u))
-        if lost.size:
-            _, nearest = self._tree.query(np.stack([easting[lost], northing[lost]], axis=1))
-            strip[lost] = nearest * _NEAR
+        unknown = np.flatnonzero(np.isnan(u))
+        if unknown.size:
+            _, nearest = self._tree.query(np.stack([easting[unknown], northing[unknown]], axis=1))
+            strip[unknown] = nearest * _NEAR
         return np.clip(strip, 0, self.frame.u.size - 2)
 
     @cached_property
@@ -165,9 +164,9 @@ class Grid:
         from scipy.spatial import KDTree
 
         x, y, *_ = self.strips
-        middle = 0.5 * (self.v[0] + self.v[-1])
+        centre = 0.5 * (self.v[0] + self.v[-1])
         nx, ny = self.strips[2:4]
-        return KDTree(np.stack([x + middle * nx, y + middle * ny], axis=1)[::_NEAR])
+        return KDTree(np.stack([x + centre * nx, y + centre * ny], axis=1)[::_NEAR])
 
 
 def grid_along(
@@ -180,15 +179,15 @@ def grid_along(
     line : ReferenceLine
         The line.
     right, left : float
-        Offsets of the outermost nodes, left positive [m]; outer ones are taken if these are no
-        whole multiples of the spacing.
+        Offsets of the outermost nodes, left positive [m]; rounded outwards to multiples of the
+        spacing.
     spacing : float, optional
         Spacing across [m], a multiple of 1 mm; by default that of the line.
 
     Returns
     -------
     Grid
-        With offsets that are whole multiples of the spacing.
+        Its offsets are multiples of the spacing.
 
     Raises
     ------
@@ -206,7 +205,7 @@ def grid_along(
     if not (np.isfinite([right, left]).all() and right < left):
         message = f"right must be less than left, got {right} and {left} m."
         raise ValueError(message)
-    _require_room(line.u.size, (left - right) / step + 1)
+    _require_size(line.u.size, (left - right) / step + 1)
     v = _whole_multiples(right, left, step)
     kappa = line.curvature
     sharp = np.maximum(kappa * (v[0] - 0.5 * step), kappa * (v[-1] + 0.5 * step))
@@ -229,19 +228,19 @@ def grid_over(
     Parameters
     ----------
     west, south, east, north : float
-        Part of the ground that the cells shall cover [m].
+        Limits of the ground that the cells are to cover [m].
     spacing : float or tuple of float
-        Spacing, or those along easting and along northing [m].
+        Spacing, or spacings along easting and northing [m].
 
     Returns
     -------
     Grid
-        With nodes at whole multiples of the spacing.
+        Its nodes are at multiples of the spacing.
 
     Raises
     ------
     ValueError
-        If there is no ground between the limits, or a spacing is not greater than 0.
+        If the limits do not ascend, or a spacing is not greater than 0.
 
     Examples
     --------
@@ -255,15 +254,15 @@ def grid_over(
     if not (np.isfinite([west, south, east, north]).all() and west <= east and south <= north):
         message = f"the limits must be west, south, east, north, got {(west, south, east, north)}."
         raise ValueError(message)
-    _require_room((east - west) / along + 1, (north - south) / across + 1)
+    _require_size((east - west) / along + 1, (north - south) / across + 1)
     return Grid(
         line=None, u=_covering_nodes(west, east, along), v=_covering_nodes(south, north, across)
     )
 
 
-def _require_room(rows: float, columns: float) -> None:
-    """Raise ValueError if a grid would have too many nodes, before it has any."""
-    if rows * columns > _MOST:
+def _require_size(rows: float, columns: float) -> None:
+    """Raise ValueError if a grid would have too many nodes, before it is made."""
+    if rows * columns > _MAX_NODES:
         message = (
             f"a grid of {rows:,.0f} x {columns:,.0f} nodes is too large; choose a coarser spacing "
             "or a part of the ground."
@@ -272,13 +271,13 @@ def _require_room(rows: float, columns: float) -> None:
 
 
 def _whole_multiples(low: float, high: float, step: float) -> Floats:
-    """Whole multiples of a step from the last one not above `low` to the first not below `high`."""
+    """Multiples of a step from the last one not above `low` to the first not below `high`."""
     first, last = int(np.floor(low / step + 1e-6)), int(np.ceil(high / step - 1e-6))
     return np.round(np.arange(first, last + 1) * step, 9)
 
 
 def _covering_nodes(low: float, high: float, step: float) -> Floats:
-    """Nodes whose cells cover a stretch, at least two."""
+    """Nodes whose cells cover an interval, at least two."""
     first = int(np.floor(low / step + 0.5))
     last = int(np.floor(high / step + 0.5))
     if first == last:

@@ -1,4 +1,4 @@
-"""Coarser surfaces for smooth terrain (thesis 4.4), and what is lost by it."""
+"""Coarser surfaces for smooth terrain (thesis 4.4), and the loss of content."""
 
 from typing import Any
 
@@ -12,7 +12,9 @@ Floats = npt.NDArray[np.float64]
 def down_sample(
     surface: xr.Dataset, factor: tuple[int, int]
 ) -> tuple[xr.Dataset, dict[str, float]]:
-    """Keep every so manieth node of a surface, each the mean of the nodes around it.
+    """Keep every n-th node of a surface, each the mean of the nodes around it.
+
+    Smooth terrain needs fewer nodes; the report says what is error_variance.
 
     Parameters
     ----------
@@ -25,12 +27,12 @@ def down_sample(
     -------
     surface : xarray.Dataset
         Nodes 0, factor, 2 factor, ...; a height is the mean of the nodes nearer to it than to the
-        next one, those half-way with half the weight. ``count`` adds up in the same way; ``sd`` is
-        that of the mean, if errors of neighbours are the same (the cautious assumption).
+        next one, those midway with half the weight. ``count`` is summed likewise; ``sd`` is that
+        of the mean for fully correlated errors of neighbours, an upper bound.
     report : dict
-        Loss of content, in the heights of all nodes that had one: ``rms`` and ``largest`` of what
-        the coarse surface, bilinear between its nodes, is off [m]; ``kept``: share of the variance
-        about the mean plane that is left [1].
+        Loss of content at all nodes that had a height: ``rms`` and ``largest`` difference of the
+        coarse surface, bilinear between its nodes [m]; ``kept``: fraction of the variance about
+        the mean plane that remains [1].
 
     Raises
     ------
@@ -61,7 +63,7 @@ def down_sample(
     weight = _gather_sums(seen.astype(np.float64), factor)
     with np.errstate(invalid="ignore", divide="ignore"):
         height = _gather_sums(np.where(seen, fine, 0.0), factor) / weight
-    # a node that had no height does not get one from its neighbours
+    # a node without height gets none from its neighbours
     height = np.where(seen[::first, ::second], height, np.nan)
     cells: dict[str, Any] = {"height": coarse["height"].copy(data=height)}
     if "count" in surface:
@@ -83,10 +85,9 @@ def down_sample(
 
 
 def _gather_sums(values: Floats, factor: tuple[int, int]) -> Floats:
-    """Sums around every so manieth node; nodes half-way are shared.
+    """Sums around every n-th node; nodes midway count by half to both sides.
 
-    A node at the edge, around which not all nodes are, stands for itself: a mean of one side would
-    lie higher or lower on a slope.
+    A node at the edge keeps its own height: a mean over one side would be biased on a slope.
     """
     for axis, by in enumerate(factor):
         reach = by // 2
@@ -96,18 +97,18 @@ def _gather_sums(values: Floats, factor: tuple[int, int]) -> Floats:
         size = values.shape[axis]
         total = np.zeros_like(np.take(values, range(0, size, by), axis=axis))
         for k in range(-reach, reach + 1):
-            share = 0.5 if by % 2 == 0 and abs(k) == reach and by > 1 else 1.0
-            total += share * np.take(padded, range(reach + k, reach + k + size, by), axis=axis)
+            weight = 0.5 if by % 2 == 0 and abs(k) == reach and by > 1 else 1.0
+            total += weight * np.take(padded, range(reach + k, reach + k + size, by), axis=axis)
         at = np.arange(0, size, by)
-        alone = np.flatnonzero((at < reach) | (at + reach > size - 1))
-        index = (alone, slice(None)) if axis == 0 else (slice(None), alone)
-        total[index] = np.take(values, at[alone], axis=axis)
+        at_edge = np.flatnonzero((at < reach) | (at + reach > size - 1))
+        index = (at_edge, slice(None)) if axis == 0 else (slice(None), at_edge)
+        total[index] = np.take(values, at[at_edge], axis=axis)
         values = total
     return values
 
 
 def _coarsening_loss(fine: xr.Dataset, coarse: xr.Dataset) -> dict[str, float]:
-    """How far the coarse surface is from the heights of the fine one."""
+    """Differences of the coarse surface from the heights of the fine one."""
     from scipy.interpolate import RegularGridInterpolator
 
     dims = fine["height"].dims
@@ -117,21 +118,21 @@ def _coarsening_loss(fine: xr.Dataset, coarse: xr.Dataset) -> dict[str, float]:
     )
     height = np.asarray(fine["height"], dtype=np.float64)
     first, second = (np.asarray(fine[dim], dtype=np.float64) for dim in dims)
-    off = np.empty(height.shape)
+    error = np.empty(height.shape)
     for row in range(height.shape[0]):
         at = np.stack([np.full(second.size, first[row]), second], axis=1)
-        off[row] = between(at) - height[row]
-    known = np.isfinite(off)
+        error[row] = between(at) - height[row]
+    known = np.isfinite(error)
     if not known.any():
         return {"rms": float("nan"), "largest": float("nan"), "kept": float("nan")}
     a, b = (axis[known] for axis in np.meshgrid(first, second, indexing="ij"))
     design = np.stack([np.ones(a.size), a - a.mean(), b - b.mean()], axis=1)
     plane, *_ = np.linalg.lstsq(design.T @ design, design.T @ height[known], rcond=None)
-    rest = height[known] - design @ plane
-    variance = float(np.mean(rest**2))
-    lost = float(np.mean(off[known] ** 2))
+    residual = height[known] - design @ plane
+    variance = float(np.mean(residual**2))
+    error_variance = float(np.mean(error[known] ** 2))
     return {
-        "rms": lost**0.5,
-        "largest": float(np.abs(off[known]).max()),
-        "kept": 1.0 - lost / variance if variance > lost else 0.0,
+        "rms": error_variance**0.5,
+        "largest": float(np.abs(error[known]).max()),
+        "kept": 1.0 - error_variance / variance if variance > error_variance else 0.0,
     }

@@ -1,4 +1,4 @@
-"""How far a surface lies above another one: map, statistics, and where the difference changes."""
+"""Difference of two surfaces: map, statistics, structure function."""
 
 import math
 import warnings
@@ -21,8 +21,8 @@ Floats = npt.NDArray[np.float64]
 
 _ROWS = 512  # cross-sections that are compared at once
 _FEET = 1 / 0.3048
-_NEAR = 0.02  # share by which a ratio of heights may miss that of feet to metres
-_TALL = 10.0  # [m] median height from which on such a ratio is no chance
+_NEAR = 0.02  # relative tolerance of a ratio of heights against that of feet to metres
+_MIN_HEIGHT = 10.0  # [m] median height above which such a ratio is no coincidence
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +37,7 @@ class HeightDifferences:
     """
 
     n: int
-    "Nodes that have a difference."
+    "Number of nodes with a difference."
 
     mean: float
     "Mean [m]."
@@ -59,12 +59,12 @@ class HeightDifferences:
 
     @classmethod
     def of(cls, differences: npt.ArrayLike) -> "HeightDifferences":
-        """Statistics of differences.
+        """Compute the statistics.
 
         Parameters
         ----------
         differences : array_like
-            Differences [m]; such as are not finite do not count.
+            Differences [m]; those that are not finite do not count.
 
         Returns
         -------
@@ -103,7 +103,7 @@ def surface_difference(
     reference : xarray.Dataset
         Surface along a reference line, or map, in the same coordinate reference system.
     level : {"none", "median", "plane"}
-        What is taken off the difference: nothing, its median, or the plane of least squares.
+        What is removed from the difference: nothing, its median, or the least-squares plane.
 
     Returns
     -------
@@ -118,13 +118,13 @@ def surface_difference(
     SchemaError
         If one is no Surface, or their coordinate reference systems differ.
     CoverageError
-        If they share no node.
+        If no node has a height in both.
 
     Warns
     -----
     UserWarning
-        If only one of them says in which coordinate reference system it is, or the heights of one
-        look like feet.
+        If only one of them has a coordinate reference system, or the heights of one look like
+        feet.
 
     Examples
     --------
@@ -143,7 +143,8 @@ def surface_difference(
     known = np.isfinite(difference)
     if not known.any():
         raise CoverageError(
-            f"share no node with a height: {_extent_text(surface)}, and {_extent_text(reference)}",
+            "have no node with a height in common: "
+            f"{_extent_text(surface)}, and {_extent_text(reference)}",
             place="surface and reference",
             cure="Check their coordinates, or choose a reference of the same place.",
         )
@@ -161,15 +162,15 @@ def difference_statistics(
     *,
     across: tuple[float, float] | None = None,
 ) -> HeightDifferences:
-    """Statistics of one difference, or of several together, as a whole or of one lane.
+    """Statistics of one difference, or of several together, over all or over one lane.
 
     Parameters
     ----------
     differences : xarray.Dataset or sequence of xarray.Dataset
-        Of `surface_difference`; several are pooled: those of one speed, say.
+        Of `surface_difference`; several are pooled, e.g. those of one speed.
     across : tuple of float, optional
-        Right and left edge of a lane [m]: only nodes with such an offset v from the reference line
-        count. A node on the left edge belongs to the next lane, if there are nodes beyond.
+        Right and left edge of a traffic lane [m]: only nodes with an offset v between them count.
+        A node on the left edge belongs to the next lane, if there are nodes beyond.
 
     Returns
     -------
@@ -219,23 +220,24 @@ def structure_function(
     axis: Literal["along", "across"] = "along",
     per_decade: int = 12,
 ) -> xr.Dataset:
-    """How much a difference changes with distance: its structure function.
+    """Structure function of a difference: mean squared change over a distance.
+
+    It separates noise, which is the same at all distances, from drift, which grows with distance.
 
     Parameters
     ----------
     difference : xarray.Dataset
         Of `surface_difference`.
     axis : {"along", "across"}
-        Direction of the distance: along or across the reference line; over a map, along easting or
-        northing.
+        Direction: along or across the reference line; on a map, along easting or northing.
     per_decade : int
         Distances per factor of ten, from the spacing to half the extent.
 
     Returns
     -------
     xarray.Dataset
-        ``structure`` (distance) [m²]: mean of (d(x + distance) - d(x))²; ``pairs``, how many there
-        are. Distances without a pair are left out.
+        ``structure`` (distance) [m²]: mean of (d(x + distance) - d(x))²; ``pairs``, number of
+        pairs. Distances without a pair are left out.
 
     Raises
     ------
@@ -246,9 +248,8 @@ def structure_function(
 
     Notes
     -----
-    Errors that do not depend on each other, of standard deviation σ, give 2 σ² at every distance;
-    drift gives a structure function that grows with distance, d(x) = g x one of g² distance²; a
-    wave of amplitude a and length λ one of a² (1 - cos(2 π distance / λ)).
+    Independent errors of standard deviation σ give 2 σ² at every distance; a trend d(x) = g x gives
+    g² distance²; a wave of amplitude a and length λ gives a² (1 - cos(2 π distance / λ)).
 
     Examples
     --------
@@ -268,8 +269,8 @@ def structure_function(
     dim = dims[0 if axis == "along" else 1]
     height = difference["height"].transpose(..., dim).values
     step = _node_spacing(difference[dim].values, dim)
-    most = max(1, height.shape[1] // 2)
-    decades = math.log10(most)
+    max_lag = max(1, height.shape[1] // 2)
+    decades = math.log10(max_lag)
     lags = np.unique(np.rint(np.logspace(0, decades, int(per_decade * decades) + 2)).astype(int))
     total, pairs = np.zeros(lags.size), np.zeros(lags.size, dtype=np.int64)
     for start in range(0, height.shape[0], _ROWS):
@@ -297,8 +298,8 @@ def _require_same_crs(surface: xr.Dataset, reference: xr.Dataset) -> None:
     if not all(names):
         known, unknown = ("the surface", "the reference")[:: 1 if names[0] else -1]
         message = (
-            f"only {known} says in which coordinate reference system it is; {unknown} is taken to "
-            "be in the same one"
+            f"only {known} has a coordinate reference system; {unknown} is assumed to be in the "
+            "same one"
         )
         warnings.warn(message, stacklevel=3)
         return
@@ -314,7 +315,7 @@ def _require_same_crs(surface: xr.Dataset, reference: xr.Dataset) -> None:
 
 
 def _at_nodes(surface: xr.Dataset, reference: xr.Dataset) -> Floats:
-    """Difference at the nodes of the reference, a few cross-sections at a time."""
+    """Difference at the nodes of the reference, computed in blocks of cross-sections."""
     if _same_nodes(surface, reference):
         heights = (np.asarray(one["height"], dtype=np.float64) for one in (surface, reference))
         return np.subtract(*heights)
@@ -344,7 +345,7 @@ def _same_nodes(surface: xr.Dataset, reference: xr.Dataset) -> bool:
 
 
 def _fit_plane(difference: Floats, known: npt.NDArray[np.bool_]) -> Floats:
-    """Plane of least squares over the axes of the grid."""
+    """Least-squares plane over the axes of the grid."""
     axes = [np.linspace(-1.0, 1.0, size) for size in difference.shape]
     first, second = np.meshgrid(*axes, indexing="ij")
     columns = np.stack([np.ones_like(first), first, second])
@@ -366,7 +367,7 @@ def _question_feet(reference: xr.Dataset, difference: Floats) -> None:
     known = np.isfinite(difference)
     low = float(np.median(np.asarray(reference["height"])[known]))
     high = low + float(np.median(difference[known]))
-    if min(abs(low), abs(high)) < _TALL or low * high <= 0:
+    if min(abs(low), abs(high)) < _MIN_HEIGHT or low * high <= 0:
         return
     ratio = high / low
     if abs(max(ratio, 1 / ratio) / _FEET - 1) < _NEAR:

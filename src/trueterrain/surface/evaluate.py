@@ -28,8 +28,8 @@ def heights_at(surface: xr.Dataset, easting: npt.ArrayLike, northing: npt.ArrayL
     Returns
     -------
     ndarray
-        Height [m]; NaN outside the surface and where a node that carries weight has no height. A
-        point on a node needs that node alone.
+        Height [m]; NaN outside the surface and where a node with weight has no height. A point on
+        a node depends on that node alone.
 
     Examples
     --------
@@ -55,7 +55,7 @@ def heights_at_uv(surface: xr.Dataset, u: npt.ArrayLike, v: npt.ArrayLike) -> Fl
     Returns
     -------
     ndarray
-        Height [m]; NaN outside the surface and where a node that carries weight has no height.
+        Height [m]; NaN outside the surface and where a node with weight has no height.
 
     Examples
     --------

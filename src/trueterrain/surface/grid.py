@@ -1,120 +1,36 @@
-"""From returns or points to a surface: a height and its standard deviation for each node.
+"""Gridding: a height and its standard deviation for each node, from returns or points.
 
-The height of a node is the mean of the heights in its cell (thesis 4.3.2). On a slope that mean
-belongs to the mean place of the returns, which is not the node; so it is brought to the node along
-the slope of the neighbouring heights, unless the plain mean is asked for. A slope is the mean of
-the steps to both sides, but no steeper than twice the gentler one, so that a step in the ground
-stays a step.
+The height of a node is the mean of the heights in its cell (thesis 4.3.2). On a slope that is the
+height at the mean position of the returns, which differs from the node; so it is reduced to the
+node along the slope of the neighbouring heights, unless the plain mean is asked for. A slope is the
+mean of the steps to both sides, at most twice the gentler one, so that a step in the ground stays
+a step.
 """
 
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.core.errors import CoverageError, SchemaError
-from trueterrain.surface._finish import ROWS, NodeValues, finish_sums
-from trueterrain.surface.accumulate import CellSums, KeptSums, ReturnTotals
+from trueterrain.surface._nodes import ROWS, NodeValues, compute_nodes
+from trueterrain.surface.accumulate import CellSums, ReturnTotals
 from trueterrain.surface.cells import Grid
+from trueterrain.surface.settings import GridSettings
 
 Floats = npt.NDArray[np.float64]
 
-
-Statistic = Literal["mean", "minimum", "maximum", "median", "percentile"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class GridSettings:
-    """What is taken of the returns in a cell."""
-
-    statistic: Statistic = "mean"
-    "Height of a node: mean, minimum, maximum, median or percentile of the heights in its cell."
-
-    percent: float = 50.0
-    "Percentile that is taken [%]."
-
-    level: bool = True
-    "Whether a mean is brought from the mean place of the returns to the node along the slope."
-
-    radius: float = 0.0
-    """Radius of the disc around a node from whose cells a mean is taken, on the plane that fits
-    them, if it is levelled [m]; a cell belongs to it if its middle does. 0 for the own cell."""
-
-    power: float = 0.0
-    """Power of the inverse distance from the node that returns of a disc are weighed by; 0 weighs
-    all alike [1]."""
-
-    min_count: int = 1
-    "Cells with fewer returns have no height."
-
-    range_noise: float = 0.0
-    """Standard deviation of a return without that of its motion [m]; the scatter within cells is
-    taken where it is greater."""
-
-    agreed: bool = False
-    """Whether passes were brought into agreement, so that errors of their motion are the same; else
-    they are independent."""
-
-    def __post_init__(self) -> None:
-        """Check the values."""
-        if self.statistic not in get_args(Statistic):
-            message = (
-                f"statistic must be one of {', '.join(get_args(Statistic))}, got "
-                f"{self.statistic!r}."
-            )
-            raise ValueError(message)
-        if not 0 < self.percent < 100:
-            message = f"percent must be greater than 0 % and less than 100 %, got {self.percent}."
-            raise ValueError(message)
-        if not (self.radius >= 0 and self.power >= 0):
-            message = (
-                "radius must be at least 0 m and power at least 0, got "
-                f"{self.radius} m and {self.power}."
-            )
-            raise ValueError(message)
-        if self.radius and self.statistic != "mean":
-            message = f"radius goes with the mean, got the statistic {self.statistic}."
-            raise ValueError(message)
-        if self.power and not self.radius:
-            message = "power needs a radius, which is 0 m."
-            raise ValueError(message)
-        if self.min_count < 1:
-            message = f"min_count must be at least 1, got {self.min_count}."
-            raise ValueError(message)
-        if not self.range_noise >= 0:
-            message = f"range_noise must be at least 0 m, got {self.range_noise}."
-            raise ValueError(message)
-
-    def wanted(self, *, point_sd: bool = False) -> KeptSums:
-        """Sums that are needed.
-
-        Parameters
-        ----------
-        point_sd : bool
-            Whether points know their standard deviation.
-
-        Returns
-        -------
-        Wanted
-            For `CellSums`.
-        """
-        return KeptSums(
-            extremes=self.statistic in ("minimum", "maximum"),
-            places=self.statistic == "mean" and self.level,
-            point_sd=point_sd,
-            agreed=self.agreed,
-        )
-
-    @property
-    def share(self) -> float | None:
-        """Share of the heights that lie below the one that is taken [1]; None if it is no rank."""
-        if self.statistic == "median":
-            return 0.5
-        return 0.01 * self.percent if self.statistic == "percentile" else None
+__all__ = [
+    "GridSettings",
+    "compute_rows",
+    "grid_points",
+    "name_deviations",
+    "require_heights",
+    "surface_of",
+    "trim_surface",
+]
 
 
 def surface_of(
@@ -122,25 +38,25 @@ def surface_of(
     options: GridSettings = GridSettings(),
     *,
     crs: str = "",
-    again: Callable[[CellSums], None] | None = None,
+    add_data: Callable[[CellSums], None] | None = None,
 ) -> xr.Dataset:
     """Surface from the sums of its cells.
 
     Parameters
     ----------
     sums : CellSums
-        Sums over returns or points, with what `options.wanted` names.
-    options : GridOptions
-        What is taken of them.
+        Sums over returns or points, those of `options.kept_sums()` among them.
+    options : GridSettings
+        Statistic of the heights in a cell.
     crs : str
         Coordinate reference system of the grid.
-    again : callable, optional
-        Adds all the data to the sums again; needed for medians and percentiles.
+    add_data : callable, optional
+        Adds all the data to the sums a second time; needed for medians and percentiles.
 
     Returns
     -------
     xarray.Dataset
-        Surface with ``height`` [m], ``count`` (returns; good ones, where flagged ones weigh less),
+        Surface with ``height`` [m], ``count`` (returns; flagged ones count by their weight),
         ``sd`` and ``sd_relative`` [m], see `name_deviations`.
 
     Raises
@@ -152,26 +68,26 @@ def surface_of(
 
     Notes
     -----
-    The variance of a height is the scatter of the returns within cells, less what the slope and
-    different errors of the passes add, pooled over 5 x 5 cells and divided by the count; plus the
-    variance of the pose, which is the same for all returns of a pass; plus that of its horizontal
-    position times the square of the slope. Least and greatest heights get the standard deviation
-    of a single return; those of medians and percentiles are for normal errors.
+    The variance of a height is the scatter of the returns within cells, less the parts of the slope
+    and of differences between passes, pooled over 5 x 5 cells and divided by the count; plus the
+    variance of the pose, whose error is common to all returns of a pass; plus that of its
+    horizontal position times the square of the slope. Minimum and maximum have the standard
+    deviation of a single return; those of medians and percentiles hold for normal errors.
     """
-    if options.share is not None and again is None:
-        message = f"{options.statistic} needs another look at the data: again must be given."
+    if options.fraction is not None and add_data is None:
+        message = f"{options.statistic} goes through the data twice: add_data must be given."
         raise ValueError(message)
     missing = [
         name
         for name in ("extremes", "places")
-        if getattr(options.wanted(), name) and not getattr(sums.wanted, name)
+        if getattr(options.kept_sums(), name) and not getattr(sums.wanted, name)
     ]
     if missing:
         message = f"the sums lack {', '.join(missing)}, which {options.statistic} needs."
         raise ValueError(message)
     nodes = NodeValues.empty(sums.grid.shape)
-    finish_rows(sums, options, sums.rows, nodes, again)
-    require_heights(nodes, options, sums.tally)
+    compute_rows(sums, options, sums.rows, nodes, add_data)
+    require_heights(nodes, options, sums.return_totals)
     return sums.grid.surface(
         nodes.height, crs=crs, count=nodes.count, **name_deviations(nodes.sd, sums.datum_sd)
     )
@@ -180,21 +96,21 @@ def surface_of(
 def name_deviations(
     sd: npt.NDArray[np.float32], datum_sd: float | None
 ) -> dict[str, npt.NDArray[np.float32]]:
-    """Standard deviations of heights by the names of what they are relative to.
+    """Variables of a surface for standard deviations, absolute and relative.
 
     Parameters
     ----------
     sd : numpy.ndarray
-        Standard deviations without that of the datum [m].
+        Standard deviations without the uncertainty of the datum [m].
     datum_sd : float or None
-        Standard deviation of the height that all passes have in common [m]: 0 if each pass stands
-        on its own, None if it is not known.
+        Standard deviation of the height error that all passes have in common [m]: 0 if passes are
+        independent, None if it is not known.
 
     Returns
     -------
     dict of numpy.ndarray
-        ``sd``, absolute, if it is known, and ``sd_relative``, relative to the datum of the
-        adjustment or to the points as they are, where that is another one [m].
+        ``sd``, absolute, if it is known; ``sd_relative``, relative to the datum of the adjustment
+        or to the points as given, if it differs from ``sd`` [m].
 
     Examples
     --------
@@ -208,55 +124,55 @@ def name_deviations(
     return {"sd": np.hypot(sd, np.float32(datum_sd)), "sd_relative": sd}
 
 
-def finish_rows(
+def compute_rows(
     sums: CellSums,
     options: GridSettings,
     rows: range,
     nodes: NodeValues,
-    again: Callable[[CellSums], None] | None,
+    add_data: Callable[[CellSums], None] | None,
 ) -> None:
-    """Numbers of some rows from the sums of their cells and of those around them.
+    """Compute the nodes of some rows from the sums of their cells and of those around them.
 
     Parameters
     ----------
     sums : CellSums
-        Sums that hold these rows, and `halo_of` more to either side as far as there are any.
-    options : GridOptions
-        What is taken of them.
+        Sums that hold these rows, and `halo_of` more to either side as far as the grid has them.
+    options : GridSettings
+        Statistic of the heights in a cell.
     rows : range
         The rows.
-    nodes : Nodes
-        Where the numbers are put.
-    again : callable, optional
-        Adds all the data to the sums again; needed for medians and percentiles.
+    nodes : NodeValues
+        Output.
+    add_data : callable, optional
+        Adds all the data to the sums a second time; needed for medians and percentiles.
     """
     sums.total()
     with ThreadPoolExecutor(sums.threads) as pool:
         jobs = [
-            pool.submit(finish_sums, sums, options, start, min(start + ROWS, rows.stop), nodes)
+            pool.submit(compute_nodes, sums, options, start, min(start + ROWS, rows.stop), nodes)
             for start in range(rows.start, rows.stop, ROWS)
         ]
         for job in jobs:
             job.result()
-    if options.share is not None and again is not None:
+    if options.fraction is not None and add_data is not None:
         height = nodes.height[rows.start : rows.stop]
         seen = np.isfinite(height)
-        height[seen] = sums.quantile(options.share, rows, again)[seen]
+        height[seen] = sums.quantile(options.fraction, rows, add_data)[seen]
 
 
-def require_heights(nodes: NodeValues, options: GridSettings, tally: ReturnTotals) -> None:
+def require_heights(nodes: NodeValues, options: GridSettings, return_totals: ReturnTotals) -> None:
     """Raise CoverageError if no node has a height."""
     if any(np.isfinite(row).any() for row in nodes.height):
         return
-    if not (tally.used or tally.outside or tally.too_high):
-        where = f" in {tally.scans} scans" if tally.scans else ""
+    if not (return_totals.used or return_totals.outside or return_totals.too_high):
+        where = f" in {return_totals.scans} scans" if return_totals.scans else ""
         raise CoverageError(
             f"there is no return{where}",
             cure="Look at the ranges (`trueterrain plot`), and at what screening leaves.",
         )
     raise CoverageError(
-        f"no cell has {options.min_count} returns: {tally.used} lie on the grid, "
-        f"{tally.outside} beside it",
+        f"no cell has {options.min_count} returns: {return_totals.used} lie on the grid, "
+        f"{return_totals.outside} outside",
         cure="Choose a coarser spacing, or a grid where the returns are.",
     )
 
@@ -268,25 +184,25 @@ def grid_points(
     *,
     threads: int = 1,
 ) -> xr.Dataset:
-    """Surface from points.
+    """Grid points to a surface.
 
     Parameters
     ----------
     points : xarray.Dataset or iterable of xarray.Dataset
-        Points, or blocks of them; medians and percentiles go through them twice and more.
+        Points, or blocks of them; medians and percentiles go through them at least twice.
     grid : Grid
         The cells.
-    options : GridOptions
-        What is taken of the points in each.
+    options : GridSettings
+        Statistic of the heights in a cell.
     threads : int
         Threads that work at once; the surface does not depend on it.
 
     Returns
     -------
     xarray.Dataset
-        Surface with ``height``, ``count`` and ``sd``, or ``sd_relative`` where the points bring no
-        ``sd``: then their scatter, and their own ``sd_relative``, are all that is known.
-        ``attrs["outside"]`` counts points beside the grid.
+        Surface with ``height``, ``count`` and ``sd``; with ``sd_relative`` instead if the points
+        have no ``sd``, since only their scatter and their ``sd_relative`` are known then.
+        ``attrs["outside"]`` counts points outside the grid.
 
     Raises
     ------
@@ -300,14 +216,14 @@ def grid_points(
     >>> from trueterrain.core.schemas import make_points
     >>> from trueterrain.surface.cells import grid_over
     >>> points = make_points([0.1, 0.2, 0.9, 1.1], [0, 0, 1, 1], [5.0, 5.2, 7.0, 7.2])
-    >>> grid_points(points, grid_over(0, 0, 1, 1, spacing=1.0), GridOptions(level=False)).height
+    >>> grid_points(points, grid_over(0, 0, 1, 1, spacing=1.0), GridSettings(level=False)).height
     <xarray.DataArray 'height' (northing: 2, easting: 2)>...
     array([[5.1, nan],
            [nan, 7.1]])
     ...
     """
-    if options.share is not None and isinstance(points, Iterator):
-        message = f"{options.statistic} needs points that can be gone through twice, e.g. a list."
+    if options.fraction is not None and isinstance(points, Iterator):
+        message = f"{options.statistic} needs points that can be read twice, e.g. a list."
         raise ValueError(message)
     sums: CellSums | None = None
     crs, own = "", None
@@ -315,7 +231,7 @@ def grid_points(
         found = str(block.attrs.get("crs", ""))
         if sums is None:
             own = next((name for name in ("sd", "sd_relative") if name in block), None)
-            sums = CellSums(grid, options.wanted(point_sd=own is not None), threads=threads)
+            sums = CellSums(grid, options.kept_sums(point_sd=own is not None), threads=threads)
             crs = found
         elif found != crs:
             raise SchemaError(
@@ -326,14 +242,14 @@ def grid_points(
     if sums is None:
         raise CoverageError("there are no points to grid")
 
-    def again(these: CellSums) -> None:
+    def add_data(these: CellSums) -> None:
         for block in _point_blocks(points):
             _add_block(these, block, own)
 
     if own != "sd":
         sums.datum_sd = None
-    surface = surface_of(sums, options, crs=crs, again=again)
-    return surface.assign_attrs(outside=sums.tally.outside)
+    surface = surface_of(sums, options, crs=crs, add_data=add_data)
+    return surface.assign_attrs(outside=sums.return_totals.outside)
 
 
 def _point_blocks(points: xr.Dataset | Iterable[xr.Dataset]) -> Iterable[xr.Dataset]:
@@ -363,7 +279,7 @@ def trim_surface(surface: xr.Dataset) -> xr.Dataset:
     >>> from trueterrain.core.schemas import make_surface
     >>> road = make_surface([[np.nan, np.nan], [1, 2], [1, 2]], u=[0, 1, 2], v=[0, 1],
     ...                     easting=[0, 1, 2], northing=[0, 0, 0])
-    >>> trimmed(road).u.values
+    >>> trim_surface(road).u.values
     array([1., 2.])
     """
     seen = np.isfinite(np.asarray(surface["height"]))

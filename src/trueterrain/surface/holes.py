@@ -1,7 +1,7 @@
-"""Holes in a surface: which there are, and small ones filled.
+"""Holes in a surface, and interpolation over small ones.
 
-A hole is a set of nodes without height that touch each other by their sides. It is interior if it
-does not reach the edge of the grid: what is missing there is no hole but ground that was not seen.
+A hole is a set of nodes without height that are neighbours by their sides. It is interior if it
+does not reach the edge of the grid; nodes missing at the edge are ground that was not surveyed.
 """
 
 from collections.abc import Iterator
@@ -18,8 +18,8 @@ from trueterrain.surface import _kernels
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
-_REPORTED = 10  # largest holes that are named
-_TOGETHER = 50_000  # nodes whose heights are found at once, if a hole has no more
+_REPORTED = 10  # of the largest holes that are listed
+_MAX_BATCH = 50_000  # nodes of one system of equations, unless a hole has more
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,29 +39,29 @@ class HoleSettings:
 def fill_holes(
     surface: xr.Dataset, filling: HoleSettings = HoleSettings(), *, in_place: bool = False
 ) -> tuple[xr.Dataset, dict[str, Any]]:
-    """Fill interior holes up to a size, and say which there are.
+    """Fill interior holes up to a size, and report all holes.
 
-    The heights of a hole solve the discrete Laplace equation between the heights around it: a
-    stretched membrane, without new extremes, and exact for planes.
+    The heights of a hole solve the discrete Laplace equation between the heights around it, like a
+    stretched membrane: they have no extremes of their own and are exact for planes.
 
     Parameters
     ----------
     surface : xarray.Dataset
         Surface along a reference line, or map, with equally spaced axes.
-    filling : Filling
+    filling : HoleSettings
         Which holes are filled.
     in_place : bool
-        Fill the holes of `surface` itself, which saves the memory of another one.
+        Fill the holes of `surface` itself, which saves the memory of a copy.
 
     Returns
     -------
     surface : xarray.Dataset
-        ``filled`` marks what was filled now or before; there the count is 0 and the standard
-        deviation NaN.
+        ``filled`` marks the nodes that were filled now or before; their count is 0 and their
+        standard deviation NaN.
     report : dict
         ``filled_nodes`` and ``filled_holes``; ``open_nodes`` and ``open_holes`` of interior holes
-        that were too large, and ``largest``: place of the middle and extent [m] of the largest of
-        them; ``unseen_nodes``: those without height that reach the edge.
+        that were too large, and ``largest``: position of the centre and extent [m] of the largest
+        of them; ``unseen_nodes``: those without height that reach the edge.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def fill_holes(
     >>> from trueterrain.core.schemas import make_surface
     >>> road = make_surface([[0, 1, 2], [0, np.nan, 2], [0, 1, np.nan]], u=[0, 1, 2], v=[0, 1, 2],
     ...                     easting=[0, 1, 2], northing=[0, 0, 0])
-    >>> whole, report = fill_holes(road, Filling(largest=1.0))
+    >>> whole, report = fill_holes(road, HoleSettings(largest=1.0))
     >>> whole.height.values[1], report["filled_nodes"], report["unseen_nodes"]
     (array([0., 1., 2.]), 1, 1)
     """
@@ -88,14 +88,14 @@ def fill_holes(
     extent = (holes.high - holes.low) * spacing
     small = interior & (extent.max(axis=1) <= filling.largest + 1e-9)
     large = np.flatnonzero(interior & ~small)
-    middle = np.stack(
+    centre = np.stack(
         [
             0.5 * (axis[holes.low[large, k]] + axis[holes.high[large, k] - 1])
             for k, axis in enumerate(axes)
         ],
         axis=1,
     )
-    order = np.lexsort([*middle.T[::-1], -extent[large].max(axis=1)])[:_REPORTED]
+    order = np.lexsort([*centre.T[::-1], -extent[large].max(axis=1)])[:_REPORTED]
     report = {
         "filled_nodes": int(holes.nodes[small].sum()),
         "filled_holes": int(small.sum()),
@@ -104,7 +104,7 @@ def fill_holes(
         "unseen_nodes": int(holes.nodes[~interior].sum()),
         "largest": [
             {str(dims[0]): a, str(dims[1]): b, "extent": extent[large[k]].tolist()}
-            for k, (a, b) in zip(order, middle[order].tolist(), strict=True)
+            for k, (a, b) in zip(order, centre[order].tolist(), strict=True)
         ],
     }
     return _fill_small_holes(surface, holes, small, spacing, in_place=in_place), report
@@ -112,10 +112,10 @@ def fill_holes(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Holes:
-    """Sets of nodes without height that touch each other."""
+    """Sets of nodes without height that are neighbours."""
 
     runs: npt.NDArray[np.int32]
-    "Row, and begin and end along it, of nodes side by side, in their order, shape (run, 3)."
+    "Row, first and one past the last column of consecutive nodes, shape (run, 3)."
 
     hole: npt.NDArray[np.int32]
     "Hole that a run belongs to, shape (run,)."
@@ -124,20 +124,20 @@ class _Holes:
     "First node along both axes, shape (hole, 2)."
 
     high: Integers
-    "Node behind the last one along both axes, shape (hole, 2)."
+    "One past the last node along both axes, shape (hole, 2)."
 
     nodes: Integers
     "Nodes, shape (hole,)."
 
-    turned: bool
-    "Whether the runs go along the first axis, and the axes are exchanged in `runs`."
+    transposed: bool
+    "Whether runs go along the first axis, so that the axes are exchanged in `runs`."
 
     def nodes_of(self, wanted: npt.NDArray[np.bool_]) -> Iterator[tuple[Integers, Integers]]:
-        """Nodes of some holes along both axes, those of a hole never apart, not many at a time."""
+        """Nodes of some holes along both axes, in batches of whole holes."""
         runs = np.flatnonzero(wanted[self.hole])
         runs = runs[np.argsort(self.hole[runs], kind="stable")]
         ends = np.cumsum(self.nodes[wanted])
-        cuts = np.flatnonzero(np.diff(ends // _TOGETHER, prepend=0))
+        cuts = np.flatnonzero(np.diff(ends // _MAX_BATCH, prepend=0))
         starts = np.searchsorted(self.hole[runs], np.flatnonzero(wanted)[cuts])
         for some in np.split(runs, starts):
             row, begin, end = self.runs[some].T.astype(np.int64)
@@ -146,21 +146,21 @@ class _Holes:
             column = np.arange(length.sum()) + np.repeat(begin - before, length)
             row = np.repeat(row, length)
             if row.size:
-                yield (column, row) if self.turned else (row, column)
+                yield (column, row) if self.transposed else (row, column)
 
 
 def _find_holes(height: Floats) -> _Holes:
-    """All sets of nodes without height; runs along the axis that lies together in memory."""
-    turned = abs(height.strides[0]) < abs(height.strides[1])
-    cells = height.T if turned else height
+    """All sets of nodes without height; runs go along the axis that is contiguous in memory."""
+    transposed = abs(height.strides[0]) < abs(height.strides[1])
+    cells = height.T if transposed else height
     runs = _kernels.missing_runs(cells)
     hole, count = _kernels.connect_runs(runs)
     low, high = np.full((count, 2), max(height.shape)), np.zeros((count, 2), np.int64)
     nodes = np.zeros(count, np.int64)
     _kernels.measure_holes(runs, hole, low, high, nodes)
-    if turned:
+    if transposed:
         low, high = low[:, ::-1], high[:, ::-1]
-    return _Holes(runs=runs, hole=hole, low=low, high=high, nodes=nodes, turned=turned)
+    return _Holes(runs=runs, hole=hole, low=low, high=high, nodes=nodes, transposed=transposed)
 
 
 def _fill_small_holes(
@@ -202,6 +202,7 @@ def _solve_membrane(height: Floats, node: tuple[Integers, Integers], spacing: Fl
     from scipy.sparse import coo_array
     from scipy.sparse.linalg import spsolve
 
+    # five-point stencil: sum of (neighbour - node) / step² = 0; known neighbours go to the right
     count = node[0].size
     place = np.ravel_multi_index(node, height.shape)
     order = np.argsort(place)
@@ -209,16 +210,16 @@ def _solve_membrane(height: Floats, node: tuple[Integers, Integers], spacing: Fl
     diagonal, constant = np.zeros(count), np.zeros(count)
     for axis, step in enumerate(spacing):
         for by in (-1, 1):
-            beside = tuple(at + (by if k == axis else 0) for k, at in enumerate(node))
+            neighbour = tuple(at + (by if k == axis else 0) for k, at in enumerate(node))
             weight = 1 / step**2
-            there = np.ravel_multi_index(beside, height.shape)
+            there = np.ravel_multi_index(neighbour, height.shape)
             found = order[np.searchsorted(place, there, sorter=order).clip(max=count - 1)]
             is_hole = place[found] == there
             diagonal -= weight
             rows.append(np.flatnonzero(is_hole))
             columns.append(found[is_hole])
             weights.append(np.full(int(is_hole.sum()), weight))
-            constant -= np.where(is_hole, 0.0, weight * height[beside])
+            constant -= np.where(is_hole, 0.0, weight * height[neighbour])
     entries = (
         np.concatenate([diagonal, *weights]),
         (np.concatenate(rows), np.concatenate(columns)),

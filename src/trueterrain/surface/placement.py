@@ -1,35 +1,37 @@
-"""Where the nodes of a surface shall be: along the way of a run, a line, a path, over a map."""
+"""Placement of grids: along the trajectory of a run, a line or a path, or over a map."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from trueterrain.core.errors import CoverageError
+from trueterrain.formats.run import Mounting, open_run
+from trueterrain.formats.table import read_waypoints
 from trueterrain.geometry.reference_line import (
     ReferenceLine,
     line_from_trajectory,
     line_through,
     straight_line,
 )
-from trueterrain.surface._self_overlap import find_self_overlap
+from trueterrain.georeference import mounting_of
 from trueterrain.surface.cells import Grid, grid_along, grid_over
+from trueterrain.surface.pass_record import PassRecord
 
-if TYPE_CHECKING:
-    from trueterrain.formats.run import Mounting
-    from trueterrain.surface.runs import PassRecord
-
+Floats = npt.NDArray[np.float64]
 Four = tuple[float, float, float, float]
 
-_MOST_SMOOTHING = 1000.0  # [m] beyond, a line keeps nothing of a road
+_MAX_SMOOTHING = 1000.0  # [m] above, the line would not follow the road
+_STEPS = 8  # per width at which the grid is checked
+_TOUCH = 0.02  # fraction of the width by which parts may overlap: ends that meet, chords of bends
 
 
 @dataclass(frozen=True, kw_only=True)
 class GridPlacement:
-    """Where the nodes of a surface shall be."""
+    """Settings of the nodes of a surface: spacing, width, and the line or map that they follow."""
 
     spacing: float = 0.01
     "Distance between nodes [m], along a line a multiple of 0.001."
@@ -38,8 +40,8 @@ class GridPlacement:
     "Distance between nodes across the line, or along northing [m]; by default the same."
 
     right: float = -2.0
-    """Offset of the outermost nodes to the right of a line, left positive [m]; of several runs, to
-    the right of them all."""
+    """Offset of the outermost nodes to the right of a line, left positive [m]; with several runs,
+    from the rightmost of them."""
 
     left: float = 2.0
     "Offset of the outermost nodes to the left [m]."
@@ -51,36 +53,36 @@ class GridPlacement:
     "CSV file of waypoints to grid along, with the columns easting and northing [m]."
 
     bounds: Four | None = None
-    "Map to grid over: smallest easting and northing, largest easting and northing [m]."
+    "Map to grid over: min easting and northing, max easting and northing [m]."
 
     smoothing: float = 1.0
-    "Standard deviation of the Gaussian by which a way or a path is smoothed [m]."
+    "Standard deviation of the Gaussian that smooths a trajectory or a path [m]."
 
     lap: bool = False
-    """Whether a way that comes back over itself is cut before it does, so that the ground of all
-    laps is that of the first; sensible if passes are brought into agreement."""
+    """Whether a trajectory that comes back over its own ground is cut there, so that all laps are
+    gridded on the first; for passes that are brought into agreement."""
 
     as_map: bool = False
-    "Whether runs are gridded over a map instead of along the way of the first."
+    "Whether runs are gridded over a map instead of along the trajectory of the first."
 
     def __post_init__(self) -> None:
-        """Check that no two places are named."""
+        """Check that at most one of line, path and bounds is given."""
         if sum(given is not None for given in (self.line, self.path, self.bounds)) > 1:
             message = "only one of line, path and bounds may be given."
             raise ValueError(message)
         if self.as_map and (self.line or self.path):
             message = "line and path make a surface along a line, not a map: write .crg or .zarr."
             raise ValueError(message)
-        if not 0 <= self.smoothing <= _MOST_SMOOTHING:
-            message = f"smoothing must be from 0 to {_MOST_SMOOTHING:g} m, got {self.smoothing}."
+        if not 0 <= self.smoothing <= _MAX_SMOOTHING:
+            message = f"smoothing must be from 0 to {_MAX_SMOOTHING:g} m, got {self.smoothing}."
             raise ValueError(message)
 
-    def of_runs(self, passes: "Sequence[PassRecord]") -> Grid:
-        """Grid for runs: along the way of the first, unless something else is asked for.
+    def of_runs(self, passes: Sequence[PassRecord]) -> Grid:
+        """Grid for runs: along the trajectory of the first, unless the settings say otherwise.
 
         Parameters
         ----------
-        passes : sequence of Pass
+        passes : sequence of PassRecord
             Runs with their motion.
 
         Returns
@@ -91,7 +93,7 @@ class GridPlacement:
         Raises
         ------
         ValueError
-            If numbers make no sense.
+            If spacing, width or bounds are invalid.
         CoverageError
             If the body does not move far enough, or turns too sharply.
         """
@@ -114,11 +116,11 @@ class GridPlacement:
             begin=begin,
             end=end,
         )
-        beside = [_lateral_extent(line, _scanner_positions(one)) for one in passes[1:]]
-        right = self.right + min((low for low, _ in beside), default=0.0)
-        left = self.left + max((high for _, high in beside), default=0.0)
+        offsets = [_lateral_extent(line, _scanner_positions(one)) for one in passes[1:]]
+        right = self.right + min((low for low, _ in offsets), default=0.0)
+        left = self.left + max((high for _, high in offsets), default=0.0)
         grid = grid_along(line, right=right, left=left, spacing=self.across)
-        met = find_self_overlap(grid)
+        met = _find_self_overlap(grid)
         if met is not None and self.lap:
             whole = int(np.searchsorted(line.u, met[1])) - 1
             lap = ReferenceLine(
@@ -132,14 +134,14 @@ class GridPlacement:
             raise CoverageError(
                 _self_overlap_text(grid, met),
                 path=first.path,
-                place="way of the run",
+                place="trajectory of the run",
                 cure=f"Take one lap: end {_time_at(first, met[1] / line.u[-1]):.1f} s (and begin); "
                 "or name the stretch with line or path, or a map with bounds.",
             )
         return grid
 
     def of_points(self, extents: Sequence[Four]) -> Grid:
-        """Grid for points: over the map that they cover, unless something else is asked for.
+        """Grid for points: over the map that they cover, unless the settings say otherwise.
 
         Parameters
         ----------
@@ -154,7 +156,7 @@ class GridPlacement:
         Raises
         ------
         ValueError
-            If numbers make no sense.
+            If spacing, width or bounds are invalid.
         """
         return self._given() or self._over(extents)
 
@@ -164,8 +166,6 @@ class GridPlacement:
         if self.line is not None:
             return self._along(straight_line(self.line[:2], self.line[2:], spacing=self.spacing))
         if self.path is not None:
-            from trueterrain.formats.table import read_waypoints
-
             line = line_through(
                 *read_waypoints(Path(self.path)),
                 spacing=self.spacing,
@@ -173,7 +173,7 @@ class GridPlacement:
                 half_width=max(-self.right, self.left, 0.0),
             )
             grid = self._along(line)
-            met = find_self_overlap(grid)
+            met = _find_self_overlap(grid)
             if met is not None:
                 raise CoverageError(
                     _self_overlap_text(grid, met),
@@ -203,61 +203,102 @@ def _self_overlap_text(grid: Grid, met: tuple[float, float]) -> str:
     )
 
 
-def _time_at(one: "PassRecord", share: float) -> float:
-    """Time before which a share of the way is gone, down to a tenth of a second."""
-    way = _scanner_positions(one)
-    gone = np.append(0.0, np.cumsum(np.hypot(*np.diff(way[:, :2], axis=0).T)))
-    at = np.interp(share * gone[-1], gone, _motion_times(one))
+def _find_self_overlap(grid: Grid) -> tuple[float, float] | None:
+    """Stations of the first overlap of a grid along a line with an earlier part of itself.
+
+    The same ground would be in two parts of the grid, and each return in one of them only.
+
+    A bend does not overlap itself, since `grid_along` demands a radius greater than the half width;
+    so only parts further apart than half a circle of that radius are compared.
+    """
+    from scipy.spatial import KDTree
+
+    frame, width = grid.frame, float(grid.v[-1] - grid.v[0])
+    every = max(1, int(width / (_STEPS * grid.spacing[0])))
+    rows = np.unique(np.append(np.arange(1, frame.u.size - 2, every), frame.u.size - 2))
+    # both ends of the cross-sections, and the quadrangles between them, shape (n, corner, axis)
+    ends = np.stack(
+        [
+            frame.origin_easting[rows, None] + grid.v[[0, -1]] * frame.normal_easting[rows, None],
+            frame.origin_northing[rows, None] + grid.v[[0, -1]] * frame.normal_northing[rows, None],
+        ],
+        axis=-1,
+    )
+    parts = np.concatenate([ends[:-1], ends[1:, ::-1]], axis=1)
+    station = frame.u[rows]
+    size = np.linalg.norm(parts[:, [0, 1]] - parts[:, [2, 3]], axis=-1).max(initial=0.0)
+    pairs = KDTree(parts.mean(axis=1)).query_pairs(size, output_type="ndarray")
+    pairs = pairs[station[pairs[:, 1]] - station[pairs[:, 0]] > 0.5 * np.pi * width]
+    met = pairs[_overlap_depth(parts[pairs[:, 0]], parts[pairs[:, 1]]) > _TOUCH * width]
+    if not met.size:
+        return None
+    first, second = met[np.lexsort(met.T)[0]]
+    return float(station[first]), float(station[second])
+
+
+def _overlap_depth(a: Floats, b: Floats) -> Floats:
+    """Penetration depth of convex quadrangles, shape (n,) [m]; not positive if they are apart.
+
+    Separating axis theorem: they are apart if their projections on the normal of a side are.
+    """
+    sides = np.concatenate([np.roll(one, -1, axis=1) - one for one in (a, b)], axis=1)
+    across = np.stack([-sides[..., 1], sides[..., 0]], axis=-1)
+    across /= np.linalg.norm(across, axis=-1, keepdims=True)
+    on_a, on_b = (np.einsum("nsk,nck->nsc", across, one) for one in (a, b))
+    reach = np.minimum(on_a.max(-1), on_b.max(-1)) - np.maximum(on_a.min(-1), on_b.min(-1))
+    return np.asarray(reach.min(axis=1, initial=np.inf))
+
+
+def _time_at(record: PassRecord, fraction: float) -> float:
+    """Time at which a fraction of the distance is driven, rounded down to 0.1 s."""
+    positions = _scanner_positions(record)
+    driven = np.append(0.0, np.cumsum(np.hypot(*np.diff(positions[:, :2], axis=0).T)))
+    at = np.interp(fraction * driven[-1], driven, _motion_times(record))
     return float(np.floor(10 * at) / 10)
 
 
-def _pass_mounting(one: "PassRecord") -> "Mounting":
-    from trueterrain.formats.run import open_run
-    from trueterrain.georeference import mounting_of
-
-    return one.mounting or mounting_of(open_run(one.path), path=one.path)
+def _pass_mounting(record: PassRecord) -> Mounting:
+    return record.mounting or mounting_of(open_run(record.path), path=record.path)
 
 
-def _scan_time_span(one: "PassRecord") -> tuple[float, float]:
+def _scan_time_span(record: PassRecord) -> tuple[float, float]:
     """True times of the first and the last scan that the motion covers."""
-    from trueterrain.formats.run import open_run
-
-    stamps = np.asarray(open_run(one.path)["scans"]["time"], dtype=np.float64)
-    clock = _pass_mounting(one).scanner_clock
+    stamps = np.asarray(open_run(record.path)["scans"]["time"], dtype=np.float64)
+    clock = _pass_mounting(record).scanner_clock
     begin, end = (float(at) + clock for at in (np.nanmin(stamps), np.nanmax(stamps)))
-    knots = one.trajectory.time
+    knots = record.trajectory.time
     return max(begin, float(knots[0])), min(end, float(knots[-1]))
 
 
-def _motion_times(one: "PassRecord") -> npt.NDArray[Any]:
+def _motion_times(record: PassRecord) -> npt.NDArray[Any]:
     """Times of the motion while there are scans, shape (n,) [s]."""
-    begin, end = _scan_time_span(one)
-    time = one.trajectory.time
+    begin, end = _scan_time_span(record)
+    time = record.trajectory.time
     return time[(time >= begin) & (time <= end)]
 
 
-def _scanner_positions(one: "PassRecord") -> npt.NDArray[Any]:
-    """Where the scanner is while it scans, shape (n, 3) [m]."""
-    poses = one.trajectory.at(_motion_times(one))
-    lever = np.array(_pass_mounting(one).scanner_position)
+def _scanner_positions(record: PassRecord) -> npt.NDArray[Any]:
+    """Positions of the scanner while it scans, shape (n, 3) [m]."""
+    poses = record.trajectory.at(_motion_times(record))
+    lever = np.array(_pass_mounting(record).scanner_position)
     return np.asarray(poses.position + poses.rotation.apply(lever))
 
 
-def _lateral_extent(line: ReferenceLine, way: npt.NDArray[Any]) -> tuple[float, float]:
-    """How far a way runs to the right and to the left of a line, at least 0 m."""
+def _lateral_extent(line: ReferenceLine, positions: npt.NDArray[Any]) -> tuple[float, float]:
+    """Largest offsets of positions to the right and to the left of a line, at least 0 m."""
     from scipy.spatial import KDTree
 
     nodes = np.stack([line.easting, line.northing], axis=1)
     chord = np.diff(nodes, axis=0)
-    ahead = np.concatenate([chord, chord[-1:]]) / line.spacing
-    away, nearest = KDTree(nodes).query(way[:, :2])
-    apart = way[:, :2] - nodes[nearest]
-    # what lies before the line or behind it is not beside it
+    along = np.concatenate([chord, chord[-1:]]) / line.spacing
+    away, nearest = KDTree(nodes).query(positions[:, :2])
+    offset = positions[:, :2] - nodes[nearest]
+    # positions before the start or beyond the end of the line have no offset
     inside = (nearest > 0) & (nearest < len(nodes) - 1) & np.isfinite(away)
-    v = (ahead[nearest, 0] * apart[:, 1] - ahead[nearest, 1] * apart[:, 0])[inside]
+    v = (along[nearest, 0] * offset[:, 1] - along[nearest, 1] * offset[:, 0])[inside]
     return float(v.min(initial=0.0)), float(v.max(initial=0.0))
 
 
-def _bounding_box(way: npt.NDArray[Any]) -> Four:
-    low, high = way.min(axis=0), way.max(axis=0)
+def _bounding_box(positions: npt.NDArray[Any]) -> Four:
+    low, high = positions.min(axis=0), positions.max(axis=0)
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])

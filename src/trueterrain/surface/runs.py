@@ -1,7 +1,7 @@
-"""From recorded runs to a surface, without points in between."""
+"""Gridding of recorded runs, straight from ranges without points in between."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -10,35 +10,24 @@ import xarray as xr
 from trueterrain.core import provenance
 from trueterrain.core.errors import SchemaError
 from trueterrain.core.progress import Progress, no_progress
-from trueterrain.formats.run import Mounting, open_run
+from trueterrain.formats.run import open_run
 from trueterrain.georeference import Screening
-from trueterrain.motion.trajectory import Trajectory
-from trueterrain.surface._finish import NodeValues, halo_of
+from trueterrain.surface._nodes import NodeValues, halo_of
 from trueterrain.surface._recordings import Recording, origin_of, read_ahead
 from trueterrain.surface._windows import WindowPlan, plan_windows
 from trueterrain.surface.accumulate import CellSums
 from trueterrain.surface.cells import Grid
-from trueterrain.surface.grid import GridSettings, finish_rows, name_deviations, require_heights
+from trueterrain.surface.grid import compute_rows, name_deviations, require_heights
+from trueterrain.surface.pass_record import PassRecord
+from trueterrain.surface.settings import GridSettings
 
-#: Scans in a block, unless told otherwise: whole chunks of a store.
+__all__ = ["BLOCK", "MEMORY", "PassRecord", "grid_runs", "require_one_frame"]
+
+#: Default number of scans in a block: whole chunks of a store.
 BLOCK = 4000
 
-#: Memory for sums, unless told otherwise [bytes].
+#: Default memory for sums [bytes].
 MEMORY = 256 << 20
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PassRecord:
-    """A run and its motion."""
-
-    path: Path
-    "Store of the run, NAME.zarr."
-
-    trajectory: Trajectory
-    "Motion of the body."
-
-    mounting: Mounting | None = None
-    "Where the scanner sits, and its clock; by default what the run says."
 
 
 def grid_runs(
@@ -52,33 +41,36 @@ def grid_runs(
     memory: int = MEMORY,
     progress: Progress = no_progress,
 ) -> tuple[xr.Dataset, dict[str, Any]]:
-    """Surface from recorded runs.
+    """Grid recorded runs to a surface.
+
+    `trueterrain.survey.build_surface` also fills holes; use this one for the gridding alone.
 
     Parameters
     ----------
-    passes : sequence of Pass
-        Runs with their motion; its errors are independent, unless `options` say that they agree.
+    passes : sequence of PassRecord
+        Runs with their motion, whose errors are independent unless `options.agreed` is set.
     grid : Grid
         The cells, in the local frame of the runs.
-    options : GridOptions
-        What is taken of the returns in each.
+    options : GridSettings
+        Statistic of the heights in a cell.
     screening : Screening
-        Which returns are flagged, and what becomes of them.
+        Which returns are flagged, and whether they are kept.
     threads : int
         Threads that work at once; the surface does not depend on it.
     block : int
         Scans that are read at once; the surface does not depend on it.
     memory : int
-        For sums over the returns in cells [bytes]; a long grid is worked window by window, so that
-        they take no more, unless its scans reach far along it. The surface does not depend on it.
+        Memory for sums over the returns in cells [bytes]; a long grid is computed window by
+        window, so that they take no more unless scans reach far along it. The surface does not
+        depend on it.
     progress : callable, optional
         Called with the name of the run, and the scans done and to do.
 
     Returns
     -------
     surface : xarray.Dataset
-        With ``height``, ``count`` and ``sd``; of passes in agreement ``sd_relative`` too, which
-        leaves out the datum that they share, see `name_deviations`.
+        With ``height``, ``count`` and ``sd``; for aligned passes also ``sd_relative``, which leaves
+        out the uncertainty of their common datum, see `name_deviations`.
     report : dict
         How many returns were ``used``, ``flagged``, ``outside`` of the grid or ``too_high``, and
         how many ``scans`` there were, ``scans_uncovered`` by the motion and ``bridged``.
@@ -102,7 +94,7 @@ def grid_runs(
         raise ValueError(message)
     recordings = [Recording(one, with_intensity=screening.needs_intensity) for one in passes]
     _require_same([one.path for one in recordings], [one.origin for one in recordings])
-    wanted = options.wanted()
+    wanted = options.kept_sums()
     plan = plan_windows(
         grid,
         recordings,
@@ -112,24 +104,24 @@ def grid_runs(
         threads=threads,
         furthest=screening.furthest,
     )
-    nodes, tally = NodeValues.empty(grid.shape), plan.tally
+    nodes, return_totals = NodeValues.empty(grid.shape), plan.return_totals
     sums = CellSums(grid, wanted, threads=threads, rows=slice(plan.rows), poses=plan.poses)
 
-    def work(window: range) -> None:
+    def grid_window(window: range) -> None:
         sums.move(plan.first(window))
 
         def add(those: CellSums) -> None:
             _add_scans(those, recordings, plan, window, screening, block, progress)
 
         add(sums)
-        tally.add(sums.tally)
-        finish_rows(sums, options, window, nodes, again=add)
+        return_totals.add(sums.return_totals)
+        compute_rows(sums, options, window, nodes, add_data=add)
 
     for window in plan.windows:
-        work(window)
+        grid_window(window)
     for window in plan.missed:
-        work(window)
-    require_heights(nodes, options, tally)
+        grid_window(window)
+    require_heights(nodes, options, return_totals)
     surface = provenance.add_step(
         grid.surface(
             nodes.height, crs="", count=nodes.count, **name_deviations(nodes.sd, sums.datum_sd)
@@ -142,11 +134,11 @@ def grid_runs(
             "spacing": grid.spacing,
         },
     )
-    return surface, asdict(tally)
+    return surface, asdict(return_totals)
 
 
 def require_one_frame(paths: Sequence[Path]) -> tuple[float, ...]:
-    """Origin of the local frame that all runs share.
+    """Origin of the local frame that all runs have in common.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a surface amounts to, in numbers that JSON takes."""
+"""Summary of a surface, in numbers that JSON takes."""
 
 from typing import Any
 
@@ -20,14 +20,14 @@ def summarise_surface(surface: xr.Dataset) -> dict[str, Any]:
     dict
         ``size`` and ``spacing`` [m] by dimension; ``nodes`` with height; ``count`` of returns:
         ``median`` and ``most``; ``sd`` and ``sd_relative`` [m]: ``median``, ``p95`` and
-        ``largest``, None where it is not known.
+        ``largest``, None where unknown.
 
     Examples
     --------
     >>> from trueterrain.core.schemas import make_surface
     >>> road = make_surface([[0, 1], [2, np.nan]], easting=[0, 1], northing=[0, 1],
     ...                     count=[[4, 6], [8, 0]], sd=[[0.1, 0.2, ], [0.3, np.nan]])
-    >>> summarise(road)["nodes"], summarise(road)["sd"]["median"]
+    >>> summarise_surface(road)["nodes"], summarise_surface(road)["sd"]["median"]
     (3, 0.2)
     """
     dims = [str(dim) for dim in surface["height"].dims]

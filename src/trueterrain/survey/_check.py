@@ -1,4 +1,4 @@
-"""Whether passes agree, without correcting them: one page."""
+"""Check of the agreement of passes, without correcting them: one page."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -17,25 +17,25 @@ from trueterrain.survey._report_parts import parse_columns, to_millimetres
 def check_agreement(
     cells: Sequence[PassCells], *, limit: float, size: float, problems: Sequence[str] = ()
 ) -> dict[str, Any]:
-    """Differences of passes where they overlap, and whether they keep a limit.
+    """Differences of passes where they overlap, compared with a limit.
 
     Parameters
     ----------
-    cells : sequence of LaneCells
-        What each pass saw.
+    cells : sequence of PassCells
+        Cells of each pass.
     limit : float
-        Difference of height that 95 % of the cells may have [m].
+        Difference of height that 95 % of the cells must not exceed [m].
     size : float
         Size of the cells [m].
     problems : sequence of str
-        What is known before, in words, such as passes that were left out.
+        Problems found before, in words, such as passes that were left out.
 
     Returns
     -------
     dict
         ``agree``, ``limit`` [m], ``pairs`` with ``n``, ``median``, ``nmad``, ``rmse``, ``p95`` [m]
         and ``agree``; ``seams`` [m]; ``alone``: passes without ground in common with another;
-        ``problems``: passes and seams that were left out, and what else is flagged, in words.
+        ``problems``: passes and seams that were left out and other flags, in words.
 
     Raises
     ------
@@ -73,14 +73,14 @@ def check_agreement(
 
 
 def check_report(found: dict[str, Any], *, title: str) -> Report:
-    """One page that says whether passes agree.
+    """One page on the agreement of passes.
 
     Parameters
     ----------
     found : dict
         As by `check_agreement`.
     title : str
-        What was checked.
+        Title of the page.
 
     Returns
     -------
@@ -104,7 +104,7 @@ def check_report(found: dict[str, Any], *, title: str) -> Report:
             ],
             verdicts=verdicts,
             caption=f"Differences of height in the cells that both passes saw. They agree if 95 % "
-            f"of them keep within {limit:g} mm.",
+            f"of them are within {limit:g} mm.",
         )
     ]
     if found["seams"]:

@@ -20,7 +20,17 @@ from trueterrain.core import no_progress, provenance, whole_folder
 from trueterrain.core.json_values import json_values
 from trueterrain.core.progress import Progress
 from trueterrain.formats import PointFilter
-from trueterrain.report import File, Files, Picture, Report, Section, SurfaceView, Table, Warnings
+from trueterrain.report import (
+    File,
+    Files,
+    Picture,
+    Report,
+    Section,
+    SurfaceView,
+    Table,
+    Warnings,
+    write_report,
+)
 from trueterrain.surface.grid import GridSettings, trim_surface
 from trueterrain.surface.placement import GridPlacement
 from trueterrain.surface.summary import summarise_surface
@@ -53,17 +63,17 @@ def merge_point_clouds(
     files : sequence of str or Path
         Points: each file is a pass, or one file is split by its point source ids.
     folder : str or Path
-        Where the files shall be.
+        Folder for the files.
     settings : MergeSettings
-        How.
+        Method and parameters of the adjustment.
     split : bool, optional
-        Whether point source ids tell passes apart; by default where there is one file.
+        Whether each point source ID is a pass; by default if there is one file.
     crs : str, optional
         Coordinate reference system, if files name none or a wrong one.
     only : PointFilter, optional
-        Which points are taken; by default all.
+        Which points are used; by default all.
     cell : float, optional
-        Size of the cells in which passes are compared [m]; by default what the density allows.
+        Size of the cells in which passes are compared [m]; by default by the density of the points.
     spacing : float, optional
         Spacing of the surface [m]; by default that of the cells.
     force : bool
@@ -89,8 +99,6 @@ def merge_point_clouds(
     OutputError
         If the folder is not empty and `force` is false, or as by `whole_folder`.
     """
-    from trueterrain.report import write_report
-
     lanes = cloud_lanes(files, split=split, crs=crs, only=only, progress=progress)
     settings = with_cells(settings, cell or suggested_cell(lanes))
     others = [path for path in (settings.path, settings.control) if path]
@@ -167,9 +175,9 @@ def _merge_report(
                 ),
             )
         ],
-        caption="The merged surface. The relative standard deviation holds the scatter of the "
-        "points and what the corrections leave; the absolute one also holds the height error that "
-        "all passes share, and is empty where nothing is known of that.",
+        caption="The merged surface. The relative standard deviation includes the scatter of the "
+        "points and the uncertainty of the corrections; the absolute one also includes the height "
+        "error common to all passes, and is empty if that is unknown.",
     )
     inputs = Table(
         columns=parse_columns("Pass; Points; Area [m²] .0; Points per m² .1"),
@@ -192,7 +200,7 @@ def _merge_report(
             *(flagged if merging.problems else []),
             merge_section(merging, pictures),
             Section(title="The ground", blocks=[ground, view, flat]),
-            Section(title="What went in", blocks=[inputs]),
+            Section(title="Input", blocks=[inputs]),
             Section(title="Files", blocks=[Files(files=listed)]),
         ),
         provenance={_SURFACE: provenance.provenance_steps(view.surface)},

@@ -1,4 +1,4 @@
-"""The pictures of a survey: drawn while the data are there, kept for the report."""
+"""Figures of a survey: drawn while the data are in memory, kept for the report."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -14,16 +14,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from trueterrain.alignment.merge import MergeResult
-    from trueterrain.survey._lane import SurfaceResult, SurveyRun
+    from trueterrain.survey._products import SurfaceResult
+    from trueterrain.survey.runs import ProcessedRun
 
-_MOST = 0.99  # share of the cells whose differences before a common colour scale shows
+_COVERED = 0.99  # fraction of the differences before alignment that the colours cover
 _SHOWN = 3  # profiles in one picture
-_PART = 6.0  # [m] of a lane that is drawn node by node
+_PART = 6.0  # [m] of a surface that is drawn node by node
 
 
 @dataclass(eq=False)
 class Pictures:
-    """Figures by lane and kind; each is written as PNG, too, if there is a folder."""
+    """Figures by surface and kind; also written as PNG if there is a folder."""
 
     folder: Path | None
     "Where they are written."
@@ -49,7 +50,7 @@ class Pictures:
         profiles : dict of xarray.Dataset
             Its profiles by name.
         """
-        self.parts[lane] = _middle_part(surface)
+        self.parts[lane] = _central_part(surface)
         self._keep(lane, "part", figures.surface_map(self.parts[lane]), "part of the surface")
         if profiles:
             some = dict(list(profiles.items())[:_SHOWN])
@@ -60,8 +61,8 @@ class Pictures:
 
         Parameters
         ----------
-        lane : Lane
-            The lane.
+        lane : SurfaceResult
+            The surface.
         """
         self.of_surface(lane.name, lane.coarse)
 
@@ -77,45 +78,47 @@ class Pictures:
         """
         self._keep(lane, "surface", figures.surface_map(surface), "surface")
 
-    def of_motion(self, run: "SurveyRun") -> None:
+    def of_motion(self, run: "ProcessedRun") -> None:
         """Draw how the body moved.
 
         Parameters
         ----------
-        run : Run
+        run : ProcessedRun
             The run.
         """
-        t = run.taken.trajectory
+        t = run.record.trajectory
         _, pitch, roll = np.unwrap(t.at(t.time).rotation.as_euler("ZYX"), axis=0).T
         motion = {"time": t.time, "up": t.position[:, 2], "pitch": pitch, "roll": roll}
         self._keep(run.name, "motion", figures.body_motion(motion), "motion of the body")
 
-    def of_merging(self, merging: "MergeResult", runs: "Sequence[SurveyRun]", cell: float) -> None:
+    def of_merging(
+        self, merging: "MergeResult", runs: "Sequence[ProcessedRun]", cell: float
+    ) -> None:
         """Draw how passes were brought into agreement.
 
         Parameters
         ----------
-        merging : Merging
-            What was found.
-        runs : sequence of Run
+        merging : MergeResult
+            The alignment.
+        runs : sequence of ProcessedRun
             The runs as they were before.
         cell : float
             Size of the cells in which they were compared [m].
         """
         found, vectors = merging.adjustment, merging.alignment
         if found is not None:
-            claimed = {
+            reported_sd = {
                 run.name: (
-                    run.taken.trajectory.time,
-                    np.sqrt(run.taken.trajectory.covariance[:, 2, 2]),
+                    run.record.trajectory.time,
+                    np.sqrt(run.record.trajectory.covariance[:, 2, 2]),
                 )
                 for run in runs
             }
             self._merge(
                 "correction",
-                figures.lane_correction(found.corrections, navigation_sd=claimed or None),
+                figures.lane_correction(found.corrections, navigation_sd=reported_sd or None),
             )
-            largest = float(np.nanquantile(found.ground.before, _MOST))
+            largest = float(np.nanquantile(found.ground.before, _COVERED))
             for when in ("before", "after"):
                 self._merge(
                     when,
@@ -129,8 +132,8 @@ class Pictures:
             pair = vectors.pairs[0]
             self._merge("vectors", figures.discontinuity_vectors(pair))
             stations = pair.discontinuity.station[~pair.discontinuity.gap]
-            middle = float(stations[stations.size // 2])
-            self._merge("histograms", figures.lane_histograms(pair.discontinuity, station=middle))
+            centre = float(stations[stations.size // 2])
+            self._merge("histograms", figures.lane_histograms(pair.discontinuity, station=centre))
         for number, seam in enumerate(merging.seams, start=1):
             if np.isfinite(seam.before.median):
                 self._merge("seam" if number == 1 else f"seam-{number}", figures.seam_steps(seam))
@@ -139,7 +142,7 @@ class Pictures:
         self._keep("merge", kind, axes, f"passes, {kind}")
 
     def close(self) -> None:
-        """Let go of all figures."""
+        """Close all figures."""
         from matplotlib import pyplot as plt
 
         for figure in self.figures.values():
@@ -153,10 +156,10 @@ class Pictures:
             self.files.append((file, f"{lane}: {what}"))
 
 
-def _middle_part(surface: xr.Dataset) -> xr.Dataset:
-    """A part of a long lane from its middle, so that single stones are seen."""
+def _central_part(surface: xr.Dataset) -> xr.Dataset:
+    """Central part of a long surface, in which single stones are visible."""
     if "u" not in surface.dims:
         return surface
     u = surface["u"].values
-    middle = 0.5 * (u[0] + u[-1])
-    return surface.sel(u=slice(middle - 0.5 * _PART, middle + 0.5 * _PART)).copy(deep=True)
+    centre = 0.5 * (u[0] + u[-1])
+    return surface.sel(u=slice(centre - 0.5 * _PART, centre + 0.5 * _PART)).copy(deep=True)

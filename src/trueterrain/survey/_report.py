@@ -1,4 +1,4 @@
-"""The report of a survey: what went in, what was found, how true it is."""
+"""The report of a survey: surfaces, agreement, accuracy, profiles, motion, input."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -18,8 +18,8 @@ from trueterrain.report import (
     Text,
     Warnings,
 )
-from trueterrain.survey._lane import SurfaceResult
 from trueterrain.survey._pictures import Pictures
+from trueterrain.survey._products import SurfaceResult
 from trueterrain.survey._report_merge import merge_headline, merge_section
 from trueterrain.survey._report_parts import parse_columns, to_millimetres
 from trueterrain.survey._settings import Survey
@@ -39,16 +39,16 @@ def report_of(
     ----------
     survey : Survey
         Its settings.
-    lanes : list of Lane
-        What its runs became.
+    lanes : list of SurfaceResult
+        Its surfaces.
     numbers : dict
-        What stands in result.json.
+        Contents of result.json.
     pictures : Pictures
         Figures that were drawn.
     files : list of tuple of str
-        Names of the files, and what they hold.
-    merging : Merging, optional
-        How runs were brought into agreement, if they were.
+        Names of the files, and their contents in words.
+    merging : MergeResult, optional
+        Alignment of the passes, if there was one.
 
     Returns
     -------
@@ -110,7 +110,7 @@ def _headline_numbers(
         yield from merge_headline(merging)
     for compared in numbers["agreement"][:1]:
         yield Number(
-            label="Lanes apart where they overlap",
+            label="Difference where surfaces overlap",
             value=1000 * compared["median"],
             unit="mm",
             digits=1,
@@ -165,14 +165,14 @@ def _ground_section(lanes: list[SurfaceResult], pictures: Pictures) -> Section:
     ]
     table = Table(
         columns=parse_columns(
-            "Lane; Nodes; Spacing; Returns per node .0; sd, median [mm] .3; sd, 95 % [mm] .3; "
+            "Surface; Nodes; Spacing; Returns per node .0; sd, median [mm] .3; sd, 95 % [mm] .3; "
             "sd relative, median [mm] .3; Filled nodes; Open nodes"
         ),
         rows=rows,
-        caption="Surfaces. The standard deviation of each height is absolute: it holds the noise "
+        caption="Surfaces. The standard deviation of a height is absolute: it includes the noise "
         "of the ranges, the scatter of the returns in a cell and the uncertainty of the motion. "
-        "Of passes in agreement the relative one leaves out the datum, which all of them share: "
-        "it tells how sure heights are within the surface.",
+        "For aligned passes the relative one leaves out their common datum: it is the uncertainty "
+        "of heights within the surface.",
     )
     blocks: list[Block] = [table]
     for lane in lanes:
@@ -184,7 +184,7 @@ def _ground_section(lanes: list[SurfaceResult], pictures: Pictures) -> Section:
             ),
             SurfaceView(
                 surface=pictures.parts[lane.name],
-                caption=f"A part from the middle of {lane.name}.",
+                caption=f"A part from the centre of {lane.name}.",
             ),
         ]
     return Section(title="The ground", blocks=blocks)
@@ -216,7 +216,7 @@ def _accuracy_section(numbers: dict[str, Any]) -> Section:
         blocks.append(
             Table(
                 columns=parse_columns(
-                    "Lanes; Nodes in common; Median [mm] .2; NMAD [mm] .2; RMSE [mm] .2; "
+                    "Surfaces; Nodes in common; Median [mm] .2; NMAD [mm] .2; RMSE [mm] .2; "
                     "95 % [mm] .2"
                 ),
                 rows=[
@@ -227,20 +227,21 @@ def _accuracy_section(numbers: dict[str, Any]) -> Section:
                     )
                     for one in numbers["agreement"]
                 ],
-                caption="Differences of height where lanes overlap, as measured: each lane stands "
-                "on its own, nothing was brought into agreement.",
+                caption="Differences of height where surfaces overlap, as measured: the passes "
+                "were not aligned.",
             )
         )
     elif len(numbers["lanes"]) > 1 and not numbers["merge"]:
-        blocks.append(Text(paragraph="The lanes do not overlap, so they cannot be compared."))
+        blocks.append(Text(paragraph="The surfaces do not overlap, so they cannot be compared."))
     elif len(numbers["runs"]) == 1:
         blocks.append(
             Text(
                 paragraph="One pass does not show the drift of its navigation; its standard "
-                "deviation rests on what the navigation claims. A second pass would tell."
+                "deviation is computed from that reported by the navigation. A second pass over "
+                "the same ground would show the drift."
             )
         )
-    return Section(title="How far it can be trusted", blocks=blocks)
+    return Section(title="Accuracy", blocks=blocks)
 
 
 def _against_truth(lanes: list[SurfaceResult]) -> Section | None:
@@ -248,7 +249,8 @@ def _against_truth(lanes: list[SurfaceResult]) -> Section | None:
         return None
     heights = Table(
         columns=parse_columns(
-            "Lane; Nodes; Median [mm] .2; NMAD [mm] .2; RMS about the median [mm] .2; 95 % [mm] .2"
+            "Surface; Nodes; Median [mm] .2; NMAD [mm] .2; RMS about the median [mm] .2; "
+            "95 % [mm] .2"
         ),
         rows=[
             (
@@ -262,9 +264,9 @@ def _against_truth(lanes: list[SurfaceResult]) -> Section | None:
             for lane in lanes
             for truth in [lane.numbers["truth"]["surface"]]
         ],
-        caption="Heights less the true ground at the node. The median is what the drift of the "
-        "navigation amounts to. The RMS holds the joints and edges, where the mean of a cell is "
-        "not the height at its middle; the NMAD does not.",
+        caption="Heights less the true ground at the node. The median is the effect of the "
+        "drift of navigation. The RMS includes joints and edges, where the mean of a cell differs "
+        "from the height at its centre; the NMAD does not.",
     )
     rated = [
         (lane.name, profile["name"], profile["iri"], lane.numbers["truth"]["iri"][profile["name"]])
@@ -277,11 +279,11 @@ def _against_truth(lanes: list[SurfaceResult]) -> Section | None:
         blocks.append(
             Table(
                 columns=parse_columns(
-                    "Lane; Profile; IRI measured [m/km] .3; IRI of the true ground [m/km] .3; "
+                    "Surface; Profile; IRI measured [m/km] .3; IRI of the true ground [m/km] .3; "
                     "Difference [%] .2"
                 ),
                 rows=[(*row, 100 * (row[2] / row[3] - 1)) for row in rated],
-                caption="Roughness, beside that of the true ground along the same paths.",
+                caption="Roughness, and that of the true ground along the same paths.",
             )
         )
     return Section(title="Against the true ground", blocks=blocks)
@@ -306,11 +308,11 @@ def _profile_section(
     blocks: list[Block] = [
         Table(
             columns=parse_columns(
-                "Lane; Profile; Length [m] .2; sd, median [mm] .3; IRI [m/km] .2"
+                "Surface; Profile; Length [m] .2; sd, median [mm] .3; IRI [m/km] .2"
             ),
             rows=rows,
-            caption="Profiles that a tyre feels, and their International Roughness Index. Their "
-            "standard deviation is that of the statistic, by the heights under the tyre alone.",
+            caption="Profiles as a tyre feels them, and their International Roughness Index. Their "
+            "standard deviation is that of the statistic of the heights under the tyre.",
         )
     ]
     both = [
@@ -321,11 +323,11 @@ def _profile_section(
     if both:
         blocks.append(
             Table(
-                columns=parse_columns("Lane; Left; Right; MRI [m/km] .2; HRI [m/km] .2"),
+                columns=parse_columns("Surface; Left; Right; MRI [m/km] .2; HRI [m/km] .2"),
                 rows=both,
-                caption="Mean and half-car roughness index of two wheel paths: of profiles whose "
-                "names differ in left and right at their end. The second needs paths that are "
-                "equally long.",
+                caption="Mean and half-car roughness index of two wheel paths: profiles whose "
+                "names differ only in left and right at the end. The second needs paths of equal "
+                "length.",
             )
         )
     segments = [
@@ -337,7 +339,7 @@ def _profile_section(
     if len(segments) > len(rows):
         blocks.append(
             Table(
-                columns=parse_columns("Lane; Profile; From [m] .1; To [m] .1; IRI [m/km] .2"),
+                columns=parse_columns("Surface; Profile; From [m] .1; To [m] .1; IRI [m/km] .2"),
                 rows=segments,
                 caption=f"Segments of {survey.roughness.segment:g} m.",
             )
@@ -360,7 +362,7 @@ def _motion_section(survey: Survey, runs: list[dict[str, Any]], pictures: Pictur
         Picture(
             figure=pictures.figures[run["name"], "motion"],
             alt=f"Heave, pitch and roll of the body over time in {run['name']}",
-            caption=f"Motion of the body in {run['name']}, which was taken out.",
+            caption=f"Motion of the body in {run['name']}, which was removed from the heights.",
         )
         for run in runs
     ]
@@ -379,7 +381,7 @@ def _motion_section(survey: Survey, runs: list[dict[str, Any]], pictures: Pictur
                 "settings give it.",
             )
         )
-    text = f"Found from navigation and accelerometers by the method {survey.motion.method}."
+    text = f"Estimated from navigation and accelerometers by the method {survey.motion.method}."
     return Section(title="Motion", text=text, blocks=blocks)
 
 
@@ -403,7 +405,9 @@ def _input_section(numbers: dict[str, Any]) -> Section:
         caption="Recorded runs.",
     )
     returns = Table(
-        columns=parse_columns("Lane; Returns gridded; Beside the grid; Flagged; Scans left out"),
+        columns=parse_columns(
+            "Surface; Returns gridded; Outside the grid; Flagged; Scans left out"
+        ),
         rows=[
             (
                 lane["name"],
@@ -414,14 +418,14 @@ def _input_section(numbers: dict[str, Any]) -> Section:
             )
             for lane in numbers["lanes"]
         ],
-        caption="What became of their returns.",
+        caption="Returns of the runs by outcome.",
     )
     longitude, latitude, height = numbers["runs"][0]["origin"]
     text = (
         f"Coordinates are east, north and up of {latitude:.7f} deg north, {longitude:.7f} deg "
         f"east, {height:.3f} m above the ellipsoid."
     )
-    return Section(title="What went in", text=text, blocks=[runs, returns])
+    return Section(title="Input", text=text, blocks=[runs, returns])
 
 
 def _file_section(files: list[tuple[str, str]]) -> Section:
@@ -439,4 +443,4 @@ def _count_text(number: int, what: str) -> str:
 
 
 def _worst_text(lanes: int) -> str:
-    return ", worst lane" if lanes > 1 else ""
+    return ", worst surface" if lanes > 1 else ""

@@ -1,4 +1,4 @@
-"""What a report says about passes that were brought into agreement."""
+"""Section of a report on the alignment of passes."""
 
 from collections.abc import Iterator
 
@@ -9,34 +9,34 @@ from trueterrain.survey._pictures import Pictures
 from trueterrain.survey._report_parts import parse_columns, to_millimetres
 
 _METHODS = {
-    "network": "All passes were adjusted at once by least squares: each got a correction that "
-    "follows time, as stiff as the ground that was held back allows.",
+    "network": "One least-squares adjustment of all passes gave each a correction that varies "
+    "with time; its stiffness was chosen by cross-validation with ground that was held out.",
     "discontinuity": "Discontinuity vectors along reference paths through the overlaps were "
-    "low-pass filtered and taken off the lanes, pair by pair (thesis, section 4.3.1).",
+    "low-pass filtered and subtracted from the passes, pair by pair (thesis, section 4.3.1).",
     "grid": "Nothing was corrected: the ground is the mean of all passes (thesis, section 4.3.2).",
 }
 
 #: Kinds of pictures, in the order of the report, with what they show.
 _PICTURES = {
-    "correction": "Corrections of the passes with their standard deviation, beside what the "
-    "navigation claims.",
+    "correction": "Corrections of the passes with their standard deviation, and the standard "
+    "deviation that navigation reports.",
     "vectors": "Discontinuity vectors, raw and filtered.",
     "histograms": "Heights of both lanes at a reference point.",
     "seam": "Steps at the edges of the overlap, before and after.",
     "before": "Differences between the passes as measured.",
     "after": "Differences between the passes after the adjustment, in the same colours.",
-    "choice": "How stiff the corrections are: what is left in ground that was held back.",
+    "choice": "Stiffness of the corrections: residuals in ground that was held out.",
     "spectrum": "Spectrum of the corrections.",
 }
 
 
 def merge_headline(merging: MergeResult) -> Iterator[Number]:
-    """Numbers of a merging to see first.
+    """Headline numbers of an alignment.
 
     Parameters
     ----------
-    merging : Merging
-        What was found.
+    merging : MergeResult
+        The alignment.
 
     Yields
     ------
@@ -61,13 +61,13 @@ def merge_headline(merging: MergeResult) -> Iterator[Number]:
         )
     seams = [seam for seam in merging.seams if seam.after.median == seam.after.median]
     if seams:
-        most = max(seams, key=lambda seam: seam.after.median)
+        worst_seam = max(seams, key=lambda seam: seam.after.median)
         yield Number(
             label="Seam",
-            value=to_millimetres(most.after.median),
+            value=to_millimetres(worst_seam.after.median),
             unit="mm",
             digits=2,
-            note=f"{1000 * most.before.median:.1f} mm before",
+            note=f"{1000 * worst_seam.before.median:.1f} mm before",
         )
 
 
@@ -76,8 +76,8 @@ def merge_section(merging: MergeResult, pictures: Pictures) -> Section:
 
     Parameters
     ----------
-    merging : Merging
-        What was found.
+    merging : MergeResult
+        The alignment.
     pictures : Pictures
         Figures that were drawn.
 
@@ -101,7 +101,7 @@ def _pair_table(merging: MergeResult) -> Table:
     return Table(
         columns=parse_columns(
             "Passes; Cells; Median before [mm] .2; after [mm] .2; NMAD before [mm] .2; "
-            "after [mm] .2; RMSE before [mm] .2; after [mm] .2; held back [mm] .2; "
+            "after [mm] .2; RMSE before [mm] .2; after [mm] .2; held out [mm] .2; "
             "95 % before [mm] .2; after [mm] .2; Rejected"
         ),
         rows=[
@@ -119,8 +119,8 @@ def _pair_table(merging: MergeResult) -> Table:
             )
             for pair in merging.pairs
         ],
-        caption="Differences of height in the cells that both passes saw. Held back: in cells that "
-        "had no part in the corrections. Rejected cells are what moved between the passes.",
+        caption="Differences of height in the cells that both passes saw. Held out: in cells "
+        "that were left out of the adjustment. Rejected cells changed between the passes.",
     )
 
 
@@ -142,7 +142,7 @@ def _seam_blocks(merging: MergeResult) -> Iterator[Block]:
 
 
 def describe_datum(found: Adjustment) -> str:
-    """How sure the height is that all passes share, in words.
+    """Uncertainty of the height error that all passes have in common, in words.
 
     Parameters
     ----------
@@ -157,12 +157,12 @@ def describe_datum(found: Adjustment) -> str:
     known = [sd for sd in found.datum_sd.values() if sd is not None]
     if len(known) < len(found.datum_sd):
         return (
-            "The height error that all passes share is not known, since no navigation reports its "
-            "standard deviation: relative standard deviations leave it out, and absolute ones are "
-            "there only where points bring their own (datum_sd gives it)."
+            "The height error common to all passes is not known, since no navigation reports its "
+            "standard deviation: relative standard deviations leave it out, and absolute ones "
+            "exist only where points have their own (datum_sd sets it)."
         )
     return (
-        f"The height error that all passes share has a standard deviation of "
+        f"The height error common to all passes has a standard deviation of "
         f"{1000 * max(known):.3g} mm."
     )
 
@@ -174,13 +174,13 @@ def _network_blocks(merging: MergeResult) -> Iterator[Block]:
     chosen = found.chosen
     words = (
         f"Corrections of {', '.join(chosen.components)} have knots every {chosen.knot_spacing:g} s "
-        f"and wander by {1000 * chosen.strength:.3g} mm (standard deviation) as a "
-        f"{chosen.order}-order process: of {len(found.trials)} settings that were tried, these "
-        f"predict ground that was held back to {1000 * chosen.held_out:.3g} mm without bending "
-        "more than it takes."
+        f"and vary by {1000 * chosen.strength:.3g} mm (standard deviation) as a Gauss-Markov "
+        f"process of {chosen.order} order: of {len(found.trials)} models, this is the "
+        f"stiffest that predicts held-out ground as well as the best, to "
+        f"{1000 * chosen.held_out:.3g} mm."
     )
     if found.omitted:
-        words += f" The data do not tell {', '.join(found.omitted)}, so these were left out."
+        words += f" {', '.join(found.omitted).capitalize()} are unobservable and were left out."
     yield Text(paragraph=f"{words} {describe_datum(found)}")
     yield Table(
         columns=parse_columns(
@@ -190,8 +190,8 @@ def _network_blocks(merging: MergeResult) -> Iterator[Block]:
             (test.name or "all together", test.statistic, test.degrees_of_freedom, test.p_value)
             for test in found.tests
         ],
-        caption="Whether the corrections could be noise alone: a small probability says that the "
-        "passes truly drifted.",
+        caption="Test of the corrections against noise alone: a small probability means that the "
+        "passes drifted.",
     )
     if found.closures:
         yield Table(
@@ -200,14 +200,14 @@ def _network_blocks(merging: MergeResult) -> Iterator[Block]:
                 (" - ".join(one.passes), to_millimetres(one.before), to_millimetres(one.after))
                 for one in found.closures
             ],
-            caption="Closure of loops: sum of the median differences around passes that each "
-            "overlap the next.",
+            caption="Closure of loops: sum of the median differences around a loop of passes that "
+            "overlap one after the other.",
         )
     alone = [(one.name, begin, end) for one in found.corrections for begin, end in one.unsupported]
     if alone:
         yield Table(
             columns=parse_columns("Pass; From [s] .1; To [s] .1"),
             rows=alone,
-            caption="Where no other pass sees the same ground: there smoothness alone ties the "
-            "correction, and its standard deviation grows.",
+            caption="Times at which no other pass sees the same ground: the correction there is "
+            "interpolated by the process model, and its standard deviation grows.",
         )

@@ -1,4 +1,4 @@
-"""What reports of surveys are put together with."""
+"""Helpers for the tables of reports."""
 
 import re
 
@@ -22,7 +22,7 @@ def parse_columns(text: str) -> tuple[Column, ...]:
 
     Examples
     --------
-    >>> columns("Lane; Height [mm] .2")[1]
+    >>> parse_columns("Lane; Height [mm] .2")[1]
     Column(label='Height', unit='mm', digits=2)
     """
     found = [_COLUMN.fullmatch(part.strip()) for part in text.split(";")]

@@ -1,4 +1,4 @@
-"""Settings of a survey: which runs, and what shall become of them."""
+"""Settings of a survey: runs, steps, outputs."""
 
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -22,7 +22,7 @@ ProfileFormat = Literal["erd", "csv", "parquet"]
 
 @dataclass(frozen=True, kw_only=True)
 class MountingOverride:
-    """What is known better than the run does about where its instruments sit."""
+    """Mounting parameters that replace those of a run, e.g. after a calibration."""
 
     scanner_position: tuple[float, float, float] | None = None
     "Position of the scanner in the body frame: forward, left, up [m]."
@@ -31,20 +31,20 @@ class MountingOverride:
     "Roll, pitch, yaw of the scanner in the body [rad]."
 
     scanner_clock: float | None = None
-    "What is added to the scanner's stamps to make them true time [s]."
+    "Added to the time stamps of the scanner to give true time [s]."
 
     def over(self, mounting: Mounting) -> Mounting:
-        """Mounting of a run, with what is overridden.
+        """Mounting of a run, with the given parameters replaced.
 
         Parameters
         ----------
         mounting : Mounting
-            What the run says.
+            Mounting that the run states.
 
         Returns
         -------
         Mounting
-            What is taken.
+            Mounting to use.
 
         Examples
         --------
@@ -60,30 +60,30 @@ class RunSettings:
     """A recorded run of the survey."""
 
     path: str
-    "Store of the run, NAME.zarr; from the folder of this file."
+    "Store of the run, NAME.zarr; relative to the folder of this file."
 
     name: str | None = None
-    "Name of the lane in results; by default that of the store."
+    "Name in results; by default that of the store."
 
     begin: float | None = None
-    "Time of the navigation from which on it is taken, e.g. the begin of a lap [s]."
+    "Time of the navigation at which the used part begins, e.g. of a lap [s]."
 
     end: float | None = None
-    "Time up to which it is taken [s]; a way that comes back over itself makes no surface."
+    "Time at which the used part ends [s]; a surface cannot follow a path that repeats itself."
 
     mounting: MountingOverride = field(default_factory=MountingOverride)
-    "What is known better than the run says, e.g. by calibration."
+    "Mounting parameters that replace those of the run, e.g. after a calibration."
 
 
 @dataclass(frozen=True, kw_only=True)
 class ProfilePathSettings:
-    """A path along which a profile is taken, and what a tyre feels there."""
+    """Path along which a profile is taken, search area and statistic."""
 
     name: str
     "Name of the profile."
 
     offset: float | None = None
-    "Path at this offset from the reference line of each lane, left positive [m]."
+    "Offset of the path from the reference line of each surface, left positive [m]."
 
     line: tuple[float, float, float, float] | None = None
     "Straight path instead: easting and northing of its two ends [m]."
@@ -95,22 +95,22 @@ class ProfilePathSettings:
     "Arc length between path points [m]."
 
     tyre: TyreProfileSettings = field(default_factory=TyreProfileSettings)
-    "What is taken of the heights around each path point."
+    "Search area around each path point, and the statistic of its heights."
 
     envelope: EnvelopeSettings | None = field(default=None, metadata={"table": EnvelopeSettings()})
-    "Tyre that rolls over the ground instead; none by default."
+    "Tyre model that rolls over the ground instead; none by default."
 
     def __post_init__(self) -> None:
-        """Check that there is one path."""
+        """Check that there is exactly one path."""
         check_name(self.name)
-        if sum(way is not None for way in (self.offset, self.line, self.path)) != 1:
+        if sum(given is not None for given in (self.offset, self.line, self.path)) != 1:
             message = "name the path with exactly one of offset, line and path."
             raise ValueError(message)
 
 
 @dataclass(frozen=True, kw_only=True)
 class RoughnessSettings:
-    """How profiles are rated."""
+    """Settings of the roughness of profiles."""
 
     segment: float = 100.0
     "Length of the fixed segments [m]; the last one may be shorter."
@@ -127,7 +127,7 @@ class RoughnessSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class OutputSettings:
-    """What is written besides report.html and result.json."""
+    """Files besides report.html and result.json."""
 
     surface: tuple[SurfaceFormat, ...] = ("crg",)
     "Formats of the surfaces: crg, tif (maps), zarr, laz."
@@ -136,10 +136,10 @@ class OutputSettings:
     "Formats of the profiles: erd, csv, parquet."
 
     points: Literal["", "laz", "zarr"] = ""
-    "Format of the points, every return at its own time; none by default, since they are many."
+    "Format of the points of all returns; none by default, since they are many."
 
     pictures: bool = True
-    "Whether the pictures of the report are written as PNG files, too."
+    "Whether the pictures of the report are also written as PNG files."
 
     def __post_init__(self) -> None:
         """Check the formats."""
@@ -152,58 +152,58 @@ class OutputSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class Survey:
-    """Recorded runs, and what shall become of them."""
+    """Settings of a survey: recorded runs, steps and outputs."""
 
     name: str = "survey"
     "Name of the survey."
 
     title: str = ""
-    "What was surveyed; heads the report."
+    "Title of the report."
 
     runs: tuple[RunSettings, ...]
     "The runs."
 
     motion: FusionSettings = field(default_factory=FusionSettings)
-    "How the motion is found."
+    "Fusion of navigation and accelerometers."
 
     lanes: MergeSettings | None = field(default=None, metadata={"table": MergeSettings()})
-    "How runs are brought into agreement and merged; by default each is a lane of its own."
+    "Alignment and merging of the passes; by default each run becomes a surface of its own."
 
     screening: Screening = field(default_factory=Screening)
     "Which returns are flagged."
 
     grid: GridPlacement = field(default_factory=GridPlacement)
-    """Where the nodes of the surfaces are; by default along the way of each run, or of the first
-    of those that are merged."""
+    """Nodes of the surfaces; by default along the trajectory of each run, or of the first of those
+    that are merged."""
 
     cells: GridSettings = field(default_factory=lambda: GridSettings(range_noise=0.0005))
-    "What is taken of the returns in a cell."
+    "Statistic of the heights in a cell."
 
     holes: HoleSettings = field(default_factory=HoleSettings)
     "Which holes are filled."
 
     down_sample: tuple[int, int] | None = None
-    "Nodes that become one, along and across, for smooth terrain; the loss is reported."
+    "Nodes that become one, along and across, for smooth terrain; the report states the loss."
 
     profiles: tuple[ProfilePathSettings, ...] = ()
     "The paths along which profiles are taken."
 
     roughness: RoughnessSettings = field(default_factory=RoughnessSettings)
-    "How profiles are rated."
+    "Roughness of the profiles."
 
     outputs: OutputSettings = field(default_factory=OutputSettings)
-    "What is written."
+    "Files that are written."
 
     def __post_init__(self) -> None:
-        """Check names, and that outputs fit to the grid."""
+        """Check names, and that outputs and profiles fit the grid."""
         check_name(self.name)
         if not self.runs:
             message = "runs are missing: there must be at least one."
             raise ValueError(message)
-        _require_different("runs", [lane_name(run) for run in self.runs])
+        _require_different("runs", [run_name(run) for run in self.runs])
         _require_different("profiles", [profile.name for profile in self.profiles])
         if self.lanes is not None and self.lanes.fixed:
-            unknown = set(self.lanes.fixed) - {lane_name(run) for run in self.runs}
+            unknown = set(self.lanes.fixed) - {run_name(run) for run in self.runs}
             if unknown:
                 message = f"lanes.fixed must name runs, got {sorted(unknown)[0]!r}."
                 raise ValueError(message)
@@ -224,13 +224,13 @@ class Survey:
         return self.grid.as_map or self.grid.bounds is not None
 
 
-def lane_name(run: RunSettings) -> str:
-    """Name of the lane that a run becomes.
+def run_name(run: "RunSettings | str | Path") -> str:
+    """Name of a run in results.
 
     Parameters
     ----------
-    run : RunSettings
-        The run.
+    run : RunSettings, str or Path
+        The run, or its store.
 
     Returns
     -------
@@ -239,10 +239,12 @@ def lane_name(run: RunSettings) -> str:
 
     Examples
     --------
-    >>> lane_name(RunSettings(path="runs/kerb-off.zarr"))
+    >>> run_name(RunSettings(path="runs/kerb-off.zarr"))
     'kerb-off'
     """
-    return run.name or Path(run.path).name.removesuffix(".zarr")
+    if isinstance(run, RunSettings):
+        return run.name or run_name(run.path)
+    return Path(run).name.removesuffix(".zarr")
 
 
 def read_survey(path: str | Path) -> Survey:
@@ -273,12 +275,12 @@ def read_survey(path: str | Path) -> Survey:
                 f"{name} does not exist",
                 path=path,
                 place=place,
-                cure="Name it from the folder of this file, or with its whole path.",
+                cure="Name it relative to the folder of this file, or with its absolute path.",
             )
         return str(folder / name)
 
     runs = tuple(
-        replace(run, path=found(run.path, f"runs {number}"), name=lane_name(run))
+        replace(run, path=found(run.path, f"runs {number}"), name=run_name(run))
         for number, run in enumerate(survey.runs, start=1)
     )
     profiles = tuple(
@@ -325,7 +327,7 @@ def survey_of(runs: "list[str] | list[Path]", **settings: Any) -> Survey:
     Returns
     -------
     Survey
-        With wheel paths 0.75 m to either side of each lane's middle.
+        With wheel paths 0.75 m to either side of the reference line.
 
     Examples
     --------

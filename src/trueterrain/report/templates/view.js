@@ -25,9 +25,9 @@
   };
 
   // each row of nodes is straight: its ends tell where the others are
-  const nodes = ({ share, ...ends }) => {
+  const nodes = ({ fraction, ...ends }) => {
     const rows = (first, last) =>
-      first.map((begin, row) => share.map((part) => begin + part * (last[row] - begin)));
+      first.map((begin, row) => fraction.map((part) => begin + part * (last[row] - begin)));
     return { x: rows(ends.x_first, ends.x_last), y: rows(ends.y_first, ends.y_last) };
   };
 

@@ -1,11 +1,12 @@
-"""Cell statistics in whole numbers: the same for any order, block size and number of threads."""
+"""Cell statistics as integer sums: the same for any order, block size and number of threads."""
 
 from trueterrain.surface.accumulate._pose import PoseVariance
 from trueterrain.surface.accumulate._reach import ScanReach, count_scan_visits, scan_reaches
-from trueterrain.surface.accumulate._sums import STEP, CellSums
-from trueterrain.surface.accumulate._tally import KeptSums, ReturnTotals
+from trueterrain.surface.accumulate._sums import CellSums
+from trueterrain.surface.accumulate._totals import PARTS, STEP, KeptSums, ReturnTotals
 
 __all__ = [
+    "PARTS",
     "STEP",
     "CellSums",
     "KeptSums",

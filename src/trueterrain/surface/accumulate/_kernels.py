@@ -1,8 +1,8 @@
 """Loops that sort returns and points into cells; all checks are made by the callers.
 
-All sums are whole numbers, so they are the same for any order of the returns. Sums of squares may
-pass the end of 64 bits and begin anew: what is wanted of them, the sum of squared deviations from a
-mean, is small, and right modulo 2^64.
+All sums are integers, so they are the same for any order of the returns. Sums of squares may
+overflow 64 bits: only the sum of squared deviations from a mean is computed from them, which is
+small and therefore right modulo 2^64.
 """
 
 import math
@@ -11,27 +11,35 @@ import numpy as np
 
 from trueterrain.core.kernels import compile_kernel
 
-#: Whole numbers as which least and greatest heights are kept: 0 stands for none.
-MIDDLE = 1 << 30
+#: Added to min and max heights, which are kept as positive integers: 0 stands for none.
+HEIGHT_OFFSET = 1 << 30
 
 
 @compile_kernel
 def _place_returns(expansion, beam, ranges, scale, begin, end, where):
-    """Places of the returns of one piece of a scan, axis by axis."""
+    """Coordinates of the returns of one piece of a scan, axis by axis.
+
+    expansion : coefficients of position and direction over the beams, shape (3, 9)
+    beam : powers and products of beam angle and delay, shape (9, beam)
+    ranges : stored ranges, shape (beam,) [scale]
+    scale : step of the ranges [m]
+    begin, end : beams of the piece
+    where : output, shape (3, beam) [m]
+    """
     x1, x2 = beam[1, begin:end], beam[2, begin:end]
     s0, s1, s2 = beam[3, begin:end], beam[4, begin:end], beam[5, begin:end]
     c0, c1, c2 = beam[6, begin:end], beam[7, begin:end], beam[8, begin:end]
     raw = ranges[begin:end]
     for axis in range(3):
-        # in variables of their own, so that the loop below is done with vectors
+        # scalars, so that the compiler vectorises the loop below
         p0, p1, p2 = expansion[axis, 0], expansion[axis, 1], expansion[axis, 2]
         f0, f1, f2 = expansion[axis, 3], expansion[axis, 4], expansion[axis, 5]
         g0, g1, g2 = expansion[axis, 6], expansion[axis, 7], expansion[axis, 8]
         to = where[axis, begin:end]
         for b in range(end - begin):
-            ahead = f0 * s0[b] + f1 * s1[b] + f2 * s2[b]
-            ahead += g0 * c0[b] + g1 * c1[b] + g2 * c2[b]
-            to[b] = (p0 + p1 * x1[b] + p2 * x2[b]) + raw[b] * scale * ahead
+            direction = f0 * s0[b] + f1 * s1[b] + f2 * s2[b]
+            direction += g0 * c0[b] + g1 * c1[b] + g2 * c2[b]
+            to[b] = (p0 + p1 * x1[b] + p2 * x2[b]) + raw[b] * scale * direction
 
 
 @compile_kernel
@@ -49,8 +57,8 @@ def accumulate_scans(
     intensity,
     floor,
     saturation,
-    good,
-    flagged,
+    good_weight,
+    flagged_weight,
     px,
     py,
     nx,
@@ -76,7 +84,7 @@ def accumulate_scans(
     highs,
     alongs,
     acrosses,
-    tally,
+    return_totals,
     reach_low,
     reach_high,
     reach_found,
@@ -84,17 +92,41 @@ def accumulate_scans(
     cursor,
     values,
 ):
-    """Ranges of the scans begin to end into cells, without points in between.
+    """Sort the ranges of the scans from `begin` to before `end` into cells.
 
-    There are cells for the rows from `first_row` on. If there are `values`, heights of cells from
-    `first_cell` of those on are put there, each cell's where its cursor is, and nothing is added.
+    Cells exist for the rows from `first_row` on. If `values` is not empty, nothing is added: the
+    heights of each cell from `first_cell` on are written there at the cursor of the cell.
 
-    The line has one node more at either end than the grid has rows. `hint` is a strip of it near
-    each scan; what is found does not depend on it unless the line overlaps itself. `lean` is how
-    far the cross-section at the begin of a strip runs ahead per metre of offset, `widen` how much
-    longer the strip grows. `tally` counts returns that are good, flagged, outside, too high, in
-    rows without cells too; but not those of scans whose reach was found before. The rows that a
-    scan reaches are noted.
+    expansion : coefficients of position and direction, shape (scan * pieces, 3, 9)
+    first : first beam of each piece, and the number of beams, shape (piece + 1,)
+    beam : powers and products of beam angle and delay, shape (9, beam)
+    ranges : stored ranges, shape (scan, beam) [scale]
+    scale, missing : step of the ranges [m], and the number of a beam without return
+    nearest, furthest : range gate [m]
+    intensity : shape (scan, beam), or (0, 0) without screening [counts]
+    floor, saturation : intensities that are not flagged [counts]
+    good_weight, flagged_weight : integer weights of returns
+    px, py, nx, ny : nodes of the line and its cross directions, shape (node,) [m, 1]. There is one
+        node more at either end than the grid has rows
+    dx, dy, lean, widen, length : of each strip between two nodes, shape (strip,): direction [1];
+        how far the cross-section at its start leans forward per metre of offset [1], how much the
+        strip grows longer per metre of offset [1]; its length [m]
+    hint : strip near each scan, shape (scan,). Results do not depend on it unless the line overlaps
+        itself
+    v_right : offset of the rightmost node [m]
+    per_across : cells per metre of offset [1/m]
+    columns : nodes across
+    per_step : steps of height per metre [1/m]
+    parts : parts of a cell in which positions are summed
+    furthest_height : magnitude of the heights that can be summed [m]
+    touched : output, whether a row has any sum, shape (row,)
+    count, totals, squares : output, sums of weights, heights and squares, shape (cell,) [step]
+    lows, highs : output, min and max as positive integers, shape (cell,) or (0,)
+    alongs, acrosses : output, sums of positions in the cell, shape (cell,) or (0,) [1/parts]
+    return_totals : output, returns that are used, flagged, outside, too high, shape (4,); scans
+        whose reach was found before do not count
+    reach_low, reach_high, reach_found : output, rows that each scan reaches, shape (scan,) or (0,)
+    first_cell, cursor, values : collection of heights, see above
     """
     pieces = first.size - 1
     beams = ranges.shape[1]
@@ -121,7 +153,7 @@ def accumulate_scans(
         z_low, z_high = np.int64(0), np.int64(0)
         u_sum, v_sum = np.int64(0), np.int64(0)
         row = np.int64(-1)
-        weight = good
+        weight = good_weight
         ax, ay, anx, any_ = px[i], py[i], nx[i], ny[i]
         bx, by, bnx, bny = px[i + 1], py[i + 1], nx[i + 1], ny[i + 1]
         ux, uy, le, wi, ll = dx[i], dy[i], lean[i], widen[i], length[i]
@@ -133,10 +165,10 @@ def accumulate_scans(
             if not (r >= nearest and r <= furthest):  # NaN too
                 continue
             if screened:
-                weight = good
+                weight = good_weight
                 if not (floor <= intensity[n, b] <= saturation):
                     flagged += fresh
-                    weight = flagged
+                    weight = flagged_weight
                     if weight == 0:
                         continue
             xb, yb, zb = x[b], y[b], z[b]
@@ -186,8 +218,8 @@ def accumulate_scans(
                     totals[cell] += z_sum
                     squares[cell] += z_square
                     if extremes:
-                        lows[cell] = max(lows[cell], MIDDLE - z_low)
-                        highs[cell] = max(highs[cell], MIDDLE + z_high)
+                        lows[cell] = max(lows[cell], HEIGHT_OFFSET - z_low)
+                        highs[cell] = max(highs[cell], HEIGHT_OFFSET + z_high)
                     if places:
                         alongs[cell] += u_sum
                         acrosses[cell] += v_sum
@@ -210,124 +242,18 @@ def accumulate_scans(
             totals[cell] += z_sum
             squares[cell] += z_square
             if extremes:
-                lows[cell] = max(lows[cell], MIDDLE - z_low)
-                highs[cell] = max(highs[cell], MIDDLE + z_high)
+                lows[cell] = max(lows[cell], HEIGHT_OFFSET - z_low)
+                highs[cell] = max(highs[cell], HEIGHT_OFFSET + z_high)
             if places:
                 alongs[cell] += u_sum
                 acrosses[cell] += v_sum
         if noted and not collect:
             reach_low[n], reach_high[n] = first_row + lowest, first_row + highest
             reach_found[n] = True
-    tally[0] += used
-    tally[1] += flagged
-    tally[2] += outside
-    tally[3] += high
-
-
-@compile_kernel
-def accumulate_poses(body, variance, pieces, px, py, nx, ny, hint, unit, sums):
-    """Variances of scans from the pose in the middle of each, into the sums of rows."""
-    last = sums.shape[0] - 1
-    for n in range(hint.size):
-        i = hint[n]
-        middle = n * pieces + pieces // 2
-        _add_pose(
-            body[middle],
-            variance[middle],
-            px[i],
-            py[i],
-            nx[i],
-            ny[i],
-            unit,
-            sums[min(max(i - 1, 0), last)],
-        )
-
-
-@compile_kernel
-def _add_pose(at, c, px, py, nx, ny, unit, row):
-    """Variance of a height at offset v from the pose, as a + b v + c v², into the sums of a row."""
-    x0, x1 = py - at[1], ny
-    y0, y1 = at[0] - px, -nx
-    a = c[0] + 2.0 * (c[1] * x0 + c[2] * y0)
-    a += c[3] * x0 * x0 + 2.0 * c[4] * x0 * y0 + c[5] * y0 * y0
-    b = 2.0 * (c[1] * x1 + c[2] * y1)
-    b += 2.0 * (c[3] * x0 * x1 + c[4] * (x0 * y1 + x1 * y0) + c[5] * y0 * y1)
-    d = c[3] * x1 * x1 + 2.0 * c[4] * x1 * y1 + c[5] * y1 * y1
-    row[0] += np.int64(math.floor(a / unit + 0.5))
-    row[1] += np.int64(math.floor(b / unit + 0.5))
-    row[2] += np.int64(math.floor(d / unit + 0.5))
-    row[3] += np.int64(math.floor(c[6] / unit + 0.5))
-    row[4] += 1
-
-
-@compile_kernel
-def pose_variances(coefficient, v, out):
-    """A + b v + c v², at least 0."""
-    for i in range(out.shape[0]):
-        a, b, c = coefficient[0, i], coefficient[1, i], coefficient[2, i]
-        for j in range(v.size):
-            out[i, j] = max(a + v[j] * (b + v[j] * c), 0.0)
-
-
-@compile_kernel
-def _find_strip(px, py, nx, ny, i, x, y):
-    """Strip that holds a place, looked for from strip i on."""
-    last = px.size - 2
-    while i > 0 and (x - px[i]) * ny[i] - (y - py[i]) * nx[i] < 0.0:
-        i -= 1
-    while i < last and (x - px[i + 1]) * ny[i + 1] - (y - py[i + 1]) * nx[i + 1] >= 0.0:
-        i += 1
-    return i
-
-
-@compile_kernel
-def scan_reach(
-    expansion,
-    pieces,
-    piece,
-    beam,
-    furthest,
-    px,
-    py,
-    nx,
-    ny,
-    dx,
-    dy,
-    hint,
-    right,
-    left,
-    spare,
-    low,
-    high,
-):
-    """Rows that some beams of each scan pass over, up to a range and within the offsets."""
-    rows = px.size - 2
-    where, ray = np.empty(2), np.empty(2)
-    for n in range(hint.size):
-        i = np.int64(hint[n])
-        first, last = np.int64(rows), np.int64(0)
-        for b in range(piece.size):
-            motion = expansion[n * pieces + piece[b]]
-            for axis in range(2):
-                c = motion[axis]
-                where[axis] = c[0] + c[1] * beam[1, b] + c[2] * beam[2, b]
-                ray[axis] = 0.0
-                for k in range(3, 9):
-                    ray[axis] += c[k] * beam[k, b]
-            offset = (where[1] - py[i]) * dx[i] - (where[0] - px[i]) * dy[i]
-            aside = ray[1] * dx[i] - ray[0] * dy[i]
-            r = furthest
-            if aside > 0.0:
-                r = min(r, max((left - offset) / aside, 0.0))
-            elif aside < 0.0:
-                r = min(r, max((right - offset) / aside, 0.0))
-            begin = _find_strip(px, py, nx, ny, i, where[0], where[1])
-            end = _find_strip(px, py, nx, ny, begin, where[0] + r * ray[0], where[1] + r * ray[1])
-            first = min(first, begin, end)
-            last = max(last, begin, end)
-        # a strip reaches half-way into the rows of both its nodes
-        low[n] = min(max(first - 1 - spare, 0), rows - 1)
-        high[n] = max(min(last + spare, rows - 1), 0)
+    return_totals[0] += used
+    return_totals[1] += flagged
+    return_totals[2] += outside
+    return_totals[3] += high
 
 
 @compile_kernel
@@ -358,29 +284,29 @@ def accumulate_points(
     alongs,
     acrosses,
     variances,
-    tally,
+    return_totals,
     first_cell,
     cursor,
     values,
 ):
-    """Points begin to end into cells of rows from `first_row` on; NaN in u is outside.
+    """Sort the points from `begin` to before `end` into cells; NaN in u is outside.
 
-    Or their heights to `values`, as by `scans`.
+    Cells and `values` as in `accumulate_scans`.
     """
     collect = values.size > 0
     extremes, places, own = lows.size > 0, alongs.size > 0, variances.size > 0
     used, outside, high = 0, 0, 0
     for k in range(begin, end):
-        ahead = (u[k] - first_u) * per_along + 0.5
-        left = (v[k] - v_right) * per_across + 0.5
-        if not (ahead >= 0.0 and ahead < rows and left >= 0.0 and left < columns):
+        at_u = (u[k] - first_u) * per_along + 0.5
+        at_v = (v[k] - v_right) * per_across + 0.5
+        if not (at_u >= 0.0 and at_u < rows and at_v >= 0.0 and at_v < columns):
             outside += 1
             continue
         if not (abs(z[k]) < furthest_height):
             high += 1
             continue
         used += 1
-        row, column = np.int64(ahead), np.int64(left)
+        row, column = np.int64(at_u), np.int64(at_v)
         here = row - first_row
         if not (here >= 0 and here < touched.size):
             continue
@@ -396,22 +322,22 @@ def accumulate_points(
         totals[cell] += h
         squares[cell] += h * h
         if extremes:
-            lows[cell] = max(lows[cell], MIDDLE - h)
-            highs[cell] = max(highs[cell], MIDDLE + h)
+            lows[cell] = max(lows[cell], HEIGHT_OFFSET - h)
+            highs[cell] = max(highs[cell], HEIGHT_OFFSET + h)
         if places:
-            alongs[cell] += np.int64(math.floor((ahead - row - 0.5) * parts + 0.5))
-            acrosses[cell] += np.int64(math.floor((left - column - 0.5) * parts + 0.5))
+            alongs[cell] += np.int64(math.floor((at_u - row - 0.5) * parts + 0.5))
+            acrosses[cell] += np.int64(math.floor((at_v - column - 0.5) * parts + 0.5))
         if own:
             variances[cell] += np.int64(math.floor(sd[k] * sd[k] / variance_unit + 0.5))
         touched[here] = True
-    tally[0] += used
-    tally[2] += outside
-    tally[3] += high
+    return_totals[0] += used
+    return_totals[2] += outside
+    return_totals[3] += high
 
 
 @compile_kernel
 def merge_sums(count, totals, squares, lows, highs, alongs, acrosses, variances, touched, other):
-    """Add the sums of another accumulator, row by row where it has any, and leave zeros there."""
+    """Add the sums of another thread, row by row where it has any, and set those to zero."""
     columns = count.size // touched.size
     for row in range(touched.size):
         if not other[8][row]:
@@ -438,7 +364,7 @@ def merge_sums(count, totals, squares, lows, highs, alongs, acrosses, variances,
 
 @compile_kernel
 def clear_sums(sums):
-    """Leave zeros in an accumulator, row by row where it has any sums."""
+    """Set the sums of a thread to zero, row by row where it has any."""
     columns = sums[0].size // sums[8].size
     for row in range(sums[8].size):
         if sums[8][row]:
@@ -464,8 +390,14 @@ def _clear_row(row, columns, sums):
 
 
 @compile_kernel
-def cell_quantiles(values, ends, share, out):
-    """Quantile of the heights of each cell, between two of them by their shares; sorts them."""
+def cell_quantiles(values, ends, fraction, out):
+    """Quantile of the heights of each cell, linear between two of them.
+
+    values : heights, cell by cell, sorted in place, shape (return,) [step]
+    ends : end of each cell in `values`, shape (cell,)
+    fraction : of the heights below the quantile [1]
+    out : output, shape (cell,) [step]; NaN in empty cells
+    """
     begin = 0
     for cell in range(ends.size):
         end = ends[cell]
@@ -474,7 +406,7 @@ def cell_quantiles(values, ends, share, out):
             continue
         some = values[begin:end]
         some.sort()
-        at = share * (end - begin - 1)
+        at = fraction * (end - begin - 1)
         low = int(at)
         high = min(low + 1, end - begin - 1)
         out[cell] = some[low] + (at - low) * (some[high] - some[low])

@@ -1,4 +1,4 @@
-"""Returns of some scans, as the loops take them."""
+"""Returns of some scans, as the kernels take them."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,7 +13,7 @@ _NONE: Any = np.empty((0, 0))
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StoredReturns:
-    """Ranges of some scans as they are stored, and what is needed to sort them into cells."""
+    """Stored ranges of some scans, and all that sorts them into cells."""
 
     geometry: ScanGeometry
     "Motion and beams."
@@ -31,16 +31,16 @@ class StoredReturns:
     "Step of the ranges [m]."
 
     missing: Any
-    "Number that stands for no return."
+    "Stored number of a beam without return."
 
     screening: Screening
     "Which returns are flagged."
 
     weights: tuple[int, int]
-    "Of good and of flagged returns."
+    "Weights of good and of flagged returns."
 
     def __post_init__(self) -> None:
-        """Check the shapes, and that there are intensities if they matter."""
+        """Check the shapes, and that there are intensities if screening needs them."""
         shape = (self.time.size, self.geometry.angle.size)
         if any(each is not None and each.shape != shape for each in (self.ranges, self.intensity)):
             message = f"ranges and intensity must have the shape {shape}, got {self.ranges.shape}."
@@ -50,18 +50,18 @@ class StoredReturns:
             raise ValueError(message)
 
     def of(self, some: slice | npt.NDArray[np.bool_]) -> "StoredReturns":
-        """Those of some scans."""
+        """Returns of some of the scans."""
         intensity = None if self.intensity is None else self.intensity[some]
         return replace(self, time=self.time[some], ranges=self.ranges[some], intensity=intensity)
 
     def covered(self) -> "StoredReturns":
-        """Those of scans that the motion covers."""
+        """Returns of the scans that the motion covers."""
         covered = self.geometry.covers(self.time)
         return self if covered.all() else self.of(covered)
 
     @property
     def loops(self) -> tuple[Any, ...]:
-        """What the loops need."""
+        """Arguments of the kernel."""
         screening = self.screening
         return (
             self.ranges,

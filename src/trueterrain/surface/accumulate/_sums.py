@@ -1,4 +1,4 @@
-"""Sums over the returns of each cell, in whole numbers."""
+"""Sums over the returns of each cell, as integers."""
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -10,52 +10,44 @@ import numpy.typing as npt
 from trueterrain.core.errors import SchemaError
 from trueterrain.georeference import ScanGeometry, Screening
 from trueterrain.surface.accumulate import _kernels
-from trueterrain.surface.accumulate._part import ThreadSums
 from trueterrain.surface.accumulate._pose import VARIANCE_STEP, PoseVariance
 from trueterrain.surface.accumulate._quantiles import HeightCollection, cell_quantiles
 from trueterrain.surface.accumulate._reach import ScanReach, near_line
 from trueterrain.surface.accumulate._returns import StoredReturns
-from trueterrain.surface.accumulate._tally import KeptSums, ReturnTotals
+from trueterrain.surface.accumulate._thread_sums import ThreadSums
+from trueterrain.surface.accumulate._totals import GOOD, PARTS, STEP, KeptSums, ReturnTotals
 from trueterrain.surface.cells import Grid
 
 Floats = npt.NDArray[np.float64]
 
-#: Step in which heights are added up [m].
-STEP = 1e-5
-
-#: Parts of a cell in which places inside it are added up.
-PARTS = 256
-
-#: Weight of a good return where flagged ones weigh less.
-GOOD = 16
-
-#: Scans whose motion is worked out at once.
+#: Scans whose motion is expanded at once.
 CHUNK = 2048
 
-_HIGHEST = 10_000.0  # [m] least and greatest heights are kept as 30 bit numbers
-_SHARE = 256  # scans that are worth a thread
-_POINTS = 1 << 18  # points whose places are worked out at once
+_MAX_HEIGHT = 10_000.0  # [m] min and max heights are kept as 30 bit numbers
+_MIN_SCANS = 256  # scans from which on another thread pays
+_POINTS = 1 << 18  # points whose cells are computed at once
 _UNNOTED = ScanReach.unknown(0)
 
 
 class CellSums:
     """Sums over returns or points in the cells of a grid, or of some of its rows.
 
-    All sums are whole numbers: heights in steps of 0.01 mm. The result is the same, bit for bit,
-    for any size of blocks, any number of threads and any order of the data.
+    All sums are integers: heights in steps of 0.01 mm. Integer addition is associative, so the
+    result is the same, bit for bit, for any size of blocks, any number of threads and any order of
+    the data.
 
     Parameters
     ----------
     grid : Grid
         The cells.
-    wanted : Wanted
+    wanted : KeptSums
         Which sums are kept.
     threads : int
         Threads that work at once.
     rows : slice, optional
         Rows whose cells are kept; all by default. What lies in others is counted, not added.
-    poses : sequence of Pose, optional
-        What the pose adds to the variance in each pass, if all scans were looked at before.
+    poses : sequence of PoseVariance, optional
+        Pose variance of each pass, if all scans were looked at before.
     """
 
     def __init__(
@@ -75,7 +67,7 @@ class CellSums:
         self.passes = 1
         self.threads = threads
         self.datum_sd: float | None = 0.0
-        "Of the height that all passes have in common, beside the sums [m]; None if not known."
+        "Standard deviation of the datum that all passes have in common [m]; None if not known."
         self.rows = range(grid.shape[0])[slice(None) if rows is None else rows]
         self._known = poses
         self._finished: list[PoseVariance] = []  # of earlier passes
@@ -85,19 +77,19 @@ class CellSums:
         self._earlier: npt.NDArray[np.int32] | None = None  # counts before this pass
         self._independent: Floats | None = None  # of finished passes, see _close_pass
         self._collection: HeightCollection | None = None  # heights are collected instead of added
-        self._moves = False  # so the room of threads is needed again
+        self._moves = False  # the arrays of threads are reused
 
     @property
     def weight(self) -> int:
-        """What a good return counts."""
+        """Weight of a good return."""
         return 1 if self._weight is None else self._weight
 
     @property
-    def tally(self) -> ReturnTotals:
-        """How many returns went where."""
+    def return_totals(self) -> ReturnTotals:
+        """Counts of returns by outcome."""
         total = ReturnTotals()
         for part in self._parts:
-            total.add(part.tally)
+            total.add(part.return_totals)
         return total
 
     def add_scans(
@@ -112,7 +104,7 @@ class CellSums:
         screening: Screening = Screening(),
         reach: ScanReach | None = None,
     ) -> None:
-        """Add scans, straight from ranges.
+        """Add scans from their ranges, without points in between.
 
         Parameters
         ----------
@@ -127,12 +119,12 @@ class CellSums:
         scale : float
             Step of the ranges [m].
         missing : float, optional
-            Number that stands for no return.
+            Stored number of a beam without return.
         screening : Screening
             Which returns are flagged, and what becomes of them.
-        reach : Reach, optional
-            Rows that these scans may reach; those that they were found to reach are put there. The
-            motion must cover the scans; returns of those found before are not counted again.
+        reach : ScanReach, optional
+            Rows that these scans may reach; replaced by those that they reach. The motion must
+            cover the scans; returns of scans found before are not counted a second time.
 
         Raises
         ------
@@ -158,7 +150,7 @@ class CellSums:
                 some = slice(start, min(start + CHUNK, end))
                 self._sort(part, returns.of(some), None if reach is None else reach.of(some))
 
-        self._share(work, time.size, _SHARE)
+        self._run_threads(work, time.size, _MIN_SCANS)
 
     def add_points(
         self,
@@ -174,12 +166,12 @@ class CellSums:
         easting, northing, up : array_like, shape (point,)
             Coordinates [m].
         sd : array_like, shape (point,), optional
-            Standard deviations of their heights [m]; needed if those are wanted.
+            Standard deviations of their heights [m]; needed if `wanted.point_sd` is set.
 
         Raises
         ------
         SchemaError
-            If standard deviations are wanted and not given.
+            If standard deviations are needed and not given.
         """
         x, y, z = (np.asarray(values, dtype=np.float64) for values in (easting, northing, up))
         if self.wanted.point_sd and sd is None:
@@ -195,7 +187,7 @@ class CellSums:
         into = self._collection or HeightCollection()
 
         def work(part: ThreadSums, begin: int, end: int) -> None:
-            tally = np.zeros(4, np.int64)
+            return_totals = np.zeros(4, np.int64)
             for start in range(begin, end, _POINTS):
                 stop = min(start + _POINTS, end)
                 u, v = self.grid.locate(x[start:stop], y[start:stop])
@@ -214,24 +206,24 @@ class CellSums:
                     columns,
                     1 / STEP,
                     PARTS,
-                    _HIGHEST,
+                    _MAX_HEIGHT,
                     VARIANCE_STEP,
                     self.rows.start,
                     part.touched,
                     *part.cells,
                     part.variances,
-                    tally,
+                    return_totals,
                     into.first_cell,
                     into.cursor,
                     into.values,
                 )
             if self._collection is None:
-                part.tally.note(tally)
+                part.return_totals.note(return_totals)
 
-        self._share(work, x.size, _POINTS)
+        self._run_threads(work, x.size, _POINTS)
 
     def next_pass(self) -> None:
-        """Say that what follows is another pass, whose motion is known independently."""
+        """Begin another pass, whose motion is known independently."""
         self._close_pass()
         self.passes += 1
 
@@ -245,7 +237,7 @@ class CellSums:
         return first
 
     def move(self, first: int) -> None:
-        """Begin anew with as many other rows; what is known of passes and poses stays.
+        """Set the sums to zero and go to other rows; pose variances of passes stay.
 
         Parameters
         ----------
@@ -260,17 +252,19 @@ class CellSums:
         for part in self._parts:
             part.clear()
 
-    def quantile(self, share: float, rows: range, again: Callable[["CellSums"], None]) -> Floats:
+    def quantile(
+        self, fraction: float, rows: range, add_data: Callable[["CellSums"], None]
+    ) -> Floats:
         """Quantile of the heights in each cell, exact to the step of the heights.
 
         Parameters
         ----------
-        share : float
-            0.5 for the median; between two heights by their shares, as numpy does [1].
+        fraction : float
+            0.5 for the median; linear between two heights, as numpy does [1].
         rows : range
             Rows of the grid, of those that are kept.
-        again : callable
-            Adds all the data again.
+        add_data : callable
+            Adds all the data a second time.
 
         Returns
         -------
@@ -280,7 +274,7 @@ class CellSums:
         Raises
         ------
         ValueError
-            If returns have weights, or the data are not the same again.
+            If returns have weights, or the data are not the same the second time.
         """
         if self.weight != 1:
             message = "quantiles take no weights; reject flagged returns (weight 0)."
@@ -289,22 +283,22 @@ class CellSums:
         columns = self.grid.shape[1]
         first = rows.start - self.rows.start
 
-        def collect(room: HeightCollection) -> None:
-            room.first_cell += first * columns
-            self._collection = room
+        def collect(collection: HeightCollection) -> None:
+            collection.first_cell += first * columns
+            self._collection = collection
             try:
-                again(self)
+                add_data(self)
             finally:
                 self._collection = None
 
         count = self._cells(self.total().count)[first : first + len(rows)]
-        return cell_quantiles(count, share, collect) * STEP
+        return cell_quantiles(count, fraction, collect) * STEP
 
     def pose_variance(self, rows: slice) -> tuple[Floats, Floats | None]:
-        """Variance of the mean height of each cell that comes from the pose.
+        """Variance of the mean height of each cell by the pose.
 
-        Errors of the pose are the same for all returns of a pass in a cell, and independent from
-        pass to pass, or the same if the passes were brought into agreement.
+        Errors of the pose are common to all returns of a pass in a cell, and independent from pass
+        to pass, or common to all passes if these were brought into agreement.
 
         Parameters
         ----------
@@ -316,8 +310,8 @@ class CellSums:
         variance : numpy.ndarray, shape (row, v)
             Of the mean [m²].
         between : numpy.ndarray, shape (row, v), or None
-            What the passes' differences add to the sum of squared deviations in a cell [m²]; None
-            if there is one pass.
+            Part of the sum of squared deviations in a cell by differences of passes [m²]; None if
+            there is one pass.
         """
         pose = self._pose_now().variance(rows, self.grid.v)
         if self._independent is None or self._earlier is None:
@@ -335,16 +329,16 @@ class CellSums:
             between = np.where(count > 0, each - whole / count, 0.0) / self.weight
         return variance, np.maximum(between, 0.0)
 
-    def sideways_variance(self) -> float:
+    def horizontal_variance(self) -> float:
         """Mean variance of the pose in a horizontal direction [m²]."""
         total = np.zeros(2)
         for pose in (*self._finished, self._pose_now()):
-            total += pose.sideways
+            total += pose.horizontal
         variance, scans = total
         return float(variance / scans) if scans else 0.0
 
     def _note_datum(self, sd: float | None) -> None:
-        """Of several datums the least sure one counts."""
+        """Of several datums the one with the largest standard deviation counts."""
         known = self.datum_sd is not None and sd is not None
         self.datum_sd = max(self.datum_sd or 0.0, sd or 0.0) if known else None
 
@@ -352,7 +346,7 @@ class CellSums:
         return values.reshape(len(self.rows), self.grid.shape[1])
 
     def _pose_now(self) -> PoseVariance:
-        """Of this pass, as far as it was added."""
+        """Pose variance of the current pass, as far as it was added."""
         if self._known:
             return self._known[self.passes - 1]
         if self._pose is None:
@@ -360,7 +354,7 @@ class CellSums:
         return self._pose
 
     def _close_pass(self) -> None:
-        """Add what the poses of this pass do: n² variance, or n sd if all passes err alike."""
+        """Add the pose variance of this pass: n² variance, or n sd if errors are common to all."""
         rows, columns = len(self.rows), self.grid.shape[1]
         count = self.total().count
         if self._independent is None or self._earlier is None:
@@ -387,12 +381,14 @@ class CellSums:
         self._weight = good
         return good, round(good * screening.weight)
 
-    def _share(self, work: Callable[[ThreadSums, int, int], None], size: int, least: int) -> None:
-        """Give each thread a stretch of the data, and sums of its own."""
+    def _run_threads(
+        self, work: Callable[[ThreadSums, int, int], None], size: int, min_size: int
+    ) -> None:
+        """Give each thread a part of the data, and sums of its own."""
         self._pose = None
-        threads = max(1, min(self.threads, size // least))
+        threads = max(1, min(self.threads, size // min_size))
         if self._collection is not None:
-            threads = 1  # all write to one place
+            threads = 1  # all heights go to one array
         while len(self._parts) < threads:
             self._parts.append(ThreadSums.empty(self.grid, len(self.rows), self.wanted))
         edges = np.linspace(0, size, threads + 1).astype(int).tolist()
@@ -409,7 +405,7 @@ class CellSums:
             job.result()
 
     def _sort(self, part: ThreadSums, returns: StoredReturns, reach: ScanReach | None) -> None:
-        """Sort the returns of some scans into cells; if it was not done before, look at them."""
+        """Sort the returns of some scans into cells; without `reach`, find their strips first."""
         grid, geometry, collection = self.grid, returns.geometry, self._collection
         if reach is None:
             counts = ReturnTotals(scans=returns.time.size)
@@ -418,12 +414,12 @@ class CellSums:
             pose = PoseVariance.empty(grid) if collection else part.pose
             motion, hint = near_line(grid, geometry, returns.time, pose, counts)
             if not collection:
-                part.tally.add(counts)
+                part.return_totals.add(counts)
             reach = _UNNOTED
         else:
             motion, hint = geometry.expand(returns.time), reach.hint.astype(np.int64)
         into = collection or HeightCollection()
-        tally = np.zeros(4, np.int64)
+        return_totals = np.zeros(4, np.int64)
         _kernels.accumulate_scans(
             0,
             returns.time.size,
@@ -438,11 +434,11 @@ class CellSums:
             grid.shape[1],
             1 / STEP,
             PARTS,
-            _HIGHEST,
+            _MAX_HEIGHT,
             self.rows.start,
             part.touched,
             *part.cells,
-            tally,
+            return_totals,
             reach.low,
             reach.high,
             reach.found,
@@ -451,4 +447,4 @@ class CellSums:
             into.values,
         )
         if not collection:
-            part.tally.note(tally)
+            part.return_totals.note(return_totals)

@@ -1,26 +1,35 @@
-"""What is summed up, and how many returns went where."""
+"""Which sums of a cell are kept, and counts of returns by outcome."""
 
 from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
 
+#: Step in which heights are added up [m].
+STEP = 1e-5
+
+#: Parts of a cell in which positions inside it are added up.
+PARTS = 256
+
+#: Weight of a good return where flagged ones weigh less.
+GOOD = 16
+
 
 @dataclass(frozen=True, kw_only=True)
 class KeptSums:
-    """Which sums are kept; each costs memory."""
+    """Which sums of a cell are kept; each takes memory."""
 
     extremes: bool = False
-    "Least and greatest height of each cell."
+    "Min and max height of each cell."
 
     places: bool = True
-    "Where in the cells the returns lie on average."
+    "Mean position of the returns in the cell."
 
     point_sd: bool = False
-    "Variances of points that know their standard deviation."
+    "Variances of points that have a standard deviation of their own."
 
     agreed: bool = False
-    "Whether errors of the poses of passes are the same instead of independent; costs nothing."
+    "Whether errors of the poses are common to all passes instead of independent."
 
     @property
     def bytes(self) -> int:
@@ -30,16 +39,16 @@ class KeptSums:
 
 @dataclass
 class ReturnTotals:
-    """How many returns went where."""
+    """Counts of returns by outcome, and of scans."""
 
     used: int = 0
-    "In cells."
+    "Added to a cell."
 
     flagged: int = 0
-    "Rejected, or weighed less, for their intensity."
+    "Rejected, or with less weight, for their intensity."
 
     outside: int = 0
-    "Beside the grid."
+    "Outside the grid."
 
     too_high: int = 0
     "Higher or lower than 10 km, or without height."
@@ -59,6 +68,6 @@ class ReturnTotals:
             setattr(self, entry.name, getattr(self, entry.name) + getattr(other, entry.name))
 
     def note(self, counts: npt.NDArray[np.int64]) -> None:
-        """Add what a loop counted: good returns, flagged ones, those outside and too high."""
+        """Add the counts of a loop: used, flagged, outside, too high."""
         used, flagged, outside, too_high = counts.tolist()
         self.add(ReturnTotals(used=used, flagged=flagged, outside=outside, too_high=too_high))

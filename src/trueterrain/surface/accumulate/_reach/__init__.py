@@ -1,4 +1,4 @@
-"""Which rows of a grid scans reach, so that it can be worked window by window."""
+"""Rows of a grid that scans reach, for gridding window by window."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -8,22 +8,22 @@ import numpy.typing as npt
 
 from trueterrain.georeference import PoseExpansion, ScanGeometry
 from trueterrain.motion.trajectory import BRIDGED
-from trueterrain.surface.accumulate import _kernels
 from trueterrain.surface.accumulate._pose import PoseVariance
-from trueterrain.surface.accumulate._tally import ReturnTotals
+from trueterrain.surface.accumulate._reach import _kernels
+from trueterrain.surface.accumulate._totals import ReturnTotals
 from trueterrain.surface.cells import Grid
 
 Index = slice | npt.NDArray[np.intp]
 
-_CHUNK = 2048  # scans whose motion is worked out at once
-_RAYS = 5  # beams of a scan that are looked at
-_SPARE = 3  # rows that a scan may reach further than they do
-_ASIDE = 0.3  # [m] beside the grid to which they are followed: it may curve
+_CHUNK = 2048  # scans whose motion is expanded at once
+_SAMPLED_BEAMS = 5  # beams of a scan that are followed
+_ROW_MARGIN = 3  # rows that a scan may reach beyond those of the sampled beams
+_LATERAL_MARGIN = 0.3  # [m] beyond the edges of the grid, since it may curve
 
 
 @dataclass(kw_only=True, eq=False)
 class ScanReach:
-    """Rows that some scans reach: first a good guess, then what was found."""
+    """Rows that some scans reach: first predicted, then those found when they are gridded."""
 
     hint: npt.NDArray[np.int32]
     "A strip of the line near each scan, shape (scan,)."
@@ -35,20 +35,20 @@ class ScanReach:
     "Last row, shape (scan,)."
 
     found: npt.NDArray[np.bool_]
-    "Whether the scan was worked, so that the rows are those of its returns, shape (scan,)."
+    "Whether the scan was gridded, so that the rows are those of its returns, shape (scan,)."
 
     @classmethod
     def unknown(cls, scans: int) -> "ScanReach":
-        """Room for so many scans, which reach no row."""
+        """Reach of scans of which nothing is known yet: no row."""
         hint, low, high = np.zeros((3, scans), np.int32)
         return cls(hint=hint, low=low, high=high - 1, found=np.zeros(scans, np.bool_))
 
     def of(self, index: Index) -> "ScanReach":
-        """Those of some scans."""
+        """Reach of some of the scans."""
         return ScanReach(**{entry.name: getattr(self, entry.name)[index] for entry in fields(self)})
 
     def put(self, index: Index, those: "ScanReach") -> None:
-        """Take over what was found of some scans."""
+        """Set the reach of some of the scans."""
         for entry in fields(self):
             getattr(self, entry.name)[index] = getattr(those, entry.name)
 
@@ -62,9 +62,9 @@ def near_line(
     geometry: ScanGeometry,
     time: npt.NDArray[np.float64],
     pose: PoseVariance,
-    tally: ReturnTotals,
+    return_totals: ReturnTotals,
 ) -> tuple[PoseExpansion, npt.NDArray[np.int64]]:
-    """Motion of scans, and a strip of the line near each; what the pose adds to variances is noted.
+    """Motion of scans, and a strip of the line near each; adds their pose variance to `pose`.
 
     Parameters
     ----------
@@ -74,23 +74,23 @@ def near_line(
         Motion and beams.
     time : numpy.ndarray, shape (scan,)
         Stamps of scans that the motion covers [s].
-    pose : Pose
+    pose : PoseVariance
         The variances are added to it.
-    tally : Tally
+    return_totals : ReturnTotals
         The bridged scans are added to it.
 
     Returns
     -------
-    motion : Expansion
-        Of all pieces.
+    motion : PoseExpansion
+        Of all pieces of the scans.
     hint : numpy.ndarray of int, shape (scan,)
         Strips.
     """
     motion = geometry.expand(time)
     flags = motion.flag.reshape(time.size, geometry.pieces)
-    tally.bridged += int((flags & BRIDGED != 0).any(axis=1).sum())
-    middle = motion.coefficient[geometry.pieces // 2 :: geometry.pieces, :2, 0]
-    hint = grid.near(middle[:, 0], middle[:, 1])
+    return_totals.bridged += int((flags & BRIDGED != 0).any(axis=1).sum())
+    centre = motion.coefficient[geometry.pieces // 2 :: geometry.pieces, :2, 0]
+    hint = grid.near(centre[:, 0], centre[:, 1])
     pose.add(motion, geometry.pieces, hint, grid, datum_sd=geometry.trajectory.datum_sd or 0.0)
     return motion, hint
 
@@ -98,7 +98,7 @@ def near_line(
 def scan_reaches(
     grid: Grid, geometry: ScanGeometry, time: npt.NDArray[np.float64], furthest: float
 ) -> tuple[ScanReach, PoseVariance, ReturnTotals]:
-    """Look at the motion of all scans of a pass: which rows they may reach.
+    """Predict from the motion which rows the scans of a pass reach.
 
     Parameters
     ----------
@@ -109,26 +109,32 @@ def scan_reaches(
     time : numpy.ndarray, shape (scan,)
         Stamps of the scans [s].
     furthest : float
-        Range that is not often passed [m]: a greater one costs time, as does a smaller one.
+        Range that few returns exceed [m]; it affects only the run time.
 
     Returns
     -------
-    reach : Reach
-        Guessed for the scans that the motion covers; the others reach no row.
-    pose : Pose
-        What the pose adds to variances.
-    tally : Tally
+    reach : ScanReach
+        Predicted for the scans that the motion covers; the others reach no row.
+    pose : PoseVariance
+        Variance of heights by the pose.
+    return_totals : ReturnTotals
         Of scans, not yet of returns.
     """
-    reach, pose, tally = ScanReach.unknown(time.size), PoseVariance.empty(grid), ReturnTotals()
+    reach, pose, return_totals = (
+        ScanReach.unknown(time.size),
+        PoseVariance.empty(grid),
+        ReturnTotals(),
+    )
     covered = np.flatnonzero(geometry.covers(time))
-    tally.add(ReturnTotals(scans=time.size, scans_uncovered=time.size - covered.size))
-    beams = np.unique(np.linspace(0, geometry.angle.size - 1, _RAYS).round().astype(np.int64))
+    return_totals.add(ReturnTotals(scans=time.size, scans_uncovered=time.size - covered.size))
+    beams = np.unique(
+        np.linspace(0, geometry.angle.size - 1, _SAMPLED_BEAMS).round().astype(np.int64)
+    )
     piece = np.searchsorted(geometry.first, beams, side="right") - 1
-    edge = 0.5 * grid.spacing[1] + _ASIDE
+    edge = 0.5 * grid.spacing[1] + _LATERAL_MARGIN
     for start in range(0, covered.size, _CHUNK):
         some = covered[start : start + _CHUNK]
-        motion, hint = near_line(grid, geometry, time[some], pose, tally)
+        motion, hint = near_line(grid, geometry, time[some], pose, return_totals)
         here = ScanReach.unknown(some.size)
         here.hint[:] = hint
         _kernels.scan_reach(
@@ -141,18 +147,18 @@ def scan_reaches(
             here.hint,
             grid.v[0] - edge,
             grid.v[-1] + edge,
-            _SPARE,
+            _ROW_MARGIN,
             here.low,
             here.high,
         )
         reach.put(some, here)
-    return reach, pose, tally
+    return reach, pose, return_totals
 
 
 def count_scan_visits(
     reaches: Sequence[ScanReach], edges: npt.NDArray[np.int64], margin: int
 ) -> int:
-    """Scans that are worked for all windows between edges, each as often as it is."""
+    """Number of scans to grid in all windows between edges, repeated ones included."""
     found = 0
     for reach in reaches:
         seen = reach.low <= reach.high

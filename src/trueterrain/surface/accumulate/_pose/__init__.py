@@ -1,6 +1,6 @@
-"""What errors of the pose add to the variance of heights.
+"""Variance of heights by errors of the pose.
 
-They are the same for all returns of a pass in a cell, and independent from pass to pass.
+These errors are common to all returns of a pass in a cell, and independent from pass to pass.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trueterrain.georeference import PoseExpansion
-from trueterrain.surface.accumulate import _kernels
+from trueterrain.surface.accumulate._pose import _kernels
 from trueterrain.surface.cells import Grid
 
 Floats = npt.NDArray[np.float64]
@@ -23,7 +23,7 @@ VARIANCE_STEP = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class PoseVariance:
-    """Variance of a height that comes from the pose of a pass, as a + b v + c v² in each row."""
+    """Variance of a height by the pose of a pass, as a + b v + c v² in each row."""
 
     sums: Integers
     "Of a, b, c, of the mean variance of east and north, and of scans, shape (row, 5)."
@@ -42,7 +42,7 @@ class PoseVariance:
         *,
         datum_sd: float = 0.0,
     ) -> None:
-        """Add scans to the rows in whose strips of the line their hints are, without the datum."""
+        """Add scans to the rows given by their hints; the variance of the datum is left out."""
         x, y, nx, ny, *_ = grid.strips
         variance = motion.variance
         if datum_sd:
@@ -53,7 +53,7 @@ class PoseVariance:
 
     @cached_property
     def coefficient(self) -> Floats:
-        """a, b and c of all rows, between those with scans where there is none, shape (3, row)."""
+        """a, b and c of all rows, interpolated over rows without scans, shape (3, row)."""
         a, b, c, _, n = self.sums.T
         seen = np.flatnonzero(n)
         if not seen.size:
@@ -64,7 +64,7 @@ class PoseVariance:
         )
 
     @cached_property
-    def sideways(self) -> Floats:
+    def horizontal(self) -> Floats:
         """Sum of horizontal variances [m²], and of scans."""
         _, _, _, place, n = self.sums.T
         return np.array([place.sum() * VARIANCE_STEP, n.sum()], dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Room for the sums of one thread."""
+"""Sums over the returns of each cell, of one thread."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -7,15 +7,16 @@ import numpy as np
 
 from trueterrain.surface.accumulate import _kernels
 from trueterrain.surface.accumulate._pose import PoseVariance
-from trueterrain.surface.accumulate._tally import KeptSums, ReturnTotals
+from trueterrain.surface.accumulate._totals import KeptSums, ReturnTotals
 from trueterrain.surface.cells import Grid
 
 
 @dataclass
 class ThreadSums:
-    """Sums of one thread, flat; what is not wanted has no room.
+    """Sums of one thread, flat; arrays of sums that are not kept are empty.
 
-    Memory that is never touched costs nothing, so each thread can have all cells.
+    The operating system gives memory only to pages that are written, so each thread can have
+    arrays over all cells.
     """
 
     count: Any
@@ -28,7 +29,7 @@ class ThreadSums:
     variances: Any
     touched: Any
     pose: PoseVariance
-    tally: ReturnTotals = field(default_factory=ReturnTotals)
+    return_totals: ReturnTotals = field(default_factory=ReturnTotals)
 
     @classmethod
     def empty(cls, grid: Grid, rows: int, wanted: KeptSums) -> "ThreadSums":
@@ -70,15 +71,15 @@ class ThreadSums:
         return (*self.cells, self.variances, self.touched)
 
     def take(self, other: "ThreadSums") -> None:
-        """Add the sums of another thread, and leave nothing there."""
+        """Add the sums of another thread, and set those to zero."""
         _kernels.merge_sums(*self.sums, other.sums)
         self.pose.sums[...] += other.pose.sums
         other.pose.sums[...] = 0
-        self.tally.add(other.tally)
-        other.tally = ReturnTotals()
+        self.return_totals.add(other.return_totals)
+        other.return_totals = ReturnTotals()
 
     def clear(self) -> None:
-        """Leave nothing; the room stays, which takes less time than to get new."""
+        """Set all sums to zero; the arrays are reused, which is faster than allocating them."""
         _kernels.clear_sums(self.sums)
         self.pose.sums[...] = 0
-        self.tally = ReturnTotals()
+        self.return_totals = ReturnTotals()

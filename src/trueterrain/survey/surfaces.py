@@ -1,0 +1,129 @@
+"""From processed runs to a surface: gridding, holes, coarser grids, provenance."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import xarray as xr
+
+from trueterrain.core import provenance
+from trueterrain.core.progress import Progress, no_progress
+from trueterrain.georeference import Screening
+from trueterrain.surface.coarse import down_sample as keep_coarse_nodes
+from trueterrain.surface.grid import trim_surface
+from trueterrain.surface.holes import HoleSettings, fill_holes
+from trueterrain.surface.placement import GridPlacement
+from trueterrain.surface.runs import grid_runs
+from trueterrain.surface.settings import GridSettings
+from trueterrain.survey.runs import ProcessedRun
+
+
+def build_surface(
+    runs: Sequence[ProcessedRun],
+    placement: GridPlacement = GridPlacement(),
+    cells: GridSettings = GridSettings(range_noise=0.0005),
+    *,
+    holes: HoleSettings = HoleSettings(),
+    down_sample: tuple[int, int] | None = None,
+    screening: Screening = Screening(),
+    threads: int = 1,
+    step: str = "build_surface",
+    parameters: Mapping[str, Any] | None = None,
+    progress: Progress = no_progress,
+) -> tuple[xr.Dataset, dict[str, Any]]:
+    """Grid recorded runs to one surface with a standard deviation for each height.
+
+    Parameters
+    ----------
+    runs : sequence of ProcessedRun
+        Runs as by `process_run` or, where several passes see the same ground, `align_passes`.
+    placement : GridPlacement
+        Where the nodes lie; by default along the trajectory of the first run.
+    cells : GridSettings
+        Statistic of the heights in a cell. Errors of motion are common to passes that were
+        aligned, and independent otherwise.
+    holes : HoleSettings
+        Which holes are filled.
+    down_sample : tuple of int, optional
+        Nodes that become one, along and across, for smooth terrain.
+    screening : Screening
+        Which returns are flagged, and whether they are kept.
+    threads : int
+        Threads that grid at once; the surface does not depend on it.
+    step : str
+        Name of the step in the provenance.
+    parameters : mapping, optional
+        Further parameters to record in the provenance.
+    progress : callable, optional
+        Called with a task, the amount done and the total.
+
+    Returns
+    -------
+    surface : xarray.Dataset
+        ``height``, ``count``, ``sd``, ``filled``; ``sd_relative`` if passes were aligned.
+    report : dict
+        Counts of ``returns``, of ``holes``, and the loss by ``down_sample`` (None without).
+
+    Raises
+    ------
+    CoverageError
+        If the trajectory covers no scan of a run, or no return lies on the grid.
+    SchemaError
+        If the runs have different origins.
+    """
+    passes = [run.record for run in runs]
+    aligned = len(runs) > 1 and all(run.aligned for run in runs)
+    surface, returns = grid_runs(
+        passes,
+        placement.of_runs(passes),
+        replace(cells, agreed=cells.agreed or aligned),
+        screening=screening,
+        threads=threads,
+        progress=lambda run, done, total: progress(f"{run}: scans", done, total),
+    )
+    surface, report = complete_surface(surface, holes, down_sample)
+    motions = [run.settings for run in runs]
+    surface = provenance.add_step(
+        surface,
+        step,
+        parameters={
+            **(parameters or {}),
+            "runs": [one.path.name for one in passes],
+            "motion": motions[0] if all(one == motions[0] for one in motions) else motions,
+            "mounting": [one.mounting for one in passes],
+            "holes": holes,
+            "down_sample": down_sample,
+        },
+    )
+    return surface, {"returns": returns, **report}
+
+
+def complete_surface(
+    surface: xr.Dataset, holes: HoleSettings, down_sample: tuple[int, int] | None = None
+) -> tuple[xr.Dataset, dict[str, Any]]:
+    """Trim a gridded surface, fill its small holes and, if asked for, make it coarser.
+
+    Parameters
+    ----------
+    surface : xarray.Dataset
+        Surface as `trueterrain.surface.grid_runs` or `grid_points` returns it; its arrays are
+        reused.
+    holes : HoleSettings
+        Which holes are filled.
+    down_sample : tuple of int, optional
+        Nodes that become one, along and across.
+
+    Returns
+    -------
+    surface : xarray.Dataset
+        The completed surface.
+    report : dict
+        ``holes`` as by `trueterrain.surface.fill_holes`, and ``down_sample``: loss of content, or
+        None.
+    """
+    # in place: a surface of an hour takes gigabytes
+    surface, filled = fill_holes(trim_surface(surface), holes, in_place=True)
+    loss = None
+    if down_sample is not None:
+        surface, loss = keep_coarse_nodes(surface, down_sample)
+    return surface, {"holes": filled, "down_sample": loss}
