@@ -12,7 +12,7 @@ import pytest
 
 from trueterrain.alignment.merge import MergeSettings, compare_passes, merge_cells
 from trueterrain.alignment.run_passes import cells_of_passes, merge_runs
-from trueterrain.alignment.seams import seams_of
+from trueterrain.alignment.seams import find_seams
 from trueterrain.formats.run import open_run
 from trueterrain.georeference import georeference
 from trueterrain.motion import FusionSettings, fuse_motion
@@ -45,11 +45,11 @@ def seam_of(passes):
     """Steps at the edges of the overlaps, seen anew [m]."""
     cells = cells_of_passes(passes)
     none = {one.name: np.zeros(len(one)) for one in cells}
-    return [seam.before.median for seam in seams_of(cells, none, 0.1)[0]]
+    return [seam.before.median for seam in find_seams(cells, none, 0.1)[0]]
 
 
 def errors_of(passes):
-    """Errors of the surface of some passes against the truth that they know."""
+    """Errors of the surface of passes against their recorded truth."""
     some = list(passes.values())
     surface, _ = grid_runs(
         some, GridPlacement(spacing=0.05, lap=True).of_runs(some), GridSettings(range_noise=0.0005)
@@ -83,13 +83,13 @@ def two_lanes(tmp_path_factory, data):
 
 @pytest.fixture(scope="module")
 def cells(two_lanes):
-    """What both lanes saw of the cells."""
+    """Cells of both passes."""
     return cells_of_passes(two_lanes)
 
 
 @pytest.fixture(scope="module")
 def merged(two_lanes):
-    """Both lanes merged by the network adjustment."""
+    """Both passes merged by the network adjustment."""
     return merge_runs(two_lanes)
 
 
@@ -98,9 +98,9 @@ def test_the_network_closes_the_seam(two_lanes, merged):
     (before,), (after,) = seam_of(two_lanes), seam_of(passes)
     assert before > 0.005  # the measured drift of two drives
     assert after < NETWORK_SEAM
-    (claimed,) = merging.seams
-    npt.assert_allclose(claimed.before.median, before, rtol=0, atol=1e-5)
-    npt.assert_allclose(claimed.after.median, after, rtol=0, atol=0.5 * NETWORK_SEAM)
+    (reported,) = merging.seams
+    npt.assert_allclose(reported.before.median, before, rtol=0, atol=1e-5)
+    npt.assert_allclose(reported.after.median, after, rtol=0, atol=0.5 * NETWORK_SEAM)
 
 
 def test_the_vectors_of_the_thesis_close_the_seam(two_lanes):
@@ -116,7 +116,7 @@ def test_the_grid_method_corrects_nothing_and_warns(two_lanes):
     assert merging.seams[0].before.median == merging.seams[0].after.median
 
 
-def test_the_merged_ground_is_nearer_to_the_truth_than_either_lane(two_lanes, merged):
+def test_the_merged_ground_is_more_accurate_than_each_pass(two_lanes, merged):
     _, passes = merged
     _, together = errors_of(passes)
     _, as_recorded = errors_of(two_lanes)
@@ -125,8 +125,8 @@ def test_the_merged_ground_is_nearer_to_the_truth_than_either_lane(two_lanes, me
     assert together["rms_about_median"] < as_recorded["rms_about_median"]
 
 
-def test_the_ground_of_passes_in_agreement_is_as_sure_as_their_datum(two_lanes, merged):
-    """The error that both share is in `sd` of surfaces and points, and not in `sd_relative`."""
+def test_sd_of_the_merged_ground_includes_the_datum(two_lanes, merged):
+    """The error common to both is in `sd` of surfaces and points, not in `sd_relative`."""
     merging, passes = merged
     (datum,) = set(merging.adjustment.datum_sd.values())
     reported = [
@@ -148,7 +148,7 @@ def test_the_ground_of_passes_in_agreement_is_as_sure_as_their_datum(two_lanes, 
 
 
 @pytest.mark.parametrize("method", ["network", "discontinuity", "grid"])
-def test_no_method_leaves_out_what_passes_share(two_lanes, method):
+def test_no_method_omits_errors_common_to_all_passes(two_lanes, method):
     _, passes = merge_runs(two_lanes, MergeSettings(method=method, fixed=()))
     some = list(passes.values())
     surface, _ = grid_runs(
@@ -158,7 +158,7 @@ def test_no_method_leaves_out_what_passes_share(two_lanes, method):
     assert np.nanmin(surface.sd) > 0.9 * least / np.sqrt(2)
 
 
-def test_a_fixed_pass_is_as_sure_as_its_navigation(two_lanes):
+def test_a_fixed_pass_has_the_reported_sd(two_lanes):
     merging, passes = merge_runs(two_lanes, MergeSettings(fixed=("left",)))
     own = np.sqrt(np.mean(two_lanes["left"].trajectory.covariance[:, 2, 2]))
     npt.assert_allclose(list(merging.adjustment.datum_sd.values()), own, rtol=1e-3)
@@ -181,7 +181,7 @@ def test_the_order_of_the_passes_does_not_matter(cells):
             )
 
 
-def test_what_only_one_pass_saw_is_rejected_and_bends_nothing(cells):
+def test_an_object_in_one_pass_is_rejected_without_bias(cells):
     left = next(one for one in cells if one.name == "left")
     inside = (np.abs(left.easting - 10.0) < 2.0) & (np.abs(left.northing) < 0.2)
     assert inside.sum() > 30
@@ -201,12 +201,12 @@ def test_what_only_one_pass_saw_is_rejected_and_bends_nothing(cells):
 
 
 def exactly(path):
-    """Trajectory of the truth of a run, as sure as rounding."""
+    """True trajectory of a run, with a negligible standard deviation."""
     found = exact_trajectory(path)
     return replace(found, covariance=np.tile(1e-8 * np.eye(6), (found.time.size, 1, 1)))
 
 
-def test_without_drift_nothing_is_bent(two_lanes):
+def test_without_drift_there_is_no_correction(two_lanes):
     true = {name: replace(one, trajectory=exactly(one.path)) for name, one in two_lanes.items()}
     merging, _ = merge_runs(true)
     together = merging.adjustment.tests[-1]
@@ -221,7 +221,7 @@ def test_without_drift_nothing_is_bent(two_lanes):
 
 @pytest.fixture(scope="module")
 def three_lanes(tmp_path_factory):
-    """A part of the ready scene: the middle lane driven against the others."""
+    """A part of the ready scene: the middle pass driven against the others."""
     scene, _ = read_scene("three-lanes")
     scene = replace(
         scene,
@@ -250,7 +250,7 @@ def cross_slope(surface, passes):
     )
 
 
-def test_three_lanes_close_and_are_not_twisted(three_lanes):
+def test_three_passes_close_without_twist(three_lanes):
     merging, passes = merge_runs(three_lanes)
     assert len(merging.pairs) == 2
     assert all(abs(pair.after.median) < CLOSURE for pair in merging.pairs)
@@ -296,7 +296,7 @@ def test_a_lap_closes(lap):
     assert surface.sizes["u"] * 0.05 < 140.0
 
 
-def test_motion_without_accelerometers_is_merged_as_well(two_lanes):
+def test_runs_without_accelerometers_are_merged(two_lanes):
     settings = FusionSettings(method="navigation")
     plain = {
         name: replace(one, trajectory=fuse_motion(open_run(one.path), settings=settings).trajectory)

@@ -113,7 +113,7 @@ class Pictures:
             }
             self._merge(
                 "correction",
-                figures.lane_correction(found.corrections, navigation_sd=claimed or None),
+                figures.pass_correction(found.corrections, navigation_sd=claimed or None),
             )
             largest = float(np.nanquantile(found.ground.before, _MOST))
             for when in ("before", "after"):
@@ -130,7 +130,7 @@ class Pictures:
             self._merge("vectors", figures.discontinuity_vectors(pair))
             stations = pair.discontinuity.station[~pair.discontinuity.gap]
             middle = float(stations[stations.size // 2])
-            self._merge("histograms", figures.lane_histograms(pair.discontinuity, station=middle))
+            self._merge("histograms", figures.pass_histograms(pair.discontinuity, station=middle))
         for number, seam in enumerate(merging.seams, start=1):
             if np.isfinite(seam.before.median):
                 self._merge("seam" if number == 1 else f"seam-{number}", figures.seam_steps(seam))
