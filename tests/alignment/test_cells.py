@@ -58,9 +58,9 @@ def test_cells_do_not_depend_on_order_and_blocks():
 
 def test_passes_are_separated_by_number_and_named():
     points = cloud().assign(lane=("point", np.arange(20_000) % 2 + 3))
-    lanes = cells_of_points(points, names={3: "north"})
-    assert [one.name for one in lanes] == ["north", "4"]
-    assert sum(int(one.count.sum()) for one in lanes) <= 20_000
+    passes = cells_of_points(points, names={3: "north"})
+    assert [one.name for one in passes] == ["north", "4"]
+    assert sum(int(one.count.sum()) for one in passes) <= 20_000
 
 
 def test_a_repeated_visit_is_a_second_entry():

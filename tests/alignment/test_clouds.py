@@ -90,9 +90,9 @@ def merged(two):
 
 
 def test_each_of_several_files_is_a_pass(two):
-    lanes = find_cloud_passes(two)
-    assert list(lanes) == ["a", "b"]
-    a = lanes["a"]
+    passes = find_cloud_passes(two)
+    assert list(passes) == ["a", "b"]
+    a = passes["a"]
     assert (a.count, a.crs, a.label) == (48_000, "EPSG:2154", 1)
     assert_allclose(a.time, (START, START + LENGTH / SPEED), rtol=0, atol=0.001)  # [s] last point
     assert_allclose(a.extent, (0.0, 0.0, LENGTH, 2.0), rtol=0, atol=0.01)  # [m] outermost points
@@ -103,9 +103,9 @@ def test_each_of_several_files_is_a_pass(two):
 
 def test_one_file_is_split_by_the_number_of_its_points(tmp_path):
     (path,) = written(tmp_path, road=numbered(*pair()))
-    lanes = find_cloud_passes([path])
-    assert [(one.name, one.count) for one in lanes.values()] == [("11", 48_000), ("12", 48_000)]
-    assert all((block.lane == 12).all() for block in lanes["12"]())
+    passes = find_cloud_passes([path])
+    assert [(one.name, one.count) for one in passes.values()] == [("11", 48_000), ("12", 48_000)]
+    assert all((block.lane == 12).all() for block in passes["12"]())
     (whole,) = find_cloud_passes([path], split=False).values()
     assert whole.count == 96_000
     assert "several passes (point_source_id 11, 12)" in whole.flags[0]
@@ -182,8 +182,8 @@ def test_corrected_points_are_written_to_one_file(merged, tmp_path):
 
 def test_files_are_read_once_for_all_of_their_passes(tmp_path, monkeypatch):
     (path,) = written(tmp_path, road=numbered(*pair()))
-    lanes = find_cloud_passes([path])
-    _, corrected = merge_clouds(lanes, replace(SETTINGS, method="grid"))
+    passes = find_cloud_passes([path])
+    _, corrected = merge_clouds(passes, replace(SETTINGS, method="grid"))
     read = []
     blocks = formats.point_blocks
     monkeypatch.setattr(formats, "point_blocks", lambda *a, **k: read.append(a) or blocks(*a, **k))
@@ -203,8 +203,8 @@ def test_order_of_files_does_not_matter(two, merged):
 def test_other_formats_are_passes_too(ending, tmp_path):
     for name, one in zip("ab", pair(), strict=True):
         formats.write(one.isel(point=slice(0, None, 4)), tmp_path / f"{name}.{ending}")
-    lanes = find_cloud_passes([tmp_path / f"{name}.{ending}" for name in "ab"], crs="EPSG:2154")
-    merging, corrected = merge_clouds(lanes, with_cells(MergeSettings(), suggested_cell(lanes)))
+    passes = find_cloud_passes([tmp_path / f"{name}.{ending}" for name in "ab"], crs="EPSG:2154")
+    merging, corrected = merge_clouds(passes, with_cells(MergeSettings(), suggested_cell(passes)))
     (agreement,) = merging.pairs
     assert agreement.held_out.rmse < 0.1 * agreement.before.rmse
     formats.write(corrected["a"](), tmp_path / f"corrected.{ending}")
@@ -237,8 +237,8 @@ def test_the_sd_of_the_merged_surface_holds(tmp_path):
         # no cross slope: of one, what cells that an edge cuts leave of it is taken for roll
         a = cloud("a", seed=2 * seed, drifts=False, slope=0.0)
         b = cloud("b", right=1.3, begin=START + 100, seed=2 * seed + 1, slope=0.0)
-        lanes = find_cloud_passes(written(tmp_path / str(seed), a=a, b=b))
-        _, corrected = merge_clouds(lanes, replace(SETTINGS, fixed=("a",)))
+        passes = find_cloud_passes(written(tmp_path / str(seed), a=a, b=b))
+        _, corrected = merge_clouds(passes, replace(SETTINGS, fixed=("a",)))
         surface = merged_surface(
             corrected,
             grid_over(0.5, 0.3, LENGTH - 0.5, 2.9, spacing=0.2),
@@ -265,9 +265,9 @@ def test_absolute_sd_needs_the_sd_of_points_or_datum(tmp_path, own, settings, ab
     if own is not None:
         sd = ("point", np.full(a.sizes["point"], own), {"units": "m"})
         a, b = a.assign(sd=sd), b.assign(sd=sd)
-    lanes = find_cloud_passes(written(tmp_path, a=a, b=b))
+    passes = find_cloud_passes(written(tmp_path, a=a, b=b))
     network = replace(SETTINGS.network, **settings)
-    merging, corrected = merge_clouds(lanes, replace(SETTINGS, network=network))
+    merging, corrected = merge_clouds(passes, replace(SETTINGS, network=network))
     surface = merged_surface(corrected, grid_over(0.5, 0.3, LENGTH - 0.5, 2.9, spacing=0.5))
     block = next(corrected["a"]())
     for found in (block, surface):
@@ -363,12 +363,12 @@ def test_passes_longer_than_a_week_are_left_out(tmp_path):
     with pytest.raises(CoverageError, match=r"mixed is left out: its times run from .*a week"):
         merge_clouds(find_cloud_passes(written(tmp_path / "one", mixed=mixed)), SETTINGS)
     a, b = pair()
-    lanes = find_cloud_passes(written(tmp_path / "three", a=a, b=b, mixed=mixed), split=False)
-    merging, corrected = merge_clouds(lanes, SETTINGS)
+    passes = find_cloud_passes(written(tmp_path / "three", a=a, b=b, mixed=mixed), split=False)
+    merging, corrected = merge_clouds(passes, SETTINGS)
     assert list(corrected) == ["a", "b"]
     assert any("mixed is left out" in problem for problem in merging.problems)
     assert merging.pairs[0].held_out.rmse < 1e-3  # [m] as without it
-    _, by_station = merge_clouds(lanes, replace(SETTINGS, method="grid"))
+    _, by_station = merge_clouds(passes, replace(SETTINGS, method="grid"))
     assert "mixed" in by_station  # where time does not matter
 
 
@@ -377,8 +377,8 @@ def test_points_without_source_and_time_are_no_pass(tmp_path):
     made_up = cloud("a", density=40).assign(time=("point", np.zeros(4800), {"units": "s"}))
     points = numbered(*pair(), made_up)
     points["lane"][points.lane == 13] = 0
-    lanes = find_cloud_passes(written(tmp_path, road=points))
-    merging, corrected = merge_clouds(lanes, SETTINGS)
+    passes = find_cloud_passes(written(tmp_path, road=points))
+    merging, corrected = merge_clouds(passes, SETTINGS)
     assert list(corrected) == ["11", "12"]
     assert merging.problems[0].startswith("4800 points of source 0 are left out")
     assert merging.pairs[0].held_out.rmse < 1e-3  # [m] as without them
@@ -399,10 +399,10 @@ def test_points_without_time_among_others_are_left_out(tmp_path):
     a, b = pair()
     time = a.time.values.copy()
     time[:7] = 0.0
-    lanes = find_cloud_passes(
+    passes = find_cloud_passes(
         written(tmp_path, a=a.assign(time=("point", time, a.time.attrs)), b=b)
     )
-    merging, corrected = merge_clouds(lanes, SETTINGS)
+    merging, corrected = merge_clouds(passes, SETTINGS)
     assert merging.problems == ("a: 7 of 48000 points have no time and are left out",)
     assert sum(block.sizes["point"] for block in corrected["a"]()) == 47_993
 
@@ -410,8 +410,8 @@ def test_points_without_time_among_others_are_left_out(tmp_path):
 def test_a_stray_strip_is_left_out_and_reported(tmp_path):
     a, b = pair()
     points = numbered(a, b, a.isel(point=slice(0, 40)), b.isel(point=[7, 9000]))
-    lanes = find_cloud_passes(written(tmp_path, road=points))
-    merging, corrected = merge_clouds(lanes, SETTINGS)
+    passes = find_cloud_passes(written(tmp_path, road=points))
+    merging, corrected = merge_clouds(passes, SETTINGS)
     assert list(corrected) == ["11", "12"]
     assert merging.problems[0].startswith("13 is left out: ")
     assert merging.problems[0].endswith(" cells with 40 points in all are too few for a pass")
@@ -474,8 +474,8 @@ def test_classes_other_than_ground_are_reported_and_left_out(tmp_path):
     merging, _ = merge_clouds(find_cloud_passes(files), replace(SETTINGS, method="grid"))
     named = f"building (6) {96_000 - grounds:,}; take the ground alone: --class 2"
     assert any(named in one for one in merging.problems)
-    lanes = find_cloud_passes(files, only=PointFilter(classes=(2,)))
-    merging, corrected = merge_clouds(lanes, SETTINGS)
+    passes = find_cloud_passes(files, only=PointFilter(classes=(2,)))
+    merging, corrected = merge_clouds(passes, SETTINGS)
     assert not any("no ground" in one for one in merging.problems)
     points = list(corrected.blocks())
     assert sum(block.sizes["point"] for block in points) == grounds
@@ -484,11 +484,11 @@ def test_classes_other_than_ground_are_reported_and_left_out(tmp_path):
 
 def test_passes_without_common_ground_are_refused(tmp_path):
     a, b = cloud("a"), cloud("b", right=50.0)
-    lanes = find_cloud_passes(written(tmp_path, a=a, b=b))
+    passes = find_cloud_passes(written(tmp_path, a=a, b=b))
     with pytest.raises(CoverageError, match=r"no cell is seen by two passes.*Compare their CRS"):
-        merge_clouds(lanes, SETTINGS)
+        merge_clouds(passes, SETTINGS)
     with pytest.raises(CoverageError, match="pass b: overlaps with none of a"):
-        merge_clouds(lanes, replace(SETTINGS, method="discontinuity"))
+        merge_clouds(passes, replace(SETTINGS, method="discontinuity"))
 
 
 def test_a_single_pass_is_refused(two):
@@ -498,11 +498,11 @@ def test_a_single_pass_is_refused(two):
 
 
 def test_an_overlap_narrower_than_the_search_area_is_refused(tmp_path):
-    lanes = find_cloud_passes(written(tmp_path, a=cloud("a"), b=cloud("b", right=1.8)))
+    passes = find_cloud_passes(written(tmp_path, a=cloud("a"), b=cloud("b", right=1.8)))
     wide = replace(SETTINGS.discontinuity, radius=0.5)
     settings = replace(SETTINGS, method="discontinuity", discontinuity=wide)
     with pytest.raises(CoverageError, match="too narrow for search areas 1 m long and 1 m wide"):
-        merge_clouds(lanes, settings)
+        merge_clouds(passes, settings)
 
 
 def test_other_reference_systems_are_refused(tmp_path):
@@ -572,8 +572,8 @@ def test_no_file_is_an_error():
     ("density", "size"), [(4000, 0.1), (400, 0.2), (240, 0.25), (60, 0.5), (13, 1.0), (1.5, 2.0)]
 )
 def test_cells_suit_the_density(density, size, tmp_path):
-    lanes = find_cloud_passes(written(tmp_path, a=cloud("a", width=1.0, density=density)))
-    assert suggested_cell(lanes) == size
+    passes = find_cloud_passes(written(tmp_path, a=cloud("a", width=1.0, density=density)))
+    assert suggested_cell(passes) == size
 
 
 @pytest.mark.parametrize(
@@ -586,26 +586,26 @@ def test_cells_suit_the_density(density, size, tmp_path):
         ("faceraster_2strips_20m.laz", {"305", "306"}, 0.6),
     ],
 )
-def test_real_strips_agree_better_in_held_out_cells(file, lanes, gain, data):
+def test_real_strips_agree_better_in_held_out_cells(file, passes, gain, data):
     """In cells of 1 m, as the points suggest; stray strips are left out and reported."""
     found = find_cloud_passes([data / STRIPS / file])
     assert suggested_cell(found) == 1.0
     merging, corrected = merge_clouds(found, with_cells(MergeSettings(), 1.0))
-    assert set(corrected) == lanes
+    assert set(corrected) == passes
     (agreement,) = merging.pairs
     assert agreement.held_out.rmse < gain * agreement.before.rmse
     assert agreement.after.nmad < agreement.before.nmad + 1e-4  # [m]
-    for stray in set(found) - lanes:
+    for stray in set(found) - passes:
         assert any(one.startswith(f"{stray} is left out: 9 cells") for one in merging.problems)
 
 
 def test_real_tiles_are_one_road(data):
     """Six tiles of two strips: both agree as in each tile, in one adjustment."""
     tiles = sorted((data / STRIPS).glob("test_data_770*_LA93_IGN69.laz"))
-    lanes = find_cloud_passes(tiles, split=True)
-    assert list(lanes) == ["706", "707"]
-    assert len(lanes["706"].files) == 6
-    merging, _ = merge_clouds(lanes, with_cells(MergeSettings(), 1.0))
+    passes = find_cloud_passes(tiles, split=True)
+    assert list(passes) == ["706", "707"]
+    assert len(passes["706"].files) == 6
+    merging, _ = merge_clouds(passes, with_cells(MergeSettings(), 1.0))
     (agreement,) = merging.pairs
     assert agreement.held_out.rmse < agreement.before.rmse
     assert agreement.before.n > 3000
@@ -613,9 +613,9 @@ def test_real_tiles_are_one_road(data):
 
 def test_a_method_that_increases_differences_is_flagged(data):
     """Discontinuity vectors by the mean of trees and roofs."""
-    lanes = find_cloud_passes([data / STRIPS / "test_data_77050_627755_LA93_IGN69.laz"])
+    passes = find_cloud_passes([data / STRIPS / "test_data_77050_627755_LA93_IGN69.laz"])
     settings = with_cells(MergeSettings(method="discontinuity"), 1.0)
-    merging, _ = merge_clouds(lanes, settings)
+    merging, _ = merge_clouds(passes, settings)
     assert any("the method does not suit this ground" in problem for problem in merging.problems)
 
 

@@ -229,7 +229,7 @@ def test_the_denser_pass_moves_less_unless_the_reference_is_midway() -> None:
     npt.assert_allclose(midway.filtered[1], -0.005, rtol=0, atol=STEP)
 
 
-def test_histograms_hold_all_heights_of_both_lanes() -> None:
+def test_histograms_hold_all_heights_of_both_passes() -> None:
     passes = pair(ground=waves)
     middle = straight_reference(straight(0.5, 0.0), straight(19.5, 0.0))
     vector = align_along_paths(passes, paths={("left", "right"): middle}).pairs[0].discontinuity
@@ -265,7 +265,7 @@ def test_medians_leave_out_what_lies_on_the_road_in_one_pass() -> None:
     npt.assert_allclose(median.raw[1][~median.gap], 0.0, rtol=0, atol=1e-4)
 
 
-def test_three_lanes_are_chained_from_the_fixed_one() -> None:
+def test_three_passes_are_chained_from_the_fixed_one() -> None:
     passes = {
         "a": one_pass(-0.3, 1.2, drift=wave, seed=1),
         "b": one_pass(-1.2, 0.3, seed=2),
@@ -287,7 +287,7 @@ def test_three_lanes_are_chained_from_the_fixed_one() -> None:
     assert found.states[1][other] == found.states[0][other]
 
 
-def test_three_lanes_in_a_row_follow_from_one_side_to_the_other() -> None:
+def test_three_adjacent_passes_are_aligned_in_order() -> None:
     passes = {
         "1": one_pass(-0.3, 1.2, drift=lambda s: np.full(s.shape, 0.02), seed=1),
         "2": one_pass(-1.2, 0.3, seed=2),
@@ -355,7 +355,7 @@ def test_the_seam_is_the_step_of_the_merged_ground() -> None:
     assert found.seam_after.median < 2e-4  # [m] places of points in cells on waves
 
 
-def test_lanes_that_agree_are_left_alone() -> None:
+def test_passes_that_agree_get_no_correction() -> None:
     found = align_along_paths(pair(drift=no_drift))
     npt.assert_allclose(found.corrections["left"].height, 0.0, rtol=0, atol=EXACT)
 
@@ -377,7 +377,7 @@ def test_a_single_pass_is_refused() -> None:
         align_along_paths({"left": one_pass(-0.3, 1.2)})
 
 
-def test_lanes_that_do_not_overlap_are_refused() -> None:
+def test_passes_that_do_not_overlap_are_refused() -> None:
     passes = {"left": one_pass(0.5, 1.2), "right": one_pass(-1.2, 0.0)}
     with pytest.raises(CoverageError, match=r"pass right: overlaps with none of left\..*"):
         align_along_paths(passes)
@@ -440,7 +440,7 @@ def test_an_iterator_is_refused_since_it_runs_dry() -> None:
         ),
     ],
 )
-def test_names_that_are_no_lanes_are_refused(how, message) -> None:
+def test_unknown_names_are_refused(how, message) -> None:
     with pytest.raises(ValueError, match=message):
         align_along_paths(pair(), **how)
 
@@ -462,7 +462,7 @@ def test_options_that_make_no_sense_are_refused(how, message) -> None:
         DiscontinuitySettings(**how)
 
 
-def test_an_unknown_lane_cannot_be_corrected() -> None:
+def test_an_unknown_pass_cannot_be_corrected() -> None:
     passes = pair()
     with pytest.raises(ValueError, match="name must be one of left, right, got 'middle'"):
         correct_points(passes["left"], align_along_paths(passes), "middle")

@@ -101,8 +101,8 @@ def test_the_less_accurate_pass_gets_the_correction():
 def test_adjusted_ground_has_the_reported_sd():
     """Four passes with independent drift, relative to a fixed one."""
     road = Road(400.0)
-    lanes = [road.drive("a"), *(road.drive(name, road.process()) for name in "bcd")]
-    found = adjust_passes(lanes, fixed=["a"], settings=PLAIN).ground
+    passes = [road.drive("a"), *(road.drive(name, road.process()) for name in "bcd")]
+    found = adjust_passes(passes, fixed=["a"], settings=PLAIN).ground
     error = found.height - road.ground[found.cell]
     assert 0.9 < np.sqrt(np.mean((error / found.sd) ** 2)) < 1.1
     assert np.median(found.after) < 0.2 * np.median(found.before)
@@ -110,9 +110,9 @@ def test_adjusted_ground_has_the_reported_sd():
 
 def test_order_of_passes_and_cells_does_not_matter():
     road = Road()
-    lanes = [road.drive(name, road.process()) for name in "abc"]
-    mixed = [one.part(road.rng.permutation(len(one))) for one in (lanes[2], lanes[0], lanes[1])]
-    first, second = adjust_passes(lanes, settings=PLAIN), adjust_passes(mixed, settings=PLAIN)
+    passes = [road.drive(name, road.process()) for name in "abc"]
+    mixed = [one.part(road.rng.permutation(len(one))) for one in (passes[2], passes[0], passes[1])]
+    first, second = adjust_passes(passes, settings=PLAIN), adjust_passes(mixed, settings=PLAIN)
     for name in "abc":
         one, two = first.correction(name), second.correction(name)
         assert_allclose(two.coefficients, one.coefficients, rtol=0, atol=SAME)
@@ -121,11 +121,11 @@ def test_order_of_passes_and_cells_does_not_matter():
 
 def test_a_shift_of_all_heights_changes_nothing():
     road = Road()
-    lanes = [road.drive(name, road.process()) for name in "ab"]
-    higher = [replace(one, height=one.height + 7.0) for one in lanes]
+    passes = [road.drive(name, road.process()) for name in "ab"]
+    higher = [replace(one, height=one.height + 7.0) for one in passes]
     time = np.linspace(0, 30, 50)
     first, second = (
-        corrections(adjust_passes(some, settings=PLAIN), time) for some in (lanes, higher)
+        corrections(adjust_passes(some, settings=PLAIN), time) for some in (passes, higher)
     )
     assert_allclose(second, first, rtol=0, atol=SAME)
 
@@ -141,9 +141,9 @@ def test_the_mean_of_the_passes_is_the_datum():
 
 def test_constant_offsets_are_those_of_least_squares():
     road = Road()
-    lanes = [road.drive("a", 0.010), road.drive("b", -0.004), road.drive("c", 0.001, noise=3e-3)]
-    found = adjust_passes(lanes, settings=replace(LEAST_SQUARES, strength=0.0))
-    heights = np.array([one.height for one in lanes])
+    passes = [road.drive("a", 0.010), road.drive("b", -0.004), road.drive("c", 0.001, noise=3e-3)]
+    found = adjust_passes(passes, settings=replace(LEAST_SQUARES, strength=0.0))
+    heights = np.array([one.height for one in passes])
     weight = 1.0 / (np.array([NOISE, NOISE, 3e-3]) ** 2 + found.noise_floor**2)
     # each cell has the same weights, so offsets are the mean differences from the weighted mean
     truth = -(heights - (weight @ heights) / weight.sum()).mean(axis=1)
@@ -168,11 +168,11 @@ def test_drift_linear_in_time_is_removed():
 
 def test_a_cross_tilt_is_that_of_least_squares():
     road = Road()
-    lanes = [road.drive("a"), road.drive("b", 0.02, roll=0.003)]
+    passes = [road.drive("a"), road.drive("b", 0.02, roll=0.003)]
     settings = NetworkSettings(strength=0.0, huber=1e3, tukey=1e6, roll_sd=10.0, knot_spacing=1.0)
-    found = adjust_passes(lanes, fixed=["a"], settings=settings)
+    found = adjust_passes(passes, fixed=["a"], settings=settings)
     assert found.chosen.components == ("height", "roll")
-    difference = lanes[1].height - lanes[0].height
+    difference = passes[1].height - passes[0].height
     design = np.stack([np.ones(road.v.size), road.v], axis=1)
     truth = -np.linalg.lstsq(design, difference, rcond=None)[0]
     one = found.correction("b")
@@ -240,11 +240,11 @@ def test_loops_of_three_passes_close():
     """Each overlaps the next only; after the adjustment the closure of the medians is 0."""
     road = Road(width=6.0)
     halves = [(road.v < 1.0), (road.v > -1.0), (road.v < -0.5) | (road.v > 0.5)]
-    lanes = [
+    passes = [
         road.drive(name, road.process() + up, some=some)
         for name, up, some in zip("abc", (0.0, 0.03, -0.02), halves, strict=True)
     ]
-    found = adjust_passes(lanes, settings=PLAIN)
+    found = adjust_passes(passes, settings=PLAIN)
     (loop,) = found.closures
     assert sorted(loop.passes) == ["a", "b", "c"]
     assert abs(loop.after) < 2e-4  # [m]
@@ -289,8 +289,8 @@ def test_a_control_surface_is_the_datum():
     road = Road()
     near = np.abs(road.s - 150.0) < 20.0
     control = road.drive("plate", some=near, noise=2e-4)
-    lanes = [road.drive(name, road.process() + 0.05) for name in "ab"]
-    found = adjust_passes(lanes, control=[control], settings=PLAIN)
+    passes = [road.drive(name, road.process() + 0.05) for name in "ab"]
+    found = adjust_passes(passes, control=[control], settings=PLAIN)
     assert found.names == ("a", "b")
     error = found.ground.height - road.ground[found.ground.cell]
     there = np.isin(found.ground.cell, np.flatnonzero(near))
@@ -301,13 +301,13 @@ def test_a_control_surface_is_the_datum():
 def test_groups_of_passes_have_datums_of_their_own():
     road = Road()
     left, right = road.s < 140.0, road.s > 160.0
-    lanes = [
+    passes = [
         road.drive("a", 0.01, some=left),
         road.drive("b", 0.03, some=left),
         road.drive("c", 0.05, some=right),
         road.drive("d", 0.01, some=right),
     ]
-    found = adjust_passes(lanes, settings=replace(PLAIN, strength=0.0))
+    found = adjust_passes(passes, settings=replace(PLAIN, strength=0.0))
     assert found.groups == (("a", "b"), ("c", "d"))
     offsets = [float(found.correction(name)(20.0)) for name in "abcd"]
     assert_allclose(offsets, [0.01, -0.01, -0.02, 0.02], rtol=0, atol=2e-4)
@@ -354,8 +354,8 @@ def test_horizontal_shift_needs_relief():
             height=cells.height - by @ slope,
         )
 
-    lanes = [with_slope(road.drive("a"), 0 * shift), with_slope(road.drive("b", 0.01), shift)]
-    found = adjust_passes(lanes, fixed=["a"], settings=settings)
+    passes = [with_slope(road.drive("a"), 0 * shift), with_slope(road.drive("b", 0.01), shift)]
+    found = adjust_passes(passes, fixed=["a"], settings=settings)
     one = found.correction("b")
     assert found.omitted == ()
     measured = [float(one(15.0, name)) for name in ("east", "north")]
@@ -368,9 +368,9 @@ def test_cells_need_no_positions():
     """Without positions, consecutive cells are held out together."""
     road = Road()
     drift = road.process()
-    lanes = [road.drive("a"), road.drive("b", drift)]
+    passes = [road.drive("a"), road.drive("b", drift)]
     unplaced = [
-        replace(one, easting=0.0 * one.easting, northing=0.0 * one.northing) for one in lanes
+        replace(one, easting=0.0 * one.easting, northing=0.0 * one.northing) for one in passes
     ]
     found = adjust_passes(unplaced, fixed=["a"], settings=PLAIN).correction("b")
     time = np.arange(0.025, 30.0, 0.05)
@@ -386,13 +386,13 @@ def test_identical_passes_are_reported():
 
 def test_passes_without_common_cells_are_refused():
     road = Road()
-    lanes = [road.drive("a", some=road.s < 100), road.drive("b", some=road.s > 200)]
+    passes = [road.drive("a", some=road.s < 100), road.drive("b", some=road.s > 200)]
     with pytest.raises(CoverageError, match="no cell is seen by two passes"):
-        adjust_passes(lanes)
+        adjust_passes(passes)
     with pytest.raises(CoverageError, match="no cell is seen by two passes"):
-        adjust_passes(lanes[:1])
+        adjust_passes(passes[:1])
     with pytest.raises(CoverageError, match="b has no cells"):
-        adjust_passes([lanes[0], lanes[1].part(np.zeros(len(lanes[1]), bool))])
+        adjust_passes([passes[0], passes[1].part(np.zeros(len(passes[1]), bool))])
 
 
 def test_names_must_be_unique_and_known():
@@ -411,11 +411,11 @@ def test_names_must_be_unique_and_known():
 def test_an_adjustment_that_does_not_converge_names_the_pass_and_the_place():
     """The message names the pass with gross errors and their position."""
     road = Road()
-    lanes = [road.drive(name) for name in "abc"]
-    beyond = np.where(np.abs(lanes[1].easting - 200) < 20, 1.0, 0.0)  # [m] no ground of the others
-    lanes[1] = replace(lanes[1], height=lanes[1].height + beyond)
+    passes = [road.drive(name) for name in "abc"]
+    beyond = np.where(np.abs(passes[1].easting - 200) < 20, 1.0, 0.0)  # [m] no ground of the others
+    passes[1] = replace(passes[1], height=passes[1].height + beyond)
     with pytest.raises(TrueTerrainError, match="did not converge in 1 iterations") as error:
-        adjust_passes(lanes, settings=replace(PLAIN, max_iterations=1))
+        adjust_passes(passes, settings=replace(PLAIN, max_iterations=1))
     found = re.search(
         r"correction of (\w+) still changes by .* at easting ([\d.]+)", str(error.value)
     )
@@ -434,7 +434,7 @@ def rough_network(seed):
     rng = np.random.default_rng(seed)
     n = int(rng.integers(30, 400))
     cell, noise = np.arange(n), 10 ** rng.uniform(-4, -1.5)
-    ground, speed, lanes = rng.normal(0, 0.1, n), rng.uniform(2, 50), []
+    ground, speed, passes = rng.normal(0, 0.1, n), rng.uniform(2, 50), []
     for number in range(int(rng.integers(2, 7))):
         seen = rng.random(n) < rng.uniform(0.3, 1)
         if number > 1:
@@ -447,7 +447,7 @@ def rough_network(seed):
         wrong = rng.random(n) < rng.choice([0, 0.01, 0.2, 0.5, 0.9])
         height += wrong * rng.choice([0.1, 1, 4]) * rng.choice([rng.normal(0, 1, n), np.ones(n)])
         at, back = cell[seen], rng.random() < 0.5
-        lanes.append(
+        passes.append(
             make_pass_cells(
                 f"p{number}",
                 at,
@@ -458,7 +458,7 @@ def rough_network(seed):
                 offset=rng.uniform(-1, 1, at.size),
             )
         )
-    return lanes
+    return passes
 
 
 def robust_fit(seed, settings):
@@ -509,8 +509,8 @@ def test_wrong_settings_are_refused(wrong, message):
 def test_long_roads_are_sampled_to_choose_settings():
     """A sample of the road gives the same strength, and all of it is corrected."""
     road = Road(3000.0)
-    lanes = [road.drive("a"), road.drive("b", road.process())]
-    found = adjust_passes(lanes, fixed=["a"], settings=replace(PLAIN, sample=5000))
+    passes = [road.drive("a"), road.drive("b", road.process())]
+    found = adjust_passes(passes, fixed=["a"], settings=replace(PLAIN, sample=5000))
     assert 0.005 < found.chosen.strength < 0.06
     assert found.pairs[0].after.n == road.s.size
     assert found.pairs[0].after.rmse < 1.1 * np.sqrt(2) * NOISE

@@ -70,13 +70,13 @@ class Dense:
             metric[begin:end, begin:end] = np.diag(w) - np.outer(w, w) / w.sum()
         prior = np.zeros((size, size))
         self.offsets = []
-        for lane in range(3):
-            coefficients, offsets = system.pass_unknowns(lane)
+        for pass_index in range(3):
+            coefficients, offsets = system.pass_unknowns(pass_index)
             self.offsets.append(offsets[0])
             for k, name in enumerate(PRIOR):
                 count = coefficients.shape[1]
                 sd = np.full(count, PRIOR[name].process.sd)
-                rows = PRIOR[name].process.whitening(sd, system.knots[lane].spacing)
+                rows = PRIOR[name].process.whitening(sd, system.knots[pass_index].spacing)
                 white = np.diag(rows[0]) + np.diag(rows[1, 1:], -1) + np.diag(rows[2, 2:], -2)
                 prior[np.ix_(coefficients[k], coefficients[k])] += white.T @ white
                 prior[offsets[k], offsets[k]] += PRIOR[name].offset_sd ** -2.0
@@ -91,10 +91,10 @@ class Dense:
     def mean_height(self, system):
         """Weights of the unknowns in the mean correction of the height, by sampling it."""
         mean = np.zeros(system.size)
-        for lane, knots in enumerate(system.knots):
+        for pass_index, knots in enumerate(system.knots):
             time = knots.begin + (np.arange(20_000) + 0.5) / 20_000 * (knots.end - knots.begin)
             interval, weights = knots.basis(time)
-            coefficients, offsets = system.pass_unknowns(lane)
+            coefficients, offsets = system.pass_unknowns(pass_index)
             for j in range(4):
                 np.add.at(mean, coefficients[0][interval + j], weights[:, j] / time.size / 3)
             mean[offsets[0]] += 1 / 3

@@ -32,12 +32,12 @@ def simulate_cells(
     number = (np.floor(x / cell).astype(np.int64) << 32) + np.floor(y / cell).astype(np.int64)
     ground = 0.01 * np.sin(x) + rng.normal(0, 0.003, x.size)
     time = np.arange(0, duration + 0.005, 0.005)
-    lanes, drifts = [], {}
+    pass_cells, drifts = [], {}
     for k, name in enumerate(("left", "right", "middle", "edge")[:passes]):
         found = start_drift(drift, seed=seed, pass_number=k, rate=200.0).next(time)
         drifts[name] = found
         height = ground + np.interp(x / SPEED, time, found) + rng.normal(0, NOISE, x.size)
-        lanes.append(
+        pass_cells.append(
             make_pass_cells(
                 name,
                 number,
@@ -50,15 +50,15 @@ def simulate_cells(
                 sd_height=np.full(time.size, reported_sd),
             )
         )
-    return lanes, time, drifts
+    return pass_cells, time, drifts
 
 
 @pytest.mark.parametrize("duration", [8.0, 20.0])
 def test_sd_includes_drift_common_to_all_passes(duration):
     ratios = []
     for seed in range(SEEDS):
-        lanes, time, drifts = simulate_cells(seed, duration)
-        found = adjust_passes(lanes, settings=NetworkSettings(components=("height",)))
+        pass_cells, time, drifts = simulate_cells(seed, duration)
+        found = adjust_passes(pass_cells, settings=NetworkSettings(components=("height",)))
         error = np.concatenate([found.correction(name)(time) + drifts[name] for name in drifts])
         sd = np.concatenate([found.correction(name).sd(time) for name in drifts])
         ratios.append(np.mean(((error - error.mean()) / sd) ** 2))
@@ -76,10 +76,10 @@ def absolute_ratio(drives, settings=FEW, *, passes=2, **more):
     drift = GaussMarkovDrift(between_passes=0.0)  # passes are independent
     squares = []
     for seed in range(drives):
-        lanes, time, drifts = simulate_cells(
+        pass_cells, time, drifts = simulate_cells(
             seed, 8.0, drift=drift, reported_sd=DRIFT_SD, cell=0.2, passes=passes
         )
-        found = adjust_passes(lanes, settings=settings, **more)
+        found = adjust_passes(pass_cells, settings=settings, **more)
         for name, own in drifts.items():
             datum = found.datum_sd[name]
             if name not in found.names:
@@ -104,10 +104,10 @@ def test_absolute_sd_of_many_passes_and_of_a_fixed_one(passes, more):
 def datum_of(settings=FEW, *, duration=8.0, passes=2, reported_sd=REPORTED_SD, **more):
     """Standard deviation of the datum of passes without drift, and their adjustment."""
     still = GaussMarkovDrift(height_sd=0.0, between_passes=0.0)
-    lanes, time, _ = simulate_cells(
+    pass_cells, time, _ = simulate_cells(
         3, duration, drift=still, cell=0.25, passes=passes, reported_sd=reported_sd
     )
-    found = adjust_passes(lanes, settings=settings, **more)
+    found = adjust_passes(pass_cells, settings=settings, **more)
     assert len(set(found.datum_sd.values())) == 1
     return found.datum_sd["left"], found, time
 
@@ -134,8 +134,8 @@ def test_total_variance_is_the_reported_one():
 def test_fixed_passes_control_and_settings_define_the_datum():
     assert datum_of(fixed=("left",))[0] == pytest.approx(REPORTED_SD)
     assert datum_of(passes=4, fixed=("left", "edge"))[0] == pytest.approx(REPORTED_SD)  # not halved
-    lanes, _, _ = simulate_cells(3, 8.0, cell=0.25)
-    point = lanes[0].part(np.arange(0, len(lanes[0]), 20))
+    pass_cells, _, _ = simulate_cells(3, 8.0, cell=0.25)
+    point = pass_cells[0].part(np.arange(0, len(pass_cells[0]), 20))
     control = make_pass_cells(
         "bench marks",
         point.cell,
@@ -152,13 +152,15 @@ def test_fixed_passes_control_and_settings_define_the_datum():
 
 
 def test_datum_sd_is_unknown_without_reported_sd():
-    lanes, _, _ = simulate_cells(3, 8.0, cell=0.25)
-    silent = replace(lanes[1], sd_time=None, sd_height=None)
-    found = adjust_passes([lanes[0], silent], settings=FEW)
+    pass_cells, _, _ = simulate_cells(3, 8.0, cell=0.25)
+    silent = replace(pass_cells[1], sd_time=None, sd_height=None)
+    found = adjust_passes([pass_cells[0], silent], settings=FEW)
     assert found.datum_sd == {"left": None, "right": None}
     assert found.correction("left").datum_sd is None
-    assert adjust_passes([lanes[0], silent], settings=FEW, fixed=("left",)).datum_sd["right"] > 0
-    found = adjust_passes([lanes[0], silent], settings=FEW, fixed=("right",))
+    assert (
+        adjust_passes([pass_cells[0], silent], settings=FEW, fixed=("left",)).datum_sd["right"] > 0
+    )
+    found = adjust_passes([pass_cells[0], silent], settings=FEW, fixed=("right",))
     assert found.datum_sd == {"left": None, "right": None}
 
 
@@ -192,21 +194,23 @@ def test_wrong_datum_settings_are_refused(wrong, words):
 
 def test_reported_sd_dominates_when_little_drift_is_observable():
     """Drift common to both passes is unobservable, and not taken to be 0."""
-    lanes, time, _ = simulate_cells(1, 8.0)
-    same = lanes[0].height + np.random.default_rng(9).normal(0, NOISE, len(lanes[0]))
+    pass_cells, time, _ = simulate_cells(1, 8.0)
+    same = pass_cells[0].height + np.random.default_rng(9).normal(0, NOISE, len(pass_cells[0]))
     common_drift = make_pass_cells(
         "right",
-        lanes[0].cell,
-        lanes[0].time,
+        pass_cells[0].cell,
+        pass_cells[0].time,
         same,
         variance=1e-7,
-        easting=lanes[0].easting,
-        northing=lanes[0].northing,
+        easting=pass_cells[0].easting,
+        northing=pass_cells[0].northing,
         sd_time=time,
         sd_height=np.full(time.size, REPORTED_SD),
     )
     settings = NetworkSettings(components=("height",))
-    sure = adjust_passes([lanes[0], common_drift], settings=settings).correction("left").sd(time)
+    sure = (
+        adjust_passes([pass_cells[0], common_drift], settings=settings).correction("left").sd(time)
+    )
     unclaimed = [
         make_pass_cells(
             one.name,
@@ -217,7 +221,7 @@ def test_reported_sd_dominates_when_little_drift_is_observable():
             easting=one.easting,
             northing=one.northing,
         )
-        for one in (lanes[0], common_drift)
+        for one in (pass_cells[0], common_drift)
     ]
     blind = adjust_passes(unclaimed, settings=settings).correction("left").sd(time)
     assert sure.mean() > 0.001
@@ -226,9 +230,9 @@ def test_reported_sd_dominates_when_little_drift_is_observable():
 
 def test_grid_method_reports_remaining_steps():
     """Passes that agree except at one place."""
-    lanes, _, _ = simulate_cells(2, 8.0)
-    ground = lanes[0].height
-    there = np.abs(lanes[0].easting - 20.05) < 0.2
+    pass_cells, _, _ = simulate_cells(2, 8.0)
+    ground = pass_cells[0].height
+    there = np.abs(pass_cells[0].easting - 20.05) < 0.2
     again = [
         make_pass_cells(
             one.name,
@@ -239,7 +243,7 @@ def test_grid_method_reports_remaining_steps():
             easting=one.easting,
             northing=one.northing,
         )
-        for one, up in zip(lanes, (0.0, 0.01), strict=True)
+        for one, up in zip(pass_cells, (0.0, 0.01), strict=True)
     ]
     again[1] = replace(again[1], height=again[1].height + 1e-6)  # else they were the same twice
     grid = MergeSettings(method="grid")

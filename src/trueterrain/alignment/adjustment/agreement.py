@@ -8,9 +8,9 @@ import numpy.typing as npt
 
 from trueterrain.alignment.adjustment import _kernels
 from trueterrain.alignment.adjustment.cholesky.factorisation import pattern_of
-from trueterrain.alignment.adjustment.normal_equations import NormalEquations
+from trueterrain.alignment.adjustment.normal_equations import NormalEquations, pair_places
 from trueterrain.alignment.adjustment.shared_cells import SharedCells
-from trueterrain.alignment.adjustment.system import AdjustmentSystem, pair_places
+from trueterrain.alignment.adjustment.system import AdjustmentSystem
 from trueterrain.alignment.difference_summary import DifferenceSummary
 
 Floats = npt.NDArray[np.float64]

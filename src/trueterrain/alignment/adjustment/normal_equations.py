@@ -9,6 +9,7 @@ from trueterrain.alignment.adjustment.cholesky.factorisation import CholeskyFact
 from trueterrain.alignment.adjustment.spline import GaussMarkovProcess
 
 Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,3 +84,25 @@ class AdjustmentSolution:
 
     log_likelihood: float
     "Logarithm of the marginal likelihood of the data, up to a constant."
+
+
+def pair_places(unknown: Integers, one: Integers, two: Integers) -> tuple[Integers, Integers]:
+    """Rows and columns of the elements of the blocks of pairs, in the order of assembly."""
+    size = unknown.shape[1]
+    row = np.broadcast_to(unknown[one][:, :, None], (one.size, size, size))
+    column = np.broadcast_to(unknown[two][:, None, :], (one.size, size, size))
+    lower = np.tril(np.ones((size, size), bool))
+    used = np.where((one == two)[:, None, None], lower, True)
+    return row[used], column[used]
+
+
+def squared_band(rows: Floats) -> list[Floats]:
+    """Diagonals of RᵀR, R having `rows` as its diagonals."""
+    n = rows.shape[1]
+    a, b, c = rows
+    main = a**2
+    main[:-1] += b[1:] ** 2
+    main[:-2] += c[2:] ** 2
+    first = a[1:] * b[1:]
+    first[:-1] += b[2:] * c[2:]
+    return [main, first, (a * c)[2:] if n > 2 else np.zeros(0)]

@@ -19,6 +19,8 @@ from trueterrain.alignment.adjustment.normal_equations import (
     ComponentPrior,
     NormalEquations,
     PriorInformation,
+    pair_places,
+    squared_band,
 )
 from trueterrain.alignment.adjustment.shared_cells import SharedCells
 from trueterrain.alignment.adjustment.spline import SplineKnots, knots_over
@@ -298,7 +300,7 @@ class AdjustmentSystem:
                 sd = np.maximum(process.sd * self.relative[pass_index], MIN_SD)
                 rows = process.whitening(sd, knots.spacing)
                 log_determinant += 2.0 * float(np.log(rows[0]).sum())
-                values += _squared_band(rows)
+                values += squared_band(rows)
                 offset_sd = prior[name].offset_sd
                 values.append(np.array([offset_sd**-2.0]))
                 if np.isfinite(offset_sd):
@@ -444,25 +446,3 @@ def _datum_groups(shared: SharedCells) -> list[Integers]:
     """Passes of each group without a fixed pass."""
     groups = [np.flatnonzero(shared.group == number) for number in np.unique(shared.group)]
     return [members for members in groups if not shared.fixed[members].any()]
-
-
-def pair_places(unknown: Integers, one: Integers, two: Integers) -> tuple[Integers, Integers]:
-    """Rows and columns of the elements of the blocks of pairs, in the order of assembly."""
-    size = unknown.shape[1]
-    row = np.broadcast_to(unknown[one][:, :, None], (one.size, size, size))
-    column = np.broadcast_to(unknown[two][:, None, :], (one.size, size, size))
-    lower = np.tril(np.ones((size, size), bool))
-    used = np.where((one == two)[:, None, None], lower, True)
-    return row[used], column[used]
-
-
-def _squared_band(rows: Floats) -> list[Floats]:
-    """Diagonals of RᵀR, R having `rows` as its diagonals."""
-    n = rows.shape[1]
-    a, b, c = rows
-    main = a**2
-    main[:-1] += b[1:] ** 2
-    main[:-2] += c[2:] ** 2
-    first = a[1:] * b[1:]
-    first[:-1] += b[2:] * c[2:]
-    return [main, first, (a * c)[2:] if n > 2 else np.zeros(0)]

@@ -1,17 +1,21 @@
 """Corrected passes of point clouds, whose points are corrected while they are read."""
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
 
 from trueterrain.alignment.apply import corrected_points
+from trueterrain.alignment.clouds.inspection import HEIGHTS
 from trueterrain.alignment.clouds.passes import CloudPass, blocks_of
 from trueterrain.alignment.discontinuity.alignment import correct_points
 from trueterrain.alignment.discontinuity.reference_path import ReferencePath
 from trueterrain.alignment.merge import MergeResult
 from trueterrain.alignment.observations.cells import PassPath
+from trueterrain.core import provenance
+from trueterrain.surface.cells import Grid
+from trueterrain.surface.grid import GridSettings, grid_points
 
 _STEP = 1e-4  # [m] maximum step of corrected coordinates
 _ROUND_OFF = 1e-6  # of a whole number of steps
@@ -184,3 +188,76 @@ def with_time(block: xr.Dataset, station: ReferencePath | None) -> xr.Dataset:
         return block
     at = station.locate(block["easting"].values, block["northing"].values).station
     return block.assign(time=("point", at, {"units": "s"}))
+
+
+def merged_surface(
+    corrected: CorrectedClouds,
+    grid: Grid,
+    settings: GridSettings = GridSettings(),
+    *,
+    threads: int = 1,
+) -> xr.Dataset:
+    """Grid all corrected passes to one surface.
+
+    Parameters
+    ----------
+    corrected : CorrectedClouds
+        Corrected passes.
+    grid : Grid
+        Grid of the surface.
+    settings : GridSettings
+        Statistic of each cell; medians and percentiles read the files several times.
+    threads : int
+        Number of threads; the surface does not depend on it.
+
+    Returns
+    -------
+    xarray.Dataset
+        Surface with ``height``, ``count`` and ``sd_relative``, and ``sd`` if it is known.
+
+    Raises
+    ------
+    CoverageError
+        If there are no points on the grid.
+
+    Notes
+    -----
+    The variance of a height is the scatter of the points over their count, plus the mean variance
+    of the corrections of the points in the cell. The latter is treated as one error common to all
+    passes of the cell. Errors of different passes are correlated less, so ``sd_relative`` is an
+    upper bound where passes overlap. It is relative to the datum of the adjustment. ``sd`` is there
+    only if the standard deviation of the datum is known: from an ``sd`` of the points, which is not
+    reduced by the number of passes, from control points, or from the settings. The methods
+    discontinuity and grid give no standard deviations.
+    """
+
+    class RepeatableBlocks(Iterable[xr.Dataset]):
+        """Blocks of corrected points that can be iterated repeatedly."""
+
+        def __init__(self, left_out: str) -> None:
+            self._left_out = left_out
+
+        def __iter__(self) -> Iterator[xr.Dataset]:
+            for block in corrected.blocks((*HEIGHTS, "sd", "sd_relative")):
+                yield block.drop_vars(self._left_out, errors="ignore")
+
+    both = {"sd", "sd_relative"} <= set(corrected.deviations)
+    surface = grid_points(
+        RepeatableBlocks("sd_relative" if both else ""), grid, settings, threads=threads
+    )
+    if both:
+        relative = grid_points(RepeatableBlocks("sd"), grid, settings, threads=threads)
+        surface = surface.assign(sd_relative=relative["sd_relative"])
+    files = sorted({file for one in corrected.values() for file in one.cloud.files})
+    merging = next(iter(corrected.values())).merging
+    return provenance.add_step(
+        surface,
+        "grid merged lanes",
+        parameters={
+            "method": merging.method,
+            "lanes": list(corrected),
+            "options": settings,
+            "spacing": grid.spacing,
+        },
+        inputs=files,
+    )

@@ -4,16 +4,19 @@ A pass is a file, or the points of one number (point_source_id) in one file or s
 are kept in memory: points are read, corrected and written block by block.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-import xarray as xr
 
-from trueterrain.alignment.clouds.corrected import CorrectedClouds, CorrectedPass, with_time
+from trueterrain.alignment.clouds.corrected import (
+    CorrectedClouds,
+    CorrectedPass,
+    merged_surface,
+    with_time,
+)
+from trueterrain.alignment.clouds.inspection import HEIGHTS, WEEK
 from trueterrain.alignment.clouds.passes import (
-    HEIGHTS,
-    WEEK,
     CloudPass,
     blocks_of,
     find_cloud_passes,
@@ -27,12 +30,9 @@ from trueterrain.alignment.merge import MergeResult, MergeSettings, merge_cells
 from trueterrain.alignment.observations.cells import PassCells, PassPath, move_to_centres
 from trueterrain.alignment.observations.visit_sums import VisitSums
 from trueterrain.alignment.run_passes import control_cells, reference_path
-from trueterrain.core import provenance
 from trueterrain.core.errors import CoverageError, name_file_in_errors
 from trueterrain.core.progress import Progress, no_progress
 from trueterrain.formats.point_filter import flag_of_classes
-from trueterrain.surface.cells import Grid
-from trueterrain.surface.grid import GridSettings, grid_points
 
 __all__ = [
     "CloudPass",
@@ -283,79 +283,6 @@ def with_cells(settings: MergeSettings, size: float) -> MergeSettings:
             smoothing=found.smoothing * scale,
             cell=found.cell * scale,
         ),
-    )
-
-
-def merged_surface(
-    corrected: CorrectedClouds,
-    grid: Grid,
-    settings: GridSettings = GridSettings(),
-    *,
-    threads: int = 1,
-) -> xr.Dataset:
-    """Grid all corrected passes to one surface.
-
-    Parameters
-    ----------
-    corrected : CorrectedClouds
-        Corrected passes.
-    grid : Grid
-        Grid of the surface.
-    settings : GridSettings
-        Statistic of each cell; medians and percentiles read the files several times.
-    threads : int
-        Number of threads; the surface does not depend on it.
-
-    Returns
-    -------
-    xarray.Dataset
-        Surface with ``height``, ``count`` and ``sd_relative``, and ``sd`` if it is known.
-
-    Raises
-    ------
-    CoverageError
-        If there are no points on the grid.
-
-    Notes
-    -----
-    The variance of a height is the scatter of the points over their count, plus the mean variance
-    of the corrections of the points in the cell. The latter is treated as one error common to all
-    passes of the cell. Errors of different passes are correlated less, so ``sd_relative`` is an
-    upper bound where passes overlap. It is relative to the datum of the adjustment. ``sd`` is there
-    only if the standard deviation of the datum is known: from an ``sd`` of the points, which is not
-    reduced by the number of passes, from control points, or from the settings. The methods
-    discontinuity and grid give no standard deviations.
-    """
-
-    class RepeatableBlocks(Iterable[xr.Dataset]):
-        """Blocks of corrected points that can be iterated repeatedly."""
-
-        def __init__(self, left_out: str) -> None:
-            self._left_out = left_out
-
-        def __iter__(self) -> Iterator[xr.Dataset]:
-            for block in corrected.blocks((*HEIGHTS, "sd", "sd_relative")):
-                yield block.drop_vars(self._left_out, errors="ignore")
-
-    both = {"sd", "sd_relative"} <= set(corrected.deviations)
-    surface = grid_points(
-        RepeatableBlocks("sd_relative" if both else ""), grid, settings, threads=threads
-    )
-    if both:
-        relative = grid_points(RepeatableBlocks("sd"), grid, settings, threads=threads)
-        surface = surface.assign(sd_relative=relative["sd_relative"])
-    files = sorted({file for one in corrected.values() for file in one.cloud.files})
-    merging = next(iter(corrected.values())).merging
-    return provenance.add_step(
-        surface,
-        "grid merged lanes",
-        parameters={
-            "method": merging.method,
-            "lanes": list(corrected),
-            "options": settings,
-            "spacing": grid.spacing,
-        },
-        inputs=files,
     )
 
 

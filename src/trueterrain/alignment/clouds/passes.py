@@ -1,29 +1,27 @@
 """Passes in point clouds: which points of which files belong to each, read in blocks."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
 from trueterrain import formats
-from trueterrain.alignment.observations.sparse_sums import SparseSums
-from trueterrain.core.errors import CoverageError, SchemaError, name_file_in_errors
+from trueterrain.alignment.clouds.inspection import (
+    CELL,
+    HEIGHTS,
+    WEEK,
+    CloudInspection,
+    combine_inspections,
+    inspect_file,
+)
+from trueterrain.core.errors import SchemaError
 from trueterrain.core.progress import Progress, no_progress
-from trueterrain.core.schemas import COORDINATES
 from trueterrain.formats import PointFilter
-from trueterrain.formats.point_filter import ReturnCounts, classes_needed
 
-WEEK = 604_800.0  # [s]
-
-#: Variables besides coordinates: the time of a point and the number of its pass.
-HEIGHTS = ("time", "lane")
-
-_CELL = 1.0  # [m] side of the squares in which points are counted
 _REMNANT = 0.005  # fraction of the points of a file below which a number is no pass
-_PER_CELL = 15.0  # target number of points of each pass in a cell
+_PERCELL = 15.0  # target number of points of each pass in a cell
 _SIZES = (0.1, 0.2, 0.25, 0.5, 1.0, 2.0)  # [m]
 _MIN_AREA = 0.01  # of a pass over that of the largest, to count for the size of cells
 
@@ -202,14 +200,14 @@ def find_cloud_passes(
             message = f"{path} is given twice; name each pass once."
             raise ValueError(message)
     split = len(paths) == 1 if split is None else split
-    looks: dict[Path, dict[int, _CloudInspection]] = {}
+    looks: dict[Path, dict[int, CloudInspection]] = {}
     for number, path in enumerate(paths):
         progress("look at clouds", number, len(paths))
-        looks[path] = _inspect_file(path, crs, only)
+        looks[path] = inspect_file(path, crs, only)
     progress("look at clouds", len(paths), len(paths))
     _require_one_crs({path: next(iter(found.values())).crs for path, found in looks.items()})
     if split:
-        by_number: dict[int, dict[Path, _CloudInspection]] = {}
+        by_number: dict[int, dict[Path, CloudInspection]] = {}
         for path, found in looks.items():
             for number, look in found.items():
                 by_number.setdefault(number, {})[path] = look
@@ -255,107 +253,12 @@ def suggested_cell(passes: Mapping[str, CloudPass]) -> float:
         raise ValueError(message)
     min_area = _MIN_AREA * max(cloud.area for cloud in passes.values())
     target = max(
-        np.sqrt(_PER_CELL / cloud.density) for cloud in passes.values() if cloud.area >= min_area
+        np.sqrt(_PERCELL / cloud.density) for cloud in passes.values() if cloud.area >= min_area
     )
     return min(_SIZES, key=lambda size: abs(np.log(size / target)))
 
 
-@dataclass(kw_only=True)
-class _CloudInspection:
-    """Summary of the points of one number: counts, extent, times."""
-
-    crs: str
-    numbers: tuple[int, ...]
-    variables: tuple[str, ...]
-    lost: frozenset[str] = frozenset()
-    "Variables that only some of the points have."
-    classes: ReturnCounts = field(default_factory=ReturnCounts)
-    count: int = 0
-    untimed: int = 0
-    zeros: int = 0
-    span: tuple[float, float] = (np.inf, -np.inf)
-    "First and last time that is not 0."
-    low: tuple[float, float] = (np.inf, np.inf)
-    high: tuple[float, float] = (-np.inf, -np.inf)
-    squares: SparseSums = field(default_factory=lambda: SparseSums(1))
-
-    def add(self, block: xr.Dataset) -> None:
-        """Count points of a block."""
-        x, y = block["easting"].values, block["northing"].values
-        self.count += x.size
-        self.classes.add(block)
-        good = np.isfinite(x) & np.isfinite(y)
-        if good.any():
-            place = np.stack([x[good], y[good]])
-            self.low = _elementwise_min(self.low, place.min(axis=1))
-            self.high = _elementwise_max(self.high, place.max(axis=1))
-            self.squares.add(*np.floor(place / _CELL).astype(np.int64))
-        if "time" in block:
-            self._add_times(np.asarray(block["time"], dtype=np.float64))
-
-    def _add_times(self, time: npt.NDArray[np.float64]) -> None:
-        known = time[np.isfinite(time)]
-        some = known[known != 0]
-        self.untimed += time.size - known.size
-        self.zeros += known.size - some.size
-        if some.size:
-            self.span = (min(self.span[0], float(some.min())), max(self.span[1], float(some.max())))
-
-    @property
-    def times(self) -> tuple[float, float] | None:
-        """First and last time; None if the times are invalid."""
-        if "time" not in self.variables or self.span[0] > self.span[1]:
-            return None
-        # 0 is a valid time in seconds from a start, but a missing one among GPS times
-        first = min(self.span[0], 0.0) if self.zeros and not self.zeros_missing else self.span[0]
-        return (first, self.span[1]) if first < self.span[1] or self.count == 1 else None
-
-    @property
-    def zeros_missing(self) -> bool:
-        """Whether a time of 0 means that it is missing."""
-        return self.zeros > 0 and abs(self.span[0]) > WEEK
-
-
-def _elementwise_min(
-    one: tuple[float, float], other: npt.NDArray[np.float64]
-) -> tuple[float, float]:
-    return min(one[0], float(other[0])), min(one[1], float(other[1]))
-
-
-def _elementwise_max(
-    one: tuple[float, float], other: npt.NDArray[np.float64]
-) -> tuple[float, float]:
-    return max(one[0], float(other[0])), max(one[1], float(other[1]))
-
-
-def _inspect_file(
-    path: Path, crs: str | None, only: PointFilter | None
-) -> dict[int, _CloudInspection]:
-    """Summary of each number in a file."""
-    found: dict[int, _CloudInspection] = {}
-    needed = (*HEIGHTS, *classes_needed(only))
-    with name_file_in_errors(path):
-        known = (*COORDINATES, *formats.point_variables(path))
-        for block in formats.point_blocks(path, crs=crs, variables=needed, only=only):
-            cloud = block["lane"].values if "lane" in block else np.zeros(block.sizes["point"])
-            for number in np.unique(cloud):
-                mine = np.flatnonzero(cloud == number)
-                part = block if mine.size == cloud.size else block.isel(point=mine)
-                look = found.setdefault(
-                    int(number),
-                    _CloudInspection(
-                        crs=str(block.attrs.get("crs", "")),
-                        numbers=(int(number),),
-                        variables=known,
-                    ),
-                )
-                look.add(part)
-        if not found:
-            raise CoverageError("holds no points", path=path, cure="Leave it out.")
-    return found
-
-
-def _without_source(by_number: dict[int, dict[Path, _CloudInspection]]) -> list[str]:
+def _without_source(by_number: dict[int, dict[Path, CloudInspection]]) -> list[str]:
     """Remove number 0 if it is no pass; returns warnings.
 
     In LAS files 0 means that a point has no source; synthetic points have neither source nor time.
@@ -388,7 +291,7 @@ def _crs_text(crs: str) -> str:
 
 
 def _one_each(
-    looks: Mapping[Path, dict[int, _CloudInspection]], crs: str | None, only: PointFilter | None
+    looks: Mapping[Path, dict[int, CloudInspection]], crs: str | None, only: PointFilter | None
 ) -> list[CloudPass]:
     """One pass for each file."""
     stems = [path.stem for path in looks]
@@ -405,7 +308,7 @@ def _one_each(
     passes = []
     for order, path in enumerate(sorted(looks, key=lambda one: names[one]), 1):
         found = looks[path]
-        whole = _combine_inspections(list(found.values()))
+        whole = combine_inspections(list(found.values()))
         several = [n for n, look in found.items() if look.count >= _REMNANT * whole.count]
         flags = []
         if len(several) > 1:
@@ -419,40 +322,16 @@ def _one_each(
     return passes
 
 
-def _combine_inspections(looks: Sequence[_CloudInspection]) -> _CloudInspection:
-    """Sum of several summaries."""
-    first = looks[0]
-    whole = _CloudInspection(
-        crs=first.crs,
-        variables=first.variables,
-        numbers=tuple(sorted({number for look in looks for number in look.numbers})),
-    )
-    for look in looks:
-        some = {*whole.variables} ^ {*look.variables}
-        whole.lost |= look.lost | some
-        whole.variables = tuple(name for name in whole.variables if name in look.variables)
-        whole.classes.merge(look.classes)
-        whole.count += look.count
-        whole.untimed += look.untimed
-        whole.zeros += look.zeros
-        whole.span = (min(whole.span[0], look.span[0]), max(whole.span[1], look.span[1]))
-        whole.low = _elementwise_min(whole.low, np.array(look.low))
-        whole.high = _elementwise_max(whole.high, np.array(look.high))
-        column, row, _ = look.squares.sums()
-        whole.squares.add(column, row)
-    return whole
-
-
 def _cloud_pass(
     name: str,
     number: int | None,
     label: int,
-    parts: Mapping[Path, _CloudInspection],
+    parts: Mapping[Path, CloudInspection],
     crs: str | None,
     only: PointFilter | None,
     flags: Sequence[str] = (),
 ) -> CloudPass:
-    whole = _combine_inspections(list(parts.values()))
+    whole = combine_inspections(list(parts.values()))
     times = whole.times
     found = list(flags)
     if whole.lost:
@@ -474,7 +353,7 @@ def _cloud_pass(
         crs=whole.crs,
         classes=whole.classes.classes,
         count=whole.count,
-        area=whole.squares.sums()[0].size * _CELL**2,
+        area=whole.squares.sums()[0].size * CELL**2,
         extent=(*whole.low, *whole.high),
         time=times,
         variables=whole.variables,
