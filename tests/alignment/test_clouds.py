@@ -577,7 +577,7 @@ def test_cells_suit_the_density(density, size, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("file", "lanes", "gain"),
+    ("file", "passes", "gain"),
     [
         ("las_with_origin_dsmMarker.laz", {"3025", "3026"}, 0.35),
         ("test_data_77055_627755_LA93_IGN69.laz", {"706", "707"}, 1.0),
