@@ -1,9 +1,9 @@
-"""The adjustment of passes: its cost by length, and real strips beside simpler corrections.
+"""Network adjustment: run time by length, and accuracy on real strips against simpler corrections.
 
-Strips are compared as others do: cells of 1 m of ground points, at least 3 returns of each strip
-that scatter by less than 60 mm, differences of the mean heights. All methods are fitted to the same
-cells and judged by the same cells held back, in five turns. What a rigid transformation does to the
-height of a cell is that of its mean point, brought back to its place along the slope.
+Strips are compared in cells of 1 m of ground points with at least 3 returns of each strip that
+scatter by less than 60 mm, by differences of the mean heights. All methods are fitted to the same
+cells and judged by the same held-out cells, in five folds. The height change of a cell by a rigid
+transformation is that of its mean point, less its horizontal shift times the slope.
 """
 
 import importlib.util
@@ -27,7 +27,7 @@ from trueterrain.alignment import (
     PassCells,
     adjust_passes,
     cells_of_points,
-    lane_cells,
+    make_pass_cells,
 )
 from trueterrain.alignment.run_passes import merge_runs
 from trueterrain.core.schemas import make_points
@@ -44,7 +44,7 @@ CELL = 0.5  # [m]
 WIDTH = 3.0  # [m] of the overlap
 NOISE = 1e-3  # [m]
 FOLDS = 5
-SQUARE = 5.0  # [m] of ground held back together
+SQUARE = 5.0  # [m] side of the squares that are held out together
 SMOOTH = 0.06  # [m]
 DRIFTING = "dsmMarker 3025-3026"
 STRIPS = {
@@ -63,16 +63,16 @@ Fit = Callable[[Pair, np.ndarray], np.ndarray]
 def bench() -> list[dict[str, Any]]:
     """Rows of name, ours, peer, unit, ratio and budget.
 
-    Returns
+    Rereturns
     -------
     list of dict
-        What was measured.
+        Measured values.
     """
     return [*cost(), collecting(), merging(), *strips()]
 
 
 def merging() -> dict[str, Any]:
-    """Two recorded lanes brought into agreement and gridded, beside gridding them once."""
+    """Align and grid two recorded runs, against gridding them once."""
     with tempfile.TemporaryDirectory() as folder:
         paths = {name: Path(folder) / f"{name}.zarr" for name in ("left", "right")}
         for path, north, height in zip(paths.values(), (0.0, -3.5), (0.01, -0.01), strict=True):
@@ -100,7 +100,7 @@ def merging() -> dict[str, Any]:
         both = min(elapsed(merged) for _ in range(3))
     returns = 2 * bench_grid.SCANS * bench_grid.BEAMS / 1e6
     return {
-        "name": f"two lanes merged and gridded, {returns:.0f} M returns",
+        "name": f"two runs merged and gridded, {returns:.0f} M returns",
         "ours": both,
         "peer": once,
         "peer_name": "gridding them once",
@@ -112,7 +112,7 @@ def merging() -> dict[str, Any]:
 
 
 def record(path: Path, north: float, height: float) -> None:
-    """A run over level ground in a lane, whose navigation drifts by up to a height [m]."""
+    """Record a run over level ground whose navigation drifts by up to `height` [m]."""
     angle, delay = bench_grid.fan()
     with RunWriter(
         path,
@@ -145,7 +145,7 @@ def elapsed(work: Callable[[], Any]) -> float:
 
 
 def cost() -> list[dict[str, Any]]:
-    """Seconds for 1, 10 and 100 km of four passes, and what memory each takes per kilometre."""
+    """Run time and memory of the adjustment of four passes over 1, 10 and 100 km."""
     adjust_passes(road(0.2))  # compile
     rows, used = [], []
     for length in LENGTHS:
@@ -154,12 +154,12 @@ def cost() -> list[dict[str, Any]]:
         begin = time.perf_counter()
         found = adjust_passes(passes)
         seconds = time.perf_counter() - begin
-        more = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024 / length
+        memory = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024 / length
         used.append(seconds)
         rows.append(
             row(
                 f"adjust {length:g} km of {PASSES} passes, {found.ground.cell.size:,} cells, "
-                f"{more:.0f} MB/km",
+                f"{memory:.0f} MB/km",
                 seconds,
                 "s",
                 "<= 60 s",
@@ -172,7 +172,7 @@ def cost() -> list[dict[str, Any]]:
 
 
 def road(length: float) -> list[PassCells]:
-    """Passes over a road of some kilometres, each with a drift of its own."""
+    """Simulate cells of passes over a road of some kilometres, each with its own drift."""
     rng = np.random.default_rng(1)
     along, across = np.meshgrid(
         np.arange(CELL / 2, 1e3 * length, CELL),
@@ -188,7 +188,7 @@ def road(length: float) -> list[PassCells]:
         drift = process.next(clock.size)[:, 0] + rng.normal(0, 0.03)
         height = ground + np.interp(s / SPEED, clock, drift) + rng.normal(0, NOISE, s.size)
         passes.append(
-            lane_cells(
+            make_pass_cells(
                 f"pass {number}",
                 np.arange(s.size),
                 s / SPEED,
@@ -204,7 +204,7 @@ def road(length: float) -> list[PassCells]:
 
 
 def collecting() -> dict[str, Any]:
-    """Points with time into the cells of a pass."""
+    """Points with time to cells of a pass."""
     rng = np.random.default_rng(1)
     n = 5_000_000
     x = np.sort(rng.uniform(0, 500, n))
@@ -220,7 +220,7 @@ def collecting() -> dict[str, Any]:
 
 
 def strips() -> list[dict[str, Any]]:
-    """Root mean square of differences in cells held back, by ours and by peers."""
+    """Root mean square of differences in held-out cells, by our method and by peers."""
     folder = os.environ.get("TRUETERRAIN_DATA")
     data = Path(folder) if folder else Path(__file__).parents[2] / "shared" / "data"
     if not data.is_dir():
@@ -236,13 +236,13 @@ def strips() -> list[dict[str, Any]]:
             print("small_gicp is left out: it is not installed")
         else:
             peers["small_gicp"] = held_out(pair, gicp)
-        # strips without drift have nothing to gain
+        # strips without drift must not get worse
         limit, budget = raw, "<= raw"
         if name == DRIFTING:
             limit, budget = min(peers[peer] for peer in SIMPLE), "<= best of constant, linear, tilt"
         rows += [
             {
-                "name": f"{name}, {len(pair[0])} cells held back in turn, raw {raw:.1f} mm",
+                "name": f"{name}, {len(pair[0])} held-out cells, raw {raw:.1f} mm",
                 "ours": ours,
                 "peer": value,
                 "peer_name": peer,
@@ -257,7 +257,7 @@ def strips() -> list[dict[str, Any]]:
 
 
 def strip_cells(files: list[Path]) -> Pair:
-    """Cells that both strips saw, of ground points, smooth as measured about their mean."""
+    """Common cells of the ground points of both strips, smooth about their mean."""
     parts = [laspy.read(file) for file in files]
     column = {
         name: np.concatenate([np.asarray(part[name], dtype=np.float64) for part in parts])
@@ -273,19 +273,21 @@ def strip_cells(files: list[Path]) -> Pair:
         time=column["gps_time"][ground][kept],
         lane=strip[kept].astype(np.uint16),
     )
-    options = CellSettings(size=1.0, min_count=3, max_sd=SMOOTH, visit_gap=60.0)
-    one, other = cells_of_points(points, options)
-    even = [
-        cells.part(np.isin(cells.cell, smooth(points, lane)))
-        for cells, lane in zip((one, other), two, strict=True)
+    settings = CellSettings(size=1.0, min_count=3, max_sd=SMOOTH, visit_gap=60.0)
+    one, other = cells_of_points(points, settings)
+    smooth_cells = [
+        cells.part(np.isin(cells.cell, smooth(points, number)))
+        for cells, number in zip((one, other), two, strict=True)
     ]
-    _, first, second = np.intersect1d(even[0].cell, even[1].cell, return_indices=True)
-    return even[0].part(first), even[1].part(second)
+    _, first, second = np.intersect1d(
+        smooth_cells[0].cell, smooth_cells[1].cell, return_indices=True
+    )
+    return smooth_cells[0].part(first), smooth_cells[1].part(second)
 
 
-def smooth(points: Any, lane: int) -> np.ndarray:
+def smooth(points: Any, number: int) -> np.ndarray:
     """Cells in which the heights of a strip scatter little about their mean."""
-    mine = points.isel(point=np.flatnonzero(points.lane.values == lane))
+    mine = points.isel(point=np.flatnonzero(points.lane.values == number))
     x, y = (np.floor(mine[name].values).astype(np.int64) for name in ("easting", "northing"))
     cells, index = np.unique((x << 32) + y, return_inverse=True)
     n = np.bincount(index)
@@ -305,25 +307,25 @@ def rms(values: np.ndarray) -> float:
 
 
 def held_out(pair: Pair, fit: Fit) -> float:
-    """Root mean square of what a method leaves of cells that it did not see [mm]."""
+    """Root mean square of the corrected differences in held-out cells [mm]."""
     x, y = (np.floor(one / SQUARE).astype(np.int64) for one in (pair[0].easting, pair[0].northing))
-    turn = (x * 7 + y * 3) % FOLDS
-    left = np.empty(len(pair[0]))
+    fold_of = (x * 7 + y * 3) % FOLDS
+    residual = np.empty(len(pair[0]))
     for fold in range(FOLDS):
-        out = turn == fold
-        left[out] = difference(pair)[out] + fit(pair, ~out)[out]
-    return rms(left)
+        out = fold_of == fold
+        residual[out] = difference(pair)[out] + fit(pair, ~out)[out]
+    return rms(residual)
 
 
 def network(pair: Pair, seen: np.ndarray) -> np.ndarray:
-    """Ours: corrections of both strips, from the cells seen."""
+    """Our method: corrections of both strips from the cells seen."""
     settings = NetworkSettings(block=SQUARE, min_cells=20)
     found = adjust_passes([one.part(seen) for one in pair], settings=settings)
     each = []
     for one in pair:
         correction = found.correction(one.name)
         each.append(
-            correction.height_at(one.time, one.offset, one.ahead)
+            correction.height_at(one.time, one.offset, one.longitudinal)
             - one.slope_east * correction(one.time, "east")
             - one.slope_north * correction(one.time, "north")
         )
@@ -331,7 +333,7 @@ def network(pair: Pair, seen: np.ndarray) -> np.ndarray:
 
 
 def least_squares(design: Callable[[Pair], np.ndarray]) -> Fit:
-    """Correction that is linear in some columns."""
+    """Correction linear in the columns of a design matrix."""
 
     def fit(pair: Pair, seen: np.ndarray) -> np.ndarray:
         columns = design(pair)
@@ -347,24 +349,24 @@ def with_constant(values: np.ndarray) -> np.ndarray:
 
 
 def icp(pair: Pair, seen: np.ndarray) -> np.ndarray:
-    """Simple ICP: rigid, nearest cell, point to plane, worst tenth left out, 30 iterations."""
+    """Simple ICP: rigid, nearest cell, point to plane, worst tenth rejected, 30 iterations."""
     still, moving = (np.stack([one.easting, one.northing, one.height], axis=1) for one in pair)
     centre = still.mean(axis=0)
     still, moving = still - centre, moving - centre
     normal = np.stack([-pair[0].slope_east, -pair[0].slope_north, np.ones(len(still))], axis=1)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     tree, normals = cKDTree(still[seen]), normal[seen]
-    turn, shift = np.eye(3), np.zeros(3)
+    rotation, shift = np.eye(3), np.zeros(3)
     for _ in range(30):
-        at = moving[seen] @ turn.T + shift
+        at = moving[seen] @ rotation.T + shift
         _, near = tree.query(at)
         away = ((at - still[seen][near]) * normals[near]).sum(axis=1)
         kept = np.abs(away - np.median(away)) <= np.quantile(np.abs(away - np.median(away)), 0.9)
         design = np.concatenate([np.cross(at, normals[near]), normals[near]], axis=1)
         step, *_ = np.linalg.lstsq(design[kept], -away[kept], rcond=None)
         small = Rotation.from_rotvec(step[:3]).as_matrix()
-        turn, shift = small @ turn, small @ shift + step[3:]
-    return transformed(pair, moving, turn, shift)
+        rotation, shift = small @ rotation, small @ shift + step[3:]
+    return transformed(pair, moving, rotation, shift)
 
 
 def gicp(pair: Pair, seen: np.ndarray) -> np.ndarray:
@@ -379,9 +381,11 @@ def gicp(pair: Pair, seen: np.ndarray) -> np.ndarray:
     return transformed(pair, moving, matrix[:3, :3], matrix[:3, 3])
 
 
-def transformed(pair: Pair, moving: np.ndarray, turn: np.ndarray, shift: np.ndarray) -> np.ndarray:
-    """What a rigid transformation adds to the height of the second strip at the place of a cell."""
-    change = moving @ turn.T + shift - moving
+def transformed(
+    pair: Pair, moving: np.ndarray, rotation: np.ndarray, shift: np.ndarray
+) -> np.ndarray:
+    """Height change of the second strip at the cells by a rigid transformation."""
+    change = moving @ rotation.T + shift - moving
     return change[:, 2] - pair[1].slope_east * change[:, 0] - pair[1].slope_north * change[:, 1]
 
 

@@ -26,7 +26,7 @@ merging, _ = merge_runs(two_lanes(), MergeSettings(method="discontinuity"))
 # different heights; below, by how much the lanes depart from the reference height along the path.
 
 figure, (above, below) = plt.subplots(2, 1, figsize=(8, 6.8), layout="constrained")
-figures.lane_histograms(pair.discontinuity, station=10.0, ax=above)
+figures.pass_histograms(pair.discontinuity, station=10.0, ax=above)
 figures.discontinuity_vectors(pair, cut_off=merging.alignment.options.cut_off, ax=below)
 
 # %%

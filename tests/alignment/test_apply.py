@@ -1,4 +1,4 @@
-"""Corrections taken to trajectories and to points, against what they say they add."""
+"""Application of corrections to trajectories and points."""
 
 from dataclasses import replace
 
@@ -35,7 +35,7 @@ SECOND = TURN * (LEAN * HEIGHT + LEAN**2 * REACH + TURN * (REACH + HEIGHT))
 
 
 def driving(step=0.005, *, lean=0.0, covariance=None):
-    """A curve to the left at constant speed, level, or with a body that leans."""
+    """Left curve at constant speed, level or with a roll angle."""
     t = np.arange(0.0, 5.0 + step / 2, step)
     yaw = SPEED / RADIUS * t
     position = np.stack(
@@ -71,13 +71,13 @@ def correction(*components, seed=1):
         coefficients=np.array([size[name] for name in components])[:, None] * wave,
         offset=np.zeros(k),
         covariance=root @ root.transpose(0, 2, 1),
-        left=5e-4,
+        residual_sd=5e-4,
         supported=np.ones(knots.intervals, bool),
     )
 
 
 def seen(trajectory, time, arm):
-    """Place that the body sees along an arm in its own axes."""
+    """Position of a point given in the body frame."""
     poses = trajectory.at(time)
     return poses.position + poses.rotation.apply(arm)
 
@@ -87,8 +87,12 @@ def body(trajectory):
 
     def path(time):
         poses = trajectory.at(time)
-        ahead = poses.rotation.apply([1.0, 0.0, 0.0])
-        return poses.position[:, 0], poses.position[:, 1], np.arctan2(ahead[:, 1], ahead[:, 0])
+        longitudinal = poses.rotation.apply([1.0, 0.0, 0.0])
+        return (
+            poses.position[:, 0],
+            poses.position[:, 1],
+            np.arctan2(longitudinal[:, 1], longitudinal[:, 0]),
+        )
 
     return path
 
@@ -104,7 +108,7 @@ TIME = np.linspace(0.1, 4.9, 240)
 
 @pytest.mark.parametrize("lean", [0.0, LEAN])
 @pytest.mark.parametrize(
-    ("components", "left", "ahead"),
+    ("components", "left", "longitudinal"),
     [
         (("height",), 2.0, 1.0),
         (("height", "roll"), 3.5, 0.0),
@@ -113,21 +117,21 @@ TIME = np.linspace(0.1, 4.9, 240)
         (("height", "roll", "pitch"), 2.0, -2.5),
     ],
 )
-def test_the_ground_seen_rises_as_the_correction_says(components, left, ahead, lean):
-    """By its height, by roll to the left, by pitch ahead; up to what turns are of second order."""
+def test_ground_rises_by_the_correction(components, left, longitudinal, lean):
+    """By height, roll times left and pitch times forward, up to second order of the angles."""
     trajectory, one = driving(lean=lean), correction(*components)
-    arm = np.array([ahead, left, -HEIGHT])
+    arm = np.array([longitudinal, left, -HEIGHT])
     before = placed(trajectory, TIME, arm)
     risen = seen(corrected_trajectory(trajectory, one), TIME, arm)[:, 2] - before.up.values
     v, u = body_coordinates(before, body(trajectory))
     said = one.height_at(TIME, v, u)
     assert np.ptp(said) > 5e-3  # [m] something is corrected
-    # [m] heights alone are off by the way between knots only
+    # [m] heights alone are off by the motion between knots only
     assert_allclose(risen, said, rtol=0, atol=SECOND if len(components) > 1 else 1e-7)
 
 
 @pytest.mark.parametrize("datum", [None, 0.0, 0.02])
-def test_the_covariance_of_a_corrected_pass_holds_the_datum_if_it_is_known(datum):
+def test_covariance_includes_a_known_datum(datum):
     before, one = driving(covariance=0.03**2 * np.eye(6)), correction("height", "roll")
     relative = corrected_trajectory(before, one).covariance
     after = corrected_trajectory(before, replace(one, datum_sd=datum))
@@ -142,8 +146,8 @@ def test_the_covariance_of_a_corrected_pass_holds_the_datum_if_it_is_known(datum
     assert fixed.between(1.0, 2.0).datum_sd == datum
 
 
-def test_signs_are_left_up_and_ahead_up():
-    """Positive roll lifts what is to the left, positive pitch what is ahead."""
+def test_positive_roll_lifts_the_left_and_positive_pitch_the_front():
+    """Positive roll lifts points to the left, positive pitch points ahead."""
     trajectory = driving()
     for name, arm in (("roll", [0, 2.0, -HEIGHT]), ("pitch", [2.0, 0, -HEIGHT])):
         one = correction("height", name)
@@ -163,8 +167,8 @@ def test_horizontal_shifts_move_the_body():
         assert_allclose(values, one(TIME, name), rtol=0, atol=1e-7)  # [m] between knots
 
 
-def test_motion_between_coarse_knots_is_that_of_the_correction():
-    """Velocities and rates go along, so that poses between knots of 10 Hz are right."""
+def test_velocity_and_angular_velocity_include_the_correction():
+    """Interpolated poses between epochs of 10 Hz include the correction."""
     one, step = correction("height", "roll", "pitch"), 0.1
     coarse = corrected_trajectory(driving(step), one).at(TIME)
     truth = driving(0.005).at(TIME)
@@ -180,23 +184,23 @@ def test_motion_between_coarse_knots_is_that_of_the_correction():
     "components",
     [("height",), ("height", "roll"), ("height", "roll", "pitch"), ("height", "east", "north")],
 )
-def test_the_sd_of_heights_is_that_of_the_correction(components):
-    """Whatever the navigation said, and wherever the ground is from the body."""
+def test_sd_of_heights_is_that_of_the_correction(components):
+    """For any reported sd, and any position relative to the body."""
     own = np.diag([1.0, 2.0, 3.0, 0.0, 0.0, 0.0])  # [m²] nothing that turns
     trajectory = corrected_trajectory(driving(covariance=own), one := correction(*components))
     t, k = trajectory.time, slice(None, None, 50)
     _, _, heading = body(trajectory)(t)
-    for left, ahead in ((0.0, 0.0), (3.0, 0.0), (-3.0, 2.0)):
-        east = ahead * np.cos(heading) - left * np.sin(heading)
-        north = ahead * np.sin(heading) + left * np.cos(heading)
+    for left, longitudinal in ((0.0, 0.0), (3.0, 0.0), (-3.0, 2.0)):
+        east = longitudinal * np.cos(heading) - left * np.sin(heading)
+        north = longitudinal * np.sin(heading) + left * np.cos(heading)
         none = np.zeros(t.size)
         # how the height changes with place and turns of the body
         row = np.stack([none, none, none + 1, north, -east, none], axis=1)
         sd = np.sqrt(np.einsum("ni,nij,nj->n", row, trajectory.covariance, row))
-        assert_allclose(sd[k], one.sd(t, left, ahead)[k], rtol=0, atol=1e-8)  # [m]
+        assert_allclose(sd[k], one.sd(t, left, longitudinal)[k], rtol=0, atol=1e-8)  # [m]
 
 
-def test_what_was_not_corrected_keeps_its_covariance():
+def test_uncorrected_components_keep_their_covariance():
     rng = np.random.default_rng(2)
     root = rng.normal(0, 1e-2, (6, 6))
     before = driving(covariance=root @ root.T)
@@ -211,20 +215,20 @@ def test_what_was_not_corrected_keeps_its_covariance():
     assert_allclose(after[0, 4, 4], before.covariance[0, 4, 4], rtol=0, atol=1e-15)
 
 
-def test_points_and_trajectory_are_corrected_alike():
-    """Heights up to the second order; sideways a turned body moves what lies below it."""
+def test_points_and_trajectory_get_the_same_correction():
+    """Heights up to second order; a rotated body also moves the ground below it sideways."""
     trajectory = driving(lean=LEAN)
     one = correction("height", "roll", "pitch", "east", "north")
     for arm in ([0.0, 3.0, -HEIGHT], [2.0, -3.0, -HEIGHT]):
         moved = corrected_points(placed(trajectory, TIME, arm), one, body(trajectory))
         truth = seen(corrected_trajectory(trajectory, one), TIME, arm)
         assert_allclose(moved.up, truth[:, 2], rtol=0, atol=SECOND)
-        aside = np.hypot(moved.easting - truth[:, 0], moved.northing - truth[:, 1])
+        lateral = np.hypot(moved.easting - truth[:, 0], moved.northing - truth[:, 1])
         # [m] by roll and pitch; and across by the lean of the body
-        assert aside.max() < np.sqrt(2) * TURN * (HEIGHT + LEAN * REACH) * 1.1
+        assert lateral.max() < np.sqrt(2) * TURN * (HEIGHT + LEAN * REACH) * 1.1
 
 
-def test_points_of_blocks_are_those_of_the_whole():
+def test_blocks_of_points_give_the_same_result():
     trajectory, one = driving(), correction("height", "roll")
     points = placed(trajectory, TIME, [0.0, 3.0, -HEIGHT])
     whole = corrected_points(points, one, body(trajectory))
@@ -236,7 +240,7 @@ def test_points_of_blocks_are_those_of_the_whole():
         assert_array_equal(np.concatenate([part[name] for part in parts]), whole[name])
 
 
-def test_points_have_the_sd_of_the_correction_and_their_own():
+def test_points_combine_the_sd_of_the_correction_with_their_own():
     trajectory, one = driving(), correction("height", "roll")
     arm, own = [0.0, 3.0, -HEIGHT], np.full(TIME.size, 0.004)
     plain, known = (
@@ -261,7 +265,7 @@ def test_points_have_the_sd_of_the_correction_and_their_own():
     }
 
 
-def test_what_is_needed_to_correct_points_is_said():
+def test_missing_time_and_path_are_errors():
     points = placed(driving(), TIME, [0.0, 3.0, -HEIGHT])
     with pytest.raises(SchemaError, match=r"variable time: is missing.*discontinuity"):
         corrected_points(points.drop_vars("time"), correction("height"))
@@ -271,11 +275,11 @@ def test_what_is_needed_to_correct_points_is_said():
 
 
 def alignment(path, height):
-    """Correction of one of two lanes along a path; the other is fixed."""
+    """Correction of one of two passes along a path; the other is fixed."""
     one = StationCorrection(path=path, height=height, begin=0.0, end=path.length)
     return PassAlignment(
-        options=DiscontinuitySettings(),
-        lanes=("a", "b"),
+        settings=DiscontinuitySettings(),
+        names=("a", "b"),
         pairs=(),
         corrections={"b": one},
         states=(),
@@ -284,8 +288,8 @@ def alignment(path, height):
 
 
 @pytest.mark.parametrize("bent", [False, True])
-def test_runs_follow_their_station_as_points_do(bent):
-    """What a scanner sees beside it has its station, so both are lowered by the same."""
+def test_runs_and_points_are_corrected_by_the_same_station(bent):
+    """Ground lateral to the scanner has its station, so both get the same correction."""
     trajectory = driving()
     path = polar_reference((0.0, RADIUS), RADIUS, spacing=0.25, start_angle=-0.6 * np.pi)
     if not bent:
@@ -312,15 +316,15 @@ def test_runs_follow_their_station_as_points_do(bent):
         points = correct_points(placed(trajectory, TIME, arm), found, "b")
         # [m] straight pieces between reference points have corners, motion has none
         assert_allclose(points.up, seen(moved, TIME, arm)[:, 2], rtol=0, atol=2e-6)
-    ahead = [2.0, 0.0, -HEIGHT]
+    longitudinal = [2.0, 0.0, -HEIGHT]
     apart = (
-        correct_points(placed(trajectory, TIME, ahead), found, "b").up
-        - seen(moved, TIME, ahead)[:, 2]
+        correct_points(placed(trajectory, TIME, longitudinal), found, "b").up
+        - seen(moved, TIME, longitudinal)[:, 2]
     )
     assert np.abs(apart).max() < 2.0 * 0.01 / 4.0 * 1.05  # [m] 2 m ahead, by the steepest change
 
 
-def test_a_run_along_a_path_moves_as_fast_as_it_is_lowered():
+def test_velocity_along_a_path_is_the_derivative_of_the_height():
     trajectory = driving()
     path = polar_reference((0.0, RADIUS), RADIUS, start_angle=-0.6 * np.pi)
     moved = trajectory_along(trajectory, alignment(path, 0.01 * np.sin(path.station / 4.0)), "b")
@@ -331,20 +335,20 @@ def test_a_run_along_a_path_moves_as_fast_as_it_is_lowered():
     assert_array_equal(moved.position[:, :2], trajectory.position[:, :2])
 
 
-def test_a_fixed_lane_keeps_its_motion():
+def test_a_fixed_pass_keeps_its_trajectory():
     trajectory = driving()
     path = straight_reference((-5.0, 1.0), (50.0, 1.0))
     found = alignment(path, np.ones(path.station.size))
     assert_array_equal(trajectory_along(trajectory, found, "a").position, trajectory.position)
-    with pytest.raises(ValueError, match="lane must be one of a, b, got 'c'"):
+    with pytest.raises(ValueError, match="name must be one of a, b, got 'c'"):
         trajectory_along(trajectory, found, "c")
 
 
-def test_offsets_are_to_the_left_and_ahead():
+def test_body_coordinates_are_left_and_forward_positive():
     points = make_points([3.0, 10.0], [4.0, 1.0], [0.0, 0.0], time=[0.0, 1.0])
     north = np.array([np.pi / 2, np.pi / 2])
-    offset, ahead = body_coordinates(
+    offset, longitudinal = body_coordinates(
         points, lambda t: (np.array([5.0, 5.0]), np.array([1.0, 1.0]), north)
     )
     assert_allclose(offset, [2.0, -5.0], rtol=0, atol=EXACT)
-    assert_allclose(ahead, [3.0, 0.0], rtol=0, atol=EXACT)
+    assert_allclose(longitudinal, [3.0, 0.0], rtol=0, atol=EXACT)

@@ -1,10 +1,10 @@
-"""What passes saw of the cells of a common grid."""
+"""Cells of passes in a common grid."""
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from trueterrain.alignment import CellSettings, PassCells, cells_of_points, lane_cells
+from trueterrain.alignment import CellSettings, PassCells, cells_of_points, make_pass_cells
 from trueterrain.core.errors import CoverageError, SchemaError
 from trueterrain.core.schemas import make_points
 
@@ -20,7 +20,7 @@ COLUMNS = (
     "slope_east",
     "slope_north",
     "offset",
-    "ahead",
+    "longitudinal",
 )
 
 
@@ -33,8 +33,8 @@ def cloud(n=20_000, seed=1, *, corner=(0.0, 0.0), slope=(0.02, -0.03), noise=0.0
 
 
 @pytest.mark.parametrize("corner", [(0.0, 0.0), (-20.3, -7.1), (949_361.0, 6_715_402.0)])
-def test_cells_lie_on_the_plane_of_the_points(corner):
-    """Mean heights on it at their mean places, wherever in the world, and times with them."""
+def test_cells_are_on_the_plane_of_the_points(corner):
+    """Mean heights and times at mean positions, for any map coordinates."""
     (cells,) = cells_of_points(cloud(corner=corner), CellSettings(size=0.5))
     x, y = cells.easting - corner[0], cells.northing - corner[1]
     error = cells.height - (3.0 + 0.02 * x - 0.03 * y)
@@ -47,7 +47,7 @@ def test_cells_lie_on_the_plane_of_the_points(corner):
     assert np.unique(cells.cell).size == np.unique(np.stack(number), axis=1).shape[1]
 
 
-def test_order_and_blocks_of_points_do_not_matter():
+def test_cells_do_not_depend_on_order_and_blocks():
     points = cloud()
     shuffled = points.isel(point=np.random.default_rng(5).permutation(points.sizes["point"]))
     blocks = [shuffled.isel(point=slice(k, k + 777)) for k in range(0, 20_000, 777)]
@@ -56,14 +56,14 @@ def test_order_and_blocks_of_points_do_not_matter():
         assert_array_equal(getattr(again, name), getattr(once, name))
 
 
-def test_lanes_are_told_apart_and_named():
+def test_passes_are_separated_by_number_and_named():
     points = cloud().assign(lane=("point", np.arange(20_000) % 2 + 3))
-    lanes = cells_of_points(points, names={3: "north"})
-    assert [one.name for one in lanes] == ["north", "4"]
-    assert sum(int(one.count.sum()) for one in lanes) <= 20_000
+    passes = cells_of_points(points, names={3: "north"})
+    assert [one.name for one in passes] == ["north", "4"]
+    assert sum(int(one.count.sum()) for one in passes) <= 20_000
 
 
-def test_a_pass_that_comes_back_is_there_twice():
+def test_a_repeated_visit_is_a_second_entry():
     first, later = cloud(seed=1), cloud(seed=2)
     later = later.assign(time=later.time + 60.0)
     (cells,) = cells_of_points([first, later], CellSettings(size=0.5, visit_gap=20.0))
@@ -73,8 +73,8 @@ def test_a_pass_that_comes_back_is_there_twice():
     assert len(cells) > 1.9 * len(once)
 
 
-def test_offsets_are_from_the_path_of_the_pass():
-    """By the mean places of the returns unless a path is given."""
+def test_offsets_refer_to_the_path_of_the_pass():
+    """By the mean positions of the returns unless a path is given."""
     points = cloud(200_000)
     (guessed,) = cells_of_points(points, CellSettings(size=0.5))
     middle = (guessed.easting > 3) & (guessed.easting < 37)
@@ -86,7 +86,7 @@ def test_offsets_are_from_the_path_of_the_pass():
 
     (known,) = cells_of_points(points, CellSettings(size=0.5), path=path)
     assert_allclose(known.offset, known.northing - 0.5, rtol=0, atol=1e-9)
-    assert_allclose(known.ahead, 2.0, rtol=0, atol=1e-4)  # [m] times are in steps of 1 µs
+    assert_allclose(known.longitudinal, 2.0, rtol=0, atol=1e-4)  # [m] times are in steps of 1 µs
 
 
 def test_rough_and_sparse_cells_are_left_out():
@@ -98,7 +98,7 @@ def test_rough_and_sparse_cells_are_left_out():
 
 
 def test_points_without_time_are_refused_with_a_cure():
-    with pytest.raises(SchemaError, match=r"variable time: is missing.*give their station"):
+    with pytest.raises(SchemaError, match=r"variable time: is missing.*give the station"):
         cells_of_points(cloud().drop_vars("time"))
     with pytest.raises(CoverageError, match="there are no points"):
         cells_of_points([])
@@ -119,13 +119,13 @@ def test_values_that_are_not_finite_are_refused():
         ({"min_count": 0}, "min_count must be at least 1"),
     ],
 )
-def test_wrong_options_are_refused(wrong, message):
+def test_wrong_settings_are_refused(wrong, message):
     with pytest.raises(ValueError, match=message):
         CellSettings(**wrong)
 
 
-def test_cells_must_fit_together():
-    good = lane_cells("a", [1, 2], [0.0, 1.0], [0.0, 0.0], variance=1e-6)
+def test_inconsistent_cells_are_refused():
+    good = make_pass_cells("a", [1, 2], [0.0, 1.0], [0.0, 0.0], variance=1e-6)
     columns = {name: getattr(good, name) for name in COLUMNS}
     with pytest.raises(ValueError, match="height must hold one value for each of the 2 cells of a"):
         PassCells(name="a", **(columns | {"height": np.zeros(3)}))
@@ -141,6 +141,6 @@ def test_cells_must_fit_together():
         PassCells(name="a", **columns, sd_time=np.array([1.0, 0.0]), sd_height=np.ones(2))
 
 
-def test_some_of_the_cells_can_be_taken():
-    cells = lane_cells("a", [1, 2, 3], [0.0, 1.0, 2.0], [0.0, 5.0, 0.0], variance=1e-6)
+def test_cells_can_be_selected():
+    cells = make_pass_cells("a", [1, 2, 3], [0.0, 1.0, 2.0], [0.0, 5.0, 0.0], variance=1e-6)
     assert_array_equal(cells.part(np.array([False, True, False])).height, [5.0])

@@ -1,4 +1,4 @@
-"""Point clouds as lanes: told apart, brought into agreement, and written again."""
+"""Point clouds as passes: found, aligned and written."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from trueterrain import formats
 from trueterrain.alignment import CellSettings, cells_of_points
 from trueterrain.alignment.clouds.merge import (
     cells_of_clouds,
-    cloud_lanes,
+    find_cloud_passes,
     merge_clouds,
     merged_surface,
     suggested_cell,
@@ -38,7 +38,7 @@ def ground(x, y, slope=0.02):
 
 
 def drift(name, t):
-    """Of passes a and b, seconds after their begin; their mean is 0 at all times [m]."""
+    """Of passes a and b, seconds after their start; their mean is 0 at all times [m]."""
     sign = {"a": 1.0, "b": -1.0}[name]
     return sign * (0.006 + 0.004 * np.sin(2 * np.pi * t / 6.0))
 
@@ -86,13 +86,13 @@ def two(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def merged(two):
-    return merge_clouds(cloud_lanes(two), SETTINGS)
+    return merge_clouds(find_cloud_passes(two), SETTINGS)
 
 
-def test_several_files_are_a_lane_each(two):
-    lanes = cloud_lanes(two)
-    assert list(lanes) == ["a", "b"]
-    a = lanes["a"]
+def test_each_of_several_files_is_a_pass(two):
+    passes = find_cloud_passes(two)
+    assert list(passes) == ["a", "b"]
+    a = passes["a"]
     assert (a.count, a.crs, a.label) == (48_000, "EPSG:2154", 1)
     assert_allclose(a.time, (START, START + LENGTH / SPEED), rtol=0, atol=0.001)  # [s] last point
     assert_allclose(a.extent, (0.0, 0.0, LENGTH, 2.0), rtol=0, atol=0.01)  # [m] outermost points
@@ -103,16 +103,16 @@ def test_several_files_are_a_lane_each(two):
 
 def test_one_file_is_split_by_the_number_of_its_points(tmp_path):
     (path,) = written(tmp_path, road=numbered(*pair()))
-    lanes = cloud_lanes([path])
-    assert [(one.name, one.count) for one in lanes.values()] == [("11", 48_000), ("12", 48_000)]
-    assert all((block.lane == 12).all() for block in lanes["12"]())
-    (whole,) = cloud_lanes([path], split=False).values()
+    passes = find_cloud_passes([path])
+    assert [(one.name, one.count) for one in passes.values()] == [("11", 48_000), ("12", 48_000)]
+    assert all((block.lane == 12).all() for block in passes["12"]())
+    (whole,) = find_cloud_passes([path], split=False).values()
     assert whole.count == 96_000
     assert "several passes (point_source_id 11, 12)" in whole.flags[0]
 
 
-def test_passes_cut_into_tiles_are_put_together(tmp_path):
-    """Each lane from both files, and as if there were one."""
+def test_tiles_of_a_pass_are_joined(tmp_path):
+    """Each pass from both files, and as if there were one."""
     both = numbered(*pair())
     west = both.easting.values < 30
     parts = {"west": west, "east": ~west, "one": west | ~west}
@@ -120,7 +120,7 @@ def test_passes_cut_into_tiles_are_put_together(tmp_path):
         formats.write(both.isel(point=np.flatnonzero(some)), tmp_path / f"{name}.zarr")
     split, whole = (
         merge_clouds(
-            cloud_lanes([tmp_path / f"{name}.zarr" for name in names], split=True), SETTINGS
+            find_cloud_passes([tmp_path / f"{name}.zarr" for name in names], split=True), SETTINGS
         )
         for names in (("west", "east"), ("one",))
     )
@@ -129,8 +129,8 @@ def test_passes_cut_into_tiles_are_put_together(tmp_path):
     assert split[0].problems == whole[0].problems == ()
 
 
-def test_known_drift_is_taken_off_the_points(merged):
-    """Points end on the ground with the noise they have, and with the sd claimed."""
+def test_known_drift_is_removed_from_the_points(merged):
+    """Corrected points have their noise only, and the reported sd."""
     merging, corrected = merged
     (agreement,) = merging.pairs
     assert agreement.before.rmse > 0.012
@@ -138,7 +138,7 @@ def test_known_drift_is_taken_off_the_points(merged):
     for name, lane in corrected.items():
         correction = merging.adjustment.correction(name)
         for block in lane():
-            t = block.time.values - lane.lane.time[0]
+            t = block.time.values - lane.cloud.time[0]
             left = block.up.values - ground(block.easting.values, block.northing.values)
             assert_allclose(left.std(), NOISE, rtol=0, atol=0.05 * NOISE)
             error = correction(block.time.values) + drift(name, t)
@@ -146,20 +146,20 @@ def test_known_drift_is_taken_off_the_points(merged):
             assert np.sqrt(np.mean((error / block.sd_relative.values) ** 2)) < 1.1
 
 
-def test_no_tilt_is_invented(merged):
-    """Differences tell nothing about a tilt that both passes share: it stays 0."""
+def test_an_unobservable_tilt_stays_zero(merged):
+    """A tilt common to both passes is unobservable and stays 0."""
     merging, _ = merged
     t = np.linspace(0, LENGTH / SPEED, 50)
     one, two = (merging.adjustment.correction(name) for name in "ab")
     first, second = START + t, START + 100 + t
     shared = one(first) + two(second)
-    assert_allclose(shared / 2, 0.0, rtol=0, atol=1e-4)  # [m] along the way
+    assert_allclose(shared / 2, 0.0, rtol=0, atol=1e-4)  # [m] along the path
     roll = one(first, "roll") + two(second, "roll")
     assert_allclose(roll / 2, 0.0, rtol=0, atol=1e-4)  # [rad] across it
 
 
-def test_cells_of_corrected_points_agree_as_said(merged):
-    """What is said of pairs is what anybody finds in the corrected points."""
+def test_cells_of_corrected_points_agree_as_reported(merged):
+    """Reported agreement is that of the corrected points."""
     merging, corrected = merged
     points = [one for lane in corrected.values() for one in lane()]
     (found,) = compare_passes(cells_of_points(points, SETTINGS.cells, names={1: "a", 2: "b"}))
@@ -172,7 +172,7 @@ def test_cells_of_corrected_points_agree_as_said(merged):
 def test_corrected_points_are_written_to_one_file(merged, tmp_path):
     _, corrected = merged
     formats.write(corrected.blocks(), tmp_path / "merged.laz")
-    again = cloud_lanes([tmp_path / "merged.laz"])
+    again = find_cloud_passes([tmp_path / "merged.laz"])
     assert [(one.name, one.count) for one in again.values()] == [("1", 48_000), ("2", 48_000)]
     assert "sd_relative" in again["1"].variables
     settings = replace(SETTINGS, method="grid", limit=0.01)
@@ -180,43 +180,43 @@ def test_corrected_points_are_written_to_one_file(merged, tmp_path):
     assert_allclose(left.before.rmse, merged[0].pairs[0].after.rmse, rtol=0, atol=ROUNDING)
 
 
-def test_files_are_read_once_for_all_of_their_lanes(tmp_path, monkeypatch):
+def test_files_are_read_once_for_all_of_their_passes(tmp_path, monkeypatch):
     (path,) = written(tmp_path, road=numbered(*pair()))
-    lanes = cloud_lanes([path])
-    _, corrected = merge_clouds(lanes, replace(SETTINGS, method="grid"))
+    passes = find_cloud_passes([path])
+    _, corrected = merge_clouds(passes, replace(SETTINGS, method="grid"))
     read = []
     blocks = formats.point_blocks
     monkeypatch.setattr(formats, "point_blocks", lambda *a, **k: read.append(a) or blocks(*a, **k))
     assert sum(block.sizes["point"] for block in corrected.blocks()) == 96_000
     assert len(read) == 1
-    cells_of_clouds(cloud_lanes([path]))
+    cells_of_clouds(find_cloud_passes([path]))
     assert len(read) == 3  # the second time to look what there is
 
 
 def test_order_of_files_does_not_matter(two, merged):
-    merging, _ = merge_clouds(cloud_lanes(two[::-1]), SETTINGS)
+    merging, _ = merge_clouds(find_cloud_passes(two[::-1]), SETTINGS)
     assert merging.pairs == merged[0].pairs
     assert merging.names == merged[0].names
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet", "zarr"])
-def test_other_formats_are_lanes_too(ending, tmp_path):
+def test_other_formats_are_passes_too(ending, tmp_path):
     for name, one in zip("ab", pair(), strict=True):
         formats.write(one.isel(point=slice(0, None, 4)), tmp_path / f"{name}.{ending}")
-    lanes = cloud_lanes([tmp_path / f"{name}.{ending}" for name in "ab"], crs="EPSG:2154")
-    merging, corrected = merge_clouds(lanes, with_cells(MergeSettings(), suggested_cell(lanes)))
+    passes = find_cloud_passes([tmp_path / f"{name}.{ending}" for name in "ab"], crs="EPSG:2154")
+    merging, corrected = merge_clouds(passes, with_cells(MergeSettings(), suggested_cell(passes)))
     (agreement,) = merging.pairs
     assert agreement.held_out.rmse < 0.1 * agreement.before.rmse
     formats.write(corrected["a"](), tmp_path / f"corrected.{ending}")
 
 
-def test_the_merged_surface_is_nearer_to_the_ground_than_either(merged):
+def test_the_merged_surface_is_more_accurate_than_each_pass(merged):
     _, corrected = merged
     grid = grid_over(0.5, 0.2, LENGTH - 0.5, 3.1, spacing=0.2)
     surface = merged_surface(corrected, grid, GridSettings(min_count=8))
     raw = merged_surface(
         merge_clouds(
-            {name: one.lane for name, one in corrected.items()},
+            {name: one.cloud for name, one in corrected.items()},
             replace(SETTINGS, method="grid"),
         )[1],
         grid,
@@ -237,8 +237,8 @@ def test_the_sd_of_the_merged_surface_holds(tmp_path):
         # no cross slope: of one, what cells that an edge cuts leave of it is taken for roll
         a = cloud("a", seed=2 * seed, drifts=False, slope=0.0)
         b = cloud("b", right=1.3, begin=START + 100, seed=2 * seed + 1, slope=0.0)
-        lanes = cloud_lanes(written(tmp_path / str(seed), a=a, b=b))
-        _, corrected = merge_clouds(lanes, replace(SETTINGS, fixed=("a",)))
+        passes = find_cloud_passes(written(tmp_path / str(seed), a=a, b=b))
+        _, corrected = merge_clouds(passes, replace(SETTINGS, fixed=("a",)))
         surface = merged_surface(
             corrected,
             grid_over(0.5, 0.3, LENGTH - 0.5, 2.9, spacing=0.2),
@@ -259,15 +259,15 @@ def test_the_sd_of_the_merged_surface_holds(tmp_path):
         (0.03, {"datum_sd": 0.02}, True),
     ],
 )
-def test_an_absolute_sd_is_there_only_where_something_tells_it(tmp_path, own, settings, absolute):
+def test_absolute_sd_needs_the_sd_of_points_or_datum(tmp_path, own, settings, absolute):
     """The points' own, or that of the datum by the settings; else the relative one is alone."""
     a, b = cloud("a", seed=0), cloud("b", right=1.3, begin=START + 100, seed=1)
     if own is not None:
         sd = ("point", np.full(a.sizes["point"], own), {"units": "m"})
         a, b = a.assign(sd=sd), b.assign(sd=sd)
-    lanes = cloud_lanes(written(tmp_path, a=a, b=b))
+    passes = find_cloud_passes(written(tmp_path, a=a, b=b))
     network = replace(SETTINGS.network, **settings)
-    merging, corrected = merge_clouds(lanes, replace(SETTINGS, network=network))
+    merging, corrected = merge_clouds(passes, replace(SETTINGS, network=network))
     surface = merged_surface(corrected, grid_over(0.5, 0.3, LENGTH - 0.5, 2.9, spacing=0.5))
     block = next(corrected["a"]())
     for found in (block, surface):
@@ -282,7 +282,7 @@ def test_an_absolute_sd_is_there_only_where_something_tells_it(tmp_path, own, se
 
 def test_points_follow_stations_along_a_reference_path(two):
     settings = replace(SETTINGS, method="discontinuity")
-    merging, corrected = merge_clouds(cloud_lanes(two), settings)
+    merging, corrected = merge_clouds(find_cloud_passes(two), settings)
     (agreement,) = merging.pairs
     assert agreement.after.rmse < 0.1 * agreement.before.rmse
     (block,) = corrected["b"]()
@@ -293,16 +293,16 @@ def test_points_follow_stations_along_a_reference_path(two):
     assert not {"sd", "sd_relative"} & set(block.data_vars)
 
 
-def test_the_method_grid_corrects_nothing_and_warns(two):
-    merging, corrected = merge_clouds(cloud_lanes(two), replace(SETTINGS, method="grid"))
+def test_method_grid_corrects_nothing_and_flags(two):
+    merging, corrected = merge_clouds(find_cloud_passes(two), replace(SETTINGS, method="grid"))
     assert "passes differ by more than 2 mm" in merging.problems[0]
     lane = corrected["a"]
-    assert_array_equal(next(lane()).up, next(lane.lane()).up)
+    assert_array_equal(next(lane()).up, next(lane.cloud()).up)
 
 
-def test_a_fixed_lane_stays(two):
-    _, corrected = merge_clouds(cloud_lanes(two), replace(SETTINGS, fixed=("a",)))
-    (before,), (after,) = corrected["a"].lane(), corrected["a"]()
+def test_a_fixed_pass_is_not_corrected(two):
+    _, corrected = merge_clouds(find_cloud_passes(two), replace(SETTINGS, fixed=("a",)))
+    (before,), (after,) = corrected["a"].cloud(), corrected["a"]()
     assert_array_equal(after.up, before.up)
     assert_array_equal(after.sd_relative, 0.0)
     (block,) = corrected["b"]()
@@ -321,8 +321,8 @@ def curved(name, *, inside, radius=30.0, seed=3):
 
 
 @pytest.mark.parametrize("given", [False, True])
-def test_without_time_corrections_follow_the_way(given, tmp_path):
-    """Straight and curved lanes; said in words, and no time is made up."""
+def test_without_time_corrections_follow_the_station(given, tmp_path):
+    """Straight and curved passes; a warning is given, and no time is invented."""
     straight = [one.drop_vars("time") for one in pair()]
     for number, points in enumerate((straight, [curved("a", inside=0), curved("b", inside=1.2)])):
         files = [tmp_path / f"{name}{number}.csv" for name in "ab"]
@@ -333,11 +333,11 @@ def test_without_time_corrections_follow_the_way(given, tmp_path):
         if number == 0:
             path = waypoint_reference([0, LENGTH], [1.5, 1.5], spacing=1.0)
         merging, corrected = merge_clouds(
-            cloud_lanes(files), SETTINGS, path=path if given else None
+            find_cloud_passes(files), SETTINGS, path=path if given else None
         )
         (agreement,) = merging.pairs
         assert agreement.held_out.rmse < 0.15 * agreement.before.rmse
-        where = "the path given" if given else "the middle of each lane"
+        where = "the path given" if given else "the centre line of each pass"
         assert (
             f"without gps_time: corrections follow the station along {where}"
             in (merging.problems[0])
@@ -345,44 +345,44 @@ def test_without_time_corrections_follow_the_way(given, tmp_path):
         assert "time" not in next(corrected[f"a{number}"]())
 
 
-def test_times_of_different_kinds_are_told(tmp_path):
-    """Seconds of the week in one file: each lane keeps its own, and all are corrected."""
+def test_times_of_different_kinds_are_flagged(tmp_path):
+    """Seconds of the week in one file: each pass keeps its own, and all are corrected."""
     a, b = pair()
     b = b.assign(time=b.time - START + 345_678.0)
-    merging, _ = merge_clouds(cloud_lanes(written(tmp_path, a=a, b=b)), SETTINGS)
+    merging, _ = merge_clouds(find_cloud_passes(written(tmp_path, a=a, b=b)), SETTINGS)
     (problem,) = merging.problems
     assert problem.startswith("times of b are seconds of a week, those of a are not")
     assert merging.pairs[0].held_out.rmse < 1e-3  # [m] as with one kind
 
 
-def test_lanes_with_times_of_more_than_a_week_are_left_out(tmp_path):
-    """Alone they are refused; beside others they end nothing."""
+def test_passes_longer_than_a_week_are_left_out(tmp_path):
+    """They are refused if they are the only ones, and left out otherwise."""
     two = numbered(*pair()).isel(point=slice(0, None, 3))
     two["lane"][:] = 7  # one number for two flights, the second in seconds of the week
     mixed = two.assign(time=two.time.where(two.time < START + 50, two.time - START + 345_678.0))
     with pytest.raises(CoverageError, match=r"mixed is left out: its times run from .*a week"):
-        merge_clouds(cloud_lanes(written(tmp_path / "one", mixed=mixed)), SETTINGS)
+        merge_clouds(find_cloud_passes(written(tmp_path / "one", mixed=mixed)), SETTINGS)
     a, b = pair()
-    lanes = cloud_lanes(written(tmp_path / "three", a=a, b=b, mixed=mixed), split=False)
-    merging, corrected = merge_clouds(lanes, SETTINGS)
+    passes = find_cloud_passes(written(tmp_path / "three", a=a, b=b, mixed=mixed), split=False)
+    merging, corrected = merge_clouds(passes, SETTINGS)
     assert list(corrected) == ["a", "b"]
     assert any("mixed is left out" in problem for problem in merging.problems)
     assert merging.pairs[0].held_out.rmse < 1e-3  # [m] as without it
-    _, by_station = merge_clouds(lanes, replace(SETTINGS, method="grid"))
+    _, by_station = merge_clouds(passes, replace(SETTINGS, method="grid"))
     assert "mixed" in by_station  # where time does not matter
 
 
-def test_points_of_no_source_and_no_time_are_no_pass(tmp_path):
+def test_points_without_source_and_time_are_no_pass(tmp_path):
     """In a file of numbered passes they are left out; times of the others stay in use."""
     made_up = cloud("a", density=40).assign(time=("point", np.zeros(4800), {"units": "s"}))
     points = numbered(*pair(), made_up)
     points["lane"][points.lane == 13] = 0
-    lanes = cloud_lanes(written(tmp_path, road=points))
-    merging, corrected = merge_clouds(lanes, SETTINGS)
+    passes = find_cloud_passes(written(tmp_path, road=points))
+    merging, corrected = merge_clouds(passes, SETTINGS)
     assert list(corrected) == ["11", "12"]
     assert merging.problems[0].startswith("4800 points of source 0 are left out")
     assert merging.pairs[0].held_out.rmse < 1e-3  # [m] as without them
-    (alone,) = cloud_lanes(
+    (alone,) = find_cloud_passes(
         written(
             tmp_path / "two",
             made_up=points.isel(point=points.lane.values == 0),
@@ -392,43 +392,47 @@ def test_points_of_no_source_and_no_time_are_no_pass(tmp_path):
     ).values()
     assert (alone.name, alone.number) == ("road", 11)  # by the file that holds it
     timed = points.assign(time=points.time + 1.0 + 0.001 * np.arange(points.sizes["point"]))
-    assert list(cloud_lanes(written(tmp_path / "t", road=timed))) == ["0", "11", "12"]
+    assert list(find_cloud_passes(written(tmp_path / "t", road=timed))) == ["0", "11", "12"]
 
 
 def test_points_without_time_among_others_are_left_out(tmp_path):
     a, b = pair()
     time = a.time.values.copy()
     time[:7] = 0.0
-    lanes = cloud_lanes(written(tmp_path, a=a.assign(time=("point", time, a.time.attrs)), b=b))
-    merging, corrected = merge_clouds(lanes, SETTINGS)
+    passes = find_cloud_passes(
+        written(tmp_path, a=a.assign(time=("point", time, a.time.attrs)), b=b)
+    )
+    merging, corrected = merge_clouds(passes, SETTINGS)
     assert merging.problems == ("a: 7 of 48000 points have no time and are left out",)
     assert sum(block.sizes["point"] for block in corrected["a"]()) == 47_993
 
 
-def test_a_stray_strip_is_left_out_and_said(tmp_path):
+def test_a_stray_strip_is_left_out_and_reported(tmp_path):
     a, b = pair()
     points = numbered(a, b, a.isel(point=slice(0, 40)), b.isel(point=[7, 9000]))
-    lanes = cloud_lanes(written(tmp_path, road=points))
-    merging, corrected = merge_clouds(lanes, SETTINGS)
+    passes = find_cloud_passes(written(tmp_path, road=points))
+    merging, corrected = merge_clouds(passes, SETTINGS)
     assert list(corrected) == ["11", "12"]
     assert merging.problems[0].startswith("13 is left out: ")
-    assert merging.problems[0].endswith(" cells with 40 points in all are a remnant, no pass")
+    assert merging.problems[0].endswith(" cells with 40 points in all are too few for a pass")
     assert merging.problems[1].startswith("14 is left out: it has no cell of 0.2 m with 5 returns")
 
 
-def test_what_not_all_lanes_know_is_left_out(tmp_path):
+def test_variables_that_not_all_passes_have_are_left_out(tmp_path):
     a, b = pair()
     bright = a.assign(intensity=("point", np.full(48_000, 7), {"units": "1"}))
     for name, one in (("a", bright), ("b", b)):
         formats.write(one, tmp_path / f"{name}.zarr")
-    _, corrected = merge_clouds(cloud_lanes([tmp_path / f"{name}.zarr" for name in "ab"]), SETTINGS)
+    _, corrected = merge_clouds(
+        find_cloud_passes([tmp_path / f"{name}.zarr" for name in "ab"]), SETTINGS
+    )
     names = [set(block.data_vars) for block in corrected.blocks()]
     assert all(found == names[0] for found in names)
     assert "intensity" not in names[0]
 
 
-def test_points_keep_what_they_came_with(tmp_path):
-    """Nothing but heights, their sd and a number that was not the lane's own is changed."""
+def test_points_keep_their_other_variables(tmp_path):
+    """Only heights, their sd and a changed number of the pass differ."""
     rng = np.random.default_rng(2)
     given = {}
     for name, one in zip("ab", pair(), strict=True):
@@ -438,7 +442,7 @@ def test_points_keep_what_they_came_with(tmp_path):
         given[name] = one.assign({key: ("point", values) for key, values in more.items()})
     given["a"] = given["a"].assign(nir=("point", np.full(48_000, 5)))
     given["a"].attrs |= {"coordinate_scale": [0.00025] * 3, "coordinate_offset": [0.0] * 3}
-    _, corrected = merge_clouds(cloud_lanes(written(tmp_path / "in", **given)), SETTINGS)
+    _, corrected = merge_clouds(find_cloud_passes(written(tmp_path / "in", **given)), SETTINGS)
     for name, label in (("a", 1), ("b", 2)):
         formats.write(iter(corrected[name]()), tmp_path / f"{name}.laz")
         before = formats.open(tmp_path / "in" / f"{name}.laz")
@@ -452,12 +456,14 @@ def test_points_keep_what_they_came_with(tmp_path):
             assert_allclose(after[axis], before[axis], rtol=0, atol=1e-9)  # [m] float64
         assert max(after.attrs["coordinate_scale"]) <= ROUNDING  # of corrected heights
     # merged once more, the first numbers stay
-    _, corrected = merge_clouds(cloud_lanes([tmp_path / "b.laz", tmp_path / "a.laz"]), SETTINGS)
+    _, corrected = merge_clouds(
+        find_cloud_passes([tmp_path / "b.laz", tmp_path / "a.laz"]), SETTINGS
+    )
     again = np.concatenate([block.extra_source for block in corrected["a"]()])
     assert_array_equal(again, formats.open(tmp_path / "in" / "a.laz").lane)
 
 
-def test_classes_that_are_no_ground_are_named_and_left_out(tmp_path):
+def test_classes_other_than_ground_are_reported_and_left_out(tmp_path):
     roofs, grounds = {}, 0
     for name, one in zip("ab", pair(), strict=True):
         roof = one.easting.values % 3.0 < 1.0
@@ -465,83 +471,85 @@ def test_classes_that_are_no_ground_are_named_and_left_out(tmp_path):
         roofs[name] = one.assign(up=one.up + 4.0 * roof, classification=("point", classes))
         grounds += int(np.count_nonzero(~roof))
     files = written(tmp_path, **roofs)
-    merging, _ = merge_clouds(cloud_lanes(files), replace(SETTINGS, method="grid"))
+    merging, _ = merge_clouds(find_cloud_passes(files), replace(SETTINGS, method="grid"))
     named = f"building (6) {96_000 - grounds:,}; take the ground alone: --class 2"
     assert any(named in one for one in merging.problems)
-    lanes = cloud_lanes(files, only=PointFilter(classes=(2,)))
-    merging, corrected = merge_clouds(lanes, SETTINGS)
+    passes = find_cloud_passes(files, only=PointFilter(classes=(2,)))
+    merging, corrected = merge_clouds(passes, SETTINGS)
     assert not any("no ground" in one for one in merging.problems)
     points = list(corrected.blocks())
     assert sum(block.sizes["point"] for block in points) == grounds
     assert all((block.classification == 2).all() for block in points)
 
 
-def test_lanes_that_share_no_ground_are_refused(tmp_path):
+def test_passes_without_common_ground_are_refused(tmp_path):
     a, b = cloud("a"), cloud("b", right=50.0)
-    lanes = cloud_lanes(written(tmp_path, a=a, b=b))
+    passes = find_cloud_passes(written(tmp_path, a=a, b=b))
     with pytest.raises(CoverageError, match=r"no cell is seen by two passes.*Compare their CRS"):
-        merge_clouds(lanes, SETTINGS)
-    with pytest.raises(CoverageError, match="lane b: overlaps with none of a"):
-        merge_clouds(lanes, replace(SETTINGS, method="discontinuity"))
+        merge_clouds(passes, SETTINGS)
+    with pytest.raises(CoverageError, match="pass b: overlaps with none of a"):
+        merge_clouds(passes, replace(SETTINGS, method="discontinuity"))
 
 
-def test_one_lane_is_refused(two):
+def test_a_single_pass_is_refused(two):
     for method in ("network", "discontinuity", "grid"):
         with pytest.raises(CoverageError, match=r"at least two passes that overlap"):
-            merge_clouds(cloud_lanes(two[:1]), replace(SETTINGS, method=method))
+            merge_clouds(find_cloud_passes(two[:1]), replace(SETTINGS, method=method))
 
 
-def test_an_overlap_too_thin_for_the_search_area_is_refused(tmp_path):
-    lanes = cloud_lanes(written(tmp_path, a=cloud("a"), b=cloud("b", right=1.8)))
+def test_an_overlap_narrower_than_the_search_area_is_refused(tmp_path):
+    passes = find_cloud_passes(written(tmp_path, a=cloud("a"), b=cloud("b", right=1.8)))
     wide = replace(SETTINGS.discontinuity, radius=0.5)
     settings = replace(SETTINGS, method="discontinuity", discontinuity=wide)
-    with pytest.raises(CoverageError, match="too thin for search areas 1 m long and 1 m wide"):
-        merge_clouds(lanes, settings)
+    with pytest.raises(CoverageError, match="too narrow for search areas 1 m long and 1 m wide"):
+        merge_clouds(passes, settings)
 
 
 def test_other_reference_systems_are_refused(tmp_path):
     a, b = pair()
     files = written(tmp_path, a=a, b=b.assign_attrs(crs="EPSG:25832"))
     with pytest.raises(SchemaError, match=r"b\.laz: has .* 'EPSG:25832', but that of a\.laz is"):
-        cloud_lanes(files)
-    assert {lane.crs for lane in cloud_lanes(files, crs="EPSG:2154").values()} == {"EPSG:2154"}
+        find_cloud_passes(files)
+    assert {lane.crs for lane in find_cloud_passes(files, crs="EPSG:2154").values()} == {
+        "EPSG:2154"
+    }
     files = written(tmp_path / "more", a=a, b=b.assign_attrs(crs=""))
     with pytest.raises(SchemaError, match=r"unknown, but that of a\.laz .* state it with --crs"):
-        cloud_lanes(files)
+        find_cloud_passes(files)
 
 
 def test_the_same_points_twice_are_refused(two, tmp_path):
     with pytest.raises(ValueError, match=r"a\.laz is given twice"):
-        cloud_lanes([two[0], two[0]])
+        find_cloud_passes([two[0], two[0]])
     (copy,) = written(tmp_path, again=pair()[0])
     for method in ("network", "discontinuity", "grid"):
         with pytest.raises(TrueTerrainError, match=r"hold.? the same (returns|points)"):
-            merge_clouds(cloud_lanes([two[0], copy]), replace(SETTINGS, method=method))
+            merge_clouds(find_cloud_passes([two[0], copy]), replace(SETTINGS, method=method))
 
 
-def test_a_part_of_the_same_points_is_told(two, tmp_path):
-    """A strip that somebody clipped, beside the whole of it, in coordinates rounded alike."""
+def test_a_part_of_the_same_points_is_flagged(two, tmp_path):
+    """A clipped strip and the whole of it, with coordinates rounded in the same steps."""
     half = formats.open(two[0])
     (clip,) = written(tmp_path, clip=half.isel(point=np.flatnonzero(half.easting < 30)))
-    merging, _ = merge_clouds(cloud_lanes([two[0], clip]), replace(SETTINGS, method="grid"))
+    merging, _ = merge_clouds(find_cloud_passes([two[0], clip]), replace(SETTINGS, method="grid"))
     assert "a and clip do not differ at all in most of" in merging.problems[0]
 
 
-def test_files_of_one_name_are_told_apart_by_their_folders(tmp_path):
+def test_files_of_one_name_are_distinguished_by_folder(tmp_path):
     a, b = pair()
     files = [*written(tmp_path / "one", run=a), *written(tmp_path / "two", run=b)]
-    assert list(cloud_lanes(files)) == ["one-run", "two-run"]
+    assert list(find_cloud_passes(files)) == ["one-run", "two-run"]
     deep = [*files, *written(tmp_path / "more", x=a)]
     (tmp_path / "more" / "one").mkdir()
     deep.append(*written(tmp_path / "more" / "one", run=b))
     with pytest.raises(ValueError, match="names that differ, got one-run twice"):
-        cloud_lanes(deep)
+        find_cloud_passes(deep)
 
 
-def test_cells_that_do_not_suit_the_points_are_refused(two):
+def test_cells_too_small_for_the_points_are_refused(two):
     settings = with_cells(MergeSettings(), 0.02)
-    with pytest.raises(CoverageError, match=r"fewer than two lanes .* points suggest 0\.25 m"):
-        merge_clouds(cloud_lanes(two), settings)
+    with pytest.raises(CoverageError, match=r"fewer than two passes .* points suggest 0\.25 m"):
+        merge_clouds(find_cloud_passes(two), settings)
 
 
 def test_heights_that_are_not_finite_name_the_file(tmp_path):
@@ -550,13 +558,13 @@ def test_heights_that_are_not_finite_name_the_file(tmp_path):
     for name, one in (("a", a), ("b", b)):
         formats.write(one, tmp_path / f"{name}.zarr")
     with pytest.raises(TrueTerrainError, match=r"a\.zarr: variable up.* finite"):
-        merge_clouds(cloud_lanes([tmp_path / f"{name}.zarr" for name in "ab"]), SETTINGS)
+        merge_clouds(find_cloud_passes([tmp_path / f"{name}.zarr" for name in "ab"]), SETTINGS)
 
 
 def test_no_file_is_an_error():
     with pytest.raises(ValueError, match="at least one file"):
-        cloud_lanes([])
-    with pytest.raises(ValueError, match="at least one lane"):
+        find_cloud_passes([])
+    with pytest.raises(ValueError, match="at least one pass"):
         suggested_cell({})
 
 
@@ -564,12 +572,12 @@ def test_no_file_is_an_error():
     ("density", "size"), [(4000, 0.1), (400, 0.2), (240, 0.25), (60, 0.5), (13, 1.0), (1.5, 2.0)]
 )
 def test_cells_suit_the_density(density, size, tmp_path):
-    lanes = cloud_lanes(written(tmp_path, a=cloud("a", width=1.0, density=density)))
-    assert suggested_cell(lanes) == size
+    passes = find_cloud_passes(written(tmp_path, a=cloud("a", width=1.0, density=density)))
+    assert suggested_cell(passes) == size
 
 
 @pytest.mark.parametrize(
-    ("file", "lanes", "gain"),
+    ("file", "passes", "gain"),
     [
         ("las_with_origin_dsmMarker.laz", {"3025", "3026"}, 0.35),
         ("test_data_77055_627755_LA93_IGN69.laz", {"706", "707"}, 1.0),
@@ -578,42 +586,42 @@ def test_cells_suit_the_density(density, size, tmp_path):
         ("faceraster_2strips_20m.laz", {"305", "306"}, 0.6),
     ],
 )
-def test_real_strips_agree_better_in_cells_held_back(file, lanes, gain, data):
-    """In cells of 1 m, as the points suggest; stray strips are left out and said."""
-    found = cloud_lanes([data / STRIPS / file])
+def test_real_strips_agree_better_in_held_out_cells(file, passes, gain, data):
+    """In cells of 1 m, as the points suggest; stray strips are left out and reported."""
+    found = find_cloud_passes([data / STRIPS / file])
     assert suggested_cell(found) == 1.0
     merging, corrected = merge_clouds(found, with_cells(MergeSettings(), 1.0))
-    assert set(corrected) == lanes
+    assert set(corrected) == passes
     (agreement,) = merging.pairs
     assert agreement.held_out.rmse < gain * agreement.before.rmse
     assert agreement.after.nmad < agreement.before.nmad + 1e-4  # [m]
-    for stray in set(found) - lanes:
+    for stray in set(found) - passes:
         assert any(one.startswith(f"{stray} is left out: 9 cells") for one in merging.problems)
 
 
 def test_real_tiles_are_one_road(data):
     """Six tiles of two strips: both agree as in each tile, in one adjustment."""
     tiles = sorted((data / STRIPS).glob("test_data_770*_LA93_IGN69.laz"))
-    lanes = cloud_lanes(tiles, split=True)
-    assert list(lanes) == ["706", "707"]
-    assert len(lanes["706"].files) == 6
-    merging, _ = merge_clouds(lanes, with_cells(MergeSettings(), 1.0))
+    passes = find_cloud_passes(tiles, split=True)
+    assert list(passes) == ["706", "707"]
+    assert len(passes["706"].files) == 6
+    merging, _ = merge_clouds(passes, with_cells(MergeSettings(), 1.0))
     (agreement,) = merging.pairs
     assert agreement.held_out.rmse < agreement.before.rmse
     assert agreement.before.n > 3000
 
 
-def test_a_method_that_does_harm_says_so(data):
+def test_a_method_that_increases_differences_is_flagged(data):
     """Discontinuity vectors by the mean of trees and roofs."""
-    lanes = cloud_lanes([data / STRIPS / "test_data_77050_627755_LA93_IGN69.laz"])
+    passes = find_cloud_passes([data / STRIPS / "test_data_77050_627755_LA93_IGN69.laz"])
     settings = with_cells(MergeSettings(method="discontinuity"), 1.0)
-    merging, _ = merge_clouds(lanes, settings)
-    assert any("it does not suit this ground" in problem for problem in merging.problems)
+    merging, _ = merge_clouds(passes, settings)
+    assert any("the method does not suit this ground" in problem for problem in merging.problems)
 
 
-def test_cells_of_clouds_are_those_that_are_compared(data):
+def test_cells_of_clouds_are_those_compared(data):
     path = data / STRIPS / "las_with_origin_dsmMarker.laz"
-    cells, size, problems = cells_of_clouds(cloud_lanes([path]))
+    cells, size, problems = cells_of_clouds(find_cloud_passes([path]))
     assert (size, problems) == (1.0, [])
     (found,) = compare_passes(cells)
     (known,) = compare_passes(cells_of_points(formats.point_blocks(path), CellSettings(size=1.0)))

@@ -1,4 +1,4 @@
-"""Lanes with a known drift over grounds with a formula: straight, in a curve, around a course."""
+"""Discontinuity vectors of passes with known drift over analytic ground, on several courses."""
 
 from collections.abc import Callable
 
@@ -9,7 +9,7 @@ import xarray as xr
 
 from trueterrain.alignment.discontinuity.alignment import (
     DiscontinuitySettings,
-    align_lanes,
+    align_along_paths,
     correct_points,
     low_pass,
     reference_height,
@@ -34,7 +34,7 @@ WAVE = 10.0  # [m] of the drift
 OPTIONS = DiscontinuitySettings()
 PASSED = 0.5 ** ((OPTIONS.cut_off / WAVE) ** 2)  # part of that wave that a Gaussian filter passes
 
-Way = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+CurveFunction = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 def straight(s: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -67,11 +67,11 @@ def wave(s: np.ndarray) -> np.ndarray:
     return 0.02 + AMPLITUDE * np.sin(2 * np.pi * s / WAVE)
 
 
-def lane(
+def one_pass(
     right: float,
     left: float,
     *,
-    way: Way = straight,
+    curve: CurveFunction = straight,
     ground: Callable[..., np.ndarray] = flat,
     drift: Callable[[np.ndarray], np.ndarray] = no_drift,
     begin: float = 0.0,
@@ -80,54 +80,54 @@ def lane(
     seed: int = 0,
     crs: str = "",
 ) -> xr.Dataset:
-    """Points of a lane from its right to its left edge, one in each square."""
+    """Points of a pass from its right to its left edge, one in each square."""
     u, v = (
         at.ravel()
         for at in np.meshgrid(np.arange(begin, end, spacing), np.arange(right, left, spacing))
     )
     rng = np.random.default_rng(seed)
     u, v = u + spacing * rng.random(u.size), v + spacing * rng.random(v.size)
-    x, y = way(u, v)
+    x, y = curve(u, v)
     return make_points(x, y, ground(u, v) + drift(u), crs=crs)
 
 
 def pair(**how: object) -> dict[str, xr.Dataset]:
-    """Two lanes that overlap by 0.6 m, the left one with a drift."""
+    """Two passes that overlap by 0.6 m, the left one with a drift."""
     return {
-        "left": lane(-0.3, 1.2, **{"drift": wave, "seed": 1} | how),
-        "right": lane(-1.2, 0.3, **{"seed": 2} | how | {"drift": no_drift}),
+        "left": one_pass(-0.3, 1.2, **{"drift": wave, "seed": 1} | how),
+        "right": one_pass(-1.2, 0.3, **{"seed": 2} | how | {"drift": no_drift}),
     }
 
 
 @pytest.mark.parametrize("ground", [flat, sloped, waves])
-@pytest.mark.parametrize("way", [straight, circle])
-def test_the_drift_between_two_lanes_is_found_and_halved(ground, way) -> None:
-    lanes = pair(ground=ground, way=way)
-    found = align_lanes(lanes)
+@pytest.mark.parametrize("curve", [straight, circle])
+def test_drift_between_two_passes_is_divided_equally(ground, curve) -> None:
+    passes = pair(ground=ground, curve=curve)
+    found = align_along_paths(passes)
     path = found.pairs[0].path
     (vector,) = (one.discontinuity for one in found.pairs)
-    truth = lanes_station(path, way)
+    truth = true_station(path, curve)
     inner = (truth > 3) & (truth < 17) & ~vector.gap  # the filter reaches 2.5 m
     wanted = 0.02 + PASSED * AMPLITUDE * np.sin(2 * np.pi * truth / WAVE)
     difference = vector.filtered[0] - vector.filtered[1]
     npt.assert_allclose(difference[inner], wanted[inner], rtol=0, atol=DRIFT)
-    # lanes of the same density are off by half of it each
+    # passes of the same density are off by half of it each
     npt.assert_allclose(vector.filtered[0], -vector.filtered[1], rtol=0, atol=0.05 * 0.026)
     assert found.pairs[0].before.median > 0.013
     assert found.pairs[0].after.rmse < AMPLITUDE * (1 - PASSED) + 2 * DRIFT
 
 
-def lanes_station(path: ReferencePath, way: Way) -> np.ndarray:
+def true_station(path: ReferencePath, curve: CurveFunction) -> np.ndarray:
     """True stations of the reference points."""
-    if way is circle:
+    if curve is circle:
         return RADIUS * np.unwrap(np.arctan2(path.northing, path.easting))
     return 0.8 * (path.easting - 650_000) + 0.6 * (path.northing - 6_800_000)
 
 
-def test_a_flat_ground_shows_what_the_filter_lets_pass_to_the_step_of_the_heights() -> None:
-    """Without ground only the mean over a disc and the filter lessen the drift."""
+def test_the_correction_of_flat_ground_is_the_filtered_drift() -> None:
+    """Only the mean over the disc and the filter attenuate the drift."""
     middle = straight_reference(straight(0.5, 0.0), straight(19.5, 0.0))
-    vector = align_lanes(pair(), paths={("left", "right"): middle}).pairs[0].discontinuity
+    vector = align_along_paths(pair(), paths={("left", "right"): middle}).pairs[0].discontinuity
     s = 0.5 + vector.station
     inner = (s > 3) & (s < 17)
     disc = OPTIONS.radius * 2 * np.pi / WAVE
@@ -142,9 +142,9 @@ def test_a_flat_ground_shows_what_the_filter_lets_pass_to_the_step_of_the_height
 
 
 def test_a_linear_drift_is_not_bent_at_the_ends() -> None:
-    lanes = pair(drift=lambda s: 0.01 + 0.002 * s)
-    vector = align_lanes(lanes).pairs[0].discontinuity
-    s = lanes_station(align_lanes(lanes).pairs[0].path, straight)
+    passes = pair(drift=lambda s: 0.01 + 0.002 * s)
+    vector = align_along_paths(passes).pairs[0].discontinuity
+    s = true_station(align_along_paths(passes).pairs[0].path, straight)
     apart = vector.filtered[0] - vector.filtered[1]
     npt.assert_allclose(apart[~vector.gap], (0.01 + 0.002 * s)[~vector.gap], rtol=0, atol=1e-4)
 
@@ -155,12 +155,12 @@ def test_a_closed_course_in_polar_stations_has_no_seam() -> None:
     def drift(s: np.ndarray) -> np.ndarray:
         return 0.02 + AMPLITUDE * np.cos(2 * np.pi * 15 * s / around)
 
-    lanes = {
-        "inner": lane(-0.3, 0.6, way=circle, drift=drift, end=around, spacing=0.03, seed=1),
-        "outer": lane(-0.6, 0.3, way=circle, end=around, spacing=0.03, seed=2),
+    passes = {
+        "inner": one_pass(-0.3, 0.6, curve=circle, drift=drift, end=around, spacing=0.03, seed=1),
+        "outer": one_pass(-0.6, 0.3, curve=circle, end=around, spacing=0.03, seed=2),
     }
     ring = polar_reference((0.0, 0.0), RADIUS)
-    found = align_lanes(lanes, paths=ring)
+    found = align_along_paths(passes, paths=ring)
     vector = found.pairs[0].discontinuity
     passed = 0.5 ** ((OPTIONS.cut_off * 15 / around) ** 2)
     wanted = 0.02 + passed * AMPLITUDE * np.cos(2 * np.pi * 15 * vector.station / around)
@@ -179,11 +179,11 @@ def test_a_closed_course_is_found_by_itself() -> None:
     def ring(s: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return (15 - v) * np.cos(s / 15), (15 - v) * np.sin(s / 15)
 
-    lanes = {
-        "inner": lane(-0.3, 0.6, way=ring, drift=wave, end=around, spacing=0.03, seed=1),
-        "outer": lane(-0.6, 0.3, way=ring, end=around, spacing=0.03, seed=2),
+    passes = {
+        "inner": one_pass(-0.3, 0.6, curve=ring, drift=wave, end=around, spacing=0.03, seed=1),
+        "outer": one_pass(-0.6, 0.3, curve=ring, end=around, spacing=0.03, seed=2),
     }
-    found = align_lanes(lanes)
+    found = align_along_paths(passes)
     assert found.pairs[0].path.closed
     assert found.pairs[0].path.length == pytest.approx(around, abs=0.2)
     # the part of the wave that the filter does not pass stays, half of it at each edge
@@ -191,10 +191,10 @@ def test_a_closed_course_is_found_by_itself() -> None:
 
 
 def test_points_are_corrected_by_station_and_stay_constant_beyond_the_overlap() -> None:
-    lanes = pair(drift=lambda s: 0.01 + 0.001 * s)
-    lanes["left"] = lane(-0.3, 1.2, begin=-4, end=24, drift=lambda s: 0.01 + 0.001 * s, seed=1)
-    found = align_lanes(lanes, fix="right")
-    after = correct_points(lanes["left"], found, "left")
+    passes = pair(drift=lambda s: 0.01 + 0.001 * s)
+    passes["left"] = one_pass(-0.3, 1.2, begin=-4, end=24, drift=lambda s: 0.01 + 0.001 * s, seed=1)
+    found = align_along_paths(passes, fix="right")
+    after = correct_points(passes["left"], found, "left")
     s = 0.8 * (after.easting - 650_000) + 0.6 * (after.northing - 6_800_000)
     inside = (s > 0.5) & (s < 19.5)
     npt.assert_allclose(after.up[inside], 123.0, rtol=0, atol=1e-4)
@@ -203,37 +203,39 @@ def test_points_are_corrected_by_station_and_stay_constant_beyond_the_overlap() 
     flagged = found.correction("left", *straight(np.array([-2.0, 10.0, 22.0]), np.zeros(3)))
     assert flagged.beyond.tolist() == [True, False, True]
     assert provenance_steps(after)[-1]["parameters"]["lane"] == "left"
-    assert correct_points(lanes["right"], found, "right").up.equals(lanes["right"].up)
+    assert correct_points(passes["right"], found, "right").up.equals(passes["right"].up)
 
 
-def test_heights_are_pooled_as_equation_4_1_means_and_not_added_up() -> None:
-    """The erratum: as printed, the sum of both means is twice the height."""
+def test_reference_height_is_the_pooled_mean_of_equation_4_1() -> None:
+    """Erratum: the printed equation is the sum of both means, twice the height."""
     z, n = np.array([[0.10, 5.0], [0.14, 5.2]]), np.array([[300, 100], [100, 100]])
     npt.assert_allclose(reference_height(z, n), [0.11, 5.1], rtol=0, atol=EXACT)
     npt.assert_allclose(reference_height(z, n, "midway"), [0.12, 5.1], rtol=0, atol=EXACT)
     assert (reference_height(z, n) < z.sum(axis=0) - 0.09).all()
 
 
-def test_the_denser_lane_moves_less_unless_they_shall_meet_midway() -> None:
-    lanes = {
-        "dense": lane(-0.3, 1.2, drift=lambda s: np.full(s.shape, 0.010), seed=1),
-        "sparse": lane(-1.2, 0.3, spacing=0.04, seed=2),
+def test_the_denser_pass_moves_less_unless_the_reference_is_midway() -> None:
+    passes = {
+        "dense": one_pass(-0.3, 1.2, drift=lambda s: np.full(s.shape, 0.010), seed=1),
+        "sparse": one_pass(-1.2, 0.3, spacing=0.04, seed=2),
     }
-    pooled = align_lanes(lanes).pairs[0].discontinuity
+    pooled = align_along_paths(passes).pairs[0].discontinuity
     npt.assert_allclose(pooled.filtered[0], 0.010 / 5, rtol=0, atol=2e-4)  # 4 of 5 points are its
     npt.assert_allclose(pooled.filtered[1], -0.010 * 4 / 5, rtol=0, atol=2e-4)
-    midway = align_lanes(lanes, DiscontinuitySettings(reference="midway")).pairs[0].discontinuity
+    midway = (
+        align_along_paths(passes, DiscontinuitySettings(reference="midway")).pairs[0].discontinuity
+    )
     npt.assert_allclose(midway.filtered[0], 0.005, rtol=0, atol=STEP)
     npt.assert_allclose(midway.filtered[1], -0.005, rtol=0, atol=STEP)
 
 
-def test_histograms_hold_all_heights_of_both_lanes() -> None:
-    lanes = pair(ground=waves)
+def test_histograms_hold_all_heights_of_both_passes() -> None:
+    passes = pair(ground=waves)
     middle = straight_reference(straight(0.5, 0.0), straight(19.5, 0.0))
-    vector = align_lanes(lanes, paths={("left", "right"): middle}).pairs[0].discontinuity
+    vector = align_along_paths(passes, paths={("left", "right"): middle}).pairs[0].discontinuity
     k = 30
-    for row, (name, points) in enumerate(lanes.items()):
-        assert vector.lanes[row] == name
+    for row, (name, points) in enumerate(passes.items()):
+        assert vector.names[row] == name
         away = np.hypot(points.easting - middle.easting[k], points.northing - middle.northing[k])
         inside = np.sort(points.up.values[away <= OPTIONS.radius])
         edges, quantity = vector.histograms[row][k]
@@ -247,52 +249,52 @@ def test_histograms_hold_all_heights_of_both_lanes() -> None:
 
 
 def test_medians_leave_out_what_lies_on_the_road_in_one_pass() -> None:
-    lanes = pair(drift=no_drift)
+    passes = pair(drift=no_drift)
     x, y = straight(np.full(60, 10.0), np.linspace(-0.15, 0.15, 60))
     leaf = make_points(x, y, np.full(60, 123.3))
-    lanes["left"] = xr.concat([lanes["left"], leaf], "point")
-    mean = align_lanes(lanes, fix="right").pairs[0].discontinuity
+    passes["left"] = xr.concat([passes["left"], leaf], "point")
+    mean = align_along_paths(passes, fix="right").pairs[0].discontinuity
     median = (
-        align_lanes(lanes, DiscontinuitySettings(statistic="median"), fix="right")
+        align_along_paths(passes, DiscontinuitySettings(statistic="median"), fix="right")
         .pairs[0]
         .discontinuity
     )
-    assert mean.lanes == ("right", "left")
+    assert mean.names == ("right", "left")
     assert np.nanmax(mean.raw[1]) > 0.01
-    # half a bin, by the share that the leaf has of the points
+    # half a bin, by the fraction of points on the leaf
     npt.assert_allclose(median.raw[1][~median.gap], 0.0, rtol=0, atol=1e-4)
 
 
-def test_three_lanes_are_chained_from_the_fixed_one() -> None:
-    lanes = {
-        "a": lane(-0.3, 1.2, drift=wave, seed=1),
-        "b": lane(-1.2, 0.3, seed=2),
-        "c": lane(-2.2, -0.6, drift=lambda s: -0.03 + 0.001 * s, seed=3),
+def test_three_passes_are_chained_from_the_fixed_one() -> None:
+    passes = {
+        "a": one_pass(-0.3, 1.2, drift=wave, seed=1),
+        "b": one_pass(-1.2, 0.3, seed=2),
+        "c": one_pass(-2.2, -0.6, drift=lambda s: -0.03 + 0.001 * s, seed=3),
     }
-    found = align_lanes(lanes, fix="b")
-    assert found.lanes[0] == "b"
+    found = align_along_paths(passes, fix="b")
+    assert found.names[0] == "b"
     assert "b" not in found.corrections
-    assert {one.lanes for one in found.pairs} == {("b", "a"), ("b", "c")}
-    assert all(one.corrected == one.lanes[1:] for one in found.pairs)
+    assert {one.names for one in found.pairs} == {("b", "a"), ("b", "c")}
+    assert all(one.corrected == one.names[1:] for one in found.pairs)
     assert len(found.states) == 3
     assert abs(found.states[0]["b", "c"].median) > 0.015
     assert abs(found.states[-1]["b", "c"].median) < 1e-4
     assert abs(found.states[-1]["a", "b"].median) < 1e-4
-    joined = found.lanes[1]  # after the first pair only that one agrees
-    waiting = found.lanes[2]
+    joined = found.names[1]  # after the first pair only that one agrees
+    waiting = found.names[2]
     assert abs(found.states[1][tuple(sorted(("b", joined)))].median) < 1e-4
     other = tuple(sorted(("b", waiting)))
     assert found.states[1][other] == found.states[0][other]
 
 
-def test_three_lanes_in_a_row_follow_from_one_side_to_the_other() -> None:
-    lanes = {
-        "1": lane(-0.3, 1.2, drift=lambda s: np.full(s.shape, 0.02), seed=1),
-        "2": lane(-1.2, 0.3, seed=2),
-        "3": lane(-2.2, -0.6, drift=lambda s: -0.03 + 0.001 * s, seed=3),
+def test_three_adjacent_passes_are_aligned_in_order() -> None:
+    passes = {
+        "1": one_pass(-0.3, 1.2, drift=lambda s: np.full(s.shape, 0.02), seed=1),
+        "2": one_pass(-1.2, 0.3, seed=2),
+        "3": one_pass(-2.2, -0.6, drift=lambda s: -0.03 + 0.001 * s, seed=3),
     }
-    found = align_lanes(lanes)
-    assert found.lanes == ("1", "2", "3")
+    found = align_along_paths(passes)
+    assert found.names == ("1", "2", "3")
     assert [one.corrected for one in found.pairs] == [("1", "2"), ("3",)]
     npt.assert_allclose(found.corrections["1"].height, 0.01, rtol=0, atol=2e-4)
     second, third = (
@@ -300,18 +302,18 @@ def test_three_lanes_in_a_row_follow_from_one_side_to_the_other() -> None:
         for name in "23"
     )
     assert third - second == pytest.approx(-0.02, abs=1e-4)
-    backwards = align_lanes(lanes, order=["3", "2", "1"])
-    assert backwards.lanes == ("3", "2", "1")
+    backwards = align_along_paths(passes, order=["3", "2", "1"])
+    assert backwards.names == ("3", "2", "1")
     assert backwards.states[-1]["1", "2"].rmse < 1e-4
 
 
 def test_the_result_is_the_same_bits_for_any_blocks_and_order() -> None:
-    lanes = pair(ground=waves)
-    whole = align_lanes(lanes)
+    passes = pair(ground=waves)
+    whole = align_along_paths(passes)
     rng = np.random.default_rng(5)
     shuffled = {
         name: points.isel(point=rng.permutation(points.sizes["point"]))
-        for name, points in reversed(lanes.items())
+        for name, points in reversed(passes.items())
     }
 
     def blocks(points: xr.Dataset) -> list[xr.Dataset]:
@@ -320,19 +322,19 @@ def test_the_result_is_the_same_bits_for_any_blocks_and_order() -> None:
         ]
 
     parts = {"left": blocks(shuffled["left"]), "right": lambda: iter(blocks(shuffled["right"]))}
-    other = align_lanes(parts)
-    for name in lanes:
+    other = align_along_paths(parts)
+    for name in passes:
         npt.assert_array_equal(whole.corrections[name].height, other.corrections[name].height)
     assert whole.pairs[0].after == other.pairs[0].after
     assert whole.states == other.states
 
 
 def test_gaps_are_bridged_and_flagged() -> None:
-    lanes = pair(drift=lambda s: 0.01 + 0.001 * s)
-    s = 0.8 * (lanes["left"].easting - 650_000) + 0.6 * (lanes["left"].northing - 6_800_000)
-    lanes["left"] = lanes["left"].isel(point=np.flatnonzero((s < 8) | (s > 13)))
+    passes = pair(drift=lambda s: 0.01 + 0.001 * s)
+    s = 0.8 * (passes["left"].easting - 650_000) + 0.6 * (passes["left"].northing - 6_800_000)
+    passes["left"] = passes["left"].isel(point=np.flatnonzero((s < 8) | (s > 13)))
     middle = straight_reference(straight(0.5, 0.0), straight(19.5, 0.0))
-    vector = align_lanes(lanes, paths={("left", "right"): middle}).pairs[0].discontinuity
+    vector = align_along_paths(passes, paths={("left", "right"): middle}).pairs[0].discontinuity
     s = 0.5 + vector.station
     missing = (s > 8) & (s < 13)
     assert vector.gap[missing].all()
@@ -344,80 +346,86 @@ def test_gaps_are_bridged_and_flagged() -> None:
 
 
 def test_the_seam_is_the_step_of_the_merged_ground() -> None:
-    """Where one of two lanes of equal density ends, the merged ground steps by half of it."""
-    lanes = pair(ground=waves, drift=lambda s: np.full(s.shape, 0.012))
-    found = align_lanes(lanes).pairs[0]
+    """Where one of two passes of equal density ends, the merged ground steps by half of it."""
+    passes = pair(ground=waves, drift=lambda s: np.full(s.shape, 0.012))
+    found = align_along_paths(passes).pairs[0]
     assert found.seam_before.median == pytest.approx(0.006, abs=3e-4)
     npt.assert_allclose(found.seam_before.step[0], 0.006, rtol=0, atol=1e-3)
     npt.assert_allclose(found.seam_before.step[1], -0.006, rtol=0, atol=1e-3)
     assert found.seam_after.median < 2e-4  # [m] places of points in cells on waves
 
 
-def test_lanes_that_agree_are_left_alone() -> None:
-    found = align_lanes(pair(drift=no_drift))
+def test_passes_that_agree_get_no_correction() -> None:
+    found = align_along_paths(pair(drift=no_drift))
     npt.assert_allclose(found.corrections["left"].height, 0.0, rtol=0, atol=EXACT)
 
 
 def test_points_that_are_not_finite_are_left_out_and_counted() -> None:
-    lanes = pair()
-    bad = lanes["left"].copy(deep=True)
+    passes = pair()
+    bad = passes["left"].copy(deep=True)
     bad["up"][::5] = np.nan
     bad["easting"][1::5] = np.inf
-    found = align_lanes(lanes | {"left": bad})
+    found = align_along_paths(passes | {"left": bad})
     assert found.left_out == {"left": 2 * -(-bad.sizes["point"] // 5), "right": 0}
     assert found.pairs[0].after.rmse < 5e-4
     after = correct_points(bad, found, "left")
     npt.assert_array_equal(np.isnan(after.up), np.isnan(bad.up))
 
 
-def test_one_lane_is_refused() -> None:
-    with pytest.raises(ValueError, match="lanes must be at least 2, got 1"):
-        align_lanes({"left": lane(-0.3, 1.2)})
+def test_a_single_pass_is_refused() -> None:
+    with pytest.raises(ValueError, match="passes must be at least 2, got 1"):
+        align_along_paths({"left": one_pass(-0.3, 1.2)})
 
 
-def test_lanes_that_do_not_overlap_are_refused() -> None:
-    lanes = {"left": lane(0.5, 1.2), "right": lane(-1.2, 0.0)}
-    with pytest.raises(CoverageError, match=r"lane right: overlaps with none of left\..*"):
-        align_lanes(lanes)
+def test_passes_that_do_not_overlap_are_refused() -> None:
+    passes = {"left": one_pass(0.5, 1.2), "right": one_pass(-1.2, 0.0)}
+    with pytest.raises(CoverageError, match=r"pass right: overlaps with none of left\..*"):
+        align_along_paths(passes)
 
 
 def test_an_overlap_too_thin_for_the_search_area_is_refused_with_station_and_width() -> None:
-    lanes = {"left": lane(-0.1, 1.2, seed=1), "right": lane(-1.2, 0.1, seed=2)}
+    passes = {"left": one_pass(-0.1, 1.2, seed=1), "right": one_pass(-1.2, 0.1, seed=2)}
     with pytest.raises(
         CoverageError,
-        match=r"overlap of left and right: is too thin for search areas 0.4 m long and 0.4 m wide "
-        r"at \d+ of \d+ reference points, first at station \d.\d\d m, where it is 0.\d\d m wide",
+        match=r"overlap of left and right: is too narrow for search areas 0.4 m long and 0.4 m "
+        r"wide at \d+ of \d+ reference points, first at station \d.\d\d m, where it is 0.\d\d m "
+        r"wide",
     ):
-        align_lanes(lanes)
-    assert align_lanes(lanes, DiscontinuitySettings(radius=0.05, least=5)).pairs[0].after.n > 30
+        align_along_paths(passes)
+    assert (
+        align_along_paths(passes, DiscontinuitySettings(radius=0.05, least=5)).pairs[0].after.n > 30
+    )
 
 
 def test_too_few_points_are_refused() -> None:
-    with pytest.raises(CoverageError, match="fewer than 100000 points of a lane"):
-        align_lanes(pair(), DiscontinuitySettings(least=100_000))
+    with pytest.raises(CoverageError, match="fewer than 100000 points of a pass"):
+        align_along_paths(pair(), DiscontinuitySettings(least=100_000))
 
 
 def test_a_path_beside_the_overlap_is_refused() -> None:
     beside = straight_reference(straight(0, 1.0), straight(20, 1.0))
-    with pytest.raises(CoverageError, match=r"too thin .* 0.00 m wide"):
-        align_lanes(pair(), paths={("right", "left"): beside})
+    with pytest.raises(CoverageError, match=r"too narrow .* 0.00 m wide"):
+        align_along_paths(pair(), paths={("right", "left"): beside})
 
 
 def test_different_crs_are_refused() -> None:
-    lanes = {"left": lane(-0.3, 1.2, crs="EPSG:2154"), "right": lane(-1.2, 0.3, crs="EPSG:25832")}
-    with pytest.raises(SchemaError, match=r"lane right: .*'EPSG:25832'.* lane left is 'EPSG:2154'"):
-        align_lanes(lanes)
+    passes = {
+        "left": one_pass(-0.3, 1.2, crs="EPSG:2154"),
+        "right": one_pass(-1.2, 0.3, crs="EPSG:25832"),
+    }
+    with pytest.raises(SchemaError, match=r"pass right: .*'EPSG:25832'.* pass left is 'EPSG:2154'"):
+        align_along_paths(passes)
 
 
 def test_the_same_points_twice_are_refused() -> None:
-    with pytest.raises(TrueTerrainError, match="lane b: holds the same points as lane a"):
-        align_lanes({"a": lane(-0.3, 1.2), "b": lane(-0.3, 1.2)})
+    with pytest.raises(TrueTerrainError, match="pass b: holds the same points as pass a"):
+        align_along_paths({"a": one_pass(-0.3, 1.2), "b": one_pass(-0.3, 1.2)})
 
 
 def test_an_iterator_is_refused_since_it_runs_dry() -> None:
-    lanes = pair()
-    with pytest.raises(ValueError, match="gone through only once"):
-        align_lanes(lanes | {"left": iter([lanes["left"]])})
+    passes = pair()
+    with pytest.raises(ValueError, match="exhausted after one iteration"):
+        align_along_paths(passes | {"left": iter([passes["left"]])})
 
 
 @pytest.mark.parametrize(
@@ -425,16 +433,16 @@ def test_an_iterator_is_refused_since_it_runs_dry() -> None:
     [
         ({"fix": "middle"}, "fix must be one of left, right, got 'middle'"),
         ({"order": ["left"]}, "order must name each of left, right once, got left"),
-        ({"order": ["left", "right"], "fix": "right"}, "order must begin with the fixed lane"),
+        ({"order": ["left", "right"], "fix": "right"}, "order must begin with the fixed pass"),
         (
             {"paths": {("left", "x"): straight_reference((0, 0), (1, 0))}},
-            "paths must name pairs of lanes that overlap",
+            "paths must name pairs of passes that overlap",
         ),
     ],
 )
-def test_names_that_are_no_lanes_are_refused(how, message) -> None:
+def test_unknown_names_are_refused(how, message) -> None:
     with pytest.raises(ValueError, match=message):
-        align_lanes(pair(), **how)
+        align_along_paths(pair(), **how)
 
 
 @pytest.mark.parametrize(
@@ -454,17 +462,17 @@ def test_options_that_make_no_sense_are_refused(how, message) -> None:
         DiscontinuitySettings(**how)
 
 
-def test_an_unknown_lane_cannot_be_corrected() -> None:
-    lanes = pair()
-    with pytest.raises(ValueError, match="lane must be one of left, right, got 'middle'"):
-        correct_points(lanes["left"], align_lanes(lanes), "middle")
+def test_an_unknown_pass_cannot_be_corrected() -> None:
+    passes = pair()
+    with pytest.raises(ValueError, match="name must be one of left, right, got 'middle'"):
+        correct_points(passes["left"], align_along_paths(passes), "middle")
 
 
 def test_waypoints_of_a_curve_give_what_the_found_centre_gives() -> None:
-    lanes = pair(way=circle, ground=sloped)
+    passes = pair(curve=circle, ground=sloped)
     s = np.linspace(0.5, 19.5, 40)
-    given = align_lanes(lanes, paths=waypoint_reference(*circle(s, np.zeros(s.size))))
-    found = align_lanes(lanes)
+    given = align_along_paths(passes, paths=waypoint_reference(*circle(s, np.zeros(s.size))))
+    found = align_along_paths(passes)
     at = circle(np.array([6.0, 10.0, 14.0]), np.full(3, 0.8))
     npt.assert_allclose(
         given.correction("left", *at).height,
@@ -525,40 +533,42 @@ class TestLowPass:
 
 
 def test_a_rectangle_suits_a_thin_overlap() -> None:
-    lanes = {
-        "left": lane(-0.12, 1.2, ground=sloped, drift=wave, seed=1),
-        "right": lane(-1.2, 0.12, ground=sloped, seed=2),
+    passes = {
+        "left": one_pass(-0.12, 1.2, ground=sloped, drift=wave, seed=1),
+        "right": one_pass(-1.2, 0.12, ground=sloped, seed=2),
     }
-    with pytest.raises(CoverageError, match="too thin"):
-        align_lanes(lanes)
-    found = align_lanes(lanes, area=Rectangle(length=0.6, width=0.15)).pairs[0]
+    with pytest.raises(CoverageError, match="too narrow"):
+        align_along_paths(passes)
+    found = align_along_paths(passes, area=Rectangle(length=0.6, width=0.15)).pairs[0]
     assert found.discontinuity.gap.mean() < 0.1
     assert found.after.rmse < AMPLITUDE * (1 - PASSED) + 2 * DRIFT
 
 
 def test_passes_over_the_same_lane_agree_though_neither_ends_inside_the_other() -> None:
-    lanes = {
-        "first": lane(-0.6, 0.6, ground=sloped, drift=wave, seed=1),
-        "again": lane(-0.6, 0.6, ground=sloped, seed=2),
+    passes = {
+        "first": one_pass(-0.6, 0.6, ground=sloped, drift=wave, seed=1),
+        "again": one_pass(-0.6, 0.6, ground=sloped, seed=2),
     }
-    found = align_lanes(lanes, fix="first").pairs[0]
+    found = align_along_paths(passes, fix="first").pairs[0]
     assert found.corrected == ("again",)
     assert found.after.rmse < AMPLITUDE * (1 - PASSED) + 2 * DRIFT
     assert np.isnan(found.seam_before.median)
 
 
 def test_stations_of_one_path_count_for_all_pairs() -> None:
-    """Three lanes of a course around a centre, with polar stations."""
+    """Three passes of a course around a centre, with polar stations."""
     around = 2 * np.pi * RADIUS
-    lanes = {
-        name: lane(right, right + 1.2, way=circle, drift=drift, end=around, spacing=0.04, seed=k)
+    passes = {
+        name: one_pass(
+            right, right + 1.2, curve=circle, drift=drift, end=around, spacing=0.04, seed=k
+        )
         for k, (name, right, drift) in enumerate(
             [("inner", 0.2, wave_around), ("middle", -0.4, no_drift), ("outer", -1.0, wave_around)]
         )
     }
     ring = polar_reference((0.0, 0.0), RADIUS)
-    found = align_lanes(lanes, paths=ring, fix="middle")
-    assert {one.lanes[1] for one in found.pairs} == {"inner", "outer"}
+    found = align_along_paths(passes, paths=ring, fix="middle")
+    assert {one.names[1] for one in found.pairs} == {"inner", "outer"}
     for one in found.pairs:
         assert not one.discontinuity.gap.any()
         wanted = wave_around(one.path.station)
@@ -571,11 +581,11 @@ def wave_around(s: np.ndarray) -> np.ndarray:
 
 def test_the_standard_deviation_of_the_vector_holds() -> None:
     rng = np.random.default_rng(8)
-    lanes = {
+    passes = {
         name: points.assign(up=points.up + 0.005 * rng.standard_normal(points.sizes["point"]))
         for name, points in pair(drift=no_drift, spacing=0.04, end=120.0).items()
     }
     options = DiscontinuitySettings(spacing=0.45)  # discs apart, so that they are independent
-    vector = align_lanes(lanes, options).pairs[0].discontinuity
+    vector = align_along_paths(passes, options).pairs[0].discontinuity
     ratio = (vector.raw / vector.error)[:, ~vector.gap]
     assert 0.9 < np.sqrt(np.mean(ratio**2)) < 1.1

@@ -1,4 +1,4 @@
-"""Two lanes of Belgian block, driven by the simulator with the drift of the Boreas drives."""
+"""Two passes of Belgian block, driven by the simulator with the drift of the Boreas drives."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +9,11 @@ import pytest
 import xarray as xr
 from scipy.spatial.transform import Rotation
 
-from trueterrain.alignment.discontinuity.alignment import PassAlignment, align_lanes, correct_points
+from trueterrain.alignment.discontinuity.alignment import (
+    PassAlignment,
+    align_along_paths,
+    correct_points,
+)
 from trueterrain.formats.run import open_run
 from trueterrain.georeference import georeference
 from trueterrain.motion.trajectory import Trajectory
@@ -51,7 +55,7 @@ def drifting(run: Path) -> tuple[Trajectory, xr.Dataset]:
 
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory) -> tuple[dict[str, list[xr.Dataset]], dict[str, xr.Dataset]]:
-    """Points of 6 m of both lanes from a scanner with a quarter of the beams and of the rate."""
+    """Points of 6 m of both passes from a scanner with a quarter of the beams and of the rate."""
     scene, _ = read_scene("belgian-two-lanes")
     scene = replace(
         scene,
@@ -70,7 +74,7 @@ def driven(tmp_path_factory) -> tuple[dict[str, list[xr.Dataset]], dict[str, xr.
 
 @pytest.fixture(scope="module")
 def aligned(driven) -> PassAlignment:
-    return align_lanes(driven[0])
+    return align_along_paths(driven[0])
 
 
 def test_the_seam_is_at_most_a_millimetre(aligned) -> None:
@@ -104,7 +108,7 @@ def test_the_drift_that_was_injected_is_what_is_found(driven, aligned) -> None:
 
 def test_corrected_points_agree_when_they_are_aligned_again(driven, aligned) -> None:
     points, _ = driven
-    again = align_lanes(
+    again = align_along_paths(
         {name: [correct_points(block, aligned, name) for block in points[name]] for name in points}
     )
     assert again.pairs[0].seam_before.median < SEAM

@@ -12,7 +12,7 @@ import pytest
 
 from trueterrain.alignment.merge import MergeSettings, compare_passes, merge_cells
 from trueterrain.alignment.run_passes import cells_of_passes, merge_runs
-from trueterrain.alignment.seams import seams_of
+from trueterrain.alignment.seams import find_seams
 from trueterrain.formats.run import open_run
 from trueterrain.georeference import georeference
 from trueterrain.motion import FusionSettings, fuse_motion
@@ -45,11 +45,11 @@ def seam_of(passes):
     """Steps at the edges of the overlaps, seen anew [m]."""
     cells = cells_of_passes(passes)
     none = {one.name: np.zeros(len(one)) for one in cells}
-    return [seam.before.median for seam in seams_of(cells, none, 0.1)[0]]
+    return [seam.before.median for seam in find_seams(cells, none, 0.1)[0]]
 
 
 def errors_of(passes):
-    """Errors of the surface of some passes against the truth that they know."""
+    """Errors of the surface of passes against their recorded truth."""
     some = list(passes.values())
     surface, _ = grid_runs(
         some, GridPlacement(spacing=0.05, lap=True).of_runs(some), GridSettings(range_noise=0.0005)
@@ -66,7 +66,7 @@ def errors_of(passes):
 
 
 @pytest.fixture(scope="module")
-def two_lanes(tmp_path_factory, data):
+def two_passes(tmp_path_factory, data):
     """Half of the ready scene, with the drift that was measured on the road."""
     scene, _ = read_scene("belgian-two-lanes")
     first, second = sorted((data / "scanning" / "trajectories").glob("boreas-*.csv"))
@@ -82,55 +82,55 @@ def two_lanes(tmp_path_factory, data):
 
 
 @pytest.fixture(scope="module")
-def cells(two_lanes):
-    """What both lanes saw of the cells."""
-    return cells_of_passes(two_lanes)
+def cells(two_passes):
+    """Cells of both passes."""
+    return cells_of_passes(two_passes)
 
 
 @pytest.fixture(scope="module")
-def merged(two_lanes):
-    """Both lanes merged by the network adjustment."""
-    return merge_runs(two_lanes)
+def merged(two_passes):
+    """Both passes merged by the network adjustment."""
+    return merge_runs(two_passes)
 
 
-def test_the_network_closes_the_seam(two_lanes, merged):
+def test_the_network_closes_the_seam(two_passes, merged):
     merging, passes = merged
-    (before,), (after,) = seam_of(two_lanes), seam_of(passes)
+    (before,), (after,) = seam_of(two_passes), seam_of(passes)
     assert before > 0.005  # the measured drift of two drives
     assert after < NETWORK_SEAM
-    (claimed,) = merging.seams
-    npt.assert_allclose(claimed.before.median, before, rtol=0, atol=1e-5)
-    npt.assert_allclose(claimed.after.median, after, rtol=0, atol=0.5 * NETWORK_SEAM)
+    (reported,) = merging.seams
+    npt.assert_allclose(reported.before.median, before, rtol=0, atol=1e-5)
+    npt.assert_allclose(reported.after.median, after, rtol=0, atol=0.5 * NETWORK_SEAM)
 
 
-def test_the_vectors_of_the_thesis_close_the_seam(two_lanes):
-    _, passes = merge_runs(two_lanes, MergeSettings(method="discontinuity"))
+def test_the_vectors_of_the_thesis_close_the_seam(two_passes):
+    _, passes = merge_runs(two_passes, MergeSettings(method="discontinuity"))
     (after,) = seam_of(passes)
     assert after < VECTORS_SEAM
 
 
-def test_the_grid_method_corrects_nothing_and_warns(two_lanes):
-    merging, passes = merge_runs(two_lanes, MergeSettings(method="grid"))
-    assert passes == two_lanes
+def test_the_grid_method_corrects_nothing_and_warns(two_passes):
+    merging, passes = merge_runs(two_passes, MergeSettings(method="grid"))
+    assert passes == two_passes
     assert any("steps remain" in problem for problem in merging.problems)
     assert merging.seams[0].before.median == merging.seams[0].after.median
 
 
-def test_the_merged_ground_is_nearer_to_the_truth_than_either_lane(two_lanes, merged):
+def test_the_merged_ground_is_more_accurate_than_each_pass(two_passes, merged):
     _, passes = merged
     _, together = errors_of(passes)
-    _, as_recorded = errors_of(two_lanes)
-    alone = [errors_of({name: one})[1] for name, one in two_lanes.items()]
+    _, as_recorded = errors_of(two_passes)
+    alone = [errors_of({name: one})[1] for name, one in two_passes.items()]
     assert together["rms_about_median"] < min(one["rms_about_median"] for one in alone)
     assert together["rms_about_median"] < as_recorded["rms_about_median"]
 
 
-def test_the_ground_of_passes_in_agreement_is_as_sure_as_their_datum(two_lanes, merged):
-    """The error that both share is in `sd` of surfaces and points, and not in `sd_relative`."""
+def test_sd_of_the_merged_ground_includes_the_datum(two_passes, merged):
+    """The error common to both is in `sd` of surfaces and points, not in `sd_relative`."""
     merging, passes = merged
     (datum,) = set(merging.adjustment.datum_sd.values())
     reported = [
-        np.sqrt(np.median(one.trajectory.covariance[:, 2, 2])) for one in two_lanes.values()
+        np.sqrt(np.median(one.trajectory.covariance[:, 2, 2])) for one in two_passes.values()
     ]
     npt.assert_allclose(datum, np.hypot(*reported) / 2, rtol=0.05)  # 4 s of a drift of 25 s
     surface, _ = grid_runs(
@@ -143,24 +143,24 @@ def test_the_ground_of_passes_in_agreement_is_as_sure_as_their_datum(two_lanes, 
     one = passes["left"]
     points = next(georeference(one.path, one.trajectory, one.mounting))
     npt.assert_allclose(points.sd**2 - points.sd_relative**2, datum**2, rtol=1e-6)
-    alone = next(georeference(one.path, two_lanes["left"].trajectory))
+    alone = next(georeference(one.path, two_passes["left"].trajectory))
     assert ("sd" in alone, "sd_relative" in alone) == (True, False)
 
 
 @pytest.mark.parametrize("method", ["network", "discontinuity", "grid"])
-def test_no_method_leaves_out_what_passes_share(two_lanes, method):
-    _, passes = merge_runs(two_lanes, MergeSettings(method=method, fixed=()))
+def test_no_method_omits_errors_common_to_all_passes(two_passes, method):
+    _, passes = merge_runs(two_passes, MergeSettings(method=method, fixed=()))
     some = list(passes.values())
     surface, _ = grid_runs(
         some, GridPlacement(spacing=0.1, lap=True).of_runs(some), GridSettings(agreed=True)
     )
-    least = min(np.sqrt(one.trajectory.covariance[:, 2, 2].min()) for one in two_lanes.values())
+    least = min(np.sqrt(one.trajectory.covariance[:, 2, 2].min()) for one in two_passes.values())
     assert np.nanmin(surface.sd) > 0.9 * least / np.sqrt(2)
 
 
-def test_a_fixed_pass_is_as_sure_as_its_navigation(two_lanes):
-    merging, passes = merge_runs(two_lanes, MergeSettings(fixed=("left",)))
-    own = np.sqrt(np.mean(two_lanes["left"].trajectory.covariance[:, 2, 2]))
+def test_a_fixed_pass_has_the_reported_sd(two_passes):
+    merging, passes = merge_runs(two_passes, MergeSettings(fixed=("left",)))
+    own = np.sqrt(np.mean(two_passes["left"].trajectory.covariance[:, 2, 2]))
     npt.assert_allclose(list(merging.adjustment.datum_sd.values()), own, rtol=1e-3)
     for one in passes.values():
         assert one.trajectory.datum_sd == merging.adjustment.datum_sd["left"]
@@ -181,7 +181,7 @@ def test_the_order_of_the_passes_does_not_matter(cells):
             )
 
 
-def test_what_only_one_pass_saw_is_rejected_and_bends_nothing(cells):
+def test_an_object_in_one_pass_is_rejected_without_bias(cells):
     left = next(one for one in cells if one.name == "left")
     inside = (np.abs(left.easting - 10.0) < 2.0) & (np.abs(left.northing) < 0.2)
     assert inside.sum() > 30
@@ -201,13 +201,13 @@ def test_what_only_one_pass_saw_is_rejected_and_bends_nothing(cells):
 
 
 def exactly(path):
-    """Trajectory of the truth of a run, as sure as rounding."""
+    """True trajectory of a run, with a negligible standard deviation."""
     found = exact_trajectory(path)
     return replace(found, covariance=np.tile(1e-8 * np.eye(6), (found.time.size, 1, 1)))
 
 
-def test_without_drift_nothing_is_bent(two_lanes):
-    true = {name: replace(one, trajectory=exactly(one.path)) for name, one in two_lanes.items()}
+def test_without_drift_there_is_no_correction(two_passes):
+    true = {name: replace(one, trajectory=exactly(one.path)) for name, one in two_passes.items()}
     merging, _ = merge_runs(true)
     together = merging.adjustment.tests[-1]
     assert together.p_value > RARE
@@ -220,8 +220,8 @@ def test_without_drift_nothing_is_bent(two_lanes):
 
 
 @pytest.fixture(scope="module")
-def three_lanes(tmp_path_factory):
-    """A part of the ready scene: the middle lane driven against the others."""
+def three_passes(tmp_path_factory):
+    """A part of the ready scene: the middle pass driven against the others."""
     scene, _ = read_scene("three-lanes")
     scene = replace(
         scene,
@@ -250,20 +250,20 @@ def cross_slope(surface, passes):
     )
 
 
-def test_three_lanes_close_and_are_not_twisted(three_lanes):
-    merging, passes = merge_runs(three_lanes)
+def test_three_passes_close_without_twist(three_passes):
+    merging, passes = merge_runs(three_passes)
     assert len(merging.pairs) == 2
     assert all(abs(pair.after.median) < CLOSURE for pair in merging.pairs)
     assert all(seam < NETWORK_SEAM for seam in seam_of(passes))
     surface, together = errors_of(passes)
-    alone = {name: errors_of({name: one}) for name, one in three_lanes.items()}
+    alone = {name: errors_of({name: one}) for name, one in three_passes.items()}
     # neither the long waves nor the cross slope are worse than those of the best single pass, but
     # for what three passes add to the width
     assert together["rms_about_median"] < 1.2 * max(
         error["rms_about_median"] for _, error in alone.values()
     )
     best = min(
-        np.abs(cross_slope(one, {name: three_lanes[name]})).mean()
+        np.abs(cross_slope(one, {name: three_passes[name]})).mean()
         for name, (one, _) in alone.items()
     )
     assert np.abs(cross_slope(surface, passes)).mean() < best + CLOSURE
@@ -296,11 +296,11 @@ def test_a_lap_closes(lap):
     assert surface.sizes["u"] * 0.05 < 140.0
 
 
-def test_motion_without_accelerometers_is_merged_as_well(two_lanes):
+def test_runs_without_accelerometers_are_merged(two_passes):
     settings = FusionSettings(method="navigation")
     plain = {
         name: replace(one, trajectory=fuse_motion(open_run(one.path), settings=settings).trajectory)
-        for name, one in two_lanes.items()
+        for name, one in two_passes.items()
     }
     merging, _ = merge_runs(plain)
     assert merging.pairs[0].after.rmse < 0.5 * merging.pairs[0].before.rmse

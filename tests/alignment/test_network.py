@@ -1,4 +1,4 @@
-"""The adjustment of many passes, on cells whose truth is known."""
+"""The network adjustment on simulated cells with known truth."""
 
 import re
 from dataclasses import replace
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from trueterrain.alignment import NetworkSettings, adjust_passes, lane_cells
+from trueterrain.alignment import NetworkSettings, adjust_passes, make_pass_cells
 from trueterrain.alignment.adjustment.model_search import fit_unconstrained
 from trueterrain.alignment.adjustment.shared_cells import find_shared_cells
 from trueterrain.alignment.adjustment.system import build_system
@@ -39,7 +39,7 @@ class Road:
         self.ground = self.rng.normal(0, 0.05, self.s.size)
         self.clock = np.arange(0, length / SPEED + 1, 0.02)
 
-    def wander(self, sd=0.018, tau=25.0):
+    def process(self, sd=0.018, tau=25.0):
         """Smooth drift of one pass at the times of the clock [m]."""
         process = SecondOrderGaussMarkov(rng=self.rng, sd=sd, correlation_time=tau, rate=50.0)
         return process.next(self.clock.size)[:, 0]
@@ -52,7 +52,7 @@ class Road:
         offset = -v if back else v
         up = np.interp(time, self.clock, np.broadcast_to(drift, self.clock.shape))
         height = self.ground[some] + up + roll * offset + self.rng.normal(0, noise, s.size)
-        return lane_cells(
+        return make_pass_cells(
             name,
             np.flatnonzero(some),
             begin + time,
@@ -69,12 +69,12 @@ def corrections(adjustment, time):
     return np.array([one(time) for one in adjustment.corrections])
 
 
-def test_known_drift_is_taken_away_with_the_sd_claimed():
-    """Against a fixed pass: drift of constant and wandering part, several times over."""
+def test_known_drift_is_removed_with_the_reported_sd():
+    """Against a fixed pass: constant offset and drift, over several seeds."""
     ratio = []
     for seed in range(6):
         road = Road(600.0, seed=seed)
-        drift = road.wander() + road.rng.normal(0, 0.03)
+        drift = road.process() + road.rng.normal(0, 0.03)
         found = adjust_passes(
             [road.drive("a"), road.drive("b", drift)], fixed=["a"], settings=PLAIN
         ).correction("b")
@@ -85,10 +85,10 @@ def test_known_drift_is_taken_away_with_the_sd_claimed():
     assert 0.9 < np.sqrt(np.mean(np.square(ratio))) < 1.1
 
 
-def test_what_navigation_says_decides_who_is_corrected():
-    """A pass that navigation knows ten times better keeps its place."""
+def test_the_less_accurate_pass_gets_the_correction():
+    """A pass with ten times smaller reported sd gets hardly any correction."""
     road = Road()
-    drift = road.wander()
+    drift = road.process()
     time = road.clock
     sure, unsure = np.full(time.size, 0.005), np.full(time.size, 0.05)
     one = replace(road.drive("a", 0.0), sd_time=time, sd_height=sure)
@@ -98,11 +98,11 @@ def test_what_navigation_says_decides_who_is_corrected():
     assert moved[0] < 0.05 * moved[1]
 
 
-def test_the_shared_ground_has_the_sd_claimed():
-    """Of four passes with drifts of their own, relative to a fixed one."""
+def test_adjusted_ground_has_the_reported_sd():
+    """Four passes with independent drift, relative to a fixed one."""
     road = Road(400.0)
-    lanes = [road.drive("a"), *(road.drive(name, road.wander()) for name in "bcd")]
-    found = adjust_passes(lanes, fixed=["a"], settings=PLAIN).ground
+    passes = [road.drive("a"), *(road.drive(name, road.process()) for name in "bcd")]
+    found = adjust_passes(passes, fixed=["a"], settings=PLAIN).ground
     error = found.height - road.ground[found.cell]
     assert 0.9 < np.sqrt(np.mean((error / found.sd) ** 2)) < 1.1
     assert np.median(found.after) < 0.2 * np.median(found.before)
@@ -110,9 +110,9 @@ def test_the_shared_ground_has_the_sd_claimed():
 
 def test_order_of_passes_and_cells_does_not_matter():
     road = Road()
-    lanes = [road.drive(name, road.wander()) for name in "abc"]
-    mixed = [one.part(road.rng.permutation(len(one))) for one in (lanes[2], lanes[0], lanes[1])]
-    first, second = adjust_passes(lanes, settings=PLAIN), adjust_passes(mixed, settings=PLAIN)
+    passes = [road.drive(name, road.process()) for name in "abc"]
+    mixed = [one.part(road.rng.permutation(len(one))) for one in (passes[2], passes[0], passes[1])]
+    first, second = adjust_passes(passes, settings=PLAIN), adjust_passes(mixed, settings=PLAIN)
     for name in "abc":
         one, two = first.correction(name), second.correction(name)
         assert_allclose(two.coefficients, one.coefficients, rtol=0, atol=SAME)
@@ -121,27 +121,29 @@ def test_order_of_passes_and_cells_does_not_matter():
 
 def test_a_shift_of_all_heights_changes_nothing():
     road = Road()
-    lanes = [road.drive(name, road.wander()) for name in "ab"]
-    higher = [replace(one, height=one.height + 7.0) for one in lanes]
+    passes = [road.drive(name, road.process()) for name in "ab"]
+    higher = [replace(one, height=one.height + 7.0) for one in passes]
     time = np.linspace(0, 30, 50)
     first, second = (
-        corrections(adjust_passes(some, settings=PLAIN), time) for some in (lanes, higher)
+        corrections(adjust_passes(some, settings=PLAIN), time) for some in (passes, higher)
     )
     assert_allclose(second, first, rtol=0, atol=SAME)
 
 
 def test_the_mean_of_the_passes_is_the_datum():
     road = Road()
-    found = adjust_passes([road.drive(name, road.wander() + 0.1) for name in "abc"], settings=PLAIN)
+    found = adjust_passes(
+        [road.drive(name, road.process() + 0.1) for name in "abc"], settings=PLAIN
+    )
     time = np.linspace(found.corrections[0].knots.begin, found.corrections[0].knots.end, 2001)
     assert_allclose(corrections(found, time).mean(), 0.0, rtol=0, atol=1e-6)  # [m] mean of samples
 
 
 def test_constant_offsets_are_those_of_least_squares():
     road = Road()
-    lanes = [road.drive("a", 0.010), road.drive("b", -0.004), road.drive("c", 0.001, noise=3e-3)]
-    found = adjust_passes(lanes, settings=replace(LEAST_SQUARES, strength=0.0))
-    heights = np.array([one.height for one in lanes])
+    passes = [road.drive("a", 0.010), road.drive("b", -0.004), road.drive("c", 0.001, noise=3e-3)]
+    found = adjust_passes(passes, settings=replace(LEAST_SQUARES, strength=0.0))
+    heights = np.array([one.height for one in passes])
     weight = 1.0 / (np.array([NOISE, NOISE, 3e-3]) ** 2 + found.noise_floor**2)
     # each cell has the same weights, so offsets are the mean differences from the weighted mean
     truth = -(heights - (weight @ heights) / weight.sum()).mean(axis=1)
@@ -150,7 +152,7 @@ def test_constant_offsets_are_those_of_least_squares():
     assert_allclose(measured, truth, rtol=0, atol=SAME)
 
 
-def test_drift_linear_in_time_is_taken_away():
+def test_drift_linear_in_time_is_removed():
     """The spline holds a straight line, which is that of least squares between the passes."""
     road = Road()
     drift = 0.002 * (road.clock - 15.0)
@@ -166,11 +168,11 @@ def test_drift_linear_in_time_is_taken_away():
 
 def test_a_cross_tilt_is_that_of_least_squares():
     road = Road()
-    lanes = [road.drive("a"), road.drive("b", 0.02, roll=0.003)]
+    passes = [road.drive("a"), road.drive("b", 0.02, roll=0.003)]
     settings = NetworkSettings(strength=0.0, huber=1e3, tukey=1e6, roll_sd=10.0, knot_spacing=1.0)
-    found = adjust_passes(lanes, fixed=["a"], settings=settings)
+    found = adjust_passes(passes, fixed=["a"], settings=settings)
     assert found.chosen.components == ("height", "roll")
-    difference = lanes[1].height - lanes[0].height
+    difference = passes[1].height - passes[0].height
     design = np.stack([np.ones(road.v.size), road.v], axis=1)
     truth = -np.linalg.lstsq(design, difference, rcond=None)[0]
     one = found.correction("b")
@@ -179,16 +181,16 @@ def test_a_cross_tilt_is_that_of_least_squares():
     assert_allclose(measured, truth, rtol=0, atol=1e-7)
 
 
-def test_no_twist_is_invented():
+def test_without_roll_there_is_no_roll_correction():
     """Without roll in the passes there is none in the corrections."""
     road = Road()
     settings = NetworkSettings(knot_spacing=1.0)
-    found = adjust_passes([road.drive(name, road.wander()) for name in "ab"], settings=settings)
+    found = adjust_passes([road.drive(name, road.process()) for name in "ab"], settings=settings)
     assert found.chosen.components == ("height",)
     assert found.omitted == ("roll", "east", "north")
 
 
-def test_without_drift_nothing_is_bent():
+def test_without_drift_there_is_no_correction():
     """Corrections are within their noise, and the test for drift says so."""
     probabilities = []
     for seed in range(30):
@@ -203,18 +205,20 @@ def test_without_drift_nothing_is_bent():
     assert 0.3 < np.mean(probabilities) < 0.7
 
 
-def test_drift_is_told_by_the_test():
+def test_drift_is_detected_by_the_score_test():
     road = Road()
-    found = adjust_passes([road.drive("a"), road.drive("b", road.wander(sd=0.002))], settings=PLAIN)
+    found = adjust_passes(
+        [road.drive("a"), road.drive("b", road.process(sd=0.002))], settings=PLAIN
+    )
     assert [one.name for one in found.tests] == ["a", "b", ""]
     assert max(one.p_value for one in found.tests) < 1e-6
 
 
 @pytest.mark.parametrize("passes", ["ab", "abc"])
 def test_a_car_in_one_pass_is_rejected(passes):
-    """As large as a car: the corrections stay, and its cells are named."""
+    """An object as large as a car does not change the corrections; its cells are reported."""
     road = Road()
-    drifts = {name: road.wander() for name in passes}
+    drifts = {name: road.process() for name in passes}
     clean = [road.drive(name, drifts[name]) for name in passes]
     car = (np.abs(road.s - 100.0) < 2.25) & (np.abs(road.v) < 0.9)
     parked = replace(clean[0], height=clean[0].height + np.where(car, 1.4, 0.0))
@@ -225,22 +229,22 @@ def test_a_car_in_one_pass_is_rejected(passes):
     sd = np.array([one.sd(time) for one in before.corrections])
     assert (np.abs(moved) < 3 * sd).all()  # fewer cells carry the correction there
     rejected = after.rejected
-    hit = np.isin(rejected.cell, np.flatnonzero(car)) & (rejected.lane == "a")
+    hit = np.isin(rejected.cell, np.flatnonzero(car)) & (rejected.name == "a")
     assert hit.sum() == car.sum()
     if passes == "abc":  # of three the others are right
-        assert not np.isin(rejected.cell[rejected.lane != "a"], np.flatnonzero(car)).any()
+        assert not np.isin(rejected.cell[rejected.name != "a"], np.flatnonzero(car)).any()
         assert_allclose(rejected.misfit[hit], 1.4, rtol=0, atol=0.01)
 
 
 def test_loops_of_three_passes_close():
-    """Each overlaps the next only; after the adjustment medians add up to nothing."""
+    """Each overlaps the next only; after the adjustment the closure of the medians is 0."""
     road = Road(width=6.0)
     halves = [(road.v < 1.0), (road.v > -1.0), (road.v < -0.5) | (road.v > 0.5)]
-    lanes = [
-        road.drive(name, road.wander() + up, some=some)
+    passes = [
+        road.drive(name, road.process() + up, some=some)
         for name, up, some in zip("abc", (0.0, 0.03, -0.02), halves, strict=True)
     ]
-    found = adjust_passes(lanes, settings=PLAIN)
+    found = adjust_passes(passes, settings=PLAIN)
     (loop,) = found.closures
     assert sorted(loop.passes) == ["a", "b", "c"]
     assert abs(loop.after) < 2e-4  # [m]
@@ -261,7 +265,7 @@ def test_a_closed_course_closes_on_itself():
             (np.arange(time.size), time, road.ground + np.interp(time, clock, drift) + noise)
         )
     cell, time, height = (np.concatenate(one) for one in zip(*parts, strict=True))
-    oval = lane_cells(
+    oval = make_pass_cells(
         "oval",
         cell,
         time,
@@ -285,8 +289,8 @@ def test_a_control_surface_is_the_datum():
     road = Road()
     near = np.abs(road.s - 150.0) < 20.0
     control = road.drive("plate", some=near, noise=2e-4)
-    lanes = [road.drive(name, road.wander() + 0.05) for name in "ab"]
-    found = adjust_passes(lanes, control=[control], settings=PLAIN)
+    passes = [road.drive(name, road.process() + 0.05) for name in "ab"]
+    found = adjust_passes(passes, control=[control], settings=PLAIN)
     assert found.names == ("a", "b")
     error = found.ground.height - road.ground[found.ground.cell]
     there = np.isin(found.ground.cell, np.flatnonzero(near))
@@ -297,32 +301,32 @@ def test_a_control_surface_is_the_datum():
 def test_groups_of_passes_have_datums_of_their_own():
     road = Road()
     left, right = road.s < 140.0, road.s > 160.0
-    lanes = [
+    passes = [
         road.drive("a", 0.01, some=left),
         road.drive("b", 0.03, some=left),
         road.drive("c", 0.05, some=right),
         road.drive("d", 0.01, some=right),
     ]
-    found = adjust_passes(lanes, settings=replace(PLAIN, strength=0.0))
+    found = adjust_passes(passes, settings=replace(PLAIN, strength=0.0))
     assert found.groups == (("a", "b"), ("c", "d"))
     offsets = [float(found.correction(name)(20.0)) for name in "abcd"]
     assert_allclose(offsets, [0.01, -0.01, -0.02, 0.02], rtol=0, atol=2e-4)
 
 
-def test_stretches_without_overlap_are_told_and_unsure():
+def test_spans_without_overlap_are_reported_with_larger_sd():
     road = Road()
-    short = road.drive("b", road.wander(), some=road.s < 150.0)
-    found = adjust_passes([road.drive("a", road.wander()), short], settings=PLAIN).correction("a")
+    short = road.drive("b", road.process(), some=road.s < 150.0)
+    found = adjust_passes([road.drive("a", road.process()), short], settings=PLAIN).correction("a")
     ((begin, end),) = found.unsupported
     assert 14.0 < begin < 16.5
     assert end > 29.9
     assert found.sd(29.0) > 1.5 * found.sd(7.0)
 
 
-def test_both_too_stiff_and_too_loose_predict_worse():
-    """The trials hold the curve of strength against what is left of cells held back."""
+def test_too_stiff_and_too_flexible_models_predict_worse():
+    """The trials give the prediction error of held-out cells as a function of strength."""
     road = Road()
-    found = adjust_passes([road.drive(name, road.wander()) for name in "ab"], settings=PLAIN)
+    found = adjust_passes([road.drive(name, road.process()) for name in "ab"], settings=PLAIN)
     best = found.chosen
     curve = {
         one.strength: one
@@ -336,7 +340,7 @@ def test_both_too_stiff_and_too_loose_predict_worse():
 
 
 def test_horizontal_shift_needs_relief():
-    """It is found on a rough road, and refused on one that is level."""
+    """It is estimated on a rough road and rejected on a level one."""
     settings = NetworkSettings(components=("height", "shift"), knot_spacing=1.0)
     road = Road()
     slope = road.rng.normal(0, 0.05, (2, road.s.size))
@@ -350,8 +354,8 @@ def test_horizontal_shift_needs_relief():
             height=cells.height - by @ slope,
         )
 
-    lanes = [with_slope(road.drive("a"), 0 * shift), with_slope(road.drive("b", 0.01), shift)]
-    found = adjust_passes(lanes, fixed=["a"], settings=settings)
+    passes = [with_slope(road.drive("a"), 0 * shift), with_slope(road.drive("b", 0.01), shift)]
+    found = adjust_passes(passes, fixed=["a"], settings=settings)
     one = found.correction("b")
     assert found.omitted == ()
     measured = [float(one(15.0, name)) for name in ("east", "north")]
@@ -360,35 +364,35 @@ def test_horizontal_shift_needs_relief():
     assert level.omitted == ("east", "north")
 
 
-def test_cells_need_not_say_where_they_lie():
-    """Without places, held back are stretches of cells by their numbers."""
+def test_cells_need_no_positions():
+    """Without positions, consecutive cells are held out together."""
     road = Road()
-    drift = road.wander()
-    lanes = [road.drive("a"), road.drive("b", drift)]
-    nowhere = [
-        replace(one, easting=0.0 * one.easting, northing=0.0 * one.northing) for one in lanes
+    drift = road.process()
+    passes = [road.drive("a"), road.drive("b", drift)]
+    unplaced = [
+        replace(one, easting=0.0 * one.easting, northing=0.0 * one.northing) for one in passes
     ]
-    found = adjust_passes(nowhere, fixed=["a"], settings=PLAIN).correction("b")
+    found = adjust_passes(unplaced, fixed=["a"], settings=PLAIN).correction("b")
     time = np.arange(0.025, 30.0, 0.05)
     assert np.abs(found(time) + np.interp(time, road.clock, drift)).max() < 1e-3  # [m]
 
 
-def test_identical_passes_are_told():
+def test_identical_passes_are_reported():
     road = Road()
     one = road.drive("a")
     found = adjust_passes([one, replace(one, name="b"), road.drive("c")], settings=PLAIN)
     assert found.identical == (("a", "b"),)
 
 
-def test_passes_that_share_nothing_are_refused():
+def test_passes_without_common_cells_are_refused():
     road = Road()
-    lanes = [road.drive("a", some=road.s < 100), road.drive("b", some=road.s > 200)]
+    passes = [road.drive("a", some=road.s < 100), road.drive("b", some=road.s > 200)]
     with pytest.raises(CoverageError, match="no cell is seen by two passes"):
-        adjust_passes(lanes)
+        adjust_passes(passes)
     with pytest.raises(CoverageError, match="no cell is seen by two passes"):
-        adjust_passes(lanes[:1])
+        adjust_passes(passes[:1])
     with pytest.raises(CoverageError, match="b has no cells"):
-        adjust_passes([lanes[0], lanes[1].part(np.zeros(len(lanes[1]), bool))])
+        adjust_passes([passes[0], passes[1].part(np.zeros(len(passes[1]), bool))])
 
 
 def test_names_must_be_unique_and_known():
@@ -405,13 +409,13 @@ def test_names_must_be_unique_and_known():
 
 
 def test_an_adjustment_that_does_not_converge_names_the_pass_and_the_place():
-    """The pass with gross errors in one stretch is the one that still moves, and there."""
+    """The message names the pass with gross errors and their position."""
     road = Road()
-    lanes = [road.drive(name) for name in "abc"]
-    beyond = np.where(np.abs(lanes[1].easting - 200) < 20, 1.0, 0.0)  # [m] no ground of the others
-    lanes[1] = replace(lanes[1], height=lanes[1].height + beyond)
+    passes = [road.drive(name) for name in "abc"]
+    beyond = np.where(np.abs(passes[1].easting - 200) < 20, 1.0, 0.0)  # [m] no ground of the others
+    passes[1] = replace(passes[1], height=passes[1].height + beyond)
     with pytest.raises(TrueTerrainError, match="did not converge in 1 iterations") as error:
-        adjust_passes(lanes, settings=replace(PLAIN, max_iterations=1))
+        adjust_passes(passes, settings=replace(PLAIN, max_iterations=1))
     found = re.search(
         r"correction of (\w+) still changes by .* at easting ([\d.]+)", str(error.value)
     )
@@ -430,7 +434,7 @@ def rough_network(seed):
     rng = np.random.default_rng(seed)
     n = int(rng.integers(30, 400))
     cell, noise = np.arange(n), 10 ** rng.uniform(-4, -1.5)
-    ground, speed, lanes = rng.normal(0, 0.1, n), rng.uniform(2, 50), []
+    ground, speed, passes = rng.normal(0, 0.1, n), rng.uniform(2, 50), []
     for number in range(int(rng.integers(2, 7))):
         seen = rng.random(n) < rng.uniform(0.3, 1)
         if number > 1:
@@ -443,8 +447,8 @@ def rough_network(seed):
         wrong = rng.random(n) < rng.choice([0, 0.01, 0.2, 0.5, 0.9])
         height += wrong * rng.choice([0.1, 1, 4]) * rng.choice([rng.normal(0, 1, n), np.ones(n)])
         at, back = cell[seen], rng.random() < 0.5
-        lanes.append(
-            lane_cells(
+        passes.append(
+            make_pass_cells(
                 f"p{number}",
                 at,
                 (n - at if back else at) / speed,
@@ -454,7 +458,7 @@ def rough_network(seed):
                 offset=rng.uniform(-1, 1, at.size),
             )
         )
-    return lanes
+    return passes
 
 
 def robust_fit(seed, settings):
@@ -466,7 +470,7 @@ def robust_fit(seed, settings):
     )
     found = fit_unconstrained(system, settings)
     return found, lambda other: np.linalg.norm(
-        system.in_deviations(found.solution, other.solution.x - found.solution.x)
+        system.whiten_change(found.solution, other.solution.x - found.solution.x)
     )
 
 
@@ -478,8 +482,8 @@ def test_the_adjustment_converges_whatever_the_errors():
 
 
 @pytest.mark.parametrize("seed", range(0, 30, 3))
-def test_where_it_stops_is_where_it_converges_to(seed):
-    """Held against the same with tolerances that leave nothing to go."""
+def test_the_result_is_the_limit_of_the_iteration(seed):
+    """Compared with the same adjustment with much smaller tolerances."""
     exact = NetworkSettings(relative_tolerance=1e-9, tolerance=1e-12, max_iterations=5000)
     _, difference = robust_fit(seed, exact)
     assert difference(robust_fit(seed, NetworkSettings())[0]) < LEFT_TO_GO
@@ -503,16 +507,16 @@ def test_wrong_settings_are_refused(wrong, message):
 
 
 def test_long_roads_are_sampled_to_choose_settings():
-    """A part of the road tells the same strength, and all of it is corrected."""
+    """A sample of the road gives the same strength, and all of it is corrected."""
     road = Road(3000.0)
-    lanes = [road.drive("a"), road.drive("b", road.wander())]
-    found = adjust_passes(lanes, fixed=["a"], settings=replace(PLAIN, sample=5000))
+    passes = [road.drive("a"), road.drive("b", road.process())]
+    found = adjust_passes(passes, fixed=["a"], settings=replace(PLAIN, sample=5000))
     assert 0.005 < found.chosen.strength < 0.06
     assert found.pairs[0].after.n == road.s.size
     assert found.pairs[0].after.rmse < 1.1 * np.sqrt(2) * NOISE
 
 
-def test_names_of_the_room_are_there():
-    import trueterrain.alignment as room
+def test_public_names_can_be_imported():
+    import trueterrain.alignment as package
 
-    assert_array_equal([name for name in room.__all__ if not hasattr(room, name)], [])
+    assert_array_equal([name for name in package.__all__ if not hasattr(package, name)], [])

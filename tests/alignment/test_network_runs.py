@@ -1,4 +1,4 @@
-"""Recorded runs brought into agreement, against what was driven over."""
+"""Alignment of recorded runs against the known truth."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ SLOWEST = 8.0  # [m/s] of the passes, which are driven at 10 m/s
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory):
-    """Two lanes of 12 m that overlap by half a metre, and their motion; cells of both."""
+    """Two passes of 12 m that overlap by half a metre, and their motion; cells of both."""
     scene, _ = read_scene("three-lanes")
     passes = tuple(replace(one, start=20.0, length=12.0, reverse=False) for one in scene.passes[:2])
     ground = ({"kind": "road", "road_class": "C", "seed": 5, "waves": 256},)
@@ -39,12 +39,12 @@ def test_cells_of_a_run_are_those_of_its_points(runs):
     assert np.abs(cells.time - points.time).max() < CELLS.size / SLOWEST
     # swaths of 4 m, on both sides of the path; the laser sits 2.25 m behind the body
     assert_allclose([cells.offset.min(), cells.offset.max()], [-2.0, 2.0], rtol=0, atol=0.15)
-    assert_allclose(np.median(cells.ahead), -2.25, rtol=0, atol=0.1)
+    assert_allclose(np.median(cells.longitudinal), -2.25, rtol=0, atol=0.1)
     assert cells.sd_height is not None
     assert_allclose(cells.sd_height**2, trajectory.covariance[:, 2, 2], rtol=1e-9, atol=0)
 
 
-def test_two_lanes_agree_at_the_seam(runs):
+def test_two_passes_agree_at_the_seam(runs):
     """Drift of centimetres, and after the adjustment less than 0.2 mm in the median."""
     found = adjust_passes([cells for *_, cells in runs])
     (pair,) = found.pairs
@@ -55,7 +55,7 @@ def test_two_lanes_agree_at_the_seam(runs):
 
 
 def test_heights_are_true_up_to_the_datum(runs):
-    """What is left of the error of motion between the lanes, at the seam, in millimetres."""
+    """Remaining error of the motion between the passes at the seam."""
     found = adjust_passes([cells for *_, cells in runs])
     errors = []
     for path, trajectory, cells in runs:

@@ -1,4 +1,4 @@
-"""Strips flown over the same ground, measured: what is left in cells held back."""
+"""Real airborne strips over the same ground: residuals in held-out cells."""
 
 import laspy
 import numpy as np
@@ -7,7 +7,7 @@ import pytest
 from trueterrain.alignment import CellSettings, NetworkSettings, adjust_passes, cells_of_points
 from trueterrain.core.schemas import make_points
 
-SQUARE = 5.0  # [m] of ground held back together
+SQUARE = 5.0  # [m] of ground held out together
 FOLDS = 5
 CELLS = CellSettings(size=1.0, min_count=3, max_sd=0.06, visit_gap=60.0)
 PAIRS = {
@@ -23,7 +23,7 @@ PAIRS = {
 
 @pytest.fixture
 def strips(data, request):
-    """Cells of both strips, of ground points: those that both saw."""
+    """Common cells of the ground points of both strips."""
     parts = [laspy.read(data / "scanning" / "strips" / name) for name in PAIRS[request.param]]
     column = {
         name: np.concatenate([np.asarray(part[name], dtype=np.float64) for part in parts])
@@ -42,7 +42,7 @@ def strips(data, request):
 
 
 def in_turn(pair):
-    """Which cells are held back together."""
+    """Folds of the cells."""
     x, y = (np.floor(one / SQUARE).astype(np.int64) for one in (pair[0].easting, pair[0].northing))
     return (x * 7 + y * 3) % FOLDS
 
@@ -74,7 +74,7 @@ def left_by_columns(pair, *columns):
 
 @pytest.mark.parametrize("strips", ["dsmMarker", "706-707"], indirect=True)
 def test_strips_that_drift_agree_at_least_as_well_as_by_any_simple_correction(strips):
-    """In cells held back: constant, linear in the time of either, constant and tilt."""
+    """In held-out cells: constant, linear in the time of either, constant and tilt."""
     one, other = strips
     simple = [
         left_by_columns(strips),
@@ -94,7 +94,7 @@ def test_strips_that_agree_do_not_get_worse(strips):
 
 @pytest.mark.parametrize("strips", ["dsmMarker"], indirect=True)
 def test_the_drift_between_two_strips_is_as_published(strips):
-    """By others' cells: median -46 mm and root mean square 50.9 mm; a tilt leaves 16.4 mm."""
+    """Published: median -46 mm and root mean square 50.9 mm; a tilt leaves 16.4 mm."""
     found = adjust_passes(strips)
     (pair,) = found.pairs
     assert abs(pair.before.median - -0.046) < 0.001  # [m] cells that differ a little

@@ -1,20 +1,20 @@
-"""The sparse normal equations, against the same written out in full."""
+"""Sparse normal equations against dense ones."""
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from trueterrain.alignment import GaussMarkovProcess, lane_cells
+from trueterrain.alignment import GaussMarkovProcess, make_pass_cells
+from trueterrain.alignment.adjustment.cholesky.factorisation import pattern_of
 from trueterrain.alignment.adjustment.normal_equations import ComponentPrior
 from trueterrain.alignment.adjustment.shared_cells import find_shared_cells
-from trueterrain.alignment.adjustment.sparse_cholesky import pattern_of
 from trueterrain.alignment.adjustment.system import DATUM_SD, build_system
 from trueterrain.core.errors import TrueTerrainError
 
 RELATIVE = 1e-9  # [1] rounding, with a condition number of 1e6 and less
 PRIOR = {
-    "height": ComponentPrior(wander=GaussMarkovProcess(sd=0.02, order="second"), offset_sd=np.inf),
-    "roll": ComponentPrior(wander=GaussMarkovProcess(sd=0.001), offset_sd=0.002),
+    "height": ComponentPrior(process=GaussMarkovProcess(sd=0.02, order="second"), offset_sd=np.inf),
+    "roll": ComponentPrior(process=GaussMarkovProcess(sd=0.001), offset_sd=0.002),
 }
 
 
@@ -25,7 +25,7 @@ def observed():
 
     def drive(name, cells, time):
         n = cells.size
-        return lane_cells(
+        return make_pass_cells(
             name,
             cells,
             time,
@@ -47,16 +47,16 @@ def observed():
         (),
         (),
     )
-    weight = rng.uniform(0.2, 1.0, shared.lane.size) / shared.entries.variance
+    weight = rng.uniform(0.2, 1.0, shared.pass_index.size) / shared.entries.variance
     return shared, weight
 
 
 class Dense:
-    """Everything written out."""
+    """Dense design, weights and prior."""
 
     def __init__(self, system, weight):
         shared = system.shared
-        n, size = shared.lane.size, system.size
+        n, size = shared.pass_index.size, system.size
         design = np.zeros((n, size))
         for i in range(n):
             unknown = system.unknown[system.interval[i]]
@@ -70,13 +70,13 @@ class Dense:
             metric[begin:end, begin:end] = np.diag(w) - np.outer(w, w) / w.sum()
         prior = np.zeros((size, size))
         self.offsets = []
-        for lane in range(3):
-            coefficients, offsets = system.lane_unknowns(lane)
+        for pass_index in range(3):
+            coefficients, offsets = system.pass_unknowns(pass_index)
             self.offsets.append(offsets[0])
             for k, name in enumerate(PRIOR):
                 count = coefficients.shape[1]
-                sd = np.full(count, PRIOR[name].wander.sd)
-                rows = PRIOR[name].wander.whitening(sd, system.knots[lane].spacing)
+                sd = np.full(count, PRIOR[name].process.sd)
+                rows = PRIOR[name].process.whitening(sd, system.knots[pass_index].spacing)
                 white = np.diag(rows[0]) + np.diag(rows[1, 1:], -1) + np.diag(rows[2, 2:], -2)
                 prior[np.ix_(coefficients[k], coefficients[k])] += white.T @ white
                 prior[offsets[k], offsets[k]] += PRIOR[name].offset_sd ** -2.0
@@ -91,10 +91,10 @@ class Dense:
     def mean_height(self, system):
         """Weights of the unknowns in the mean correction of the height, by sampling it."""
         mean = np.zeros(system.size)
-        for lane, knots in enumerate(system.knots):
+        for pass_index, knots in enumerate(system.knots):
             time = knots.begin + (np.arange(20_000) + 0.5) / 20_000 * (knots.end - knots.begin)
             interval, weights = knots.basis(time)
-            coefficients, offsets = system.lane_unknowns(lane)
+            coefficients, offsets = system.pass_unknowns(pass_index)
             for j in range(4):
                 np.add.at(mean, coefficients[0][interval + j], weights[:, j] / time.size / 3)
             mean[offsets[0]] += 1 / 3
@@ -133,7 +133,7 @@ def test_covariance_is_that_of_the_full_inverse(observed):
 
 
 def test_no_correction_changes_by_more_of_its_sd_than_the_whole_change(observed):
-    """The bound by which the adjustment says that it has converged, and where it is reached."""
+    """The bound used for convergence, and a direction that reaches it."""
     shared, weight = observed
     system = build_system(shared, ("height", "roll"), 2.0, [np.zeros((2, 0))] * 3)
     equations = system.equations(weight, np.ones(shared.cells, bool))
@@ -145,13 +145,13 @@ def test_no_correction_changes_by_more_of_its_sd_than_the_whole_change(observed)
         row = row @ dense.project
         sd = np.sqrt(row @ covariance @ row)
         change = dense.project @ rng.normal(size=system.size)
-        assert abs(row @ change) <= np.linalg.norm(system.in_deviations(found, change)) * sd
+        assert abs(row @ change) <= np.linalg.norm(system.whiten_change(found, change)) * sd
         steepest = covariance @ row  # the change that reaches the bound
-        whole = np.linalg.norm(system.in_deviations(found, steepest))
+        whole = np.linalg.norm(system.whiten_change(found, steepest))
         assert_allclose(row @ steepest, whole * sd, rtol=1e-4)  # the datum weighs 1e8: its rounding
 
 
-def test_equations_of_parts_add_up(observed):
+def test_normal_equations_of_parts_add_up(observed):
     shared, weight = observed
     system = build_system(shared, ("height",), 1.0, [np.zeros((2, 0))] * 3)
     some = np.arange(shared.cells) % 3 == 0
@@ -159,7 +159,11 @@ def test_equations_of_parts_add_up(observed):
     parts = system.equations(weight, some).plus(system.equations(weight, ~some))
     assert_allclose(parts.blocks, whole.blocks, rtol=RELATIVE, atol=1e-3)
     assert_allclose(parts.right, whole.right, rtol=RELATIVE, atol=1e-3)
-    assert parts.degrees_of_freedom == whole.degrees_of_freedom == shared.lane.size - shared.cells
+    assert (
+        parts.degrees_of_freedom
+        == whole.degrees_of_freedom
+        == shared.pass_index.size - shared.cells
+    )
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Cells of lanes and what two of them share, against counting by hand."""
+"""Cells of passes and their overlaps against direct counts."""
 
 import numpy as np
 import numpy.testing as npt
@@ -8,9 +8,9 @@ import xarray as xr
 from trueterrain.alignment.observations.overlap import (
     cell_centres,
     cell_keys,
-    lane_blocks,
+    find_overlap,
     occupied_cells,
-    overlap_of,
+    point_blocks,
 )
 from trueterrain.core.errors import CoverageError, SchemaError, TrueTerrainError
 from trueterrain.core.schemas import make_points
@@ -19,7 +19,7 @@ STEP = 1e-5  # [m] in which heights are added up
 
 
 def square(west: float, south: float, size: float = 2.0, up: float = 0.0) -> xr.Dataset:
-    """One point in the middle of each cell of 0.1 m."""
+    """One point at the centre of each cell of 0.1 m."""
     side = np.arange(0.05, size, 0.1)
     x, y = (at.ravel() for at in np.meshgrid(west + side, south + side))
     return make_points(x, y, np.full(x.size, up))
@@ -54,8 +54,8 @@ def test_cells_are_the_same_for_any_blocks_and_far_scattered_points() -> None:
             npt.assert_array_equal(getattr(whole, name), getattr(other, name))
 
 
-def test_two_squares_share_the_cells_where_they_overlap() -> None:
-    found = overlap_of(occupied_cells(square(0, 0)), occupied_cells(square(1.5, 1.0, up=0.2)))
+def test_two_squares_have_the_cells_of_their_overlap_in_common() -> None:
+    found = find_overlap(occupied_cells(square(0, 0)), occupied_cells(square(1.5, 1.0, up=0.2)))
     assert found.area == pytest.approx(0.5 * 1.0, abs=1e-9)
     key, count, height = found.shared
     assert key.size == 50
@@ -72,8 +72,8 @@ def test_a_missing_cell_is_no_hole_but_a_missing_patch_is() -> None:
         return points.isel(point=np.flatnonzero(~hole))
 
     whole = occupied_cells(square(0, 0, up=0.1))
-    assert overlap_of(whole, occupied_cells(without(0.05))).key.size == 400
-    assert overlap_of(whole, occupied_cells(without(0.15))).key.size == 400 - 9
+    assert find_overlap(whole, occupied_cells(without(0.05))).key.size == 400
+    assert find_overlap(whole, occupied_cells(without(0.15))).key.size == 400 - 9
 
 
 @pytest.mark.parametrize(("edge", "columns"), [(0.98, 10), (0.92, 9), (0.0, 0)])
@@ -82,12 +82,12 @@ def test_cells_that_an_edge_cuts_count_if_half_is_left(edge, columns) -> None:
     x, y = (at.ravel() for at in np.meshgrid(np.append(side, side - 1.0), side))
     whole = occupied_cells(make_points(x, y, 0 * x + 0.1))
     x, y = x[x < edge], y[x < edge]
-    found = overlap_of(whole, occupied_cells(make_points(x, y, 0 * x)))
+    found = find_overlap(whole, occupied_cells(make_points(x, y, 0 * x)))
     assert found.key.size == 10 * (10 + columns)
 
 
-def test_lanes_apart_share_nothing() -> None:
-    assert overlap_of(occupied_cells(square(0, 0)), occupied_cells(square(2.05, 0))) is None
+def test_separate_passes_have_no_overlap() -> None:
+    assert find_overlap(occupied_cells(square(0, 0)), occupied_cells(square(2.05, 0))) is None
 
 
 def test_points_that_are_not_finite_are_counted() -> None:
@@ -97,8 +97,8 @@ def test_points_that_are_not_finite_are_counted() -> None:
     assert cells.count.sum() == 1
 
 
-def test_lanes_without_points_are_refused() -> None:
-    with pytest.raises(CoverageError, match=r"lane a: holds no point .*\(2 others\)\. Leave"):
+def test_passes_without_points_are_refused() -> None:
+    with pytest.raises(CoverageError, match=r"pass a: holds no point .*\(2 others\)\. Leave"):
         occupied_cells(make_points([np.nan] * 2, [0.0] * 2, [0.0] * 2), name="a")
     with pytest.raises(CoverageError, match="holds no point"):
         occupied_cells([])
@@ -108,26 +108,26 @@ def test_sizes_must_be_positive_and_equal() -> None:
     with pytest.raises(ValueError, match="cell must be greater than 0 m"):
         occupied_cells(square(0, 0), 0.0)
     with pytest.raises(ValueError, match=r"cells must have one size, got 0\.1 and 0\.2 m"):
-        overlap_of(occupied_cells(square(0, 0)), occupied_cells(square(0, 0), 0.2))
+        find_overlap(occupied_cells(square(0, 0)), occupied_cells(square(0, 0), 0.2))
 
 
-def test_different_frames_are_refused_between_lanes_and_within_one() -> None:
+def test_different_crs_are_refused_between_and_within_passes() -> None:
     here, there = square(0, 0).assign_attrs(crs="EPSG:2154"), square(1, 1)
-    with pytest.raises(SchemaError, match=r"lane b: has .*system unknown, but that of lane a is"):
-        overlap_of(occupied_cells(here), occupied_cells(there), lanes=("a", "b"))
-    with pytest.raises(SchemaError, match=r"lane a: .*'EPSG:2154', but .*the blocks before it"):
+    with pytest.raises(SchemaError, match=r"pass b: has .*system unknown, but that of pass a is"):
+        find_overlap(occupied_cells(here), occupied_cells(there), names=("a", "b"))
+    with pytest.raises(SchemaError, match=r"pass a: .*'EPSG:2154', but .*the blocks before it"):
         occupied_cells([there, here], name="a")
 
 
 def test_the_same_points_twice_are_refused() -> None:
-    with pytest.raises(TrueTerrainError, match="lane second: holds the same points as lane first"):
-        overlap_of(occupied_cells(square(0, 0)), occupied_cells(square(0, 0)))
+    with pytest.raises(TrueTerrainError, match="pass second: holds the same points as pass first"):
+        find_overlap(occupied_cells(square(0, 0)), occupied_cells(square(0, 0)))
 
 
 def test_blocks_come_from_datasets_sequences_and_functions() -> None:
     points = square(0, 0)
-    assert len(list(lane_blocks(points))) == 1
-    assert len(list(lane_blocks([points, points]))) == 2
-    assert len(list(lane_blocks(lambda: iter([points] * 3)))) == 3
-    with pytest.raises(ValueError, match="only once"):
-        list(lane_blocks(iter([points])))
+    assert len(list(point_blocks(points))) == 1
+    assert len(list(point_blocks([points, points]))) == 2
+    assert len(list(point_blocks(lambda: iter([points] * 3)))) == 3
+    with pytest.raises(ValueError, match="exhausted after one iteration"):
+        list(point_blocks(iter([points])))

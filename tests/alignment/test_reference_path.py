@@ -1,26 +1,28 @@
-"""Reference paths against lines and circles with a formula."""
+"""Reference paths against analytic lines and circles."""
 
 import numpy as np
 import numpy.testing as npt
 import pytest
 
+from trueterrain.alignment.discontinuity.centre_line import (
+    centre_reference,
+    follow_centre,
+    overlap_edges,
+)
 from trueterrain.alignment.discontinuity.reference_path import (
     ReferencePath,
-    centre_reference,
-    keep_to_middle,
-    overlap_edges,
     polar_reference,
     straight_reference,
     waypoint_reference,
 )
 from trueterrain.alignment.discontinuity.seam import PairCells
-from trueterrain.alignment.discontinuity.sparse_sums import pack_cell
 from trueterrain.alignment.observations.overlap import (
     OccupiedCells,
     Overlap,
+    find_overlap,
     occupied_cells,
-    overlap_of,
 )
+from trueterrain.alignment.observations.sparse_sums import pack_cell
 from trueterrain.core.errors import CoverageError
 from trueterrain.core.schemas import make_points
 
@@ -35,23 +37,23 @@ def on_circle(s: np.ndarray, v: np.ndarray | float = 0.0) -> tuple[np.ndarray, n
     return (RADIUS - v) * np.cos(s / RADIUS), (RADIUS - v) * np.sin(s / RADIUS)
 
 
-def cells_along(way, begin: float, end: float, right: float, left: float) -> OccupiedCells:
-    """Cells of 0.1 m of a lane with points every 0.04 m."""
+def cells_along(curve, begin: float, end: float, right: float, left: float) -> OccupiedCells:
+    """Cells of 0.1 m of a pass with points every 0.04 m."""
     s, v = (
         at.ravel() for at in np.meshgrid(np.arange(begin, end, 0.04), np.arange(right, left, 0.04))
     )
-    x, y = way(s, v)
+    x, y = curve(s, v)
     return occupied_cells(make_points(x, y, 0 * x + (right > -0.5)), 0.1)
 
 
-def overlap_along(way, length: float) -> Overlap:
-    """Overlap of 0.6 m in the middle of two lanes."""
-    return overlap_of(
-        cells_along(way, 0.0, length, -0.3, 2.0), cells_along(way, 0.0, length, -2.0, 0.3)
+def overlap_along(curve, length: float) -> Overlap:
+    """Overlap of 0.6 m in the middle of two passes."""
+    return find_overlap(
+        cells_along(curve, 0.0, length, -0.3, 2.0), cells_along(curve, 0.0, length, -2.0, 0.3)
     )
 
 
-def test_straight_paths_have_equal_steps_and_tell_stations() -> None:
+def test_straight_paths_have_equal_steps_and_stations() -> None:
     path = straight_reference((10, 20), (16, 28), spacing=0.5)
     assert path.easting.size == 21
     assert path.length == pytest.approx(10.0, abs=EXACT)
@@ -63,14 +65,14 @@ def test_straight_paths_have_equal_steps_and_tell_stations() -> None:
     assert not found.beyond.any()
 
 
-def test_places_beyond_the_ends_get_the_station_of_the_end() -> None:
+def test_positions_beyond_the_ends_get_the_station_of_the_end() -> None:
     path = straight_reference((0, 0), (10, 0))
     found = path.locate([-3.0, -1e-3, 10.001, 99.0], [1.0, 0.0, 0.0, -2.0])
     npt.assert_array_equal(found.station, [0.0, 0.0, 10.0, 10.0])
     assert found.beyond.all()
 
 
-def test_places_that_are_not_finite_have_no_station() -> None:
+def test_positions_that_are_not_finite_have_no_station() -> None:
     found = straight_reference((0, 0), (10, 0)).locate([np.nan, 1.0], [0.0, np.inf])
     assert np.isnan(found.station).all()
     assert not found.beyond.any()
@@ -106,16 +108,16 @@ def test_a_closed_path_is_periodic() -> None:
 @pytest.mark.parametrize("clockwise", [False, True])
 def test_polar_stations_are_angles_times_the_radius(clockwise) -> None:
     path = polar_reference((5.0, -3.0), 20.0, start_angle=0.5, clockwise=clockwise)
-    way = -1 if clockwise else 1
+    curve = -1 if clockwise else 1
     angle, radius = np.array([0.0, 1.0, 3.0, 6.2]), np.array([20.0, 18.0, 25.0, 20.5])
     found = path.locate(
-        5.0 + radius * np.cos(0.5 + way * angle), -3.0 + radius * np.sin(0.5 + way * angle)
+        5.0 + radius * np.cos(0.5 + curve * angle), -3.0 + radius * np.sin(0.5 + curve * angle)
     )
     circumference = path.length
     assert circumference == pytest.approx(40 * np.pi, abs=EXACT)
     off = (found.station - 20 * angle + 1) % circumference - 1
     npt.assert_allclose(off, 0.0, rtol=0, atol=1e-6)
-    npt.assert_allclose(found.offset, way * (20.0 - radius), rtol=0, atol=EXACT)
+    npt.assert_allclose(found.offset, curve * (20.0 - radius), rtol=0, atol=EXACT)
 
 
 def test_at_is_the_inverse_of_locate() -> None:
@@ -127,19 +129,19 @@ def test_at_is_the_inverse_of_locate() -> None:
 
 
 @pytest.mark.parametrize(
-    ("way", "length"),
+    ("curve", "length"),
     [
         (lambda s, v: (s, v), 20.0),
         (lambda s, v: (-0.6 * s - 0.8 * v, 0.8 * s - 0.6 * v), 20.0),
-        (on_circle, 80.0),  # more than a third of the way around
+        (on_circle, 80.0),  # more than a third of the circle
     ],
     ids=["east", "north-west", "curve"],
 )
-def test_the_centre_of_an_overlap_is_found(way, length) -> None:
-    overlap = overlap_along(way, length)
+def test_the_centre_of_an_overlap_is_found(curve, length) -> None:
+    overlap = overlap_along(curve, length)
     path = centre_reference(overlap)
     assert not path.closed
-    truth = waypoint_reference(*way(np.linspace(0, length, 200), np.zeros(200)))
+    truth = waypoint_reference(*curve(np.linspace(0, length, 200), np.zeros(200)))
     found = truth.locate(path.easting, path.northing)
     npt.assert_allclose(found.offset, 0.0, rtol=0, atol=3 * MIDDLE)
     assert np.sqrt(np.mean(found.offset**2)) < MIDDLE
@@ -168,19 +170,19 @@ def test_pieces_of_an_overlap_are_joined() -> None:
             (np.arange(12, 30, 0.04), np.zeros(450 * 58)),
         )
     ]
-    path = centre_reference(overlap_of(left, occupied_cells(rights, 0.1)))
+    path = centre_reference(find_overlap(left, occupied_cells(rights, 0.1)))
     assert path.length == pytest.approx(30.0, abs=1.0)
     npt.assert_allclose(path.northing, 0.0, rtol=0, atol=3 * MIDDLE)
 
 
-def test_search_areas_follow_an_overlap_that_sways_and_the_path_does_not() -> None:
+def test_search_areas_follow_a_winding_overlap_and_the_path_does_not() -> None:
     def swaying(s: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return s, v + 0.2 * np.sin(2 * np.pi * s / 2.8)
 
     overlap = overlap_along(swaying, 25.0)
     path = centre_reference(overlap)
     npt.assert_allclose(path.northing[8:-8], 0.0, rtol=0, atol=0.05)  # [m] a quarter of the sway
-    moved = keep_to_middle(overlap, path)
+    moved = follow_centre(overlap, path)
     x, y = moved.places
     inner = slice(4, -4)
     # over 0.4 m the mean of the sway is 3.3 % less than in the middle; where the overlap runs along
@@ -192,12 +194,12 @@ def test_search_areas_follow_an_overlap_that_sways_and_the_path_does_not() -> No
 
 
 def test_overlaps_without_length_are_refused() -> None:
-    speck = overlap_of(
+    speck = find_overlap(
         cells_along(lambda s, v: (s, v), 0, 0.3, -0.3, 2.0),
         cells_along(lambda s, v: (s, v), 0, 0.3, -2.0, -0.15),
     )
     with pytest.raises(
-        CoverageError, match=r"overlap of first and second: has no middle .* shorter than"
+        CoverageError, match=r"overlap of first and second: has no centre line .* shorter than"
     ):
         centre_reference(speck, spacing=1.0)
 
@@ -222,14 +224,14 @@ def test_overlaps_without_length_are_refused() -> None:
         ),
         (
             lambda: ReferencePath(
-                easting=np.zeros(2), northing=np.arange(2.0), spacing=1.0, aside=np.zeros(3)
+                easting=np.zeros(2), northing=np.arange(2.0), spacing=1.0, lateral=np.zeros(3)
             ),
-            "aside must hold",
+            "lateral must hold",
         ),
         (lambda: waypoint_reference([0, 9, 0.1], [0, 0, 0.1], spacing=2.5), "must be smooth"),
     ],
 )
-def test_paths_that_make_no_sense_are_refused(call, message) -> None:
+def test_wrong_paths_are_refused(call, message) -> None:
     with pytest.raises(ValueError, match=message):
         call()
 
@@ -270,7 +272,7 @@ def three_legs(rng, n):
     "shape", [scattered, in_a_box, in_three_pieces, random_walk, ring, spiral, three_legs]
 )
 def test_an_overlap_of_any_shape_has_a_path_or_says_why_not(shape, seed) -> None:
-    """Cells of real overlaps lie in pieces, rings and single cells; nothing else may come of them.
+    """Cells of real overlaps lie in pieces, rings and single cells; both results are accepted.
 
     A path that is found tells stations of all cells, and steps at the edges.
     """
@@ -280,7 +282,7 @@ def test_an_overlap_of_any_shape_has_a_path_or_says_why_not(shape, seed) -> None
     few, many = (
         OccupiedCells(cell=cell, key=key, count=np.full(key.size, n), total=0 * key) for n in (5, 6)
     )
-    overlap = Overlap(lanes=("a", "b"), cells=(few, many), key=key)
+    overlap = Overlap(names=("a", "b"), cells=(few, many), key=key)
     problem = ""
     try:
         path = centre_reference(
@@ -292,5 +294,5 @@ def test_an_overlap_of_any_shape_has_a_path_or_says_why_not(shape, seed) -> None
         cells = PairCells(overlap)
         assert np.isfinite(path.locate(*cells.centres).offset).all()
         cells.seam(np.zeros((2, key.size)), path, 1.0, 3 * cell)
-        overlap_edges(overlap, keep_to_middle(overlap, path))
-    assert not problem or problem.startswith("has no middle to lay a reference path along")
+        overlap_edges(overlap, follow_centre(overlap, path))
+    assert not problem or problem.startswith("has no centre line for a reference path")

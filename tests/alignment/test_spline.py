@@ -1,4 +1,4 @@
-"""Corrections as splines, and how much they may wander."""
+"""Corrections as splines, and the covariance of their prior."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ ROUNDING = 1e-12  # [1] of sums of four products
 
 
 def dense(rows):
-    """Matrix of which the three diagonals are given."""
+    """Dense matrix from three diagonals."""
     return np.diag(rows[0]) + np.diag(rows[1, 1:], -1) + np.diag(rows[2, 2:], -2)
 
 
@@ -40,28 +40,28 @@ def test_times_beyond_the_ends_are_taken_as_the_ends():
 
 
 @pytest.mark.parametrize("order", ["first", "second"])
-def test_a_spline_wanders_as_its_process_does(order):
+def test_a_spline_has_the_covariance_of_its_process(order):
     """Variance and correlation of the spline by its prior, against those of the process."""
-    wander = GaussMarkovProcess(sd=0.02, correlation_time=25.0, order=order)
+    process = GaussMarkovProcess(sd=0.02, correlation_time=25.0, order=order)
     knots = SplineKnots(begin=0.0, spacing=1.0, intervals=197)
-    whitening = dense(wander.whitening(np.full(200, wander.sd), 1.0))
+    whitening = dense(process.whitening(np.full(200, process.sd), 1.0))
     covariance = np.linalg.inv(whitening.T @ whitening)
     time = np.linspace(10.0, 187.0, 1000)
     matrix = basis_matrix(knots, time)
     spline = matrix @ covariance @ matrix.T
     # a spline is not the process: they agree to 1 % at this spacing
-    assert_allclose(np.diag(spline), wander.sd**2, rtol=0, atol=0.01 * wander.sd**2)
-    truth = wander.sd**2 * wander.correlation(time - time[0])
-    assert_allclose(spline[0], truth, rtol=0, atol=0.03 * wander.sd**2)
+    assert_allclose(np.diag(spline), process.sd**2, rtol=0, atol=0.01 * process.sd**2)
+    truth = process.sd**2 * process.correlation(time - time[0])
+    assert_allclose(spline[0], truth, rtol=0, atol=0.03 * process.sd**2)
 
 
 def test_autocorrelation_falls_to_1_over_e_after_the_correlation_time():
     for order in ("first", "second"):
-        wander = GaussMarkovProcess(sd=1.0, correlation_time=7.0, order=order)
-        assert_allclose(wander.correlation([0.0, 7.0]), [1.0, np.exp(-1)], rtol=0, atol=1e-12)
+        process = GaussMarkovProcess(sd=1.0, correlation_time=7.0, order=order)
+        assert_allclose(process.correlation([0.0, 7.0]), [1.0, np.exp(-1)], rtol=0, atol=1e-12)
 
 
-def test_where_navigation_is_unsure_more_may_change():
+def test_drift_scales_with_the_reported_sd():
     sd = np.where(np.arange(60) < 30, 0.01, 0.1)
     whitening = dense(GaussMarkovProcess(sd=1.0).whitening(sd, 1.0))
     variance = np.diag(np.linalg.inv(whitening.T @ whitening))
@@ -76,7 +76,7 @@ def test_where_navigation_is_unsure_more_may_change():
         ({"sd": 1.0, "order": "third"}, "order must be first or second"),
     ],
 )
-def test_wrong_wandering_is_refused(wrong, message):
+def test_wrong_processes_are_refused(wrong, message):
     with pytest.raises(ValueError, match=message):
         GaussMarkovProcess(**wrong)
 
@@ -94,7 +94,7 @@ def correction():
         coefficients=rng.normal(size=(2, 8)),
         offset=np.zeros(2),
         covariance=parts @ parts.transpose(0, 2, 1),
-        left=0.3,
+        residual_sd=0.3,
         supported=np.array([True, False, False, True, False]),
     )
 
@@ -117,5 +117,5 @@ def test_standard_deviation_is_that_of_the_covariance(correction):
     assert_allclose(correction.sd(3.1, offset=-1.5), truth, rtol=0, atol=ROUNDING)
 
 
-def test_stretches_without_support_are_told(correction):
+def test_spans_without_support_are_reported(correction):
     assert correction.unsupported == [(2.0, 6.0), (8.0, 10.0)]

@@ -17,12 +17,12 @@ from trueterrain.alignment import (
     SplineCorrection,
     SplineKnots,
     adjust_passes,
-    lane_cells,
+    make_pass_cells,
 )
 from trueterrain.alignment.discontinuity.alignment import (
     DiscontinuitySettings,
     SeamSteps,
-    align_lanes,
+    align_along_paths,
 )
 from trueterrain.alignment.discontinuity.reference_path import (
     straight_reference,
@@ -51,7 +51,7 @@ def correction(name="east", height=0.005, *, begin=0.0, intervals=20, supported=
         knots=SplineKnots(begin=begin, spacing=0.5, intervals=intervals),
         components=("height", "roll"),
         offset=np.array([height, 1e-3]),
-        left=LEFT,
+        residual_sd=LEFT,
         coefficients=np.outer([height, 1e-3], np.ones(intervals + 3)),
         covariance=np.tile(SD**2 * np.eye(8), (intervals, 1, 1)),
         supported=np.ones(intervals, bool) if supported is None else np.asarray(supported),
@@ -90,7 +90,7 @@ def spans(ax, label_start):
 
 
 def test_a_correction_is_drawn_with_its_own_standard_deviation():
-    ax = drawn(figures.lane_correction(correction()))
+    ax = drawn(figures.pass_correction(correction()))
     label = legend_texts(ax)[0]
     time, height = line(ax, label)
     npt.assert_allclose(height, 0.005, **EXACT)
@@ -108,7 +108,7 @@ def test_a_correction_is_drawn_with_its_own_standard_deviation():
 
 @pytest.mark.parametrize(("along", "first"), [("time", 0.0), ("station", 700.0)])
 def test_times_count_from_the_begin_of_each_pass_and_stations_do_not(along, first):
-    ax = figures.lane_correction(
+    ax = figures.pass_correction(
         [correction(begin=700.0), correction("west", -0.005, begin=700.0)], along=along
     )
     assert line(ax, legend_texts(ax)[0])[0][0] == first
@@ -118,23 +118,23 @@ def test_times_count_from_the_begin_of_each_pass_and_stations_do_not(along, firs
 def test_what_navigation_claims_is_drawn_to_both_sides_of_zero():
     time = np.linspace(95.0, 115.0, 201)
     claim = {"east": (time, 0.02 + 0 * time)}
-    ax = drawn(figures.lane_correction(correction(begin=100.0), navigation_sd=claim))
+    ax = drawn(figures.pass_correction(correction(begin=100.0), navigation_sd=claim))
     low, high = (one for one in ax.lines if np.size(one.get_ydata()) == 101)
     assert (low.get_ydata()[0], high.get_ydata()[0]) == (-0.02, 0.02)
     npt.assert_allclose(low.get_xdata()[[0, -1]], [0.0, 10.0], **EXACT)  # not beyond the pass
-    assert "± 1 sd that navigation claims" in legend_texts(ax)
+    assert "± 1 sd reported by navigation" in legend_texts(ax)
 
 
 def test_stretches_that_nothing_ties_are_hatched_and_named():
     supported = np.ones(20, bool)
     supported[4:6] = supported[18:] = False
-    ax = drawn(figures.lane_correction(correction(begin=50.0, supported=supported)))
-    npt.assert_allclose(spans(ax, "east: tied by smoothness"), [(2.0, 3.0), (9.0, 10.0)], **EXACT)
-    assert sum("tied by smoothness alone" in text for text in legend_texts(ax)) == 1
+    ax = drawn(figures.pass_correction(correction(begin=50.0, supported=supported)))
+    npt.assert_allclose(spans(ax, "east: extrapolated"), [(2.0, 3.0), (9.0, 10.0)], **EXACT)
+    assert sum("extrapolated" in text for text in legend_texts(ax)) == 1
 
 
 def test_roll_is_written_in_milliradians():
-    ax = drawn(figures.lane_correction(correction(), component="roll"))
+    ax = drawn(figures.pass_correction(correction(), component="roll"))
     assert ax.get_ylabel() == "Correction of roll [mrad]"
     assert "µrad" in legend_texts(ax)[0]
     assert ax.yaxis.get_major_formatter()(2e-3, 0) == "2"
@@ -151,9 +151,9 @@ def test_roll_is_written_in_milliradians():
 )
 def test_corrections_that_cannot_be_drawn(changes, message):
     with pytest.raises(ValueError, match=message):
-        figures.lane_correction(correction(), **changes)
+        figures.pass_correction(correction(), **changes)
     with pytest.raises(ValueError, match="at least 1 correction"):
-        figures.lane_correction([])
+        figures.pass_correction([])
 
 
 # spectra of corrections
@@ -180,7 +180,7 @@ def test_the_spectrum_of_a_wave_holds_its_variance_at_its_frequency():
 def test_what_remains_is_drawn_beyond_the_knots():
     """Knots of 0.5 s hold up to 1 Hz."""
     ax = figures.correction_spectrum(wave(0.2, 0.004))
-    frequency, density = line(ax, "east: remains, sd 1 mm")
+    frequency, density = line(ax, "east: residual sd 1 mm")
     npt.assert_allclose(frequency, [1.0, 8.0], **EXACT)
     npt.assert_allclose(density[0] * np.ptp(frequency), LEFT**2, **EXACT)
     assert spans(ax, "finer than the knots") == [(1.0, 8.0)]
@@ -196,7 +196,7 @@ def test_with_the_speed_the_spectrum_is_over_wavelengths():
 
 
 def test_a_constant_correction_has_no_spectrum_but_a_figure():
-    ax = drawn(figures.correction_spectrum(replace(correction(), left=0.0)))
+    ax = drawn(figures.correction_spectrum(replace(correction(), residual_sd=0.0)))
     assert ax.get_ylim()[1] > ax.get_ylim()[0] > 0
 
 
@@ -219,7 +219,7 @@ def adjusted():
     number = (np.floor(x / 0.1).astype(np.int64) << 32) + np.floor(y / 0.1).astype(np.int64)
     return adjust_passes(
         [
-            lane_cells(
+            make_pass_cells(
                 name,
                 number,
                 x / 5,
@@ -261,9 +261,9 @@ def test_every_strength_is_drawn_at_what_it_predicts_at_best(adjusted):
         adjusted.chosen.strength,
         adjusted.chosen.held_out,
     )
-    assert ax.get_ylabel() == "RMSE in cells held back [mm]"
+    assert ax.get_ylabel() == "RMSE in held-out cells [mm]"
     assert "too stiff" in ax.get_xlabel()
-    assert "too loose" in ax.get_xlabel()
+    assert "too flexible" in ax.get_xlabel()
 
 
 def test_components_spacings_and_processes_are_told_apart(adjusted):
@@ -281,8 +281,8 @@ def test_components_spacings_and_processes_are_told_apart(adjusted):
         "height + shift",
         "knots 1 s",
         "knots 0.5 s",
-        "smooth wandering",
-        "rough wandering",
+        "second order (smooth)",
+        "first order (rough)",
         "chosen: 10 mm",
     ]
     in_metres = figures.strength_choice(adjusted, along="station")
@@ -324,11 +324,11 @@ def test_one_strength_that_was_given_is_drawn_alone(adjusted):
 # discontinuity vectors
 
 
-def lane(shift, aside, *, hole=None):
+def lane(shift, lateral, *, hole=None):
     """A lane 2 m wide and 20 m long over level ground, higher by a constant and a wave."""
     x, y = (at.ravel() for at in np.meshgrid(np.arange(0, 20, 0.05), np.arange(0, 2, 0.05)))
     kept = np.ones(x.size, bool) if hole is None else ~((x > hole[0]) & (x < hole[1]))
-    return make_points(x[kept], y[kept] + aside, 100.0 + shift + 0 * x[kept])
+    return make_points(x[kept], y[kept] + lateral, 100.0 + shift + 0 * x[kept])
 
 
 @pytest.fixture(scope="module")
@@ -336,7 +336,7 @@ def aligned():
     """Two lanes that differ by 12 mm, of which the left one has a hole from 8 m to 10 m."""
     lanes = {"left": lane(0.012, 1.0, hole=(8.0, 10.0)), "right": lane(0.0, 0.0)}
     path = straight_reference((0.0, 1.5), (19.95, 1.5))
-    return align_lanes(lanes, paths={("left", "right"): path}).pairs[0]
+    return align_along_paths(lanes, paths={("left", "right"): path}).pairs[0]
 
 
 def test_vectors_are_drawn_as_they_are(aligned):
@@ -351,7 +351,7 @@ def test_vectors_are_drawn_as_they_are(aligned):
     assert "2.5 m" in notes(ax)
     assert (ax.get_xlabel(), ax.get_ylabel()) == (
         "Station of the reference path [m]",
-        "Lane less reference height [mm]",
+        "Pass less reference height [mm]",
     )
 
 
@@ -376,7 +376,7 @@ def test_a_cut_off_is_a_length(aligned):
 
 def test_histograms_hold_all_heights_and_the_means_are_where_they_are(aligned):
     found = aligned.discontinuity
-    ax = drawn(figures.lane_histograms(found, station=4.05))
+    ax = drawn(figures.pass_histograms(found, station=4.05))
     k = 16  # at 4 m, the nearest one
     for number, name in enumerate(("left", "right")):
         bars = next(one for one in ax.patches if str(one.get_label()).startswith(name))
@@ -394,23 +394,25 @@ def test_histograms_hold_all_heights_and_the_means_are_where_they_are(aligned):
 
 def test_medians_are_called_so():
     lanes = {"left": lane(0.012, 1.0), "right": lane(0.0, 0.0)}
-    found = align_lanes(lanes, DiscontinuitySettings(statistic="median")).pairs[0].discontinuity
-    texts = legend_texts(figures.lane_histograms(found, station=10.0))
+    found = (
+        align_along_paths(lanes, DiscontinuitySettings(statistic="median")).pairs[0].discontinuity
+    )
+    texts = legend_texts(figures.pass_histograms(found, station=10.0))
     assert sum(text.startswith("median of") for text in texts) == 2
 
 
 def test_a_gap_shows_what_there_is_and_says_so(aligned):
-    ax = figures.lane_histograms(aligned.discontinuity, station=9.0)
+    ax = figures.pass_histograms(aligned.discontinuity, station=9.0)
     assert "a gap" in notes(ax)
     assert not any(text.startswith(("left", "reference")) for text in legend_texts(ax))
 
 
 def test_stations_off_the_path_have_no_histogram(aligned):
     with pytest.raises(ValueError, match=r"station must be from 0 to 19\.75 m, got 25"):
-        figures.lane_histograms(aligned.discontinuity, station=25.0)
+        figures.pass_histograms(aligned.discontinuity, station=25.0)
     none = np.zeros_like(aligned.discontinuity.count)
-    with pytest.raises(ValueError, match="at which a lane has heights"):
-        figures.lane_histograms(replace(aligned.discontinuity, count=none), station=9.0)
+    with pytest.raises(ValueError, match="at which a pass has heights"):
+        figures.pass_histograms(replace(aligned.discontinuity, count=none), station=9.0)
 
 
 # seams
@@ -419,7 +421,7 @@ def test_stations_off_the_path_have_no_histogram(aligned):
 def seam(before, after):
     at = np.arange(len(before[0])) + 0.5
     return SeamAgreement(
-        lanes=("left", "right"),
+        names=("left", "right"),
         before=SeamSteps(station=at, step=np.array(before)),
         after=SeamSteps(station=at, step=np.array(after)),
     )
@@ -538,7 +540,7 @@ def test_along_a_path_a_road_is_straight_whatever_its_heading():
 
 def test_rejected_cells_are_marked_once_each():
     rejected = RejectedCells(
-        lane=np.array(["east", "west", "east"]),
+        name=np.array(["east", "west", "east"]),
         cell=np.array([7, 7, 9]),
         easting=np.array([0.75, 0.75, 0.95]),
         northing=np.array([0.05, 0.05, 0.15]),
@@ -565,8 +567,8 @@ def test_maps_that_cannot_be_drawn(changes, message):
 
 def test_both_lanes_and_what_they_share_are_told_apart():
     lanes = {"left": lane(0.012, 1.0), "right": lane(0.0, 0.0)}
-    pair = align_lanes(lanes).pairs[0]
-    ax = drawn(figures.lane_overlap(pair.overlap, pair.path))
+    pair = align_along_paths(lanes).pairs[0]
+    ax = drawn(figures.overlap_map(pair.overlap, pair.path))
     image = ax.images[0]
     left, _, bottom, _ = image.get_extent()
 
@@ -583,8 +585,8 @@ def test_both_lanes_and_what_they_share_are_told_apart():
 
 def test_some_search_areas_are_drawn_at_their_reference_points():
     lanes = {"left": lane(0.012, 1.0), "right": lane(0.0, 0.0)}
-    pair = align_lanes(lanes).pairs[0]
-    ax = figures.lane_overlap(pair.overlap, pair.path, part=(5.0, 8.0))
+    pair = align_along_paths(lanes).pairs[0]
+    ax = figures.overlap_map(pair.overlap, pair.path, part=(5.0, 8.0))
     places = np.stack(pair.path.places, axis=1)
     rings = [one for one in ax.patches if isinstance(one, Ellipse)]
     assert len(rings) == 6
@@ -596,7 +598,7 @@ def test_some_search_areas_are_drawn_at_their_reference_points():
     assert np.ptp(ax.images[0].get_extent()[:2]) < 3.5
     assert "station 5 m to 8 m of" in notes(ax)
     area = RectangleArea(length=0.3, width=0.1)
-    ax = figures.lane_overlap(pair.overlap, pair.path, part=(5.0, 8.0), area=area)
+    ax = figures.overlap_map(pair.overlap, pair.path, part=(5.0, 8.0), area=area)
     boxes = [one for one in ax.patches if type(one) is Rectangle and one.get_width() > 0]
     npt.assert_allclose(
         [(one.get_width(), one.get_height()) for one in boxes], 6 * [(0.3, 0.1)], **EXACT
@@ -607,20 +609,20 @@ def test_of_a_long_path_the_middle_is_shown():
     x = np.arange(0.0, 80.1, 0.1)
     lanes = {
         name: make_points(
-            *(at.ravel() for at in np.meshgrid(x, np.arange(0, 2, 0.1) + aside)),
+            *(at.ravel() for at in np.meshgrid(x, np.arange(0, 2, 0.1) + lateral)),
             np.full(20 * x.size, height),
         )
-        for name, aside, height in (("left", 1.0, 0.012), ("right", 0.0, 0.0))
+        for name, lateral, height in (("left", 1.0, 0.012), ("right", 0.0, 0.0))
     }
     options = DiscontinuitySettings(cell=0.2, least=5)
     way = waypoint_reference([0.2, 79.8], [1.5, 1.5])
-    pair = align_lanes(lanes, options, paths={("left", "right"): way}).pairs[0]
-    ax = drawn(figures.lane_overlap(pair.overlap, pair.path))
+    pair = align_along_paths(lanes, options, paths={("left", "right"): way}).pairs[0]
+    ax = drawn(figures.overlap_map(pair.overlap, pair.path))
     npt.assert_allclose(ax.images[0].get_extent()[:2], (32.4, 47.6), rtol=0, atol=0.4)
     with pytest.raises(ValueError, match="two stations that ascend"):
-        figures.lane_overlap(pair.overlap, pair.path, part=(8.0, 5.0))
+        figures.overlap_map(pair.overlap, pair.path, part=(8.0, 5.0))
     with pytest.raises(ValueError, match="must hold a reference point"):
-        figures.lane_overlap(pair.overlap, pair.path, part=(5.05, 5.1))
+        figures.overlap_map(pair.overlap, pair.path, part=(5.05, 5.1))
 
 
 # all of them
@@ -628,14 +630,14 @@ def test_of_a_long_path_the_middle_is_shown():
 
 def test_figures_are_drawn_into_given_axes(adjusted, aligned):
     for draw in (
-        lambda ax: figures.lane_correction(adjusted.corrections, ax=ax),
+        lambda ax: figures.pass_correction(adjusted.corrections, ax=ax),
         lambda ax: figures.correction_spectrum(adjusted.corrections, ax=ax),
         lambda ax: figures.strength_choice(adjusted, ax=ax),
         lambda ax: figures.discontinuity_vectors(aligned, ax=ax),
-        lambda ax: figures.lane_histograms(aligned.discontinuity, station=4.0, ax=ax),
+        lambda ax: figures.pass_histograms(aligned.discontinuity, station=4.0, ax=ax),
         lambda ax: figures.seam_steps(seam([[0.05], [0.05]], [[1e-4], [1e-4]]), ax=ax),
         lambda ax: figures.discrepancy_map(adjusted.ground, ax=ax),
-        lambda ax: figures.lane_overlap(aligned.overlap, aligned.path, ax=ax),
+        lambda ax: figures.overlap_map(aligned.overlap, aligned.path, ax=ax),
     ):
         ax = plt.subplots()[1]
         assert draw(ax) is ax

@@ -1,32 +1,31 @@
-"""Lanes: many passes over one road, brought into agreement (thesis 4.3.1, 4.4).
+"""Alignment: passes over the same ground brought into agreement (thesis 4.3.1, 4.4).
 
-==================  =============================================================================
-`merge`             passes compared, brought into agreement by one of the methods, compared again
-`runs`, `clouds`    the same for recorded runs and for point clouds
-`apply`             corrections taken to the motion of a run, or to points
-`cells`             what each pass saw of the cells of a common grid
-`network`           one least-squares adjustment of all passes at once
-`spline`            corrections that follow time or station, and how much they may wander
+==================  ==============================================================================
+`merge`             compares passes, aligns them by one of the methods, compares them again
+`run_passes`        the same for recorded runs: corrects their trajectories
+`clouds`            the same for point clouds: corrects their points
+`apply`             applies corrections to a trajectory or to points
+`observations`      cells of a common grid as each pass saw them, and overlaps
+`adjustment`        least-squares adjustment of all passes; corrections are splines of time
 `discontinuity`     discontinuity vectors along reference paths (thesis 4.3.1)
-`overlap`           what two lanes both cover
-`reference_path`    paths through it
-==================  =============================================================================
+`seams`             steps of the merged ground at the edges of overlaps
+==================  ==============================================================================
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from trueterrain.alignment.adjustment.agreement import (
+        LoopClosure,
+        PairAgreement,
+        PassDriftTest,
+        ScreenedDifferences,
+    )
     from trueterrain.alignment.adjustment.network import (
         AdjustedGround,
         Adjustment,
-        LoopClosure,
-        ModelTrial,
-        NetworkSettings,
-        PairAgreement,
-        PassDriftTest,
         RejectedCells,
-        ScreenedDifferences,
         adjust_passes,
     )
     from trueterrain.alignment.adjustment.spline import (
@@ -34,35 +33,34 @@ if TYPE_CHECKING:
         SplineCorrection,
         SplineKnots,
     )
-    from trueterrain.alignment.observations.cells import (
-        PassCells,
-        cells_of_points,
-        cells_of_run,
-        lane_cells,
-    )
-    from trueterrain.alignment.settings import CellSettings
+    from trueterrain.alignment.observations.cells import PassCells, make_pass_cells
+    from trueterrain.alignment.observations.collection import cells_of_points, cells_of_run
+    from trueterrain.alignment.settings import CellSettings, ModelTrial, NetworkSettings
 
-# names whose modules need more, and are imported when they are used
-_LATER = {
-    "Adjustment": "network",
-    "CellOptions": "_settings",
-    "Correction": "spline",
-    "Differences": "network",
-    "DriftTest": "network",
-    "Knots": "spline",
-    "LaneCells": "cells",
-    "LoopClosure": "network",
-    "NetworkSettings": "network",
-    "PairAgreement": "network",
-    "RejectedCells": "network",
-    "SharedGround": "network",
-    "Trial": "network",
-    "Wander": "spline",
-    "adjust": "network",
-    "cells_of_points": "cells",
-    "cells_of_run": "cells",
-    "lane_cells": "cells",
+# modules compile kernels and load scipy, so each is imported when one of its names is used
+_MODULES = {
+    "trueterrain.alignment.adjustment.agreement": (
+        "LoopClosure",
+        "PairAgreement",
+        "PassDriftTest",
+        "ScreenedDifferences",
+    ),
+    "trueterrain.alignment.adjustment.network": (
+        "AdjustedGround",
+        "Adjustment",
+        "RejectedCells",
+        "adjust_passes",
+    ),
+    "trueterrain.alignment.adjustment.spline": (
+        "GaussMarkovProcess",
+        "SplineCorrection",
+        "SplineKnots",
+    ),
+    "trueterrain.alignment.observations.cells": ("PassCells", "make_pass_cells"),
+    "trueterrain.alignment.observations.collection": ("cells_of_points", "cells_of_run"),
+    "trueterrain.alignment.settings": ("CellSettings", "ModelTrial", "NetworkSettings"),
 }
+_LAZY = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = [
     "AdjustedGround",
@@ -82,13 +80,13 @@ __all__ = [
     "adjust_passes",
     "cells_of_points",
     "cells_of_run",
-    "lane_cells",
+    "make_pass_cells",
 ]
 
 
 def __getattr__(name: str) -> Any:
-    """Name from the module that it lives in."""
-    if name not in _LATER:
+    """Import the module of a public name."""
+    if name not in _LAZY:
         message = f"module {__name__!r} has no attribute {name!r}"
         raise AttributeError(message)
-    return getattr(import_module(f"{__name__}.{_LATER[name]}"), name)
+    return getattr(import_module(_LAZY[name]), name)

@@ -12,19 +12,19 @@ class DifferenceSummary:
     """Statistics of differences of height between two passes."""
 
     n: int
-    "How many differences there are."
+    "Number of differences."
 
     median: float
     "Their median [m]."
 
     nmad: float
-    "Their scatter: 1.4826 times the median of absolute deviations from the median [m]."
+    "Normalised median absolute deviation: 1.4826 median(|x - median(x)|) [m]."
 
     rmse: float
     "Their root mean square [m]."
 
     p95: float
-    "What 95 % of them do not exceed in size [m]."
+    "95 % quantile of their absolute values [m]."
 
     @classmethod
     def of(cls, differences: npt.ArrayLike) -> "DifferenceSummary":
@@ -33,17 +33,17 @@ class DifferenceSummary:
         Parameters
         ----------
         differences : array_like
-            Differences [m]; such as are not finite do not count.
+            Differences [m]; values that are not finite are ignored.
 
         Returns
         -------
-        Agreement
-            All NaN if there are none.
+        DifferenceSummary
+            All NaN if there is no difference.
 
         Examples
         --------
-        >>> Agreement.of([0.001, 0.003, 0.002, float("nan")])
-        Agreement(n=3, median=0.002, nmad=0.0014826, rmse=0.0021602, p95=0.0029)
+        >>> DifferenceSummary.of([0.001, 0.003, 0.002, float("nan")])
+        DifferenceSummary(n=3, median=0.002, nmad=0.0014826, rmse=0.0021602, p95=0.0029)
         """
         found = HeightDifferences.of(differences)
         return cls(n=found.n, median=found.median, nmad=found.nmad, rmse=found.rms, p95=found.p95)

@@ -1,14 +1,14 @@
-"""Passes merged into one ground: compared, brought into agreement, and compared again.
+"""Merging of passes: compare them, align them, compare them again.
 
 =================  ================================================================================
 `method`           what it does
 =================  ================================================================================
-`network`          one least-squares adjustment of all passes at once
+`network`          one least-squares adjustment of all passes
 `discontinuity`    discontinuity vectors along reference paths, pair by pair (thesis 4.3.1)
-`grid`             nothing but the mean of all passes (thesis 4.3.2); warns where they disagree
+`grid`             the mean of all passes without correction (thesis 4.3.2); flags disagreement
 =================  ================================================================================
 
-Whatever the method, passes are compared in the same cells, so that methods can be compared as well.
+All methods are judged by the differences of passes in the same cells, so they can be compared.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -19,13 +19,13 @@ from typing import Any, Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
+from trueterrain.alignment.adjustment.agreement import PairAgreement, pair_agreements
 from trueterrain.alignment.adjustment.network import Adjustment, adjust_passes
 from trueterrain.alignment.adjustment.shared_cells import find_shared_cells
-from trueterrain.alignment.agreement import PairAgreement, pairs_of
 from trueterrain.alignment.discontinuity.result import PassAlignment
 from trueterrain.alignment.discontinuity.vectors import DiscontinuitySettings
 from trueterrain.alignment.observations.cells import PassCells
-from trueterrain.alignment.seams import SeamAgreement, seams_of
+from trueterrain.alignment.seams import SeamAgreement, find_seams
 from trueterrain.alignment.settings import CellSettings, NetworkSettings
 from trueterrain.core.errors import CoverageError
 from trueterrain.core.progress import Progress, no_progress
@@ -34,9 +34,9 @@ Floats = npt.NDArray[np.float64]
 
 Method = Literal["network", "discontinuity", "grid"]
 
-_NEIGHBOURS = 3  # cells, side of the neighbourhood in which steps that remain are looked for
+_NEIGHBOURS = 3  # cells, side of the squares over which remaining steps are averaged
 
-#: What is to be added to the heights of a pass in its cells, shape (cell,) [m].
+#: Corrections added to the heights of each pass in its cells, shape (cell,) [m].
 Added = Mapping[str, Floats]
 
 
@@ -46,21 +46,21 @@ class MergeSettings:
 
     method: Method = "network"
     """network: one adjustment of all passes; discontinuity: vectors along reference paths, as in
-    the thesis; grid: the mean of all passes, with a warning where they disagree."""
+    the thesis; grid: the mean of all passes, which flags places where they disagree."""
 
     fixed: tuple[str, ...] = ()
-    "Names of passes that stay as they are."
+    "Names of passes that get no correction."
 
     control: str | None = None
-    """CSV file of control points that heights are brought to, with the columns easting, northing,
-    up and sd [m]; network only."""
+    """CSV file of control points with the columns easting, northing, up and sd [m]; network
+    only."""
 
     path: str | None = None
     """CSV file of waypoints of the reference path through the overlap, with the columns easting and
-    northing [m]; discontinuity only. By default the middle of each overlap."""
+    northing [m]; discontinuity only. By default the centre of each overlap."""
 
     limit: float = 0.002
-    "Difference of passes in the neighbourhood of a cell beyond which the method grid warns [m]."
+    "Difference of passes beyond which the method grid flags a place [m]."
 
     cells: CellSettings = field(default_factory=lambda: CellSettings(size=0.1))
     "Cells in which passes are compared."
@@ -68,10 +68,10 @@ class MergeSettings:
     network: NetworkSettings = field(
         default_factory=lambda: NetworkSettings(components=("height", "roll", "shift"))
     )
-    "How the adjustment is done."
+    "Settings of the network adjustment."
 
     discontinuity: DiscontinuitySettings = field(default_factory=DiscontinuitySettings)
-    "How discontinuity vectors are found."
+    "Settings of the discontinuity vectors."
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -91,44 +91,46 @@ class MergeSettings:
             message = "fixed has no meaning for the method grid, which corrects no pass."
             raise ValueError(message)
         if self.method == "discontinuity" and len(self.fixed) > 1:
-            message = f"the method discontinuity can fix one lane, got {', '.join(self.fixed)}."
+            message = (
+                f"the method discontinuity can fix one pass only, got {', '.join(self.fixed)}."
+            )
             raise ValueError(message)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MergeResult:
-    """How passes agree before and after."""
+    """Corrections of passes, and their agreement before and after."""
 
     method: Method
-    "How they were brought into agreement."
+    "Method of alignment."
 
     names: tuple[str, ...]
     "Names of the passes."
 
     pairs: tuple[PairAgreement, ...]
-    "Differences of each pair in the cells that both saw, before and after."
+    "Differences of each pair in their common cells, before and after."
 
     seams: tuple[SeamAgreement, ...]
     "Steps at the edges of each overlap, before and after."
 
     adjustment: Adjustment | None
-    "The network adjustment."
+    "Result of the network adjustment; None for other methods."
 
     alignment: PassAlignment | None
-    "Discontinuity vectors."
+    "Discontinuity vectors; None for other methods."
 
     problems: tuple[str, ...]
-    "What is flagged, in words."
+    "Warnings."
 
     def to_dict(self) -> dict[str, Any]:
-        """What was found, as JSON takes it."""
+        """Result as a dictionary for JSON."""
         found: dict[str, Any] = {
             "method": self.method,
             "passes": list(self.names),
             "pairs": [asdict(pair) for pair in self.pairs],
             "seams": [
                 {
-                    "lanes": list(seam.lanes),
+                    "lanes": list(seam.names),
                     "before": seam.before.median,
                     "after": seam.after.median,
                 }
@@ -150,43 +152,43 @@ def merge_cells(
     align: Callable[[], PassAlignment] | None = None,
     progress: Progress = no_progress,
 ) -> MergeResult:
-    """Bring passes into agreement, and say by how much they disagreed before and after.
+    """Align passes, and summarise their differences before and after.
 
     Parameters
     ----------
-    cells : sequence of LaneCells
-        What each pass saw.
+    cells : sequence of PassCells
+        Cells of each pass.
     settings : MergeSettings
-        How.
-    control : sequence of LaneCells
-        Heights that are known.
+        Method and its settings.
+    control : sequence of PassCells
+        Cells of control points.
     align : callable, optional
-        Finds discontinuity vectors; needed for that method, since these take all points.
+        Computes discontinuity vectors from all points; needed for that method only.
     progress : callable, optional
         Called with a task, the amount done and the total.
 
     Returns
     -------
-    Merging
-        Corrections, and agreement.
+    MergeResult
+        Corrections, and agreement before and after.
 
     Raises
     ------
     CoverageError
-        If no cell is seen by two passes, or two passes hold the same returns.
+        If no cell is common to two passes, or two passes hold the same returns.
     ValueError
-        If the method needs `align` and it is not given, or names are wrong.
+        If `align` is missing for the method discontinuity, or a name is unknown.
     TrueTerrainError
         If the adjustment does not converge.
 
     Examples
     --------
-    >>> from trueterrain.alignment import lane_cells
+    >>> from trueterrain.alignment import make_pass_cells
     >>> rng = np.random.default_rng(1)
     >>> x, y = (at.ravel() for at in np.meshgrid(np.arange(0.05, 40, 0.1), np.arange(0.05, 1, 0.1)))
     >>> number = (np.floor(x / 0.1).astype(int) << 32) + np.floor(y / 0.1).astype(int)
     >>> east, west = (
-    ...     lane_cells(name, number, x / 5, up + rng.normal(0, 1e-3, x.size), variance=1e-6,
+    ...     make_pass_cells(name, number, x / 5, up + rng.normal(0, 1e-3, x.size), variance=1e-6,
     ...                easting=x, northing=y)
     ...     for name, up in (("east", 0.005), ("west", -0.005)))
     >>> (pair,) = merge_cells([east, west]).pairs
@@ -216,7 +218,7 @@ def merge_cells(
         }
     progress("compare passes", 0, None)
     pairs = tuple(adjustment.pairs) if adjustment else tuple(compare_passes(cells, added))
-    seams, no_seams = seams_of(cells, added, settings.cells.size)
+    seams, no_seams = find_seams(cells, added, settings.cells.size)
     found = MergeResult(
         method=settings.method,
         names=tuple(sorted(one.name for one in cells)),
@@ -230,14 +232,14 @@ def merge_cells(
 
 
 def compare_passes(cells: Sequence[PassCells], added: Added | None = None) -> list[PairAgreement]:
-    """Differences of passes in the cells that two of them saw.
+    """Differences of passes in common cells.
 
     Parameters
     ----------
-    cells : sequence of LaneCells
-        What each pass saw.
+    cells : sequence of PassCells
+        Cells of each pass.
     added : mapping of str to numpy.ndarray, optional
-        What is added to the heights of each pass; by default nothing.
+        Corrections to add to the heights of each pass; by default none.
 
     Returns
     -------
@@ -247,7 +249,7 @@ def compare_passes(cells: Sequence[PassCells], added: Added | None = None) -> li
     Raises
     ------
     CoverageError
-        If no cell is seen by two passes.
+        If no cell is common to two passes.
     """
     shared = find_shared_cells(cells, (), ())
     after = shared.entries.height
@@ -255,16 +257,16 @@ def compare_passes(cells: Sequence[PassCells], added: Added | None = None) -> li
         moved = [replace(one, height=one.height + added[one.name]) for one in cells]
         after = find_shared_cells(moved, (), ()).entries.height
     none = np.full(after.size, np.nan)
-    return pairs_of(shared, np.ones(after.size), shared.entries.height, after, none)
+    return pair_agreements(shared, np.ones(after.size), shared.entries.height, after, none)
 
 
 def require_different(cells: Sequence[PassCells]) -> None:
-    """Raise CoverageError if there is nothing to compare, or a pass is there twice.
+    """Raise CoverageError if there is nothing to compare, or a pass is given twice.
 
     Parameters
     ----------
-    cells : sequence of LaneCells
-        What each pass saw.
+    cells : sequence of PassCells
+        Cells of each pass.
     """
     if len(cells) < 2 and not any(np.unique(one.cell).size < len(one) for one in cells):
         raise CoverageError(
@@ -285,9 +287,9 @@ def _by_network(cells: Sequence[PassCells], adjustment: Adjustment) -> dict[str,
         if one.name not in adjustment.names:
             continue
         correction = adjustment.correction(one.name)
-        # ground that is moved sideways brings the height of its slope to where it goes
+        # a horizontal shift d changes the height at a fixed place by -slope * d
         added[one.name] = (
-            correction.height_at(one.time, one.offset, one.ahead)
+            correction.height_at(one.time, one.offset, one.longitudinal)
             - one.slope_east * correction(one.time, "east")
             - one.slope_north * correction(one.time, "north")
         )
@@ -300,7 +302,7 @@ def _with_problems(
     problems = list(found.problems)
     paired = {name for pair in found.pairs for name in (pair.first, pair.second)}
     problems += [
-        f"{name} shares no ground with another pass, so nothing ties it"
+        f"{name} has no ground in common with another pass and is not aligned"
         for name in found.names
         if name not in paired
     ]
@@ -310,7 +312,7 @@ def _with_problems(
         problems += _of_network(found.adjustment)
     if found.alignment is not None:
         problems += [
-            f"{pair.lanes[0]} and {pair.lanes[1]}: {int(pair.discontinuity.gap.sum())} of "
+            f"{pair.names[0]} and {pair.names[1]}: {int(pair.discontinuity.gap.sum())} of "
             f"{pair.discontinuity.gap.size} reference points have too few heights"
             for pair in found.alignment.pairs
             if pair.discontinuity.gap.any()
@@ -319,7 +321,7 @@ def _with_problems(
 
 
 def _steps_left(cells: Sequence[PassCells], settings: MergeSettings) -> list[str]:
-    """Where passes differ by more than the limit in the mean of the cells around a place."""
+    """Warning of places at which the mean difference of passes exceeds the limit."""
     shared = find_shared_cells(cells, (), ())
     entries, first = shared.entries, shared.start[:-1]
     span = np.maximum.reduceat(entries.height, first) - np.minimum.reduceat(entries.height, first)
@@ -350,7 +352,7 @@ def _network_summary(adjustment: Adjustment) -> dict[str, Any]:
         "cells": int(adjustment.ground.cell.size),
         "rejected": len(adjustment.rejected),
         "noise_floor": adjustment.noise_floor,
-        "left": adjustment.left,
+        "left": adjustment.residual_sd,
         "datum_sd": dict(adjustment.datum_sd),
         "iterations": adjustment.iterations,
         "corrections": [
@@ -371,11 +373,11 @@ def _of_network(adjustment: Adjustment) -> list[str]:
         names = "; ".join(", ".join(group) for group in adjustment.groups)
         problems.append(f"passes fall into groups without ground in common: {names}")
     for one in adjustment.corrections:
-        alone = sum(end - begin for begin, end in one.unsupported)
-        share_alone = alone / (one.knots.end - one.knots.begin)
-        if alone:
+        extrapolated = sum(end - begin for begin, end in one.unsupported)
+        fraction = extrapolated / (one.knots.end - one.knots.begin)
+        if extrapolated:
             problems.append(
-                f"{one.name} is tied by smoothness alone over {share_alone:.0%} of its way, where "
-                "no other pass sees the same ground"
+                f"the correction of {one.name} is extrapolated over {fraction:.0%} of the pass, "
+                "where no other pass covers the same ground"
             )
     return problems

@@ -1,4 +1,4 @@
-"""Recorded runs brought into agreement: their cells are compared, their motion is corrected."""
+"""Alignment of recorded runs: compare their cells, correct their trajectories."""
 
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -10,11 +10,12 @@ import xarray as xr
 
 from trueterrain import formats
 from trueterrain.alignment.apply import corrected_trajectory, fixed_trajectory, trajectory_along
-from trueterrain.alignment.discontinuity.alignment import align_lanes
+from trueterrain.alignment.discontinuity.alignment import align_along_paths
 from trueterrain.alignment.discontinuity.reference_path import ReferencePath, waypoint_reference
 from trueterrain.alignment.discontinuity.result import PassAlignment
 from trueterrain.alignment.merge import MergeResult, MergeSettings, merge_cells
-from trueterrain.alignment.observations.cells import PassCells, cells_of_run, lane_cells
+from trueterrain.alignment.observations.cells import PassCells, make_pass_cells
+from trueterrain.alignment.observations.collection import cells_of_run
 from trueterrain.core.errors import SchemaError
 from trueterrain.core.progress import Progress, no_progress
 from trueterrain.formats.run import open_run
@@ -31,35 +32,37 @@ def merge_runs(
     threads: int = 1,
     progress: Progress = no_progress,
 ) -> tuple[MergeResult, dict[str, PassRecord]]:
-    """Bring recorded runs into agreement.
+    """Align recorded runs, by correcting their trajectories.
+
+    Every product made of the corrected runs afterwards agrees: points, surfaces, profiles.
 
     Parameters
     ----------
-    passes : mapping of str to Pass
-        Runs with their motion, by name.
+    passes : mapping of str to PassRecord
+        Runs with their trajectories, by name.
     settings : MergeSettings
-        How.
+        Method and its settings.
     screening : Screening
-        Which returns are flagged, and what becomes of them.
+        Which returns are flagged or dropped.
     drift_time : float, optional
-        Time after which the autocorrelation of the drift of navigation is 1/e, as fusion measured
-        it [s], unless the settings name another one.
+        Correlation time of the drift of navigation that fusion estimated [s]; the settings take
+        precedence.
     threads : int
-        Runs that are looked at at once; results do not depend on it.
+        Number of runs read at the same time; results do not depend on it.
     progress : callable, optional
         Called with a task, the amount done and the total.
 
     Returns
     -------
-    merging : Merging
+    merging : MergeResult
         Corrections, and agreement before and after.
     passes : dict of Pass
-        The runs with their motion corrected.
+        Runs with corrected trajectories.
 
     Raises
     ------
     CoverageError
-        If no cell is seen by two passes, or an overlap is too thin for the method.
+        If no cell is common to two passes, or an overlap is too narrow for the method.
     SchemaError
         If control points have no standard deviations.
     TrueTerrainError
@@ -90,24 +93,24 @@ def cells_of_passes(
     threads: int = 1,
     progress: Progress = no_progress,
 ) -> list[PassCells]:
-    """Cells that each of several runs saw.
+    """Cells of several runs, to compare or adjust them.
 
     Parameters
     ----------
-    passes : mapping of str to Pass
-        Runs with their motion, by name.
+    passes : mapping of str to PassRecord
+        Runs with their trajectories, by name.
     settings : MergeSettings
-        Size of the cells, and which of them are used.
+        Size of the cells, and which of them are accepted.
     screening : Screening
-        Which returns are flagged, and what becomes of them.
+        Which returns are flagged or dropped.
     threads : int
-        Runs that are looked at at once.
+        Number of runs read at the same time.
     progress : callable, optional
         Called with a task, the amount done and the total.
 
     Returns
     -------
-    list of LaneCells
+    list of PassCells
         In the order of the passes.
 
     Raises
@@ -115,7 +118,7 @@ def cells_of_passes(
     SchemaError
         If the runs have different origins.
     CoverageError
-        If the motion covers no scan of a run, or no cell has enough returns.
+        If a trajectory covers no scan of its run, or no cell has enough returns.
     """
     require_one_frame([one.path for one in passes.values()])
     progress("cells of passes", 0, len(passes))
@@ -140,7 +143,7 @@ def cells_of_passes(
 
 
 def control_cells(path: str | Path, settings: MergeSettings) -> PassCells:
-    """Control points as cells that stay as they are.
+    """Cells of control points: heights that get no correction.
 
     Parameters
     ----------
@@ -151,7 +154,7 @@ def control_cells(path: str | Path, settings: MergeSettings) -> PassCells:
 
     Returns
     -------
-    LaneCells
+    PassCells
         One entry for each point.
 
     Raises
@@ -159,18 +162,18 @@ def control_cells(path: str | Path, settings: MergeSettings) -> PassCells:
     SchemaError
         If the points have no standard deviations.
     FormatError
-        If it is no file of points.
+        If the file holds no points.
     """
     points = formats.open(path)
     if "sd" not in points or "up" not in points:
         raise SchemaError(
             "control needs the columns easting, northing, up and sd",
             path=path,
-            cure="Add a column sd: how sure each height is [m].",
+            cure="Add a column sd: the standard deviation of each height [m].",
         )
     x, y = points["easting"].values, points["northing"].values
     column, row = (np.floor(at / settings.cells.size).astype(np.int64) for at in (x, y))
-    return lane_cells(
+    return make_pass_cells(
         f"control {Path(path).stem}",
         (column << 32) + row,
         0.0,
@@ -182,7 +185,7 @@ def control_cells(path: str | Path, settings: MergeSettings) -> PassCells:
 
 
 def reference_path(settings: MergeSettings) -> ReferencePath | None:
-    """Reference path that the settings name.
+    """Reference path through the waypoints that the settings name.
 
     Parameters
     ----------
@@ -192,7 +195,7 @@ def reference_path(settings: MergeSettings) -> ReferencePath | None:
     Returns
     -------
     ReferencePath or None
-        None if they name none.
+        None if the settings name no file.
     """
     if settings.path is None:
         return None
@@ -212,7 +215,7 @@ def _align_runs(
     def points(one: PassRecord) -> Callable[[], Iterator[xr.Dataset]]:
         return lambda: georeference(one.path, one.trajectory, one.mounting, screening=screening)
 
-    return align_lanes(
+    return align_along_paths(
         {name: points(one) for name, one in passes.items()},
         settings.discontinuity,
         paths=reference_path(settings),
@@ -225,7 +228,7 @@ def _correct_pass(one: PassRecord, name: str, merging: MergeResult) -> PassRecor
     if merging.alignment is not None:
         mounting = one.mounting or mounting_of(open_run(one.path), path=one.path)
         raised = trajectory_along(
-            one.trajectory, merging.alignment, name, lever=mounting.scanner_position
+            one.trajectory, merging.alignment, name, lever_arm=mounting.scanner_position
         )
         return replace(one, trajectory=raised)
     found = merging.adjustment

@@ -1,18 +1,22 @@
-"""Settings of the network adjustment."""
+"""Settings of the network adjustment and of the cells in which passes are compared."""
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 
-from trueterrain.alignment.adjustment.spline import COMPONENTS, Order
+Order = Literal["first", "second"]
 
-_LARGEST_CELL = 100.0  # [m] a plane fits no ground beyond
+#: Components of a correction, in the order of its coefficients, and their units.
+COMPONENTS = {"height": "m", "roll": "rad", "pitch": "rad", "east": "m", "north": "m"}
+
+_LARGEST_CELL = 100.0  # [m] larger cells are not level enough for one plane
 
 
 @dataclass(frozen=True, kw_only=True)
 class ModelTrial:
-    """One choice of how stiff corrections are, and how well it predicts cells held back."""
+    """One candidate for the stochastic model of the corrections, and its cross-validation."""
 
     components: tuple[str, ...]
     "Components of the corrections."
@@ -21,98 +25,98 @@ class ModelTrial:
     "Spacing of the knots [s] or [m]."
 
     strength: float
-    "Standard deviation by which heights may wander about their constant part [m]."
+    "Standard deviation of the drift of the heights about their constant part [m]."
 
     order: Order
     "Order of the Gauss-Markov process: first is rough, second smooth."
 
     extra_strength: float = 0.0
-    "The same of the other components, in units of what their constant parts may be [1]."
+    "Drift of the other components, as a fraction of their constant errors [1]."
 
     round: int = 0
-    "Round of the search; weights are others in each, so only trials of one round compare."
+    "Stage of the search. Weights differ between stages, so only trials of one stage compare."
 
     held_out: float = float("nan")
-    "Root mean square of what is left of differences of passes in cells held back [m]."
+    "Root mean square of the differences of passes in held-out cells, corrected [m]."
 
     log_likelihood: float = float("nan")
-    "Logarithm of the marginal likelihood of the data, up to a constant."
+    "Logarithm of the marginal likelihood of the observations, up to a constant."
 
 
 @dataclass(frozen=True, kw_only=True)
 class NetworkSettings:
-    """How passes are brought into agreement."""
+    """How the network adjustment aligns passes."""
 
     knot_spacing: float | tuple[float, ...] = (1.0, 0.5, 0.25, 0.1)
-    """Spacing of the knots [s], or [m] where stations stand for time; of several, finer ones are
-    taken while they predict cells held back better."""
+    """Spacing of the knots [s], or [m] where corrections follow the station. Of several, finer ones
+    are taken as long as they predict held-out cells better."""
 
     strength: float | None = None
-    """Standard deviation by which the height of a pass may wander about its constant part [m]; by
-    default what predicts cells held back best."""
+    """Standard deviation of the drift of the height of a pass about its constant part [m]; by
+    default the value that predicts held-out cells best."""
 
     correlation_time: float | None = None
-    """Time, or way, after which the autocorrelation of the wandering is 1/e [s] or [m]; by default
-    as fusion measured it in the drift of runs, else 25."""
+    """Time or distance after which the autocorrelation of the drift is 1/e [s] or [m]; by default
+    the value that fusion estimated from the runs, else 25."""
 
     orders: tuple[Order, ...] = ("second", "first")
-    "Orders of the Gauss-Markov process that are tried: first is rough, second smooth."
+    "Orders of the Gauss-Markov process to try: first is rough, second smooth."
 
     components: tuple[str, ...] = ("height", "roll", "shift")
-    """What corrections may hold beside the height, each where cells held back tell it: roll, pitch,
-    shift."""
+    """Components to estimate besides the height: roll, pitch, shift. One is kept only if it
+    improves the prediction of held-out cells."""
 
     roll_sd: float = 2e-3
-    "What the roll of a pass may be wrong by as a whole, as a standard deviation [rad]."
+    "Standard deviation of the constant roll error of a pass [rad]."
 
     pitch_sd: float = 2e-3
-    "What its pitch may be wrong by as a whole, as a standard deviation [rad]."
+    "Standard deviation of the constant pitch error of a pass [rad]."
 
     shift_sd: float = 0.02
-    "What its horizontal place may be wrong by as a whole, as a standard deviation [m]."
+    "Standard deviation of the constant horizontal error of a pass [m]."
 
     extra_strengths: tuple[float, ...] = (0.03, 0.3)
-    "Shares of these by which roll, pitch and shift may wander, tried beside constant ones [1]."
+    "Drift of roll, pitch and shift, as a fraction of their constant errors, to try besides 0 [1]."
 
     pass_correlation: float = 0.0
-    """Correlation of the navigation errors of different passes [1], e.g. by one base station: 0
-    where they are independent, so that the mean of many passes is surer, 1 where they are the
-    same."""
+    """Correlation of the navigation errors of different passes [1], e.g. by a common base station.
+    With 0 they are independent, so the mean of many passes is more accurate than one; with 1 they
+    are identical."""
 
     datum_sd: float | None = None
-    """Standard deviation of the datum of the adjustment [m]: of the height error that all passes
-    have in common. By default it follows from what the navigation reports, from fixed passes or
-    from control points; where navigation reports nothing it is not known."""
+    """Standard deviation of the datum [m]: of the height error that all passes have in common. By
+    default it follows from the reported standard deviations of navigation, from fixed passes or
+    from control points. It is unknown if none of these is given."""
 
     huber: float = 2.0
-    "Standard deviations beyond which a cell weighs less."
+    "Bound of Huber's weights, in standard deviations: cells beyond it get a lower weight."
 
     tukey: float = 5.0
-    "Standard deviations beyond which a cell is rejected."
+    "Bound of Tukey's weights, in standard deviations: cells beyond it are rejected."
 
     block: float = 5.0
-    "Side of the squares of ground that are held back together [m]; halved where there are few."
+    "Side of the squares of ground that are held out together [m]; halved if there are few."
 
     cluster: float = 1.0
-    "Side of the squares of ground within which errors of cells may be alike [m]."
+    "Side of the squares of ground within which errors of cells may be correlated [m]."
 
     sample: int = 30_000
-    "Cells from which strength, spacing and components are chosen; of longer roads a part is taken."
+    "Number of cells used to choose strength, spacing and components; longer roads are sampled."
 
     folds: int = 5
-    "Parts of the ground that are held back in turn."
+    "Number of folds of the cross-validation."
 
     min_cells: float = 20.0
-    "Cells that a knot interval must have in the mean, or its spacing is not tried."
+    "Mean number of cells in a knot interval below which a spacing is not tried."
 
     relative_tolerance: float = 0.01
-    "Change of the corrections from which on they have converged, in their standard deviations [1]."
+    "Change of the corrections below which they have converged, in standard deviations [1]."
 
     tolerance: float = 1e-5
-    "Change of the corrections from which on they have converged, however sure they are [m]."
+    "Change of the corrections below which they have converged in any case [m]."
 
     max_iterations: int = 300
-    "Iterations in which they must converge."
+    "Maximum number of iterations."
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -172,12 +176,12 @@ class NetworkSettings:
 
     @property
     def extra_components(self) -> list[tuple[str, ...]]:
-        """Components beside the height, those that come together in one."""
+        """Components besides the height, in groups that are added together."""
         parts = {"roll": ("roll",), "pitch": ("pitch",), "shift": ("east", "north")}
         return [parts[name] for name in parts if name in self.components]
 
     def scale(self, component: str) -> float:
-        """What a component may be wrong by as a whole [its unit].
+        """Standard deviation of the constant error of a component.
 
         Parameters
         ----------
@@ -187,7 +191,7 @@ class NetworkSettings:
         Returns
         -------
         float
-            As a standard deviation.
+            In the unit of the component [rad] or [m].
         """
         if component not in COMPONENTS:
             message = f"component must be one of {', '.join(COMPONENTS)}, got {component!r}."
@@ -197,23 +201,23 @@ class NetworkSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class CellSettings:
-    """Cells of the ground by which passes are compared."""
+    """Cells of the ground in which passes are compared."""
 
     size: float = 0.25
     "Side of a cell [m]."
 
     min_count: int = 5
-    "Returns that a cell must have of a pass."
+    "Minimum number of returns of a pass in a cell."
 
     scans: int = 5
-    """Scans of a run that a cell has along its way; more are left out, since they tell no more of
-    the pass. 0 for all."""
+    """Number of scans of a run in a cell, along the path; others are skipped, since they add little
+    information on drift. 0 takes all."""
 
     max_sd: float = 0.05
-    "Standard deviation of the returns about their plane up to which a cell is used [m]."
+    "Maximum standard deviation of the returns about the plane of a cell [m]."
 
     visit_gap: float = 10.0
-    "Time, or way, after which a pass comes to a cell for another time [s] or [m]."
+    "Gap in time or distance after which returns count as another visit of the pass [s] or [m]."
 
     def __post_init__(self) -> None:
         """Check the values."""

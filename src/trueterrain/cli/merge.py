@@ -323,10 +323,16 @@ def _pass_cells(
 ) -> "tuple[list[PassCells], float, list[str]]":
     """Cells of all passes, their size [m], and problems."""
     if not runs:
-        from trueterrain.alignment.clouds.merge import cells_of_clouds, cloud_lanes, flag_of_lanes
+        from trueterrain.alignment.clouds.merge import (
+            cells_of_clouds,
+            find_cloud_passes,
+            flag_classes,
+        )
 
-        lanes = cloud_lanes(inputs, split=split or None, crs=crs, only=only, progress=progress)
-        for flag in flag_of_lanes(lanes):
+        lanes = find_cloud_passes(
+            inputs, split=split or None, crs=crs, only=only, progress=progress
+        )
+        for flag in flag_classes(lanes):
             write_note(f"warning: {flag}")
         return cells_of_clouds(lanes, settings, cell=cell, progress=progress)
     from trueterrain.alignment.run_passes import cells_of_passes

@@ -23,9 +23,9 @@ from trueterrain.figures.accuracy.results import (
     plate_errors,
     plate_profile,
 )
-from trueterrain.figures.alignment.correction import lane_correction
-from trueterrain.figures.alignment.discontinuity import discontinuity_vectors, lane_histograms
-from trueterrain.figures.alignment.map import discrepancy_map, lane_overlap
+from trueterrain.figures.alignment.correction import pass_correction
+from trueterrain.figures.alignment.discontinuity import discontinuity_vectors, pass_histograms
+from trueterrain.figures.alignment.map import discrepancy_map, overlap_map
 from trueterrain.figures.alignment.model_choice import correction_spectrum, strength_choice
 from trueterrain.figures.alignment.seam import seam_steps
 from trueterrain.figures.names import draw_names, head_figure
@@ -76,9 +76,6 @@ __all__ = [
     "head_figure",
     "hop_gain",
     "iri_segments",
-    "lane_correction",
-    "lane_histograms",
-    "lane_overlap",
     "laser_displacement",
     "measurable_slope",
     "mode_shares",
@@ -86,7 +83,10 @@ __all__ = [
     "navigation_errors",
     "navigation_heights",
     "navigation_plan",
+    "overlap_map",
     "parallel_profiles",
+    "pass_correction",
+    "pass_histograms",
     "passage_gains",
     "place_spread",
     "plate_error",

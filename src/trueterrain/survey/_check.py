@@ -9,7 +9,7 @@ import numpy as np
 from trueterrain._version import __version__
 from trueterrain.alignment.merge import compare_passes, require_different
 from trueterrain.alignment.observations.cells import PassCells
-from trueterrain.alignment.seams import seams_of
+from trueterrain.alignment.seams import find_seams
 from trueterrain.report import Block, Number, Report, Section, Table, Text, Verdict, Warnings
 from trueterrain.survey._report_parts import parse_columns, to_millimetres
 
@@ -45,7 +45,7 @@ def check_agreement(
     require_different(cells)
     pairs = compare_passes(cells)
     none = {one.name: np.zeros(len(one)) for one in cells}
-    seams, no_seams = seams_of(cells, none, size)
+    seams, no_seams = find_seams(cells, none, size)
     paired = {name for pair in pairs for name in (pair.first, pair.second)}
     alone = sorted({one.name for one in cells} - paired)
     found = [
@@ -66,7 +66,7 @@ def check_agreement(
         "limit": limit,
         "agree": all(pair["agree"] for pair in found) and not alone,
         "pairs": found,
-        "seams": [{"lanes": list(seam.lanes), "median": seam.before.median} for seam in seams],
+        "seams": [{"lanes": list(seam.names), "median": seam.before.median} for seam in seams],
         "alone": alone,
         "problems": [*problems, *no_seams],
     }

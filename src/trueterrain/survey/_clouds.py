@@ -9,7 +9,7 @@ from trueterrain._version import __version__
 from trueterrain.alignment.clouds.merge import (
     CloudPass,
     CorrectedClouds,
-    cloud_lanes,
+    find_cloud_passes,
     merge_clouds,
     merged_surface,
     suggested_cell,
@@ -99,7 +99,7 @@ def merge_point_clouds(
     OutputError
         If the folder is not empty and `force` is false, or as by `whole_folder`.
     """
-    lanes = cloud_lanes(files, split=split, crs=crs, only=only, progress=progress)
+    lanes = find_cloud_passes(files, split=split, crs=crs, only=only, progress=progress)
     settings = with_cells(settings, cell or suggested_cell(lanes))
     others = [path for path in (settings.path, settings.control) if path]
     with whole_folder(
@@ -111,7 +111,7 @@ def merge_point_clouds(
         written = [*_write_clouds(corrected, temporary, progress)]
         progress("surface", 0, None)
         placement = GridPlacement(spacing=spacing or settings.cells.size)
-        grid = placement.of_points([one.lane.extent for one in corrected.values()])
+        grid = placement.of_points([one.cloud.extent for one in corrected.values()])
         surface = trim_surface(merged_surface(corrected, grid, GridSettings(), threads=threads))
         formats.write(surface, temporary / f"{_SURFACE}.tif")
         written.append((f"{_SURFACE}.tif", "the merged surface"))

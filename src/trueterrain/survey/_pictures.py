@@ -116,7 +116,7 @@ class Pictures:
             }
             self._merge(
                 "correction",
-                figures.lane_correction(found.corrections, navigation_sd=reported_sd or None),
+                figures.pass_correction(found.corrections, navigation_sd=reported_sd or None),
             )
             largest = float(np.nanquantile(found.ground.before, _COVERED))
             for when in ("before", "after"):
@@ -133,7 +133,7 @@ class Pictures:
             self._merge("vectors", figures.discontinuity_vectors(pair))
             stations = pair.discontinuity.station[~pair.discontinuity.gap]
             centre = float(stations[stations.size // 2])
-            self._merge("histograms", figures.lane_histograms(pair.discontinuity, station=centre))
+            self._merge("histograms", figures.pass_histograms(pair.discontinuity, station=centre))
         for number, seam in enumerate(merging.seams, start=1):
             if np.isfinite(seam.before.median):
                 self._merge("seam" if number == 1 else f"seam-{number}", figures.seam_steps(seam))

@@ -130,7 +130,7 @@ def _seam_blocks(merging: MergeResult) -> Iterator[Block]:
             columns=parse_columns("Passes; Seam before [mm] .2; after [mm] .2"),
             rows=[
                 (
-                    " - ".join(seam.lanes),
+                    " - ".join(seam.names),
                     to_millimetres(seam.before.median),
                     to_millimetres(seam.after.median),
                 )

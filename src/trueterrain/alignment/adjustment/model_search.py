@@ -1,8 +1,9 @@
-"""How stiff corrections should be and what they should hold: what predicts cells held back best.
+"""Choice of the stochastic model of the corrections by cross-validation.
 
-Whole squares of ground are held back in turn, and predicted by corrections from the others. Of
-choices that predict equally well, up to chance, the one is taken that makes the data most likely:
-marginal likelihood prefers what is stiff unless there is reason to bend.
+Whole squares of ground are held out in turn and predicted by the corrections from the others, since
+errors of neighbouring cells are correlated. Of models that predict equally well within the standard
+error, the one with the greatest marginal likelihood is taken: it prefers stiff corrections unless
+the data require flexible ones.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,20 +27,30 @@ from trueterrain.core.progress import Progress
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
-#: Time of correlation of the drift that two drives over one road show [s].
+#: Correlation time of the drift, measured from two drives over one road [s].
 CORRELATION_TIME = 25.0
 
-_STEPS = (0.0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)  # [m] wandering that is tried
+_STEPS = (
+    0.0,
+    1e-4,
+    3e-4,
+    1e-3,
+    3e-3,
+    1e-2,
+    3e-2,
+    0.1,
+    0.3,
+)  # [m] standard deviations of the drift to try
 _HALVINGS = 12
-_SQUARES = 20  # of the ground, of fewer one cannot tell chance
-_ALIKE = 2.0  # of the logarithm of likelihood, within which two trials are as likely
-_FINER = (10.0**0.25, 10.0**0.125)  # factors that are tried at last
-_BROAD = 3e-2  # [m] wandering with which the weights are found
+_SQUARES = 20  # of the ground at least: the standard error of fewer is not reliable
+_SIMILAR = 2.0  # difference of log likelihoods below which two models are equally likely
+_FINER = (10.0**0.25, 10.0**0.125)  # factors of the strength in the refinement
+_BROAD = 3e-2  # [m] drift with which the weights are estimated
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CrossValidationFolds:
-    """Cells in turn held back."""
+    """Folds of the cross-validation."""
 
     number: Integers
     "Fold of each cell, shape (cell,)."
@@ -52,29 +63,29 @@ class CrossValidationFolds:
 
 
 def folds_of(shared: SharedCells, settings: NetworkSettings) -> CrossValidationFolds:
-    """Squares of ground in folds, by a hash of their place.
+    """Assign squares of ground to folds, by a hash of their position.
 
     Parameters
     ----------
-    shared : Shared
+    shared : SharedCells
         The observations.
     settings : NetworkSettings
         Size of the squares, number of folds.
 
     Returns
     -------
-    Folds
-        The same whatever else is measured.
+    CrossValidationFolds
+        The same for the same ground, whatever else is measured.
     """
-    wanted = min(_SQUARES, shared.cells)
+    min_squares = min(_SQUARES, shared.cells)
     for halved in range(_HALVINGS):
         size = settings.block * 0.5**halved
         squares, index = np.unique(shared.squares(size), return_inverse=True)
-        if squares.size >= wanted:
+        if squares.size >= min_squares:
             break
-    else:  # cells that do not say where they lie: by their numbers, which follow each other
-        index = np.arange(shared.cells) * wanted // shared.cells
-        squares = np.arange(wanted)
+    else:  # cells without positions: consecutive numbers stand for neighbours
+        index = np.arange(shared.cells) * min_squares // shared.cells
+        squares = np.arange(min_squares)
     number = hash_integers(squares) % settings.folds
     return CrossValidationFolds(
         number=number[index].astype(np.int64), square=index.astype(np.int64), count=settings.folds
@@ -82,25 +93,25 @@ def folds_of(shared: SharedCells, settings: NetworkSettings) -> CrossValidationF
 
 
 class ModelSearch:
-    """Trials, and what they predict.
+    """Search for the model of the corrections that predicts held-out cells best.
 
     Parameters
     ----------
-    shared : Shared
+    shared : SharedCells
         The observations.
     settings : NetworkSettings
-        What may be tried.
-    lanes_sd : sequence of numpy.ndarray
-        What the navigation says of each pass.
+        Range of the search.
+    navigation_sd : sequence of numpy.ndarray
+        Times and reported standard deviations of each pass, shape (2, m).
     progress : callable
-        Called with what is tried.
+        Called with each trial.
     """
 
     def __init__(
         self,
         shared: SharedCells,
         settings: NetworkSettings,
-        lanes_sd: Sequence[Floats],
+        navigation_sd: Sequence[Floats],
         progress: Progress,
     ) -> None:
         self.shared = shared
@@ -112,18 +123,18 @@ class ModelSearch:
         self._parts: dict[
             tuple[tuple[str, ...], float], tuple[NormalEquations, list[NormalEquations]]
         ] = {}
-        self._lanes_sd = lanes_sd
+        self._navigation_sd = navigation_sd
         self._progress = progress
         self.weight = self.robustness = np.zeros(0)
 
     def system(self, components: tuple[str, ...], spacing: float) -> AdjustmentSystem:
-        """Unknowns for some components and spacing of knots."""
+        """System for some components and knot spacing."""
         key = components, spacing
         if key not in self._systems:
-            for old in list(self._systems)[:-1]:  # large, and not asked for again
+            for old in list(self._systems)[:-1]:  # large, and not needed any more
                 del self._systems[old]
                 self._parts.pop(old, None)
-            self._systems[key] = build_system(self.shared, components, spacing, self._lanes_sd)
+            self._systems[key] = build_system(self.shared, components, spacing, self._navigation_sd)
         return self._systems[key]
 
     def prior(self, trial: ModelTrial) -> dict[str, ComponentPrior]:
@@ -131,24 +142,24 @@ class ModelSearch:
         return trial_priors(trial, self.settings)
 
     def run(self) -> ModelTrial:
-        """Try, from few and coarse to many and fine.
+        """Search from few components and coarse knots to many and fine.
 
         Returns
         -------
-        Trial
-            The best one.
+        ModelTrial
+            The chosen model.
         """
         start = ModelTrial(components=("height",), knot_spacing=0.0, strength=0.0, order="first")
         while True:
             best = self._height(start)
-            grown = self._grown(best)
-            if grown is best:
+            extended = self._add_component(best)
+            if extended is best:
                 return best
-            # what is left is less now, so weights are others, and finer knots may tell more
-            start = replace(grown, round=grown.round + 1)
+            # residuals are smaller now, so weights change and finer knots may pay
+            start = replace(extended, round=extended.round + 1)
 
     def _height(self, start: ModelTrial) -> ModelTrial:
-        """Strength, order and spacing for given components, with weights of their own."""
+        """Strength, order and spacing for given components, with weights estimated for them."""
         spacings = self._spacings()
         system = self.system(start.components, spacings[-1])
         first = fit_unconstrained(system, self.settings)
@@ -172,16 +183,16 @@ class ModelSearch:
                 for one in each
             }
             gain = np.inf if best is None else found.log_likelihood - best.log_likelihood
-            if best is not None and (gain < -_ALIKE or self._better(best, found, 1.0)):
+            if best is not None and (gain < -_SIMILAR or self._better(best, found, 1.0)):
                 break
             best = found
-            if best.strength == 0 or gain < _ALIKE:
-                break  # finer knots would tell the same
+            if best.strength == 0 or gain < _SIMILAR:
+                break  # finer knots would give the same
         assert best is not None
         return best
 
-    def _grown(self, best: ModelTrial) -> ModelTrial:
-        """Trial with the component added that tells most, if any tells more than chance."""
+    def _add_component(self, best: ModelTrial) -> ModelTrial:
+        """Trial with the component that improves the prediction most, if one does significantly."""
         left = [
             group
             for group in self.settings.extra_components
@@ -201,22 +212,22 @@ class ModelSearch:
         return self._limited(_STEPS) if given is None else (given,)
 
     def _limited(self, strengths: Sequence[float]) -> Sequence[float]:
-        """No more than the navigation claims: what passes have in common would drift with noise."""
-        most = usual_sd(self._lanes_sd) or np.inf
-        return tuple(dict.fromkeys(min(one, most) for one in strengths))
+        """Strengths up to the reported standard deviation of the height."""
+        max_sd = reported_sd(self._navigation_sd) or np.inf
+        return tuple(dict.fromkeys(min(one, max_sd) for one in strengths))
 
     def _spacings(self) -> list[float]:
         spacings = list(self.settings.knot_spacings)
-        # an interval needs some cells, or there is nothing to tell it by
+        # an interval with few cells is determined by the prior alone
         length = np.diff(self.shared.span, axis=1).sum()
-        seen = self.shared.lane.size
+        seen = self.shared.pass_index.size
         dense = [one for one in spacings if seen * one >= self.settings.min_cells * length]
         return dense or spacings[:1]
 
     def _with(self, best: ModelTrial, group: tuple[str, ...]) -> ModelTrial:
-        """Trial with more components, if they tell more than chance."""
+        """Trial with more components, if they improve the prediction significantly."""
         components = (*best.components, *group)
-        if not self._told(best, components):
+        if not self._is_observable(best, components):
             return best
         found = self._best_of(
             [
@@ -229,27 +240,28 @@ class ModelSearch:
             found = self._likeliest([found, self._best_of(near)])
         return found if self._better(found, best, 2.0) else best
 
-    def _told(self, best: ModelTrial, components: tuple[str, ...]) -> bool:
-        """Whether the ground can tell each component better than it is known before."""
+    def _is_observable(self, best: ModelTrial, components: tuple[str, ...]) -> bool:
+        """Whether the observations determine each component better than its prior does."""
         system = self.system(components, best.knot_spacing)
-        _, free = entry_residuals(self.shared, self.shared.entries.height, self.weight)
+        _, redundancy = entry_residuals(self.shared, self.shared.entries.height, self.weight)
         scales = [self.settings.scale(name) for name in components[1:]]
-        told = ((self.weight * free)[:, None] * system.factor[:, 1:] ** 2).sum(axis=0)
-        return bool((told * np.array(scales) ** 2 > 1.0).all())
+        # diagonal of the normal matrix: information on a constant component
+        information = ((self.weight * redundancy)[:, None] * system.factor[:, 1:] ** 2).sum(axis=0)
+        return bool((information * np.array(scales) ** 2 > 1.0).all())
 
     def _best_of(self, trials: list[ModelTrial]) -> ModelTrial:
-        """The most likely of those that are no worse than the best by more than chance."""
+        """The most likely of the trials that are not significantly worse than the best."""
         first = len(self.trials)
         self._try(trials)
         return self._likeliest(self.trials[first:])
 
     def _likeliest(self, trials: list[ModelTrial]) -> ModelTrial:
-        least = min(trials, key=lambda one: self._loss(one).sum())
-        found = [one for one in trials if one is least or not self._better(least, one, 1.0)]
+        best = min(trials, key=lambda one: self._loss(one).sum())
+        found = [one for one in trials if one is best or not self._better(best, one, 1.0)]
         return max(found, key=lambda one: one.log_likelihood)
 
     def _refined(self, best: ModelTrial) -> ModelTrial:
-        """Trial with a strength between those of the list."""
+        """Trial with a strength between those of the list, by bisection of its logarithm."""
         if self.settings.strength is not None or best.strength == 0:
             return best
         for step in _FINER:
@@ -272,13 +284,13 @@ class ModelSearch:
 
     def _try(self, trials: list[ModelTrial]) -> None:
         for trial in trials:
-            loss, rmse, likelihood = self._held_back(trial)
+            loss, rmse, likelihood = self._cross_validate(trial)
             self._losses.append(loss)
             self._progress("choose how stiff corrections are", len(self.trials) + 1, None)
             self.trials.append(replace(trial, held_out=rmse, log_likelihood=likelihood))
 
-    def _held_back(self, trial: ModelTrial) -> tuple[Floats, float, float]:
-        """Loss of each square, root mean square of differences [m], and marginal likelihood."""
+    def _cross_validate(self, trial: ModelTrial) -> tuple[Floats, float, float]:
+        """Loss of each square, RMS of held-out differences [m], and log marginal likelihood."""
         system = self.system(trial.components, trial.knot_spacing)
         key = trial.components, trial.knot_spacing
         shared, prior = self.shared, self.prior(trial)
@@ -286,25 +298,26 @@ class ModelSearch:
             self._parts[key] = parts_of(system, self.folds, self.weight)
         whole, parts = self._parts[key]
         height = shared.entries.height + cross_validate(system, prior, self.folds, whole, parts)
-        left, free = entry_residuals(shared, height, self.weight)
+        residual, redundancy = entry_residuals(shared, height, self.weight)
         square = np.zeros(int(self.folds.square.max()) + 1)
-        np.add.at(square, shared.per_entry(self.folds.square), self.weight * left**2)
+        np.add.at(square, shared.per_entry(self.folds.square), self.weight * residual**2)
         kept = self.robustness
-        rmse = float(np.sqrt(2.0 * (kept * left**2).sum() / (kept * free).sum()))
+        # 2 sum(v²) / sum(r): the variance of a difference is twice that of a height
+        rmse = float(np.sqrt(2.0 * (kept * residual**2).sum() / (kept * redundancy).sum()))
         return square, rmse, system.solve(whole, system.known(prior)).log_likelihood
 
 
 def fit_unconstrained(system: AdjustmentSystem, settings: NetworkSettings) -> WeightedFit:
-    """Corrections that may be almost anything, with Huber's weights."""
-    loose = ModelTrial(
+    """Fit corrections with a weak prior and Huber's weights, to estimate the weights."""
+    flexible = ModelTrial(
         components=system.components,
         knot_spacing=0.0,
         strength=_BROAD,
         order="first",
         extra_strength=settings.extra_strengths[-1] if settings.extra_strengths else 0.0,
     )
-    anything = trial_priors(loose, settings)
-    return fit_corrections(system, anything, settings)
+    weak_prior = trial_priors(flexible, settings)
+    return fit_corrections(system, weak_prior, settings)
 
 
 def parts_of(
@@ -325,7 +338,7 @@ def cross_validate(
     whole: NormalEquations,
     parts: Sequence[NormalEquations],
 ) -> Floats:
-    """Correction of each entry by the cells of other folds, shape (n,) [m]."""
+    """Correction of each entry from the cells of the other folds, shape (n,) [m]."""
     fold, known = system.shared.per_entry(folds.number), system.known(prior)
     out = np.zeros(fold.size)
     for number, part in enumerate(parts):
@@ -342,30 +355,30 @@ def trial_priors(trial: ModelTrial, settings: NetworkSettings) -> dict[str, Comp
     for name in trial.components:
         sd = trial.strength if name == "height" else trial.extra_strength * settings.scale(name)
         time = settings.correlation_time or CORRELATION_TIME
-        wander = GaussMarkovProcess(sd=sd, correlation_time=time, order=trial.order)
+        process = GaussMarkovProcess(sd=sd, correlation_time=time, order=trial.order)
         offset_sd = np.inf if name == "height" else settings.scale(name)
-        found[name] = ComponentPrior(wander=wander, offset_sd=offset_sd)
+        found[name] = ComponentPrior(process=process, offset_sd=offset_sd)
     return found
 
 
-def usual_sd(lanes_sd: Sequence[Floats]) -> float | None:
-    """What the navigation claims of its heights.
+def reported_sd(navigation_sd: Sequence[Floats]) -> float | None:
+    """Typical reported standard deviation of the height.
 
     Parameters
     ----------
-    lanes_sd : sequence of numpy.ndarray, shape (2, n)
-        Times, and standard deviations of the height by the navigation [m].
+    navigation_sd : sequence of numpy.ndarray, shape (2, n)
+        Times [s] and reported standard deviations of the height [m].
 
     Returns
     -------
     float or None
-        Median [m]; None if it claims nothing.
+        Median [m]; None if nothing is reported.
     """
-    known = [said[1] for said in lanes_sd if said.size]
+    known = [reported[1] for reported in navigation_sd if reported.size]
     return float(np.median(np.concatenate(known))) if known else None
 
 
 def _block_sum_sd(gain: Floats) -> float:
-    """Standard deviation of a sum over squares of ground."""
+    """Standard error of a sum over squares of ground."""
     n = gain.size
     return float(np.sqrt(n / max(n - 1, 1) * ((gain - gain.mean()) ** 2).sum()))

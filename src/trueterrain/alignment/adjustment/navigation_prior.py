@@ -1,8 +1,9 @@
-"""How sure corrections are, of what passes have in common too.
+"""Priors for the covariance of corrections, which includes the drift that passes have in common.
 
-Overlaps tell how passes wander from each other, not how they wander together; yet passes of one
-kind do both to the same extent. So the wandering that standard deviations rest on is pooled from
-what was seen between the passes and from what the navigation claims, by their degrees of freedom.
+Overlaps show how passes drift relative to each other; drift that they have in common is
+unobservable. Passes of one kind do both to the same extent, so the drift on which standard
+deviations rest is pooled from the observed relative drift and the reported standard deviation of
+navigation, weighted by their degrees of freedom.
 """
 
 from collections.abc import Collection, Sequence
@@ -11,7 +12,11 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.alignment.adjustment.model_search import CORRELATION_TIME, trial_priors, usual_sd
+from trueterrain.alignment.adjustment.model_search import (
+    CORRELATION_TIME,
+    reported_sd,
+    trial_priors,
+)
 from trueterrain.alignment.adjustment.normal_equations import ComponentPrior
 from trueterrain.alignment.adjustment.robust_weights import WeightedFit
 from trueterrain.alignment.adjustment.shared_cells import SharedCells
@@ -22,11 +27,12 @@ from trueterrain.alignment.settings import ModelTrial, NetworkSettings
 Floats = npt.NDArray[np.float64]
 
 #: Degrees of freedom of the deviations of a first-order process from its mean over a time that is
-#: short beside that of its correlation: (sum of 1/k²)² / sum of 1/k⁴.
-SHORT = 2.5
+#: short against the correlation time. Then it is a Brownian motion, whose Karhunen-Loeve
+#: eigenvalues go as 1/k², and Satterthwaite's formula gives (sum of 1/k²)² / sum of 1/k⁴ = 2.5.
+DRIFT_DEGREES_OF_FREEDOM = 2.5
 
-#: Those that the claim of the navigation is worth, which holds its constant errors as well.
-CLAIM = 1.0
+#: Degrees of freedom given to the reported standard deviation, which includes constant errors.
+REPORTED_DEGREES_OF_FREEDOM = 1.0
 
 
 def navigation_priors(
@@ -34,116 +40,122 @@ def navigation_priors(
     fitted: WeightedFit,
     trial: ModelTrial,
     settings: NetworkSettings,
-    lanes_sd: Sequence[Floats],
+    navigation_sd: Sequence[Floats],
 ) -> dict[str, ComponentPrior]:
-    """Priors by which standard deviations are told.
+    """Priors for the standard deviations of the corrections.
 
     Parameters
     ----------
-    system : System
+    system : AdjustmentSystem
         The unknowns.
-    fitted : Fitted
-        Corrections that were found.
-    trial : Trial
-        What was chosen.
+    fitted : WeightedFit
+        Estimated corrections.
+    trial : ModelTrial
+        The chosen model.
     settings : NetworkSettings
-        Time of correlation.
-    lanes_sd : sequence of numpy.ndarray, shape (2, n)
-        Times, and standard deviations of the height by the navigation [m].
+        Correlation time.
+    navigation_sd : sequence of numpy.ndarray, shape (2, n)
+        Times [s] and reported standard deviations of the height [m].
 
     Returns
     -------
-    dict of Prior
-        As those of the trial; if the navigation claims anything, with wandering of the height that
-        was seen and is claimed.
+    dict of ComponentPrior
+        Those of the trial; with reported standard deviations, the drift of the height is pooled
+        from them and from the observed drift.
     """
     found = trial_priors(trial, settings)
     time = settings.correlation_time or CORRELATION_TIME
-    claim = usual_sd(lanes_sd)
-    if claim is None:
+    reported = reported_sd(navigation_sd)
+    if reported is None:
         return found
-    seen, degrees_of_freedom = estimate_drift(system, fitted, time)
+    observed, degrees_of_freedom = estimate_drift(system, fitted, time)
     sd = float(
-        np.sqrt((degrees_of_freedom * seen**2 + CLAIM * claim**2) / (degrees_of_freedom + CLAIM))
+        np.sqrt(
+            (degrees_of_freedom * observed**2 + REPORTED_DEGREES_OF_FREEDOM * reported**2)
+            / (degrees_of_freedom + REPORTED_DEGREES_OF_FREEDOM)
+        )
     )
-    wander = GaussMarkovProcess(sd=sd, correlation_time=time, order="first")
-    return {**found, "height": replace(found["height"], wander=wander)}
+    process = GaussMarkovProcess(sd=sd, correlation_time=time, order="first")
+    return {**found, "height": replace(found["height"], process=process)}
 
 
 def estimate_drift(
     system: AdjustmentSystem, fitted: WeightedFit, time: float
 ) -> tuple[float, float]:
-    """Wandering of passes from each other.
+    """Relative drift of the passes.
 
     Parameters
     ----------
-    system : System
+    system : AdjustmentSystem
         The unknowns.
-    fitted : Fitted
-        Corrections that were found.
+    fitted : WeightedFit
+        Estimated corrections.
     time : float
-        Time of correlation [s].
+        Correlation time [s].
 
     Returns
     -------
     sd : float
-        Standard deviation of a first-order process that deviates from its mean as much as the
-        corrections do [m].
-    freedom : float
-        Degrees of freedom; 0 if there is one pass, which has nothing to wander from.
+        Standard deviation of a first-order process whose deviations from its mean are those of the
+        corrections [m].
+    degrees_of_freedom : float
+        0 if there is one pass only: its drift is unobservable.
     """
     group, squares, free, degrees_of_freedom = system.shared.group, 0.0, 0, 0.0
     for number in np.unique(group):
-        lanes = np.flatnonzero(group == number)
-        moved = [(lane, knots) for lane in lanes if (knots := system.knots[lane]) is not None]
+        members = np.flatnonzero(group == number)
+        moved = [
+            (pass_index, knots)
+            for pass_index in members
+            if (knots := system.knots[pass_index]) is not None
+        ]
         # without a fixed pass, corrections are relative to their own mean
-        own = len(moved) - (1 if len(moved) == lanes.size else 0)
+        own = len(moved) - (1 if len(moved) == members.size else 0)
         if own < 1:
             continue
         spans = [knots.spacing * knots.intervals / time for _, knots in moved]
-        for (lane, _), span in zip(moved, spans, strict=True):
-            height = fitted.solution.x[system.lane_unknowns(int(lane))[0][0]]
+        for (pass_index, _), span in zip(moved, spans, strict=True):
+            height = fitted.solution.x[system.pass_unknowns(int(pass_index))[0][0]]
             squares += float(np.var(height[1:-1])) / _mean_square_about_mean(span)
         free += own
-        degrees_of_freedom += own * (SHORT + 0.5 * float(np.mean(spans)))
+        degrees_of_freedom += own * (DRIFT_DEGREES_OF_FREEDOM + 0.5 * float(np.mean(spans)))
     return (float(np.sqrt(squares / free)), degrees_of_freedom) if free else (0.0, 0.0)
 
 
 def estimate_datum_sd(
     shared: SharedCells,
-    lanes_sd: Sequence[Floats],
-    wander: GaussMarkovProcess,
+    navigation_sd: Sequence[Floats],
+    process: GaussMarkovProcess,
     passes: Collection[str],
     settings: NetworkSettings,
 ) -> dict[str, float | None]:
     """Standard deviation of the datum: the height error that all passes of a group have in common.
 
-    The datum is the mean of the passes, each over its whole time, so its error is the mean of their
-    mean errors. Of the variance that the navigation reports, a pass shows the part by which its
-    height changes within the pass, which the covariance of the corrections holds already; the rest
-    is that of its mean. Fixed passes are as wrong as their navigation says, whatever their number:
-    each may carry a part of the ground alone. Control points bring their own variances into the
-    adjustment, so they leave nothing.
+    The datum is the mean of the passes over time, so its error is the mean of their mean errors.
+    Part of the reported variance of a pass is drift within the pass, which the covariance of the
+    corrections contains already; the rest is the variance of its mean. Fixed passes have their
+    reported variance, whatever their number, since each may carry a part of the ground alone.
+    Control points bring their own variances into the adjustment and add none here.
 
     Parameters
     ----------
-    shared : Shared
+    shared : SharedCells
         The observations.
-    lanes_sd : sequence of numpy.ndarray, shape (2, n)
-        Times, and standard deviations of the height by the navigation [m].
-    wander : Wander
-        Change of heights within a pass, as the covariance of the corrections holds it.
+    navigation_sd : sequence of numpy.ndarray, shape (2, n)
+        Times [s] and reported standard deviations of the height [m].
+    process : GaussMarkovProcess
+        Drift of the height within a pass that the covariance of the corrections contains.
     passes : collection of str
-        Names of the passes; what else is fixed is control.
+        Names of the passes; other members are control points.
     settings : NetworkSettings
-        Correlation of the passes, or the standard deviation itself.
+        Correlation between passes, or the standard deviation itself.
 
     Returns
     -------
     dict of float or None
-        Of each pass [m]; None where a pass of its group reports nothing.
+        Of each pass [m]; None if a pass of its group reports nothing.
     """
-    usual = usual_sd(lanes_sd)
+    typical = reported_sd(navigation_sd)
     found: dict[str, float | None] = {}
     for number in np.unique(shared.group):
         members = np.flatnonzero(shared.group == number)
@@ -153,13 +165,14 @@ def estimate_datum_sd(
         sd: float | None = settings.datum_sd
         if sd is None and len(own) < members.size and not fixed:
             sd = 0.0
-        elif sd is None and usual is not None and all(lanes_sd[k].size for k in counted):
-            reported = np.array([np.mean(lanes_sd[k][1] ** 2) for k in counted])
+        elif sd is None and typical is not None and all(navigation_sd[k].size for k in counted):
+            reported = np.array([np.mean(navigation_sd[k][1] ** 2) for k in counted])
             sd = float(np.sqrt(reported.mean()))
             if not fixed:
-                spans = np.diff(shared.span[counted], axis=1)[:, 0] / wander.correlation_time
-                seen = np.minimum(wander.sd / usual, 1.0) ** 2 * reported
-                means = reported - seen * [_mean_square_about_mean(float(span)) for span in spans]
+                spans = np.diff(shared.span[counted], axis=1)[:, 0] / process.correlation_time
+                drift = np.minimum(process.sd / typical, 1.0) ** 2 * reported
+                means = reported - drift * [_mean_square_about_mean(float(span)) for span in spans]
+                # variance of a mean of correlated errors: (1 - rho) sum(s²) + rho (sum s)²
                 alone, together = means.sum(), np.sqrt(means).sum() ** 2
                 both = alone + settings.pass_correlation * (together - alone)
                 sd = float(np.sqrt(both)) / len(counted)
@@ -168,12 +181,12 @@ def estimate_datum_sd(
 
 
 def _mean_square_about_mean(span: float) -> float:
-    """Mean square of a first-order process of variance 1 about its mean over a time.
+    """Mean square of a first-order process of variance 1 about its mean over a span of time.
 
     Parameters
     ----------
     span : float
-        The time, in times of correlation [1].
+        Span divided by the correlation time [1].
 
     Returns
     -------

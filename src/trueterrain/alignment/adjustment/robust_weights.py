@@ -1,4 +1,9 @@
-"""Weights of the cells: what is usual is told by the data, and what is not is left out."""
+"""Robust weights of the cells, and the statistics of residuals that scale the covariance.
+
+The variance of an entry is that of its scatter plus a noise floor estimated from the residuals.
+Weights follow the residuals: Huber's until the corrections converge, then Tukey's (redescending),
+which reject gross errors.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,18 +26,18 @@ from trueterrain.core.errors import TrueTerrainError
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
-_MEDIAN_OF_SQUARE = 0.45493642311957283  # of a standard normal variable, squared
-_SOME = 20_000  # cells that tell what is usual
-_STEADY = 5e-4  # change of the floor below which it is kept
-_PARTS = 8  # of a knot interval in which a pass is taken to err by the same
-_FLOORS = 10  # iterations in which the floor follows
-_LENGTHENED, _DAMPED = 4.0, 0.9  # most of the distance between two solutions to go on, or back
-_STEPS = 3  # in which what is far away is left out
+_CHI2_MEDIAN = 0.45493642311957283  # median of the chi-square distribution, f = 1
+_SAMPLE = 20_000  # cells from which the noise floor is estimated
+_STEADY = 5e-4  # relative tolerance of the noise floor
+_PARTS = 8  # of a knot interval within which the residual drift of a pass is constant
+_FLOORS = 10  # iterations after which the noise floor is kept
+_MAX_EXTENSION, _MAX_DAMPING = 4.0, 0.9  # bounds of the relaxation, as fractions of the step
+_STEPS = 3  # iterations with Tukey's weights
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WeightedFit:
-    """Corrections, and the weights that they were found with."""
+    """Corrections and the weights of their last iteration."""
 
     solution: AdjustmentSolution
     "The corrections."
@@ -44,56 +49,56 @@ class WeightedFit:
     "Correction of the height of each entry, shape (n,) [m]."
 
     robustness: Floats
-    "Share of its weight that each entry keeps, 0 if it is rejected, shape (n,)."
+    "Robust weight of each entry from 0, if it is rejected, to 1, shape (n,)."
 
     floor: float
-    "Standard deviation that every cell has beside its own [m]."
+    "Noise floor: standard deviation in addition to that of the scatter [m]."
 
     weight: Floats
     "Weight of each entry, shape (n,) [1/m²]."
 
     iterations: int
-    "Iterations that were needed."
+    "Iterations until convergence."
 
 
 def fit_corrections(
     system: AdjustmentSystem, prior: Mapping[str, ComponentPrior], settings: NetworkSettings
 ) -> WeightedFit:
-    """Adjust with Huber's weights, which follow the residuals, until corrections converge.
+    """Adjust with Huber's weights by iteratively reweighted least squares.
 
     Parameters
     ----------
-    system : System
+    system : AdjustmentSystem
         The unknowns.
-    prior : mapping of str to Prior
-        What is known of each component before.
+    prior : mapping of str to ComponentPrior
+        Prior of each component.
     settings : NetworkSettings
-        Where Huber's weights begin to fall, and when corrections have converged.
+        Bound of Huber's weights and tolerances of convergence.
 
     Returns
     -------
-    Fitted
-        Where they converged.
+    WeightedFit
+        After convergence.
 
     Raises
     ------
     TrueTerrainError
-        If they do not.
+        If the corrections do not converge.
 
     Notes
     -----
-    The noise floor, which is the scale of the weights, follows the corrections until it stays, or
-    for some iterations: two floors that lead to each other would never end. From then on the step
-    after a solution is that of Anderson's acceleration with one solution before: it damps steps
-    that go back and forth, and lengthens those that creep, as where a few gross errors hold many
-    weights. Corrections have converged if none changes by more than a fraction of its own standard
-    deviation, or by more than a length that is of no use.
+    The noise floor, which scales the residuals, is re-estimated until it is constant, or for some
+    iterations: two floors that lead to each other would alternate for ever. From then on steps are
+    relaxed by Anderson's acceleration of depth 1 (Anderson 1965), which damps oscillation and
+    extends slow steps, as where a few gross errors determine many weights. The corrections have
+    converged if no linear combination of them changes by more than a fraction of its standard
+    deviation, or none by more than an absolute tolerance.
     """
     shared = system.shared
     known = system.known(prior)
     x = np.zeros(system.size)
     floor, fixed = np.inf, False
-    before: tuple[Floats, Floats] | None = None  # solution, and step that led to it
+    before: tuple[Floats, Floats] | None = None  # solution and step of the iteration before
     for iteration in range(1, settings.max_iterations + 1):
         correction = system.corrections(system.coefficients(x))
         height = shared.entries.height + correction
@@ -107,41 +112,43 @@ def fit_corrections(
         robustness = settings.huber / np.maximum(np.abs(away), settings.huber)
         fitted = _solve_weighted(system, known, robustness, variance, floor, iteration)
         step = fitted.solution.x - x
-        moved = np.abs(fitted.correction - correction)
-        parts = system.in_deviations(fitted.solution, step)
+        change_m = np.abs(fitted.correction - correction)
+        parts = system.whiten_change(fitted.solution, step)  # in standard deviations
         change = float(np.sqrt((parts**2).sum()))
-        if fixed and (moved.max() <= settings.tolerance or change <= settings.relative_tolerance):
+        if fixed and (
+            change_m.max() <= settings.tolerance or change <= settings.relative_tolerance
+        ):
             return fitted
         x = fitted.solution.x
         if before is not None:
-            back = _part_back(parts, system.in_deviations(fitted.solution, before[1]))
-            x = x - back * (x - before[0])
+            relaxation = _anderson_factor(parts, system.whiten_change(fitted.solution, before[1]))
+            x = x - relaxation * (x - before[0])
         before = fitted.solution.x, step
-    raise _not_converged(shared, moved, change, settings)
+    raise _not_converged(shared, change_m, change, settings)
 
 
-def _part_back(now: Floats, before: Floats) -> float:
-    """Part of the distance to the solution before by which to go back; on, if it is negative."""
-    turn = now - before
-    square = float(turn @ turn)
+def _anderson_factor(now: Floats, before: Floats) -> float:
+    """Fraction of the last step to undo (Anderson, depth 1); negative extends the step."""
+    difference = now - before
+    square = float(difference @ difference)
     if square == 0:
         return 0.0
-    # steps that grow are not lengthened
-    furthest = 0.0 if now @ now > before @ before else -_LENGTHENED
-    return float(np.clip(now @ turn / square, furthest, _DAMPED))
+    # minimises |now - a (now - before)|; growing steps are not extended
+    lower = 0.0 if now @ now > before @ before else -_MAX_EXTENSION
+    return float(np.clip(now @ difference / square, lower, _MAX_DAMPING))
 
 
 def _not_converged(
-    shared: SharedCells, moved: Floats, change: float, settings: NetworkSettings
+    shared: SharedCells, change_m: Floats, change: float, settings: NetworkSettings
 ) -> TrueTerrainError:
-    worst = int(np.argmax(moved))
-    moving = np.unique(shared.lane[moved > settings.tolerance])
-    names = dict.fromkeys(shared.names[k] for k in (shared.lane[worst], *moving))
+    worst = int(np.argmax(change_m))
+    moving = np.unique(shared.pass_index[change_m > settings.tolerance])
+    names = dict.fromkeys(shared.names[k] for k in (shared.pass_index[worst], *moving))
     name, entries = next(iter(names)), shared.entries
     others = f" (of {', '.join(list(names)[1:])} by less)" if len(names) > 1 else ""
     return TrueTerrainError(
         f"the adjustment did not converge in {settings.max_iterations} iterations: the correction "
-        f"of {name} still changes by {1e3 * moved[worst]:.3g} mm at easting "
+        f"of {name} still changes by {1e3 * change_m[worst]:.3g} mm at easting "
         f"{entries.easting[worst]:.1f} m and northing {entries.northing[worst]:.1f} m{others}; all "
         f"together by up to {change:.2g} standard deviations, more than the relative tolerance of "
         f"{settings.relative_tolerance:g}",
@@ -151,21 +158,21 @@ def _not_converged(
 
 
 def gross_errors(shared: SharedCells, fitted: WeightedFit, bound: float) -> npt.NDArray[np.bool_]:
-    """What is so far away that it would pull fine corrections along.
+    """Gross errors: entries so large that they would bias fine corrections.
 
     Parameters
     ----------
-    shared : Shared
+    shared : SharedCells
         The observations.
-    fitted : Fitted
-        Coarse corrections, which a few cells cannot pull.
+    fitted : WeightedFit
+        Coarse corrections, which a few cells cannot bias.
     bound : float
-        Standard deviations beyond which an entry is wrong.
+        Bound in standard deviations.
 
     Returns
     -------
     numpy.ndarray of bool, shape (n,)
-        True where it is.
+        True for gross errors.
     """
     height = shared.entries.height + fitted.correction
     away = np.empty(height.size)
@@ -183,36 +190,36 @@ def fit_tukey(
     bound: float,
     factor: float,
 ) -> WeightedFit:
-    """Adjust with Tukey's weights, in a few steps from where Huber's led: outliers get none.
+    """Adjust with Tukey's weights, starting from Huber's: outliers get no weight.
 
     Parameters
     ----------
-    system : System
+    system : AdjustmentSystem
         The unknowns.
-    prior : mapping of str to Prior
-        What is known of each component before.
-    before : Fitted
-        Where to start.
+    prior : mapping of str to ComponentPrior
+        Prior of each component.
+    before : WeightedFit
+        Start values.
     bound : float
         Standard deviations beyond which a cell is rejected.
     factor : float
-        By which all variances are greater than single cells tell.
+        Design effect, by which all variances are multiplied.
 
     Returns
     -------
-    Fitted
-        After these steps.
+    WeightedFit
+        After a fixed number of iterations.
     """
     shared = system.shared
     variance = shared.entries.variance + before.floor**2
-    _, share = entry_residuals(shared, before.correction, shared.usable / variance)
+    _, redundancy = entry_residuals(shared, before.correction, shared.usable / variance)
     fitted, known = before, system.known(prior)
     for _ in range(_STEPS):
         height = shared.entries.height + fitted.correction
-        # a weight of 0 could not come back
+        # keep weights above 0: redescending weights could not recover from 0
         weight = shared.usable * np.maximum(fitted.robustness, 1e-9) / variance
         out, _ = entry_residuals(shared, height, weight)
-        beyond = np.minimum(out**2 / (np.maximum(share, 1e-9) * variance * bound**2), 1.0)
+        beyond = np.minimum(out**2 / (np.maximum(redundancy, 1e-9) * variance * bound**2), 1.0)
         fitted = _solve_weighted(
             system,
             known,
@@ -225,78 +232,87 @@ def fit_tukey(
 
 
 def design_effect(shared: SharedCells, fitted: WeightedFit, size: float) -> float:
-    """By how much sums over squares of ground scatter more than those of independent cells would.
+    """Design effect: variance of sums over squares of ground over that of independent cells.
+
+    Errors of neighbouring cells are correlated, so a mean of them has a greater variance (Kish
+    1965).
 
     Parameters
     ----------
-    shared : Shared
+    shared : SharedCells
         The observations.
-    fitted : Fitted
-        What is left of them.
+    fitted : WeightedFit
+        Corrections and weights.
     size : float
         Side of the squares [m].
 
     Returns
     -------
     float
-        Ratio of variances, at least 1.
+        Factor of variances, at least 1.
     """
-    left, _ = entry_residuals(shared, shared.entries.height + fitted.correction, fitted.weight)
+    residual, _ = entry_residuals(shared, shared.entries.height + fitted.correction, fitted.weight)
     _, index = np.unique(shared.squares(size), return_inverse=True)
-    key = shared.per_entry(index.astype(np.int64)) * len(shared.names) + shared.lane
-    alone, together = _grouped_sums(key, fitted.weight * left)
+    key = shared.per_entry(index.astype(np.int64)) * len(shared.names) + shared.pass_index
+    alone, together = _grouped_sums(key, fitted.weight * residual)
     return max(1.0, together / alone) if alone > 0 else 1.0
 
 
 def variance_factor(shared: SharedCells, fitted: WeightedFit) -> float:
-    """Variance of weighted residuals, by what it would be if weights were exact.
+    """Variance factor of the weighted residuals: 1 if the weights are inverse variances.
 
-    Weights that fall off with the residuals make sums of them scatter less.
+    Robust weights decrease with the residuals, so weighted sums scatter less than the weights say.
 
     Parameters
     ----------
-    shared : Shared
+    shared : SharedCells
         The observations.
-    fitted : Fitted
-        What is left of them.
+    fitted : WeightedFit
+        Corrections and weights.
 
     Returns
     -------
     float
-        Ratio of variances.
+        sum (w v)² / sum (w r), r being the redundancy numbers.
     """
-    left, free = entry_residuals(shared, shared.entries.height + fitted.correction, fitted.weight)
-    usual = float((fitted.weight * free).sum())
-    return float(((fitted.weight * left) ** 2).sum()) / usual if usual > 0 else 1.0
+    residual, redundancy = entry_residuals(
+        shared, shared.entries.height + fitted.correction, fitted.weight
+    )
+    expected = float((fitted.weight * redundancy).sum())
+    return float(((fitted.weight * residual) ** 2).sum()) / expected if expected > 0 else 1.0
 
 
-def left_over(system: AdjustmentSystem, fitted: WeightedFit) -> float:
-    """What all cells that a pass sees at a time still have in common.
+def estimate_residual_sd(system: AdjustmentSystem, fitted: WeightedFit) -> float:
+    """Standard deviation of the drift that the corrections are too coarse for.
+
+    It is the covariance of the residuals of cells that a pass sees at the same time.
 
     Parameters
     ----------
-    system : System
+    system : AdjustmentSystem
         The unknowns.
-    fitted : Fitted
-        Their solution.
+    fitted : WeightedFit
+        Corrections and weights.
 
     Returns
     -------
     float
-        Standard deviation of what is too fine for the knots [m].
+        Residual standard deviation [m].
     """
     shared, entries = system.shared, system.shared.entries
-    left, free = entry_residuals(shared, entries.height + fitted.correction, fitted.weight)
+    residual, redundancy = entry_residuals(
+        shared, entries.height + fitted.correction, fitted.weight
+    )
     step = max(one.spacing for one in system.knots if one is not None) / _PARTS
-    at = np.floor((entries.time - shared.span[shared.lane, 0]) / step).astype(np.int64)
-    key = shared.lane * (at.max() + 1) + at
-    alone, together = _grouped_sums(key, fitted.weight * left)
-    # what becomes of errors of the passes that are corrected, when the mean is taken away
-    moving = ~shared.fixed[shared.lane]
-    part = np.where(moving, 1.0 - free, 0.0)
+    at = np.floor((entries.time - shared.span[shared.pass_index, 0]) / step).astype(np.int64)
+    key = shared.pass_index * (at.max() + 1) + at
+    alone, together = _grouped_sums(key, fitted.weight * residual)
+    # subtracting the mean of a cell reduces the errors of its passes: v_i = r_i e_i - sum w_j e_j
+    moving = ~shared.fixed[shared.pass_index]
+    part = np.where(moving, 1.0 - redundancy, 0.0)
     of_all = shared.per_entry(np.add.reduceat(part**2, shared.start[:-1]))
     own, all_ = _grouped_sums(
-        key, fitted.weight * np.sqrt(of_all + np.where(moving, free**2 - part**2, 0.0))
+        key, fitted.weight * np.sqrt(of_all + np.where(moving, redundancy**2 - part**2, 0.0))
     )
     if all_ <= own * (1.0 + 1e-9):
         return 0.0
@@ -304,7 +320,7 @@ def left_over(system: AdjustmentSystem, fitted: WeightedFit) -> float:
 
 
 def _grouped_sums(key: Integers, values: Floats) -> tuple[float, float]:
-    """Sum of squares of some values, and of their sums over the same key."""
+    """Sum of squares of some values, and of their sums over equal keys."""
     order = np.argsort(key, kind="stable")
     first = np.flatnonzero(np.diff(key[order], prepend=-1))
     summed = np.add.reduceat(values[order], first)
@@ -334,35 +350,35 @@ def _solve_weighted(
 
 
 def noise_floor(shared: SharedCells, height: Floats, guess: float = 1e-3) -> float:
-    """Standard deviation that cells have beside that of their own scatter.
+    """Noise floor: standard deviation of the heights of cells in addition to their scatter.
 
-    Two passes sample the texture of the ground at different places; half of all residuals must be
-    within what is usual for half of normal errors.
+    Two passes sample the texture of the ground at different places. The floor is that for which
+    the median of the squared standardised deviations is the median of chi-square.
 
     Parameters
     ----------
-    shared : Shared
+    shared : SharedCells
         The observations.
     height : numpy.ndarray, shape (n,)
         Corrected heights [m].
     guess : float
-        Where to begin to look for it [m].
+        Start value [m].
 
     Returns
     -------
     float
         At least 1 µm [m].
     """
-    some = np.arange(0, shared.cells, max(1, shared.cells // _SOME))
-    each = np.diff(shared.start)[some]
+    sample = np.arange(0, shared.cells, max(1, shared.cells // _SAMPLE))
+    each = np.diff(shared.start)[sample]
     start = np.concatenate([[0], np.cumsum(each)]).astype(np.int64)
-    pick = np.repeat(shared.start[some] - start[:-1], each) + np.arange(start[-1])
+    pick = np.repeat(shared.start[sample] - start[:-1], each) + np.arange(start[-1])
     height, variance, usable = height[pick], shared.entries.variance[pick], shared.usable[pick]
     out = np.empty(pick.size)
 
     def excess(floor: float) -> float:
         _kernels.standardised_deviations(start, height, variance + floor**2, usable, out)
-        return float(np.median(out[usable] ** 2)) - _MEDIAN_OF_SQUARE
+        return float(np.median(out[usable] ** 2)) - _CHI2_MEDIAN
 
     low, high = 1e-6, guess
     if excess(low) <= 0:
@@ -370,8 +386,8 @@ def noise_floor(shared: SharedCells, height: Floats, guess: float = 1e-3) -> flo
     while excess(high) > 0:
         low, high = high, 2.0 * high
     while high - low > _STEADY * high:
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
+        midpoint = 0.5 * (low + high)
+        low, high = (midpoint, high) if excess(midpoint) > 0 else (low, midpoint)
     return high
 
 
@@ -380,7 +396,7 @@ def entry_residuals(shared: SharedCells, height: Floats, weight: Floats) -> tupl
 
     Parameters
     ----------
-    shared : Shared
+    shared : SharedCells
         The observations.
     height, weight : numpy.ndarray, shape (n,)
         Heights [m] and their weights [1/m²].
@@ -389,9 +405,9 @@ def entry_residuals(shared: SharedCells, height: Floats, weight: Floats) -> tupl
     -------
     residual : numpy.ndarray, shape (n,)
         Heights less the weighted mean of their cell [m].
-    free : numpy.ndarray, shape (n,)
-        1 less the share of each in that mean.
+    redundancy : numpy.ndarray, shape (n,)
+        Redundancy numbers: 1 less the weight of the entry over that of its cell [1].
     """
-    out, share = np.empty(height.size), np.empty(height.size)
-    _kernels.cell_residuals(shared.start, height, weight, out, share)
-    return out, share
+    residual, redundancy = np.empty(height.size), np.empty(height.size)
+    _kernels.cell_residuals(shared.start, height, weight, residual, redundancy)
+    return residual, redundancy

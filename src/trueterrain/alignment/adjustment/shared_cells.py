@@ -1,4 +1,4 @@
-"""Cells that several passes saw, brought together: the observations of the adjustment."""
+"""Observations of the adjustment: cells that passes have in common."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,45 +14,45 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 Number = TypeVar("Number", np.int64, np.float64)
 
-_WINDOW = 500.0  # [m] side of the squares of which a part is taken
+_WINDOW = 500.0  # [m] side of the squares in which ground is sampled
 _MIX = np.int64(0x5851F42D4C957F2D)
-_LEAST_FREE = 6  # returns with fewer are lent the scatter of others, as if they had some more
+_PRIOR_RETURNS = 6  # degrees of freedom given to the median scatter of the pass when pooling
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SharedCells:
-    """Cells that are seen at least twice, entry by entry; those of a cell follow each other.
+    """Cells seen at least twice, as entries; the entries of a cell are contiguous.
 
-    Passes are in an order of their own, whatever order they were given in.
+    An entry is one cell as one pass saw it at one visit. Passes are sorted by name.
     """
 
     names: tuple[str, ...]
-    "Names of the passes, those that are corrected and those that are fixed, then of control."
+    "Names of the passes, corrected or fixed, then of control."
 
     fixed: npt.NDArray[np.bool_]
-    "Which of them get no correction, shape (lane,)."
+    "True for passes and control without correction, shape (pass,)."
 
     span: Floats
-    "First and last time of all cells of each, shape (lane, 2) [s] or [m]."
+    "First and last time of all cells of each, shape (pass, 2) [s] or [m]."
 
     entries: PassCells
-    "All entries; heights are brought to the mean place of their cell, on its plane."
+    "All entries; heights are reduced to the mean position of their cell along its plane."
 
-    lane: Integers
+    pass_index: Integers
     "Pass of each entry, shape (n,)."
 
     start: Integers
-    "First entry of each cell, and their number, shape (cell + 1,)."
+    "First entry of each cell, then the number of entries, shape (cell + 1,)."
 
     usable: npt.NDArray[np.bool_]
-    "False for entries that are grossly wrong, shape (n,)."
+    "False for gross errors, shape (n,)."
 
     group: Integers
-    "Passes that share ground, directly or by others, have the same number, shape (lane,)."
+    "Number of the group of connected passes, shape (pass,)."
 
     @property
     def cells(self) -> int:
-        """Cells that are seen at least twice."""
+        """Number of cells."""
         return self.start.size - 1
 
     def mean(self, values: Floats) -> Floats:
@@ -60,7 +60,7 @@ class SharedCells:
         return np.add.reduceat(values, self.start[:-1]) / np.diff(self.start)
 
     def per_entry(self, values: npt.NDArray[Number]) -> npt.NDArray[Number]:
-        """What holds for cells, entry by entry, shape (n,)."""
+        """Values of cells repeated for their entries, shape (n,)."""
         return np.repeat(values, np.diff(self.start))
 
     def squares(self, size: float) -> Integers:
@@ -74,7 +74,7 @@ class SharedCells:
         Returns
         -------
         numpy.ndarray of int, shape (cell,)
-            The same number for the same place.
+            The same number for the same position.
         """
         x = np.floor(self.mean(self.entries.easting) / size).astype(np.int64)
         y = np.floor(self.mean(self.entries.northing) / size).astype(np.int64)
@@ -82,45 +82,48 @@ class SharedCells:
 
 
 def find_shared_cells(
-    lanes: Sequence[PassCells], control: Sequence[PassCells], fixed: Sequence[str]
+    passes: Sequence[PassCells], control: Sequence[PassCells], fixed: Sequence[str]
 ) -> SharedCells:
-    """Cells that are seen at least twice.
+    """Find the cells that are seen at least twice, by two passes or by one.
 
     Parameters
     ----------
-    lanes : sequence of LaneCells
-        The passes.
-    control : sequence of LaneCells
-        Heights that are known, with their variances.
+    passes : sequence of PassCells
+        Cells of the passes.
+    control : sequence of PassCells
+        Cells of control points, with their variances.
     fixed : sequence of str
         Names of passes that get no correction.
 
     Returns
     -------
-    Shared
-        The same whatever the order of the passes and of their cells.
+    SharedCells
+        Independent of the order of passes and of their cells.
 
     Raises
     ------
     ValueError
         If names are not unique, or a fixed one is not among them.
     CoverageError
-        If there are no cells in a pass, or none is seen twice.
+        If a pass has no cells, or no cell is seen twice.
     """
-    _check_names(lanes, control, fixed)
-    ordered = [*sorted(lanes, key=lambda one: one.name), *sorted(control, key=lambda one: one.name)]
+    _check_names(passes, control, fixed)
+    ordered = [
+        *sorted(passes, key=lambda one: one.name),
+        *sorted(control, key=lambda one: one.name),
+    ]
     for one in ordered:
         if not len(one):
             raise CoverageError(f"{one.name} has no cells", cure="Choose larger cells.")
-    still = np.array([one in control or one.name in fixed for one in ordered])
+    constant = np.array([one in control or one.name in fixed for one in ordered])
     span = np.array([[one.time.min(), one.time.max()] for one in ordered])
-    lane = np.repeat(np.arange(len(ordered)), [len(one) for one in ordered])
+    pass_index = np.repeat(np.arange(len(ordered)), [len(one) for one in ordered])
     cell = np.concatenate([one.cell for one in ordered])
     time = np.concatenate([one.time for one in ordered])
-    order = np.lexsort((time, lane, cell))
+    order = np.lexsort((time, pass_index, cell))
     _, first, count = np.unique(cell[order], return_index=True, return_counts=True)
-    # control alone, and passes that are fixed, tell nothing about the others
-    free = np.add.reduceat((~still)[lane[order]].astype(int), first)
+    # cells of control and fixed passes alone hold no information on corrections
+    free = np.add.reduceat((~constant)[pass_index[order]].astype(int), first)
     kept = np.flatnonzero((count >= 2) & (free > 0))
     if not kept.size:
         raise CoverageError(
@@ -134,32 +137,32 @@ def find_shared_cells(
     start = within.astype(np.int64)
     return SharedCells(
         names=tuple(one.name for one in ordered),
-        fixed=still,
+        fixed=constant,
         span=span,
-        entries=_on_their_plane(merged, start),
-        lane=lane[order].astype(np.int64),
+        entries=_reduce_heights(merged, start),
+        pass_index=pass_index[order].astype(np.int64),
         start=start,
         usable=np.ones(order.size, bool),
-        group=_pass_groups(lane[order], start, len(ordered)),
+        group=_pass_groups(pass_index[order], start, len(ordered)),
     )
 
 
 def sample_ground(shared: SharedCells, cells: int) -> tuple[SharedCells, Integers]:
-    """Part of the ground, in large squares; what passes are in each stands for passes of its own.
+    """Sample the ground in large squares; each part of a pass counts as a pass of its own.
 
     Parameters
     ----------
-    shared : Shared
+    shared : SharedCells
         All cells.
     cells : int
-        How many are wanted; of the squares, as many are taken as are needed.
+        Number of cells; as many squares are taken as are needed.
 
     Returns
     -------
-    Shared
-        The same if there are no more cells than that.
-    numpy.ndarray of int, shape (lane,)
-        Which pass each of its passes is part of.
+    SharedCells
+        The same object if there are no more cells than that.
+    numpy.ndarray of int, shape (pass,)
+        Original pass of each of its passes.
     """
     if shared.cells <= cells:
         return shared, np.arange(len(shared.names))
@@ -167,43 +170,43 @@ def sample_ground(shared: SharedCells, cells: int) -> tuple[SharedCells, Integer
         shared.squares(_WINDOW), return_inverse=True, return_counts=True
     )
     order = np.argsort(hash_integers(squares), kind="stable")
-    order = order[2 * count[order] >= np.median(count)]  # no slivers
+    order = order[2 * count[order] >= np.median(count)]  # no partly covered squares
     taken = order[: int(np.searchsorted(np.cumsum(count[order]), cells)) + 1]
     kept = np.flatnonzero(np.isin(index, taken))
     each = np.diff(shared.start)[kept]
     start = np.concatenate([[0], np.cumsum(each)]).astype(np.int64)
     pick = np.repeat(shared.start[kept] - start[:-1], each) + np.arange(start[-1])
-    key = np.repeat(index[kept], each) * len(shared.names) + shared.lane[pick]
-    keys, lane = np.unique(key, return_inverse=True)
+    key = np.repeat(index[kept], each) * len(shared.names) + shared.pass_index[pick]
+    keys, pass_index = np.unique(key, return_inverse=True)
     of = keys % len(shared.names)
     entries = shared.entries.part(pick)
     low, high = np.full(keys.size, np.inf), np.full(keys.size, -np.inf)
-    np.minimum.at(low, lane, entries.time)
-    np.maximum.at(high, lane, entries.time)
+    np.minimum.at(low, pass_index, entries.time)
+    np.maximum.at(high, pass_index, entries.time)
     return SharedCells(
         names=tuple(shared.names[k] for k in of),
         fixed=shared.fixed[of],
         span=np.stack([low, high], axis=1),
         entries=entries,
-        lane=lane.astype(np.int64),
+        pass_index=pass_index.astype(np.int64),
         start=start,
         usable=shared.usable[pick],
-        group=_pass_groups(lane, start, keys.size),
+        group=_pass_groups(pass_index, start, keys.size),
     ), of
 
 
 def hash_integers(values: Integers) -> Integers:
-    """Numbers that look random, the same for the same value, not negative."""
+    """Hash to non-negative integers: a deterministic shuffle."""
     with np.errstate(over="ignore"):
         mixed = (values * _MIX) ^ ((values * _MIX) >> np.int64(29))
         return np.asarray((mixed * _MIX) >> np.int64(33)) & np.int64((1 << 30) - 1)
 
 
 def _check_names(
-    lanes: Sequence[PassCells], control: Sequence[PassCells], fixed: Sequence[str]
+    passes: Sequence[PassCells], control: Sequence[PassCells], fixed: Sequence[str]
 ) -> None:
-    names = [one.name for one in [*lanes, *control]]
-    if not lanes:
+    names = [one.name for one in [*passes, *control]]
+    if not passes:
         message = "there must be at least one pass."
         raise ValueError(message)
     for name in names:
@@ -217,13 +220,14 @@ def _check_names(
 
 
 def _merge_cells(ordered: list[PassCells], order: Integers) -> PassCells:
-    """All entries in one, the scatter of few returns pooled with that of the whole pass."""
+    """Concatenate entries, with the scatter of few returns pooled with that of the pass."""
     parts = []
     for one in ordered:
         scatter = one.variance * one.count
         free = np.maximum(one.count - 3.0, 0.0)
-        usual = float(np.median(scatter))
-        pooled = (free * scatter + _LEAST_FREE * usual) / (free + _LEAST_FREE)
+        # weighted mean of two variances by their degrees of freedom; a plane takes 3
+        typical = float(np.median(scatter))
+        pooled = (free * scatter + _PRIOR_RETURNS * typical) / (free + _PRIOR_RETURNS)
         parts.append(replace(one, variance=pooled / one.count, sd_time=None, sd_height=None))
     columns = {
         name: np.concatenate([getattr(one, name) for one in parts])[order]
@@ -238,14 +242,14 @@ def _merge_cells(ordered: list[PassCells], order: Integers) -> PassCells:
             "slope_east",
             "slope_north",
             "offset",
-            "ahead",
+            "longitudinal",
         )
     }
     return PassCells(name="all", **columns)
 
 
-def _on_their_plane(entries: PassCells, start: Integers) -> PassCells:
-    """Entries with the slope of all passes, and heights at the mean place of their cell."""
+def _reduce_heights(entries: PassCells, start: Integers) -> PassCells:
+    """Reduce heights to the mean position of their cell along its mean slope."""
     first, each = start[:-1], np.diff(start)
     total = np.add.reduceat(entries.count.astype(float), first)
 
@@ -261,11 +265,13 @@ def _on_their_plane(entries: PassCells, start: Integers) -> PassCells:
     return replace(entries, height=height, slope_east=east, slope_north=north)
 
 
-def _pass_groups(lane: Integers, start: Integers, lanes: int) -> Integers:
-    """Number of the group of passes that each pass belongs to."""
+def _pass_groups(pass_index: Integers, start: Integers, pass_count: int) -> Integers:
+    """Connected components of the passes, linked by common cells."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    first = np.repeat(lane[start[:-1]], np.diff(start))
-    links = coo_array((np.ones(lane.size), (first, lane)), shape=(lanes, lanes))
+    first = np.repeat(pass_index[start[:-1]], np.diff(start))
+    links = coo_array(
+        (np.ones(pass_index.size), (first, pass_index)), shape=(pass_count, pass_count)
+    )
     return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)

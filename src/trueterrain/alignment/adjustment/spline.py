@@ -1,22 +1,21 @@
-"""Corrections of passes: cubic B-splines of time or station, and how much they may wander.
+"""Corrections of passes: cubic B-splines of time or station, and the prior of their drift.
 
-What an INS gets wrong wanders about a constant. It is taken as a Gauss-Markov process, of first
-order (rough, as measured on two drives over one road) or of second order (smooth, as an INS whose
-height is carried by accelerometers), given at the coefficients of the spline.
+The errors of an INS drift about a constant. The drift is modelled as a Gauss-Markov process of
+first order (rough, as measured on two drives over one road) or of second order (smooth, as an INS
+whose height rests on accelerometers), sampled at the coefficients of the spline.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
-Order = Literal["first", "second"]
+from trueterrain.alignment.adjustment import _kernels
+from trueterrain.alignment.settings import COMPONENTS, Order
 
-#: What a correction may hold, in this order, and the unit of its coefficients.
-COMPONENTS = {"height": "m", "roll": "rad", "pitch": "rad", "east": "m", "north": "m"}
+Floats = npt.NDArray[np.float64]
 
 # sums of products of the four cubic basis functions over an interval, by the lag of their
 # coefficients: values of the B-spline of degree 7 at its knots
@@ -26,16 +25,16 @@ _SMOOTH = 2.146193220620583  # (1 + x) exp(-x) = 1 / e
 
 @dataclass(frozen=True, kw_only=True)
 class GaussMarkovProcess:
-    """How much a component of a correction may wander about its constant part."""
+    """Gauss-Markov process: prior of the drift of a component about its constant part."""
 
     sd: float
     "Standard deviation [m] or [rad]; 0 for a component that is constant."
 
     correlation_time: float = 25.0
-    "Time, or way, after which the autocorrelation is 1/e [s] or [m]."
+    "Time or distance after which the autocorrelation is 1/e [s] or [m]."
 
     order: Order = "first"
-    "Gauss-Markov process of ``first`` order, rough, or of ``second`` order, smooth."
+    "Order of the process: ``first`` is rough, ``second`` smooth (Gelb 1974)."
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -55,16 +54,16 @@ class GaussMarkovProcess:
         Parameters
         ----------
         lag : array_like
-            Times apart [s], or distances [m].
+            Differences of time [s] or distance [m].
 
         Returns
         -------
         numpy.ndarray
-            From 1 to 0.
+            From 0 to 1.
 
         Examples
         --------
-        >>> Wander(sd=0.02, correlation_time=25.0).correlation([0.0, 25.0])
+        >>> GaussMarkovProcess(sd=0.02, correlation_time=25.0).correlation([0.0, 25.0])
         array([1.   , 0.3679])
         """
         x = np.abs(np.asarray(lag, dtype=np.float64)) / self.correlation_time
@@ -73,7 +72,9 @@ class GaussMarkovProcess:
         return np.asarray((1.0 + _SMOOTH * x) * np.exp(-_SMOOTH * x), dtype=np.float64)
 
     def whitening(self, sd: Floats, spacing: float) -> Floats:
-        """Rows that make the coefficients of a spline white, as three diagonals.
+        """Whitening matrix of the coefficients of a spline, as three diagonals.
+
+        W c has unit covariance, so WᵀW is the normal matrix of the prior.
 
         Parameters
         ----------
@@ -85,22 +86,24 @@ class GaussMarkovProcess:
         Returns
         -------
         numpy.ndarray, shape (3, n)
-            Factors of the coefficient itself, of the one before it and of the one before that.
+            Diagonal, first and second subdiagonal.
         """
         step = spacing / self.correlation_time
         rows, rho = np.zeros((3, sd.size)), np.ones(4)
         if self.order == "first":
             rho[:] = np.exp(-step * np.arange(4))
+            # AR(1): (c_i - rho c_(i-1)) / sqrt(1 - rho²)
             rows[:2] = np.array([[1.0], [-rho[1]]]) / np.sqrt(-np.expm1(-2.0 * step))
         else:
             phi = np.exp(-_SMOOTH * step)
+            # AR(2) with a double root phi, the sampled critically damped process
             rho[1] = 2.0 * phi / (1.0 + phi**2)
             for lag in (2, 3):
                 rho[lag] = 2.0 * phi * rho[lag - 1] - phi**2 * rho[lag - 2]
             free = -np.expm1(-2.0 * _SMOOTH * step)
             rows[:] = np.array([[1.0], [-2.0 * phi], [phi**2]]) * np.sqrt((1.0 + phi**2) / free**3)
             rows[:, 1:2] = np.array([[1.0], [-rho[1]], [0.0]]) * ((1.0 + phi**2) / free)
-        # a spline varies less than its coefficients
+        # the variance of the spline is less than that of its coefficients, by their overlap
         scale = np.sqrt(_OVERLAP @ rho) / sd
         rows[:, 0] = 1.0, 0.0, 0.0
         for back in range(3):
@@ -128,7 +131,7 @@ class SplineKnots:
 
     @property
     def places(self) -> Floats:
-        """Where each coefficient counts most, shape (intervals + 3,) [s] or [m]."""
+        """Centre of each basis function, shape (intervals + 3,) [s] or [m]."""
         return self.begin + self.spacing * np.arange(-1.0, self.intervals + 2.0)
 
     def basis(self, time: npt.ArrayLike) -> tuple[npt.NDArray[np.int64], Floats]:
@@ -137,22 +140,20 @@ class SplineKnots:
         Parameters
         ----------
         time : array_like, shape (m,)
-            Times [s], or stations [m]; those beyond the ends are taken as the ends.
+            Times [s] or stations [m]; clipped to the ends.
 
         Returns
         -------
         interval : numpy.ndarray of int, shape (m,)
-            The coefficients are those of this number and of the next three.
+            Index of the first of the four coefficients.
         weights : numpy.ndarray, shape (m, 4)
             Their sum is 1.
 
         Examples
         --------
-        >>> Knots(begin=0.0, spacing=2.0, intervals=3).basis([2.0])
+        >>> SplineKnots(begin=0.0, spacing=2.0, intervals=3).basis([2.0])
         (array([1]), array([[0.1667, 0.6667, 0.1667, 0.    ]]))
         """
-        from trueterrain.alignment.adjustment import _kernels
-
         time = np.clip(np.asarray(time, dtype=np.float64).ravel(), self.begin, self.end)
         interval, weights = np.empty(time.size, np.int64), np.empty((time.size, 4))
         _kernels.spline_basis(time, self.begin, self.spacing, self.intervals, 0, interval, weights)
@@ -160,19 +161,19 @@ class SplineKnots:
 
 
 def knots_over(first: float, last: float, spacing: float) -> SplineKnots:
-    """Knots over a stretch of time or way, which lies in their middle.
+    """Knots over a span of time or distance, centred on it.
 
     Parameters
     ----------
     first, last : float
-        Ends of the stretch [s] or [m].
+        Ends of the span [s] or [m].
     spacing : float
         Spacing [s] or [m].
 
     Returns
     -------
-    Knots
-        As few as cover it.
+    SplineKnots
+        The fewest that cover the span.
 
     Examples
     --------
@@ -186,7 +187,7 @@ def knots_over(first: float, last: float, spacing: float) -> SplineKnots:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SplineCorrection:
-    """What is to be added to a pass: height, and what tilts or shifts it, with their covariance.
+    """Correction of a pass: height, and optionally roll, pitch and shift, with their covariance.
 
     At the time t, a point at the offset v to the left of the path and u ahead of the body gets
     ``height(t) + v roll(t) + u pitch(t)`` added to its height, and is moved by ``east(t)`` and
@@ -200,42 +201,42 @@ class SplineCorrection:
     "Knots of all components."
 
     components: tuple[str, ...]
-    "Those that were estimated: height, roll, pitch, east, north."
+    "Estimated components, of height, roll, pitch, east, north."
 
     coefficients: Floats
-    "Coefficients, shape (component, intervals + 3) [m] or [rad]; offsets are contained in them."
+    "Coefficients, shape (component, intervals + 3) [m] or [rad], offsets included."
 
     offset: Floats
     "Constant parts that the coefficients contain, shape (component,) [m] or [rad]."
 
     covariance: Floats
-    """Of the 4 coefficients of each component that count in an interval, the four of the first
-    component first, shape (interval, 4 k, 4 k)."""
+    """Covariance of the 4 coefficients of each component in an interval, ordered by component,
+    shape (interval, 4 k, 4 k)."""
 
-    left: float
-    "Standard deviation that the correction leaves: what is too fine for its knots [m]."
+    residual_sd: float
+    "Standard deviation of the drift that the knots are too coarse for [m]."
 
     supported: npt.NDArray[np.bool_]
-    "Intervals in which the pass shares ground with others, shape (interval,)."
+    "Intervals in which other passes cover the same ground, shape (interval,)."
 
     datum_sd: float | None = None
     """Standard deviation of the datum [m]: of the height error that all passes of the adjustment
-    have in common, which `covariance` does not hold; None if it is not known."""
+    have in common, which `covariance` does not include; None if it is unknown."""
 
     def __call__(self, time: npt.ArrayLike, component: str = "height") -> Floats:
-        """One component at some times.
+        """Evaluate one component.
 
         Parameters
         ----------
         time : array_like
-            Times [s], or stations [m]; beyond the ends it stays as it is there.
+            Times [s] or stations [m]; constant beyond the ends.
         component : str
             One of `COMPONENTS`.
 
         Returns
         -------
         numpy.ndarray, shape of time
-            What is to be added [m] or [rad].
+            Correction [m] or [rad].
         """
         if component not in COMPONENTS:
             message = f"component must be one of {', '.join(COMPONENTS)}, got {component!r}."
@@ -249,47 +250,51 @@ class SplineCorrection:
         return np.asarray(values.reshape(shape))
 
     def height_at(
-        self, time: npt.ArrayLike, offset: npt.ArrayLike = 0.0, ahead: npt.ArrayLike = 0.0
+        self, time: npt.ArrayLike, offset: npt.ArrayLike = 0.0, longitudinal: npt.ArrayLike = 0.0
     ) -> Floats:
-        """What is to be added to heights.
+        """Correction of heights.
 
         Parameters
         ----------
         time : array_like
             Times [s], or stations [m].
-        offset, ahead : array_like
-            Where the ground lies from the body: to the left of its path, and ahead [m].
+        offset, longitudinal : array_like
+            Position relative to the body: lateral, to the left positive, and longitudinal [m].
 
         Returns
         -------
         numpy.ndarray
-            Height, roll times offset and pitch times ahead [m].
+            Height, roll times offset and pitch times longitudinal [m].
         """
         return np.asarray(
             self(time)
             + self(time, "roll") * np.asarray(offset)
-            + self(time, "pitch") * np.asarray(ahead)
+            + self(time, "pitch") * np.asarray(longitudinal)
         )
 
     def sd(
-        self, time: npt.ArrayLike, offset: npt.ArrayLike = 0.0, ahead: npt.ArrayLike = 0.0
+        self, time: npt.ArrayLike, offset: npt.ArrayLike = 0.0, longitudinal: npt.ArrayLike = 0.0
     ) -> Floats:
-        """Standard deviation of what `height_at` leaves.
+        """Standard deviation of a corrected height.
 
         Parameters
         ----------
         time : array_like
             Times [s], or stations [m].
-        offset, ahead : array_like
-            Where the ground lies from the body: to the left of its path, and ahead [m].
+        offset, longitudinal : array_like
+            Position relative to the body: lateral, to the left positive, and longitudinal [m].
 
         Returns
         -------
         numpy.ndarray
-            Relative to the datum of the adjustment, what is too fine for the knots included [m].
+            Relative to the datum of the adjustment, `residual_sd` included [m].
         """
-        time, offset, ahead = np.broadcast_arrays(time, offset, ahead)
-        factor = {"height": np.ones(time.size), "roll": offset.ravel(), "pitch": ahead.ravel()}
+        time, offset, longitudinal = np.broadcast_arrays(time, offset, longitudinal)
+        factor = {
+            "height": np.ones(time.size),
+            "roll": offset.ravel(),
+            "pitch": longitudinal.ravel(),
+        }
         none = np.zeros(time.size)
         interval, weights = self.knots.basis(time)
         row = np.concatenate(
@@ -297,14 +302,14 @@ class SplineCorrection:
             axis=1,
         )
         variance = np.einsum("ni,nij,nj->n", row, self.covariance[interval], row, optimize=True)
-        variance = np.maximum(variance, 0.0) + self.left**2
+        variance = np.maximum(variance, 0.0) + self.residual_sd**2
         return np.asarray(np.sqrt(variance).reshape(time.shape))
 
     @cached_property
     def unsupported(self) -> list[tuple[float, float]]:
-        """Stretches of time or way in which no other pass sees the same ground.
+        """Spans of time or distance in which no other pass covers the same ground.
 
-        There only the prior ties the correction, and its standard deviation says how loosely.
+        There the correction is extrapolated by its prior, and its standard deviation grows.
         """
         edges = np.flatnonzero(np.diff(np.concatenate([[1], self.supported, [1]]).astype(int)))
         at = self.knots.begin + self.knots.spacing * edges

@@ -1,8 +1,8 @@
-"""Unknowns of the adjustment, their normal equations, and what is known of them before.
+"""Unknowns of the adjustment, their normal equations and their prior.
 
-Each component of the correction of a pass is a constant part, the *offset*, and a spline that
-wanders about it. The constant parts of the heights are free. The datum of a group of passes, of
-which none is fixed, is that the mean of their corrections, each over its whole time, is 0.
+Each component of the correction of a pass is a constant, the *offset*, plus a spline that models
+the drift about it. Offsets of the height are free. If no pass of a group is fixed, its datum is
+that the mean of the corrections over time is 0.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,46 +13,50 @@ import numpy as np
 import numpy.typing as npt
 
 from trueterrain.alignment.adjustment import _kernels
+from trueterrain.alignment.adjustment.cholesky.factorisation import SparsePattern, pattern_of
 from trueterrain.alignment.adjustment.normal_equations import (
     AdjustmentSolution,
     ComponentPrior,
     NormalEquations,
     PriorInformation,
+    pair_places,
+    squared_band,
 )
 from trueterrain.alignment.adjustment.shared_cells import SharedCells
-from trueterrain.alignment.adjustment.sparse_cholesky import SparsePattern, pattern_of
 from trueterrain.alignment.adjustment.spline import SplineKnots, knots_over
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
-DATUM_SD = 1e-4  # [m] by which one offset of each group is held until the datum is applied
-_MEAN_BASIS = np.array([1.0, 11.0, 11.0, 1.0]) / 24.0  # of the four basis functions, an interval
-LEAST_SD = 1e-7  # [m] or [rad] of what shall not wander
+DATUM_SD = 1e-4  # [m] prior of one offset of each group, which removes the rank defect of the datum
+_MEAN_BASIS = (
+    np.array([1.0, 11.0, 11.0, 1.0]) / 24.0
+)  # integrals of the basis functions over an interval
+MIN_SD = 1e-7  # [m] or [rad] drift of a component that is constant
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _GroupDatum:
-    """Mean height of the corrections of a group, which shall be 0."""
+    """Datum of a group: the mean height of its corrections, which must be 0."""
 
     unknowns: Integers
     "Unknowns that it depends on."
 
     weights: Floats
-    "How much on each."
+    "Weight of each."
 
     offsets: Integers
     "Offsets of the heights of the group."
 
     def mean_of(self, x: Floats) -> float:
-        """Mean height by some unknowns [m]."""
+        """Mean height of the corrections [m]."""
         return float((self.weights * x[self.unknowns]).sum())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AdjustmentSystem:
-    """Unknowns of all passes that are corrected, and which of them meet in which cell."""
+    """Unknowns of all corrected passes, and the structure of their normal matrix."""
 
     shared: SharedCells
     "The observations."
@@ -64,7 +68,7 @@ class AdjustmentSystem:
     "Knots of each pass; None if it is fixed."
 
     first: Integers
-    "First interval of each pass, and their number, shape (lane + 1,)."
+    "First interval of each pass, then the number of intervals, shape (pass + 1,)."
 
     interval: Integers
     "Interval of each entry, -1 where the pass is fixed, shape (n,)."
@@ -73,19 +77,19 @@ class AdjustmentSystem:
     "Weights of its four coefficients, shape (n, 4)."
 
     factor: Floats
-    "What one unit of each component adds to the height of an entry, shape (n, k)."
+    "Derivative of the height of an entry with respect to each component, shape (n, k)."
 
     unknown: Integers
     "Unknowns of each interval: 4 of each component, then the offsets, shape (interval, 5 k)."
 
     lists: tuple[Integers, Integers, Integers, Integers] = field(repr=False)
-    "Pairs of intervals: head, next, first, second."
+    "Pairs of intervals with common cells as linked lists: head, next, first, second."
 
     pattern: SparsePattern = field(repr=False)
-    "Where the matrix has elements: those of the pairs, then those of the prior."
+    "Sparsity of the normal matrix: elements of the pairs, then those of the prior."
 
     relative: tuple[Floats, ...] = field(repr=False)
-    "How sure the navigation is at each coefficient, in units of the median of all, per pass."
+    "Reported standard deviation at each coefficient over the median of all, per pass."
 
     @property
     def size(self) -> int:
@@ -100,11 +104,11 @@ class AdjustmentSystem:
         weight : numpy.ndarray, shape (n,)
             Weight of each entry [1/m²].
         use : numpy.ndarray of bool, shape (cell,)
-            Cells that count.
+            Cells to include.
 
         Returns
         -------
-        Equations
+        NormalEquations
             Without the prior.
         """
         head, after, _, second = self.lists
@@ -129,24 +133,24 @@ class AdjustmentSystem:
         )
 
     def solve(self, equations: NormalEquations, known: PriorInformation) -> AdjustmentSolution:
-        """Most likely corrections.
+        """Solve the normal equations for the corrections (maximum a posteriori).
 
         Parameters
         ----------
-        equations : Equations
+        equations : NormalEquations
             Normal equations of the cells.
-        known : Known
-            What is known before.
+        known : PriorInformation
+            Prior information.
 
         Returns
         -------
-        Solution
-            Of all unknowns.
+        AdjustmentSolution
+            All unknowns, with the datum applied.
 
         Raises
         ------
         TrueTerrainError
-            If the equations do not determine them.
+            If the matrix is not positive definite.
         """
         elements = known.elements.copy()
         _kernels.scatter_blocks(
@@ -182,24 +186,24 @@ class AdjustmentSystem:
         _kernels.evaluate_corrections(self.interval, self.weights, self.factor, coefficients, out)
         return out
 
-    def in_deviations(self, solution: AdjustmentSolution, change: Floats) -> Floats:
-        """Change of the unknowns in standard deviations.
+    def whiten_change(self, solution: AdjustmentSolution, change: Floats) -> Floats:
+        """Change of the unknowns in units of their standard deviations.
 
         Parameters
         ----------
-        solution : Solution
-            Solved equations, which say how sure the unknowns are.
+        solution : AdjustmentSolution
+            Solution with the factor of the normal matrix.
         change : numpy.ndarray, shape (n,)
             Change of the unknowns.
 
         Returns
         -------
         numpy.ndarray, shape (n,)
-            Independent parts of it. By the root of the sum of their squares no correction, and no
-            sum or difference of corrections, changes by more of its own standard deviation.
+            Independent components, Lᵀ change. The norm of them bounds the change of every linear
+            combination of corrections in units of its standard deviation (Cauchy-Schwarz).
         """
         change = change.copy()
-        for datum in self._datums:  # heights as a whole are as the equations hold them
+        for datum in self._datums:  # undo the datum, in which the factor is not
             change[datum.offsets] -= change[datum.offsets[0]]
         return solution.factor.whiten(change)
 
@@ -208,8 +212,8 @@ class AdjustmentSystem:
 
         Parameters
         ----------
-        solution : Solution
-            Solved equations.
+        solution : AdjustmentSolution
+            Solution of the normal equations.
 
         Returns
         -------
@@ -225,7 +229,7 @@ class AdjustmentSystem:
         found[:, :, :size] += np.repeat(found[:, :, size:], 4, axis=2)
         found[:, :size] += np.repeat(found[:, size:], 4, axis=1)
         found = found[:, :size, :size]
-        # covariance with the mean that is taken away; both intervals are of one group
+        # cov(x - m, y - m) = cov(x, y) - cov(m, x) - cov(m, y) + var(m), m being the mean
         for datum in self._datums:
             right = np.zeros(self.size)
             right[datum.unknowns] = datum.weights
@@ -240,12 +244,12 @@ class AdjustmentSystem:
 
     @cached_property
     def _datums(self) -> list[_GroupDatum]:
-        """Datums of the groups of which no pass is fixed."""
+        """Datums of the groups without a fixed pass."""
         found = []
         for members in _datum_groups(self.shared):
             unknowns, weights, offsets = [], [], []
-            for lane in members:
-                coefficients, offset = self.lane_unknowns(lane)
+            for pass_index in members:
+                coefficients, offset = self.pass_unknowns(pass_index)
                 parts = np.zeros(coefficients.shape[1])
                 for k in range(4):
                     parts[k : parts.size - 3 + k] += _MEAN_BASIS[k]
@@ -261,9 +265,9 @@ class AdjustmentSystem:
             )
         return found
 
-    def lane_unknowns(self, lane: int) -> tuple[Integers, Integers]:
+    def pass_unknowns(self, pass_index: int) -> tuple[Integers, Integers]:
         """Unknowns of a pass: coefficients (component, n), and offsets (component,)."""
-        rows = self.unknown[self.first[lane] : self.first[lane + 1]]
+        rows = self.unknown[self.first[pass_index] : self.first[pass_index + 1]]
         k = len(self.components)
         begin = rows[0, : 4 * k : 4]
         return begin[:, None] + np.arange(rows.shape[0] + 3), rows[0, 4 * k :]
@@ -275,28 +279,28 @@ class AdjustmentSystem:
         return each[:, : 4 * k] + np.repeat(each[:, 4 * k :], 4, axis=1)
 
     def known(self, prior: Mapping[str, ComponentPrior]) -> PriorInformation:
-        """What is known before, as elements of the matrix.
+        """Prior information as elements of the normal matrix.
 
         Parameters
         ----------
-        prior : mapping of str to Prior
-            What is known of each component.
+        prior : mapping of str to ComponentPrior
+            Prior of each component.
 
         Returns
         -------
-        Known
-            To solve with.
+        PriorInformation
+            Argument of `solve`.
         """
         values, log_determinant = [], 0.0
-        for lane, knots in enumerate(self.knots):
+        for pass_index, knots in enumerate(self.knots):
             if knots is None:
                 continue
             for name in self.components:
-                wander = prior[name].wander
-                sd = np.maximum(wander.sd * self.relative[lane], LEAST_SD)
-                rows = wander.whitening(sd, knots.spacing)
+                process = prior[name].process
+                sd = np.maximum(process.sd * self.relative[pass_index], MIN_SD)
+                rows = process.whitening(sd, knots.spacing)
                 log_determinant += 2.0 * float(np.log(rows[0]).sum())
-                values += _squared_band(rows)
+                values += squared_band(rows)
                 offset_sd = prior[name].offset_sd
                 values.append(np.array([offset_sd**-2.0]))
                 if np.isfinite(offset_sd):
@@ -307,33 +311,33 @@ class AdjustmentSystem:
 
 
 def build_system(
-    shared: SharedCells, components: Sequence[str], spacing: float, lanes_sd: Sequence[Floats]
+    shared: SharedCells, components: Sequence[str], spacing: float, navigation_sd: Sequence[Floats]
 ) -> AdjustmentSystem:
-    """Unknowns of an adjustment.
+    """Number the unknowns of an adjustment and find the structure of its normal matrix.
 
     Parameters
     ----------
-    shared : Shared
+    shared : SharedCells
         The observations.
     components : sequence of str
         Components of the corrections.
     spacing : float
         Spacing of the knots [s] or [m].
-    lanes_sd : sequence of numpy.ndarray
-        Of each pass: times and standard deviations by the navigation, shape (2, m); empty if it
-        says nothing.
+    navigation_sd : sequence of numpy.ndarray
+        Of each pass: times [s] and reported standard deviations [m], shape (2, m); empty if
+        none are reported.
 
     Returns
     -------
-    System
-        Ready to be solved.
+    AdjustmentSystem
+        System to assemble and solve.
     """
-    lanes = len(shared.names)
+    pass_count = len(shared.names)
     knots = tuple(
         None
         if shared.fixed[p]
         else knots_over(float(shared.span[p, 0]), float(shared.span[p, 1]), spacing)
-        for p in range(lanes)
+        for p in range(pass_count)
     )
     intervals = [0 if one is None else one.intervals for one in knots]
     first = np.concatenate([[0], np.cumsum(intervals)]).astype(np.int64)
@@ -358,29 +362,29 @@ def build_system(
         unknown=unknown,
         lists=lists,
         pattern=pattern,
-        relative=_relative_sd(knots, lanes_sd),
+        relative=_relative_sd(knots, navigation_sd),
     )
 
 
 def _locate_knots(
     shared: SharedCells, knots: Sequence[SplineKnots | None], first: Integers
 ) -> tuple[Integers, Floats]:
-    interval = np.full(shared.lane.size, -1, np.int64)
-    weights = np.zeros((shared.lane.size, 4))
-    for lane, one in enumerate(knots):
+    interval = np.full(shared.pass_index.size, -1, np.int64)
+    weights = np.zeros((shared.pass_index.size, 4))
+    for pass_index, one in enumerate(knots):
         if one is not None:
-            mine = np.flatnonzero(shared.lane == lane)
+            mine = np.flatnonzero(shared.pass_index == pass_index)
             at, by = one.basis(shared.entries.time[mine])
-            interval[mine], weights[mine] = first[lane] + at, by
+            interval[mine], weights[mine] = first[pass_index] + at, by
     return interval, weights
 
 
 def _design_factors(shared: SharedCells, components: Sequence[str]) -> Floats:
     entries = shared.entries
     of = {
-        "height": np.ones(shared.lane.size),
+        "height": np.ones(shared.pass_index.size),
         "roll": entries.offset,
-        "pitch": entries.ahead,
+        "pitch": entries.longitudinal,
         "east": -entries.slope_east,
         "north": -entries.slope_north,
     }
@@ -388,44 +392,44 @@ def _design_factors(shared: SharedCells, components: Sequence[str]) -> Floats:
 
 
 def _relative_sd(
-    knots: Sequence[SplineKnots | None], lanes_sd: Sequence[Floats]
+    knots: Sequence[SplineKnots | None], navigation_sd: Sequence[Floats]
 ) -> tuple[Floats, ...]:
-    known = [part[1] for part in lanes_sd if part.size]
-    usual = float(np.median(np.concatenate(known))) if known else 1.0
+    known = [part[1] for part in navigation_sd if part.size]
+    typical = float(np.median(np.concatenate(known))) if known else 1.0
     return tuple(
         np.zeros(0)
         if one is None
-        else np.interp(one.places, *said) / usual
-        if said.size
+        else np.interp(one.places, *reported) / typical
+        if reported.size
         else np.ones(one.intervals + 3)
-        for one, said in zip(knots, lanes_sd, strict=True)
+        for one, reported in zip(knots, navigation_sd, strict=True)
     )
 
 
 def _number_unknowns(
     knots: Sequence[SplineKnots | None], k: int, shared: SharedCells
 ) -> tuple[Integers, Integers, Integers, int]:
-    """Unknowns of each interval, rows and columns of the elements of the prior, and how many."""
+    """Unknowns of each interval, rows and columns of the prior, and the number of unknowns."""
     counts = [0 if one is None else one.intervals + 3 for one in knots]
     offsets = k * sum(counts)
     unknown, row, column, offset_of = [], [], [], np.full(len(knots), -1, np.int64)
     begin, offset = 0, offsets
-    for lane, one in enumerate(knots):
+    for pass_index, one in enumerate(knots):
         if one is None:
             continue
-        n = counts[lane]
+        n = counts[pass_index]
         starts = begin + n * np.arange(k)
         at = np.arange(one.intervals)[:, None]
         coefficients = [start + at + np.arange(4) for start in starts]
-        of_lane = np.broadcast_to(offset + np.arange(k), (one.intervals, k))
-        unknown.append(np.concatenate([*coefficients, of_lane], axis=1))
+        pass_offsets = np.broadcast_to(offset + np.arange(k), (one.intervals, k))
+        unknown.append(np.concatenate([*coefficients, pass_offsets], axis=1))
         for part, start in enumerate(starts):
             for back in range(3):
                 row.append(start + np.arange(back, n))
                 column.append(start + np.arange(n - min(back, n)))
             row.append(np.array([offset + part]))
             column.append(np.array([offset + part]))
-        offset_of[lane] = offset
+        offset_of[pass_index] = offset
         begin, offset = begin + k * n, offset + k
     for members in _datum_groups(shared):
         row.append(offset_of[members[:1]])
@@ -439,28 +443,6 @@ def _number_unknowns(
 
 
 def _datum_groups(shared: SharedCells) -> list[Integers]:
-    """Passes of each group of which none is fixed."""
+    """Passes of each group without a fixed pass."""
     groups = [np.flatnonzero(shared.group == number) for number in np.unique(shared.group)]
     return [members for members in groups if not shared.fixed[members].any()]
-
-
-def pair_places(unknown: Integers, one: Integers, two: Integers) -> tuple[Integers, Integers]:
-    """Rows and columns of the elements that the blocks of pairs add to, in the order they do."""
-    size = unknown.shape[1]
-    row = np.broadcast_to(unknown[one][:, :, None], (one.size, size, size))
-    column = np.broadcast_to(unknown[two][:, None, :], (one.size, size, size))
-    lower = np.tril(np.ones((size, size), bool))
-    wanted = np.where((one == two)[:, None, None], lower, True)
-    return row[wanted], column[wanted]
-
-
-def _squared_band(rows: Floats) -> list[Floats]:
-    """Diagonals of RᵀR, R having `rows` as its diagonals."""
-    n = rows.shape[1]
-    a, b, c = rows
-    main = a**2
-    main[:-1] += b[1:] ** 2
-    main[:-2] += c[2:] ** 2
-    beside = a[1:] * b[1:]
-    beside[:-1] += b[2:] * c[2:]
-    return [main, beside, (a * c)[2:] if n > 2 else np.zeros(0)]

@@ -1,36 +1,34 @@
-"""Which points of which files belong to which pass, read block by block."""
+"""Passes in point clouds: which points of which files belong to each, read in blocks."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
 from trueterrain import formats
-from trueterrain.alignment.discontinuity.sparse_sums import SparseSums
-from trueterrain.core.errors import CoverageError, SchemaError, name_file_in_errors
+from trueterrain.alignment.clouds.inspection import (
+    CELL,
+    HEIGHTS,
+    WEEK,
+    CloudInspection,
+    combine_inspections,
+    inspect_file,
+)
+from trueterrain.core.errors import SchemaError
 from trueterrain.core.progress import Progress, no_progress
-from trueterrain.core.schemas import COORDINATES
 from trueterrain.formats import PointFilter
-from trueterrain.formats.point_filter import ReturnCounts, classes_needed
 
-WEEK = 604_800.0  # [s]
-
-#: Variables beside coordinates that tell to which pass a point belongs, and when it was seen.
-HEIGHTS = ("time", "lane")
-
-_CELL = 1.0  # [m] side of the squares in which points are counted
-_REMNANT = 0.005  # share of the points of a file below which a number in it is no pass
-_PER_CELL = 15.0  # points that a cell should have of each pass
+_REMNANT = 0.005  # fraction of the points of a file below which a number is no pass
+_PERCELL = 15.0  # target number of points of each pass in a cell
 _SIZES = (0.1, 0.2, 0.25, 0.5, 1.0, 2.0)  # [m]
-_SLIGHT = 0.01  # of the area of the largest lane, below which one does not count
+_MIN_AREA = 0.01  # of a pass over that of the largest, to count for the size of cells
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CloudPass:
-    """One pass in point clouds. Called, it yields its points block by block."""
+    """One pass in point clouds. Calling it yields its points in blocks."""
 
     name: str
     "Name of the pass."
@@ -39,28 +37,28 @@ class CloudPass:
     "Files that hold its points."
 
     number: int | None
-    "Its ``lane`` in these files (point_source_id); None if all points are its."
+    "Its ``lane`` in these files (point_source_id); None for all points."
 
     label: int
-    "What ``lane`` becomes: a number that no other pass has."
+    "Number in ``lane`` after the correction, unique to the pass."
 
     numbers: tuple[int, ...]
     "All numbers (point_source_id) of its points."
 
     override: str | None
-    "Coordinate reference system that is taken instead of what the files say."
+    "Coordinate reference system that replaces that of the files."
 
     only: PointFilter | None
-    "Which points of the files are taken."
+    "Filter of the points."
 
     crs: str
     "Coordinate reference system; empty if it is not known."
 
     count: int
-    "Points."
+    "Number of points."
 
     area: float
-    "Of the squares of 1 m in which it has points [m²]."
+    "Area of the squares of 1 m that contain points [m²]."
 
     extent: tuple[float, float, float, float]
     "West, south, east and north of its points [m]."
@@ -72,36 +70,36 @@ class CloudPass:
     "Variables that all of its points have."
 
     classes: Mapping[str, int]
-    "Points by class, where they are classified and classes were not chosen."
+    "Number of points by class, if they are classified and not filtered by class."
 
     flags: tuple[str, ...]
-    "What is flagged about it, in words."
+    "Warnings."
 
     @property
     def density(self) -> float:
-        """Points per square metre of what it covers [1/m²]."""
+        """Points per covered area [1/m²]."""
         return self.count / self.area
 
     @property
     def time_kind(self) -> str:
-        """What its times can be: ``week seconds``, ``standard``, or empty if it has none."""
+        """Kind of its times: ``week seconds``, ``standard``, or empty without times."""
         if self.time is None:
             return ""
         first, last = self.time
         return "week seconds" if first >= 0 and last <= WEEK else "standard"
 
     def __call__(self) -> Iterator[xr.Dataset]:
-        """Blocks of its points."""
+        """Points in blocks."""
         for _, block in blocks_of([self]):
             yield block
 
     def heights(self) -> Iterator[xr.Dataset]:
-        """Blocks of its points with coordinates and time alone: read faster."""
+        """Points in blocks, coordinates and time only, which is faster."""
         for _, block in blocks_of([self], HEIGHTS):
             yield block
 
     def part(self, block: xr.Dataset) -> xr.Dataset:
-        """Its points among those of a block, without those whose time says nothing."""
+        """Its points in a block, without those of invalid time."""
         mine = np.ones(block.sizes["point"], np.bool_)
         if self.number is not None and "lane" in block:
             mine &= block["lane"].values == self.number
@@ -112,36 +110,36 @@ class CloudPass:
 
 
 def blocks_of(
-    lanes: Collection[CloudPass], variables: Collection[str] | None = None
+    passes: Collection[CloudPass], variables: Collection[str] | None = None
 ) -> Iterator[tuple[CloudPass, xr.Dataset]]:
-    """Points of several lanes, block by block, each file read once.
+    """Points of several passes in blocks; each file is read once.
 
     Parameters
     ----------
-    lanes : collection of CloudLane
-        The lanes.
+    passes : collection of CloudPass
+        The passes.
     variables : collection of str, optional
         Variables that are read; by default all.
 
     Yields
     ------
-    CloudLane
-        One of them.
+    CloudPass
+        The pass of the block.
     xarray.Dataset
         Some of its points.
     """
-    for file in dict.fromkeys(file for lane in lanes for file in lane.files):
-        mine = [lane for lane in lanes if file in lane.files]
+    for file in dict.fromkeys(file for cloud in passes for file in cloud.files):
+        mine = [cloud for cloud in passes if file in cloud.files]
         for block in formats.point_blocks(
             file, crs=mine[0].override, variables=variables, only=mine[0].only
         ):
-            for lane in mine:
-                part = lane.part(block)
+            for cloud in mine:
+                part = cloud.part(block)
                 if part.sizes["point"]:
-                    yield lane, part
+                    yield cloud, part
 
 
-def cloud_lanes(
+def find_cloud_passes(
     files: Sequence[str | Path],
     *,
     split: bool | None = None,
@@ -149,37 +147,37 @@ def cloud_lanes(
     only: PointFilter | None = None,
     progress: Progress = no_progress,
 ) -> dict[str, CloudPass]:
-    """Lanes in point clouds: each file one, or told apart by the number of their points.
+    """Find the passes in point clouds: one for each file, or for each number of their points.
 
     Parameters
     ----------
     files : sequence of str or Path
         LAS, LAZ, COPC, CSV or Parquet files, or Zarr stores, of points.
     split : bool, optional
-        Whether ``lane`` (point_source_id) tells passes apart, across files too, so that tiles can
-        be given; by default where there is one file.
+        Whether ``lane`` (point_source_id) separates passes, also across files, which may be tiles;
+        by default for a single file.
     crs : str, optional
-        EPSG code or WKT to take instead of what the files say.
+        EPSG code or WKT that replaces that of the files.
     only : PointFilter, optional
-        Which points are taken; by default all.
+        Filter of the points; by default all.
     progress : callable, optional
         Called with a task, the amount done and the total.
 
     Returns
     -------
-    dict of CloudLane
-        By name: that of the file without its ending, or the number. All files are read once.
+    dict of CloudPass
+        By name: that of the file without its ending, or the number.
 
     Raises
     ------
     ValueError
-        If there is no file, one is given twice, or two lanes would have one name.
+        If there is no file, one is given twice, or two passes would have one name.
     SchemaError
         If files have different coordinate reference systems.
     CoverageError
         If a file holds no points.
     FormatError
-        If a file is damaged, or something else than points.
+        If a file is damaged, or holds no points.
 
     Examples
     --------
@@ -189,8 +187,8 @@ def cloud_lanes(
     ...                      time=[10.0, 10.1, 200.0])
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     formats.write(points, Path(folder) / "road.laz")
-    ...     lanes = cloud_lanes([Path(folder) / "road.laz"])
-    >>> [(one.name, one.count, one.time) for one in lanes.values()]
+    ...     passes = find_cloud_passes([Path(folder) / "road.laz"])
+    >>> [(one.name, one.count, one.time) for one in passes.values()]
     [('4', 2, (10.0, 10.1)), ('9', 1, (200.0, 200.0))]
     """
     paths = [Path(file) for file in files]
@@ -202,20 +200,20 @@ def cloud_lanes(
             message = f"{path} is given twice; name each pass once."
             raise ValueError(message)
     split = len(paths) == 1 if split is None else split
-    looks: dict[Path, dict[int, _CloudInspection]] = {}
+    looks: dict[Path, dict[int, CloudInspection]] = {}
     for number, path in enumerate(paths):
         progress("look at clouds", number, len(paths))
-        looks[path] = _inspect_file(path, crs, only)
+        looks[path] = inspect_file(path, crs, only)
     progress("look at clouds", len(paths), len(paths))
     _require_one_crs({path: next(iter(found.values())).crs for path, found in looks.items()})
     if split:
-        by_number: dict[int, dict[Path, _CloudInspection]] = {}
+        by_number: dict[int, dict[Path, CloudInspection]] = {}
         for path, found in looks.items():
             for number, look in found.items():
                 by_number.setdefault(number, {})[path] = look
         without_source = _without_source(by_number)
         single = len(by_number) == 1
-        found_lanes = [
+        found_passes = [
             _cloud_pass(
                 next(iter(parts)).stem if single else str(number),
                 number,
@@ -228,17 +226,17 @@ def cloud_lanes(
             for number, parts in sorted(by_number.items())
         ]
     else:
-        found_lanes = _one_each(looks, crs, only)
-    return {lane.name: lane for lane in found_lanes}
+        found_passes = _one_each(looks, crs, only)
+    return {cloud.name: cloud for cloud in found_passes}
 
 
-def suggested_cell(lanes: Mapping[str, CloudPass]) -> float:
-    """Size of cells in which the sparsest lane has some 15 points.
+def suggested_cell(passes: Mapping[str, CloudPass]) -> float:
+    """Suggest a size of cells in which the sparsest pass has some 15 points.
 
     Parameters
     ----------
-    lanes : mapping of str to CloudLane
-        The lanes; those that cover next to nothing do not count.
+    passes : mapping of str to CloudPass
+        The passes; those of negligible area are ignored.
 
     Returns
     -------
@@ -248,116 +246,22 @@ def suggested_cell(lanes: Mapping[str, CloudPass]) -> float:
     Raises
     ------
     ValueError
-        If there are no lanes.
+        If there are no passes.
     """
-    if not lanes:
-        message = "there must be at least one lane."
+    if not passes:
+        message = "there must be at least one pass."
         raise ValueError(message)
-    least = _SLIGHT * max(lane.area for lane in lanes.values())
-    wanted = max(np.sqrt(_PER_CELL / lane.density) for lane in lanes.values() if lane.area >= least)
-    return min(_SIZES, key=lambda size: abs(np.log(size / wanted)))
+    min_area = _MIN_AREA * max(cloud.area for cloud in passes.values())
+    target = max(
+        np.sqrt(_PERCELL / cloud.density) for cloud in passes.values() if cloud.area >= min_area
+    )
+    return min(_SIZES, key=lambda size: abs(np.log(size / target)))
 
 
-@dataclass(kw_only=True)
-class _CloudInspection:
-    """What a first look at some points finds."""
+def _without_source(by_number: dict[int, dict[Path, CloudInspection]]) -> list[str]:
+    """Remove number 0 if it is no pass; returns warnings.
 
-    crs: str
-    numbers: tuple[int, ...]
-    variables: tuple[str, ...]
-    lost: frozenset[str] = frozenset()
-    "Variables that only some of the points have."
-    classes: ReturnCounts = field(default_factory=ReturnCounts)
-    count: int = 0
-    untimed: int = 0
-    zeros: int = 0
-    span: tuple[float, float] = (np.inf, -np.inf)
-    "First and last time that is not 0."
-    low: tuple[float, float] = (np.inf, np.inf)
-    high: tuple[float, float] = (-np.inf, -np.inf)
-    squares: SparseSums = field(default_factory=lambda: SparseSums(1))
-
-    def add(self, block: xr.Dataset) -> None:
-        """Count points of a block."""
-        x, y = block["easting"].values, block["northing"].values
-        self.count += x.size
-        self.classes.add(block)
-        good = np.isfinite(x) & np.isfinite(y)
-        if good.any():
-            place = np.stack([x[good], y[good]])
-            self.low = _elementwise_min(self.low, place.min(axis=1))
-            self.high = _elementwise_max(self.high, place.max(axis=1))
-            self.squares.add(*np.floor(place / _CELL).astype(np.int64))
-        if "time" in block:
-            self._add_times(np.asarray(block["time"], dtype=np.float64))
-
-    def _add_times(self, time: npt.NDArray[np.float64]) -> None:
-        known = time[np.isfinite(time)]
-        some = known[known != 0]
-        self.untimed += time.size - known.size
-        self.zeros += known.size - some.size
-        if some.size:
-            self.span = (min(self.span[0], float(some.min())), max(self.span[1], float(some.max())))
-
-    @property
-    def times(self) -> tuple[float, float] | None:
-        """First and last time; None if they say nothing."""
-        if "time" not in self.variables or self.span[0] > self.span[1]:
-            return None
-        # 0 is a time among seconds that are counted from a start, else it is none
-        first = min(self.span[0], 0.0) if self.zeros and not self.zeros_missing else self.span[0]
-        return (first, self.span[1]) if first < self.span[1] or self.count == 1 else None
-
-    @property
-    def zeros_missing(self) -> bool:
-        """Whether times of 0 mean that there is none."""
-        return self.zeros > 0 and abs(self.span[0]) > WEEK
-
-
-def _elementwise_min(
-    one: tuple[float, float], other: npt.NDArray[np.float64]
-) -> tuple[float, float]:
-    return min(one[0], float(other[0])), min(one[1], float(other[1]))
-
-
-def _elementwise_max(
-    one: tuple[float, float], other: npt.NDArray[np.float64]
-) -> tuple[float, float]:
-    return max(one[0], float(other[0])), max(one[1], float(other[1]))
-
-
-def _inspect_file(
-    path: Path, crs: str | None, only: PointFilter | None
-) -> dict[int, _CloudInspection]:
-    """What a file holds of each number."""
-    found: dict[int, _CloudInspection] = {}
-    needed = (*HEIGHTS, *classes_needed(only))
-    with name_file_in_errors(path):
-        known = (*COORDINATES, *formats.point_variables(path))
-        for block in formats.point_blocks(path, crs=crs, variables=needed, only=only):
-            lane = block["lane"].values if "lane" in block else np.zeros(block.sizes["point"])
-            for number in np.unique(lane):
-                mine = np.flatnonzero(lane == number)
-                part = block if mine.size == lane.size else block.isel(point=mine)
-                look = found.setdefault(
-                    int(number),
-                    _CloudInspection(
-                        crs=str(block.attrs.get("crs", "")),
-                        numbers=(int(number),),
-                        variables=known,
-                    ),
-                )
-                look.add(part)
-        if not found:
-            raise CoverageError("holds no points", path=path, cure="Leave it out.")
-    return found
-
-
-def _without_source(by_number: dict[int, dict[Path, _CloudInspection]]) -> list[str]:
-    """Take number 0 out if it is no pass, and say so.
-
-    In LAS files 0 says that a point has no source; points that were made up have neither source nor
-    time.
+    In LAS files 0 means that a point has no source; synthetic points have neither source nor time.
     """
     none = by_number.get(0, {})
     others = [look for number in by_number if number for look in by_number[number].values()]
@@ -375,10 +279,10 @@ def _require_one_crs(known: Mapping[Path, str]) -> None:
     for path, other in others:
         if other != crs:
             raise SchemaError(
-                f"has the coordinate reference system {_crs_text(other)}, but that of {first.name} is "
-                f"{_crs_text(crs)}",
+                f"has the coordinate reference system {_crs_text(other)}, but that of "
+                f"{first.name} is {_crs_text(crs)}",
                 path=path,
-                cure="Bring all lanes into one, or state it with --crs.",
+                cure="Transform all passes to one, or state it with --crs.",
             )
 
 
@@ -387,9 +291,9 @@ def _crs_text(crs: str) -> str:
 
 
 def _one_each(
-    looks: Mapping[Path, dict[int, _CloudInspection]], crs: str | None, only: PointFilter | None
+    looks: Mapping[Path, dict[int, CloudInspection]], crs: str | None, only: PointFilter | None
 ) -> list[CloudPass]:
-    """One lane of each file."""
+    """One pass for each file."""
     stems = [path.stem for path in looks]
     names = {
         path: path.stem if stems.count(path.stem) == 1 else f"{path.parent.name}-{path.stem}"
@@ -401,57 +305,33 @@ def _one_each(
             raise ValueError(message)
     numbers = [next(iter(found)) for found in looks.values() if len(found) == 1]
     kept = len(set(numbers)) == len(looks) and 0 not in numbers
-    lanes = []
+    passes = []
     for order, path in enumerate(sorted(looks, key=lambda one: names[one]), 1):
         found = looks[path]
-        whole = _combine_inspections(list(found.values()))
+        whole = combine_inspections(list(found.values()))
         several = [n for n, look in found.items() if look.count >= _REMNANT * whole.count]
         flags = []
         if len(several) > 1:
-            passes = ", ".join(str(number) for number in sorted(several))
+            sources = ", ".join(str(number) for number in sorted(several))
             flags.append(
-                f"{names[path]} holds points of several passes (point_source_id {passes}), which "
-                "are taken for one: let the number tell them apart"
+                f"{names[path]} holds points of several passes (point_source_id {sources}), which "
+                "are treated as one: use the number to separate them"
             )
         label = next(iter(found)) if kept else order
-        lanes.append(_cloud_pass(names[path], None, label, {path: whole}, crs, only, flags))
-    return lanes
-
-
-def _combine_inspections(looks: Sequence[_CloudInspection]) -> _CloudInspection:
-    """What several looks found."""
-    first = looks[0]
-    whole = _CloudInspection(
-        crs=first.crs,
-        variables=first.variables,
-        numbers=tuple(sorted({number for look in looks for number in look.numbers})),
-    )
-    for look in looks:
-        some = {*whole.variables} ^ {*look.variables}
-        whole.lost |= look.lost | some
-        whole.variables = tuple(name for name in whole.variables if name in look.variables)
-        whole.classes.merge(look.classes)
-        whole.count += look.count
-        whole.untimed += look.untimed
-        whole.zeros += look.zeros
-        whole.span = (min(whole.span[0], look.span[0]), max(whole.span[1], look.span[1]))
-        whole.low = _elementwise_min(whole.low, np.array(look.low))
-        whole.high = _elementwise_max(whole.high, np.array(look.high))
-        column, row, _ = look.squares.sums()
-        whole.squares.add(column, row)
-    return whole
+        passes.append(_cloud_pass(names[path], None, label, {path: whole}, crs, only, flags))
+    return passes
 
 
 def _cloud_pass(
     name: str,
     number: int | None,
     label: int,
-    parts: Mapping[Path, _CloudInspection],
+    parts: Mapping[Path, CloudInspection],
     crs: str | None,
     only: PointFilter | None,
     flags: Sequence[str] = (),
 ) -> CloudPass:
-    whole = _combine_inspections(list(parts.values()))
+    whole = combine_inspections(list(parts.values()))
     times = whole.times
     found = list(flags)
     if whole.lost:
@@ -473,7 +353,7 @@ def _cloud_pass(
         crs=whole.crs,
         classes=whole.classes.classes,
         count=whole.count,
-        area=whole.squares.sums()[0].size * _CELL**2,
+        area=whole.squares.sums()[0].size * CELL**2,
         extent=(*whole.low, *whole.high),
         time=times,
         variables=whole.variables,

@@ -1,13 +1,13 @@
-"""Lanes brought into agreement along reference paths: the thesis's method (4.3.1, 4.4).
+"""Alignment of passes by discontinuity vectors along reference paths (thesis 4.3.1, 4.4).
 
-Along the overlap of two lanes runs a reference path. Around each of its equally spaced reference
-points the heights of both lanes are collected, and their common mean is the reference height. What
-each lane departs from it, its discontinuity vector, is low-pass filtered without phase and taken
-off all points of the lane, station by station.
+A reference path runs along the overlap of two passes. Around each of its equally spaced reference
+points the heights of both passes are collected; their common mean is the reference height. The
+height of a pass less the reference height is its discontinuity vector, which is low-pass filtered
+with zero phase and subtracted from all points of the pass by station.
 
-More lanes join one by one, each by the pair it forms with a lane that is aligned already. Only two
-passes over the points are made, however many lanes there are: one for the cells of the overlap,
-one for the search areas.
+Further passes are aligned one by one, each by its overlap with a pass that is aligned already. The
+points are read only twice, whatever the number of passes: for the cells of the overlaps, and for
+the search areas.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,14 +27,14 @@ from trueterrain.alignment.discontinuity.area_sums import (
     SearchDisc,
     inside_overlap,
 )
-from trueterrain.alignment.discontinuity.low_pass import low_pass
-from trueterrain.alignment.discontinuity.reference_path import (
+from trueterrain.alignment.discontinuity.centre_line import (
     OverlapEdges,
-    ReferencePath,
     centre_reference,
-    keep_to_middle,
+    follow_centre,
     overlap_edges,
 )
+from trueterrain.alignment.discontinuity.low_pass import low_pass
+from trueterrain.alignment.discontinuity.reference_path import ReferencePath
 from trueterrain.alignment.discontinuity.result import (
     CorrectionValues,
     Names,
@@ -43,7 +43,6 @@ from trueterrain.alignment.discontinuity.result import (
     StationCorrection,
 )
 from trueterrain.alignment.discontinuity.seam import PairCells, SeamSteps
-from trueterrain.alignment.discontinuity.sparse_sums import Flags, Floats
 from trueterrain.alignment.discontinuity.vectors import (
     DiscontinuitySettings,
     DiscontinuityVectors,
@@ -51,13 +50,14 @@ from trueterrain.alignment.discontinuity.vectors import (
     reference_height,
 )
 from trueterrain.alignment.observations.overlap import (
-    LanePoints,
     OccupiedCells,
     Overlap,
-    lane_blocks,
+    PassPoints,
+    find_overlap,
     occupied_cells,
-    overlap_of,
+    point_blocks,
 )
+from trueterrain.alignment.observations.sparse_sums import Flags, Floats
 from trueterrain.core import provenance
 from trueterrain.core.errors import CoverageError
 from trueterrain.core.progress import Progress, no_progress
@@ -75,19 +75,19 @@ __all__ = [
     "SearchArea",
     "SearchDisc",
     "StationCorrection",
-    "align_lanes",
+    "align_along_paths",
     "correct_points",
     "low_pass",
     "reference_height",
 ]
 
-_STRETCH = 1.0  # [m] of a path over which steps at the edges are averaged
-_BAND = 2.0  # cells from an edge, within which they count
+_STRETCH = 1.0  # [m] length of path over which steps at the edges are averaged
+_BAND = 2.0  # cells from the edge within which a step is measured
 
 
-def align_lanes(
-    lanes: Mapping[str, LanePoints],
-    options: DiscontinuitySettings = DiscontinuitySettings(),
+def align_along_paths(
+    passes: Mapping[str, PassPoints],
+    settings: DiscontinuitySettings = DiscontinuitySettings(),
     *,
     paths: ReferencePath | Mapping[Names, ReferencePath] | None = None,
     area: SearchArea | None = None,
@@ -95,133 +95,136 @@ def align_lanes(
     order: Sequence[str] | None = None,
     progress: Progress = no_progress,
 ) -> PassAlignment:
-    """Bring lanes into agreement by discontinuity vectors along reference paths.
+    """Align passes by discontinuity vectors along reference paths.
+
+    The method of the thesis. Use `adjust_passes` for more than two passes, closed loops, or
+    standard deviations.
 
     Parameters
     ----------
-    lanes : mapping of str to points
-        Points of each lane: a dataset, a sequence of them, or a function that returns blocks. They
-        are gone through twice.
-    options : DiscontinuityOptions
-        Search areas, filter, and what counts.
+    passes : mapping of str to points
+        Points of each pass: a dataset, a sequence of them, or a function that returns blocks. They
+        are read twice.
+    settings : DiscontinuitySettings
+        Search areas, filter and limits.
     paths : mapping of pairs of names to ReferencePath, or ReferencePath, optional
-        Reference path of each pair, or one whose stations count for all pairs. On the path of a
-        pair lie its search areas; with one for all, or none, they lie in the middle of the
-        overlap. By default a smooth path along the centre of each overlap.
+        Reference path of each pair, or one whose stations apply to all pairs. With a path for the
+        pair the search areas lie on it, else along the centre of the overlap. By default a smooth
+        path along the centre of each overlap.
     area : SearchArea, optional
         Search area instead of the disc, such as a `trueterrain.profile.Rectangle`, which suits a
-        thin overlap.
+        narrow overlap.
     fix : str, optional
-        Lane that stays as it is, and to which all others are brought. By default the first two
-        lanes share their difference.
+        Pass that gets no correction, and to which all others are aligned. By default the
+        difference of the first two passes is divided between them.
     order : sequence of str, optional
-        Order in which lanes are aligned. By default from the fixed lane, or from the outermost
+        Order in which passes are aligned. By default from the fixed pass, or from the outermost
         (that which overlaps with the fewest others), by the largest overlap first.
     progress : callable, optional
-        Called with what is done and the lanes done and to do.
+        Called with a task, the amount done and the total.
 
     Returns
     -------
-    LaneAlignment
-        Corrections of all lanes, and how they agree before and after. It does not depend on the
-        order in which lanes are given, nor on blocks.
+    PassAlignment
+        Corrections of all passes, and their agreement before and after. Independent of the order
+        of passes and of blocks.
 
     Raises
     ------
     ValueError
-        If there are fewer than two lanes, or names in `fix`, `order` or `paths` are none of them.
+        If there are fewer than two passes, or a name in `fix`, `order` or `paths` is unknown.
     CoverageError
-        If a lane overlaps no other, or an overlap is too thin for the search areas.
+        If a pass overlaps no other, or an overlap is too narrow for the search areas.
     SchemaError
-        If lanes have different coordinate reference systems.
+        If passes have different coordinate reference systems.
     TrueTerrainError
-        If two lanes hold the same points.
+        If two passes hold the same points.
 
     Notes
     -----
-    Search areas lie inside an overlap if it holds all cells whose middle they hold, so within half
-    a cell. Where they do not, or hold too few points, there is a gap: the correction is taken from
-    both sides of it. Beyond the ends of the overlap it stays constant.
+    A search area lies inside an overlap if the overlap contains all cells whose centres are in the
+    area, so within half a cell. Areas outside, or with too few points, are gaps, over which the
+    correction is interpolated. Beyond the ends of the overlap it is constant.
 
     Examples
     --------
-    Two level lanes that differ by 12 mm:
+    Two level passes that differ by 12 mm:
 
     >>> from trueterrain.core.schemas import make_points
     >>> x, y = (at.ravel() for at in np.meshgrid(np.arange(0, 20, 0.05), np.arange(0, 3, 0.05)))
-    >>> lanes = {"left": make_points(x, y, 0 * x + 0.012), "right": make_points(x, y - 2, 0 * x)}
-    >>> found = align_lanes(lanes)
+    >>> passes = {"left": make_points(x, y, 0 * x + 0.012), "right": make_points(x, y - 2, 0 * x)}
+    >>> found = align_along_paths(passes)
     >>> found.pairs[0].before.median, found.pairs[0].after.rmse, found.pairs[0].seam_before.median
     (0.012, 0.000, 0.006)
-    >>> float(correct(lanes["left"], found, "left").up[0])
+    >>> float(correct_points(passes["left"], found, "left").up[0])
     0.006
     """
-    _check_names(lanes, fix, order)
+    _check_names(passes, fix, order)
     cells: dict[str, OccupiedCells] = {}
-    for number, name in enumerate(sorted(lanes)):
-        progress("overlap", number, len(lanes))
-        cells[name] = occupied_cells(lanes[name], options.cell, name=name)
+    for number, name in enumerate(sorted(passes)):
+        progress("overlap", number, len(passes))
+        cells[name] = occupied_cells(passes[name], settings.cell, name=name)
     overlaps = {
         pair: found
         for pair in combinations(cells, 2)
-        if (found := overlap_of(cells[pair[0]], cells[pair[1]], lanes=pair))
+        if (found := find_overlap(cells[pair[0]], cells[pair[1]], names=pair))
     }
     joined = _order_pairs(overlaps, tuple(cells), fix, order)
-    area = area or SearchDisc(radius=options.radius)
-    ways = {pair: _pair_path(pair, overlaps, paths, area, options) for pair in joined}
-    heights = _area_heights(lanes, ways, options, progress)
-    return _align_pairs(cells, overlaps, ways, heights, options, fix)
+    area = area or SearchDisc(radius=settings.radius)
+    pair_paths = {pair: _pair_path(pair, overlaps, paths, area, settings) for pair in joined}
+    heights = _area_heights(passes, pair_paths, settings, progress)
+    return _align_pairs(cells, overlaps, pair_paths, heights, settings, fix)
 
 
-def correct_points(points: xr.Dataset, alignment: PassAlignment, lane: str) -> xr.Dataset:
-    """Points of a lane with its correction taken off.
+def correct_points(points: xr.Dataset, alignment: PassAlignment, name: str) -> xr.Dataset:
+    """Subtract the correction of a pass from its points.
 
     Parameters
     ----------
     points : xarray.Dataset
-        Points, all or a block of them.
-    alignment : LaneAlignment
+        Points of the pass, all or a block.
+    alignment : PassAlignment
         Corrections.
-    lane : str
-        Name of the lane.
+    name : str
+        Name of the pass.
 
     Returns
     -------
     xarray.Dataset
-        With new ``up``; attribute ``beyond_overlap`` counts those beyond the ends of the overlap,
-        whose correction is that of the end.
+        With corrected ``up``; attribute ``beyond_overlap`` is the number of points beyond the ends
+        of the overlap, whose correction is that of the end.
 
     Raises
     ------
     ValueError
-        If there is no such lane.
+        If there is no such pass.
     """
     shape = points["up"].shape
-    found = alignment.correction(lane, np.ravel(points["easting"]), np.ravel(points["northing"]))
+    found = alignment.correction(name, np.ravel(points["easting"]), np.ravel(points["northing"]))
     up = points["up"].copy(data=np.asarray(points["up"], dtype=float) - found.height.reshape(shape))
     step = provenance.add_step(
         points.assign(up=up),
         "align lanes",
-        parameters={"method": "discontinuity", "lane": lane, "options": alignment.options},
+        parameters={"method": "discontinuity", "lane": name, "options": alignment.settings},
     )
     return step.assign_attrs(beyond_overlap=int(found.beyond.sum()))
 
 
 def _check_names(
-    lanes: Mapping[str, LanePoints], fix: str | None, order: Sequence[str] | None
+    passes: Mapping[str, PassPoints], fix: str | None, order: Sequence[str] | None
 ) -> None:
-    if len(lanes) < 2:
-        message = f"lanes must be at least 2, got {len(lanes)}: one pass has nothing to agree with."
+    if len(passes) < 2:
+        message = f"passes must be at least 2, got {len(passes)}."
         raise ValueError(message)
-    if fix is not None and fix not in lanes:
-        message = f"fix must be one of {', '.join(lanes)}, got {fix!r}."
+    if fix is not None and fix not in passes:
+        message = f"fix must be one of {', '.join(passes)}, got {fix!r}."
         raise ValueError(message)
     if order is not None:
-        if sorted(order) != sorted(lanes):
-            message = f"order must name each of {', '.join(lanes)} once, got {', '.join(order)}."
+        if sorted(order) != sorted(passes):
+            message = f"order must name each of {', '.join(passes)} once, got {', '.join(order)}."
             raise ValueError(message)
         if fix is not None and order[0] != fix:
-            message = f"order must begin with the fixed lane {fix}, got {order[0]}."
+            message = f"order must begin with the fixed pass {fix}, got {order[0]}."
             raise ValueError(message)
 
 
@@ -231,7 +234,7 @@ def _order_pairs(
     fix: str | None,
     order: Sequence[str] | None,
 ) -> list[Names]:
-    """Pairs by which lanes join, that which is aligned already first."""
+    """Pairs in order of alignment; the pass that is aligned already comes first."""
 
     def area(placed: str, other: str) -> float:
         found = overlaps.get((min(placed, other), max(placed, other)))
@@ -246,12 +249,12 @@ def _order_pairs(
         rest = [name for name in names if name not in placed]
         if order:
             rest = [order[len(placed)]]
-        # by area; of equal ones that whose names come first
+        # the largest overlap; of equal ones the first by name
         pair = min(((a, b) for b in rest for a in placed), key=lambda p: (-area(*p), p[1], p[0]))
         if not area(*pair):
             raise CoverageError(
                 f"overlaps with none of {', '.join(placed)}",
-                place=f"lane {', '.join(rest)}",
+                place=f"pass {', '.join(rest)}",
                 cure="Leave it out, give another order, or compare origins and clocks.",
             )
         placed.append(pair[1])
@@ -260,7 +263,7 @@ def _order_pairs(
 
 
 class _PairPath(NamedTuple):
-    """Reference path of a pair."""
+    """Reference path and overlap of a pair."""
 
     overlap: Overlap
     path: ReferencePath
@@ -274,15 +277,15 @@ def _pair_path(
     overlaps: Mapping[Names, Overlap],
     paths: ReferencePath | Mapping[Names, ReferencePath] | None,
     area: SearchArea,
-    options: DiscontinuitySettings,
+    settings: DiscontinuitySettings,
 ) -> _PairPath:
     overlap = overlaps[min(pair), max(pair)]
-    if overlap.lanes != pair:
-        overlap = replace(overlap, lanes=pair, cells=overlap.cells[::-1])
+    if overlap.names != pair:
+        overlap = replace(overlap, names=pair, cells=overlap.cells[::-1])
     if isinstance(paths, Mapping):
         for names in paths:
             if tuple(sorted(names)) not in overlaps:
-                message = f"paths must name pairs of lanes that overlap, got {names}."
+                message = f"paths must name pairs of passes that overlap, got {names}."
                 raise ValueError(message)
         path = paths.get(pair) or paths.get((pair[1], pair[0]))
     else:
@@ -291,72 +294,74 @@ def _pair_path(
         path = (
             paths
             if isinstance(paths, ReferencePath)
-            else centre_reference(overlap, spacing=options.spacing, smoothing=options.smoothing)
+            else centre_reference(overlap, spacing=settings.spacing, smoothing=settings.smoothing)
         )
-        path = keep_to_middle(overlap, path, length=2 * area.half_axes[0])
+        path = follow_centre(overlap, path, length=2 * area.half_axes[0])
     inside = inside_overlap(overlap, path, area)
     return _PairPath(overlap, path, area, overlap_edges(overlap, path), inside)
 
 
 def _area_heights(
-    lanes: Mapping[str, LanePoints],
-    ways: Mapping[Names, _PairPath],
-    options: DiscontinuitySettings,
+    passes: Mapping[str, PassPoints],
+    pair_paths: Mapping[Names, _PairPath],
+    settings: DiscontinuitySettings,
     progress: Progress,
 ) -> dict[tuple[Names, str], AreaHeights]:
-    """Heights in the search areas of each lane of each pair, in one pass over the points."""
+    """Heights in the search areas of each pass of each pair, reading the points once."""
     heights: dict[tuple[Names, str], AreaHeights] = {}
-    for number, name in enumerate(sorted(lanes)):
-        progress("heights", number, len(lanes))
+    for number, name in enumerate(sorted(passes)):
+        progress("heights", number, len(passes))
         sums = {
-            pair: AreaSums(way.path, way.area, options.bin_width)
-            for pair, way in ways.items()
+            pair: AreaSums(pair_path.path, pair_path.area, settings.bin_width)
+            for pair, pair_path in pair_paths.items()
             if name in pair
         }
-        for block in lane_blocks(lanes[name]):
+        for block in point_blocks(passes[name]):
             for one in sums.values():
                 one.add(block)
         heights |= {(pair, name): one.heights() for pair, one in sums.items()}
-    progress("heights", len(lanes), len(lanes))
+    progress("heights", len(passes), len(passes))
     return heights
 
 
 def _align_pairs(
     cells: Mapping[str, OccupiedCells],
     overlaps: Mapping[Names, Overlap],
-    ways: Mapping[Names, _PairPath],
+    pair_paths: Mapping[Names, _PairPath],
     heights: Mapping[tuple[Names, str], AreaHeights],
-    options: DiscontinuitySettings,
+    settings: DiscontinuitySettings,
     fix: str | None,
 ) -> PassAlignment:
     corrections: dict[str, StationCorrection] = {}
     shared = {pair: PairCells(overlap) for pair, overlap in overlaps.items()}
     states = [_pair_agreements(shared, corrections)]
     pairs: list[PairAlignment] = []
-    for pair, way in ways.items():
-        stays = bool(pairs) or pair[0] == fix
+    for pair, pair_path in pair_paths.items():
+        keeps_first = bool(pairs) or pair[0] == fix
         found = discontinuity_vectors(
             (heights[pair, pair[0]], heights[pair, pair[1]]),
-            way.path,
-            way.area,
-            way.edges,
-            way.inside,
-            options,
-            lanes=pair,
-            aligned=_taken_off(corrections, pair[0], *way.path.places) if stays else None,
+            pair_path.path,
+            pair_path.area,
+            pair_path.edges,
+            pair_path.inside,
+            settings,
+            names=pair,
+            aligned=_correction_at(corrections, pair[0], *pair_path.path.places)
+            if keeps_first
+            else None,
         )
-        corrected = pair[1:] if stays else pair
+        corrected = pair[1:] if keeps_first else pair
         begin, end = found.ends
         for name in corrected:
             vector = found.filtered[pair.index(name)]
             corrections[name] = StationCorrection(
-                path=way.path, height=vector, begin=begin, end=end
+                path=pair_path.path, height=vector, begin=begin, end=end
             )
         states.append(_pair_agreements(shared, corrections))
-        pairs.append(_pair_report(pair, corrected, way, found, corrections))
+        pairs.append(_pair_report(pair, corrected, pair_path, found, corrections))
     return PassAlignment(
-        options=options,
-        lanes=(pairs[0].lanes[0], *(pair[1] for pair in ways)),
+        settings=settings,
+        names=(pairs[0].names[0], *(pair[1] for pair in pair_paths)),
         pairs=tuple(pairs),
         corrections=corrections,
         states=tuple(states),
@@ -367,26 +372,26 @@ def _align_pairs(
 def _pair_report(
     pair: Names,
     corrected: tuple[str, ...],
-    way: _PairPath,
+    pair_path: _PairPath,
     found: DiscontinuityVectors,
     corrections: Mapping[str, StationCorrection],
 ) -> PairAlignment:
-    apart = np.where(found.gap, np.nan, found.height[0] - found.height[1])
-    taken = found.filtered[0] - found.filtered[1]
-    cells, band = PairCells(way.overlap), _BAND * way.overlap.cell
+    difference = np.where(found.gap, np.nan, found.height[0] - found.height[1])
+    correction = found.filtered[0] - found.filtered[1]
+    cells, band = PairCells(pair_path.overlap), _BAND * pair_path.overlap.cell
     steps = [
-        cells.seam(_pair_corrections(cells, pair, made), way.path, _STRETCH, band)
-        for made in ({}, corrections)
+        cells.seam(_pair_corrections(cells, pair, applied), pair_path.path, _STRETCH, band)
+        for applied in ({}, corrections)
     ]
     return PairAlignment(
-        lanes=pair,
+        names=pair,
         corrected=corrected,
-        overlap=way.overlap,
-        path=way.path,
-        edges=way.edges,
+        overlap=pair_path.overlap,
+        path=pair_path.path,
+        edges=pair_path.edges,
         discontinuity=found,
-        before=DifferenceSummary.of(apart),
-        after=DifferenceSummary.of(apart - taken),
+        before=DifferenceSummary.of(difference),
+        after=DifferenceSummary.of(difference - correction),
         seam_before=steps[0],
         seam_after=steps[1],
     )
@@ -404,13 +409,13 @@ def _pair_agreements(
 def _pair_corrections(
     cells: PairCells, pair: Names, corrections: Mapping[str, StationCorrection]
 ) -> Floats:
-    """Corrections of both lanes at the centres of cells, shape (2, n)."""
-    return np.stack([_taken_off(corrections, name, *cells.centres) for name in pair])
+    """Corrections of both passes at the centres of cells, shape (2, n)."""
+    return np.stack([_correction_at(corrections, name, *cells.centres) for name in pair])
 
 
-def _taken_off(
-    corrections: Mapping[str, StationCorrection], lane: str, easting: Floats, northing: Floats
+def _correction_at(
+    corrections: Mapping[str, StationCorrection], name: str, easting: Floats, northing: Floats
 ) -> Floats:
-    if lane not in corrections:
+    if name not in corrections:
         return np.zeros(easting.size)
-    return corrections[lane].at(easting, northing).height
+    return corrections[name].at(easting, northing).height

@@ -1,4 +1,4 @@
-"""Heights of a lane inside the search areas of a reference path, added up as points stream by."""
+"""Heights of a pass in the search areas of a reference path, accumulated block by block."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -8,23 +8,23 @@ import numpy as np
 import xarray as xr
 
 from trueterrain.alignment.discontinuity.path import ReferencePath
-from trueterrain.alignment.discontinuity.sparse_sums import (
+from trueterrain.alignment.observations.overlap import STEP, Overlap, cell_keys, height_steps
+from trueterrain.alignment.observations.sparse_sums import (
     Flags,
     Floats,
     Integers,
     SparseSums,
     contains_keys,
 )
-from trueterrain.alignment.observations.overlap import STEP, Overlap, cell_keys, heights_of
 from trueterrain.geometry.grid_frame import xy_to_uv
 
-_LOW = 1 << 16  # heights are added up in two parts, so that sums of squares stay exact
-_STRETCH = 1.5  # of stations on the inside of a bend, at most
-_FEW = 1 << 14  # search areas whose cells are looked at at once
+_LOW = 1 << 16  # heights are split in two parts, so that sums of squares fit in float64 exactly
+_STRETCH = 1.5  # maximum compression of stations on the inside of a bend
+_FEW = 1 << 14  # search areas checked at once
 
 
 class SearchArea(Protocol):
-    """Patch of ground around a reference point, such as those of `trueterrain.profile`."""
+    """Search area around a reference point, such as those of `trueterrain.profile`."""
 
     @property
     def half_axes(self) -> tuple[float, float]:
@@ -44,7 +44,7 @@ class SearchShape(IntEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class SearchDisc:
-    """A disc around the reference point: the thesis's search area."""
+    """Disc around the reference point: the search area of the thesis."""
 
     radius: float = 0.2
     "Radius of the disc [m]."
@@ -62,28 +62,28 @@ class SearchDisc:
 
     @property
     def shape(self) -> SearchShape:
-        """An ellipse with equal axes."""
+        """Ellipse, with equal axes."""
         return SearchShape.ELLIPSE
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HeightHistograms:
-    """Heights in bins, for each reference point (thesis Fig. 4-4)."""
+    """Histogram of the heights at each reference point (thesis Fig. 4-4)."""
 
     bin_width: float
     "Width of the bins [m]; the edges are whole multiples of it."
 
     start: Integers
-    "First entry of each reference point, then their number, shape (s + 1,)."
+    "First entry of each reference point, then the number of entries, shape (s + 1,)."
 
     number: Integers
-    "Bins that hold heights, ascending for each reference point: [number, number + 1) * bin_width."
+    "Occupied bins [number, number + 1) * bin_width, ascending for each reference point."
 
     quantity: Integers
-    "Heights in each."
+    "Number of heights in each bin."
 
     def __getitem__(self, index: int) -> tuple[Floats, Integers]:
-        """Edges of all bins from the lowest to the highest height, and how many lie in each."""
+        """Edges of the bins of one reference point, and the number of heights in each."""
         index = range(self.start.size - 1)[index]
         part = slice(self.start[index], self.start[index + 1])
         number = self.number[part]
@@ -110,10 +110,10 @@ class HeightHistograms:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AreaHeights:
-    """Heights of one lane in the search areas, all of shape (s,)."""
+    """Statistics of the heights of one pass in the search areas, of shape (s,)."""
 
     count: Integers
-    "How many there are."
+    "Number of heights."
 
     mean: Floats
     "Their mean [m]."
@@ -122,16 +122,16 @@ class AreaHeights:
     "Their standard deviation [m]; NaN with fewer than two."
 
     histograms: HeightHistograms
-    "How they are distributed."
+    "Their histograms."
 
 
 class AreaSums:
-    """Sums of the heights in the search areas of a path.
+    """Accumulate the heights in the search areas of a path.
 
     Parameters
     ----------
     path : ReferencePath
-        The path.
+        Reference path.
     area : SearchArea
         Search area around each reference point.
     bin_width : float
@@ -143,27 +143,27 @@ class AreaSums:
         self._bin = round(bin_width / STEP)
         far = float(np.hypot(*area.half_axes))
         self._x, self._y = path.places
-        self._width = far + float(np.abs(0.0 if path.aside is None else path.aside).max())
+        self._width = far + float(np.abs(0.0 if path.lateral is None else path.lateral).max())
         self._frame = path.frame(self._width + path.spacing, far + path.spacing)
         n = path.easting.size
         reach = int(np.ceil(_STRETCH * far / path.spacing)) + 1
         steps = np.arange(-reach, reach + 1)
-        self._steps = steps[:n] if path.closed else steps  # no search area twice
+        self._steps = steps[:n] if path.closed else steps  # each search area once
         self._cos, self._sin = np.cos(path.heading), np.sin(path.heading)
         self._sums: Any = np.zeros((6, n), np.int64)
         self._histograms = SparseSums(1)
 
     def add(self, block: xr.Dataset) -> None:
-        """Add points; those in no search area are left out.
+        """Add points; those outside all search areas are ignored.
 
         Parameters
         ----------
         block : xarray.Dataset
             Points.
         """
-        for x, y, height, _ in heights_of(block):
+        for x, y, height, _ in height_steps(block):
             u, v = xy_to_uv(self._frame, x, y)
-            near = np.flatnonzero(np.abs(v) <= self._width)  # not those at NaN
+            near = np.flatnonzero(np.abs(v) <= self._width)  # false for NaN
             if near.size:
                 nearest = np.rint(u[near] / self._path.spacing).astype(np.int64)
                 self._add(x[near], y[near], height[near], nearest)
@@ -183,13 +183,13 @@ class AreaSums:
             for sums, value in zip(
                 self._sums, (None, high, low, high * high, high * low, low * low), strict=True
             ):
-                # whole numbers below 2^53 are exact in float64
+                # integers below 2^53 are exact in float64
                 sums += np.rint(np.bincount(k, value, minlength=n)).astype(np.int64)
             self._histograms.add(k, h // self._bin)
 
     def heights(self) -> AreaHeights:
-        """Counts, means and standard deviations of what was added."""
-        # exact in Python's whole numbers, so that they do not depend on the order of the points
+        """Counts, means and standard deviations of the heights."""
+        # Python integers are exact, so results do not depend on the order of the points
         n, high, low, high2, mixed, low2 = self._sums.astype(object)
         total = high * _LOW + low
         squares = high2 * _LOW**2 + 2 * mixed * _LOW + low2
@@ -211,27 +211,28 @@ class AreaSums:
 
 
 def inside_overlap(overlap: Overlap, path: ReferencePath, area: SearchArea) -> Flags:
-    """Whether search areas lie wholly in an overlap.
+    """Whether search areas lie completely inside an overlap.
 
     Parameters
     ----------
     overlap : Overlap
         The overlap.
     path : ReferencePath
-        The path with the reference points.
+        Path with the reference points.
     area : SearchArea
         Search area around each.
 
     Returns
     -------
     numpy.ndarray of bool, shape (s,)
-        Whether the overlap holds all cells whose middle the area holds, and that of the point.
+        True if the overlap contains the reference point and all cells whose centres are in the
+        area.
     """
     far = float(np.hypot(*area.half_axes))
     reach = int(np.ceil(far / overlap.cell)) + 1
     steps = np.arange(-reach, reach + 1)
     easting, northing = path.places
-    held = overlap.holds(easting, northing)
+    inside_all = overlap.holds(easting, northing)
     for begin in range(0, path.easting.size, _FEW):
         part = slice(begin, begin + _FEW)
         x, y, heading = easting[part], northing[part], path.heading[part]
@@ -245,13 +246,13 @@ def inside_overlap(overlap: Overlap, path: ReferencePath, area: SearchArea) -> F
                 dx, dy = cx - x, cy - y
                 inside = _inside_area(area, cos * dx + sin * dy, cos * dy - sin * dx)
                 there = contains_keys(overlap.key, cell_keys(cx, cy, overlap.cell))
-                held[part] &= there | ~inside
-    return held
+                inside_all[part] &= there | ~inside
+    return inside_all
 
 
-def _inside_area(area: SearchArea, along: Floats, aside: Floats) -> Flags:
-    """Whether an area holds places, given along and aside of the path."""
+def _inside_area(area: SearchArea, longitudinal: Floats, lateral: Floats) -> Flags:
+    """Whether an area contains positions, relative to the path."""
     a, b = area.half_axes
     if int(area.shape) == SearchShape.RECTANGLE:
-        return (np.abs(along) <= a) & (np.abs(aside) <= b)
-    return np.asarray((along / a) ** 2 + (aside / b) ** 2 <= 1.0)
+        return (np.abs(longitudinal) <= a) & (np.abs(lateral) <= b)
+    return np.asarray((longitudinal / a) ** 2 + (lateral / b) ** 2 <= 1.0)

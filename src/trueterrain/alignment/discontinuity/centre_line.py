@@ -1,34 +1,164 @@
-"""The middle of an overlap, found from its cells alone, whatever way it runs."""
+"""Centre line of an overlap: straight, curved or closed, from its cells alone.
 
-from typing import Any
+Cells at equal distance from one end of the overlap, through neighbouring cells, lie across it
+(level sets of the geodesic distance). Their centres are smoothed to a path, which is then moved to
+the centre of the cells on both sides of it.
+"""
+
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from trueterrain.alignment.discontinuity.low_pass import low_pass
 from trueterrain.alignment.discontinuity.path import ReferencePath
 from trueterrain.alignment.discontinuity.reference_path import waypoint_reference
-from trueterrain.alignment.discontinuity.sparse_sums import (
+from trueterrain.alignment.observations.overlap import Overlap, cell_centres, cell_keys
+from trueterrain.alignment.observations.sparse_sums import (
     Floats,
     Integers,
     contains_keys,
     pack_cell,
     unpack_cell,
 )
-from trueterrain.alignment.observations.overlap import Overlap, cell_centres, cell_keys
+from trueterrain.core.errors import CoverageError
 
-_MOST_OF_IT = 0.95  # of the cells in one piece are enough
-_COARSEST = 64  # cells that are taken together at most, to bridge what separates pieces
-_BAND = 1.6  # cells to either side of a line across the overlap, so that it is one piece
-_BRANCH = 0.25  # of the larger branch of a ring, which the smaller one has at least
-_PARTS = (0.3, 0.4, 0.5, 0.6, 0.7)  # of the way along, where branches are counted
-_ROUNDS = 3  # in which the path is moved to the middle
-_LEVELS = 6  # lines across the overlap at least
+_MIN_FRACTION = 0.95  # of the cells in one connected piece
+_MAX_FACTOR = 64  # maximum coarsening of cells, to bridge gaps between pieces
+_BAND = 1.6  # half-width in cells of a line across the overlap, so that it is connected
+_BRANCH = 0.25  # minimum size of the smaller branch of a ring over that of the larger
+_PARTS = (0.3, 0.4, 0.5, 0.6, 0.7)  # fractions of the length at which branches are counted
+_ITERATIONS = 3  # of moving the path to the centre
+_LEVELS = 6  # minimum number of lines across the overlap
+
+
+def centre_reference(
+    overlap: Overlap, *, spacing: float = 0.25, smoothing: float = 10.0
+) -> ReferencePath:
+    """Reference path along the centre of an overlap, straight, curved or closed.
+
+    Parameters
+    ----------
+    overlap : Overlap
+        The overlap.
+    spacing : float
+        Distance of the reference points [m].
+    smoothing : float
+        Wavelength below which the path does not follow the edges of the overlap [m].
+
+    Returns
+    -------
+    ReferencePath
+        From west to east, or from south to north if that is longer; closed courses
+        counter-clockwise.
+
+    Raises
+    ------
+    ValueError
+        If a number is not greater than 0.
+    CoverageError
+        If the overlap is shorter than two spacings, or its shape has no centre line, such as
+        scattered pieces.
+
+    Notes
+    -----
+    Cells at equal distance from one end, from cell to cell, lie across the overlap. Then the path
+    is moved to the centre of the cells on both sides of it.
+
+    Examples
+    --------
+    >>> from trueterrain.core.schemas import make_points
+    >>> from trueterrain.alignment.observations.overlap import occupied_cells, find_overlap
+    >>> x, y = (at.ravel() for at in np.meshgrid(np.arange(0, 20, 0.1), np.arange(0, 4, 0.1)))
+    >>> left, right = (occupied_cells(make_points(x, y + by, 0 * x), 0.2) for by in (0.05, 3.05))
+    >>> path = centre_reference(find_overlap(left, right))
+    >>> np.round([path.northing.min(), path.northing.max()], 2)
+    array([3.5, 3.5])
+    """
+    for name, value in (("spacing", spacing), ("smoothing", smoothing)):
+        if not 0 < value < np.inf:
+            message = f"{name} must be greater than 0 m, got {value}."
+            raise ValueError(message)
+    try:
+        easting, northing, closed = centre_waypoints(overlap, spacing, smoothing)
+        return waypoint_reference(easting, northing, spacing=spacing, closed=closed)
+    except ValueError as error:
+        raise CoverageError(
+            f"has no centre line for a reference path: {str(error).rstrip('.')}",
+            place=f"overlap of {overlap.names[0]} and {overlap.names[1]}",
+            cure="Give a line or waypoints, a finer spacing, or finer cells.",
+        ) from None
+
+
+def follow_centre(overlap: Overlap, path: ReferencePath, *, length: float = 0.4) -> ReferencePath:
+    """Move the search areas of a path to the centre of the overlap.
+
+    The edges of swaths follow the vehicle, and the overlap with them. Stations a few metres from a
+    path with such bends would be ambiguous, so the path stays smooth and only the search areas
+    follow the overlap.
+
+    Parameters
+    ----------
+    overlap : Overlap
+        The overlap.
+    path : ReferencePath
+        Path in the overlap or parallel to it.
+    length : float
+        Length of path over which the centre is averaged [m].
+
+    Returns
+    -------
+    ReferencePath
+        With new ``lateral``; interpolated where there is no overlap.
+    """
+    key = part_of_path(overlap, path)
+    key = key if key.size else overlap.key
+    centre, _ = cross_extent(key, overlap.cell, path, max(length, overlap.cell))
+    known = np.isfinite(centre)
+    period = path.length if path.closed else None
+    lateral = np.zeros(known.size)
+    if known.any():
+        lateral = np.interp(path.station, path.station[known], centre[known], period=period)
+    return replace(path, lateral=lateral)
+
+
+class OverlapEdges(NamedTuple):
+    """Centre and width of an overlap along a path; NaN outside the overlap."""
+
+    station: Floats
+    "Stations, shape (s,) [m]."
+
+    centre: Floats
+    "Offset of the centre of the overlap, to the left positive, shape (s,) [m]."
+
+    width: Floats
+    "Width, from the area of the cells, shape (s,) [m]."
+
+
+def overlap_edges(overlap: Overlap, path: ReferencePath) -> OverlapEdges:
+    """Measure the centre and the width of an overlap along a path.
+
+    Parameters
+    ----------
+    overlap : Overlap
+        The overlap; only the pieces that the path runs through are used.
+    path : ReferencePath
+        The path.
+
+    Returns
+    -------
+    OverlapEdges
+        At the reference points, each over a length of one spacing, but at least three cells.
+    """
+    key = part_of_path(overlap, path)
+    found = cross_extent(key, overlap.cell, path, max(path.spacing, 3 * overlap.cell))
+    return OverlapEdges(path.station, *found)
 
 
 def centre_waypoints(
     overlap: Overlap, spacing: float, smoothing: float
 ) -> tuple[Floats, Floats, bool]:
-    """Points along the middle of the longest piece of an overlap.
+    """Points along the centre line of the longest piece of an overlap.
 
     Parameters
     ----------
@@ -49,7 +179,7 @@ def centre_waypoints(
     Raises
     ------
     ValueError
-        If it is too short.
+        If the overlap is too short.
     """
     key, cell = _one_piece(overlap.key, overlap.cell)
     levels, step, closed = _level_set_centres(key, cell)
@@ -58,7 +188,7 @@ def centre_waypoints(
     fine = min(spacing, max(overlap.cell, spacing / 4))
     path = waypoint_reference(*nodes.T, spacing=fine, closed=closed)
     own = _cells_of_piece(overlap, key, cell)
-    for _ in range(_ROUNDS):
+    for _ in range(_ITERATIONS):
         centre, _ = cross_extent(own, overlap.cell, path, max(fine, 6 * overlap.cell))
         shift = low_pass(centre, path.spacing, smoothing, closed=closed)
         east, north = path.at(path.station, shift)
@@ -80,7 +210,7 @@ def centre_waypoints(
 def cross_extent(
     key: Integers, cell: float, path: ReferencePath, length: float
 ) -> tuple[Floats, Floats]:
-    """Middle and width of cells across a path.
+    """Centre and width of cells across a path.
 
     Parameters
     ----------
@@ -91,12 +221,12 @@ def cross_extent(
     path : ReferencePath
         The path.
     length : float
-        Stretch of the path over which cells count at each reference point [m].
+        Length of path over which cells are averaged at each reference point [m].
 
     Returns
     -------
     centre, width : numpy.ndarray, shape (s,)
-        Mean offset of the cells, and their area by the stretch [m]; NaN where there are none.
+        Mean offset of the cells, and their area over the length [m]; NaN without cells.
     """
     found = path.locate(*cell_centres(key, cell))
     station, offset = found.station[~found.beyond], found.offset[~found.beyond]
@@ -116,7 +246,7 @@ def cross_extent(
 
 
 def part_of_path(overlap: Overlap, path: ReferencePath) -> Integers:
-    """Cells of those pieces of an overlap in which heights are compared along a path.
+    """Cells of the connected pieces of an overlap that contain reference points.
 
     Parameters
     ----------
@@ -139,7 +269,7 @@ def part_of_path(overlap: Overlap, path: ReferencePath) -> Integers:
 
 
 def _one_piece(key: Integers, cell: float) -> tuple[Integers, float]:
-    """Largest piece of the cells, taken together until it holds nearly all of them."""
+    """Largest connected piece, after coarsening cells until it holds nearly all of them."""
     from scipy.sparse.csgraph import connected_components
 
     factor = 1
@@ -147,13 +277,13 @@ def _one_piece(key: Integers, cell: float) -> tuple[Integers, float]:
         coarse, index = np.unique(_coarsen_keys(key, factor), return_inverse=True)
         _, piece = connected_components(_neighbour_graph(coarse), directed=False)
         sizes = np.bincount(piece[index])
-        if sizes.max() >= _MOST_OF_IT * key.size or factor == _COARSEST:
+        if sizes.max() >= _MIN_FRACTION * key.size or factor == _MAX_FACTOR:
             return coarse[piece == np.argmax(sizes)], cell * factor
         factor *= 2
 
 
 def _cells_of_piece(overlap: Overlap, key: Integers, cell: float) -> Integers:
-    """Cells of the overlap that belong to a piece of coarser ones."""
+    """Cells of the overlap within a piece of coarser cells."""
     factor = round(cell / overlap.cell)
     return overlap.key[contains_keys(key, _coarsen_keys(overlap.key, factor))]
 
@@ -164,30 +294,30 @@ def _coarsen_keys(key: Integers, factor: int) -> Integers:
 
 
 def _neighbour_graph(key: Integers) -> Any:
-    """Which cells touch, and how far apart their centres are in cells."""
+    """Graph of neighbouring cells, weighted by the distance of their centres in cells."""
     from scipy.sparse import coo_array
 
     column, row = unpack_cell(key)
-    rows, columns, apart = [], [], []
+    rows, columns, distances = [], [], []
     for dc, dr in ((0, 1), (1, -1), (1, 0), (1, 1)):
         other = pack_cell(column + dc, row + dr)
         there = np.flatnonzero(contains_keys(key, other))
         rows.append(there)
         columns.append(np.searchsorted(key, other[there]))
-        apart.append(np.full(there.size, np.hypot(dc, dr)))
-    entries = np.concatenate(apart), (np.concatenate(rows), np.concatenate(columns))
+        distances.append(np.full(there.size, np.hypot(dc, dr)))
+    entries = np.concatenate(distances), (np.concatenate(rows), np.concatenate(columns))
     return coo_array(entries, shape=(key.size, key.size)).tocsr()
 
 
 def _level_set_centres(key: Integers, cell: float) -> tuple[Floats, float, bool]:
-    """Centres of the cells that are equally far from one end, (n, 2), their distance, if a ring."""
+    """Centres of the level sets of the distance from one end, (n, 2), their spacing, closed."""
     from scipy.sparse.csgraph import connected_components
 
     graph = _neighbour_graph(key)
-    away = _from_end(graph)
+    distance = _from_end(graph)
     rings = 0
     for part in _PARTS:
-        band = np.flatnonzero(np.abs(away - part * away.max()) <= _BAND)
+        band = np.flatnonzero(np.abs(distance - part * distance.max()) <= _BAND)
         _, piece = connected_components(graph[band][:, band], directed=False)
         sizes = np.bincount(piece)
         rings += int((sizes >= _BRANCH * sizes.max()).sum()) == 2
@@ -195,38 +325,41 @@ def _level_set_centres(key: Integers, cell: float) -> tuple[Floats, float, bool]
             wall = band[piece == np.argmax(sizes)]
     closed = 2 * rings > len(_PARTS)
     at = np.stack(cell_centres(key, cell), axis=1)
-    if closed:  # cut through one branch, it is a strip from one side of the cut to the other
+    if closed:  # cut one branch of the ring: it becomes a strip between the sides of the cut
         rest = np.setdiff1d(np.arange(key.size), wall)
         graph, at = graph[rest][:, rest], at[rest]
-        away = _from_end(graph)
-        reached = np.isfinite(away)
-        away, at = away[reached], at[reached]
-    length = float(away.max())
+        distance = _from_end(graph)
+        reached = np.isfinite(distance)
+        distance, at = distance[reached], at[reached]
+    length = float(distance.max())
     if not length > 0:
         message = f"its largest piece is one cell of {cell:g} m"
         raise ValueError(message)
-    width = away.size / max(length, 1.0)
+    width = distance.size / max(length, 1.0)
     count = max(int(length / max(2.0, width)), _LEVELS)
-    level = np.minimum((away / (length + 1e-9) * count).astype(np.int64), count - 1)
+    level = np.minimum((distance / (length + 1e-9) * count).astype(np.int64), count - 1)
     quantity = np.bincount(level, minlength=count)
     there = quantity > 0
     sums = np.stack([np.bincount(level, one, minlength=count) for one in at.T], axis=1)
-    middle: Floats = sums[there] / quantity[there, None]
-    if not closed and middle.shape[0] > 4:
-        middle = middle[1:-1]  # those at the ends lie in corners
-    return middle, length * cell / count, closed
+    centres: Floats = sums[there] / quantity[there, None]
+    if not closed and centres.shape[0] > 4:
+        centres = centres[1:-1]  # the first and the last lie in corners
+    return centres, length * cell / count, closed
 
 
 def _from_end(graph: Any) -> Floats:
-    """Distance from a far end of what is connected, through the cells."""
+    """Geodesic distance from one end of the largest piece.
+
+    The farthest cell from the farthest cell from any cell is an end (double sweep).
+    """
     from scipy.sparse.csgraph import connected_components, dijkstra
 
     _, piece = connected_components(graph, directed=False)
     start = int(np.argmax(piece == np.argmax(np.bincount(piece))))
     for _ in range(2):
-        away = dijkstra(graph, directed=False, indices=start)
-        away = np.where(np.isfinite(away), away, -1.0)
-        start = int(np.argmax(away))
+        distance = dijkstra(graph, directed=False, indices=start)
+        distance = np.where(np.isfinite(distance), distance, -1.0)
+        start = int(np.argmax(distance))
     return np.asarray(dijkstra(graph, directed=False, indices=start))
 
 
@@ -235,22 +368,23 @@ def _smooth_nodes(nodes: Floats, step: float, smoothing: float, closed: bool) ->
 
 
 def _extend_ends(nodes: Floats, by: float) -> Floats:
-    """Straight on at both ends."""
+    """Extend a polyline straight at both ends."""
 
-    def on(end: Floats, before: Floats) -> Floats:
-        way = end - before
-        return np.asarray(end + way * (by / np.hypot(*way)))
+    def beyond(end: Floats, before: Floats) -> Floats:
+        direction = end - before
+        return np.asarray(end + direction * (by / np.hypot(*direction)))
 
-    first, last = on(nodes[0], nodes[1]), on(nodes[-1], nodes[-2])
+    first, last = beyond(nodes[0], nodes[1]), beyond(nodes[-1], nodes[-2])
     return np.concatenate([first[None], nodes, last[None]])
 
 
 def _orient_path(path: ReferencePath, closed: bool) -> tuple[Floats, Floats, bool]:
-    """From west to east or south to north; counter-clockwise if closed."""
+    """Orient a path from west to east or south to north; counter-clockwise if closed."""
     x, y = path.easting, path.northing
     if closed:
-        back = np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) < 0
+        # the shoelace formula: a negative area is clockwise
+        reverse = np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) < 0
     else:
-        way = x[-1] - x[0], y[-1] - y[0]
-        back = way[int(np.abs(way[1]) > np.abs(way[0]))] < 0
-    return (x[::-1].copy(), y[::-1].copy(), closed) if back else (x, y, closed)
+        chord = x[-1] - x[0], y[-1] - y[0]
+        reverse = chord[int(np.abs(chord[1]) > np.abs(chord[0]))] < 0
+    return (x[::-1].copy(), y[::-1].copy(), closed) if reverse else (x, y, closed)

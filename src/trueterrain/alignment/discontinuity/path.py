@@ -1,4 +1,4 @@
-"""A path with equally spaced reference points, and where places lie along it."""
+"""Reference paths with equally spaced reference points, and coordinates along them."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -7,31 +7,34 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.alignment.discontinuity.sparse_sums import Flags, Floats
+from trueterrain.alignment.observations.sparse_sums import Flags, Floats
 from trueterrain.core.errors import SchemaError
 from trueterrain.core.schemas import make_surface
 from trueterrain.geometry.grid_frame import GridFrame, grid_frame, xy_to_uv
 
-_WIDE = 12.0  # [m] to either side of a path, where points are found fast
-_BEND = 0.8  # of the least radius, which that width stays below
+_WIDE = 12.0  # [m] half-width of the strip in which a grid frame locates points
+_BEND = 0.8  # maximum of that half-width over the minimum radius of curvature
 
 
 class PathCoordinates(NamedTuple):
-    """Places along a path."""
+    """Coordinates along a path."""
 
     station: Floats
-    "Stations from 0 to the length of the path [m]; of places beyond its ends that of the end."
+    "Stations [m], clipped to the ends of the path."
 
     offset: Floats
-    "Distance from the path, left positive [m]."
+    "Lateral distance from the path, to the left positive [m]."
 
     beyond: Flags
-    "Whether the place lies before the begin or behind the end of the path."
+    "Whether the position lies beyond the ends of the path."
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReferencePath:
-    """A path with equally spaced reference points."""
+    """Path with equally spaced reference points (thesis 4.3.1).
+
+    Stations are arc lengths; on a circle polar angles times the radius.
+    """
 
     easting: Floats
     "Eastings of the path at the reference points, shape (s,) [m]."
@@ -48,9 +51,9 @@ class ReferencePath:
     centre: tuple[float, float] | None = None
     "Easting and northing of the centre, if stations are polar [m]."
 
-    aside: Floats | None = None
-    """Offset from the path at which heights are compared, left positive, shape (s,) [m]: where the
-    overlap sways, so that the path need not. By default 0."""
+    lateral: Floats | None = None
+    """Lateral distance from the path at which heights are compared, to the left positive, shape
+    (s,) [m]. It follows the centre of the overlap, so that the path stays smooth. By default 0."""
 
     def __post_init__(self) -> None:
         """Check shapes and values."""
@@ -69,10 +72,10 @@ class ReferencePath:
         if not (np.isfinite(self.easting).all() and np.isfinite(self.northing).all()):
             message = "reference points must be finite."
             raise ValueError(message)
-        if self.aside is not None and not (
-            self.aside.shape == self.easting.shape and np.isfinite(self.aside).all()
+        if self.lateral is not None and not (
+            self.lateral.shape == self.easting.shape and np.isfinite(self.lateral).all()
         ):
-            message = "aside must hold a finite offset for each reference point."
+            message = "lateral must hold a finite offset for each reference point."
             raise ValueError(message)
         if not 0 < self.spacing < np.inf:
             message = f"spacing must be greater than 0 m, got {self.spacing}."
@@ -97,10 +100,10 @@ class ReferencePath:
     @cached_property
     def places(self) -> tuple[Floats, Floats]:
         """Eastings and northings where heights are compared, shape (s,) each [m]."""
-        if self.aside is None:
+        if self.lateral is None:
             return self.easting, self.northing
         cos, sin = np.cos(self.heading), np.sin(self.heading)
-        return self.easting - self.aside * sin, self.northing + self.aside * cos
+        return self.easting - self.lateral * sin, self.northing + self.lateral * cos
 
     @cached_property
     def heading(self) -> Floats:
@@ -109,23 +112,24 @@ class ReferencePath:
         return np.arctan2(y[2:] - y[:-2], x[2:] - x[:-2])
 
     def locate(self, easting: npt.ArrayLike, northing: npt.ArrayLike) -> PathCoordinates:
-        """Stations and offsets of places.
+        """Stations and offsets of positions.
 
         Parameters
         ----------
         easting, northing : array_like, shape (n,)
-            Places [m].
+            Positions [m].
 
         Returns
         -------
-        Places
-            NaN where a place is not finite.
+        PathCoordinates
+            NaN where a position is not finite.
 
         Examples
         --------
         >>> path = ReferencePath(easting=np.zeros(11), northing=np.arange(11.0), spacing=1.0)
-        >>> path.locate([-2.0, 0.0], [2.5, 12.0])
-        Places(station=array([ 2.5, 10. ]), offset=array([2., 0.]), beyond=array([False, True]))
+        >>> station, offset, beyond = path.locate([-2.0, 0.0], [2.5, 12.0])
+        >>> station, offset, beyond
+        (array([ 2.5, 10. ]), array([2., 0.]), array([False, True]))
         """
         x, y = (np.ravel(np.asarray(at, dtype=float)) for at in (easting, northing))
         if self.centre is not None:
@@ -141,19 +145,19 @@ class ReferencePath:
         return PathCoordinates(np.clip(station, 0.0, self.length), offset, beyond)
 
     def frame(self, half_width: float, beyond: float = 0.0) -> GridFrame:
-        """Geometry of the strip along the path.
+        """Grid frame of the strip along the path.
 
         Parameters
         ----------
         half_width : float
-            How far it reaches to either side [m].
+            Half of its width [m].
         beyond : float
-            How far it goes on straight behind both ends [m]; a closed path goes on around.
+            Straight extension beyond both ends [m]; a closed path continues around.
 
         Returns
         -------
         GridFrame
-            Whose u is the station, from below 0 to above the length of a closed path.
+            Its u is the station; beyond 0 and the length for a closed path.
         """
         x, y = self._extended(max(beyond, self.spacing) if beyond or self.closed else 0.0)
         added = (x.size - self.easting.size) // 2
@@ -179,7 +183,7 @@ class ReferencePath:
         )
 
     def _extended(self, beyond: float) -> tuple[Floats, Floats]:
-        """Reference points and more behind both ends."""
+        """Reference points, extended beyond both ends."""
         more = int(np.ceil(beyond / self.spacing - 1e-9))
         nodes = self.easting, self.northing
         if self.closed:
@@ -196,9 +200,9 @@ class ReferencePath:
 
     @cached_property
     def _wide(self) -> GridFrame:
-        """Strip in which nearly all points of a road lie, narrower where the path bends."""
-        turn = np.abs(np.diff(np.unwrap(self.heading))).max(initial=0.0)
-        widest = _BEND * self.spacing / turn if turn > 0 else np.inf
+        """Strip that contains nearly all points, narrower than the radius of curvature."""
+        angle = np.abs(np.diff(np.unwrap(self.heading))).max(initial=0.0)
+        widest = _BEND * self.spacing / angle if angle > 0 else np.inf
         return self.frame(min(_WIDE, widest))
 
     @cached_property
@@ -208,7 +212,7 @@ class ReferencePath:
         return KDTree(np.stack([self.easting, self.northing], axis=1))
 
     def _nearest(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
-        """Station and offset on the chord nearest to each place; the outermost ones go on."""
+        """Station and offset on the nearest chord; the outermost chords are extended."""
         _, near = self._tree.query(np.stack([x, y], axis=1))
         n = self.easting.size
         best = np.full(x.size, np.inf)
@@ -235,10 +239,10 @@ class ReferencePath:
         cx, cy = self.centre
         radius = float(np.hypot(self.easting[0] - cx, self.northing[0] - cy))
         begin = np.arctan2(self.northing[0] - cy, self.easting[0] - cx)
-        way = 1.0 if np.sin(self.heading[0] - begin) > 0 else -1.0  # counter-clockwise or not
-        angle = way * (np.arctan2(y - cy, x - cx) - begin) % (2 * np.pi)
+        sense = 1.0 if np.sin(self.heading[0] - begin) > 0 else -1.0  # counter-clockwise or not
+        angle = sense * (np.arctan2(y - cy, x - cx) - begin) % (2 * np.pi)
         return PathCoordinates(
             radius * angle % self.length,
-            way * (radius - np.hypot(x - cx, y - cy)),
+            sense * (radius - np.hypot(x - cx, y - cy)),
             np.zeros(x.size, np.bool_),
         )

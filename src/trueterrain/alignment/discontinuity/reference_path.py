@@ -1,34 +1,27 @@
-"""Reference paths through an overlap, with equally spaced reference points (thesis 4.3.1, 4.4).
+"""Construction of reference paths: straight, through waypoints, or circular (thesis 4.3.1, 4.4).
 
-A station is the arc length along the path, or on a circle the polar angle times the radius. On a
-closed course stations are periodic: the last reference point is followed by the first.
+The station is the arc length along the path, or on a circle the polar angle times the radius. On a
+closed path stations are periodic.
 """
 
-from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from trueterrain.alignment.discontinuity.path import PathCoordinates, ReferencePath
-from trueterrain.alignment.discontinuity.sparse_sums import Floats
-from trueterrain.alignment.observations.overlap import Overlap
-from trueterrain.core.errors import CoverageError
+from trueterrain.alignment.observations.sparse_sums import Floats
 
 __all__ = [
-    "OverlapEdges",
     "PathCoordinates",
     "ReferencePath",
-    "centre_reference",
-    "keep_to_middle",
-    "overlap_edges",
     "polar_reference",
     "straight_reference",
     "waypoint_reference",
 ]
 
-_FINE = 8  # samples of a curve per spacing
-_SAME = 1e-9  # [m] between waypoints that count once
+_FINE = 8  # samples of a curve per spacing, to integrate its arc length
+_SAME = 1e-9  # [m] distance below which waypoints are identical
 
 
 def straight_reference(
@@ -46,12 +39,12 @@ def straight_reference(
     Returns
     -------
     ReferencePath
-        From `start`; its last point is less than a spacing from `end`.
+        From `start`; the last point is less than a spacing from `end`.
 
     Raises
     ------
     ValueError
-        If the ends are nearer than a spacing.
+        If the ends are closer than a spacing.
 
     Examples
     --------
@@ -73,12 +66,11 @@ def waypoint_reference(
     Parameters
     ----------
     easting, northing : array_like, shape (n,)
-        Waypoints in order [m]; a cubic spline over their distances runs through them.
+        Waypoints in order [m], interpolated by a cubic spline over their distances.
     spacing : float
-        Arc length between reference points [m]; of a closed path the nearest of which it is a
-        whole multiple.
+        Arc length between reference points [m]; adjusted to divide the length of a closed path.
     closed : bool
-        Whether the path returns to its first waypoint; that need not be repeated.
+        Whether the path returns to its first waypoint, which need not be repeated.
 
     Returns
     -------
@@ -112,10 +104,10 @@ def waypoint_reference(
     fine = np.unique(
         np.concatenate([s, np.linspace(0, s[-1], int(_FINE * s[-1] / spacing) + 2 * _FINE)])
     )
-    # Simpson's rule for the length of the pieces between
+    # arc length of each piece by Simpson's rule
     speed = np.hypot(*spline(fine, 1).T)
-    middle = np.hypot(*spline(0.5 * (fine[1:] + fine[:-1]), 1).T)
-    pieces = np.diff(fine) * (speed[:-1] + 4 * middle + speed[1:]) / 6
+    midpoint_speed = np.hypot(*spline(0.5 * (fine[1:] + fine[:-1]), 1).T)
+    pieces = np.diff(fine) * (speed[:-1] + 4 * midpoint_speed + speed[1:]) / 6
     arc = np.append(0.0, np.cumsum(pieces))
     parts = arc[-1] / spacing
     count = max(round(parts), 3) if closed else int(parts + 1e-6) + 1
@@ -146,16 +138,16 @@ def polar_reference(
     radius : float
         Radius [m].
     spacing : float
-        Distance of the reference points along the circle, taken to the nearest whole part [m].
+        Distance of the reference points along the circle, adjusted to divide the circumference [m].
     start_angle : float
-        Where station 0 is, counter-clockwise from east [rad].
+        Polar angle of station 0, counter-clockwise from east [rad].
     clockwise : bool
         Whether stations run clockwise.
 
     Returns
     -------
     ReferencePath
-        The station of any place is its polar angle times the radius.
+        The station of a position is its polar angle times the radius.
 
     Raises
     ------
@@ -187,135 +179,6 @@ def polar_reference(
     )
 
 
-def centre_reference(
-    overlap: Overlap, *, spacing: float = 0.25, smoothing: float = 10.0
-) -> ReferencePath:
-    """Reference path along the centre of an overlap, straight, curved or closed.
-
-    Parameters
-    ----------
-    overlap : Overlap
-        The overlap.
-    spacing : float
-        Distance of the reference points [m].
-    smoothing : float
-        Wavelength below which the path does not follow the edges of the overlap [m].
-
-    Returns
-    -------
-    ReferencePath
-        From west to east, or from south to north if that is longer; closed courses
-        counter-clockwise.
-
-    Raises
-    ------
-    ValueError
-        If a number is not greater than 0.
-    CoverageError
-        If the overlap is shorter than two spacings, or its shape has no middle that a path could
-        follow, such as scattered pieces.
-
-    Notes
-    -----
-    The way along the overlap is found from cell to cell: cells equally far from its one end lie
-    across it. Then the path is moved to the middle of the cells beside it until it rests.
-
-    Examples
-    --------
-    >>> from trueterrain.core.schemas import make_points
-    >>> from trueterrain.alignment.observations.overlap import occupied_cells, overlap_of
-    >>> x, y = (at.ravel() for at in np.meshgrid(np.arange(0, 20, 0.1), np.arange(0, 4, 0.1)))
-    >>> left, right = (occupied_cells(make_points(x, y + by, 0 * x), 0.2) for by in (0.05, 3.05))
-    >>> path = centre_reference(overlap_of(left, right))
-    >>> np.round([path.northing.min(), path.northing.max()], 2)
-    array([3.5, 3.5])
-    """
-    from trueterrain.alignment.discontinuity.centre_line import centre_waypoints
-
-    for name, value in (("spacing", spacing), ("smoothing", smoothing)):
-        if not 0 < value < np.inf:
-            message = f"{name} must be greater than 0 m, got {value}."
-            raise ValueError(message)
-    try:
-        easting, northing, closed = centre_waypoints(overlap, spacing, smoothing)
-        return waypoint_reference(easting, northing, spacing=spacing, closed=closed)
-    except ValueError as error:
-        raise CoverageError(
-            f"has no middle to lay a reference path along: {str(error).rstrip('.')}",
-            place=f"overlap of {overlap.lanes[0]} and {overlap.lanes[1]}",
-            cure="Give a line or waypoints, a finer spacing, or finer cells.",
-        ) from None
-
-
-def keep_to_middle(overlap: Overlap, path: ReferencePath, *, length: float = 0.4) -> ReferencePath:
-    """The same path with heights compared in the middle of the overlap beside it.
-
-    Swaths sway with the vehicle, and their overlap with them. A path that swayed as much would not
-    tell stations a few metres beside it, so the path stays and only the search areas follow.
-
-    Parameters
-    ----------
-    overlap : Overlap
-        The overlap.
-    path : ReferencePath
-        The path, in the overlap or beside it.
-    length : float
-        Stretch of the path over which the middle is taken [m].
-
-    Returns
-    -------
-    ReferencePath
-        With new ``aside``; straight on where there is no overlap.
-    """
-    from trueterrain.alignment.discontinuity.centre_line import cross_extent, part_of_path
-
-    key = part_of_path(overlap, path)
-    key = key if key.size else overlap.key
-    middle, _ = cross_extent(key, overlap.cell, path, max(length, overlap.cell))
-    known = np.isfinite(middle)
-    period = path.length if path.closed else None
-    aside = np.zeros(known.size)
-    if known.any():
-        aside = np.interp(path.station, path.station[known], middle[known], period=period)
-    return replace(path, aside=aside)
-
-
-class OverlapEdges(NamedTuple):
-    """Sides of an overlap along a path; NaN where it has none."""
-
-    station: Floats
-    "Stations, shape (s,) [m]."
-
-    centre: Floats
-    "Offset of the middle of the overlap, left positive, shape (s,) [m]."
-
-    width: Floats
-    "Width, from the area of the cells, shape (s,) [m]."
-
-
-def overlap_edges(overlap: Overlap, path: ReferencePath) -> OverlapEdges:
-    """Width of an overlap along a path.
-
-    Parameters
-    ----------
-    overlap : Overlap
-        The overlap; of it those parts count that the path runs through.
-    path : ReferencePath
-        The path.
-
-    Returns
-    -------
-    Edges
-        At the reference points, each over the stretch that is nearest to it, and not less than
-        three cells.
-    """
-    from trueterrain.alignment.discontinuity.centre_line import cross_extent, part_of_path
-
-    key = part_of_path(overlap, path)
-    found = cross_extent(key, overlap.cell, path, max(path.spacing, 3 * overlap.cell))
-    return OverlapEdges(path.station, *found)
-
-
 def _path_waypoints(easting: npt.ArrayLike, northing: npt.ArrayLike, closed: bool) -> Floats:
     x, y = (np.ravel(np.asarray(at, dtype=float)) for at in (easting, northing))
     if x.shape != y.shape or not (np.isfinite(x).all() and np.isfinite(y).all()):
@@ -328,8 +191,10 @@ def _path_waypoints(easting: npt.ArrayLike, northing: npt.ArrayLike, closed: boo
     nodes = nodes[new]
     if closed and nodes.shape[0] and np.hypot(*(nodes[-1] - nodes[0])) <= _SAME:
         nodes[-1] = nodes[0]
-    least = 4 if closed else 2
-    if nodes.shape[0] < least:
-        message = f"a path needs at least {least - closed} different waypoints, got {len(nodes)}."
+    min_nodes = 4 if closed else 2
+    if nodes.shape[0] < min_nodes:
+        message = (
+            f"a path needs at least {min_nodes - closed} different waypoints, got {len(nodes)}."
+        )
         raise ValueError(message)
     return np.asarray(nodes)

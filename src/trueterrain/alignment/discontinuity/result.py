@@ -1,4 +1,4 @@
-"""What aligning lanes along reference paths results in."""
+"""Results of the alignment along reference paths."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,38 +8,38 @@ import numpy as np
 import numpy.typing as npt
 
 from trueterrain.alignment.difference_summary import DifferenceSummary
+from trueterrain.alignment.discontinuity.centre_line import OverlapEdges
 from trueterrain.alignment.discontinuity.path import ReferencePath
-from trueterrain.alignment.discontinuity.reference_path import OverlapEdges
 from trueterrain.alignment.discontinuity.seam import SeamSteps
-from trueterrain.alignment.discontinuity.sparse_sums import Flags, Floats
 from trueterrain.alignment.discontinuity.vectors import DiscontinuitySettings, DiscontinuityVectors
 from trueterrain.alignment.observations.overlap import Overlap
+from trueterrain.alignment.observations.sparse_sums import Flags, Floats
 
 Names = tuple[str, str]
 
 
 class CorrectionValues(NamedTuple):
-    """Corrections at some places."""
+    """Corrections at some positions."""
 
     height: Floats
-    "What is taken off heights there [m]."
+    "Correction to subtract from heights [m]."
 
     station: Floats
     "Station of the reference path [m]."
 
     beyond: Flags
-    "Whether the place lies beyond the ends of the overlap, where the correction stays constant."
+    "Whether the position lies beyond the ends of the overlap; the correction is constant there."
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StationCorrection:
-    """Correction of one lane as a function of station."""
+    """Correction of one pass as a function of station."""
 
     path: ReferencePath
-    "Path whose stations count."
+    "Path to which the stations refer."
 
     height: Floats
-    "What is taken off heights at the reference points, shape (s,) [m]; straight in between."
+    "Correction to subtract at the reference points, shape (s,) [m]; linear in between."
 
     begin: float
     "Station of the first reference point with enough heights [m]."
@@ -48,17 +48,17 @@ class StationCorrection:
     "Station of the last one [m]."
 
     def at(self, easting: npt.ArrayLike, northing: npt.ArrayLike) -> CorrectionValues:
-        """Corrections at places: of points, or of the way of a scanner.
+        """Corrections at positions, of points or of a scanner.
 
         Parameters
         ----------
         easting, northing : array_like, shape (n,)
-            Places [m].
+            Positions [m].
 
         Returns
         -------
-        Corrections
-            All of shape (n,); 0 m at places that are not finite.
+        CorrectionValues
+            Of shape (n,); 0 m at positions that are not finite.
         """
         found = self.path.locate(easting, northing)
         period = self.path.length if self.path.closed else None
@@ -71,88 +71,87 @@ class StationCorrection:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PairAlignment:
-    """Two lanes brought into agreement."""
+    """Alignment of two passes."""
 
-    lanes: Names
-    "Names; where one of them was aligned before, it is the first."
+    names: Names
+    "Names; a pass that is aligned already comes first."
 
     corrected: tuple[str, ...]
-    "Those that got their correction from this pair."
+    "Names of the passes that this pair corrects."
 
     overlap: Overlap
-    "What both cover."
+    "Overlap of both."
 
     path: ReferencePath
     "Reference path through it."
 
     edges: OverlapEdges
-    "Its width along the path."
+    "Centre and width of the overlap along the path."
 
     discontinuity: DiscontinuityVectors
     "Discontinuity vectors."
 
     before: DifferenceSummary
-    "First lane less second at the reference points, as recorded."
+    "First pass less second at the reference points, before the correction."
 
     after: DifferenceSummary
-    "The same, corrected."
+    "First pass less second at the reference points, corrected."
 
     seam_before: SeamSteps
-    "Steps at the edges of the overlap, as recorded."
+    "Steps at the edges of the overlap, before the correction."
 
     seam_after: SeamSteps
-    "The same, corrected."
+    "Steps at the edges of the overlap, corrected."
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PassAlignment:
-    """All lanes brought into agreement, pair by pair."""
+    """Alignment of all passes, pair by pair."""
 
-    options: DiscontinuitySettings
-    "How."
+    settings: DiscontinuitySettings
+    "Settings."
 
-    lanes: tuple[str, ...]
-    "Names in the order in which they were aligned."
+    names: tuple[str, ...]
+    "Names in order of alignment."
 
     pairs: tuple[PairAlignment, ...]
-    "Pairs by which they were, in that order."
+    "Pairs in order of alignment."
 
     corrections: Mapping[str, StationCorrection]
-    "Correction of each lane; a fixed one has none."
+    "Correction of each pass; a fixed pass has none."
 
     states: tuple[Mapping[Names, DifferenceSummary], ...]
-    """Agreement in the cells of all lanes that overlap, neighbours or not: as recorded, then after
-    each pair."""
+    """Agreement in the cells of all overlaps: before the alignment, then after each pair."""
 
     left_out: Mapping[str, int]
-    "Points of each lane that are not finite."
+    "Number of points of each pass that are not finite."
 
     def correction(
-        self, lane: str, easting: npt.ArrayLike, northing: npt.ArrayLike
+        self, name: str, easting: npt.ArrayLike, northing: npt.ArrayLike
     ) -> CorrectionValues:
-        """Corrections of a lane at places.
+        """Corrections of a pass at positions.
 
         Parameters
         ----------
-        lane : str
-            Name of the lane.
+        name : str
+            Name of the pass.
         easting, northing : array_like, shape (n,)
-            Places [m].
+            Positions [m].
 
         Returns
         -------
-        Corrections
-            Zero, with NaN as station, for a fixed lane.
+        CorrectionValues
+            For a fixed pass 0, with NaN as station.
 
         Raises
         ------
         ValueError
-            If there is no such lane.
+            If there is no such pass.
         """
-        if lane not in self.lanes:
-            message = f"lane must be one of {', '.join(self.lanes)}, got {lane!r}."
+        if name not in self.names:
+            message = f"name must be one of {', '.join(self.names)}, got {name!r}."
             raise ValueError(message)
-        if lane in self.corrections:
-            return self.corrections[lane].at(easting, northing)
+        if name in self.corrections:
+            return self.corrections[name].at(easting, northing)
         size = np.size(easting)
         return CorrectionValues(np.zeros(size), np.full(size, np.nan), np.zeros(size, np.bool_))

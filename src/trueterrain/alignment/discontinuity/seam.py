@@ -1,4 +1,4 @@
-"""How well two lanes agree: their differences, and the step where one of them ends."""
+"""Agreement of two passes: their differences, and the step where one of them ends."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -7,7 +7,8 @@ import numpy as np
 
 from trueterrain.alignment.difference_summary import DifferenceSummary
 from trueterrain.alignment.discontinuity.path import ReferencePath
-from trueterrain.alignment.discontinuity.sparse_sums import (
+from trueterrain.alignment.observations.overlap import Overlap, cell_centres
+from trueterrain.alignment.observations.sparse_sums import (
     STRAIGHT,
     Flags,
     Floats,
@@ -15,55 +16,54 @@ from trueterrain.alignment.discontinuity.sparse_sums import (
     pack_cell,
     unpack_cell,
 )
-from trueterrain.alignment.observations.overlap import Overlap, cell_centres
 
-_SURE = 3  # returns of each lane in a cell, from which their difference counts
+_MIN_RETURNS = 3  # of each pass in a cell, to use their difference
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SeamSteps:
-    """Steps that the merged ground makes where a lane ends inside the other one.
+    """Steps of the merged ground where a pass ends within the other one.
 
-    Just inside of the edge of a lane the merged ground is the mean of all returns of both; just
-    outside it is the other lane alone, which goes on through the edge. So the merged ground steps
-    by its height less that of the other lane in the cells along the edge: the shape of the ground
-    itself, and its steps, are no part of that. Cells that the edge cuts are left out.
+    Just inside the edge of a pass the merged ground is the mean of all returns of both passes; just
+    outside it is the other pass alone. The step is the merged height less that of the other pass in
+    the cells along the edge, so the shape of the ground cancels. Cells that the edge cuts are left
+    out.
     """
 
     station: Floats
-    "Middle of each stretch of the path, shape (n,) [m]."
+    "Centre of each section of the path, shape (n,) [m]."
 
     step: Floats
-    """Mean step along each stretch at the edge of the first lane and at that of the second, NaN
-    where there is no such edge, shape (2, n) [m]."""
+    """Mean step in each section at the edge of the first and of the second pass, shape (2, n) [m];
+    NaN where there is no such edge."""
 
     @property
     def median(self) -> float:
-        """Median of the sizes of all steps at both edges [m]; NaN if there are none."""
+        """Median of the absolute values of all steps [m]; NaN if there are none."""
         known = self.step[np.isfinite(self.step)]
         return float(np.median(np.abs(known))) if known.size else float("nan")
 
 
 class PairCells:
-    """Cells with enough returns of two lanes, and where they lie.
+    """Cells with enough returns of two passes, to compare their heights.
 
     Parameters
     ----------
     overlap : Overlap
-        Of the two lanes.
+        Overlap of the two passes.
     """
 
     def __init__(self, overlap: Overlap) -> None:
         key, count, height = overlap.shared
-        sure = (count >= _SURE).all(axis=0)
+        used = (count >= _MIN_RETURNS).all(axis=0)
         self._overlap = overlap
-        self._key, self._count, self._height = key[sure], count[:, sure], height[:, sure]
+        self._key, self._count, self._height = key[used], count[:, used], height[:, used]
         self._edges: dict[tuple[int, float], Flags] = {}
         self.centres = cell_centres(self._key, overlap.cell)
-        "Eastings and northings, shape (n,) each [m]."
+        "Eastings and northings of the cells, shape (n,) each [m]."
 
     def agreement(self, corrections: Floats) -> DifferenceSummary:
-        """Differences of the mean heights in the cells, with corrections (2, n) taken off [m]."""
+        """Differences of the mean heights in the cells, less corrections of shape (2, n) [m]."""
         first, second = self._height - corrections
         return DifferenceSummary.of(first - second)
 
@@ -75,41 +75,43 @@ class PairCells:
         Parameters
         ----------
         corrections : numpy.ndarray, shape (2, n)
-            What is taken off the heights of both lanes [m].
+            Corrections to subtract from the heights of both passes [m].
         path : ReferencePath
             Path along the overlap.
         length : float
-            Length of the stretches over which steps are averaged [m].
+            Length of the sections over which steps are averaged [m].
         band : float
-            Distance from the cells at the edge within which others count [m].
+            Distance from the edge within which cells are used [m].
 
         Returns
         -------
-        Seam
+        SeamSteps
             Along the whole path.
         """
         height = self._height - corrections
         merged = (self._count * height).sum(axis=0) / self._count.sum(axis=0)
         found = path.locate(*self.centres)
-        stretches = max(int(np.ceil(path.length / length - 1e-9)), 1)
-        long = path.length / stretches
-        stretch = np.minimum((found.station / long).astype(np.int64), stretches - 1)
-        steps: Any = np.full((2, stretches), np.nan)
-        for lane in (0, 1):
-            if (lane, band) not in self._edges:
-                self._edges[lane, band] = self._edge(lane, band)
-            along = self._edges[lane, band] & ~found.beyond
-            here, step = stretch[along], (merged - height[1 - lane])[along]
-            quantity = np.bincount(here, minlength=stretches)
+        sections = max(int(np.ceil(path.length / length - 1e-9)), 1)
+        section_length = path.length / sections
+        section = np.minimum((found.station / section_length).astype(np.int64), sections - 1)
+        steps: Any = np.full((2, sections), np.nan)
+        for side in (0, 1):
+            if (side, band) not in self._edges:
+                self._edges[side, band] = self._edge(side, band)
+            along = self._edges[side, band] & ~found.beyond
+            here, step = section[along], (merged - height[1 - side])[along]
+            quantity = np.bincount(here, minlength=sections)
             some = quantity > 0
-            steps[lane, some] = np.bincount(here, step, minlength=stretches)[some] / quantity[some]
-        return SeamSteps(station=np.asarray((np.arange(stretches) + 0.5) * long), step=steps)
+            steps[side, some] = np.bincount(here, step, minlength=sections)[some] / quantity[some]
+        return SeamSteps(
+            station=np.asarray((np.arange(sections) + 0.5) * section_length), step=steps
+        )
 
-    def _edge(self, lane: int, band: float) -> Flags:
-        """Cells near such as only the other lane covers, but for the outermost: it is cut."""
-        other = self._overlap.cells[1 - lane].covered
+    def _edge(self, side: int, band: float) -> Flags:
+        """Cells near the edge of a pass, without the outermost, which the edge may cut."""
+        other = self._overlap.cells[1 - side].covered
         alone = other[~contains_keys(self._overlap.key, other)]
-        for step in STRAIGHT:  # where both end within a cell, neither goes on
+        for step in STRAIGHT:  # where both passes end there is no step
             alone = alone[contains_keys(other, alone + step) & contains_keys(other, alone - step)]
         reach = max(int(np.ceil(band / self._overlap.cell - 1e-9)), 1) + 1
         column, row = unpack_cell(self._key)

@@ -1,4 +1,4 @@
-"""Discontinuity vectors of two lanes (thesis 4.3.1, Figs 4-4 and 4-5)."""
+"""Discontinuity vectors of two passes (thesis 4.3.1, Figs 4-4 and 4-5)."""
 
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
@@ -7,52 +7,54 @@ import numpy as np
 import numpy.typing as npt
 
 from trueterrain.alignment.discontinuity.area_sums import AreaHeights, HeightHistograms, SearchArea
+from trueterrain.alignment.discontinuity.centre_line import OverlapEdges
 from trueterrain.alignment.discontinuity.low_pass import low_pass
 from trueterrain.alignment.discontinuity.path import ReferencePath
-from trueterrain.alignment.discontinuity.reference_path import OverlapEdges
-from trueterrain.alignment.discontinuity.sparse_sums import Flags, Floats, Integers
+from trueterrain.alignment.observations.sparse_sums import Flags, Floats, Integers
 from trueterrain.core.errors import CoverageError
 
 Statistic = Literal["mean", "median"]
 Reference = Literal["pooled", "midway"]
 
-_MEDIAN_ERROR = 1.2533  # of a median of normal heights, by that of their mean: sqrt(pi / 2)
-_BIN = 1e-5  # [m] steps that bins are whole multiples of
+_MEDIAN_ERROR = (
+    1.2533  # standard error of a median over that of a mean for normal values: sqrt(pi / 2)
+)
+_BIN = 1e-5  # [m] resolution of heights; the width of bins is a multiple of it
 
 
 @dataclass(frozen=True, kw_only=True)
 class DiscontinuitySettings:
-    """How lanes are aligned along reference paths."""
+    """Settings of the alignment along reference paths."""
 
     spacing: float = 0.25
     "Distance of the reference points [m]."
 
     radius: float = 0.2
-    "Radius of the disc around each in which heights are compared [m]."
+    "Radius of the search disc around each reference point [m]."
 
     cut_off: float = 2.5
-    """Wavelength of which half stays in the correction [m]: longer ones are drift, shorter ones
-    are left alone."""
+    """Cut-off wavelength of the correction, with a transmission of 50 % [m]: longer waves are
+    drift, shorter ones noise."""
 
     statistic: Statistic = "mean"
-    "What is compared of the heights of a lane in a disc: their mean or median."
+    "Statistic of the heights of a pass in a disc: mean or median."
 
     reference: Reference = "pooled"
-    """Height that both lanes are brought to: that of all points (pooled), or midway between the
-    lanes."""
+    """Reference height: mean of all points of both passes (pooled), or mean of the two passes
+    (midway)."""
 
     cell: float = 0.1
-    "Size of the cells in which the overlap is looked for [m]."
+    "Size of the cells from which the overlap is found [m]."
 
     smoothing: float = 10.0
-    """Wavelength below which a path along the centre does not follow the edges of the overlap [m];
-    the search areas do."""
+    """Wavelength below which a path along the centre does not follow the overlap [m]; the search
+    areas do."""
 
     least: int = 20
-    "Points that each lane must have in a disc; with fewer there is a gap."
+    "Minimum number of points of each pass in a disc; with fewer there is a gap."
 
     max_gap_fraction: float = 0.5
-    "Share of the reference points that may be gaps [1]; with more there is an error."
+    "Maximum fraction of reference points that are gaps [1]."
 
     bin_width: float = 1e-3
     "Width of the bins of the histograms, a multiple of 0.00001 m [m]."
@@ -93,44 +95,44 @@ class DiscontinuitySettings:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DiscontinuityVectors:
-    """By how much each of two lanes departs from the reference height along a path."""
+    """Discontinuity vectors: heights of two passes less the reference height along a path."""
 
-    lanes: tuple[str, str]
-    "Names of the lanes; the first of all shapes (2, s) below is that of the first."
+    names: tuple[str, str]
+    "Names of the passes, in the order of the rows below."
 
     station: Floats
     "Stations of the reference points, shape (s,) [m]."
 
     height: Floats
-    "Mean or median of each lane in the search areas, as recorded, shape (2, s) [m]."
+    "Mean or median height of each pass in the search areas, uncorrected, shape (2, s) [m]."
 
     sd: Floats
-    "Standard deviation of its heights there, that of the ground included, shape (2, s) [m]."
+    "Standard deviation of the heights in the areas, ground included, shape (2, s) [m]."
 
     count: Integers
-    "How many there are, shape (2, s)."
+    "Number of heights, shape (2, s)."
 
     histograms: tuple[HeightHistograms, HeightHistograms]
-    "How the heights of each lane are distributed, as recorded (Fig. 4-4)."
+    "Histograms of the uncorrected heights of each pass (Fig. 4-4)."
 
     reference_height: Floats
-    "Height that both are brought to, shape (s,) [m]; NaN in gaps."
+    "Reference height, shape (s,) [m]; NaN in gaps."
 
     raw: Floats
-    "Height of each lane less the reference height (Fig. 4-5), shape (2, s) [m]; NaN in gaps."
+    "Height of each pass less the reference height (Fig. 4-5), shape (2, s) [m]; NaN in gaps."
 
     error: Floats
     """Standard deviation of `raw` from the scatter of the heights, as if they were independent,
     shape (2, s) [m]."""
 
     filtered: Floats
-    "The same without waves shorter than the cut-off, over gaps interpolated, shape (2, s) [m]."
+    "Low-pass filtered `raw`, interpolated over gaps: the correction, shape (2, s) [m]."
 
     gap: Flags
-    "Where there are too few points, or the search area leaves the overlap, shape (s,)."
+    "True for too few points, or a search area that leaves the overlap, shape (s,)."
 
     thin: Flags
-    "Where the search area leaves the overlap, shape (s,)."
+    "True for a search area that leaves the overlap, shape (s,)."
 
     width: Floats
     "Width of the overlap, shape (s,) [m]."
@@ -145,16 +147,16 @@ class DiscontinuityVectors:
 def reference_height(
     height: npt.ArrayLike, count: npt.ArrayLike, how: Reference = "pooled"
 ) -> Floats:
-    """Height that lanes are brought to (thesis Eq. 4-1).
+    """Reference height of several passes (thesis Eq. 4-1).
 
     Parameters
     ----------
-    height : array_like, shape (lane, s)
-        Mean height of each lane [m].
-    count : array_like, shape (lane, s)
-        Points that it is the mean of.
+    height : array_like, shape (pass, s)
+        Mean height of each pass [m].
+    count : array_like, shape (pass, s)
+        Number of points of each mean.
     how : {"pooled", "midway"}
-        Mean of all points of all lanes, or mean of the lanes.
+        Mean of all points of all passes, or mean of the passes.
 
     Returns
     -------
@@ -163,8 +165,8 @@ def reference_height(
 
     Notes
     -----
-    As printed in the thesis, Eq. 4-1 adds up the means of both lanes, which is twice the height.
-    Meant is their mean over all points, ``(n1 z1 + n2 z2) / (n1 + n2)``.
+    As printed in the thesis, Eq. 4-1 is the sum of the means of both passes, twice the height. The
+    right form is the mean over all points, ``(n1 z1 + n2 z2) / (n1 + n2)``.
 
     Examples
     --------
@@ -175,7 +177,7 @@ def reference_height(
     """
     z = np.asarray(height, dtype=float)
     n = np.asarray(count, dtype=float) if how == "pooled" else np.ones(z.shape)
-    # the first lane taken off, so that heights of hundreds of metres cost no digits
+    # relative to the first pass, which avoids cancellation at heights of hundreds of metres
     return np.asarray(z[0] + (n * (z - z[0])).sum(axis=0) / n.sum(axis=0))
 
 
@@ -185,37 +187,37 @@ def discontinuity_vectors(
     area: SearchArea,
     edges: OverlapEdges,
     inside: Flags,
-    options: DiscontinuitySettings,
+    settings: DiscontinuitySettings,
     *,
-    lanes: tuple[str, str],
+    names: tuple[str, str],
     aligned: Floats | None = None,
 ) -> DiscontinuityVectors:
-    """Discontinuity vectors of two lanes.
+    """Compute the discontinuity vectors of two passes.
 
     Parameters
     ----------
     heights : tuple of AreaHeights
-        Heights of both lanes in the search areas.
+        Heights of both passes in the search areas.
     path : ReferencePath
-        The path.
+        Reference path.
     area : SearchArea
-        The search area.
+        Search area.
     edges : Edges
-        Width of the overlap along it.
+        Centre and width of the overlap along the path.
     inside : numpy.ndarray of bool, shape (s,)
-        Whether the search areas lie inside of the overlap.
-    options : DiscontinuityOptions
-        What is compared, and how it is filtered.
-    lanes : tuple of str
-        Names of the lanes.
+        Whether the search areas lie inside the overlap.
+    settings : DiscontinuitySettings
+        Statistic, reference and filter.
+    names : tuple of str
+        Names of the passes.
     aligned : numpy.ndarray, shape (s,), optional
-        Correction that the first lane already has [m]: then it stays, and the second one is
-        brought to it.
+        Correction that the first pass has already [m]: then it is kept, and the second pass is
+        aligned to it.
 
     Returns
     -------
-    Discontinuity
-        ``filtered`` of a lane that stays is the correction that it has.
+    DiscontinuityVectors
+        ``filtered`` of a pass that is kept is its given correction.
 
     Raises
     ------
@@ -223,35 +225,35 @@ def discontinuity_vectors(
         If too many reference points are gaps.
     """
     height = np.stack([one.mean for one in heights])
-    if options.statistic == "median":
+    if settings.statistic == "median":
         height = np.stack([one.histograms.median for one in heights])
     count, sd = (np.stack([getattr(one, name) for one in heights]) for name in ("count", "sd"))
-    few = np.asarray((count < options.least).any(axis=0))
-    gap = few | ~inside
-    _require_enough(gap, ~inside, few, path, area, edges, options, lanes)
-    share: Any = np.zeros(count.shape)  # of the difference that each lane is off by
+    sparse = np.asarray((count < settings.least).any(axis=0))
+    gap = sparse | ~inside
+    _require_enough(gap, ~inside, sparse, path, area, edges, settings, names)
+    fraction: Any = np.zeros(count.shape)  # of the difference assigned to each pass
     known = np.where(gap, np.nan, height)
     if aligned is None:
-        reference = reference_height(known, count, options.reference)
-        weight = count if options.reference == "pooled" else np.ones(count.shape)
-        share[:] = weight[::-1] / np.maximum(weight.sum(axis=0), 1)
+        reference = reference_height(known, count, settings.reference)
+        weight = count if settings.reference == "pooled" else np.ones(count.shape)
+        fraction[:] = weight[::-1] / np.maximum(weight.sum(axis=0), 1)
     else:
         reference = known[0] - aligned
-        share[1] = 1.0
+        fraction[1] = 1.0
     raw = known - reference
     with np.errstate(invalid="ignore", divide="ignore"):
-        apart = np.sqrt((sd**2 / count).sum(axis=0))
-    factor = _MEDIAN_ERROR if options.statistic == "median" else 1.0
+        difference_sd = np.sqrt((sd**2 / count).sum(axis=0))
+    factor = _MEDIAN_ERROR if settings.statistic == "median" else 1.0
 
     def smoothed(values: Floats) -> Floats:
-        return low_pass(values, path.spacing, options.cut_off, closed=path.closed)
+        return low_pass(values, path.spacing, settings.cut_off, closed=path.closed)
 
     if aligned is None:
         smooth = np.stack([smoothed(one) for one in raw])
-    else:  # which is smooth already; filtered again it would lose some of what both share
+    else:  # is smooth already: filtering it again would attenuate it
         smooth = np.stack([aligned, aligned + smoothed(raw[1] - aligned)])
     return DiscontinuityVectors(
-        lanes=lanes,
+        names=names,
         station=path.station,
         height=height,
         sd=sd,
@@ -259,7 +261,7 @@ def discontinuity_vectors(
         histograms=(heights[0].histograms, heights[1].histograms),
         reference_height=reference,
         raw=raw,
-        error=np.where(gap, np.nan, factor * apart * share),
+        error=np.where(gap, np.nan, factor * difference_sd * fraction),
         filtered=smooth,
         gap=gap,
         thin=~inside,
@@ -270,18 +272,18 @@ def discontinuity_vectors(
 def _require_enough(
     gap: Flags,
     thin: Flags,
-    few: Flags,
+    sparse: Flags,
     path: ReferencePath,
     area: SearchArea,
     edges: OverlapEdges,
-    options: DiscontinuitySettings,
-    lanes: tuple[str, str],
+    settings: DiscontinuitySettings,
+    names: tuple[str, str],
 ) -> None:
     """Raise CoverageError if there are too many gaps."""
-    if gap.sum() <= options.max_gap_fraction * gap.size and not gap.all():
+    if gap.sum() <= settings.max_gap_fraction * gap.size and not gap.all():
         return
-    place = f"overlap of {lanes[0]} and {lanes[1]}"
-    bad = thin if thin.sum() >= few.sum() else few
+    place = f"overlap of {names[0]} and {names[1]}"
+    bad = thin if thin.sum() >= sparse.sum() else sparse
     first = int(np.argmax(bad))
     long, wide = (2 * half for half in area.half_axes)
     size = f"search areas {long:g} m long and {wide:g} m wide"
@@ -292,12 +294,12 @@ def _require_enough(
     )
     if bad is thin:
         raise CoverageError(
-            f"is too thin for {where}",
+            f"is too narrow for {where}",
             place=place,
-            cure="Choose smaller ones, a path in the middle of the overlap, or leave a lane out.",
+            cure="Choose smaller ones, a path along the centre, or leave a pass out.",
         )
     raise CoverageError(
-        f"holds fewer than {options.least} points of a lane in {where}",
+        f"holds fewer than {settings.least} points of a pass in {where}",
         place=place,
         cure="Choose larger ones, or allow fewer points.",
     )

@@ -1,7 +1,7 @@
-"""Where lanes lie over each other: cells in which they have returns, and what they share.
+"""Overlaps of passes: the cells that each pass covers, and those that two have in common.
 
-Points stream by, block after block; what stays is a count and a sum of heights for each cell of a
-coarse grid that a lane touches. Sums are whole numbers, so cells do not depend on the blocks.
+Points are read block by block; a count and a sum of heights is kept for each cell of a coarse grid.
+Sums are integers, so cells do not depend on the blocks.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.alignment.discontinuity.sparse_sums import (
+from trueterrain.alignment.observations.sparse_sums import (
     AROUND,
     STRAIGHT,
     Flags,
@@ -25,21 +25,23 @@ from trueterrain.alignment.discontinuity.sparse_sums import (
 )
 from trueterrain.core.errors import CoverageError, SchemaError, TrueTerrainError
 
-#: Points of a lane: at once, or as blocks that can be gone through several times.
-LanePoints = xr.Dataset | Iterable[xr.Dataset] | Callable[[], Iterable[xr.Dataset]]
+#: Points of a pass: one dataset, or blocks that can be iterated repeatedly.
+PassPoints = xr.Dataset | Iterable[xr.Dataset] | Callable[[], Iterable[xr.Dataset]]
 
-#: Step in which heights are added up [m].
+#: Resolution of the sums of heights [m].
 STEP = 1e-5
 
-_CHUNK = 1 << 20  # [points] looked at a time: sums of their heights stay exact in float64
-_CHANCE = 2.0  # standard deviations of a count
-_HALF = 2 / 3  # of the mean of a cell and its neighbours, if an edge leaves half of each third
-_HIGHEST = 10_000.0  # [m] for the same reason
+_CHUNK = 1 << 20  # [points] read at a time, so that sums of their heights are exact in float64
+_CHANCE = 2.0  # standard deviations of a count, for the test of a cut cell
+_HALF = (
+    2 / 3
+)  # count of a cell over the mean with its neighbours, if an edge halves a third of them
+_HIGHEST = 10_000.0  # [m] maximum absolute height, for the same reason
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OccupiedCells:
-    """Cells of a map grid in which a lane has returns."""
+    """Cells of a map grid in which a pass has returns."""
 
     cell: float
     "Size of the cells [m]."
@@ -48,7 +50,7 @@ class OccupiedCells:
     "Packed numbers of the cells, ascending, shape (n,)."
 
     count: Integers
-    "Returns in each, shape (n,)."
+    "Number of returns in each, shape (n,)."
 
     total: Integers
     "Sum of their heights in steps of `STEP`, shape (n,)."
@@ -57,7 +59,7 @@ class OccupiedCells:
     "Coordinate reference system; empty if it is not known."
 
     left_out: int = 0
-    "Points that are not finite or higher or lower than 10 km."
+    "Number of points that are not finite, or whose height exceeds 10 km."
 
     @property
     def height(self) -> Floats:
@@ -66,10 +68,10 @@ class OccupiedCells:
 
     @cached_property
     def covered(self) -> Integers:
-        """Cells that the lane covers.
+        """Cells that the pass covers.
 
-        Those with returns, but for such as its edge cuts, which hold clearly less than their
-        neighbours; and holes one cell wide.
+        Cells with returns, without those cut by the edge, whose count is significantly less than
+        that of their neighbours, and with holes one cell wide closed.
         """
         whole = self.key[~self._cut()]
         between = [
@@ -77,35 +79,35 @@ class OccupiedCells:
             + step
             for step in STRAIGHT
         ]
-        # stable, which is linear for what is all but sorted
+        # a stable sort is linear on nearly sorted values
         key = np.sort(np.concatenate([whole, *between]), kind="stable")
         return key[np.diff(key, prepend=-1) > 0]
 
     def _cut(self) -> Flags:
-        """Whether an edge of the lane cuts a cell so that less than half of it is left."""
+        """Whether less than half of a cell lies inside the edge of the pass."""
         total, cells = self.count.astype(float), np.ones(self.key.size)
         for step in AROUND:
             at = np.minimum(np.searchsorted(self.key, self.key + step), self.key.size - 1)
             there = self.key[at] == self.key + step
             total += np.where(there, self.count[at], 0)
             cells += there
-        # less than it could be by chance, so that cells of few points all count
-        likely = self.count + _CHANCE * np.sqrt(self.count)
-        return np.asarray(likely < _HALF * total / cells)
+        # upper confidence bound of a Poisson count, so that sparse cells are kept
+        upper = self.count + _CHANCE * np.sqrt(self.count)
+        return np.asarray(upper < _HALF * total / cells)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Overlap:
-    """Cells that two lanes share."""
+    """Overlap of two passes: the cells that both cover."""
 
-    lanes: tuple[str, str]
-    "Names of the lanes."
+    names: tuple[str, str]
+    "Names of the passes."
 
     cells: tuple[OccupiedCells, OccupiedCells]
-    "All cells of both."
+    "Cells of both passes."
 
     key: Integers
-    "Cells that both cover, to half a cell, ascending, shape (n,)."
+    "Keys of the cells that both cover, ascending, shape (n,)."
 
     @property
     def cell(self) -> float:
@@ -114,7 +116,7 @@ class Overlap:
 
     @property
     def area(self) -> float:
-        """Area that both lanes cover [m²]; cells of which their edges leave half count whole."""
+        """Area that both passes cover [m²], in whole cells."""
         return self.key.size * self.cell**2
 
     @property
@@ -124,7 +126,7 @@ class Overlap:
 
     @cached_property
     def shared(self) -> tuple[Integers, Integers, Floats]:
-        """Cells with returns of both: keys (m,), counts (2, m) and mean heights (2, m) [m]."""
+        """Cells with returns of both: keys (m,), counts (2, m), mean heights (2, m) [m]."""
         key, a, b = np.intersect1d(
             self.cells[0].key, self.cells[1].key, assume_unique=True, return_indices=True
         )
@@ -133,28 +135,28 @@ class Overlap:
         return key, count, np.stack([cells.height[at] for cells, at in picked])
 
     def holds(self, easting: npt.ArrayLike, northing: npt.ArrayLike) -> Flags:
-        """Whether places lie in the overlap.
+        """Whether positions lie in the overlap.
 
         Parameters
         ----------
         easting, northing : array_like
-            Places [m].
+            Positions [m].
 
         Returns
         -------
         numpy.ndarray of bool
-            In the shape of the places.
+            In the shape of the positions.
         """
         return contains_keys(self.key, cell_keys(easting, northing, self.cell))
 
 
-def lane_blocks(points: LanePoints) -> Iterator[xr.Dataset]:
-    """Blocks of the points of a lane.
+def point_blocks(points: PassPoints) -> Iterator[xr.Dataset]:
+    """Yield the points of a pass in blocks.
 
     Parameters
     ----------
     points : xarray.Dataset, iterable of them, or function that returns one
-        The lane.
+        Points of the pass.
 
     Yields
     ------
@@ -164,7 +166,7 @@ def lane_blocks(points: LanePoints) -> Iterator[xr.Dataset]:
     Raises
     ------
     ValueError
-        If the lane is an iterator, which can be gone through only once.
+        If the points are an iterator, which is exhausted after one iteration.
     """
     if isinstance(points, xr.Dataset):
         yield points
@@ -172,15 +174,15 @@ def lane_blocks(points: LanePoints) -> Iterator[xr.Dataset]:
     blocks = points() if callable(points) else points
     if not callable(points) and iter(blocks) is blocks:
         message = (
-            "a lane must be a dataset, a sequence of them or a function that returns blocks, got "
-            "an iterator, which can be gone through only once."
+            "a pass must be a dataset, a sequence of them or a function that returns blocks, got "
+            "an iterator, which is exhausted after one iteration."
         )
         raise ValueError(message)
     yield from blocks
 
 
-def heights_of(block: xr.Dataset) -> Iterator[tuple[Floats, Floats, Integers, int]]:
-    """Chunks of a block of points: those that are finite, with heights in whole steps.
+def height_steps(block: xr.Dataset) -> Iterator[tuple[Floats, Floats, Integers, int]]:
+    """Yield finite points of a block in chunks, with heights in integer steps.
 
     Parameters
     ----------
@@ -194,7 +196,7 @@ def heights_of(block: xr.Dataset) -> Iterator[tuple[Floats, Floats, Integers, in
     height : numpy.ndarray of int64, shape (point,)
         Heights in steps of `STEP`.
     left_out : int
-        Points of the chunk that are not among them.
+        Number of points left out of the chunk.
     """
     x, y, z = (
         np.ravel(np.asarray(block[name], dtype=np.float64))
@@ -207,22 +209,22 @@ def heights_of(block: xr.Dataset) -> Iterator[tuple[Floats, Floats, Integers, in
         yield x[part][good], y[part][good], height, int(good.size - good.sum())
 
 
-def occupied_cells(points: LanePoints, cell: float = 0.1, *, name: str = "") -> OccupiedCells:
-    """Sort the points of a lane into cells.
+def occupied_cells(points: PassPoints, cell: float = 0.1, *, name: str = "") -> OccupiedCells:
+    """Accumulate the points of a pass in cells.
 
     Parameters
     ----------
     points : xarray.Dataset, iterable of them, or function that returns one
-        Points of the lane, at once or in blocks.
+        Points of the pass.
     cell : float
         Size of the cells [m].
     name : str
-        Name of the lane, for messages.
+        Name of the pass, for messages.
 
     Returns
     -------
     OccupiedCells
-        The same for any blocks and any order of the points.
+        Independent of blocks and order of the points.
 
     Raises
     ------
@@ -244,14 +246,14 @@ def occupied_cells(points: LanePoints, cell: float = 0.1, *, name: str = "") -> 
         message = f"cell must be greater than 0 m, got {cell}."
         raise ValueError(message)
     sums, left_out = SparseSums(2), 0
-    place = f"lane {name}" if name else "lane"
+    place = f"pass {name}" if name else "pass"
     known: str | None = None
-    for block in lane_blocks(points):
+    for block in point_blocks(points):
         crs = str(block.attrs.get("crs", ""))
         if known is not None and crs != known:
             raise _different_crs(place, crs, "the blocks before it", known)
         known = crs
-        for x, y, height, bad in heights_of(block):
+        for x, y, height, bad in height_steps(block):
             left_out += bad
             sums.add(*(np.floor(at / cell).astype(np.int64) for at in (x, y)), height)
     column, row, (count, total) = sums.sums()
@@ -271,66 +273,67 @@ def occupied_cells(points: LanePoints, cell: float = 0.1, *, name: str = "") -> 
     )
 
 
-def overlap_of(
-    first: OccupiedCells, second: OccupiedCells, *, lanes: tuple[str, str] = ("first", "second")
+def find_overlap(
+    first: OccupiedCells, second: OccupiedCells, *, names: tuple[str, str] = ("first", "second")
 ) -> Overlap | None:
-    """Cells that two lanes share.
+    """Find the cells that two passes cover.
 
     Parameters
     ----------
     first, second : OccupiedCells
-        Cells of both lanes.
-    lanes : tuple of str
+        Cells of both passes.
+    names : tuple of str
         Their names.
 
     Returns
     -------
     Overlap or None
-        None if there is no ground that both cover.
+        None if the passes do not overlap.
 
     Raises
     ------
     ValueError
         If the cells are of different sizes.
     SchemaError
-        If the lanes have different coordinate reference systems.
+        If the passes have different coordinate reference systems.
     TrueTerrainError
-        If both hold the same points.
+        If both passes hold the same points.
 
     Examples
     --------
     >>> from trueterrain.core.schemas import make_points
     >>> one = occupied_cells(make_points([0.5, 1.5, 2.5], [0.5] * 3, [0.0] * 3), 1.0)
     >>> two = occupied_cells(make_points([2.4, 3.4, 4.4], [0.5] * 3, [0.1] * 3), 1.0)
-    >>> overlap_of(one, two).area
+    >>> find_overlap(one, two).area
     1.0
     """
     if first.cell != second.cell:
         message = f"cells must have one size, got {first.cell} and {second.cell} m."
         raise ValueError(message)
     if first.crs != second.crs:
-        raise _different_crs(f"lane {lanes[1]}", second.crs, f"lane {lanes[0]}", first.crs)
+        raise _different_crs(f"pass {names[1]}", second.crs, f"pass {names[0]}", first.crs)
     if all(
         np.array_equal(getattr(first, name), getattr(second, name))
         for name in ("key", "count", "total")
     ):
         raise TrueTerrainError(
-            f"holds the same points as lane {lanes[0]}",
-            place=f"lane {lanes[1]}",
-            cure="Give each pass once.",
+            f"holds the same points as pass {names[0]}",
+            place=f"pass {names[1]}",
+            cure="Name each pass once.",
         )
     key = np.intersect1d(first.covered, second.covered, assume_unique=True)
-    return Overlap(lanes=lanes, cells=(first, second), key=key) if key.size else None
+    return Overlap(names=names, cells=(first, second), key=key) if key.size else None
 
 
 def _different_crs(place: str, crs: str, other: str, known: str) -> SchemaError:
-    def said(name: str) -> str:
+    def shortened(name: str) -> str:
         return repr(name if len(name) < 40 else name[:36] + " ...") if name else "unknown"
 
     return SchemaError(
-        f"has the coordinate reference system {said(crs)}, but that of {other} is {said(known)}",
+        f"has the coordinate reference system {shortened(crs)}, but that of {other} is "
+        f"{shortened(known)}",
         place=place,
-        cure="Bring all lanes into one, or state it with --crs.",
+        cure="Transform all passes to one, or state it with --crs.",
     )
 
 
@@ -341,6 +344,6 @@ def cell_centres(key: Integers, cell: float) -> tuple[Floats, Floats]:
 
 
 def cell_keys(easting: npt.ArrayLike, northing: npt.ArrayLike, cell: float) -> Integers:
-    """Packed numbers of the cells in which places lie."""
+    """Keys of the cells that contain positions."""
     x, y = (np.floor(np.asarray(at, float) / cell).astype(np.int64) for at in (easting, northing))
     return pack_cell(x, y)

@@ -1,4 +1,4 @@
-"""Corrections of passes, beside what the navigation said of itself."""
+"""Figures of the corrections of passes, with the reported standard deviations."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Literal
@@ -15,18 +15,18 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
-#: What corrections follow: the time of a pass, or the station along the road.
+#: Argument of corrections: the time of a pass, or the station along the road.
 Along = Literal["time", "station"]
 
 _PER_KNOT = 8  # samples from one knot to the next
-_MOST = 20_000  # samples of a line
-_DASH = 5.0  # [points] of the dashes of what the navigation claims
+_MAX_SAMPLES = 20_000  # maximum number of samples of a line
+_DASH = 5.0  # [points] length of the dashes of reported standard deviations
 _HATCHES = ("///", "\\\\\\", "|||", "---")
 _NAMES = {"east": "Correction to east", "north": "Correction to north"}
 _ANGLES = ("roll", "pitch")
 
 
-def lane_correction(
+def pass_correction(
     corrections: "SplineCorrection | Sequence[SplineCorrection]",
     *,
     component: str = "height",
@@ -34,19 +34,20 @@ def lane_correction(
     along: Along = "time",
     ax: "Axes | None" = None,
 ) -> "Axes":
-    """What is added to one pass or several, how sure it is, and what the navigation claimed.
+    """Corrections of passes with their standard deviations, and those that navigation reports.
 
     Parameters
     ----------
-    corrections : Correction or sequence of Correction
+    corrections : SplineCorrection or sequence of Correction
         Corrections of the network adjustment.
     component : str
         One of height, roll, pitch, east and north.
     navigation_sd : mapping of str to (time, sd), optional
-        By the name of the pass: standard deviation of the component by the navigation [m] or [rad],
-        and its times [s]. An honest navigation makes corrections that seldom leave it.
+        By the name of the pass: times [s], and reported standard deviations of the component [m]
+        or [rad]. If they are realistic, corrections seldom exceed them.
     along : {"time", "station"}
-        Whether corrections follow time [s], each drawn from its own begin on, or station [m].
+        Whether corrections are functions of time [s], drawn from the start of each, or of station
+        [m].
     ax : Axes, optional
         Where to draw; by default a new figure.
 
@@ -54,51 +55,51 @@ def lane_correction(
     -------
     Axes
         Time [s] or station [m], and correction [m] or [rad], with a band of one standard deviation,
-        whose median is in the legend. Hatched is where no other pass saw the same ground, so that
-        smoothness alone ties the correction.
+        whose median is in the legend. Spans without other passes over the same ground are hatched:
+        there the correction is extrapolated.
 
     Raises
     ------
     ValueError
-        If there is no correction, the component was not estimated, or the navigation's standard
-        deviations are of no pass or do not fit their times.
+        If there is no correction, the component was not estimated, or the reported standard
+        deviations belong to no pass or do not match their times.
 
     Examples
     --------
-    >>> from trueterrain.alignment import adjust, lane_cells
+    >>> from trueterrain.alignment import adjust_passes, make_pass_cells
     >>> cell, time = np.arange(400), np.arange(400) * 0.1
-    >>> found = adjust([
-    ...     lane_cells(name, cell, time, up + np.sin(cell), variance=1e-6, easting=0.5 * cell)
+    >>> found = adjust_passes([
+    ...     make_pass_cells(name, cell, time, up + np.sin(cell), variance=1e-6, easting=0.5 * cell)
     ...     for name, up in (("east", 0.005), ("west", -0.005))])
-    >>> lane_correction(found.corrections).get_ylabel()
+    >>> pass_correction(found.corrections).get_ylabel()
     'Correction of height [mm]'
     """
     drawn = as_corrections(corrections, component)
-    claimed = navigation_sd or {}
-    for name in claimed:
+    reported = navigation_sd or {}
+    for name in reported:
         if name not in [one.name for one in drawn]:
             message = f"navigation_sd must be of a pass that is drawn, got {name!r}."
             raise ValueError(message)
     ax = canvas.axes_or_new(ax, height=3.4)
     ax.axhline(0.0, color="0.5", linewidth=0.8)
-    reach = []
+    drawn_values = []
     for number, one in enumerate(drawn):
         colour = canvas.COLOURS[number % len(canvas.COLOURS)]
         origin = one.knots.begin if along == "time" else 0.0
-        reach.append(_draw_correction(ax, one, component, colour, origin))
-        if one.name in claimed:
-            time, sd = _navigation_sd(one, *claimed[one.name])
-            share = (number, len(drawn))
-            reach.append(_draw_claim(ax, time - origin, sd, colour, share))
+        drawn_values.append(_draw_correction(ax, one, component, colour, origin))
+        if one.name in reported:
+            time, sd = _navigation_sd(one, *reported[one.name])
+            position = (number, len(drawn))
+            drawn_values.append(_draw_reported_sd(ax, time - origin, sd, colour, position))
         _shade_unsupported(ax, one, number, colour, origin)
-    if claimed:
+    if reported:
         ax.plot(
             [],
             [],
             color="0.3",
             linewidth=1.0,
             linestyle=(0, (_DASH, _DASH)),
-            label="± 1 sd that navigation claims",
+            label="± 1 sd reported by navigation",
         )
     if component in _ANGLES:
         canvas.scale_axis(
@@ -106,9 +107,9 @@ def lane_correction(
         )
     else:
         name = _NAMES.get(component, f"Correction of {component}")
-        canvas.scale_axis(ax.yaxis, canvas.height_scale(*reach), name)
+        canvas.scale_axis(ax.yaxis, canvas.height_scale(*drawn_values), name)
     ax.set_xlabel(
-        "Time since the begin of each correction [s]" if along == "time" else "Station [m]"
+        "Time since the start of each correction [s]" if along == "time" else "Station [m]"
     )
     ax.margins(x=0)
     ax.grid(color="0.9", linewidth=0.6)
@@ -120,7 +121,7 @@ def lane_correction(
 def as_corrections(
     corrections: "SplineCorrection | Sequence[SplineCorrection]", component: str
 ) -> "list[SplineCorrection]":
-    """Corrections as a list, each of which holds the component."""
+    """Corrections as a list, checked to hold the component."""
     drawn = list(corrections) if isinstance(corrections, Sequence) else [corrections]
     if not drawn:
         message = "corrections must hold at least 1 correction, got none."
@@ -136,23 +137,23 @@ def as_corrections(
 
 
 def component_sd(correction: "SplineCorrection", time: Floats, component: str) -> Floats:
-    """Standard deviation of one component, what is too fine for its knots not included."""
+    """Standard deviation of one component, without the residual standard deviation."""
     interval, weights = correction.knots.basis(time)
     first = 4 * correction.components.index(component)
-    of_it = correction.covariance[:, first : first + 4, first : first + 4]
-    variance = np.einsum("ni,nij,nj->n", weights, of_it[interval], weights, optimize=True)
+    blocks = correction.covariance[:, first : first + 4, first : first + 4]
+    variance = np.einsum("ni,nij,nj->n", weights, blocks[interval], weights, optimize=True)
     return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
 
 def _draw_correction(
     ax: "Axes", one: "SplineCorrection", component: str, colour: str, origin: float
 ) -> Floats:
-    samples = min(_PER_KNOT * one.knots.intervals, _MOST) + 1
+    samples = min(_PER_KNOT * one.knots.intervals, _MAX_SAMPLES) + 1
     time = np.linspace(one.knots.begin, one.knots.end, samples)
     value = one(time, component)
     sd = component_sd(one, time, component)
-    if component == "height":  # as `SplineCorrection.sd` has it
-        sd = np.hypot(sd, one.left)
+    if component == "height":  # as in `SplineCorrection.sd`
+        sd = np.hypot(sd, one.residual_sd)
     ax.fill_between(time - origin, value - sd, value + sd, color=colour, alpha=0.3, linewidth=0)
     factor, unit = (1e6, "µrad") if component in _ANGLES else (1e3, "mm")
     ax.plot(
@@ -168,7 +169,7 @@ def _draw_correction(
 def _navigation_sd(
     one: "SplineCorrection", time: npt.ArrayLike, sd: npt.ArrayLike
 ) -> tuple[Floats, Floats]:
-    """What the navigation says within the reach of a correction."""
+    """Reported standard deviations within the span of a correction."""
     times, sds = np.asarray(time, dtype=np.float64), np.asarray(sd, dtype=np.float64)
     if times.ndim != 1 or times.shape != sds.shape:
         message = (
@@ -184,15 +185,15 @@ def _navigation_sd(
         )
         raise ValueError(message)
     times, sds = times[within], sds[within]
-    every = -(-times.size // _MOST)
-    return times[::every], sds[::every]
+    stride = -(-times.size // _MAX_SAMPLES)
+    return times[::stride], sds[::stride]
 
 
-def _draw_claim(
-    ax: "Axes", time: Floats, sd: Floats, colour: str, share: tuple[int, int]
+def _draw_reported_sd(
+    ax: "Axes", time: Floats, sd: Floats, colour: str, position: tuple[int, int]
 ) -> Floats:
-    """Dashes about 0; those of several passes take turns, so that equal ones are all seen."""
-    number, total = share
+    """Dashed lines at ± 1 sd; dashes of several passes alternate, so equal ones stay visible."""
+    number, total = position
     gap = _DASH * max(total - 1, 1)
     for side in (-1, 1):
         ax.plot(
@@ -208,7 +209,7 @@ def _draw_claim(
 def _shade_unsupported(
     ax: "Axes", one: "SplineCorrection", number: int, colour: str, origin: float
 ) -> None:
-    label: str | None = f"{one.name}: tied by smoothness alone"
+    label: str | None = f"{one.name}: extrapolated"
     for begin, end in one.unsupported:
         ax.axvspan(
             begin - origin,

@@ -1,4 +1,4 @@
-"""Discontinuity vectors of two lanes, and the heights that they come from."""
+"""Figures of discontinuity vectors of two passes, and of the heights behind them."""
 
 from typing import TYPE_CHECKING
 
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
-_MOST = 20_000  # reference points of a line
-_HELD = "0.45"  # of what is hatched
+_MAX_POINTS = 20_000  # maximum number of reference points of a line
+_HATCH_COLOUR = "0.45"  # of hatched gaps
 
 
 def discontinuity_vectors(
@@ -24,24 +24,24 @@ def discontinuity_vectors(
     cut_off: float | None = None,
     ax: "Axes | None" = None,
 ) -> "Axes":
-    """By how much two lanes depart from their reference height, raw and filtered.
+    """Discontinuity vectors of two passes, raw and filtered.
 
     Parameters
     ----------
     data : PairAlignment or Discontinuity
-        Two lanes along their reference path.
+        Two passes along their reference path.
     cut_off : float, optional
-        Cut-off wavelength of the filter, to be printed [m].
+        Cut-off wavelength of the filter, printed in the figure [m].
     ax : Axes, optional
         Where to draw; by default a new figure.
 
     Returns
     -------
     Axes
-        Station of the reference path and height of each lane less the reference height, both in
+        Station of the reference path and height of each pass less the reference height, both in
         metres, in the manner of Figs. 4-5 and 4-6 of Smith, "Improving the Quality of Terrain
-        Measurement", Virginia Tech, 2009. Dots are raw; the filtered line is what is taken off the
-        lane. Gaps, over which it is interpolated, are grey.
+        Measurement", Virginia Tech, 2009. Dots are raw; the filtered line is the correction,
+        which is subtracted. Gaps, over which it is interpolated, are grey.
 
     Raises
     ------
@@ -51,9 +51,9 @@ def discontinuity_vectors(
     Examples
     --------
     >>> from trueterrain.core.schemas import make_points
-    >>> from trueterrain.alignment.discontinuity.alignment import align_lanes
+    >>> from trueterrain.alignment.discontinuity.alignment import align_along_paths
     >>> x, y = (at.ravel() for at in np.meshgrid(np.arange(0, 20, 0.05), np.arange(0, 3, 0.05)))
-    >>> found = align_lanes(
+    >>> found = align_along_paths(
     ...     {"left": make_points(x, y, 0 * x + 0.012), "right": make_points(x, y - 2, 0 * x)})
     >>> ax = discontinuity_vectors(found.pairs[0])
     >>> ax.get_legend().get_texts()[1].get_text()
@@ -65,16 +65,16 @@ def discontinuity_vectors(
     from trueterrain.alignment.discontinuity.alignment import PairAlignment
 
     found = data.discontinuity if isinstance(data, PairAlignment) else data
-    every = -(-found.station.size // _MOST)
-    station = found.station[::every]
+    stride = -(-found.station.size // _MAX_POINTS)
+    station = found.station[::stride]
     ax = canvas.axes_or_new(ax, height=3.2)
     ax.axhline(0.0, color="0.5", linewidth=0.8)
-    for lane, name in enumerate(found.lanes):
-        colour = canvas.COLOURS[lane]
-        raw, filtered = found.raw[lane], found.filtered[lane]
+    for side, name in enumerate(found.names):
+        colour = canvas.COLOURS[side]
+        raw, filtered = found.raw[side], found.filtered[side]
         ax.plot(
             station,
-            raw[::every],
+            raw[::stride],
             ".",
             color=colour,
             markersize=4.5,
@@ -84,7 +84,7 @@ def discontinuity_vectors(
         )
         ax.plot(
             station,
-            filtered[::every],
+            filtered[::stride],
             color=colour,
             linewidth=1.5,
             label=f"{name}, filtered: median {1e3 * np.median(filtered):.1f} mm".replace(
@@ -93,7 +93,7 @@ def discontinuity_vectors(
         )
     _shade_gaps(ax, found)
     canvas.scale_axis(
-        ax.yaxis, canvas.height_scale(found.raw, found.filtered), "Lane less reference height"
+        ax.yaxis, canvas.height_scale(found.raw, found.filtered), "Pass less reference height"
     )
     ax.set_xlabel("Station of the reference path [m]")
     ax.margins(x=0)
@@ -105,41 +105,41 @@ def discontinuity_vectors(
     return ax
 
 
-def lane_histograms(
+def pass_histograms(
     discontinuity: "DiscontinuityVectors", *, station: float, ax: "Axes | None" = None
 ) -> "Axes":
-    """Heights of two lanes in one search area, and the height that both are brought to.
+    """Histograms of the heights of two passes in one search area, and the reference height.
 
     Parameters
     ----------
-    discontinuity : Discontinuity
-        Two lanes along their reference path.
+    discontinuity : DiscontinuityVectors
+        Two passes along their reference path.
     station : float
-        Station near which the reference point lies that is shown [m].
+        Station of the reference point, which is the nearest one [m].
     ax : Axes, optional
         Where to draw; by default a new figure.
 
     Returns
     -------
     Axes
-        Height [m] and heights in each bin, with the mean (or median) of each lane and the reference
+        Height [m] and heights in each bin, with the mean (or median) of each pass and the reference
         height, in the manner of Fig. 4-4 of Smith, "Improving the Quality of Terrain Measurement",
         Virginia Tech, 2009.
 
     Raises
     ------
     ValueError
-        If the station lies more than half a step beyond the ends of the path, or neither lane has
+        If the station lies more than half a step beyond the ends of the path, or neither pass has
         heights there.
 
     Examples
     --------
     >>> from trueterrain.core.schemas import make_points
-    >>> from trueterrain.alignment.discontinuity.alignment import align_lanes
+    >>> from trueterrain.alignment.discontinuity.alignment import align_along_paths
     >>> x, y = (at.ravel() for at in np.meshgrid(np.arange(0, 20, 0.05), np.arange(0, 3, 0.05)))
-    >>> found = align_lanes(
+    >>> found = align_along_paths(
     ...     {"left": make_points(x, y, 0 * x + 0.012), "right": make_points(x, y - 2, 0 * x)})
-    >>> lane_histograms(found.pairs[0].discontinuity, station=10.0).get_ylabel()
+    >>> pass_histograms(found.pairs[0].discontinuity, station=10.0).get_ylabel()
     'Heights per bin of 1 mm'
     """
     found = discontinuity
@@ -147,9 +147,9 @@ def lane_histograms(
     ax = canvas.axes_or_new(ax, height=3.4)
     shown = [one[k][0] for one in found.histograms]
     scale = canvas.height_scale(*shown)
-    for lane, (name, histogram) in enumerate(zip(found.lanes, found.histograms, strict=True)):
+    for side, (name, histogram) in enumerate(zip(found.names, found.histograms, strict=True)):
         edges, quantity = histogram[k]
-        colour = canvas.COLOURS[lane]
+        colour = canvas.COLOURS[side]
         if quantity.size:
             ax.stairs(
                 quantity,
@@ -157,12 +157,12 @@ def lane_histograms(
                 fill=True,
                 color=colour,
                 alpha=0.35,
-                label=f"{name}: {found.count[lane, k]} heights",
+                label=f"{name}: {found.count[side, k]} heights",
             )
             ax.stairs(quantity, edges, color=colour, linewidth=0.9)
-    for lane, name in enumerate(found.lanes):
-        what = f"{_statistic_name(found, lane)} of {name}"
-        _mark_height(ax, found.height[lane, k], scale, what, canvas.COLOURS[lane], "-")
+    for side, name in enumerate(found.names):
+        what = f"{_statistic_name(found, side)} of {name}"
+        _mark_height(ax, found.height[side, k], scale, what, canvas.COLOURS[side], "-")
     _mark_height(ax, found.reference_height[k], scale, "reference height", "black", "--")
     ax.set_ylim(bottom=0)
     canvas.scale_axis(ax.xaxis, scale, "Height")
@@ -207,17 +207,17 @@ def _reference_point(found: "DiscontinuityVectors", station: float) -> int:
     k = int(np.argmin(np.abs(found.station - station)))
     if not found.count[:, k].any():
         message = (
-            f"station must be one at which a lane has heights, got {station}: there are none in "
+            f"station must be one at which a pass has heights, got {station}: there are none in "
             f"the search area at {found.station[k]:g} m."
         )
         raise ValueError(message)
     return k
 
 
-def _statistic_name(found: "DiscontinuityVectors", lane: int) -> str:
-    """Mean or median, whichever the heights are."""
-    median = found.histograms[lane].median
-    return "median" if np.array_equal(found.height[lane], median, equal_nan=True) else "mean"
+def _statistic_name(found: "DiscontinuityVectors", side: int) -> str:
+    """Name of the statistic of the heights: mean or median."""
+    median = found.histograms[side].median
+    return "median" if np.array_equal(found.height[side], median, equal_nan=True) else "mean"
 
 
 def _mark_height(

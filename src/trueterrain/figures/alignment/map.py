@@ -1,4 +1,4 @@
-"""Passes from above: where they lie over each other, and where they disagree."""
+"""Maps of passes: their overlaps, and their differences."""
 
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -17,24 +17,24 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
-_MOST = 1500  # pixels along an axis; finer than any page or screen shows
-_TURNED = 1.5  # cells, the side of pixels that no cell of a turned grid slips between
-_LONGEST = 5.0  # ratio of length to width up to which a map is drawn at equal scale
+_MAX_PIXELS = 1500  # along an axis
+_ROTATED = 1.5  # side of pixels in cells, so that a rotated grid leaves no empty pixels
+_LONGEST = 5.0  # maximum ratio of length to width of a map at equal scale
 _STRETCHES = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
-_SHOWN = 99.0  # [%] of ranges that the colours span
-_LEAST = 1e-6  # [m] that they span at least
-_RANGES = "YlOrRd"  # even in lightness
+_SHOWN = 99.0  # [%] quantile at the end of the colours
+_MIN_RANGE = 1e-6  # [m] minimum span of the colours
+_RANGES = "YlOrRd"  # perceptually uniform
 _REJECTED = "#0072B2"
-_LANES = ("#A9CCE3", "#F5CBA7")  # light, so that what lies over them is seen
+_PASS_COLOURS = ("#A9CCE3", "#F5CBA7")  # light, so that lines over them are visible
 _BOTH = "0.62"
-_WHOLE = 30.0  # [m] of a path that are shown as a whole
-_PART = 15.0  # [m] of a longer one
-_BESIDE = 15.0  # [m] beside it, beyond which cells are not looked at
-_AREAS = 6  # search areas that are drawn
+_WHOLE = 30.0  # [m] length of path up to which all of it is shown
+_PART = 15.0  # [m] length shown of a longer path
+_MARGIN = 15.0  # [m] lateral distance within which cells are drawn
+_AREAS = 6  # number of search areas drawn
 
 
 class _RasterImage(NamedTuple):
-    """Pixels, each with the greatest of the values in it."""
+    """Raster whose pixels hold the maximum of their values."""
 
     image: Floats
     extent: tuple[float, float, float, float]
@@ -51,34 +51,34 @@ def discrepancy_map(
     path: "ReferencePath | None" = None,
     ax: "Axes | None" = None,
 ) -> "Axes":
-    """By how much passes differ in each cell that at least two of them saw.
+    """Range of the heights of passes in each common cell.
 
     Parameters
     ----------
-    ground : SharedGround
-        Cells, as ``Adjustment.ground`` has them.
+    ground : AdjustedGround
+        Cells, as in ``Adjustment.ground``.
     when : {"before", "after"}
         Before the adjustment or after it.
     rejected : RejectedCells, optional
-        Cells that were left out, to be marked.
+        Rejected cells, to be marked.
     largest : float, optional
-        Range at the end of the colours [m], such as one for the maps before and after; by default
-        what 99 % of the cells do not exceed.
+        Range at the end of the colours [m], to use one scale before and after; by default the
+        99 % quantile.
     cell : float
         Size of the cells [m].
     path : ReferencePath, optional
-        Path over whose station and offset cells are drawn, which straightens a road; by default
-        they are drawn over easting and northing.
+        Path whose station and offset are the axes, which straightens a road; by default easting and
+        northing.
     ax : Axes, optional
         Where to draw; by default a new figure.
 
     Returns
     -------
     Axes
-        Two axes in metres; a strip is stretched by the factor that is printed. The colour is the
-        greatest less the least height of the passes, in the manner of Fig. 4-2 of Smith, "Improving
-        the Quality of Terrain Measurement", Virginia Tech, 2009. Of large grounds several cells are
-        drawn as one, with the greatest of their ranges.
+        Two axes in metres; a long strip is stretched by the printed factor. The colour is the range
+        of the heights of the passes, in the manner of Fig. 4-2 of Smith, "Improving
+        the Quality of Terrain Measurement", Virginia Tech, 2009. In large maps a
+        pixel is several cells and shows their maximum.
 
     Raises
     ------
@@ -87,10 +87,10 @@ def discrepancy_map(
 
     Examples
     --------
-    >>> from trueterrain.alignment import adjust, lane_cells
+    >>> from trueterrain.alignment import adjust_passes, make_pass_cells
     >>> cell, time = np.arange(400), np.arange(400) * 0.1
-    >>> found = adjust([
-    ...     lane_cells(name, cell, time, up + np.sin(cell), variance=1e-6, easting=0.5 * cell)
+    >>> found = adjust_passes([
+    ...     make_pass_cells(name, cell, time, up + np.sin(cell), variance=1e-6, easting=0.5 * cell)
     ...     for name, up in (("east", 0.005), ("west", -0.005))])
     >>> ax = discrepancy_map(found.ground, cell=0.5)
     >>> float(ax.images[0].get_array().max().round(3))
@@ -105,9 +105,9 @@ def discrepancy_map(
             raise ValueError(message)
     value = ground.before if when == "before" else ground.after
     if largest is None:
-        largest = max(float(np.percentile(value, _SHOWN)), _LEAST)
+        largest = max(float(np.percentile(value, _SHOWN)), _MIN_RANGE)
     x, y = _cell_places(ground.easting, ground.northing, path)
-    raster = _raster_image(x, y, value, cell if path is None else _TURNED * cell)
+    raster = _raster_image(x, y, value, cell if path is None else _ROTATED * cell)
     axes = ("easting", "northing") if path is None else ("station", "offset")
     ax, image, stretch = _draw_raster(raster, ax, axes)
     image.set_cmap(_with_holes(_RANGES))
@@ -121,7 +121,7 @@ def discrepancy_map(
     return ax
 
 
-def lane_overlap(
+def overlap_map(
     overlap: "Overlap",
     path: "ReferencePath",
     *,
@@ -129,19 +129,19 @@ def lane_overlap(
     part: tuple[float, float] | None = None,
     ax: "Axes | None" = None,
 ) -> "Axes":
-    """Two lanes from above, what both cover, the reference path in it, and some search areas.
+    """Map of the overlap of two passes, with the reference path and some search areas.
 
     Parameters
     ----------
     overlap : Overlap
-        Cells of both lanes.
+        Cells of both passes.
     path : ReferencePath
         Reference path.
     area : SearchArea, optional
         Search area around each reference point; by default a disc of radius 0.2 m.
     part : tuple of float, optional
         Stations between which ground is shown [m]; by default all of a path up to 30 m long, or
-        15 m in the middle of a longer one.
+        the central 15 m of a longer one.
     ax : Axes, optional
         Where to draw; by default a new figure.
 
@@ -159,12 +159,12 @@ def lane_overlap(
     Examples
     --------
     >>> from trueterrain.core.schemas import make_points
-    >>> from trueterrain.alignment.observations.overlap import occupied_cells, overlap_of
-    >>> from trueterrain.alignment.discontinuity.reference_path import centre_reference
+    >>> from trueterrain.alignment.observations.overlap import occupied_cells, find_overlap
+    >>> from trueterrain.alignment.discontinuity.centre_line import centre_reference
     >>> x, y = (at.ravel() for at in np.meshgrid(np.arange(0, 20, 0.1), np.arange(0, 4, 0.1)))
     >>> left, right = (occupied_cells(make_points(x, y + by, 0 * x), 0.2) for by in (0.05, 3.05))
-    >>> overlap = overlap_of(left, right, lanes=("left", "right"))
-    >>> ax = lane_overlap(overlap, centre_reference(overlap))
+    >>> overlap = find_overlap(left, right, names=("left", "right"))
+    >>> ax = overlap_map(overlap, centre_reference(overlap))
     >>> [text.get_text() for text in ax.get_legend().get_texts()][:3]
     ['left', 'right', 'both']
     """
@@ -179,16 +179,16 @@ def lane_overlap(
         (2, overlap.cells[1].covered),
         (3, overlap.key),
     ):
-        at = _cells_beside(key, overlap.cell, path, shown, (begin, end))
+        at = _cells_near(key, overlap.cell, path, shown, (begin, end))
         places.append(at)
         codes.append(np.full(at.shape[1], float(code)))
     x, y = np.concatenate(places, axis=1)
     ax, image, _ = _draw_raster(_raster_image(x, y, np.concatenate(codes), overlap.cell), ax)
     from matplotlib.colors import ListedColormap
 
-    image.set_cmap(ListedColormap([*_LANES, _BOTH]).with_extremes(bad="white"))
+    image.set_cmap(ListedColormap([*_PASS_COLOURS, _BOTH]).with_extremes(bad="white"))
     image.set_clim(0.5, 3.5)
-    for colour, name in zip((*_LANES, _BOTH), (*overlap.lanes, "both"), strict=True):
+    for colour, name in zip((*_PASS_COLOURS, _BOTH), (*overlap.names, "both"), strict=True):
         ax.fill_between([], [], [], color=colour, label=name)
     limits = ax.axis()
     _draw_areas(ax, path, shown, area)
@@ -210,15 +210,15 @@ def _cell_places(easting: Floats, northing: Floats, path: "ReferencePath | None"
 
 
 def _raster_image(x: Floats, y: Floats, value: Floats, cell: float) -> _RasterImage:
-    """Cells as an image whose pixels are one cell or several of them."""
+    """Raster of cells, whose pixels are one cell or several."""
     numbers, low, size, pixel = [], [], [], []
     for at in (x, y):
-        every = max(1, int(np.ceil(np.ptp(at) / cell / _MOST)))
-        number = np.floor(at / (every * cell)).astype(np.int64)
+        cells_per_pixel = max(1, int(np.ceil(np.ptp(at) / cell / _MAX_PIXELS)))
+        number = np.floor(at / (cells_per_pixel * cell)).astype(np.int64)
         numbers.append(number - number.min())
-        low.append(float(number.min() * every * cell))
+        low.append(float(number.min() * cells_per_pixel * cell))
         size.append(int(np.ptp(number)) + 1)
-        pixel.append(every * cell)
+        pixel.append(cells_per_pixel * cell)
     image = np.full((size[1], size[0]), np.nan)
     np.fmax.at(image, (numbers[1], numbers[0]), value)
     high = [begin + n * step for begin, n, step in zip(low, size, pixel, strict=True)]
@@ -228,7 +228,7 @@ def _raster_image(x: Floats, y: Floats, value: Floats, cell: float) -> _RasterIm
 def _draw_raster(
     raster: _RasterImage, ax: "Axes | None", stretchable: tuple[str, str] | None = None
 ) -> "tuple[Axes, Any, str]":
-    """Image in axes, and by what it is stretched, if its axes may be, which have these names."""
+    """Draw a raster; one of the named axes may be stretched. Returns axes, image and note."""
     left, right, bottom, top = raster.extent
     length, width = right - left, top - bottom
     needed = max(length, width) / (_LONGEST * min(length, width))
@@ -284,7 +284,7 @@ def _name_axes(ax: "Axes", x: Floats, y: Floats, path: "ReferencePath | None") -
 
 
 def _pixel_note(raster: _RasterImage, cell: float) -> str:
-    """Remark on pixels that are more than a cell."""
+    """Note on pixels larger than a cell."""
     long, wide = raster.pixel
     if max(long, wide) < 1.01 * cell:
         return ""
@@ -293,8 +293,8 @@ def _pixel_note(raster: _RasterImage, cell: float) -> str:
 
 def _station_part(path: "ReferencePath", part: tuple[float, float] | None) -> tuple[float, float]:
     if part is None:
-        middle, half = 0.5 * path.length, 0.5 * _PART
-        return (0.0, path.length) if path.length <= _WHOLE else (middle - half, middle + half)
+        centre, half = 0.5 * path.length, 0.5 * _PART
+        return (0.0, path.length) if path.length <= _WHOLE else (centre - half, centre + half)
     begin, end = part
     if not begin < end:
         message = f"part must be two stations that ascend [m], got {begin} and {end}."
@@ -302,21 +302,21 @@ def _station_part(path: "ReferencePath", part: tuple[float, float] | None) -> tu
     return max(begin, 0.0), min(end, path.length)
 
 
-def _cells_beside(
+def _cells_near(
     key: npt.NDArray[np.int64],
     cell: float,
     path: "ReferencePath",
     shown: npt.NDArray[np.int64],
     part: tuple[float, float],
 ) -> Floats:
-    """Centres of the cells beside a part of the path, shape (2, n)."""
+    """Centres of the cells near a part of the path, shape (2, n)."""
     from trueterrain.alignment.observations.overlap import cell_centres
 
     at = np.stack(cell_centres(key, cell))
     whole = part[0] <= 0 and part[1] >= path.length
-    for axis, way in zip((0, 1), (path.easting[shown], path.northing[shown]), strict=True):
-        reach = np.inf if whole else _BESIDE
-        at = at[:, (at[axis] >= way.min() - reach) & (at[axis] <= way.max() + reach)]
+    for axis, nodes in zip((0, 1), (path.easting[shown], path.northing[shown]), strict=True):
+        margin = np.inf if whole else _MARGIN
+        at = at[:, (at[axis] >= nodes.min() - margin) & (at[axis] <= nodes.max() + margin)]
     if whole:
         return at
     station = path.locate(*at).station

@@ -1,4 +1,4 @@
-"""How stiff corrections were chosen to be, and which waves they hold."""
+"""Figures of the choice of the stochastic model, and of the spectrum of corrections."""
 
 from collections.abc import Sequence
 from itertools import groupby
@@ -17,27 +17,29 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
-_CONSTANT = 10.0**-0.75  # of the least strength, where that of 0 is drawn
+_CONSTANT = 10.0**-0.75  # position of strength 0, over the minimum strength
 _MARKERS = "osD^vP"
-_ORDERS = {"second": ("-", "smooth wandering"), "first": ("--", "rough wandering")}
-_GREY = "0.35"  # of what holds for all colours
+_ORDERS = {"second": ("-", "second order (smooth)"), "first": ("--", "first order (rough)")}
+_GREY = "0.35"  # of legend entries for all colours
 _PER_KNOT = 8  # samples from one knot to the next
-_MOST = 1 << 20  # samples
-_BEYOND = 8.0  # times the highest frequency that knots hold, up to which it is known what remains
-_DECADES = 1e-8  # of the highest density, below which nothing is drawn
-_BELOW = 1e-3  # of the density that remains
-_LOWEST = 1e-30  # [m² s] density below which nothing is said
+_MAX_SAMPLES = 1 << 20
+_BEYOND = 8.0  # width of the unresolved band over the Nyquist frequency of the knots
+_DECADES = 1e-8  # minimum density drawn, over the maximum
+_BELOW = 1e-3  # minimum density drawn, over the residual one
+_MIN_DENSITY = 1e-30  # [m² s]
 
 
 def strength_choice(
     adjustment: "Adjustment", *, along: Along = "time", ax: "Axes | None" = None
 ) -> "Axes":
-    """How well cells held back are predicted, from corrections too stiff to such as are too loose.
+    """Prediction error of held-out cells as a function of the strength of the corrections.
+
+    Shows whether the chosen model is at the minimum, between too stiff and too flexible.
 
     Parameters
     ----------
     adjustment : Adjustment
-        With its trials.
+        Adjustment with its trials.
     along : {"time", "station"}
         Whether knots are spaced in seconds or in metres.
     ax : Axes, optional
@@ -46,22 +48,22 @@ def strength_choice(
     Returns
     -------
     Axes
-        Strength, the standard deviation by which heights may wander [m], logarithmic but for 0,
-        a constant; and root mean square of the differences of passes in cells held back [m].
-        Colours tell the components apart, symbols the spacing of the knots, and dashes the rough
-        Gauss-Markov process from the smooth one. Of trials that predict equally well, up to chance,
-        the most likely one was taken, so the lowest point need not be that chosen. Trials of other
-        iterations, in which cells weighed differently, do not compare and are only counted.
+        Strength, the standard deviation of the drift of heights [m], logarithmic except for 0, a
+        constant; and root mean square of the differences of passes in held-out cells [m]. Colours
+        are components, symbols the spacing of the knots, and dashes the order of the Gauss-Markov
+        process. Of trials that predict equally well within the standard error the most likely one
+        is chosen, which need not be the lowest. Trials of other iterations, with other weights, do
+        not compare and are only counted.
 
     Examples
     --------
-    >>> from trueterrain.alignment import adjust, lane_cells
+    >>> from trueterrain.alignment import adjust_passes, make_pass_cells
     >>> cell, time = np.arange(400), np.arange(400) * 0.1
-    >>> found = adjust([
-    ...     lane_cells(name, cell, time, up + np.sin(cell), variance=1e-6, easting=0.5 * cell)
+    >>> found = adjust_passes([
+    ...     make_pass_cells(name, cell, time, up + np.sin(cell), variance=1e-6, easting=0.5 * cell)
     ...     for name, up in (("east", 0.005), ("west", -0.005))])
     >>> strength_choice(found).get_ylabel()
-    'RMSE in cells held back [mm]'
+    'RMSE in held-out cells [mm]'
     """
     ax = canvas.axes_or_new(ax, height=3.8)
     unit = "s" if along == "time" else "m"
@@ -70,11 +72,11 @@ def strength_choice(
         (one for one in adjustment.trials if one.round == chosen.round), key=_trial_kind
     )
     zero = _CONSTANT * min((one.strength for one in trials if one.strength > 0), default=1e-3)
-    looks = _TrialStyle(trials, unit)
+    styles = _TrialStyle(trials, unit)
     for kind, some in groupby(trials, key=_trial_kind):
         x, y = _best_of_each([*some])
-        ax.plot(np.where(x > 0, x, zero), y, markersize=4.5, linewidth=1.1, **looks.of(*kind))
-    looks.explain(ax)
+        ax.plot(np.where(x > 0, x, zero), y, markersize=4.5, linewidth=1.1, **styles.of(*kind))
+    styles.explain(ax)
     what = "constant" if chosen.strength == 0 else f"{1e3 * chosen.strength:.3g} mm"
     ax.plot(
         chosen.strength or zero,
@@ -89,7 +91,7 @@ def strength_choice(
     )
     _strength_axis(ax, zero, [one.strength for one in trials])
     canvas.scale_axis(
-        ax.yaxis, canvas.LengthScale(factor=1000.0, unit="mm"), "RMSE in cells held back"
+        ax.yaxis, canvas.LengthScale(factor=1000.0, unit="mm"), "RMSE in held-out cells"
     )
     ax.grid(color="0.9", linewidth=0.6)
     ax.set_axisbelow(True)
@@ -107,25 +109,25 @@ def correction_spectrum(
     speed: float | None = None,
     ax: "Axes | None" = None,
 ) -> "Axes":
-    """Power spectral density of corrections of height, and what they leave unresolved.
+    """Power spectral density of corrections of height, and of the residual drift.
 
     Parameters
     ----------
-    corrections : Correction or sequence of Correction
+    corrections : SplineCorrection or sequence of Correction
         Corrections of the network adjustment.
     along : {"time", "station"}
-        Whether they follow time [s] or station [m].
+        Whether they are functions of time [s] or station [m].
     speed : float, optional
-        Speed of the passes, by which times become distances [m/s].
+        Speed of the passes, to convert times to distances [m/s].
     ax : Axes, optional
         Where to draw; by default a new figure.
 
     Returns
     -------
     Axes
-        Frequency [Hz] and density [m²/Hz], or wavelength [m] and density [m²/(cycle/m)] if
-        corrections follow the station or the speed is given; both logarithmic. Grey is what is
-        too fine for the knots; the dashed level there holds what remains, as if it were even.
+        Frequency [Hz] and density [m²/Hz], or wavelength [m] and density [m²/(cycle/m)] for
+        corrections by station or with a speed; both logarithmic. The band that the knots do not
+        resolve is grey; the dashed level there is the residual variance, taken as white.
 
     Raises
     ------
@@ -134,44 +136,47 @@ def correction_spectrum(
 
     Notes
     -----
-    The periodogram of the whole correction, its mean taken off, with a Hann window: of one record,
-    so it shows the shape of the spectrum, not a statistic. Waves longer than half of the record
+    Periodogram of the whole correction without its mean, with a Hann window. One record gives the
+    shape of the spectrum, not its confidence. Waves longer than half of the record
     are not resolved.
 
     Examples
     --------
-    >>> from trueterrain.alignment import adjust, lane_cells
+    >>> from trueterrain.alignment import adjust_passes, make_pass_cells
     >>> cell, time = np.arange(400), np.arange(400) * 0.1
-    >>> found = adjust([
-    ...     lane_cells(name, cell, time, up * np.sin(0.5 * time), variance=1e-6, easting=0.5 * cell)
+    >>> found = adjust_passes([
+    ...     make_pass_cells(name, cell, time, up * np.sin(0.5 * time), variance=1e-6,
+    ...                     easting=0.5 * cell)
     ...     for name, up in (("east", 0.005), ("west", -0.005))])
     >>> correction_spectrum(found.corrections).get_xlabel()
     'Frequency [Hz]'
     """
     drawn = as_corrections(corrections, "height")
     if speed is not None and along == "station":
-        message = "speed goes with corrections along time."
+        message = "speed needs corrections along time."
         raise ValueError(message)
     if speed is not None and not speed > 0:
         message = f"speed must be greater than 0 m/s, got {speed}."
         raise ValueError(message)
-    rate = 1.0 if speed is None else speed  # distance, or time, per unit of the knots
+    rate = 1.0 if speed is None else speed  # distance or time per unit of the knots
     ax = canvas.axes_or_new(ax, height=3.8)
-    finest = 0.5 / (rate * min(one.knots.spacing for one in drawn))  # that knots can hold
+    finest = 0.5 / (
+        rate * min(one.knots.spacing for one in drawn)
+    )  # Nyquist frequency of the knots
     levels: list[float] = []
     for number, one in enumerate(drawn):
         colour = canvas.COLOURS[number % len(canvas.COLOURS)]
         ax.plot(*_periodogram(one, rate), color=colour, linewidth=1.3, label=one.name)
-        if one.left > 0:
-            held = 0.5 / (rate * one.knots.spacing)
-            levels.append(one.left**2 / ((_BEYOND - 1.0) * held))
+        if one.residual_sd > 0:
+            nyquist = 0.5 / (rate * one.knots.spacing)
+            levels.append(one.residual_sd**2 / ((_BEYOND - 1.0) * nyquist))
             ax.plot(
-                [held, _BEYOND * held],
+                [nyquist, _BEYOND * nyquist],
                 2 * [levels[-1]],
                 color=colour,
                 linewidth=1.4,
                 linestyle=(3.0 * number, (3.0, 3.0 * max(len(drawn) - 1, 1))),
-                label=f"{one.name}: remains, sd {1e3 * one.left:.2g} mm",
+                label=f"{one.name}: residual sd {1e3 * one.residual_sd:.2g} mm",
             )
     ax.axvspan(finest, _BEYOND * finest, color="0.92", zorder=0.5, label="finer than the knots")
     ax.set(xscale="log", yscale="log")
@@ -186,7 +191,7 @@ def correction_spectrum(
 
 
 class _TrialStyle:
-    """Colours of components, symbols of spacings, and dashes of what is rough."""
+    """Styles of trials: colours of components, symbols of spacings, dashes of orders."""
 
     def __init__(self, trials: "Sequence[ModelTrial]", unit: str) -> None:
         self._unit = unit
@@ -208,14 +213,14 @@ class _TrialStyle:
         """Entries of the legend: what each colour, symbol and dash stands for."""
         first, coarse = self._components[0], self._spacings[0]
         for one in self._components:
-            look = self.of(one, coarse, "second")
-            ax.plot([], [], color=look["color"], linewidth=2.5, label=_component_text(one))
+            style = self.of(one, coarse, "second")
+            ax.plot([], [], color=style["color"], linewidth=2.5, label=_component_text(one))
         for spacing in self._spacings:
-            look = self.of(first, spacing, "second") | {"color": _GREY, "linestyle": "none"}
-            ax.plot([], [], **look, label=f"knots {spacing:g} {self._unit}")
+            style = self.of(first, spacing, "second") | {"color": _GREY, "linestyle": "none"}
+            ax.plot([], [], **style, label=f"knots {spacing:g} {self._unit}")
         for order in self._orders:
-            style, name = _ORDERS[order]
-            ax.plot([], [], color=_GREY, linestyle=style, linewidth=1.1, label=name)
+            dash, name = _ORDERS[order]
+            ax.plot([], [], color=_GREY, linestyle=dash, linewidth=1.1, label=name)
 
 
 def _trial_kind(trial: "ModelTrial") -> tuple[tuple[str, ...], float, str]:
@@ -223,7 +228,7 @@ def _trial_kind(trial: "ModelTrial") -> tuple[tuple[str, ...], float, str]:
 
 
 def _best_of_each(trials: "Sequence[ModelTrial]") -> tuple[Floats, Floats]:
-    """Strengths, ascending, and the least root mean square at each, whatever the rest."""
+    """Strengths, ascending, and the minimum root mean square at each."""
     best: dict[float, float] = {}
     for one in trials:
         best[one.strength] = min(one.held_out, best.get(one.strength, np.inf))
@@ -232,7 +237,7 @@ def _best_of_each(trials: "Sequence[ModelTrial]") -> tuple[Floats, Floats]:
 
 
 def _component_text(components: tuple[str, ...]) -> str:
-    """Components in few words."""
+    """Short text for components."""
     text = " + ".join(components)
     return text.replace("east + north", "shift")
 
@@ -250,26 +255,26 @@ def _strength_axis(ax: "Axes", zero: float, strengths: Sequence[float]) -> None:
     ax.set_xscale("log")
     ax.margins(x=0.06)
     low, high = ax.get_xlim()
-    least = max(low, 2 * zero) if any(strengths) else np.inf
-    ticks = [one for one in LogLocator().tick_values(low, high) if least <= one <= high]
+    lowest = max(low, 2 * zero) if any(strengths) else np.inf
+    ticks = [one for one in LogLocator().tick_values(low, high) if lowest <= one <= high]
     ax.set_xticks([zero, *ticks] if constant else ticks)
     ax.xaxis.set_major_formatter(FuncFormatter(text))
     ax.xaxis.set_minor_formatter(NullFormatter())
     ax.set_xlim(low, high)
-    ax.set_xlabel("← too stiff    Strength: sd by which heights may wander [mm]    too loose →")
+    ax.set_xlabel("← too stiff    Strength: sd of the drift of heights [mm]    too flexible →")
 
 
 def _periodogram(one: "SplineCorrection", rate: float) -> tuple[Floats, Floats]:
     """Frequencies and densities."""
     import scipy.signal
 
-    samples = min(_PER_KNOT * one.knots.intervals, _MOST) + 1
+    samples = min(_PER_KNOT * one.knots.intervals, _MAX_SAMPLES) + 1
     time = np.linspace(one.knots.begin, one.knots.end, samples)
     frequency, density = scipy.signal.periodogram(
         one(time), 1.0 / (rate * (time[1] - time[0])), window="hann", detrend="constant"
     )
     shown = (frequency > 0) & (frequency <= _BEYOND * 0.5 / (rate * one.knots.spacing))
-    return frequency[shown], np.maximum(density[shown], _LOWEST)
+    return frequency[shown], np.maximum(density[shown], _MIN_DENSITY)
 
 
 def _frequency_axis(ax: "Axes", highest: float, *, lengths: bool) -> None:

@@ -1,4 +1,4 @@
-"""How well passes agree: pair by pair, around loops, and against their own noise."""
+"""Agreement of passes: differences of pairs, closures of loops, and tests for drift."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -7,30 +7,30 @@ import numpy as np
 import numpy.typing as npt
 
 from trueterrain.alignment.adjustment import _kernels
-from trueterrain.alignment.adjustment.normal_equations import NormalEquations
+from trueterrain.alignment.adjustment.cholesky.factorisation import pattern_of
+from trueterrain.alignment.adjustment.normal_equations import NormalEquations, pair_places
 from trueterrain.alignment.adjustment.shared_cells import SharedCells
-from trueterrain.alignment.adjustment.sparse_cholesky import pattern_of
-from trueterrain.alignment.adjustment.system import AdjustmentSystem, pair_places
+from trueterrain.alignment.adjustment.system import AdjustmentSystem
 from trueterrain.alignment.difference_summary import DifferenceSummary
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
-_LOOSE = 1.0  # [m] or [rad] that a coefficient may be, where nothing tells it
+_LOOSE = 1.0  # [m] or [rad] weak prior of coefficients that are unobservable
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScreenedDifferences(DifferenceSummary):
-    """Statistics of differences of height between two passes, some of which were rejected."""
+    """Statistics of height differences between two passes, with rejected cells excluded too."""
 
     rmse_accepted: float
-    "Root mean square of the cells that were not rejected [m]; NaN if all were."
+    "Root mean square of accepted cells [m]; NaN if all are rejected."
 
 
 @dataclass(frozen=True, kw_only=True)
 class PairAgreement:
-    """How two passes agree, or one with itself where it came back."""
+    """Agreement of two passes, or of one pass with itself at repeated visits."""
 
     first: str
     "Name of the pass."
@@ -39,16 +39,16 @@ class PairAgreement:
     "Name of the other; differences are its heights less those of the first."
 
     before: ScreenedDifferences
-    "As they were measured."
+    "Differences before the adjustment."
 
     after: ScreenedDifferences
-    "After the adjustment."
+    "Differences after the adjustment."
 
     held_out: ScreenedDifferences
-    "In cells held back, with corrections from all other cells."
+    "Differences in held-out cells, with corrections from the other cells."
 
     rejected: int
-    "Cells that were rejected, by one of the two or both."
+    "Number of cells rejected in one pass or both."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,10 +56,10 @@ class LoopClosure:
     """Sum of the median differences of height around a loop of passes."""
 
     passes: tuple[str, ...]
-    "Names of the passes in the order of the loop; one name for a pass that came back."
+    "Names of the passes in the order of the loop; one name for a repeated visit."
 
     before: float
-    "As measured [m]."
+    "Before the adjustment [m]."
 
     after: float
     "After the adjustment [m]."
@@ -67,81 +67,81 @@ class LoopClosure:
 
 @dataclass(frozen=True, kw_only=True)
 class PassDriftTest:
-    """Whether what a pass differs by from the others could be its noise."""
+    """Test of the hypothesis that a pass has no drift relative to the others."""
 
     name: str
     "Name of the pass; empty for all together."
 
     statistic: float
-    "Sum of squares, distributed as chi-square if there is no drift."
+    "Score statistic; chi-square distributed without drift."
 
     degrees_of_freedom: float
-    "Its degrees of freedom."
+    "Degrees of freedom of the statistic."
 
     p_value: float
-    "Probability of so much or more without any drift."
+    "Probability of this statistic or a greater one without drift."
 
 
 def difference_statistics(values: Floats, accepted: Flags) -> ScreenedDifferences:
-    """Statistics of some differences.
+    """Statistics of differences.
 
     Parameters
     ----------
     values : numpy.ndarray, shape (n,)
         Differences [m].
     accepted : numpy.ndarray of bool, shape (n,)
-        Those that were not rejected.
+        False for rejected ones.
 
     Returns
     -------
-    Differences
-        Of all of them.
+    ScreenedDifferences
+        Statistics of all, and of the accepted ones.
     """
     kept = values[accepted]
     accepted_rms = float(np.sqrt(np.mean(kept**2))) if kept.size else float("nan")
     return ScreenedDifferences(**asdict(DifferenceSummary.of(values)), rmse_accepted=accepted_rms)
 
 
-def pairs_of(
+def pair_agreements(
     shared: SharedCells, robustness: Floats, before: Floats, after: Floats, held_out: Floats
 ) -> list[PairAgreement]:
-    """How each pair of passes agrees.
+    """Agreement of each pair of passes.
 
     Parameters
     ----------
-    shared : Shared
+    shared : SharedCells
         The observations.
     robustness : numpy.ndarray, shape (n,)
-        0 for what was rejected.
+        Robust weights; 0 for rejected entries.
     before, after, held_out : numpy.ndarray, shape (n,)
-        Heights [m].
+        Heights before and after the adjustment, and cross-validated [m].
 
     Returns
     -------
     list of PairAgreement
-        By the names of the passes.
+        Ordered by the names of the passes.
     """
     each = np.diff(shared.start)
     one, two = (np.empty(int((each * (each - 1) // 2).sum()), np.int64) for _ in range(2))
     _kernels.entry_pairs(shared.start, one, two)
     accepted = (robustness[one] > 0) & (robustness[two] > 0)
-    lanes = len(shared.names)
-    keys = shared.lane[one] * lanes + shared.lane[two]
+    pass_count = len(shared.names)
+    keys = shared.pass_index[one] * pass_count + shared.pass_index[two]
     order = np.argsort(keys, kind="stable")
     found, begin = np.unique(keys[order], return_index=True)
     ends = np.append(begin, order.size)
     pairs = []
     for key, low, high in zip(found, ends[:-1], ends[1:], strict=True):
-        some = order[low:high]
-        good = accepted[some]
+        members = order[low:high]
+        good = accepted[members]
         before_, after_, held_ = (
-            difference_statistics(values[two[some]] - values[one[some]], good)
+            difference_statistics(values[two[members]] - values[one[members]], good)
             for values in (before, after, held_out)
         )
         pairs.append(
             PairAgreement(
-                first=shared.names[key // lanes],
-                second=shared.names[key % lanes],
+                first=shared.names[key // pass_count],
+                second=shared.names[key % pass_count],
                 before=before_,
                 after=after_,
                 held_out=held_,
@@ -151,18 +151,20 @@ def pairs_of(
     return pairs
 
 
-def closures_of(pairs: Sequence[PairAgreement]) -> list[LoopClosure]:
-    """Loops of passes, of which all others are sums, and passes that came back.
+def loop_closures(pairs: Sequence[PairAgreement]) -> list[LoopClosure]:
+    """Closures of a basis of loops of passes, and of repeated visits.
+
+    All other loops are sums of these.
 
     Parameters
     ----------
     pairs : sequence of PairAgreement
-        The pairs.
+        Agreement of the pairs.
 
     Returns
     -------
     list of LoopClosure
-        One for each pair beside a tree of shortest ways, and for each pass that came back.
+        One for each pair that is not in the spanning tree, and for each pass with repeated visits.
     """
     links = {(pair.first, pair.second): pair for pair in pairs if pair.first != pair.second}
     loops = [
@@ -170,15 +172,15 @@ def closures_of(pairs: Sequence[PairAgreement]) -> list[LoopClosure]:
         for pair in pairs
         if pair.first == pair.second
     ]
-    ways = _paths_from_root(links)
+    paths = _paths_from_root(links)
     for one, two in links:
-        there, back = ways[one], ways[two]
-        if there[-2:-1] == (two,) or back[-2:-1] == (one,):
-            continue  # a branch of the tree
-        while len(there) > 1 and len(back) > 1 and there[1] == back[1]:
-            there, back = there[1:], back[1:]
-        around = (*there, *back[:0:-1])
-        if there[0] != back[0]:
+        out, back = paths[one], paths[two]
+        if out[-2:-1] == (two,) or back[-2:-1] == (one,):
+            continue  # an edge of the tree
+        while len(out) > 1 and len(back) > 1 and out[1] == back[1]:
+            out, back = out[1:], back[1:]
+        around = (*out, *back[:0:-1])
+        if out[0] != back[0]:
             continue
         steps = list(zip(around, (*around[1:], around[0]), strict=True))
         sums = [0.0, 0.0]
@@ -191,60 +193,59 @@ def closures_of(pairs: Sequence[PairAgreement]) -> list[LoopClosure]:
 
 
 def _paths_from_root(links: Mapping[tuple[str, str], PairAgreement]) -> dict[str, tuple[str, ...]]:
-    """Shortest way from a root to each pass, by passes that share cells."""
+    """Shortest path from a root to each pass, by a breadth-first tree of common cells."""
     near: dict[str, list[str]] = {}
     for one, two in links:
         near.setdefault(one, []).append(two)
         near.setdefault(two, []).append(one)
-    ways: dict[str, tuple[str, ...]] = {}
+    paths: dict[str, tuple[str, ...]] = {}
     for root in sorted(near):
-        if root in ways:
+        if root in paths:
             continue
-        ways[root] = (root,)
+        paths[root] = (root,)
         row = [root]
-        for name in row:  # grows while it is gone through
+        for name in row:  # grows during the iteration
             for other in sorted(near[name]):
-                if other not in ways:
-                    ways[other] = (*ways[name], other)
+                if other not in paths:
+                    paths[other] = (*paths[name], other)
                     row.append(other)
-    return ways
+    return paths
 
 
 def drift_tests(
     system: AdjustmentSystem, equations: NormalEquations, factor: float
 ) -> list[PassDriftTest]:
-    """Whether what passes differ by could be their noise.
+    """Score tests for drift of each pass, and of all together.
 
     Parameters
     ----------
-    system : System
+    system : AdjustmentSystem
         The unknowns.
-    equations : Equations
-        Normal equations, with heights as they were measured.
+    equations : NormalEquations
+        Normal equations of the uncorrected heights.
     factor : float
-        Variance of the right sides, by what the weights say it is.
+        Variance factor of the right-hand side.
 
     Returns
     -------
-    list of DriftTest
-        Of each pass, the others as they are, and of all together.
+    list of PassDriftTest
+        For each pass, with the others uncorrected, then for all together.
 
     Notes
     -----
-    The right side b of the normal equations is what the measured differences say about the
-    coefficients of the splines. Without drift it is noise, with the normal matrix N as its
-    covariance, so that bᵀ N⁻¹ b is distributed as chi-square. It does not depend on how stiff the
-    corrections are chosen.
+    The right-hand side b of the normal equations is the score of the coefficients of the splines at
+    zero correction. Without drift it is noise with the normal matrix N as its covariance, so
+    bᵀ N⁻¹ b is chi-square distributed (Rao's score test). It does not depend on the prior.
     """
     offsets = np.arange(len(system.knots))
-    lane = np.searchsorted(system.first, np.arange(system.first[-1]), side="right") - 1
+    pass_index = np.searchsorted(system.first, np.arange(system.first[-1]), side="right") - 1
     _, _, one, two = system.lists
     tests = []
     for name, members in [
         *((system.shared.names[p], np.array([p])) for p in offsets if system.knots[p] is not None),
         ("", offsets),
     ]:
-        mine = np.isin(lane, members)
+        mine = np.isin(pass_index, members)
         pairs = np.flatnonzero(mine[one] & mine[two])
         statistic, degrees_of_freedom = _score_statistic(
             system, equations, np.flatnonzero(mine), pairs

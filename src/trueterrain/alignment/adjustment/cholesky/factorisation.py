@@ -1,10 +1,11 @@
-"""Cholesky factors of sparse matrices that keep their pattern while their values change."""
+"""Sparse Cholesky factorisation for matrices of constant pattern and changing values."""
 
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from trueterrain.alignment.adjustment.cholesky import _kernels
 from trueterrain.core.errors import TrueTerrainError
 
 Floats = npt.NDArray[np.float64]
@@ -13,10 +14,10 @@ Integers = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SparsePattern:
-    """Where a symmetric matrix has elements, and an order of elimination with little fill-in."""
+    """Pattern of a sparse symmetric matrix, with an order of elimination of little fill-in."""
 
     order: Integers
-    "Place of each unknown in the order of elimination, shape (n,)."
+    "Position of each unknown in the order of elimination, shape (n,)."
 
     pointers: Integers
     "First element of each column of the lower half, in that order, shape (n + 1,)."
@@ -31,7 +32,7 @@ class SparsePattern:
     "Rows of the elements of the factor, ascending."
 
     slot: Integers
-    "Element in which each of the places lies that the pattern was made of."
+    "Element of each of the places from which the pattern was made."
 
     @property
     def size(self) -> int:
@@ -39,7 +40,7 @@ class SparsePattern:
         return self.pointers.size - 1
 
     def sum(self, values: Floats) -> Floats:
-        """Elements of the matrix from values at the last of the places it was made of.
+        """Sum values at the last of its places to elements of the matrix.
 
         Parameters
         ----------
@@ -56,7 +57,7 @@ class SparsePattern:
         return elements
 
     def factor(self, elements: Floats) -> "CholeskyFactor":
-        """Cholesky factor.
+        """Factorise a matrix of this pattern.
 
         Parameters
         ----------
@@ -65,16 +66,14 @@ class SparsePattern:
 
         Returns
         -------
-        Factor
-            To solve with.
+        CholeskyFactor
+            Factor L with L Lᵀ equal to the matrix.
 
         Raises
         ------
         TrueTerrainError
             If the matrix is not positive definite.
         """
-        from trueterrain.alignment.adjustment import _kernels
-
         values = np.empty(self.fill.size)
         failed = _kernels.factorise_cholesky(
             self.pointers, self.rows, elements, self.begin, self.fill, values
@@ -89,13 +88,13 @@ class SparsePattern:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CholeskyFactor:
-    """Cholesky factor of a matrix."""
+    """Cholesky factor L of a sparse matrix."""
 
     pattern: SparsePattern
-    "Where its elements are."
+    "Pattern of the matrix."
 
     values: Floats
-    "Its elements."
+    "Elements of the factor."
 
     @property
     def log_determinant(self) -> float:
@@ -104,8 +103,6 @@ class CholeskyFactor:
 
     def solve(self, right: Floats) -> Floats:
         """Solution for one right side, shape (n,)."""
-        from trueterrain.alignment.adjustment import _kernels
-
         order = self.pattern.order
         x = np.empty(order.size)
         x[order] = right
@@ -113,10 +110,9 @@ class CholeskyFactor:
         return x[order]
 
     def whiten(self, values: Floats) -> Floats:
-        """Values times the transposed factor.
+        """Multiply by the transposed factor: Lᵀ x.
 
-        Of errors whose covariance is the inverse of the matrix that makes independent ones with
-        variance 1.
+        Errors whose covariance is the inverse of the matrix become independent, of variance 1.
 
         Parameters
         ----------
@@ -133,20 +129,18 @@ class CholeskyFactor:
         return np.add.reduceat(self.values * ordered[self.pattern.fill], self.pattern.begin[:-1])
 
     def inverse_at(self, row: Integers, column: Integers) -> Floats:
-        """Elements of the inverse where the factor has elements.
+        """Elements of the inverse within the pattern of the factor.
 
         Parameters
         ----------
         row, column : numpy.ndarray of int
-            Unknowns, places of the pattern.
+            Unknowns, at places of the pattern.
 
         Returns
         -------
         numpy.ndarray
-            Elements of the inverse there.
+            Elements of the inverse.
         """
-        from trueterrain.alignment.adjustment import _kernels
-
         pattern = self.pattern
         inverse = np.empty(pattern.fill.size)
         _kernels.selected_inverse(pattern.begin, pattern.fill, self.values, inverse)
@@ -158,24 +152,22 @@ class CholeskyFactor:
 def pattern_of(
     row: Integers, column: Integers, size: int, wide: Integers | None = None
 ) -> SparsePattern:
-    """Pattern of a symmetric matrix.
+    """Find the pattern of a symmetric matrix and of its factor.
 
     Parameters
     ----------
     row, column : numpy.ndarray of int, shape (place,)
-        Places of elements, each in either half; the same place may come several times.
+        Places of elements in either half, which may repeat.
     size : int
         Number of unknowns.
     wide : numpy.ndarray of int, shape (n,), optional
-        Unknowns that meet many others: each is eliminated as soon as all of these are.
+        Unknowns connected to many others: each is eliminated after all of these.
 
     Returns
     -------
-    Pattern
-        With a diagonal everywhere.
+    SparsePattern
+        With a full diagonal.
     """
-    from trueterrain.alignment.adjustment import _kernels
-
     pointers, low, first = _kernels.compress_pattern(row, column, size)
     high = np.repeat(np.arange(size), np.diff(pointers))
     order = _elimination_order(low, high, size, np.zeros(0, np.int64) if wide is None else wide)
@@ -192,7 +184,7 @@ def _lower_elements(one: Integers, two: Integers) -> tuple[Integers, Integers]:
 
 
 def _elimination_order(row: Integers, column: Integers, size: int, wide: Integers) -> Integers:
-    """Place of each unknown in an order in which those that meet are close (Cuthill and McKee)."""
+    """Order of elimination by reverse Cuthill-McKee; wide unknowns follow their neighbours."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 

@@ -1,4 +1,4 @@
-"""Sums over pairs of whole numbers, of which few occur: cells of a map, bins of histograms."""
+"""Sparse sums over pairs of integers, such as cells of a map or bins of histograms."""
 
 import numpy as np
 import numpy.typing as npt
@@ -7,20 +7,20 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
-_SHIFT = 1 << 30  # makes both numbers positive
-_ROW = 1 << 32  # by which packed numbers differ whose first numbers differ by 1
-_DENSE = 4  # pairs in a box per entry, up to which they are summed as an array
-_SMALL = 1 << 20  # pairs in a box that are in any case
+_SHIFT = 1 << 30  # offset that makes both numbers positive
+_ROW = 1 << 32  # difference of keys whose first numbers differ by 1
+_DENSE = 4  # size of the bounding box over the entries up to which a dense array is used
+_SMALL = 1 << 20  # size of the bounding box for which a dense array is always used
 
-#: What the packed numbers of a cell and of its eight neighbours differ by.
+#: Differences between the key of a cell and those of its eight neighbours.
 AROUND = tuple(c * _ROW + r for c in (-1, 0, 1) for r in (-1, 0, 1) if c or r)
 
-#: And those of the next ones north and east.
+#: Differences to the neighbours to the north and to the east.
 STRAIGHT = (1, _ROW)
 
 
 class SparseSums:
-    """Sums over entries that have the same two numbers."""
+    """Sums over entries with the same pair of integers, accumulated in blocks."""
 
     def __init__(self, columns: int) -> None:
         self._columns = columns
@@ -35,7 +35,7 @@ class SparseSums:
         first, second : numpy.ndarray of int64, shape (n,)
             Numbers of each entry.
         *values : numpy.ndarray of int64, shape (n,)
-            What is added up for each pair of numbers, besides the count.
+            Values to sum for each pair.
         """
         if first.size == 0:
             return
@@ -45,7 +45,7 @@ class SparseSums:
             self._merge()
 
     def sums(self) -> tuple[Integers, Integers, Integers]:
-        """Both numbers, ascending, and counts and sums, shape (1 + values, n)."""
+        """Pairs in ascending order, and counts and sums, shape (1 + values, n)."""
         self._merge()
         if not self._parts:
             none = np.empty(0, np.int64)
@@ -64,40 +64,40 @@ class SparseSums:
 
 
 def pack_cell(column: Integers, row: Integers) -> Integers:
-    """One number for both numbers of a cell; ascending with the first, then with the second."""
+    """Key of a cell: one integer, which sorts by column, then by row."""
     return np.asarray((column + _SHIFT) * _ROW + (row + _SHIFT))
 
 
 def unpack_cell(key: Integers) -> tuple[Integers, Integers]:
-    """Both numbers of a cell."""
+    """Column and row of a key."""
     return key // _ROW - _SHIFT, key % _ROW - _SHIFT
 
 
-def contains_keys(ascending: Integers, wanted: Integers) -> Flags:
-    """Whether numbers are among ascending ones."""
+def contains_keys(ascending: Integers, values: Integers) -> Flags:
+    """Whether values occur in an ascending array."""
     if not ascending.size:
-        return np.zeros(wanted.shape, np.bool_)
-    at = np.minimum(np.searchsorted(ascending, wanted), ascending.size - 1)
-    return np.asarray(ascending[at] == wanted)
+        return np.zeros(values.shape, np.bool_)
+    at = np.minimum(np.searchsorted(ascending, values), ascending.size - 1)
+    return np.asarray(ascending[at] == values)
 
 
 def _group_entries(
     first: Integers, second: Integers, values: tuple[Integers, ...]
 ) -> tuple[Integers, Integers]:
-    """Packed numbers, ascending, and counts and sums of the entries that share them."""
+    """Keys in ascending order, and counts and sums of their entries."""
     low = int(first.min()), int(second.min())
     shape = int(first.max()) - low[0] + 1, int(second.max()) - low[1] + 1
     if shape[0] * shape[1] <= _DENSE * first.size + _SMALL:
         flat = (first - low[0]) * shape[1] + (second - low[1])
         count = np.bincount(flat, minlength=shape[0] * shape[1])
-        there = np.flatnonzero(count)
-        sums = [np.bincount(flat, value, minlength=count.size)[there] for value in values]
-        key = pack_cell(there // shape[1] + low[0], there % shape[1] + low[1])
-        counted = count[there]
+        occupied = np.flatnonzero(count)
+        sums = [np.bincount(flat, value, minlength=count.size)[occupied] for value in values]
+        key = pack_cell(occupied // shape[1] + low[0], occupied % shape[1] + low[1])
+        counted = count[occupied]
     else:
         key, inverse, counted = np.unique(
             pack_cell(first, second), return_inverse=True, return_counts=True
         )
         sums = [np.bincount(inverse, value, minlength=key.size) for value in values]
-    # whole numbers below 2^53 are exact in float64
+    # integers below 2^53 are exact in float64
     return key, np.stack([counted, *(np.rint(part) for part in sums)]).astype(np.int64)
