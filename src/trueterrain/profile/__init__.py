@@ -27,7 +27,7 @@ from trueterrain.profile.envelope import (
     tyre_envelope,
 )
 from trueterrain.profile.extract import height_distributions, point_profile, tyre_profile
-from trueterrain.profile.options import EnvelopeSettings, TyreProfileSettings
+from trueterrain.profile.settings import EnvelopeSettings, TyreProfileSettings
 from trueterrain.profile.statistic import (
     InverseDistance,
     Mean,
