@@ -51,7 +51,7 @@ def scattered_medians() -> dict[str, Any]:
 
 
 def tree_medians(points: xr.Dataset, path: WheelPath) -> np.ndarray:
-    """Disc medians the way one would write them on scipy and numpy."""
+    """Disc medians as one would write them with scipy and numpy."""
     tree = cKDTree(np.stack([points.easting, points.northing], axis=1))
     at = np.stack([path.easting, path.northing], axis=1)
     up = points.up.values

@@ -83,11 +83,11 @@ def test_backwards_it_is_the_same_profile(tyre):
     road = rough_road(seed=2)
     there = straight_path((0.3, 0.02), (1.7, 0.02), spacing=0.01)
     back = straight_path((1.7, 0.02), (0.3, 0.02), spacing=0.01)
-    ways = [effective_road(road, path, tyre=tyre) for path in (there, back)]
-    assert_allclose(ways[0].height, ways[1].height[::-1], rtol=0, atol=1e-9)
+    forward, backward = (effective_road(road, path, tyre=tyre) for path in (there, back))
+    assert_allclose(forward.height, backward.height[::-1], rtol=0, atol=1e-9)
     for name in ("slope", "camber"):
-        if name in ways[0]:
-            assert_allclose(ways[0][name], -ways[1][name][::-1], rtol=0, atol=1e-6)
+        if name in forward:
+            assert_allclose(forward[name], -backward[name][::-1], rtol=0, atol=1e-6)
 
 
 @TYRE
@@ -174,7 +174,7 @@ def test_a_hole_in_reach_is_an_error_nan_or_tolerated(tyre):
     # bilinear ground is missing up to the next nodes beside the hole
     near = np.abs(path.easting - 1.0) < tyre.reach + 0.01 - 1e-9
     assert_array_equal(lost, near)
-    tolerant = tyre_envelope(road, path, tyre=tyre, minimum_cover=0.5)
+    tolerant = tyre_envelope(road, path, tyre=tyre, min_cover=0.5)
     assert np.isfinite(tolerant.height).all()
     assert_array_equal(tolerant.height[~lost], felt.height[~lost])
     whole = tyre_envelope(rough_road(seed=8), path, tyre=tyre)
@@ -219,14 +219,14 @@ def test_what_cannot_roll_is_refused():
     path = straight_path((0.5, 0.0), (1.5, 0.0))
     uneven = make_profile(np.append(s, 0.6), np.zeros(51))
     points = make_points(s, s, s)
-    for ground, way in ((points, path), (iter([points]), path)):
+    for ground in (points, iter([points])):
         with pytest.raises(CoverageError, match="scattered points have no height between them"):
-            tyre_envelope(ground, way)
+            tyre_envelope(ground, path)
     with pytest.raises(CoverageError, match="the profile must be equally spaced"):
         tyre_envelope(uneven)
     with pytest.raises(CoverageError, match="at least 2 points"):
         tyre_envelope(make_profile([0.0], [0.0]))
-    way = WheelPath(
+    uneven = WheelPath(
         s=np.array([0.0, 0.1, 0.3]),
         easting=np.array([0.5, 0.6, 0.8]),
         northing=np.zeros(3),
@@ -234,13 +234,13 @@ def test_what_cannot_roll_is_refused():
         length=0.3,
     )
     with pytest.raises(CoverageError, match="the path must be equally spaced"):
-        tyre_envelope(road, way)
+        tyre_envelope(road, uneven)
     with pytest.raises(ValueError, match="path must not be given with a profile"):
         tyre_envelope(profile, path)
-    with pytest.raises(TypeError, match="path must be a WheelPath, behind the ground, got None"):
+    with pytest.raises(TypeError, match="path must be a WheelPath, after the ground, got None"):
         tyre_envelope(road)
     for bad, says in [
-        ({"minimum_cover": 0.0}, "minimum_cover must be greater than 0 and at most 1"),
+        ({"min_cover": 0.0}, "min_cover must be greater than 0 and at most 1"),
         ({"thin": "drop"}, "thin must be 'error' or 'nan'"),
         ({"step": 0.0}, "step must be greater than 0 m"),
     ]:
@@ -270,7 +270,7 @@ def test_on_the_measured_belgian_block(data):
         for tyre in (RadialSpringTyre(), TandemCams(), PatchMean())
     )
     median = tyre_profile(surface, path, statistic=Median()).height
-    # a tyre gives way to blocks but not to joints: it lies between the mean and the rigid wheel
+    # blocks deflect a tyre, joints do not: it lies between the mean and the rigid wheel
     assert float((springs - mean).mean()) > 0 > float((springs - cylinder).mean())
     # and steps from block to block are spread over the patch
     of_line, of_median, of_springs, of_cams = (

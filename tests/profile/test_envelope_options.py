@@ -137,8 +137,8 @@ def test_holes_become_nan_and_are_counted(run, tmp_path):
     height = np.zeros((u.size, v.size))
     height[150, 40] = np.nan
     tt.write(tt.make_surface(height, u=u, v=v, easting=u, northing=0 * u), tmp_path / "holed.zarr")
-    way = ("--offset", 0, "--envelope", "patch", "--thin", "nan")
-    code, err = run("profile", tmp_path / "holed.zarr", *way, "-o", tmp_path / "p.csv")
+    arguments = ("--offset", 0, "--envelope", "patch", "--thin", "nan")
+    code, err = run("profile", tmp_path / "holed.zarr", *arguments, "-o", tmp_path / "p.csv")
     assert code == 0, err
     lost = int(np.isnan(tt.open(tmp_path / "p.csv").height).sum())
     assert lost > 10

@@ -39,8 +39,8 @@ def block(begin, end, rise=0.015):
 
 def above(cam, x):
     """How high the outline of a cam lies above its lowest point; beyond its ends, infinitely."""
-    share = np.minimum(np.abs(x) / cam.half_length, 1)
-    drop = cam.half_height * (1 - (1 - share**cam.order) ** (1 / cam.order))
+    fraction = np.minimum(np.abs(x) / cam.half_length, 1)
+    drop = cam.half_height * (1 - (1 - fraction**cam.order) ** (1 / cam.order))
     return np.where(np.abs(x) <= cam.half_length, drop, np.inf)
 
 
@@ -155,7 +155,7 @@ def test_disc_and_cams_are_dilations_of_the_ground():
 
 
 AXIS = np.arange(-100, 101) * 0.01
-WAY = straight_path((-0.3, 0.0), (0.3, 0.0), spacing=0.01)
+PATH = straight_path((-0.3, 0.0), (0.3, 0.0), spacing=0.01)
 
 
 def field(height):
@@ -169,15 +169,15 @@ def field(height):
 def test_the_whole_width_of_a_disc_rides_on_a_ridge_beside_its_middle(beside, felt):
     ridge = field(lambda _, y: np.where(np.abs(y - beside) < 0.005, 0.01, 0.0))
     tyre = RigidDisc(radius=0.3, width=0.14, lines=15)
-    height = tyre_envelope(ridge, WAY, tyre=tyre).height
+    height = tyre_envelope(ridge, PATH, tyre=tyre).height
     assert_allclose(height, 0.01 if felt else 0.0, rtol=0, atol=EXACT)
 
 
 def test_on_a_cross_slope_a_cylinder_rides_on_its_edge_and_cams_in_the_middle():
     crossfall = field(lambda _, y: 0.03 * y + 2)
-    disc = effective_road(crossfall, WAY, tyre=RigidDisc(radius=0.3, width=0.14))
+    disc = effective_road(crossfall, PATH, tyre=RigidDisc(radius=0.3, width=0.14))
     assert_allclose(disc.height, 2 + 0.03 * 0.07, rtol=0, atol=EXACT)
-    cams = effective_road(crossfall, WAY)
+    cams = effective_road(crossfall, PATH)
     assert_allclose(cams.height, 2.0, rtol=0, atol=EXACT)
     assert_allclose(cams.camber, 0.03, rtol=0, atol=EXACT / 0.1)
     assert_allclose(cams.curvature, 0.0, rtol=0, atol=1e-9)
@@ -185,8 +185,8 @@ def test_on_a_cross_slope_a_cylinder_rides_on_its_edge_and_cams_in_the_middle():
 
 def test_a_cleat_under_the_left_half_tilts_the_effective_plane_to_the_right():
     half = field(lambda x, y: np.where((np.abs(x) < 0.025) & (y > 0), 0.01, 0.0))
-    road = effective_road(half, WAY)
-    middle = int(np.argmin(np.abs(WAY.easting)))
+    road = effective_road(half, PATH)
+    middle = int(np.argmin(np.abs(PATH.easting)))
     assert road.camber[middle] > 0.02
     assert road.slope[middle - 6] > 0 > road.slope[middle + 6]
     assert 0 < road.height[middle] < 0.005

@@ -130,18 +130,18 @@ def test_forces_are_the_derivatives_of_the_energy(at):
     assert_allclose(-(ahead - behind) / (2 * d), forward, rtol=0, atol=DIFFERENCE * TYRE.load)
 
 
-def test_down_and_up_again_no_work_is_left():
+def test_no_energy_is_dissipated_over_a_closed_cycle():
     """Down before a cleat, over it, up behind it and back: what the springs take they give back."""
     ground = cleat(0.01, 0.015)
     away, low, count = TYRE.radius + 0.02, TYRE.radius - 0.015, 4000
     rise = np.linspace(low, away, count)
-    way = np.linspace(-0.06, 0.03, count)
+    positions = np.linspace(-0.06, 0.03, count)
     down, up = (
         np.trapezoid([pressed(TYRE, ground, z, at)[0] for z in rise], rise)
-        for at in (way[0], way[-1])
+        for at in (positions[0], positions[-1])
     )
-    along = np.trapezoid([pressed(TYRE, ground, low, x)[1] for x in way], way)
-    stored = pressed(TYRE, ground, low, way[0])[2]
+    along = np.trapezoid([pressed(TYRE, ground, low, x)[1] for x in positions], positions)
+    stored = pressed(TYRE, ground, low, positions[0])[2]
     assert_allclose(down, stored, rtol=1e-5, atol=0)  # the rule of trapezoids over 8 um
     assert_allclose(-down + along + up, 0, rtol=0, atol=2e-5 * stored)
 
@@ -226,13 +226,13 @@ def test_far_stiffer_it_is_a_rigid_disc():
     assert_allclose(felt, disc.height, rtol=0, atol=STEP**2 / (8 * 0.3135) + 1e-6)
 
 
-def test_sections_share_the_load():
+def test_the_load_is_distributed_over_the_sections():
     axis = np.arange(-60, 61) * 0.01
-    way = straight_path((-0.1, 0.0), (0.1, 0.0), spacing=0.01)
+    path = straight_path((-0.1, 0.0), (0.1, 0.0), spacing=0.01)
 
     def felt(height, **settings):
         surface = make_surface(height(*np.meshgrid(axis, axis)), easting=axis, northing=axis)
-        return tyre_envelope(surface, way, tyre=RadialSpringTyre(width=0.14, **settings)).height
+        return tyre_envelope(surface, path, tyre=RadialSpringTyre(width=0.14, **settings)).height
 
     def bar(x, _):
         return np.where(np.abs(x) < 0.015, 0.012, 0.0)
@@ -251,7 +251,7 @@ def test_sections_share_the_load():
     [
         ({"load": 0.0}, "load must be greater than 0 N"),
         ({"stiffness": -1.0}, "stiffness must be greater than 0 N/m"),
-        ({"stiffness": 1e4}, "presses the tyre by less than half of its radius"),
+        ({"stiffness": 1e4}, "deflects the tyre by less than half of its radius"),
         ({"contact_length": 0.25}, "contact_length must be less than 0.219 m, the chord"),
         ({"radius": float("inf")}, "radius must be greater than 0 m"),
         ({"sections": 0}, "sections must be a whole number"),

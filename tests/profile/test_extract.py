@@ -167,7 +167,7 @@ def test_a_tilted_plane_is_its_own_profile_where_the_nodes_are_symmetric(
 
 @given(slopes, slopes, angles)
 def test_a_tilted_plane_is_its_own_steepest_height_in_a_disc(slope, camber, heading):
-    """There the middle height is the most frequent one; in a rectangle all are alike."""
+    """The central height is the most frequent one; in a rectangle all are equally frequent."""
     height, path = plane(slope, camber), line(heading)
     true = height(path.easting, path.northing)
     profile = tyre_profile(road(heading, height), path, statistic=SteepestCpf())
@@ -353,7 +353,7 @@ def test_an_unknown_policy_is_refused():
 
 def test_ground_of_another_kind_is_refused():
     profile = make_profile([0.0, 1.0], [0.0, 0.0])
-    with pytest.raises(CoverageError, match="a profile has no ground beside its line"):
+    with pytest.raises(CoverageError, match="a profile has no ground lateral to its line"):
         tyre_profile(profile, line(0.0))
     with pytest.raises(SchemaError, match="easting"):
         tyre_profile([profile], line(0.0))
@@ -465,5 +465,5 @@ def test_ground_and_path_in_the_wrong_order_are_refused(extract):
     surface = road(0.3, lambda e, n: 0 * e)
     path = straight_path((-0.05, 0.0), (0.05, 0.0), spacing=0.01)
     for arguments in ((path, surface), (surface, surface)):
-        with pytest.raises(TypeError, match="path must be a WheelPath, behind the ground, got Dat"):
+        with pytest.raises(TypeError, match="path must be a WheelPath, after the ground, got Dat"):
             extract(*arguments)

@@ -225,7 +225,7 @@ def test_search_areas_reach_over_the_gap_of_a_hairpin():
     surface = make_surface(
         rough((u.size, 41)), u=u, v=np.linspace(-0.2, 0.2, 41), easting=x, northing=y
     )
-    path = offset_path(surface, 0.19, spacing=0.01)  # 60 mm from its own way back
+    path = offset_path(surface, 0.19, spacing=0.01)  # 60 mm from its own return
     check_against_brute_force(surface, path, Disc(radius=0.08))
 
 
@@ -255,7 +255,7 @@ def test_results_depend_on_neither_order_nor_blocks_nor_threads(statistic, level
     path = straight_path((0.1, 0.1), (3.9, 0.5), spacing=0.05)
     settings = {"area": Disc(radius=0.06), "statistic": statistic, "level": level}
     whole = tyre_profile(points, path, **settings)
-    assert whole["count"].max() > 48  # long enough for the other way of sorting
+    assert whole["count"].max() > 48  # long enough for the other sorting algorithm
     rng = np.random.default_rng(2)
     shuffled = points.isel(point=rng.permutation(points.sizes["point"]))
     same(tyre_profile(shuffled, path, **settings), whole)

@@ -282,8 +282,8 @@ HONEST = (0.89, 1.1)  # a standard deviation that is a tenth too large does no h
 
 
 def true_window(ground, skip, size):
-    share = 1 - (skip + size * (np.arange(20_000) + 0.5) / 20_000) / 100
-    return ground.ppf(share).mean()
+    probability = 1 - (skip + size * (np.arange(20_000) + 0.5) / 20_000) / 100
+    return ground.ppf(probability).mean()
 
 
 def median(ground):
@@ -291,7 +291,7 @@ def median(ground):
 
 
 # what is exceeded and why is in the docstrings of the statistics
-CLAIMS = {
+SIMULATED = {
     "mean": (Mean(), lambda g: g.mean(), {(15, "skewed"): 1.15}),
     "median": (Median(), median, {}),
     "20 %": (Percentile(percent=20), lambda g: g.ppf(0.2), {15: 1.17}),
@@ -317,14 +317,14 @@ CLAIMS = {
 
 @pytest.mark.parametrize("n", [15, 30, 80])
 @pytest.mark.parametrize("name", GROUNDS)
-@pytest.mark.parametrize("claim", CLAIMS)
-def test_the_standard_deviation_is_honest(claim, name, n):
-    statistic, true, exceptions = CLAIMS[claim]
+@pytest.mark.parametrize("case", SIMULATED)
+def test_the_standard_deviation_is_that_of_the_errors(case, name, n):
+    statistic, true, exceptions = SIMULATED[case]
     rng = np.random.default_rng([n, len(name)])
     rows = 0.001 * GROUNDS[name].rvs(size=(REPEATS, n), random_state=rng)
     away = 0.025 * np.sqrt(rng.uniform(size=(REPEATS, n)))
     height, sd = statistic.estimate(distributions(rows, away))
-    # the bias of smoothing is not claimed: the mode is compared with its own mean
+    # the sd does not contain the bias of smoothing: the mode is compared with its own mean
     error = height - (height.mean() if true is None else 0.001 * true(GROUNDS[name]))
     ratio = np.sqrt(np.mean((error / sd) ** 2))
     highest = exceptions.get((n, name), exceptions.get(n, HONEST[1]))
@@ -359,7 +359,7 @@ def belgian_discs():
 
 
 @pytest.mark.parametrize(("statistic", "stated", "within"), REAL_GROUND, ids=str)
-def test_how_honest_standard_deviations_are_on_belgian_block(
+def test_ratio_of_errors_to_standard_deviations_on_belgian_block(
     belgian_discs, statistic, stated, within
 ):
     few, many = belgian_discs
@@ -367,7 +367,7 @@ def test_how_honest_standard_deviations_are_on_belgian_block(
     assert_allclose(np.sqrt(np.mean(((measured - truth) / sd) ** 2)), stated, rtol=0, atol=within)
 
 
-def test_a_percentile_with_no_heights_beyond_it_is_not_honest():
+def test_the_standard_deviation_of_a_percentile_without_heights_beyond_is_too_small():
     """As its docstring warns: the lowest twentieth of 15 heights is the lowest one."""
     rows = stats.norm().rvs(size=(REPEATS, 15), random_state=1)
     height, sd = Percentile(percent=5).estimate(distributions(rows))

@@ -1,4 +1,8 @@
-"""The profile that a tyre feels (thesis chapter 5): path, search area, distribution, statistic."""
+"""Tyre profiles along a path (thesis chapter 5).
+
+A profile is a statistic of the heights in a search area around each path point (`tyre_profile`), or
+the envelope of a tyre model that rolls over the ground (`tyre_envelope`).
+"""
 
 from trueterrain.geometry.path import (
     WheelPath,

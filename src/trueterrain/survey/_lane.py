@@ -302,7 +302,7 @@ def taken_along(surface: xr.Dataset, wanted: ProfilePathSettings) -> xr.Dataset:
     path, options = _covered_path(surface, wanted), wanted.tyre
     if wanted.envelope is not None:
         return tyre_envelope(surface, path, tyre=wanted.envelope.model(), thin=options.thin)
-    taken = options.taken()
+    taken = options.estimator()
     if taken is None:
         return point_profile(surface, path)
     return tyre_profile(
