@@ -1,4 +1,4 @@
-"""Distributions of heights: the CPF, and its continuation where heights are quantised."""
+"""Distributions of heights: the CPF, and its interpolation for quantised heights."""
 
 import numpy as np
 import pytest
@@ -43,7 +43,7 @@ def test_the_cpf_is_the_fraction_of_heights_that_do_not_exceed_a_height(heights,
     assert_allclose(one(heights).cpf(asked), probability, rtol=0, atol=1e-15)
 
 
-def test_the_cpf_keeps_the_shape_of_what_is_asked():
+def test_the_cpf_has_the_shape_of_its_argument():
     assert one([1, 2]).cpf(1.5).shape == ()
     assert one([1, 2]).cpf(np.zeros((2, 3))).shape == (2, 3)
     assert one([1, 2]).continued_cpf(np.zeros((2, 3)), STEP).shape == (2, 3)
@@ -160,10 +160,10 @@ def test_quantised_heights_recover_the_median_far_better_than_their_step(
     rng = np.random.default_rng(8)
     true = rng.uniform(-0.01, 0.01, (4000, 1)) + spread * rng.normal(size=(4000, 81))
     rounded = np.rint(true / STEP) * STEP
-    middle = np.median(true, axis=1)
+    centre = np.median(true, axis=1)
 
     def rms(height):
-        return np.sqrt(np.mean((height - middle) ** 2))
+        return np.sqrt(np.mean((height - centre) ** 2))
 
     assert rms(np.median(rounded, axis=1)) == pytest.approx(recorded, abs=0.02e-3)
     assert rms(Median(resolution=STEP).estimate(many(rounded))[0]) < 1.05 * continued
@@ -187,10 +187,10 @@ def test_the_interpolation_of_quantised_heights_does_not_depend_on_the_offset():
 def test_the_standard_deviation_of_a_quantised_percentile_is_that_of_its_errors(spread, n, percent):
     """Within a factor: what happened inside of a step is not in the data (docstring)."""
     rng = np.random.default_rng(10)
-    middle = rng.uniform(0, 1, (3000, 1))
-    heights = STEP * np.rint(middle + spread * rng.normal(size=(3000, n)))
+    centre = rng.uniform(0, 1, (3000, 1))
+    heights = STEP * np.rint(centre + spread * rng.normal(size=(3000, n)))
     height, sd = Percentile(percent=percent, resolution=STEP).estimate(many(heights))
-    error = height - STEP * (middle[:, 0] + spread * norm.ppf(percent / 100))
+    error = height - STEP * (centre[:, 0] + spread * norm.ppf(percent / 100))
     assert 0.55 < np.sqrt(np.mean((error / sd) ** 2)) < 1.55
 
 

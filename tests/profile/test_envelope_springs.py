@@ -52,11 +52,11 @@ def hub_over(tyre, ground, at=0.0):
     """Height of the hub that carries the load, found by bisection over the force."""
     low, high = 0.5 * tyre.radius, tyre.radius + np.max(ground)
     for _ in range(60):
-        middle = (low + high) / 2
-        if pressed(tyre, ground, middle, at)[0] > tyre.load:
-            low = middle
+        centre = (low + high) / 2
+        if pressed(tyre, ground, centre, at)[0] > tyre.load:
+            low = centre
         else:
-            high = middle
+            high = centre
     return (low + high) / 2
 
 
@@ -81,7 +81,7 @@ def test_an_inclined_plane_gives_a_parallel_plane_and_its_slope(slope):
     assert_allclose(road.slope[inner], slope, rtol=0, atol=1e-4)
 
 
-def test_at_its_rated_load_it_deflects_as_its_stiffness_says_on_a_patch_as_long_as_given():
+def test_the_rated_load_gives_the_stated_deflection_and_contact_length():
     hub = TYRE.radius - TYRE.rated_load / TYRE.stiffness
     up, forward, _ = pressed(TYRE, 0 * S, hub)
     assert_allclose(up, TYRE.rated_load, rtol=1e-12, atol=0)
@@ -112,7 +112,7 @@ def energy_of_least_shape(tyre, ground, hub):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_band_takes_the_shape_of_least_energy(seed):
+def test_the_band_has_the_shape_of_minimum_energy(seed):
     ground = np.random.default_rng(seed).normal(0, 0.004, S.size) + cleat(0.01, 0.012)
     hub = TYRE.radius - 0.015
     _, _, energy = pressed(TYRE, ground, hub)
@@ -159,11 +159,11 @@ def test_the_load_balances_at_every_path_point():
 def test_under_a_light_load_there_is_no_dip():
     """The less the tyre is pressed, the more it rides on the cleat, at last as a rigid wheel."""
     ground = profile(cleat(0.01, 0.01))
-    middle = [
+    centre = [
         tyre_envelope(ground, tyre=RadialSpringTyre(load=load)).height.values[S.size // 2]
         for load in (6000.0, 4000.0, 2500.0, 500.0)
     ]
-    assert np.all(np.diff(middle) > 0)
+    assert np.all(np.diff(centre) > 0)
     light = tyre_envelope(ground, tyre=RadialSpringTyre(load=500.0)).height.values
     assert np.argmax(light) == S.size // 2
 
@@ -173,9 +173,9 @@ def test_over_a_cleat_shorter_than_the_patch_the_hub_rises_twice_with_a_dip_betw
     height = tyre_envelope(profile(cleat(0.01, 0.01)), tyre=tyre).height.values
     assert_allclose(height, height[::-1], rtol=0, atol=1e-9)
     front, behind = height[S < 0], height[S > 0]
-    middle = height[S.size // 2]
-    assert front.max() > 1.3 * middle
-    assert 0.1 * 0.01 < middle < 0.01  # most of the cleat is swallowed
+    centre = height[S.size // 2]
+    assert front.max() > 1.3 * centre
+    assert 0.1 * 0.01 < centre < 0.01  # most of the cleat is swallowed
     # one bump on either side: it rises to its top and falls from there
     top = int(np.argmax(front))
     assert np.all(np.diff(front[: top + 1]) >= -1e-12)
@@ -185,7 +185,7 @@ def test_over_a_cleat_shorter_than_the_patch_the_hub_rises_twice_with_a_dip_betw
     assert 0.4 * tyre.contact_length < apart < 1.1 * tyre.contact_length
 
 
-def test_the_bumps_are_where_the_cams_of_the_same_tyre_have_them():
+def test_the_bumps_are_at_those_of_the_cams_of_the_same_tyre():
     """Cams are fitted to measurements of this tyre, the springs only to its patch and stiffness."""
     for half, rise in ((0.01, 0.01), (0.025, 0.01), (0.05, 0.02)):
         ground = profile(cleat(half, rise))
@@ -214,7 +214,7 @@ def test_a_gap_narrower_than_the_patch_is_nearly_bridged():
     assert felt.min() > mean.min()
 
 
-def test_far_stiffer_it_is_a_rigid_disc():
+def test_a_much_stiffer_tyre_is_a_rigid_disc():
     """As load over stiffness goes to nothing, all that is left is the envelope of its circle."""
     ground = profile(np.random.default_rng(5).normal(0, 0.005, S.size))
     hard = RadialSpringTyre(
@@ -239,7 +239,7 @@ def test_the_load_is_distributed_over_the_sections():
 
     # across, all sections feel the same: as one wide section
     assert_allclose(felt(bar), felt(bar, sections=1), rtol=0, atol=EXACT)
-    # a cross slope through the middle lifts no more than the load's curvature over deflection
+    # a cross slope through the centre lifts no more than the load's curvature over deflection
     assert abs(felt(lambda _, y: 0.05 * y)).max() < 5e-4
     # a stone under part of the width lifts the hub, less than a bar over all of it
     stone = felt(lambda x, y: np.where((np.abs(x) < 0.015) & (np.abs(y) < 0.03), 0.012, 0.0))

@@ -21,7 +21,7 @@ _MARGIN = 0.12  # below the lowest and above the highest ground, as a fraction o
 
 def tyre_envelopes(
     ground: xr.Dataset,
-    felt: Mapping[str, xr.Dataset],
+    envelopes: Mapping[str, xr.Dataset],
     *,
     between: tuple[float, float] | None = None,
     ax: "Axes | None" = None,
@@ -32,7 +32,7 @@ def tyre_envelopes(
     ----------
     ground : xarray.Dataset
         Profile of one track, as of `trueterrain.profile.point_profile`.
-    felt : mapping of str to xarray.Dataset
+    envelopes : mapping of str to xarray.Dataset
         Profiles or effective roads of one track, with the names of their tyres.
     between : tuple of float, optional
         Stations between which they are drawn [m]; by default all.
@@ -58,7 +58,7 @@ def tyre_envelopes(
     >>> [line.get_label() for line in ax.lines]
     ['ground', 'disc']
     """
-    for name, road in {"ground": check_profile(ground), **felt}.items():
+    for name, road in {"ground": check_profile(ground), **envelopes}.items():
         if "track" in road.dims:
             raise CoverageError(
                 f"{name} has several tracks", cure="Choose one with data.sel(track=...)."
@@ -66,7 +66,7 @@ def tyre_envelopes(
     begin, end = between or (float(ground.s[0]), float(ground.s[-1]))
     shown = {
         name: road.isel(s=(road.s.values >= begin) & (road.s.values <= end))
-        for name, road in {"ground": ground, **felt}.items()
+        for name, road in {"ground": ground, **envelopes}.items()
     }
     line = shown.pop("ground")
     if not np.isfinite(line.height).any():
