@@ -1,4 +1,4 @@
-"""Agreement of two profiles of 20 km: ours beside forms that one would write on scipy and numpy.
+"""Agreement of two profiles of 20 km: compared with implementations on scipy and numpy.
 
 All filter both profiles with the golden car and find the shift at which they agree best. The peer
 on scipy filters with `scipy.signal.lfilter` and correlates at all lags with

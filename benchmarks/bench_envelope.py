@@ -1,4 +1,4 @@
-"""Tyre envelopes along 1 km of rough road at 10 mm, the disc beside scipy's grey dilation."""
+"""Tyre envelopes along 1 km of rough road at 10 mm; the peer of the disc is grey dilation."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""IRI, Ride Number and spectrum of a long profile, beside what one would write on scipy alone.
+"""IRI, Ride Number and spectrum of a long profile, compared with implementations on scipy.
 
 For the indices both take heights to the index: 0.25 m window, start on the first 11 or 19 m, mean
 of the absolute output or of its square. The peer turns the state recursion into a transfer function

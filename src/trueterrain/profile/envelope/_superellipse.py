@@ -46,7 +46,7 @@ class Superellipse:
         group: list[int],
         shift: list[float],
     ) -> tuple[Float, Float]:
-        """Heights of cams that stand on the ground, and the slope where they touch it.
+        """Heights of cams on the ground, and the slope at the point of contact.
 
         Parameters
         ----------

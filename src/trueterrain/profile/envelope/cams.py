@@ -24,7 +24,7 @@ class TandemCams:
     -----
     A cam is a superellipse ``|x / half_length|^order + |z / half_height|^order = 1``, axes level,
     exact for ground that is linear between samples along the path. On ground that rises by m it
-    stands higher, as a disc does.
+    is higher, as a disc is.
 
     Source: Schmeitz (2004), "A semi-empirical three-dimensional model of the pneumatic tyre rolling
     over arbitrarily uneven road surfaces", Delft; Pacejka (2012), "Tire and Vehicle Dynamics",

@@ -46,7 +46,7 @@ class RadialSpringTyre:
     tread off the ground on both sides.
 
     The height is that of the hub less its height over level ground under the same load. On ground
-    that rises by m it stands about (radius - d) (sqrt(1 + m^2) - 1) higher.
+    that rises by m it is about (radius - d) (sqrt(1 + m^2) - 1) higher.
 
     Source: radial springs that envelop the ground, Davis (1975), "A radial-spring terrain-
     enveloping tire model", Vehicle System Dynamics 4 (abstract read); the band and the solution

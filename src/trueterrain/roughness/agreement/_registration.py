@@ -344,7 +344,7 @@ def _overlap_error(
 ) -> CoverageError:
     ranges = [f"{one.start:g} to {one.start + one.length:g} m" for one in (first, second)]
     message = (
-        f"overlap by less than {options.min_overlap:g} m behind the filter: "
+        f"overlap by less than {options.min_overlap:g} m after the filter: "
         f"{ranges[0]}, and {ranges[1]}, with shifts up to {options.max_shift:g} m"
     )
     return CoverageError(
