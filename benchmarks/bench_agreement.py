@@ -1,4 +1,4 @@
-"""Agreement of two profiles of 20 km: ours beside forms that one would write on scipy and numpy.
+"""Agreement of two profiles of 20 km: compared with implementations on scipy and numpy.
 
 All filter both profiles with the golden car and find the shift at which they agree best. The peer
 on scipy filters with `scipy.signal.lfilter` and correlates at all lags with
@@ -24,16 +24,16 @@ LENGTH = 20_000.0  # [m]
 SPACING = 0.025  # [m]
 LATE = 130  # [samples] by which the second profile is late
 GAIN = 0.9  # of its heights
-ERROR = 1e-3  # [m/m] of its distance, in the round that finds it
+ERROR = 1e-3  # [m/m] of its distance, in the row with distance error
 MAX_SHIFT = 10.0  # [m]
 BUDGET = 5.0  # [s]
 AGREE = 1e-3  # [1] ratings; the start of the car, 30 m of 20 km
 WITHIN = 1e-3  # [m]
-ROUNDS = 3
+REPEATS = 3
 
 
 def bench() -> list[dict[str, Any]]:
-    """Rows of name, ours, peer, unit, ratio and budget; all rate the profiles alike.
+    """Rows of name, ours, peer, unit, ratio and budget; all give the same ratings.
 
     Returns
     -------
@@ -49,16 +49,16 @@ def bench() -> list[dict[str, Any]]:
     apart = {"A": profiles["A"], "B": make_profile(station, stretched)}
 
     shift_only = AgreementSettings(max_shift=MAX_SHIFT, max_scale=0)
-    ours, found = fastest(lambda: profile_agreement(profiles, options=shift_only), ROUNDS)
+    ours, found = fastest(lambda: profile_agreement(profiles, options=shift_only), REPEATS)
     pair = found.sel(first="A", second="B").squeeze("track")
     require("our rating", float(pair.rating), GAIN, AGREE)
     require("our shift", float(pair.best_shift), LATE * SPACING, WITHIN)
 
-    whole, found = fastest(lambda: profile_agreement(apart), ROUNDS)
+    whole, found = fastest(lambda: profile_agreement(apart), REPEATS)
     scaled = found.sel(first="A", second="B").squeeze("track")
     require("our distance error", float(scaled.distance_error), ERROR, WITHIN / LENGTH)
 
-    by_fft, rated = fastest(lambda: peer_rating(first, second, fft_products), ROUNDS)
+    by_fft, rated = fastest(lambda: peer_rating(first, second, fft_products), REPEATS)
     require("the rating on scipy", rated, GAIN, AGREE)
     by_lag, rated = fastest(lambda: peer_rating(first, second, lag_products), 1)
     require("the rating on numpy", rated, GAIN, AGREE)

@@ -1,4 +1,4 @@
-"""Tyre envelopes along 1 km of rough road at 10 mm, the disc beside scipy's grey dilation."""
+"""Tyre envelopes along 1 km of rough road at 10 mm; the peer of the disc is grey dilation."""
 
 from typing import Any
 
@@ -57,10 +57,10 @@ def on_a_line(path: WheelPath, height: np.ndarray) -> dict[str, Any]:
     """Microseconds per sample of a disc along a profile."""
     profile, disc = make_profile(path.s, height), RigidDisc()
     tyre_envelope(profile.isel(s=slice(0, 1000)), tyre=disc)  # compile
-    felt, seconds = timed(lambda: tyre_envelope(profile, tyre=disc))
+    envelope, seconds = timed(lambda: tyre_envelope(profile, tyre=disc))
     ours = 1e6 * seconds / len(path)
     dilated, seconds = timed(lambda: grey_dilation(height, structure=outline(disc)))
-    compare(felt.height.values, dilated)
+    compare(envelope.height.values, dilated)
     peer = 1e6 * seconds / len(path)
     return {
         "name": f"rigid disc along a profile, {len(path):,} samples every 10 mm",
@@ -79,12 +79,12 @@ def cost(
 ) -> dict[str, Any]:
     """Microseconds per path point of one envelope."""
     tyre_envelope(surface, path.part(0, 1000), tyre=tyre)  # compile
-    felt, seconds = timed(lambda: tyre_envelope(surface, path, tyre=tyre))
+    envelope, seconds = timed(lambda: tyre_envelope(surface, path, tyre=tyre))
     ours, peer = 1e6 * seconds / len(path), None
     if isinstance(tyre, RigidDisc):
         dilated, seconds = timed(lambda: dilation(surface, tyre))
         peer = 1e6 * seconds / len(path)
-        compare(felt.height.values, dilated)
+        compare(envelope.height.values, dilated)
     return {
         "name": f"{name}, {len(path):,} path points on a 10 mm grid",
         "ours": ours,
@@ -100,7 +100,7 @@ def cost(
 
 
 def dilation(surface: xr.Dataset, disc: RigidDisc) -> np.ndarray:
-    """Envelope of a disc the way one would write it on scipy and numpy."""
+    """Envelope of a disc as one would write it with scipy and numpy."""
     across = (OFFSET + disc.offsets - float(surface.v[0])) / 0.01
     along = np.arange(surface.sizes["u"], dtype=float)
     places = np.meshgrid(along, across, indexing="ij")

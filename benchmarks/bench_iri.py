@@ -1,4 +1,4 @@
-"""IRI, Ride Number and spectrum of a long profile, beside what one would write on scipy alone.
+"""IRI, Ride Number and spectrum of a long profile, compared with implementations on scipy.
 
 For the indices both take heights to the index: 0.25 m window, start on the first 11 or 19 m, mean
 of the absolute output or of its square. The peer turns the state recursion into a transfer function
@@ -21,7 +21,7 @@ SAMPLES = 4_000_000
 SPACING = 0.05  # [m]
 BUDGET = 20.0  # [M samples/s]
 DIGITS = 1e-9  # [1] relative difference of the results
-ROUNDS = 5
+REPEATS = 5
 
 
 def bench() -> list[dict[str, Any]]:
@@ -148,11 +148,11 @@ def filter_start(
     return lfilter(b, a, slope, zi=state)[0]
 
 
-def fastest(work: Callable[[], float], iterations: int = ROUNDS) -> tuple[float, float]:
-    """Shortest time [s] of some iterations, after one that compiles, and the result."""
+def fastest(work: Callable[[], float], repeats: int = REPEATS) -> tuple[float, float]:
+    """Shortest time [s] of some repeats, after one that compiles, and the result."""
     result = work()
     times = []
-    for _ in range(iterations):
+    for _ in range(repeats):
         begin = time.perf_counter()
         work()
         times.append(time.perf_counter() - begin)

@@ -1,4 +1,4 @@
-"""Medians inside discs, beside scipy's cKDTree with numpy.median, and along grids."""
+"""Medians inside discs, compared with scipy's cKDTree with numpy.median, and along grids."""
 
 import time
 from collections.abc import Callable
@@ -29,7 +29,7 @@ def bench() -> list[dict[str, Any]]:
 
 
 def scattered_medians() -> dict[str, Any]:
-    """Disc medians of scattered points: index and all, ours beside the peer."""
+    """Disc medians of scattered points: index included, ours and the peer."""
     rng = np.random.default_rng(2009)
     easting, northing = rng.uniform(0, 202, POINTS), rng.uniform(0, 4, POINTS)
     points = make_points(easting, northing, rng.normal(0, 0.01, POINTS))
@@ -51,7 +51,7 @@ def scattered_medians() -> dict[str, Any]:
 
 
 def tree_medians(points: xr.Dataset, path: WheelPath) -> np.ndarray:
-    """Disc medians the way one would write them on scipy and numpy."""
+    """Disc medians as one would write them with scipy and numpy."""
     tree = cKDTree(np.stack([points.easting, points.northing], axis=1))
     at = np.stack([path.easting, path.northing], axis=1)
     up = points.up.values

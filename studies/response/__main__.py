@@ -1,4 +1,4 @@
-"""Find which reduction of the ground serves which use, and write the page that says so."""
+"""Compare reductions of the ground by the response of vehicles, and write the page of results."""
 
 import sys
 import time
@@ -7,11 +7,11 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from claims import require_claims
 from judge import judge
 from page import page
 from roads import COURSES
 from spectra import draw_spectra
+from statements import require_statements
 from truck import roll
 
 PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "which-reduction.md"
@@ -19,7 +19,7 @@ SPECTRA = PAGE.parent / "images" / "which-reduction-spectra.svg"
 
 
 def main() -> None:
-    """Judge all roads, two at a time; page and figure are written if their sentences hold."""
+    """Compare on all roads, two at a time; page and figure are written if their statements hold."""
     begin = time.monotonic()
     with ProcessPoolExecutor(max_workers=2) as pool:
         judged = []
@@ -28,7 +28,7 @@ def main() -> None:
             sys.stderr.write(f"{road.course}: {time.monotonic() - begin:.0f} s\n")
         rolled = list(pool.map(roll, COURSES))
         sys.stderr.write(f"a truck's tyre: {time.monotonic() - begin:.0f} s\n")
-    require_claims(judged, rolled)
+    require_statements(judged, rolled)
     draw_spectra(judged, SPECTRA)
     PAGE.write_text(page(judged, rolled), encoding="utf-8")
     sys.stdout.write(f"{PAGE}\n{SPECTRA}\n")

@@ -1,4 +1,4 @@
-"""Drive two vehicles over every reduction of a road, and hold each against the reference."""
+"""Drive two vehicles over every reduction of a road, and compare each with the reference."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ from trueterrain.verify.response import QUANTITIES, compare_responses, vehicle_r
 
 QUARTER = CAR.corner("front")
 WEIGHT = 9.81 * (QUARTER.sprung_mass + QUARTER.unsprung_mass)  # [N]
-LEAD = 1.5  # [s] in which the vehicle settles, which are left out
+LEAD = 1.5  # [s] of the transient of the vehicle, left out of the comparison
 OTHER_TYRE = "envelope on the surface", "tandem cams"  # a reference of another kind
 
 Strips = list[tuple[xr.Dataset, WheelPath]]
@@ -23,27 +23,27 @@ Strips = list[tuple[xr.Dataset, WheelPath]]
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """How like the response on a reduction is to that on the reference."""
+    """Comparison of the response on a reduction with that on the reference."""
 
     group: str
     name: str
     quarter: xr.Dataset
     full: xr.Dataset
     otherwise: xr.Dataset
-    "Quarter car, but held against tandem cams on the surface."
+    "Quarter car, but compared with tandem cams on the surface."
     iri: float
     "MRI of the two wheel paths over that of the reference."
 
 
 @dataclass(frozen=True, kw_only=True)
 class Judged:
-    """A road, what the reference does on it, and a verdict on each reduction."""
+    """Results of a road: the response on the reference, and the comparison of each reduction."""
 
     course: str
     rms: dict[str, float]
     "Of each quantity, of the quarter car on the reference."
     off_the_ground: float
-    "Share of the time in which the linear tyre would have to pull."
+    "Fraction of the time in which the force of the linear tyre is tensile."
     mri: float
     "Of the reference [m/km]."
     spectra: dict[Which, xr.Dataset]
@@ -63,19 +63,19 @@ def judge(course: Course) -> Judged:
     truth = _reduced(strips, reference)
     true_quarter, true_full = drive(truth)
     mri = float(iri(truth).mri)
-    found = [(way, _reduced(strips, way.profile)) for way in reductions()]
-    driven = {(way.group, way.name): drive(profile) for way, profile in found}
+    found = [(one, _reduced(strips, one.profile)) for one in reductions()]
+    driven = {(one.group, one.name): drive(profile) for one, profile in found}
     other, _ = driven[OTHER_TYRE]
     verdicts = [
         Verdict(
-            group=way.group,
-            name=way.name,
-            quarter=compare_responses(driven[way.group, way.name][0], true_quarter),
-            full=compare_responses(driven[way.group, way.name][1], true_full),
-            otherwise=compare_responses(driven[way.group, way.name][0], other),
+            group=one.group,
+            name=one.name,
+            quarter=compare_responses(driven[one.group, one.name][0], true_quarter),
+            full=compare_responses(driven[one.group, one.name][1], true_full),
+            otherwise=compare_responses(driven[one.group, one.name][0], other),
             iri=float(iri(profile).mri) / mri,
         )
-        for way, profile in found
+        for one, profile in found
     ]
     return Judged(
         course=course.name,
@@ -90,8 +90,8 @@ def judge(course: Course) -> Judged:
     )
 
 
-def _reduced(strips: Strips, way: Reduce) -> xr.Dataset:
+def _reduced(strips: Strips, reduce: Reduce) -> xr.Dataset:
     """Profile of both wheels."""
-    profiles = [way(surface, path) for surface, path in strips]
+    profiles = [reduce(surface, path) for surface, path in strips]
     heights = [np.asarray(profile.height) for profile in profiles]
     return make_profile(profiles[0].s, heights, tracks=list(OFFSETS))

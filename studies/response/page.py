@@ -1,4 +1,4 @@
-"""The page of the documentation, from its text and what was found.
+"""Page of the documentation, from its text and the results.
 
 In the text, ``{force|median|r = 25 mm|asphalt}`` stands for a number: what, of which group, of
 which reduction, on which road (or ``mean``, of all roads); ``{{overview}}`` and the like for
@@ -89,7 +89,7 @@ def _number(judged: list[Judged], what: str, group: str, name: str, road: str) -
 
 
 def _written(what: str, number: float) -> str:
-    """Number as it stands on the page: damage as a factor, all others as a share."""
+    """Number as text: damage as a factor, all others in per cent."""
     if what == "damage":
         return f"× {number:.{2 if number < 9.995 else 0}f}"
     return _percent(number, signed=what in SIGNED)
@@ -165,7 +165,7 @@ def _overview(judged: list[Judged]) -> str:
         "tyre force",
         "suspension travel",
         "tyre force, full car",
-        "tyre force, cams as judge",
+        "tyre force, cams as reference",
         "damage",
         "MRI",
     ]
@@ -224,7 +224,7 @@ def _of_tyres(rolled: list[Rolled]) -> dict[str, str]:
 
 
 def _tyres(rolled: list[Rolled]) -> str:
-    """How far heights are from what either tyre feels; of search areas, the best radius of each."""
+    """Difference of heights from either tyre's; of search areas, for the best radius of each."""
 
     def cell(road: Rolled, tyre: str, which: Which) -> str:
         felt = road.felt[tyre][which]

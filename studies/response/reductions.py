@@ -1,4 +1,4 @@
-"""Ways from the ground to a profile, and the tyre that they are held against."""
+"""Reductions of the ground to a profile, and the reference tyre."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -41,16 +41,16 @@ Reduce = Callable[[xr.Dataset, WheelPath], xr.Dataset]
 
 @dataclass(frozen=True, kw_only=True)
 class Reduction:
-    """A way to a profile."""
+    """Method that reduces a surface to a profile."""
 
     group: str
-    "Under which heading it stands."
+    "Heading of its group in the tables."
 
     name: str
-    "How it is called."
+    "Name in the tables."
 
     profile: Reduce
-    "From surface and path to the profile."
+    "Function from surface and path to the profile."
 
 
 def reference(surface: xr.Dataset, path: WheelPath) -> xr.Dataset:
@@ -126,8 +126,8 @@ def reductions() -> list[Reduction]:
 _AVERAGE = PatchMean(length=0.25, width=0.0, lines=1)
 
 
-def _group(heading: str, ways: dict[str, Reduce]) -> list[Reduction]:
-    return [Reduction(group=heading, name=name, profile=way) for name, way in ways.items()]
+def _group(heading: str, methods: dict[str, Reduce]) -> list[Reduction]:
+    return [Reduction(group=heading, name=name, profile=one) for name, one in methods.items()]
 
 
 def _disc(radius: float) -> Disc:

@@ -20,21 +20,21 @@ from trueterrain.simulate.ground import (
 )
 
 OFFSETS = {"left": 0.69, "right": -0.69}  # [m] of the wheel paths, half the track of the sedan
-HALF_WIDTH = 0.16  # [m] of a strip: more than any search area and any tyre reaches
-ENDS = 1.0  # [m] of ground ahead of and behind the paths
+HALF_WIDTH = 0.16  # [m] of a strip: more than the reach of any search area and any tyre
+ENDS = 1.0  # [m] of ground before and after the paths
 GRID = 0.005  # [m] between nodes of the ground, as in the thesis; bilinear on the measured one
 STATIONS = 0.01  # [m] between path points
 
 
 @dataclass(frozen=True, kw_only=True)
 class Course:
-    """A road to be driven on."""
+    """Road of the study."""
 
     name: str
-    "How it is called."
+    "Name."
 
     what: str
-    "What it is, for the page."
+    "Description for the page."
 
     ground: Callable[[], Ground]
     "Makes the ground."

@@ -1,4 +1,4 @@
-"""Spectra of what the quarter car does on each road, and the figure of them."""
+"""Spectra of the response of the quarter car on each road, and their figure."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -20,7 +20,7 @@ Which = tuple[str, str]
 
 REFERENCE = "", "reference"
 
-#: Group and name of each reduction that is drawn, and what the legend calls it.
+#: Group and name of each reduction that is drawn, and its name in the legend.
 DRAWN: dict[Which, str] = {
     ("line", "bare line"): "bare line",
     ("median", "r = 25 mm"): "median, 25 mm (thesis)",
@@ -37,7 +37,7 @@ EDGES = LOWEST * 2.0 ** (np.arange(41) / 6)  # [Hz] of bands, a sixth of an octa
 
 
 class Road(Protocol):
-    """What the figure needs to know of a road."""
+    """Attributes of a road that the figure needs."""
 
     @property
     def course(self) -> str:
@@ -92,7 +92,7 @@ def draw_spectra(roads: Sequence[Road], path: Path) -> None:
 
 
 def _panel(ax: "Axes", road: Road, quantity: str) -> None:
-    """Reference as a broad grey line, so that what lies on it is seen to do so."""
+    """Draw one panel; the reference is a wide grey line below the others."""
     for _, high in BANDS:
         ax.axvline(high, color="0.85", linewidth=0.6, zorder=0.5)
     truth = road.spectra[REFERENCE]

@@ -1,7 +1,8 @@
-"""A truck's tyre beside a passenger car's: heights, since no truck's parameters are at hand.
+"""Tyre of a truck compared with that of a passenger car, by heights.
 
-No vehicle stands between the ground and the verdict here. The height that a reduction gives is held
-against that of the tyre rolling over the same ground, in waves longer and shorter than its patch.
+No vehicle is used here, since no published parameters of a truck are available. The height of a
+reduction is compared with that of the tyre rolling over the same ground, in waves longer and
+shorter than its patch.
 """
 
 from collections.abc import Mapping, Sequence
@@ -37,7 +38,7 @@ STATISTICS: dict[str, Statistic] = {
     "85th percentile": Percentile(percent=85.0),
 }
 RADII = tuple(range(25, 201, 25))  # [mm]
-LENGTH = 40.0  # [m] of each road, one wheel path: the widest discs are dear
+LENGTH = 40.0  # [m] of each road, one wheel path: the widest discs take long
 HALF_WIDTH = 0.22  # [m] of the strip
 ENDS = round(0.5 / STATIONS)  # path points at either end that a filter may blur
 
@@ -51,7 +52,7 @@ Which = tuple[str, int]  # statistic and radius [mm], or another reduction and 0
 
 @dataclass(frozen=True, kw_only=True)
 class Felt:
-    """How far a height lies from what a tyre feels, RMS about the mean."""
+    """Difference of a height from the envelope of a tyre, RMS about the mean."""
 
     longer: float
     "In waves longer than the patch of the tyre [m]."
@@ -62,7 +63,7 @@ class Felt:
 
 @dataclass(frozen=True, kw_only=True)
 class Rolled:
-    """A road, and how far each reduction lies from what each tyre feels of it."""
+    """Road, and the difference of each reduction from the envelope of each tyre."""
 
     course: str
     felt: Mapping[str, Mapping[Which, Felt]]
@@ -108,7 +109,7 @@ def roll(course: Course) -> Rolled:
 
 
 def best_radius(road: Rolled, tyre: str, statistic: str) -> int:
-    """Radius with the least difference in waves longer than the patch [mm]."""
+    """Radius with the smallest difference in waves longer than the patch [mm]."""
     return min(RADII, key=lambda radius: road.felt[tyre][statistic, radius].longer)
 
 

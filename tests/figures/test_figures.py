@@ -322,7 +322,7 @@ def test_parallel_profiles_stand_in_the_order_of_their_offsets_and_the_tyre_abov
     ax = figures.parallel_profiles(lines, tyre)
     for drawn, given in zip(ax.lines, [lines[-0.01], lines[0.0], lines[0.01], tyre], strict=True):
         npt.assert_array_equal(drawn.get_xydata(), np.stack([s, given.height], 1))
-    assert legend_texts(ax) == ["−10 mm beside", "on the path", "+10 mm beside", "tyre"]
+    assert legend_texts(ax) == ["offset −10 mm", "on the path", "offset +10 mm", "tyre"]
     boxes_apart(ax)
 
 

@@ -1,4 +1,4 @@
-"""Search areas: what lies inside of a disc, an ellipse and a rectangle, and how far they reach."""
+"""Search areas: points inside of a disc, an ellipse and a rectangle, and their reach."""
 
 import numpy as np
 import pytest
@@ -70,7 +70,7 @@ def test_the_thesis_counts_81_points_of_a_5_mm_grid_in_its_disc():
         (
             Ellipse(length=0.1, width=0.02),
             21 + 2 * 17 + 2 * 1,
-        ),  # rows of a lattice, from the middle
+        ),  # rows of a lattice, from the centre
         (Rectangle(length=0.05, width=0.02), 11 * 5),
         (Rectangle(length=0.01, width=0.01), 9),
     ],

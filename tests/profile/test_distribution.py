@@ -1,4 +1,4 @@
-"""Distributions of heights: the CPF, and its continuation where heights are quantised."""
+"""Distributions of heights: the CPF, and its interpolation for quantised heights."""
 
 import numpy as np
 import pytest
@@ -37,13 +37,13 @@ def many(rows):
 
 
 @given(st.lists(st.floats(-10, 10), min_size=1, max_size=60), st.lists(st.floats(-11, 11)))
-def test_the_cpf_is_the_share_of_heights_that_do_not_exceed_a_height(heights, asked):
+def test_the_cpf_is_the_fraction_of_heights_that_do_not_exceed_a_height(heights, asked):
     asked = np.array([*asked, *heights])
-    share = [np.mean(np.array(heights) <= at) for at in asked]
-    assert_allclose(one(heights).cpf(asked), share, rtol=0, atol=1e-15)
+    probability = [np.mean(np.array(heights) <= at) for at in asked]
+    assert_allclose(one(heights).cpf(asked), probability, rtol=0, atol=1e-15)
 
 
-def test_the_cpf_keeps_the_shape_of_what_is_asked():
+def test_the_cpf_has_the_shape_of_its_argument():
     assert one([1, 2]).cpf(1.5).shape == ()
     assert one([1, 2]).cpf(np.zeros((2, 3))).shape == (2, 3)
     assert one([1, 2]).continued_cpf(np.zeros((2, 3)), STEP).shape == (2, 3)
@@ -56,18 +56,18 @@ def test_no_heights_have_no_probability():
     assert [part.size for part in empty.steps(STEP)] == [0, 0]
 
 
-def test_steps_of_neighbours_share_an_edge():
-    edges, share = one([0.002, 0.002, 0.003, 0.003, 0.003]).steps(STEP)
+def test_neighbouring_steps_have_a_common_edge():
+    edges, probability = one([0.002, 0.002, 0.003, 0.003, 0.003]).steps(STEP)
     assert_allclose(edges, [0.0015, 0.0025, 0.0035], rtol=0, atol=1e-15)
-    assert_allclose(share, [0, 0.4, 1], rtol=0, atol=1e-15)
+    assert_allclose(probability, [0, 0.4, 1], rtol=0, atol=1e-15)
 
 
-def test_the_cpf_rests_where_a_step_is_empty():
-    """A stone of 25 mm on a flat: no height lies between them, so no share may."""
+def test_the_cpf_is_constant_where_a_step_is_empty():
+    """A stone of 25 mm on a flat: no height lies between them, so the CPF is constant."""
     stone = one([0.0] * 8 + [0.025] * 2)
-    edges, share = stone.steps(STEP)
+    edges, probability = stone.steps(STEP)
     assert_allclose(edges, [-0.0005, 0.0005, 0.0245, 0.0255], rtol=0, atol=1e-15)
-    assert_allclose(share, [0, 0.8, 0.8, 1], rtol=0, atol=1e-15)
+    assert_allclose(probability, [0, 0.8, 0.8, 1], rtol=0, atol=1e-15)
     between = np.linspace(0.0005, 0.0245, 50)
     assert_allclose(stone.continued_cpf(between, STEP), 0.8, rtol=0, atol=1e-12)
 
@@ -76,10 +76,10 @@ def test_heights_that_differ_by_round_off_are_of_one_step():
     offset = 812.3456
     clean = np.repeat([0.0, 0.001, 0.002, 0.005], [3, 8, 5, 1])
     dirty = offset + clean + np.random.default_rng(1).normal(0, 1e-13, clean.size)
-    edges, share = one(dirty).steps(STEP)
-    wanted, shares = one(clean).steps(STEP)
+    edges, probability = one(dirty).steps(STEP)
+    wanted, expected = one(clean).steps(STEP)
     assert_allclose(edges, offset + wanted, rtol=0, atol=1e-11)
-    assert_allclose(share, shares, rtol=0, atol=1e-15)
+    assert_allclose(probability, expected, rtol=0, atol=1e-15)
 
 
 @given(
@@ -88,19 +88,21 @@ def test_heights_that_differ_by_round_off_are_of_one_step():
 )
 def test_the_continuation_is_the_pchip_of_scipy_and_ascends(steps, offset):
     quantised = one(offset + STEP * np.array(steps))
-    edges, share = quantised.steps(STEP)
+    edges, probability = quantised.steps(STEP)
     assert (np.diff(edges) > 0).all()
-    assert (np.diff(share) >= 0).all()
+    assert (np.diff(probability) >= 0).all()
     at = np.linspace(edges[0] - STEP, edges[-1] + STEP, 700)
     got = quantised.continued_cpf(at, STEP)
     assert (np.diff(got) >= -1e-12).all()
     assert ((got >= 0) & (got <= 1)).all()
     assert_allclose(got[[0, -1]], [0, 1], rtol=0, atol=1e-12)
     inside = (at > edges[0]) & (at < edges[-1])
-    assert_allclose(got[inside], PchipInterpolator(edges, share)(at[inside]), rtol=0, atol=1e-12)
+    assert_allclose(
+        got[inside], PchipInterpolator(edges, probability)(at[inside]), rtol=0, atol=1e-12
+    )
     # true at the edges of the steps, where it is known from the recorded heights
-    assert_allclose(quantised.continued_cpf(edges, STEP), share, rtol=0, atol=1e-12)
-    assert_allclose(quantised.cpf(edges), share, rtol=0, atol=1e-12)
+    assert_allclose(quantised.continued_cpf(edges, STEP), probability, rtol=0, atol=1e-12)
+    assert_allclose(quantised.cpf(edges), probability, rtol=0, atol=1e-12)
 
 
 @given(
@@ -110,14 +112,16 @@ def test_the_continuation_is_the_pchip_of_scipy_and_ascends(steps, offset):
 )
 def test_the_percentile_of_quantised_heights_inverts_the_pchip_of_scipy(steps, percent, offset):
     heights = STEP * np.array(steps) + offset
-    edges, share = one(heights).steps(STEP)
+    edges, probability = one(heights).steps(STEP)
     got = Percentile(percent=percent, resolution=STEP).estimate(many([heights]))[0][0]
-    if (np.abs(share - percent / 100) < 1e-9).any():  # where it rests, any height inverts it
-        rest = edges[np.abs(share - percent / 100) < 1e-9]
+    if (
+        np.abs(probability - percent / 100) < 1e-9
+    ).any():  # where it is constant, any height inverts it
+        rest = edges[np.abs(probability - percent / 100) < 1e-9]
         assert rest[0] - 1e-6 <= got <= rest[-1] + 1e-6
         return
     # about an origin of its own: at 700 m scipy's polynomials are only good to 1e-13 each
-    curve = PchipInterpolator(edges - offset, share)
+    curve = PchipInterpolator(edges - offset, probability)
     wanted = offset + brentq(
         lambda z: curve(z) - percent / 100, edges[0] - offset, edges[-1] - offset, xtol=1e-16
     )
@@ -125,7 +129,7 @@ def test_the_percentile_of_quantised_heights_inverts_the_pchip_of_scipy(steps, p
     assert_allclose(got, wanted, rtol=0, atol=INVERSE + np.spacing(offset) + 1e-14 / slope)
 
 
-def test_the_percentile_where_the_cpf_rests_is_the_middle_of_the_rest():
+def test_the_percentile_where_the_cpf_is_constant_is_the_midpoint():
     two = many([[0.0] * 5 + [0.025] * 5])
     assert_allclose(Median(resolution=STEP).estimate(two)[0], 0.0125, rtol=0, atol=INVERSE)
     assert_allclose(Median().estimate(two)[0], 0.0125, rtol=0, atol=INVERSE)
@@ -156,16 +160,16 @@ def test_quantised_heights_recover_the_median_far_better_than_their_step(
     rng = np.random.default_rng(8)
     true = rng.uniform(-0.01, 0.01, (4000, 1)) + spread * rng.normal(size=(4000, 81))
     rounded = np.rint(true / STEP) * STEP
-    middle = np.median(true, axis=1)
+    centre = np.median(true, axis=1)
 
     def rms(height):
-        return np.sqrt(np.mean((height - middle) ** 2))
+        return np.sqrt(np.mean((height - centre) ** 2))
 
     assert rms(np.median(rounded, axis=1)) == pytest.approx(recorded, abs=0.02e-3)
     assert rms(Median(resolution=STEP).estimate(many(rounded))[0]) < 1.05 * continued
 
 
-def test_quantised_heights_are_continued_alike_at_any_offset():
+def test_the_interpolation_of_quantised_heights_does_not_depend_on_the_offset():
     """A surface that was raised by a fraction of its step keeps its shape."""
     rng = np.random.default_rng(9)
     rows = np.rint(rng.normal(0, 1.5, (500, 40))) * STEP
@@ -180,13 +184,13 @@ def test_quantised_heights_are_continued_alike_at_any_offset():
 @pytest.mark.parametrize("percent", [20, 50])
 @pytest.mark.parametrize("n", [15, 30, 80])
 @pytest.mark.parametrize("spread", [0.02, 0.1, 0.3, 0.5, 1.0, 3.0])
-def test_the_standard_deviation_of_a_quantised_percentile_is_honest(spread, n, percent):
+def test_the_standard_deviation_of_a_quantised_percentile_is_that_of_its_errors(spread, n, percent):
     """Within a factor: what happened inside of a step is not in the data (docstring)."""
     rng = np.random.default_rng(10)
-    middle = rng.uniform(0, 1, (3000, 1))
-    heights = STEP * np.rint(middle + spread * rng.normal(size=(3000, n)))
+    centre = rng.uniform(0, 1, (3000, 1))
+    heights = STEP * np.rint(centre + spread * rng.normal(size=(3000, n)))
     height, sd = Percentile(percent=percent, resolution=STEP).estimate(many(heights))
-    error = height - STEP * (middle[:, 0] + spread * norm.ppf(percent / 100))
+    error = height - STEP * (centre[:, 0] + spread * norm.ppf(percent / 100))
     assert 0.55 < np.sqrt(np.mean((error / sd) ** 2)) < 1.55
 
 

@@ -62,11 +62,11 @@ def test_a_level_plane_gives_the_plane_anywhere(tyre):
         np.full((81, 81), 312.5), easting=512_345 + axis, northing=5_512_345 + axis
     )
     bend = arc_path((512_345.0, 5_512_345.0), 0.2, 0.0, 3.0, spacing=0.01)
-    felt = tyre_envelope(plane, bend, tyre=tyre)
-    check_profile(felt)
-    assert_allclose(felt.height, 312.5, rtol=0, atol=1e-11)
-    assert felt.attrs["thin"] == felt.attrs["held"] == 0
-    assert_array_equal(felt.easting, bend.easting)
+    rolled = tyre_envelope(plane, bend, tyre=tyre)
+    check_profile(rolled)
+    assert_allclose(rolled.height, 312.5, rtol=0, atol=1e-11)
+    assert rolled.attrs["thin"] == rolled.attrs["held"] == 0
+    assert_array_equal(rolled.easting, bend.easting)
 
 
 @TYRE
@@ -79,15 +79,15 @@ def test_road_and_map_are_the_same_ground(tyre):
 
 
 @TYRE
-def test_backwards_it_is_the_same_profile(tyre):
+def test_the_profile_does_not_depend_on_the_direction_of_travel(tyre):
     road = rough_road(seed=2)
     there = straight_path((0.3, 0.02), (1.7, 0.02), spacing=0.01)
     back = straight_path((1.7, 0.02), (0.3, 0.02), spacing=0.01)
-    ways = [effective_road(road, path, tyre=tyre) for path in (there, back)]
-    assert_allclose(ways[0].height, ways[1].height[::-1], rtol=0, atol=1e-9)
+    forward, backward = (effective_road(road, path, tyre=tyre) for path in (there, back))
+    assert_allclose(forward.height, backward.height[::-1], rtol=0, atol=1e-9)
     for name in ("slope", "camber"):
-        if name in ways[0]:
-            assert_allclose(ways[0][name], -ways[1][name][::-1], rtol=0, atol=1e-6)
+        if name in forward:
+            assert_allclose(forward[name], -backward[name][::-1], rtol=0, atol=1e-6)
 
 
 @TYRE
@@ -107,7 +107,7 @@ def test_blocks_and_threads_change_nothing(tyre, monkeypatch):
 
 
 @TYRE
-def test_coarse_path_points_miss_nothing_between_them(tyre):
+def test_the_ground_between_coarse_path_points_is_sampled(tyre):
     """Ground is sampled as finely as it is known, however far path points lie apart."""
     road = rough_road(seed=4)
     fine = tyre_envelope(road, straight_path((0.3, 0.0), (1.7, 0.0), spacing=0.01), tyre=tyre)
@@ -121,16 +121,16 @@ def test_a_profile_is_ground_that_is_level_across():
     tracks = make_profile(s, height, tracks=["left", "right"])
     v = np.arange(-20, 21) * 0.01
     for tyre in SMALL:
-        felt = tyre_envelope(tracks, tyre=tyre)
-        check_profile(felt)
+        rolled = tyre_envelope(tracks, tyre=tyre)
+        check_profile(rolled)
         for name, line in zip(("left", "right"), height, strict=True):
             road = make_surface(line[:, None] + 0 * v, u=s, v=v, easting=s, northing=0 * s)
             wide = tyre_envelope(road, offset_path(road, 0.0), tyre=tyre)
             if not isinstance(tyre, LineLaser):  # on one height per line it has no sd
                 assert (
-                    felt.sel(track=name)["count"].max() * len(tyre.offsets) == wide["count"].max()
+                    rolled.sel(track=name)["count"].max() * len(tyre.offsets) == wide["count"].max()
                 )
-            assert_allclose(felt.height.sel(track=name), wide.height, rtol=0, atol=1e-10)
+            assert_allclose(rolled.height.sel(track=name), wide.height, rtol=0, atol=1e-10)
 
 
 def test_the_patch_mean_of_a_line_is_the_moving_average():
@@ -147,13 +147,13 @@ def test_a_line_laser_averages_a_window_of_ranks_across():
     road = rough_road(seed=7)
     path = offset_path(road, 0.0)
     laser = LineLaser(width=0.1, spots=11, skip=20, size=50)
-    felt = tyre_envelope(road, path, tyre=laser)
+    rolled = tyre_envelope(road, path, tyre=laser)
     heights = np.sort(road.height.values[:, 15:26], axis=1)
     # of 11 ranks, 2.2 are left out at the top and 5.5 are averaged: from rank 3.3 to 8.8
     expected = (0.7 * heights[:, 3] + heights[:, 4:8].sum(axis=1) + 0.8 * heights[:, 8]) / 5.5
-    assert_allclose(felt.height, expected, rtol=0, atol=EXACT)
-    assert (felt.sd > 0).all()
-    assert (felt["count"] == 11).all()
+    assert_allclose(rolled.height, expected, rtol=0, atol=EXACT)
+    assert (rolled.sd > 0).all()
+    assert (rolled["count"] == 11).all()
 
 
 def holed(node):
@@ -168,15 +168,15 @@ def test_a_hole_in_reach_is_an_error_nan_or_tolerated(tyre):
     path = straight_path((0.3, 0.0), (1.7, 0.0), spacing=0.01)
     with pytest.raises(CoverageError, match="too little ground under the tyre, the first at s = 0"):
         tyre_envelope(road, path, tyre=tyre)
-    felt = tyre_envelope(road, path, tyre=tyre, thin="nan")
-    lost = np.isnan(felt.height.values)
-    assert felt.attrs["thin"] == lost.sum()
+    rolled = tyre_envelope(road, path, tyre=tyre, thin="nan")
+    lost = np.isnan(rolled.height.values)
+    assert rolled.attrs["thin"] == lost.sum()
     # bilinear ground is missing up to the next nodes beside the hole
     near = np.abs(path.easting - 1.0) < tyre.reach + 0.01 - 1e-9
     assert_array_equal(lost, near)
-    tolerant = tyre_envelope(road, path, tyre=tyre, minimum_cover=0.5)
+    tolerant = tyre_envelope(road, path, tyre=tyre, min_cover=0.5)
     assert np.isfinite(tolerant.height).all()
-    assert_array_equal(tolerant.height[~lost], felt.height[~lost])
+    assert_array_equal(tolerant.height[~lost], rolled.height[~lost])
     whole = tyre_envelope(rough_road(seed=8), path, tyre=tyre)
     assert abs(tolerant.height - whole.height).max() < 0.01  # what is missing touches nothing
 
@@ -185,13 +185,13 @@ def test_at_its_ends_the_ground_is_held():
     s = np.arange(101) * 0.01
     ramp = make_profile(s, np.where(s > 0.9, 0.1 * (s - 0.9), 0.0) + 1)
     disc = RigidDisc(radius=0.2)
-    felt = tyre_envelope(ramp, tyre=disc)
+    rolled = tyre_envelope(ramp, tyre=disc)
     longer = np.arange(141) * 0.01
     held = make_profile(longer, np.interp(longer, s, ramp.height))
     assert_allclose(
-        felt.height, tyre_envelope(held, tyre=disc).height[: s.size], rtol=0, atol=EXACT
+        rolled.height, tyre_envelope(held, tyre=disc).height[: s.size], rtol=0, atol=EXACT
     )
-    assert felt.attrs["held"] == 40
+    assert rolled.attrs["held"] == 40
     road = rough_road()
     inside = straight_path((0.5, 0.0), (1.5, 0.0))
     assert tyre_envelope(road, inside, tyre=disc).attrs["held"] == 0
@@ -200,7 +200,7 @@ def test_at_its_ends_the_ground_is_held():
     assert tyre_envelope(road, part, tyre=disc).attrs["held"] == 15
 
 
-def test_paths_beside_the_ground_are_refused():
+def test_paths_outside_of_the_ground_are_refused():
     road = rough_road()
     for start, end, says in [
         ((50.0, 50.0), (51.0, 50.0), "the path lies outside of the ground"),
@@ -213,20 +213,20 @@ def test_paths_beside_the_ground_are_refused():
         tyre_envelope(road, straight_path((0.5, 0.19), (1.5, 0.19)), thin="nan")  # all of them
 
 
-def test_what_cannot_roll_is_refused():
+def test_invalid_arguments_are_refused():
     s = np.arange(50) * 0.01
     profile, road = make_profile(s, 0 * s), rough_road()
     path = straight_path((0.5, 0.0), (1.5, 0.0))
     uneven = make_profile(np.append(s, 0.6), np.zeros(51))
     points = make_points(s, s, s)
-    for ground, way in ((points, path), (iter([points]), path)):
+    for ground in (points, iter([points])):
         with pytest.raises(CoverageError, match="scattered points have no height between them"):
-            tyre_envelope(ground, way)
+            tyre_envelope(ground, path)
     with pytest.raises(CoverageError, match="the profile must be equally spaced"):
         tyre_envelope(uneven)
     with pytest.raises(CoverageError, match="at least 2 points"):
         tyre_envelope(make_profile([0.0], [0.0]))
-    way = WheelPath(
+    uneven = WheelPath(
         s=np.array([0.0, 0.1, 0.3]),
         easting=np.array([0.5, 0.6, 0.8]),
         northing=np.zeros(3),
@@ -234,13 +234,13 @@ def test_what_cannot_roll_is_refused():
         length=0.3,
     )
     with pytest.raises(CoverageError, match="the path must be equally spaced"):
-        tyre_envelope(road, way)
+        tyre_envelope(road, uneven)
     with pytest.raises(ValueError, match="path must not be given with a profile"):
         tyre_envelope(profile, path)
-    with pytest.raises(TypeError, match="path must be a WheelPath, behind the ground, got None"):
+    with pytest.raises(TypeError, match="path must be a WheelPath, after the ground, got None"):
         tyre_envelope(road)
     for bad, says in [
-        ({"minimum_cover": 0.0}, "minimum_cover must be greater than 0 and at most 1"),
+        ({"min_cover": 0.0}, "min_cover must be greater than 0 and at most 1"),
         ({"thin": "drop"}, "thin must be 'error' or 'nan'"),
         ({"step": 0.0}, "step must be greater than 0 m"),
     ]:
@@ -256,7 +256,7 @@ def test_ground_that_reaches_the_hub_is_refused():
         tyre_envelope(wall, tyre=weak)
 
 
-def test_on_the_measured_belgian_block(data):
+def test_envelopes_of_the_measured_belgian_block_are_ordered(data):
     """What must hold of any road: no rigid wheel is below it, the wider the higher, and so on."""
     surface = opencrg.read(data / "opencrg" / "asam" / "belgian_block.crg")
     path = offset_path(surface, 0.3).part(100, 400)
@@ -270,7 +270,7 @@ def test_on_the_measured_belgian_block(data):
         for tyre in (RadialSpringTyre(), TandemCams(), PatchMean())
     )
     median = tyre_profile(surface, path, statistic=Median()).height
-    # a tyre gives way to blocks but not to joints: it lies between the mean and the rigid wheel
+    # blocks deflect a tyre, joints do not: it lies between the mean and the rigid wheel
     assert float((springs - mean).mean()) > 0 > float((springs - cylinder).mean())
     # and steps from block to block are spread over the patch
     of_line, of_median, of_springs, of_cams = (

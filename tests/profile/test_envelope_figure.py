@@ -1,4 +1,4 @@
-"""The figure of envelopes over the ground: what is drawn lies where it is."""
+"""Figure of envelopes over the ground: curves and limits."""
 
 import matplotlib.pyplot as plt
 import numpy as np

@@ -54,7 +54,7 @@ def run(capsys):
     return call
 
 
-def test_every_name_stands_for_a_model():
+def test_every_name_gives_its_model():
     assert EnvelopeSettings() == EnvelopeSettings(envelope="disc")
     kinds = [RigidDisc, TandemCams, RadialSpringTyre, LineLaser, PatchMean]
     for name, kind in zip(ENVELOPES, kinds, strict=True):
@@ -74,7 +74,7 @@ def test_every_name_stands_for_a_model():
         ({"envelope": "laser", "tyre": "truck"}, "tyre does not belong to the envelope laser"),
     ],
 )
-def test_settings_that_do_not_fit_are_refused(given, says):
+def test_inconsistent_settings_are_refused(given, says):
     with pytest.raises(ValueError, match=says):
         EnvelopeSettings(**given)
 
@@ -110,7 +110,7 @@ def test_a_tyre_rolls_along_a_profile_from_a_file(run, road, tmp_path):
     assert json.loads(felt.attrs["provenance"]) == steps
 
 
-def test_wrong_calls_are_one_line(run, road, tmp_path):
+def test_errors_of_the_command_are_one_line(run, road, tmp_path):
     line = tmp_path / "line.csv"
     tt.write(tt.make_profile([0.0, 0.1, 0.2], [0.0, 0.0, 0.0]), line)
     cloud = tmp_path / "cloud.csv"
@@ -137,8 +137,8 @@ def test_holes_become_nan_and_are_counted(run, tmp_path):
     height = np.zeros((u.size, v.size))
     height[150, 40] = np.nan
     tt.write(tt.make_surface(height, u=u, v=v, easting=u, northing=0 * u), tmp_path / "holed.zarr")
-    way = ("--offset", 0, "--envelope", "patch", "--thin", "nan")
-    code, err = run("profile", tmp_path / "holed.zarr", *way, "-o", tmp_path / "p.csv")
+    arguments = ("--offset", 0, "--envelope", "patch", "--thin", "nan")
+    code, err = run("profile", tmp_path / "holed.zarr", *arguments, "-o", tmp_path / "p.csv")
     assert code == 0, err
     lost = int(np.isnan(tt.open(tmp_path / "p.csv").height).sum())
     assert lost > 10

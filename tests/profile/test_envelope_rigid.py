@@ -1,4 +1,4 @@
-"""Rigid disc and tandem cams: steps, cleats, gaps and slopes with answers on paper."""
+"""Rigid disc and tandem cams: steps, cleats, gaps and slopes with closed-form results."""
 
 import numpy as np
 import pytest
@@ -39,8 +39,8 @@ def block(begin, end, rise=0.015):
 
 def above(cam, x):
     """How high the outline of a cam lies above its lowest point; beyond its ends, infinitely."""
-    share = np.minimum(np.abs(x) / cam.half_length, 1)
-    drop = cam.half_height * (1 - (1 - share**cam.order) ** (1 / cam.order))
+    fraction = np.minimum(np.abs(x) / cam.half_length, 1)
+    drop = cam.half_height * (1 - (1 - fraction**cam.order) ** (1 / cam.order))
     return np.where(np.abs(x) <= cam.half_length, drop, np.inf)
 
 
@@ -92,7 +92,7 @@ def test_tandem_cams_over_a_step_and_cleats_are_two_cams(begin, end):
     assert_allclose(road.slope, (front - rear) / CAMS.spacing, rtol=0, atol=EXACT / 0.1)
 
 
-def test_a_cleat_shorter_than_the_patch_is_felt_twice_by_cams():
+def test_a_cleat_shorter_than_the_patch_lifts_cams_twice():
     height = tyre_envelope(profile(block(-0.01, 0.01, 0.01)), tyre=CAMS).height.values
     peaks = np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:])) + 1
     dip = height[np.abs(S) < 1e-9][0]
@@ -116,7 +116,7 @@ def test_cams_bridge_a_gap_narrower_than_the_patch():
 
 @given(slope=st.floats(-0.2, 0.2), spacing=st.sampled_from([0.004, 0.01, 0.1]))
 @settings(max_examples=20)
-def test_on_a_slope_disc_and_cams_stand_as_much_higher_as_the_docstrings_say(slope, spacing):
+def test_on_a_slope_disc_and_cams_are_higher_by_the_documented_offset(slope, spacing):
     s = np.arange(-60, 61) * spacing
     inner = np.abs(s) < 60 * spacing - 0.7 if spacing > 0.02 else np.abs(s) < 0.02
     disc = effective_road(make_profile(s, slope * s), tyre=RigidDisc(radius=0.1))
@@ -155,7 +155,7 @@ def test_disc_and_cams_are_dilations_of_the_ground():
 
 
 AXIS = np.arange(-100, 101) * 0.01
-WAY = straight_path((-0.3, 0.0), (0.3, 0.0), spacing=0.01)
+PATH = straight_path((-0.3, 0.0), (0.3, 0.0), spacing=0.01)
 
 
 def field(height):
@@ -164,20 +164,20 @@ def field(height):
 
 
 @pytest.mark.parametrize(
-    ("beside", "felt"), [(0.0, True), (0.07, True), (-0.07, True), (0.2, False)]
+    ("offset", "is_lifted"), [(0.0, True), (0.07, True), (-0.07, True), (0.2, False)]
 )
-def test_the_whole_width_of_a_disc_rides_on_a_ridge_beside_its_middle(beside, felt):
-    ridge = field(lambda _, y: np.where(np.abs(y - beside) < 0.005, 0.01, 0.0))
+def test_a_ridge_off_centre_lifts_the_whole_width_of_a_disc(offset, is_lifted):
+    ridge = field(lambda _, y: np.where(np.abs(y - offset) < 0.005, 0.01, 0.0))
     tyre = RigidDisc(radius=0.3, width=0.14, lines=15)
-    height = tyre_envelope(ridge, WAY, tyre=tyre).height
-    assert_allclose(height, 0.01 if felt else 0.0, rtol=0, atol=EXACT)
+    height = tyre_envelope(ridge, PATH, tyre=tyre).height
+    assert_allclose(height, 0.01 if is_lifted else 0.0, rtol=0, atol=EXACT)
 
 
-def test_on_a_cross_slope_a_cylinder_rides_on_its_edge_and_cams_in_the_middle():
+def test_on_a_cross_slope_a_cylinder_is_on_its_edge_and_cams_follow_the_centre():
     crossfall = field(lambda _, y: 0.03 * y + 2)
-    disc = effective_road(crossfall, WAY, tyre=RigidDisc(radius=0.3, width=0.14))
+    disc = effective_road(crossfall, PATH, tyre=RigidDisc(radius=0.3, width=0.14))
     assert_allclose(disc.height, 2 + 0.03 * 0.07, rtol=0, atol=EXACT)
-    cams = effective_road(crossfall, WAY)
+    cams = effective_road(crossfall, PATH)
     assert_allclose(cams.height, 2.0, rtol=0, atol=EXACT)
     assert_allclose(cams.camber, 0.03, rtol=0, atol=EXACT / 0.1)
     assert_allclose(cams.curvature, 0.0, rtol=0, atol=1e-9)
@@ -185,11 +185,11 @@ def test_on_a_cross_slope_a_cylinder_rides_on_its_edge_and_cams_in_the_middle():
 
 def test_a_cleat_under_the_left_half_tilts_the_effective_plane_to_the_right():
     half = field(lambda x, y: np.where((np.abs(x) < 0.025) & (y > 0), 0.01, 0.0))
-    road = effective_road(half, WAY)
-    middle = int(np.argmin(np.abs(WAY.easting)))
-    assert road.camber[middle] > 0.02
-    assert road.slope[middle - 6] > 0 > road.slope[middle + 6]
-    assert 0 < road.height[middle] < 0.005
+    road = effective_road(half, PATH)
+    centre = int(np.argmin(np.abs(PATH.easting)))
+    assert road.camber[centre] > 0.02
+    assert road.slope[centre - 6] > 0 > road.slope[centre + 6]
+    assert 0 < road.height[centre] < 0.005
 
 
 def test_the_curvature_of_a_sine_is_that_of_its_slope():

@@ -52,11 +52,11 @@ def hub_over(tyre, ground, at=0.0):
     """Height of the hub that carries the load, found by bisection over the force."""
     low, high = 0.5 * tyre.radius, tyre.radius + np.max(ground)
     for _ in range(60):
-        middle = (low + high) / 2
-        if pressed(tyre, ground, middle, at)[0] > tyre.load:
-            low = middle
+        centre = (low + high) / 2
+        if pressed(tyre, ground, centre, at)[0] > tyre.load:
+            low = centre
         else:
-            high = middle
+            high = centre
     return (low + high) / 2
 
 
@@ -81,7 +81,7 @@ def test_an_inclined_plane_gives_a_parallel_plane_and_its_slope(slope):
     assert_allclose(road.slope[inner], slope, rtol=0, atol=1e-4)
 
 
-def test_at_its_rated_load_it_deflects_as_its_stiffness_says_on_a_patch_as_long_as_given():
+def test_the_rated_load_gives_the_stated_deflection_and_contact_length():
     hub = TYRE.radius - TYRE.rated_load / TYRE.stiffness
     up, forward, _ = pressed(TYRE, 0 * S, hub)
     assert_allclose(up, TYRE.rated_load, rtol=1e-12, atol=0)
@@ -112,7 +112,7 @@ def energy_of_least_shape(tyre, ground, hub):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_band_takes_the_shape_of_least_energy(seed):
+def test_the_band_has_the_shape_of_minimum_energy(seed):
     ground = np.random.default_rng(seed).normal(0, 0.004, S.size) + cleat(0.01, 0.012)
     hub = TYRE.radius - 0.015
     _, _, energy = pressed(TYRE, ground, hub)
@@ -130,18 +130,18 @@ def test_forces_are_the_derivatives_of_the_energy(at):
     assert_allclose(-(ahead - behind) / (2 * d), forward, rtol=0, atol=DIFFERENCE * TYRE.load)
 
 
-def test_down_and_up_again_no_work_is_left():
+def test_no_energy_is_dissipated_over_a_closed_cycle():
     """Down before a cleat, over it, up behind it and back: what the springs take they give back."""
     ground = cleat(0.01, 0.015)
     away, low, count = TYRE.radius + 0.02, TYRE.radius - 0.015, 4000
     rise = np.linspace(low, away, count)
-    way = np.linspace(-0.06, 0.03, count)
+    positions = np.linspace(-0.06, 0.03, count)
     down, up = (
         np.trapezoid([pressed(TYRE, ground, z, at)[0] for z in rise], rise)
-        for at in (way[0], way[-1])
+        for at in (positions[0], positions[-1])
     )
-    along = np.trapezoid([pressed(TYRE, ground, low, x)[1] for x in way], way)
-    stored = pressed(TYRE, ground, low, way[0])[2]
+    along = np.trapezoid([pressed(TYRE, ground, low, x)[1] for x in positions], positions)
+    stored = pressed(TYRE, ground, low, positions[0])[2]
     assert_allclose(down, stored, rtol=1e-5, atol=0)  # the rule of trapezoids over 8 um
     assert_allclose(-down + along + up, 0, rtol=0, atol=2e-5 * stored)
 
@@ -159,11 +159,11 @@ def test_the_load_balances_at_every_path_point():
 def test_under_a_light_load_there_is_no_dip():
     """The less the tyre is pressed, the more it rides on the cleat, at last as a rigid wheel."""
     ground = profile(cleat(0.01, 0.01))
-    middle = [
+    centre = [
         tyre_envelope(ground, tyre=RadialSpringTyre(load=load)).height.values[S.size // 2]
         for load in (6000.0, 4000.0, 2500.0, 500.0)
     ]
-    assert np.all(np.diff(middle) > 0)
+    assert np.all(np.diff(centre) > 0)
     light = tyre_envelope(ground, tyre=RadialSpringTyre(load=500.0)).height.values
     assert np.argmax(light) == S.size // 2
 
@@ -173,9 +173,9 @@ def test_over_a_cleat_shorter_than_the_patch_the_hub_rises_twice_with_a_dip_betw
     height = tyre_envelope(profile(cleat(0.01, 0.01)), tyre=tyre).height.values
     assert_allclose(height, height[::-1], rtol=0, atol=1e-9)
     front, behind = height[S < 0], height[S > 0]
-    middle = height[S.size // 2]
-    assert front.max() > 1.3 * middle
-    assert 0.1 * 0.01 < middle < 0.01  # most of the cleat is swallowed
+    centre = height[S.size // 2]
+    assert front.max() > 1.3 * centre
+    assert 0.1 * 0.01 < centre < 0.01  # most of the cleat is swallowed
     # one bump on either side: it rises to its top and falls from there
     top = int(np.argmax(front))
     assert np.all(np.diff(front[: top + 1]) >= -1e-12)
@@ -185,7 +185,7 @@ def test_over_a_cleat_shorter_than_the_patch_the_hub_rises_twice_with_a_dip_betw
     assert 0.4 * tyre.contact_length < apart < 1.1 * tyre.contact_length
 
 
-def test_the_bumps_are_where_the_cams_of_the_same_tyre_have_them():
+def test_the_bumps_are_at_those_of_the_cams_of_the_same_tyre():
     """Cams are fitted to measurements of this tyre, the springs only to its patch and stiffness."""
     for half, rise in ((0.01, 0.01), (0.025, 0.01), (0.05, 0.02)):
         ground = profile(cleat(half, rise))
@@ -214,7 +214,7 @@ def test_a_gap_narrower_than_the_patch_is_nearly_bridged():
     assert felt.min() > mean.min()
 
 
-def test_far_stiffer_it_is_a_rigid_disc():
+def test_a_much_stiffer_tyre_is_a_rigid_disc():
     """As load over stiffness goes to nothing, all that is left is the envelope of its circle."""
     ground = profile(np.random.default_rng(5).normal(0, 0.005, S.size))
     hard = RadialSpringTyre(
@@ -226,20 +226,20 @@ def test_far_stiffer_it_is_a_rigid_disc():
     assert_allclose(felt, disc.height, rtol=0, atol=STEP**2 / (8 * 0.3135) + 1e-6)
 
 
-def test_sections_share_the_load():
+def test_the_load_is_distributed_over_the_sections():
     axis = np.arange(-60, 61) * 0.01
-    way = straight_path((-0.1, 0.0), (0.1, 0.0), spacing=0.01)
+    path = straight_path((-0.1, 0.0), (0.1, 0.0), spacing=0.01)
 
     def felt(height, **settings):
         surface = make_surface(height(*np.meshgrid(axis, axis)), easting=axis, northing=axis)
-        return tyre_envelope(surface, way, tyre=RadialSpringTyre(width=0.14, **settings)).height
+        return tyre_envelope(surface, path, tyre=RadialSpringTyre(width=0.14, **settings)).height
 
     def bar(x, _):
         return np.where(np.abs(x) < 0.015, 0.012, 0.0)
 
     # across, all sections feel the same: as one wide section
     assert_allclose(felt(bar), felt(bar, sections=1), rtol=0, atol=EXACT)
-    # a cross slope through the middle lifts no more than the load's curvature over deflection
+    # a cross slope through the centre lifts no more than the load's curvature over deflection
     assert abs(felt(lambda _, y: 0.05 * y)).max() < 5e-4
     # a stone under part of the width lifts the hub, less than a bar over all of it
     stone = felt(lambda x, y: np.where((np.abs(x) < 0.015) & (np.abs(y) < 0.03), 0.012, 0.0))
@@ -251,7 +251,7 @@ def test_sections_share_the_load():
     [
         ({"load": 0.0}, "load must be greater than 0 N"),
         ({"stiffness": -1.0}, "stiffness must be greater than 0 N/m"),
-        ({"stiffness": 1e4}, "presses the tyre by less than half of its radius"),
+        ({"stiffness": 1e4}, "deflects the tyre by less than half of its radius"),
         ({"contact_length": 0.25}, "contact_length must be less than 0.219 m, the chord"),
         ({"radius": float("inf")}, "radius must be greater than 0 m"),
         ({"sections": 0}, "sections must be a whole number"),

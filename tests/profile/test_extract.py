@@ -1,4 +1,4 @@
-"""From ground to profile: planes, stones, gaps, and the real Belgian block."""
+"""Tyre profiles of planes, stones, gaps, and the measured Belgian block."""
 
 import json
 
@@ -167,7 +167,7 @@ def test_a_tilted_plane_is_its_own_profile_where_the_nodes_are_symmetric(
 
 @given(slopes, slopes, angles)
 def test_a_tilted_plane_is_its_own_steepest_height_in_a_disc(slope, camber, heading):
-    """There the middle height is the most frequent one; in a rectangle all are alike."""
+    """The central height is the most frequent one; in a rectangle all are equally frequent."""
     height, path = plane(slope, camber), line(heading)
     true = height(path.easting, path.northing)
     profile = tyre_profile(road(heading, height), path, statistic=SteepestCpf())
@@ -212,7 +212,7 @@ def test_a_stone_changes_the_median_by_less_than_a_tenth_and_a_point_by_all_of_i
 
 @pytest.mark.parametrize("at", [0.0, 0.008, 0.015, 0.022])
 def test_a_stone_does_not_tilt_the_levelled_ground(at):
-    """A quarter of the disc is stone, at its middle or its side: the plane passes below it."""
+    """A quarter of the disc is stone, at its centre or its side: the plane passes below it."""
     height = plane(0.08, -0.05)
     ground = chart(lambda x, y: height(x, y) + stone(x, y, (at, 0.3 * at)))
     path = line(0.4, length=0.1, spacing=0.05)
@@ -223,7 +223,7 @@ def test_a_stone_does_not_tilt_the_levelled_ground(at):
         )  # the plane of least absolute residuals is found to 1e-7 m, its step
 
 
-def test_the_standard_deviation_of_a_profile_is_honest_on_noisy_ground():
+def test_the_standard_deviation_of_a_profile_is_that_of_its_errors_on_noisy_ground():
     """Discs apart from each other on a tilted plane with scanner noise, levelled."""
     height, noise = plane(0.05, 0.02), 0.0007
     x, y = np.random.default_rng(1).uniform((0, -0.05), (60, 0.05), (200_000, 2)).T
@@ -238,7 +238,7 @@ def test_the_standard_deviation_of_a_profile_is_honest_on_noisy_ground():
         assert 0.9 < ratio < 1.1
 
 
-def test_a_profile_tells_where_it_is_and_where_it_comes_from():
+def test_a_profile_has_positions_and_provenance():
     ground = chart(plane(0, 0)).assign_attrs(crs="EPSG:25832")
     ground = provenance.add_step(ground, "read")
     path = line(0.7)
@@ -281,11 +281,11 @@ def test_the_count_is_that_of_the_heights_and_the_sd_that_of_their_scatter():
 
 
 def holey():
-    """Map with a hole of 60 mm in its middle."""
+    """Map with a hole of 60 mm in its centre."""
     return chart(lambda x, y: np.where(np.hypot(x, y) < 0.03, np.nan, 0.2))
 
 
-def test_thin_search_areas_are_an_error_that_says_where():
+def test_thin_search_areas_are_an_error_that_names_the_station():
     pattern = (
         r"^1 of 11 search areas have fewer than 3 heights, the first at s = 0\.100 m \(easting "
         r"-?0\.000 m, northing -?0\.000 m\) with 0\. Choose .* \(--thin nan, thin=\"nan\"\)\.$"
@@ -298,15 +298,15 @@ def test_thin_search_areas_are_an_error_that_says_where():
 def test_thin_search_areas_become_nan_if_asked_and_nothing_is_interpolated():
     for ground in (holey(), surface_to_points(holey())):
         profile = tyre_profile(ground, line(0.3), thin="nan")
-        middle = np.arange(11) == 5
-        assert_array_equal(np.isnan(profile.height), middle)
-        assert_array_equal(np.isnan(profile.sd), middle)
+        centre = np.arange(11) == 5
+        assert_array_equal(np.isnan(profile.height), centre)
+        assert_array_equal(np.isnan(profile.sd), centre)
         assert profile["count"][5] == 0
         assert profile.attrs["thin"] == 1
-        assert_allclose(profile.height[~middle], 0.2, rtol=0, atol=PLANE)
+        assert_allclose(profile.height[~centre], 0.2, rtol=0, atol=PLANE)
 
 
-def test_how_many_heights_are_too_few_is_a_setting():
+def test_min_count_sets_the_minimum_number_of_heights():
     count = tyre_profile(holey(), line(0.3), thin="nan")["count"].values
     fewest = int(count[count > 0].min())
     profile = tyre_profile(holey(), line(0.3), thin="nan", min_count=fewest + 1)
@@ -322,7 +322,7 @@ def test_how_many_heights_are_too_few_is_a_setting():
 
 
 @pytest.mark.parametrize("thin", ["error", "nan"])
-def test_a_path_outside_of_the_ground_is_an_error_whatever_the_policy(thin):
+def test_a_path_outside_of_the_ground_is_an_error_under_any_policy(thin):
     path = straight_path((100, 100), (101, 100), spacing=0.1)
     message = r"^the path lies outside of the ground: no height within 0\.025 m .* CRS"
     blocks = [cloud(plane(0, 0)), cloud(plane(0, 0), seed=4)]
@@ -353,7 +353,7 @@ def test_an_unknown_policy_is_refused():
 
 def test_ground_of_another_kind_is_refused():
     profile = make_profile([0.0, 1.0], [0.0, 0.0])
-    with pytest.raises(CoverageError, match="a profile has no ground beside its line"):
+    with pytest.raises(CoverageError, match="a profile has no ground lateral to its line"):
         tyre_profile(profile, line(0.0))
     with pytest.raises(SchemaError, match="easting"):
         tyre_profile([profile], line(0.0))
@@ -446,7 +446,7 @@ def test_the_belgian_block_keeps_its_profile_through_a_laz_file(belgian_block, t
 
 
 @pytest.mark.parametrize("offset", [-0.5, 0.0, 0.3, 0.8])
-def test_a_tyre_feels_less_of_the_joints_of_the_belgian_block(belgian_block, offset):
+def test_a_tyre_profile_of_the_belgian_block_is_smoother_than_the_line(belgian_block, offset):
     """Joints are some 13 mm deep over 100 mm; the disc takes a tenth off them, and no height."""
     path = offset_path(belgian_block, offset)
     bare, felt = (f(belgian_block, path).height.values for f in (point_profile, tyre_profile))
@@ -465,5 +465,5 @@ def test_ground_and_path_in_the_wrong_order_are_refused(extract):
     surface = road(0.3, lambda e, n: 0 * e)
     path = straight_path((-0.05, 0.0), (0.05, 0.0), spacing=0.01)
     for arguments in ((path, surface), (surface, surface)):
-        with pytest.raises(TypeError, match="path must be a WheelPath, behind the ground, got Dat"):
+        with pytest.raises(TypeError, match="path must be a WheelPath, after the ground, got Dat"):
             extract(*arguments)

@@ -1,4 +1,4 @@
-"""Paths: points at equal arc length, whatever the direction; headings; refusals."""
+"""Paths: points at equal arc length in any direction; headings; errors."""
 
 import time
 from itertools import pairwise
@@ -73,7 +73,7 @@ def check_walk(path, position, velocity, start, end, spacing, breaks=()):
 
 
 @pytest.mark.parametrize("end", [(3.0, 4.0), (-3.0, 4.0), (0.0, -5.0), (-5.0, 0.0), (3.0, -4.0)])
-def test_a_line_is_walked_in_equal_steps_in_any_direction(end):
+def test_a_line_has_points_at_equal_arc_length_in_any_direction(end):
     path = straight_path((1.0, 2.0), (1.0 + end[0], 2.0 + end[1]), spacing=0.01)
     assert len(path) == 501
     assert path.length == pytest.approx(5.0, abs=1e-12)
@@ -95,14 +95,14 @@ def test_round_off_of_the_length_does_not_lose_the_last_point():
 
 
 @pytest.mark.parametrize("turn", [1.0, -1.0, 12.0, -7.0])
-def test_an_arc_is_walked_in_equal_steps_to_either_side_and_over_a_turn(turn):
+def test_an_arc_has_points_at_equal_arc_length_to_either_side_and_over_a_turn(turn):
     path = arc_path((10.0, -4.0), 7.0, 0.5, 0.5 + turn, spacing=0.05)
     angle = np.unwrap(np.arctan2(path.northing + 4.0, path.easting - 10.0))
     assert_allclose(7.0 * np.abs(np.diff(angle)), 0.05, rtol=0, atol=SPACING_PART * 0.05)
     assert path.length == pytest.approx(7.0 * abs(turn), abs=1e-12)
     steps = np.stack([np.diff(path.easting), np.diff(path.northing)])
-    middle = 0.5 * (path.heading[1:] + path.heading[:-1])
-    assert_allclose(np.cos(np.arctan2(steps[1], steps[0]) - middle), 1, rtol=0, atol=1e-12)
+    centre = 0.5 * (path.heading[1:] + path.heading[:-1])
+    assert_allclose(np.cos(np.arctan2(steps[1], steps[0]) - centre), 1, rtol=0, atol=1e-12)
 
 
 FUNCTIONS = {
@@ -120,7 +120,7 @@ FUNCTIONS = {
 
 @pytest.mark.parametrize("westward", [False, True])
 @pytest.mark.parametrize("name", FUNCTIONS)
-def test_a_function_is_walked_in_equal_steps(name, westward):
+def test_a_function_has_points_at_equal_arc_length(name, westward):
     function, slope, start, end = FUNCTIONS[name]
     if westward:
         start, end = end, start
@@ -147,7 +147,7 @@ def test_a_sine_that_passes_every_sample_at_zero_is_no_straight_line():
         assert path.length == pytest.approx(end * wave, abs=1e-6)
 
 
-def test_a_single_bump_between_coarse_samples_is_walked_over():
+def test_a_single_bump_between_coarse_samples_is_followed():
     """0.3 m wide on a path of 200 m: between two of the first samples, which are 3 m apart."""
 
     def bump(x):
@@ -178,7 +178,7 @@ CURVES = {
 
 @pytest.mark.parametrize("backward", [False, True])
 @pytest.mark.parametrize("name", CURVES)
-def test_a_curve_with_a_parameter_is_walked_in_equal_steps(name, backward):
+def test_a_parametric_curve_has_points_at_equal_arc_length(name, backward):
     position, velocity, end = CURVES[name]
     start, end = (end, 0.0) if backward else (0.0, end)
     path = curve_path(position, start, end, spacing=0.02)
@@ -191,7 +191,7 @@ def test_lengths_of_known_curves():
     clothoid, _, end = CURVES["clothoid"]
     assert curve_path(clothoid, 0, end).length == pytest.approx(2.5, abs=1e-7)
 
-    def cycloid(t):  # its speed falls to 0 at the cusp in its middle
+    def cycloid(t):  # its speed falls to 0 at the cusp in its centre
         return np.stack([t - np.sin(t), 1 - np.cos(t)], axis=-1)
 
     assert curve_path(cycloid, 0, 4 * np.pi).length == pytest.approx(16, abs=1e-6)
@@ -254,7 +254,7 @@ def test_waypoints_are_joined_by_pchip_over_the_chord_length(name):
 
 
 @pytest.mark.parametrize("direction", [0.0, 0.7, np.pi / 2, np.pi, -2.0])
-def test_a_hairpin_is_walked_there_and_back(direction):
+def test_a_hairpin_is_followed_in_both_directions(direction):
     """Out 3 m and straight back: PCHIP stands still at the turn, the steps do not."""
     ahead = np.array([np.cos(direction), np.sin(direction)])
     out = np.array([0.0, 1.0, 3.0, 1.5, 0.0])[:, None] * ahead
@@ -303,7 +303,7 @@ def test_waypoints_in_coordinates_of_thousands_of_kilometres_give_the_same_path(
     assert_allclose(far.northing - 5.5e6, near.northing, rtol=0, atol=UTM_ROUND_OFF)
 
 
-def test_a_polyline_is_walked_along_its_chords():
+def test_a_polyline_is_followed_along_its_chords():
     path = polyline_path([0, 3, 3, 3, 0], [0, 4, 4, 10, 10], spacing=0.5)
     assert path.length == 14.0
     corner = path.s <= 5
@@ -410,7 +410,7 @@ def test_a_path_shorter_than_its_spacing_is_refused(name):
 
 
 @pytest.mark.parametrize("make", [waypoint_path, polyline_path])
-def test_a_waypoint_that_is_no_number_is_named_by_its_index(make):
+def test_a_waypoint_that_is_not_finite_is_named_by_its_index(make):
     with pytest.raises(
         ValueError, match=r"must be finite, got \[ *2\. +nan\] at index 2\.$"
     ) as info:

@@ -1,4 +1,4 @@
-"""Search: the right heights from grids and points, whatever their order, blocks and threads."""
+"""Gathering of heights from grids and points, for any order, blocks and threads."""
 
 import numba
 import numpy as np
@@ -123,11 +123,11 @@ def random_points(count=30_000, seed=11):
 
 
 def across(surface, angle, length=1.4, spacing=0.031, at=None):
-    """Path at an angle through the middle of a surface, and out of it on both sides."""
+    """Path at an angle through the centre of a surface, and out of it on both sides."""
     easting, northing = node_coordinates(surface)
-    middle = (easting.mean(), northing.mean()) if at is None else at
+    centre = (easting.mean(), northing.mean()) if at is None else at
     ahead = 0.5 * length * np.array([np.cos(angle), np.sin(angle)])
-    return straight_path(tuple(middle - ahead), tuple(middle + ahead), spacing=spacing)
+    return straight_path(tuple(centre - ahead), tuple(centre + ahead), spacing=spacing)
 
 
 @pytest.mark.parametrize("area", AREAS)
@@ -176,7 +176,7 @@ def test_scattered_points_are_those_of_a_tree():
         assert_array_equal(one.heights, np.sort(points.up.values[indices]))
 
 
-def test_a_path_that_passes_the_same_ground_twice_finds_it_twice():
+def test_a_path_over_the_same_ground_twice_gathers_it_twice():
     points = random_points(5000)
     there = straight_path((0.5, 0.3), (3.5, 0.3), spacing=0.05)
     back = straight_path((3.5, 0.3), (0.5, 0.3), spacing=0.05)
@@ -225,7 +225,7 @@ def test_search_areas_reach_over_the_gap_of_a_hairpin():
     surface = make_surface(
         rough((u.size, 41)), u=u, v=np.linspace(-0.2, 0.2, 41), easting=x, northing=y
     )
-    path = offset_path(surface, 0.19, spacing=0.01)  # 60 mm from its own way back
+    path = offset_path(surface, 0.19, spacing=0.01)  # 60 mm from its own return
     check_against_brute_force(surface, path, Disc(radius=0.08))
 
 
@@ -255,7 +255,7 @@ def test_results_depend_on_neither_order_nor_blocks_nor_threads(statistic, level
     path = straight_path((0.1, 0.1), (3.9, 0.5), spacing=0.05)
     settings = {"area": Disc(radius=0.06), "statistic": statistic, "level": level}
     whole = tyre_profile(points, path, **settings)
-    assert whole["count"].max() > 48  # long enough for the other way of sorting
+    assert whole["count"].max() > 48  # long enough for the other sorting algorithm
     rng = np.random.default_rng(2)
     shuffled = points.isel(point=rng.permutation(points.sizes["point"]))
     same(tyre_profile(shuffled, path, **settings), whole)
@@ -270,7 +270,7 @@ def test_results_depend_on_neither_order_nor_blocks_nor_threads(statistic, level
         numba.set_num_threads(threads)
 
 
-def test_results_do_not_depend_on_how_much_of_the_path_is_held_at_a_time(monkeypatch):
+def test_results_do_not_depend_on_the_size_of_blocks_of_the_path(monkeypatch):
     points = random_points(20_000)
     path = straight_path((0.1, 0.1), (3.9, 0.5), spacing=0.005)
     whole = tyre_profile(points, path)
@@ -314,7 +314,7 @@ def test_flat_ground_in_a_large_area_takes_no_quadratic_time():
     assert (np.diff(found[0].distances) >= 0).all()  # equal heights lie in order of distance
 
 
-def test_infinite_heights_are_no_ground():
+def test_infinite_heights_are_ignored():
     surface = bend()
     surface.height[::3, ::2] = np.inf
     path = offset_path(surface, 0.05, spacing=0.03)

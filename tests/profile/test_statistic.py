@@ -124,7 +124,7 @@ def test_the_bridge_value_leaves_the_highest_out():
 
 
 @given(heights, st.sampled_from([0.0, 0.5, 1.0, 2.0, 4.0]), st.floats(0.001, 0.02))
-def test_inverse_distances_weigh_as_brute_force(row, power, core):
+def test_inverse_distance_weights_are_those_of_brute_force(row, power, core):
     distances = np.random.default_rng(len(row)).uniform(0, 0.03, len(row))
     weights = (core / np.maximum(distances, core)) ** power
     got, _ = estimate(InverseDistance(power=power, core=core), row, distances)
@@ -221,7 +221,7 @@ def test_most_heights_equal_and_a_stone_leave_the_flat_as_the_steepest_height():
     assert_allclose([height, sd], 0, rtol=0, atol=ROUND_OFF)
 
 
-def test_a_height_in_the_sky_needs_no_memory():
+def test_an_outlier_needs_no_memory():
     """One echo at 10 km above heights of 0.1 mm scatter: the density is nil in between."""
     row = np.append(np.random.default_rng(1).normal(0, 1e-4, 80), 1e4)
     assert abs(estimate(SteepestCpf(), row)[0]) < 1e-3
@@ -235,7 +235,7 @@ def test_two_heights_within_a_bandwidth_are_as_uncertain_as_their_mean():
 
 
 @pytest.mark.parametrize("statistic", STATISTICS, ids=str)
-def test_no_height_has_no_statistic_and_a_single_one_no_scatter(statistic):
+def test_statistics_of_no_height_are_nan_and_of_one_height_have_no_sd(statistic):
     height, sd = statistic.estimate(distributions([[], [0.7], [], [0.1, 0.1]]))
     assert_array_equal(np.isnan(height), [True, False, True, False])
     assert_allclose(height[[1, 3]], [0.7, 0.1], rtol=0, atol=0.0005 + MODE)  # half a step
@@ -269,7 +269,7 @@ SCALING = [s for s in SCALING if not (hasattr(s, "bandwidth") and s.bandwidth)]
 
 
 @pytest.mark.parametrize("statistic", SCALING, ids=str)
-def test_a_ground_ten_times_as_rough_has_ten_times_the_statistic(statistic):
+def test_statistics_scale_with_the_heights(statistic):
     height, sd = statistic.estimate(distributions(some[3:]))
     rough, rough_sd = statistic.estimate(distributions([10 * row for row in some[3:]]))
     assert_allclose(rough, 10 * height, rtol=0, atol=1e-8)
@@ -282,8 +282,8 @@ HONEST = (0.89, 1.1)  # a standard deviation that is a tenth too large does no h
 
 
 def true_window(ground, skip, size):
-    share = 1 - (skip + size * (np.arange(20_000) + 0.5) / 20_000) / 100
-    return ground.ppf(share).mean()
+    probability = 1 - (skip + size * (np.arange(20_000) + 0.5) / 20_000) / 100
+    return ground.ppf(probability).mean()
 
 
 def median(ground):
@@ -291,7 +291,7 @@ def median(ground):
 
 
 # what is exceeded and why is in the docstrings of the statistics
-CLAIMS = {
+SIMULATED = {
     "mean": (Mean(), lambda g: g.mean(), {(15, "skewed"): 1.15}),
     "median": (Median(), median, {}),
     "20 %": (Percentile(percent=20), lambda g: g.ppf(0.2), {15: 1.17}),
@@ -317,14 +317,14 @@ CLAIMS = {
 
 @pytest.mark.parametrize("n", [15, 30, 80])
 @pytest.mark.parametrize("name", GROUNDS)
-@pytest.mark.parametrize("claim", CLAIMS)
-def test_the_standard_deviation_is_honest(claim, name, n):
-    statistic, true, exceptions = CLAIMS[claim]
+@pytest.mark.parametrize("case", SIMULATED)
+def test_the_standard_deviation_is_that_of_the_errors(case, name, n):
+    statistic, true, exceptions = SIMULATED[case]
     rng = np.random.default_rng([n, len(name)])
     rows = 0.001 * GROUNDS[name].rvs(size=(REPEATS, n), random_state=rng)
     away = 0.025 * np.sqrt(rng.uniform(size=(REPEATS, n)))
     height, sd = statistic.estimate(distributions(rows, away))
-    # the bias of smoothing is not claimed: the mode is compared with its own mean
+    # the sd does not contain the bias of smoothing: the mode is compared with its own mean
     error = height - (height.mean() if true is None else 0.001 * true(GROUNDS[name]))
     ratio = np.sqrt(np.mean((error / sd) ** 2))
     highest = exceptions.get((n, name), exceptions.get(n, HONEST[1]))
@@ -349,9 +349,9 @@ def belgian_discs():
     ground = BelgianBlock(seed=4)
     few, many = [], []
     for _ in range(400):
-        middle = rng.uniform((0, -1), (20, 1))
+        centre = rng.uniform((0, -1), (20, 1))
         radius, angle = 0.025 * np.sqrt(rng.uniform(size=8000)), rng.uniform(0, 2 * np.pi, 8000)
-        at = middle[:, None] + radius * np.stack([np.cos(angle), np.sin(angle)])
+        at = centre[:, None] + radius * np.stack([np.cos(angle), np.sin(angle)])
         height = ground.height(*at)
         few.append((height[:40], radius[:40]))
         many.append((height, radius))
@@ -359,7 +359,7 @@ def belgian_discs():
 
 
 @pytest.mark.parametrize(("statistic", "stated", "within"), REAL_GROUND, ids=str)
-def test_how_honest_standard_deviations_are_on_belgian_block(
+def test_ratio_of_errors_to_standard_deviations_on_belgian_block(
     belgian_discs, statistic, stated, within
 ):
     few, many = belgian_discs
@@ -367,7 +367,7 @@ def test_how_honest_standard_deviations_are_on_belgian_block(
     assert_allclose(np.sqrt(np.mean(((measured - truth) / sd) ** 2)), stated, rtol=0, atol=within)
 
 
-def test_a_percentile_with_no_heights_beyond_it_is_not_honest():
+def test_the_standard_deviation_of_a_percentile_without_heights_beyond_is_too_small():
     """As its docstring warns: the lowest twentieth of 15 heights is the lowest one."""
     rows = stats.norm().rvs(size=(REPEATS, 15), random_state=1)
     height, sd = Percentile(percent=5).estimate(distributions(rows))

@@ -19,9 +19,9 @@ from trueterrain.roughness.agreement import (
 from trueterrain.roughness.filters import MovingAverage
 
 ROUND_OFF = 1e-12  # [1] of sums of products
-WITHIN = 1e-3  # [m] that is asked of a shift
-FINE = 2e-5  # [m] what a shift of a noiseless profile is found within at spacings up to 100 mm
-SETTLING = 5e-4  # [1] of a rating: what the start of the car leaves behind 30 m
+WITHIN = 1e-3  # [m] required accuracy of a shift
+FINE = 2e-5  # [m] accuracy of a shift of noiseless profiles at spacings up to 100 mm
+TRANSIENT = 5e-4  # [1] of a rating: transient of the car that remains after 30 m
 AS_HEIGHTS = AgreementSettings(filter=None, max_scale=0)
 
 WAVES = np.random.default_rng(5)
@@ -30,7 +30,7 @@ PHASES = WAVES.uniform(0, 2 * np.pi, LENGTHS.size)
 
 
 def road(x):
-    """Height of a road that is known at any station [m]: waves of 0.8 to 50 m, slopes alike."""
+    """Height of a road defined at any station [m]: waves of 0.8 to 50 m of equal slope."""
     return 1e-4 * np.sum(
         LENGTHS[:, None] * np.sin(2 * np.pi * x / LENGTHS[:, None] + PHASES[:, None]), axis=0
     )
@@ -41,7 +41,7 @@ def pair(first, second, **options):
     return found.sel(first="A", second="B").squeeze("track")
 
 
-def test_identical_profiles_agree_wholly_without_a_shift():
+def test_identical_profiles_agree_fully_without_a_shift():
     s = np.arange(0.0, 200.0, 0.05)
     found = pair(make_profile(s, road(s)), make_profile(s, road(s)))
     assert_allclose(found.rating, 1.0, rtol=0, atol=ROUND_OFF)
@@ -52,10 +52,10 @@ def test_identical_profiles_agree_wholly_without_a_shift():
 
 @pytest.mark.parametrize("spacing", [0.025, 0.1])
 @pytest.mark.parametrize("shift", [0.0004, 0.0137, -0.361, 7.8104])
-def test_shifted_profiles_agree_wholly_and_the_shift_is_found(spacing, shift):
+def test_shifted_profiles_agree_fully_and_the_shift_is_found(spacing, shift):
     s = np.arange(0.0, 200.0, spacing)
     found = pair(make_profile(s, road(s)), make_profile(s, road(s - shift)), max_scale=0)
-    assert_allclose(found.rating, 1.0, rtol=0, atol=SETTLING)
+    assert_allclose(found.rating, 1.0, rtol=0, atol=TRANSIENT)
     assert_allclose(found.best_shift, shift, rtol=0, atol=FINE)
 
 
@@ -63,11 +63,11 @@ def test_a_shift_is_found_within_a_millimetre_at_the_coarsest_spacing_in_use():
     s = np.arange(0.0, 200.0, 0.25)
     found = pair(make_profile(s, road(s)), make_profile(s, road(s - 0.361)))
     assert_allclose(found.best_shift, 0.361, rtol=0, atol=WITHIN)
-    assert_allclose(found.rating, 1.0, rtol=0, atol=2 * SETTLING)
+    assert_allclose(found.rating, 1.0, rtol=0, atol=2 * TRANSIENT)
 
 
 @pytest.mark.parametrize("window", ["exact", "centred", "none"])
-def test_profilers_of_unlike_spacing_are_not_shifted(window):
+def test_profilers_of_different_spacing_are_not_shifted(window):
     fine, coarse = np.arange(0.0, 200.0, 0.025), np.arange(0.0, 200.0, 0.1)
     by = IriSettings(window=window)
     found = pair(make_profile(fine, road(fine)), make_profile(coarse, road(coarse)), filter=by)
@@ -76,8 +76,8 @@ def test_profilers_of_unlike_spacing_are_not_shifted(window):
     assert_allclose(found.best_shift, 0.0, rtol=0, atol=WITHIN)
 
 
-def test_the_window_of_the_program_is_counted_from_its_middle():
-    """Else profiles of 25 mm and 125 mm, both with 0.25 m windows, would be 56 mm apart."""
+def test_the_window_of_the_program_is_referred_to_its_centre():
+    """Otherwise profiles of 25 mm and 125 mm, both with 0.25 m windows, would be 56 mm apart."""
     fine, coarse = np.arange(0.0, 200.0, 0.025), np.arange(0.0, 200.0, 0.125)
     by = IriSettings(window="sayers")
     found = pair(make_profile(fine, road(fine)), make_profile(coarse, road(coarse)), filter=by)
@@ -89,7 +89,7 @@ def test_unequal_spacing_is_no_obstacle():
     jittered = s + np.random.default_rng(3).uniform(-0.02, 0.02, s.size)
     found = pair(make_profile(s, road(s)), make_profile(jittered, road(jittered - 0.5)))
     assert_allclose(found.best_shift, 0.5, rtol=0, atol=WITHIN)
-    assert_allclose(found.rating, 1.0, rtol=0, atol=2 * SETTLING)
+    assert_allclose(found.rating, 1.0, rtol=0, atol=2 * TRANSIENT)
 
 
 @pytest.mark.parametrize("gain", [0.8, 1.0, 1.25, 3.0])
@@ -126,10 +126,10 @@ def test_a_noisy_profile_is_rated_as_its_noise(ratio):
 
 
 def test_a_disturbing_wave_is_rated_as_the_response_of_the_car():
-    """P and N are sines of other lengths: their variances behind the car follow from its gain.
+    """P and N are sines of different lengths: their filtered variances follow from the gain.
 
-    Slope amplitude 2 pi a / l, times the gain of car and window, is the amplitude behind the
-    filter; over whole waves of both they are uncorrelated, and the rating is that of noise.
+    Slope amplitude 2 pi a / l, times the gain of car and window, is the filtered amplitude; over
+    whole waves of both they are uncorrelated, and the rating is that of noise.
     """
     s = np.arange(0.0, 660.0, 0.02)
     lengths, heights = np.array([15.0, 6.0]), np.array([0.010, 0.002])
@@ -139,7 +139,7 @@ def test_a_disturbing_wave_is_rated_as_the_response_of_the_car():
         make_profile(s, ground + wave),
         max_scale=0,
         max_shift=0.01,
-        settle=60.0,
+        transient=60.0,
     )
     gains = QuarterCar().gain(lengths) * np.sinc(0.25 / lengths)
     amplitudes = gains * 2 * np.pi * heights / lengths
@@ -161,9 +161,9 @@ def test_the_error_of_the_distance_is_found_and_corrected(error):
     found = profile_agreement({"R": ground, "A": measured}, reference="R")
     there = found.sel(first="R", second="A").squeeze("track")
     assert there.rating < 0.997
-    assert_allclose(there.corrected_rating, 1.0, rtol=0, atol=SETTLING)
+    assert_allclose(there.corrected_rating, 1.0, rtol=0, atol=TRANSIENT)
     assert_allclose(there.distance_error, error, rtol=0, atol=1e-6)  # 1 mm in 1 km
-    # behind the 30 m in which the car settles, and half a window
+    # at the first station after the 30 m of the car's transient
     at = 30.0
     assert_allclose(there.corrected_shift, 0.4 + error * at, rtol=0, atol=WITHIN)
     back = found.sel(first="A", second="R").squeeze("track")
@@ -213,8 +213,8 @@ def test_filtered_profiles_lie_on_each_other_at_their_best_shift():
     assert_allclose(shown.scale[1], 0.002, rtol=0, atol=1e-5)
 
 
-def test_a_measured_profile_agrees_with_its_other_half_sampled_anew(data):
-    """Every second sample of a measured profile, twice: the same road by two coarse profilers."""
+def test_even_and_odd_samples_of_a_measured_profile_agree(data):
+    """They stand for the same road by two coarse profilers."""
     whole = open_file(data / "profiles" / "michalsorel_iri" / "profile_1.txt")
     del whole.attrs[ASSUMED]  # its numbers are metres
     even = whole.isel(s=slice(0, None, 2))
@@ -263,7 +263,7 @@ def test_unequal_spacing_is_refused_by_filters_that_need_it_equal(by):
     assert profile_agreement(runs, options=smooth).repeatability > 0.999
 
 
-def test_heights_in_feet_are_questioned():
+def test_heights_in_feet_are_flagged():
     s = np.arange(0.0, 100.0, 0.1)
     runs = {"A": make_profile(s, road(s)), "B": make_profile(s, road(s) / 0.3048)}
     with pytest.warns(UserWarning, match="B is 3.281 times as high as A: are its heights in feet"):
@@ -271,7 +271,7 @@ def test_heights_in_feet_are_questioned():
     assert len(found.attrs["flags"]) == 1
 
 
-def test_stations_in_feet_are_questioned():
+def test_stations_in_feet_are_flagged():
     s = np.arange(0.0, 300.0, 0.1)
     runs = {"A": make_profile(s, road(s)), "B": make_profile(s / 0.3048, road(s))}
     with pytest.warns(UserWarning, match="B is 983.9.* are the stations of B in feet"):
@@ -279,7 +279,7 @@ def test_stations_in_feet_are_questioned():
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
-def test_heights_in_millimetres_are_questioned():
+def test_heights_in_millimetres_are_flagged():
     s = np.arange(0.0, 100.0, 0.1)
     runs = {"A": make_profile(s, road(s)), "B": make_profile(s, 1000 * road(s))}
     flags = profile_agreement(runs).attrs["flags"]
@@ -287,7 +287,7 @@ def test_heights_in_millimetres_are_questioned():
     assert flags[-1] == "B is 1000 times as high as A: are its heights in millimetres?"
 
 
-def test_lengths_that_differ_are_told():
+def test_different_lengths_are_flagged():
     s, short = np.arange(0.0, 200.0, 0.1), np.arange(0.0, 120.0, 0.1)
     runs = {"A": make_profile(s, road(s)), "B": make_profile(short, road(short))}
     with pytest.warns(UserWarning, match="A is 199.9 m long, B 119.9 m: only the 89.[0-9]+ m"):
@@ -295,14 +295,14 @@ def test_lengths_that_differ_are_told():
     assert_allclose(found.repeatability, 1.0, rtol=0, atol=1e-6)
 
 
-def test_a_search_that_ends_at_its_limit_is_told():
+def test_a_search_that_ends_at_its_limit_is_flagged():
     s = np.arange(0.0, 200.0, 0.1)
     runs = {"A": make_profile(s, road(s)), "B": make_profile(s, road(s - 1.3))}
     with pytest.warns(UserWarning, match="is at the end of the search"):
         profile_agreement(runs, options=AgreementSettings(max_shift=1.3, max_scale=0))
 
 
-def test_a_road_that_repeats_itself_is_told():
+def test_a_periodic_road_is_flagged():
     """A wave of 5 m, 1 m late: 6 m, -4 m and -9 m are as good."""
     s = np.arange(0.0, 200.0, 0.1)
     wave = [0.01 * np.sin(2 * np.pi * (s - late) / 5) for late in (0.0, 1.0)]
@@ -335,12 +335,12 @@ def test_bad_arguments_are_refused():
         profile_agreement({"A": one, "B": one}, reference="C")
     with pytest.raises(SchemaError, match=r"^B: "):
         profile_agreement({"A": one, "B": make_points([0.0], [0.0], [0.0])})
-    for name, value in (("max_scale", 0.2), ("step", 0), ("min_overlap", -1), ("settle", -1)):
+    for name, value in (("max_scale", 0.2), ("step", 0), ("min_overlap", -1), ("transient", -1)):
         with pytest.raises(ValueError, match=name):
             AgreementSettings(**{name: value})
 
 
-def test_verdicts_name_what_could_not_be_judged():
+def test_checks_give_the_reason_if_they_cannot_be_made():
     s = np.arange(0.0, 100.0, 0.1)
     runs = {"1": make_profile(s, road(s)), "2": make_profile(s, 0.91 * road(s))}
     alone = {check.name: check for check in check_limits(profile_agreement(runs))}
@@ -349,14 +349,14 @@ def test_verdicts_name_what_could_not_be_judged():
     assert (alone["accuracy"].passed, alone["accuracy"].reason) == (None, "no reference is given")
     found = profile_agreement(runs, reference="1")
     limits = AgreementLimits(accuracy=0.9, distance_error=1e-3)
-    judged = {check.name: check for check in check_limits(found, limits=limits)}
-    assert judged["accuracy"].passed is True
-    assert judged["repeatability"].reason == "there are less than two repeats"
-    assert judged["distance error"].passed is True
-    assert judged["bias"].reason == "no errors of heights are given"
-    unsought = profile_agreement(runs, reference="1", options=AgreementSettings(max_scale=0))
-    judged = {check.name: check for check in check_limits(unsought, limits=limits)}
-    assert judged["distance error"].reason == "the scale of the distance was not sought"
+    checks = {check.name: check for check in check_limits(found, limits=limits)}
+    assert checks["accuracy"].passed is True
+    assert checks["repeatability"].reason == "there are less than two repeats"
+    assert checks["distance error"].passed is True
+    assert checks["bias"].reason == "no errors of heights are given"
+    without_scale = profile_agreement(runs, reference="1", options=AgreementSettings(max_scale=0))
+    checks = {check.name: check for check in check_limits(without_scale, limits=limits)}
+    assert checks["distance error"].reason == "the distance error was not searched"
     with pytest.raises(ValueError, match="bias must be finite and greater than 0"):
         AgreementLimits(bias=0)
 
@@ -365,6 +365,6 @@ def test_results_do_not_depend_on_the_order_of_profiles():
     s = np.arange(0.0, 100.0, 0.1)
     runs = {name: make_profile(s, road(s) + 1e-3 * np.sin(i * s)) for i, name in enumerate("ABC")}
     found = profile_agreement(runs, reference="B")
-    turned = profile_agreement(dict(reversed(runs.items())), reference="B")
-    assert_allclose(turned.accuracy, found.accuracy, rtol=0, atol=ROUND_OFF)
-    assert_allclose(turned.repeatability, found.repeatability, rtol=0, atol=ROUND_OFF)
+    reversed_order = profile_agreement(dict(reversed(runs.items())), reference="B")
+    assert_allclose(reversed_order.accuracy, found.accuracy, rtol=0, atol=ROUND_OFF)
+    assert_allclose(reversed_order.repeatability, found.repeatability, rtol=0, atol=ROUND_OFF)

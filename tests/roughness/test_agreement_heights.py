@@ -15,7 +15,7 @@ from trueterrain.roughness.agreement import (
 )
 
 S = np.arange(0.0, 200.0, 0.05)
-STRAIGHT = 2e-5  # [m] lines between samples 50 mm apart leave of these waves: step² curvature / 8
+CHORD_ERROR = 2e-5  # [m] of lines between samples 50 mm apart: step² curvature / 8
 ROUND_OFF = 1e-12  # [m]
 
 
@@ -24,11 +24,11 @@ def road(x):
     return sum(a * np.sin(2 * np.pi * x / length + phase) for length, a, phase in waves)
 
 
-def test_errors_are_what_is_left_after_shift_scale_and_trend():
+def test_errors_are_those_after_shift_scale_and_trend():
     measured = road((S - 0.217) / 1.0004) + 0.5 + 1e-4 * S
     runs = {"R": make_profile(S, road(S)), "A": make_profile(S, measured)}
     found = height_errors(runs, "R").squeeze()
-    assert_allclose(found.error.dropna("s"), 0.0, rtol=0, atol=4 * STRAIGHT)
+    assert_allclose(found.error.dropna("s"), 0.0, rtol=0, atol=4 * CHORD_ERROR)
     assert_allclose(found.best_shift, 0.217, rtol=0, atol=1e-3)
     assert_allclose(found.scale, 4e-4, rtol=0, atol=1e-5)
 
@@ -60,19 +60,19 @@ def test_statistics_of_normal_errors_are_their_standard_deviation():
 
 def test_bias_and_precision_of_repeats():
     """Each repeat has an error of its own: known mean and standard deviation at each station."""
-    bias, spread = 0.004 * np.sin(2 * np.pi * S / 50), 0.001 * (1 + S / 200)
+    bias, sd = 0.004 * np.sin(2 * np.pi * S / 50), 0.001 * (1 + S / 200)
     runs = {"R": make_profile(S, road(S))}
     for name, side in (("1", -1.0), ("2", 0.0), ("3", 1.0)):
-        runs[name] = make_profile(S, road(S) + bias + side * spread)
+        runs[name] = make_profile(S, road(S) + bias + side * sd)
     found = height_errors(runs, "R", registration="none", trend=None)
     assert_allclose(found.mean_error[0], bias, rtol=0, atol=ROUND_OFF)
-    assert_allclose(found.sd[0], spread, rtol=0, atol=ROUND_OFF)
+    assert_allclose(found.sd[0], sd, rtol=0, atol=ROUND_OFF)
     assert_allclose(found.bias, np.mean(np.abs(bias)), rtol=0, atol=ROUND_OFF)
-    assert_allclose(found.precision, spread.mean(), rtol=0, atol=ROUND_OFF)
+    assert_allclose(found.precision, sd.mean(), rtol=0, atol=ROUND_OFF)
     rated = profile_agreement(runs, reference="R")
     limits = AgreementLimits(bias=0.003, precision=0.001)
-    judged = {check.name: check.passed for check in check_limits(rated, found, limits=limits)}
-    assert (judged["bias"], judged["precision"]) == (True, False)
+    checks = {check.name: check.passed for check in check_limits(rated, found, limits=limits)}
+    assert (checks["bias"], checks["precision"]) == (True, False)
 
 
 def test_one_repeat_has_no_precision():
@@ -80,13 +80,13 @@ def test_one_repeat_has_no_precision():
     found = height_errors(runs, "R")
     assert np.isnan(found.bias).all()
     assert np.isnan(found.precision).all()
-    judged = {
+    checks = {
         check.name: check for check in check_limits(profile_agreement(runs, reference="R"), found)
     }
-    assert judged["precision"].reason == "there are less than two repeats"
+    assert checks["precision"].reason == "there are less than two repeats"
 
 
-def test_stations_beside_a_profile_have_no_error():
+def test_stations_outside_of_a_profile_have_no_error():
     part = S[1000:3000]
     runs = {"R": make_profile(S, road(S)), "A": make_profile(part, road(part))}
     found = height_errors(runs, "R", registration="none").squeeze()
@@ -95,7 +95,7 @@ def test_stations_beside_a_profile_have_no_error():
 
 def test_bad_input_is_refused():
     runs = {"R": make_profile(S, road(S)), "A": make_profile(S + 900, road(S))}
-    with pytest.raises(CoverageError, match=r"R and A: share no stations: 0 to 199.95 m, and 900"):
+    with pytest.raises(CoverageError, match=r"R and A: do not overlap: 0 to 199.95 m, and 900"):
         height_errors(runs, "R", registration="none")
     aligned = height_errors(
         runs, "R", registration="none", options=AgreementSettings(align_starts=True)

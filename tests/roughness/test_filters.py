@@ -1,4 +1,4 @@
-"""Filters against their closed-form gains, and what they do at the ends."""
+"""Filters against their closed-form gains, and their behaviour at the ends."""
 
 import numpy as np
 import pytest
@@ -11,12 +11,12 @@ from trueterrain.core.provenance import provenance_steps
 from trueterrain.core.schemas import make_profile
 from trueterrain.roughness import FILTER_250_MM, Butterworth, MovingAverage, filter_profile
 
-EXACT = 1e-9  # [1, or m] rounding, gathered along some ten thousand samples
-SETTLED = 1e-4  # [1] to which the mirrored ends die away in the middle
+EXACT = 1e-9  # [1, or m] rounding, accumulated over some ten thousand samples
+DECAYED = 1e-4  # [1] to which the effect of the reflected ends decays in the centre
 
 STEP = 0.1  # [m]
 S = STEP * np.arange(30_001)
-MIDDLE = slice(10_000, 20_000)  # [samples] 1000 m: whole periods of all waves below
+CENTRE = slice(10_000, 20_000)  # [samples] 1000 m: whole periods of all waves below
 
 LOW = Butterworth(shortest=8.0)
 HIGH = Butterworth(longest=90.0, order=2)
@@ -25,22 +25,22 @@ MEAN = MovingAverage(shortest=0.25)
 MEANS = MovingAverage(shortest=1.0, longest=25.0)
 
 
-def through(kind, wavelength):
-    """Amplitudes in phase and out of phase of a unit sine after a filter."""
+def filtered_amplitudes(kind, wavelength):
+    """Amplitudes in phase and in quadrature of a unit sine after a filter."""
     wave = 2 * np.pi * S / wavelength
-    out = filter_profile(make_profile(S, np.sin(wave)), kind).height.values[MIDDLE]
-    return 2 * np.mean(out * np.sin(wave)[MIDDLE]), 2 * np.mean(out * np.cos(wave)[MIDDLE])
+    out = filter_profile(make_profile(S, np.sin(wave)), kind).height.values[CENTRE]
+    return 2 * np.mean(out * np.sin(wave)[CENTRE]), 2 * np.mean(out * np.cos(wave)[CENTRE])
 
 
 @pytest.mark.parametrize("kind", [LOW, HIGH, BAND, MEAN, MEANS])
 @pytest.mark.parametrize("wavelength", [0.5, 2.0, 8.0, 20.0, 50.0, 100.0])
 def test_sines_pass_by_the_gain_without_phase(kind, wavelength):
-    gain, shifted = through(kind, wavelength)
-    assert_allclose(gain, kind.gain(wavelength, spacing=STEP), rtol=0, atol=SETTLED)
-    assert_allclose(shifted, 0, rtol=0, atol=SETTLED)
+    gain, quadrature = filtered_amplitudes(kind, wavelength)
+    assert_allclose(gain, kind.gain(wavelength, spacing=STEP), rtol=0, atol=DECAYED)
+    assert_allclose(quadrature, 0, rtol=0, atol=DECAYED)
 
 
-def test_both_runs_together_pass_half_of_the_power_at_the_cut_off():
+def test_forward_and_backward_together_pass_half_of_the_power_at_the_cut_off():
     for order in (1, 2, 3, 6):
         for kind in (Butterworth(shortest=8.0, order=order), Butterworth(longest=8, order=order)):
             assert_allclose(kind.gain(8.0), np.sqrt(0.5), rtol=0, atol=EXACT)
@@ -63,8 +63,8 @@ def test_the_moving_average_is_that_of_straight_lines():
         assert_allclose(out[at], truth, rtol=0, atol=1e-12)  # [m] rounding
 
 
-def test_the_250_mm_filter_weighs_samples_by_their_part_in_the_window():
-    """At 50 mm it ends in the middle of steps: samples 2 steps off count 7/8, 3 steps off 1/8."""
+def test_the_250_mm_filter_weights_samples_by_their_part_in_the_window():
+    """At 50 mm it ends at midpoints of steps: samples 2 steps off count 7/8, 3 steps off 1/8."""
     height = np.random.default_rng(3).standard_normal(500) * 1e-3
     smooth = filter_profile(make_profile(0.05 * np.arange(500), height), FILTER_250_MM).height
     weights = np.array([1, 7, 8, 8, 8, 7, 1]) / 40
@@ -73,22 +73,22 @@ def test_the_250_mm_filter_weighs_samples_by_their_part_in_the_window():
 
 @pytest.mark.parametrize("kind", [LOW, HIGH, BAND, MEAN, MEANS])
 @given(offset=st.floats(-1000, 1000), grade=st.floats(-0.1, 0.1))
-def test_grades_pass_low_passes_and_leave_nothing_of_high_passes(kind, offset, grade):
+def test_grades_pass_low_passes_and_are_removed_by_high_passes(kind, offset, grade):
     s = S[:2001]
     out = filter_profile(make_profile(s, offset + grade * s), kind).height
     truth = offset + grade * s if kind.longest is None else 0 * s
-    assert_allclose(out, truth, rtol=0, atol=1e-8)  # [m] heights of 1000 m, gathered over windows
+    assert_allclose(out, truth, rtol=0, atol=1e-8)  # [m] rounding of 1000 m, summed over windows
 
 
 @pytest.mark.parametrize("kind", [LOW, MEAN])
 def test_ends_stay_where_they_are(kind):
     height = np.cumsum(np.random.default_rng(4).standard_normal(2001)) * 1e-3
     out = filter_profile(make_profile(S[:2001], height), kind).height.values
-    # [m] the image turned about the last point has that point as its mean
+    # [m] a point reflection about the last sample has that sample as its mean
     assert_allclose(out[[0, -1]], height[[0, -1]], rtol=0, atol=1e-4)
 
 
-def test_low_and_high_pass_of_a_moving_average_are_the_whole():
+def test_low_and_high_pass_of_a_moving_average_add_up_to_the_profile():
     height = np.cumsum(np.random.default_rng(5).standard_normal(2001)) * 1e-3
     profile = make_profile(S[:2001], height)
     low = filter_profile(profile, MovingAverage(shortest=10.0)).height
@@ -96,13 +96,13 @@ def test_low_and_high_pass_of_a_moving_average_are_the_whole():
     assert_allclose(low + high, height, rtol=0, atol=EXACT)
 
 
-def test_turning_the_road_round_turns_the_result_round():
+def test_reversing_the_road_reverses_the_result():
     height = np.cumsum(np.random.default_rng(6).standard_normal(3000)) * 1e-3
     for kind in (BAND, MEANS):
-        ahead = filter_profile(make_profile(S[:3000], height), kind).height.values
-        back = filter_profile(make_profile(S[:3000], height[::-1]), kind).height.values
-        # [m] the two runs of a Butterworth filter meet the mirrored ends in turn
-        assert_allclose(back[::-1], ahead, rtol=0, atol=1e-5)
+        forward = filter_profile(make_profile(S[:3000], height), kind).height.values
+        backward = filter_profile(make_profile(S[:3000], height[::-1]), kind).height.values
+        # [m] a Butterworth filter is applied to one reflected end before the other
+        assert_allclose(backward[::-1], forward, rtol=0, atol=1e-5)
 
 
 def test_tracks_positions_and_history_are_kept():

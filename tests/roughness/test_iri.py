@@ -1,4 +1,4 @@
-"""IRI against a published program, the frequency response, and what must not change it."""
+"""IRI against a published program and the frequency response; invariances; windows; errors."""
 
 import json
 
@@ -14,8 +14,8 @@ from trueterrain.core.errors import CoverageError, SchemaError
 from trueterrain.core.provenance import provenance_steps
 from trueterrain.core.schemas import make_profile
 from trueterrain.roughness import IRI_SPEED, IriSettings, QuarterCar, continuous_iri, iri
+from trueterrain.roughness._drive import drive_profile, step_response
 from trueterrain.roughness._kernels import mean_of_lines
-from trueterrain.roughness._track import drive_profile, step_response
 
 EXACT = 1e-9  # [m/km] rounding only
 PRINTED = 1e-6  # [m/km] the published values are quoted with 6 decimals
@@ -71,7 +71,7 @@ def test_quoted_values():
 
 
 def sayers(height, step, base_length=0.25):
-    """The program's recipe written out: window, start, recursion, mean of all values [m/km]."""
+    """Sayers's algorithm: window, start, recursion, mean of all values [m/km]."""
     A, B, C = QuarterCar().matrices()
     dt = step / IRI_SPEED
     S = expm(A * dt)
@@ -89,7 +89,7 @@ def sayers(height, step, base_length=0.25):
 
 @pytest.mark.parametrize("step", [0.01, 0.025, 0.0635, 0.1, 0.1524, 0.25, 0.3])
 @pytest.mark.parametrize("length", [5.0, 150.0])
-def test_default_is_the_program_to_the_letter(step, length):
+def test_the_default_is_sayerss_program(step, length):
     """0.1 m is a tie of nint(0.25 / step); 5 m is shorter than the 11 m of the start."""
     height = rough(int(length / step))
     station = 478.0 + step * np.arange(height.size)
@@ -103,13 +103,13 @@ def test_default_is_the_program_to_the_letter(step, length):
 )
 @pytest.mark.parametrize("wavelength", [60, 30, 15, 10, 5, 3, 2.4, 2, 1.3])
 def test_sine_has_the_index_of_its_frequency_response(wavelength, window, attenuated):
-    """IRI = (2/pi) abs(H) slope amplitude, times sinc(0.25 / wavelength) behind a window."""
+    """IRI = (2/pi) abs(H) slope amplitude, times sinc(0.25 / wavelength) with a window."""
     amplitude = 0.001  # [m]
     periods = int(np.ceil(400 / wavelength))
-    settled = periods * wavelength  # [m] the car's slowest motion has decayed to exp(-46)
-    s = np.arange(0, 2 * settled + 1, 0.01)
+    transient = periods * wavelength  # [m] the car's slowest motion has decayed to exp(-46)
+    s = np.arange(0, 2 * transient + 1, 0.01)
     profile = make_profile(s, amplitude * np.sin(2 * np.pi * s / wavelength))
-    index = iri(profile, options=IriSettings(window=window), segment=settled)
+    index = iri(profile, options=IriSettings(window=window), segment=transient)
     truth = 2000 / np.pi * QuarterCar().gain(wavelength) * 2 * np.pi * amplitude / wavelength
     if attenuated:
         truth *= np.sinc(0.25 / wavelength)
@@ -136,23 +136,23 @@ def test_other_cars_on_long_unequal_steps(car):
     """Steps of many of the car's time constants are divided until the series converges."""
     options = IriSettings(window="none", start="level", car=car, max_spacing=20.0)
     s = np.array([0.0, 3.0, 10.0, 30.0])
-    way = drive_profile(s, np.array([0.0, 0.1, 0.0, 0.2]), options)
+    drive = drive_profile(s, np.array([0.0, 0.1, 0.0, 0.2]), options)
     x, truth = np.zeros(4), []
-    for dx, slope in zip(np.diff(s), np.diff(way.height) / np.diff(s), strict=True):
+    for dx, slope in zip(np.diff(s), np.diff(drive.height) / np.diff(s), strict=True):
         S, p = car.transition(dx)
         x = S @ x + p * slope
         truth.append(x[2] - x[0])
-    assert_allclose(step_response(way), truth, rtol=0, atol=1e-12)  # [m/m] rounding
+    assert_allclose(step_response(drive), truth, rtol=0, atol=1e-12)  # [m/m] rounding
 
 
-# What must not change the index
+# Invariances
 
 
 def test_samples_on_a_straight_line_change_nothing():
-    """A sample in the middle of some steps makes the spacing unequal, not the profile."""
+    """A sample at the midpoint of some steps makes the spacing unequal, but not the profile."""
     s, height = 0.25 * np.arange(400), rough(400)
-    middles = (0.5 * (s[1:] + s[:-1]))[::3]
-    finer = np.sort(np.concatenate([s, middles]))
+    midpoints = (0.5 * (s[1:] + s[:-1]))[::3]
+    finer = np.sort(np.concatenate([s, midpoints]))
     coarse = step_response(drive_profile(s, height, PLAIN))
     fine = step_response(drive_profile(finer, np.interp(finer, s, height), PLAIN))
     at_samples = np.isin(finer[1:], s[1:])
@@ -175,12 +175,12 @@ def test_segment_ends_do_not_change_the_whole_on_unequal_spacing():
     assert_allclose(divided.iri, iri(profile, options=PLAIN).iri, rtol=0, atol=EXACT)
 
 
-def test_segments_of_one_run_weigh_up_to_the_whole():
+def test_the_weighted_mean_of_segments_is_the_index_of_the_whole():
     s = 100.0 + 0.05 * np.arange(21_001)
     index = iri(make_profile(s, rough(s.size)), options=IriSettings(window="none"), segment=100.0)
     assert list(index.complete.values) == [True] * 10 + [False]
-    weighed = (index.segment_iri * (index.end - index.start)).sum() / np.ptp(s)
-    assert_allclose(weighed, index.iri[0], rtol=0, atol=EXACT)
+    weighted = (index.segment_iri * (index.end - index.start)).sum() / np.ptp(s)
+    assert_allclose(weighted, index.iri[0], rtol=0, atol=EXACT)
 
 
 def test_segments_may_be_as_short_as_the_steps():
@@ -192,8 +192,10 @@ def test_segments_may_be_as_short_as_the_steps():
 
 @pytest.mark.parametrize("window", ["sayers", "exact", "none"])
 @given(offset=st.floats(-1000, 1000), grade=st.floats(-0.1, 0.1), factor=st.floats(-5, 5))
-def test_only_the_shape_counts(window, offset, grade, factor):
-    """Offset and grade change nothing, a factor scales the index (a grade needs a fair start)."""
+def test_offset_and_grade_change_nothing_and_a_factor_scales_the_index(
+    window, offset, grade, factor
+):
+    """With the start of 0.5 s: that of the program has a wrong slope on a grade."""
     options = IriSettings(window=window, start="0.5s")
     s, height = 0.05 * np.arange(1000), rough(1000)
     profile = make_profile(s, offset + grade * s + factor * height)
@@ -202,14 +204,14 @@ def test_only_the_shape_counts(window, offset, grade, factor):
     assert_allclose(iri(profile, options=options).iri, truth, rtol=0, atol=1e-7)
 
 
-def test_a_grade_is_smooth():
+def test_a_grade_has_an_index_of_zero():
     s = 0.1 * np.arange(5000)
     index = iri(make_profile(s, 0.06 * s), options=IriSettings(start="0.5s"))
     assert_allclose(index.iri, 0, rtol=0, atol=EXACT)
 
 
 def test_the_centred_window_bends_a_grade_at_the_ends_only():
-    """It has samples on one side only there, as in the program that it comes from."""
+    """It has samples on one side only there, as in the original program."""
     s = 0.05 * np.arange(10_001)
     options = IriSettings(window="centred", start="0.5s")
     index = iri(make_profile(s, 0.06 * s), options=options, segment=100.0)
@@ -218,25 +220,25 @@ def test_the_centred_window_bends_a_grade_at_the_ends_only():
 
 
 def test_the_programs_start_is_short_by_one_sample():
-    """11 m hold 110 steps of 0.1 m; the program divides by 111, and the car has to settle."""
+    """11 m hold 110 steps of 0.1 m; the program divides by 111, which excites the car."""
     s = 0.1 * np.arange(5000)
     index = iri(make_profile(s, 0.06 * s), segment=100.0)
     assert index.segment_iri[0, 0] > 0.01
     assert_allclose(index.segment_iri[0, -1], 0, rtol=0, atol=EXACT)
-    way = drive_profile(s, 0.06 * s, IriSettings())
-    assert_allclose(way.slope, 0.06 * 110 / 111, rtol=0, atol=1e-12)  # [m/m] rounding
+    drive = drive_profile(s, 0.06 * s, IriSettings())
+    assert_allclose(drive.slope, 0.06 * 110 / 111, rtol=0, atol=1e-12)  # [m/m] rounding
 
 
-def test_tracks_are_rated_alone_whatever_their_order():
+def test_tracks_are_rated_independently_of_their_order():
     s = 0.1 * np.arange(1000)
     heights = [rough(s.size, seed) for seed in range(3)]
     profile = make_profile(s, heights, tracks=["a", "b", "c"])
-    one_way = iri(profile, segment=30.0)
-    other_way = iri(profile.isel(track=[2, 0, 1]), segment=30.0)
-    xr.testing.assert_identical(one_way.sel(track=["c", "a", "b"]), other_way)
+    in_order = iri(profile, segment=30.0)
+    permuted = iri(profile.isel(track=[2, 0, 1]), segment=30.0)
+    xr.testing.assert_identical(in_order.sel(track=["c", "a", "b"]), permuted)
     for name, height in zip("abc", heights, strict=True):
         alone = iri(make_profile(s, height), segment=30.0)
-        assert_allclose(one_way.iri.sel(track=name), alone.iri[0], rtol=0, atol=0)
+        assert_allclose(in_order.iri.sel(track=name), alone.iri[0], rtol=0, atol=0)
 
 
 def test_rounded_stations_still_count_as_equally_spaced():
@@ -248,12 +250,12 @@ def test_rounded_stations_still_count_as_equally_spaced():
     truth = iri(make_profile(s, height)).iri
     rounded = iri(make_profile(s + 0.99 * jitter, height))
     assert_allclose(rounded.iri, truth, rtol=0, atol=0)
-    really = iri(
+    unequal_spacing = iri(
         make_profile(s + 0.99 * jitter, height),
         options=IriSettings(window="none", start="0.5s", spacing_tolerance=0.0),
     )
     assert_allclose(
-        really.iri / iri(make_profile(s, height), options=PLAIN).iri, 1, rtol=0, atol=1e-4
+        unequal_spacing.iri / iri(make_profile(s, height), options=PLAIN).iri, 1, rtol=0, atol=1e-4
     )
 
 
@@ -293,22 +295,22 @@ def test_mean_of_lines_on_unequal_spacing():
 def test_centred_window_is_the_mean_of_the_samples_in_it():
     s, height = unequal(300, 0.05), rough(300)
     truth = [height[abs(s - here) <= 0.125].mean() for here in s]
-    way = drive_profile(s, height, IriSettings(window="centred"))
-    assert_allclose(way.height, truth, rtol=0, atol=1e-12)  # [m] rounding
+    drive = drive_profile(s, height, IriSettings(window="centred"))
+    assert_allclose(drive.height, truth, rtol=0, atol=1e-12)  # [m] rounding
 
 
 def test_centred_window_includes_both_ends():
     """At 25 mm, 11 samples lie within 125 mm, whatever the rounding of the stations."""
     s, height = 478.0 + 0.025 * np.arange(200), rough(200)
-    way = drive_profile(s, height, IriSettings(window="centred"))
+    drive = drive_profile(s, height, IriSettings(window="centred"))
     truth = np.convolve(height, np.full(11, 1 / 11), mode="valid")
-    assert_allclose(way.height[5:-5], truth, rtol=0, atol=1e-12)  # [m] rounding
+    assert_allclose(drive.height[5:-5], truth, rtol=0, atol=1e-12)  # [m] rounding
 
 
 def test_centred_window_leaves_wide_spacing_alone():
     s, height = 0.25 * np.arange(200), rough(200)
-    way = drive_profile(s, height, IriSettings(window="centred"))
-    assert_allclose(way.height, height, rtol=0, atol=0)
+    drive = drive_profile(s, height, IriSettings(window="centred"))
+    assert_allclose(drive.height, height, rtol=0, atol=0)
 
 
 @pytest.mark.parametrize("window", ["centred", "exact"])
@@ -338,13 +340,13 @@ def test_restart_rates_each_segment_as_a_profile_of_its_own():
 
 def test_restart_changes_short_segments():
     profile = make_profile(0.25 * np.arange(401), rough(401))
-    one_run = iri(profile, segment=20.0).segment_iri
+    one_drive = iri(profile, segment=20.0).segment_iri
     restarted = iri(profile, options=IriSettings(restart=True), segment=20.0).segment_iri
-    assert abs(one_run - restarted)[0, 1:].min() > 1e-3
+    assert abs(one_drive - restarted)[0, 1:].min() > 1e-3
 
 
-def test_a_rest_without_a_step_is_left_out():
-    """The Sayers window takes 4 of 5 steps from the end, more than the rest of 0.1 m has."""
+def test_a_last_segment_without_a_step_is_dropped():
+    """The Sayers window removes 4 of 5 steps at the end, more than the last 0.1 m has."""
     s = 0.05 * np.arange(403)
     index = iri(make_profile(s, rough(s.size)), segment=10.0)
     assert index.sizes["segment"] == 2
@@ -410,7 +412,7 @@ def test_sliding_windows_take_the_step_asked_for():
     assert sliding.end[-1] <= 100.0
 
 
-def test_results_know_their_conventions():
+def test_conventions_are_recorded_in_the_provenance():
     index = iri(make_profile(0.25 * np.arange(401), rough(401)), options=PLAIN, segment=20.0)
     step = provenance_steps(index)[-1]
     assert step["step"] == "iri"
@@ -421,7 +423,7 @@ def test_results_know_their_conventions():
     json.dumps(provenance_steps(index))
 
 
-# What is refused
+# Errors
 
 
 def test_missing_heights_are_named():
@@ -484,7 +486,7 @@ def test_wheel_paths_must_be_two_of_the_tracks(names):
         ({"spacing_tolerance": -1.0}, "spacing_tolerance must be within"),
     ],
 )
-def test_options_are_checked(settings, message):
+def test_settings_are_checked(settings, message):
     with pytest.raises(ValueError, match=message):
         IriSettings(**settings)
 

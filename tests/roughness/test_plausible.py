@@ -1,4 +1,4 @@
-"""Implausible heights are questioned, roads as they are built are not."""
+"""Implausible heights are flagged, roads as they are built are not."""
 
 import numpy as np
 import pytest
@@ -15,17 +15,17 @@ FOOT = 0.3048  # [m]
 
 
 def hilly(road_class="B"):
-    """A road of some class on a hill: 8 % where it is steepest, 200 m above the sea [m]."""
+    """Road of a class on a hill: largest grade 8 %, 200 m above the sea [m]."""
     hill = 8.0 * np.sin(2 * np.pi * S / 600.0)
     return 200.0 + hill + Road(road_class=road_class, seed=1).height(S, 0 * S)
 
 
 @pytest.mark.parametrize("road_class", ["A", "C", "D"])
-def test_roads_are_not_questioned(road_class):
+def test_roads_are_not_flagged(road_class):
     assert flag_profile(make_profile(S, hilly(road_class))) == []
 
 
-def test_belgian_block_is_not_questioned():
+def test_belgian_block_is_not_flagged():
     assert flag_profile(make_profile(S, BelgianBlock(seed=1).height(S, 0 * S))) == []
 
 
@@ -33,7 +33,7 @@ def test_belgian_block_is_not_questioned():
     "name",
     ["asam/belgian_block.crg", "chrono/Horstwalde.crg", "chrono/detrended_rms_course_4in.crg"],
 )
-def test_measured_courses_are_not_questioned(data, name):
+def test_measured_courses_are_not_flagged(data, name):
     surface = open_file(data / "opencrg" / name)
     for v in (0.5, -0.5):
         line = surface.height.sel(v=v, method="nearest")
@@ -42,8 +42,8 @@ def test_measured_courses_are_not_questioned(data, name):
 
 
 @pytest.mark.parametrize("height", [0.0 * S, 0.06 * S, 1e-3 * hilly("A")])
-def test_grounds_without_roughness_are_questioned(height):
-    """Smoothed away, or kilometres that pass for metres: the index would be 0.000."""
+def test_profiles_without_roughness_are_flagged(height):
+    """Smoothed, or kilometres taken for metres: the index would be 0.000."""
     (flag,) = flag_profile(make_profile(S, height))
     assert flag.startswith("track profile: is smoother than any road, 0.0")
 
@@ -55,14 +55,14 @@ def test_without_a_unit_the_scale_of_roads_is_the_limit():
     assert "is rougher than roads are" in second
 
 
-def test_feet_declared_as_metres_are_questioned():
+def test_feet_declared_as_metres_are_flagged():
     profile = make_profile(S, [hilly(), hilly() / FOOT], tracks=["metres", "feet"])
     (flag,) = flag_profile(profile)
     assert flag.startswith("track feet: climbs 0.2")
     assert flag.endswith("over 100 m; are its heights in metres, not in feet or millimetres?")
 
 
-def test_millimetres_declared_as_metres_are_questioned(tmp_path):
+def test_millimetres_declared_as_metres_are_flagged(tmp_path):
     height = 1000 * hilly("A")
     found = flag_profile(make_profile(S, height))
     assert [flag.split(": ")[1].split(" ")[0] for flag in found] == ["has", "climbs", "is"]
@@ -70,10 +70,10 @@ def test_millimetres_declared_as_metres_are_questioned(tmp_path):
     assert "is rougher than roads are" in found[2]
     table = np.column_stack([S, height])
     np.savetxt(tmp_path / "mm.csv", table, delimiter=",", header="s,height [mm]", comments="")
-    assert flag_profile(open_file(tmp_path / "mm.csv")) == []  # declared as what they are
+    assert flag_profile(open_file(tmp_path / "mm.csv")) == []  # with their unit declared
 
 
-def test_short_profiles_are_not_judged_by_grade():
+def test_short_profiles_have_no_grade_flag():
     assert flag_profile(make_profile([0.0, 0.1, 0.2], [0.0, 0.05, 0.1])) == []
     assert flag_profile(make_profile([0.0], [0.0])) == []
 
@@ -98,7 +98,7 @@ def test_missing_heights_are_an_error():
     ],
 )
 @pytest.mark.parametrize("kind", [IriSettings, RideNumberSettings])
-def test_windows_that_average_nothing_are_known(kind, spacing, window, idle):
+def test_windows_that_average_nothing_are_flagged(kind, spacing, window, idle):
     profile = make_profile(spacing * np.arange(50), np.zeros(50))
     options = kind(window=window, max_spacing=0.61)
     found = [flag for flag in rating_flags(profile, options) if "window" in flag]
@@ -117,21 +117,21 @@ WAVES = 0.001 * np.random.default_rng(4).standard_normal(4000).cumsum()  # [m] a
     ("kind", "index", "spacing", "outcome"),
     [
         (IriSettings, iri, 0.305, "accurate"),
-        (IriSettings, iri, 0.31, "warned"),
-        (IriSettings, iri, 0.6096, "warned"),  # 2 ft
+        (IriSettings, iri, 0.31, "flagged"),
+        (IriSettings, iri, 0.6096, "flagged"),  # 2 ft
         (IriSettings, iri, 0.62, "refused"),
         (RideNumberSettings, ride_number, 0.05, "accurate"),
-        (RideNumberSettings, ride_number, 0.06, "warned"),
-        (RideNumberSettings, ride_number, 0.1524, "warned"),  # 6 in
+        (RideNumberSettings, ride_number, 0.06, "flagged"),
+        (RideNumberSettings, ride_number, 0.1524, "flagged"),  # 6 in
         (RideNumberSettings, ride_number, 0.17, "refused"),
     ],
 )
-def test_indices_need_samples_that_show_what_the_car_feels(kind, index, spacing, outcome):
+def test_indices_need_samples_that_resolve_the_waves_of_the_car(kind, index, spacing, outcome):
     s = np.append(0.05 * np.arange(400), 19.95 + spacing * np.arange(1, 400))  # coarse from 20 m on
     profile = make_profile(s, np.interp(s, 0.1 * np.arange(4000), WAVES))
     options = kind(window="exact")
     found = [flag for flag in rating_flags(profile, options) if "apart" in flag]
-    assert bool(found) == (outcome == "warned")
+    assert bool(found) == (outcome == "flagged")
     if outcome == "refused":
         with pytest.raises(CoverageError, match=r"s = 19\.95 m: has samples .* m apart"):
             index(profile, options=options)
@@ -140,11 +140,11 @@ def test_indices_need_samples_that_show_what_the_car_feels(kind, index, spacing,
 
 
 #: Largest error of the IRI at the largest accurate spacing [1]: 2 % of Class 1 of ASTM E1364, and
-#: what one sample of a road of waviness 2 adds to it.
+#: the scatter of a single road of waviness 2.
 ACCURATE = 0.04
 
 
-def test_the_index_is_accurate_to_the_spacing_that_is_said_to_be():
+def test_the_index_is_accurate_up_to_the_stated_spacing():
     step = 0.01
     s = step * np.arange(100_000)
     height = Road(road_class="B", seed=5).height(s, 0 * s)

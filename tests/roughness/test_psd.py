@@ -1,4 +1,4 @@
-"""Spectra and ISO 8608: published limits, generated roads, and how sure the results are."""
+"""Spectra and ISO 8608: published limits, generated roads, coverage of the intervals."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ REPEATS = 400  # of roads: an rms about 1 has a standard error of 3.5 %
 def gaussian_road(rng, count, step, gd_n0, waviness):
     """Random heights [m] of an exact power-law spectrum, by a Fourier series four times as long.
 
-    It shares nothing with the plane waves of `trueterrain.simulate`.
+    It has no code in common with the plane waves of `trueterrain.simulate`.
     """
     total = 4 * count
     n = np.fft.rfftfreq(total, step)
@@ -64,7 +64,7 @@ def test_classes_are_those_of_the_simulated_roads():
         assert road_class(Road(road_class=name).gd(N0)) == name
 
 
-def test_bands_are_the_printed_ones_with_exact_edges():
+def test_bands_are_those_printed_with_exact_edges():
     """Printed edges and centres, which are rounded: 0.0014 and 0.0028 by up to 1.4 %."""
     bands = smoothing_bands()
     for centre, lower, upper in (
@@ -85,7 +85,7 @@ def test_bands_are_the_printed_ones_with_exact_edges():
 
 
 def test_smoothing_is_the_sum_of_the_standard():
-    """Lines nL to nH of width Be in a band nl to nh, those at its edges by their share."""
+    """Lines nL to nH of width Be in a band nl to nh, those at its edges by the fraction inside."""
     rng = np.random.default_rng(1)
     Be, G = 0.0017, np.append(np.nan, rng.uniform(1, 2, 2000))  # line 0 is not used
     bands = smoothing_bands()
@@ -141,7 +141,7 @@ def test_simulated_roads_are_recovered_within_their_intervals(name, waviness):
     gd = CLASS_LIMITS[name][1]
     s = 0.05 * np.arange(20_000)  # fine enough for all waves of the road, up to 10 cycles/m
     road = Road(gd_n0=gd, waviness=waviness, seed=ord(name), lowest=0.005)
-    along = make_profile(s, road.height(0.8 * s, 0.6 * s))  # alike along any line
+    along = make_profile(s, road.height(0.8 * s, 0.6 * s))  # isotropic
     rated = psd(along, options=PsdSettings(confidence=0.99))
     assert rated.gd_n0_low < gd < rated.gd_n0_high
     assert rated.waviness_low < waviness < rated.waviness_high
@@ -150,19 +150,19 @@ def test_simulated_roads_are_recovered_within_their_intervals(name, waviness):
 
 
 @pytest.mark.parametrize("length", [150.0, 1500.0])
-def test_intervals_hold_as_often_as_they_say(length):
-    """Roads of another generator: errors over their claimed spread have an rms of 1 and no bias."""
+def test_intervals_have_their_stated_coverage(length):
+    """Roads of another generator: errors over their sd have an rms of 1, no bias."""
     rng = np.random.default_rng(3)
     gd, w, count = 64e-6, 2.0, round(length / 0.1)
     heights = [gaussian_road(rng, count, 0.1, gd, w) for _ in range(REPEATS)]
     names = [f"{number}" for number in range(REPEATS)]
     rated = psd(make_profile(0.1 * np.arange(count), heights, tracks=names))
-    sides = 2 * 1.96  # spreads from end to end of an interval of 95 %
+    sides = 2 * 1.96  # standard deviations from end to end of an interval of 95 %
     z_gd = np.log(rated.gd_n0 / gd) / (np.log(rated.gd_n0_high / rated.gd_n0_low) / sides)
     z_w = (rated.waviness - w) / ((rated.waviness_high - rated.waviness_low) / sides)
     for z in (z_gd, z_w):
         assert 0.9 < np.sqrt((z**2).mean()) < 1.1
-        assert abs(z.mean()) < 0.2  # of a spread; four standard errors
+        assert abs(z.mean()) < 0.2  # of a standard deviation; four standard errors
     truth = gd * (rated.centre / N0) ** -w
     inside = (rated.smoothed_low < truth) & (truth < rated.smoothed_high)
     assert 0.94 < inside[:, rated.fitted.values].mean() < 0.97
@@ -204,7 +204,7 @@ def test_segments_are_rated_on_their_own():
     assert rated.segment_road_class[0, 2] == ""
 
 
-def test_tracks_are_rated_alone_and_remember_how():
+def test_tracks_are_rated_alone_and_settings_are_recorded():
     rng = np.random.default_rng(7)
     heights = np.array([gaussian_road(rng, 5000, 0.1, gd, 2.0) for gd in (16e-6, 1e-3)])
     s = 0.1 * np.arange(5000)
@@ -216,7 +216,7 @@ def test_tracks_are_rated_alone_and_remember_how():
     assert both.density.attrs["units"] == "m3"
 
 
-# What is refused
+# Errors
 
 
 def test_bad_profiles_are_refused():
@@ -245,6 +245,6 @@ def test_bad_profiles_are_refused():
         ({"confidence": 1.0}, "confidence must be between 0 and 1"),
     ],
 )
-def test_options_are_checked(settings, message):
+def test_settings_are_checked(settings, message):
     with pytest.raises(ValueError, match=message):
         PsdSettings(**settings)

@@ -33,7 +33,7 @@ def test_transition_is_the_world_banks():
     assert_allclose(p / WORLD_BANK_P, 1, rtol=0, atol=PRINTED_P)
 
 
-def test_gain_is_the_known_table():
+def test_gain_is_that_of_the_table():
     assert_allclose(QuarterCar().gain(WAVELENGTHS), GAINS, rtol=0, atol=FOUR_DECIMALS)
 
 
@@ -56,7 +56,7 @@ def test_a_constant_slope_is_followed_without_suspension_travel():
     assert_allclose(S @ climbing + p, climbing, rtol=0, atol=EXACT)
 
 
-def test_half_the_speed_feels_twice_the_wavelength():
+def test_half_the_speed_responds_as_to_twice_the_wavelength():
     slow = QuarterCar().gain(7.5, speed=IRI_SPEED / 2)
     assert_allclose(slow, QuarterCar().gain(15.0), rtol=0, atol=EXACT)
 

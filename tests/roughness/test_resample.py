@@ -1,4 +1,4 @@
-"""Profiles brought to equal spacing."""
+"""Resampling of profiles at equal spacing."""
 
 import numpy as np
 import pytest
@@ -43,7 +43,7 @@ def test_samples_at_their_own_spacing_stay_as_they_are():
     np.testing.assert_array_equal(resample_profile(road, 0.25).height, road.height)
 
 
-def test_gaps_stay_gaps_and_touch_no_sample():
+def test_gaps_stay_gaps_and_do_not_grow_beyond_their_neighbours():
     s = 0.1 * np.arange(11)
     height = np.sin(s)
     height[5] = np.nan
@@ -53,7 +53,7 @@ def test_gaps_stay_gaps_and_touch_no_sample():
 
 
 @pytest.mark.parametrize("spacing", [0.0, -0.1, np.nan, np.inf])
-def test_spacings_that_are_none_are_refused(spacing):
+def test_invalid_spacings_are_refused(spacing):
     with pytest.raises(ValueError, match="spacing must be greater than 0 m"):
         resample_profile(make_profile([0.0, 1.0], [0.0, 0.0]), spacing)
 

@@ -1,7 +1,7 @@
 """Ride Number against the program's recursion written out, and the response to sines.
 
 No published values were found: the constants are those commonly quoted, and not checked against
-ASTM E1489. What is tested is that the stated formula is what is computed.
+ASTM E1489. The tests check that the stated formula is computed.
 """
 
 import numpy as np
@@ -49,7 +49,7 @@ def program(height, step):
 
 @pytest.mark.parametrize("step", [0.025, 0.1, 0.1524, 0.25])
 @pytest.mark.parametrize("length", [15.0, 150.0])
-def test_is_the_program_with_its_constants(step, length):
+def test_ride_number_is_sayerss_program_with_its_constants(step, length):
     height = rough(int(length / step))
     profile = make_profile(7.0 + step * np.arange(height.size), height)
     rated = ride_number(profile, options=RideNumberSettings(max_spacing=0.25))
@@ -60,12 +60,12 @@ def test_is_the_program_with_its_constants(step, length):
 
 @pytest.mark.parametrize("wavelength", [30, 10, 6, 5, 2, 1])
 def test_sine_has_the_index_of_its_frequency_response(wavelength):
-    """PI = abs(H) slope amplitude / sqrt(2), times sinc(0.25 / wavelength) behind the window."""
-    settled = 120.0  # [m] whole periods; the slowest motion has decayed to exp(-60)
+    """PI = abs(H) slope amplitude / sqrt(2), times sinc(0.25 / wavelength) of the window."""
+    transient = 120.0  # [m] whole periods; the slowest motion has decayed to exp(-60)
     amplitude = 0.0005  # [m]
-    s = np.arange(0, 2 * settled + 1, 0.01)
+    s = np.arange(0, 2 * transient + 1, 0.01)
     profile = make_profile(s, amplitude * np.sin(2 * np.pi * s / wavelength))
-    rated = ride_number(profile, segment=settled)
+    rated = ride_number(profile, segment=transient)
     slope = 2 * np.pi * amplitude / wavelength * np.sinc(0.25 / wavelength)
     truth = RIDE_NUMBER_CAR.gain(wavelength) * slope / np.sqrt(2)
     assert_allclose(rated.segment_pi[0, 1] / truth, 1, rtol=0, atol=SINE)
@@ -90,13 +90,13 @@ def test_both_wheel_paths_are_the_root_mean_square():
     assert np.isnan(alone.rn_both)
 
 
-def test_squares_of_segments_weigh_up_to_the_whole():
+def test_the_weighted_mean_square_of_segments_is_that_of_the_whole():
     s = 0.05 * np.arange(4011)
     options = RideNumberSettings(window="none")
     rated = ride_number(make_profile(s, rough(s.size)), options=options, segment=33.3)
     length = rated.end - rated.start
     whole = (rated.segment_pi[0] ** 2 * length).sum() / length.sum()
-    # a segment that ends within a step takes the travel there, not that at the end of the step
+    # a segment that ends within a step takes the output there, not that at the end of the step
     assert_allclose(np.sqrt(whole) / rated.pi[0], 1, rtol=0, atol=1e-3)
 
 
@@ -108,7 +108,7 @@ def test_unequal_spacing_with_samples_on_straight_lines_changes_nothing():
     )
     coarse = ride_number(make_profile(s, height), options=options)
     fine = ride_number(make_profile(finer, np.interp(finer, s, height)), options=options)
-    # [m/m] the travel is taken at the ends of other steps, and the start by the chord's own length
+    # [m/m] the output is taken at the ends of other steps, and the start by the chord's own length
     assert_allclose(fine.pi, coarse.pi, rtol=0, atol=0.03 * coarse.pi.item())
 
 
@@ -146,6 +146,6 @@ def test_bad_profiles_are_refused():
 
 
 @pytest.mark.parametrize("name", ["best", "steepness", "start_length", "speed", "window_length"])
-def test_options_must_be_positive(name):
+def test_settings_must_be_positive(name):
     with pytest.raises(ValueError, match=f"{name} must be finite and greater than 0"):
         RideNumberSettings(**{name: -1.0})

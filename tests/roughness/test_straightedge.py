@@ -35,7 +35,7 @@ def test_a_step_is_half_below_and_half_above_the_beam():
     assert at[11.5] == 0.0
 
 
-def test_grades_and_heights_do_not_deviate_whatever_the_spacing():
+def test_grades_and_offsets_do_not_deviate_at_any_spacing():
     s = np.cumsum(np.random.default_rng(1).uniform(0.02, 0.3, 500))
     beam = rolling_straightedge(make_profile(s, 300 + 0.08 * s), 4.877)
     assert_allclose(beam.deviation, 0, rtol=0, atol=1e-10)  # [m] heights of 300 m
@@ -64,7 +64,7 @@ def test_bad_profiles_are_refused():
     with pytest.raises(CoverageError, match=r"is shorter than the straightedge: 1\.9 m"):
         rolling_straightedge(make_profile(s, 0 * s))
     with pytest.raises(CoverageError, match="shorter than the straightedge"):
-        rolling_straightedge(make_profile([0.0, 3.0], [0.0, 0.0]), 3.0)  # no sample in the middle
+        rolling_straightedge(make_profile([0.0, 3.0], [0.0, 0.0]), 3.0)  # no sample at the midpoint
     with pytest.raises(CoverageError, match="has no finite height"):
         rolling_straightedge(make_profile(s, np.full(20, np.nan)), 1.0)
     with pytest.raises(ValueError, match="length must be finite and greater than 0 m"):

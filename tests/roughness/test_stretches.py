@@ -51,7 +51,7 @@ def test_stretches_may_reach_both_ends_and_come_in_the_order_of_tracks():
     assert_allclose(found.end, [2, 2, 2 / 3], rtol=0, atol=EXACT)
 
 
-def test_nothing_above_is_no_stretch():
+def test_no_value_above_gives_no_stretch():
     found = find_stretches(values([1, 1, 1]), 1.0)
     assert found.sizes["stretch"] == 0
     assert found.track.size == 0
@@ -82,10 +82,10 @@ def test_inches_per_mile():
     assert_allclose(IN_PER_MI, 1e-3 / (0.0254 / 1609.344), rtol=1e-12, atol=0)
 
 
-def test_histogram_weighs_segments_by_their_length():
+def test_histogram_weights_segments_by_their_length():
     profile = make_profile(S, [bumps(110.0), bumps(10.0, 590.0)], tracks=["left", "right"])
     index = iri(profile, segment=250.0)  # the last segment has 99.9 m
-    shares = iri_histogram(index, [0.2, 5.0])
+    histogram = iri_histogram(index, [0.2, 5.0])
     for track in ("left", "right"):
         parts = index.segment_iri.sel(track=track).values
         truth = [
@@ -96,16 +96,16 @@ def test_histogram_weighs_segments_by_their_length():
             )
             for a, b in ((0, 0.2), (0.2, 5.0), (5.0, np.inf))
         ]
-        assert_allclose(shares.length.sel(track=track), truth, rtol=0, atol=1e-6)
-    assert_allclose(shares.share.sum("class"), 1.0, rtol=0, atol=EXACT)
-    assert shares.above.values.tolist() == [0.0, 0.2, 5.0]
-    assert shares.below.values.tolist() == [0.2, 5.0, np.inf]
+        assert_allclose(histogram.length.sel(track=track), truth, rtol=0, atol=1e-6)
+    assert_allclose(histogram.fraction.sum("class"), 1.0, rtol=0, atol=EXACT)
+    assert histogram.above.values.tolist() == [0.0, 0.2, 5.0]
+    assert histogram.below.values.tolist() == [0.2, 5.0, np.inf]
 
 
-def test_a_value_on_an_edge_is_in_the_rougher_class():
+def test_a_value_on_a_limit_is_in_the_rougher_class():
     index = iri(make_profile(S, bumps(300.0)), segment=300.0)
     edge = index.segment_iri.values[0, 1]
-    assert iri_histogram(index, [edge]).share.values[0, 1] > 0.4
+    assert iri_histogram(index, [edge]).fraction.values[0, 1] > 0.4
 
 
 def test_bad_arguments_are_refused():

@@ -18,18 +18,18 @@ def test_a_sine_has_its_rms_times_the_gain_of_each_band(wavelength):
     rated = waveband_rms(make_profile(S, 0.01 * np.sin(2 * np.pi * S / wavelength)), segment=400.0)
     for name, band in WAVEBANDS.items():
         truth = 0.01 / np.sqrt(2) * band.gain(wavelength, spacing=0.1)
-        # [m] the mirrored ends are 400 m away
+        # [m] the reflected ends are 400 m away
         assert_allclose(rated.segment_rms.sel(band=name)[0, 1], truth, rtol=0, atol=1e-8)
 
 
-def test_bands_are_two_octaves_each_and_join():
+def test_bands_are_two_octaves_each_and_adjacent():
     edges = [(band.shortest, band.longest) for band in WAVEBANDS.values()]
     assert [longest / shortest for shortest, longest in edges] == pytest.approx([4.0] * 3)
     assert edges[0][1] == edges[1][0]
     assert edges[1][1] == edges[2][0]
 
 
-def test_segments_weigh_up_to_the_whole():
+def test_the_mean_square_of_segments_is_that_of_the_whole():
     height = np.cumsum(np.random.default_rng(1).standard_normal(S.size)) * 1e-3
     rated = waveband_rms(make_profile(S, height), segment=100.0)
     assert rated.sizes == {"track": 1, "band": 3, "segment": 12}

@@ -185,11 +185,11 @@ def _filter_text(options: "AgreementSettings") -> str:
     if by is None:
         return "heights as they are"
     if by == IRI_FILTER:
-        return f"IRI filter (exact window 0.25 m), settled after {options.settled:g} m"
+        return f"IRI filter (exact window 0.25 m), settled after {options.transient_length:g} m"
     if isinstance(by, Butterworth):
         return (
             f"Butterworth filter from {by.shortest:g} to {by.longest:g} m, order {by.order} forth "
-            f"and back, settled after {options.settled:g} m"
+            f"and back, settled after {options.transient_length:g} m"
         )
     return f"filter {by}"
 

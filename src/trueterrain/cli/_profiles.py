@@ -11,7 +11,7 @@ from trueterrain.core.errors import SchemaError, name_file_in_errors
 if TYPE_CHECKING:
     import xarray as xr
 
-    from trueterrain.roughness._track import QuarterCarSettings
+    from trueterrain.roughness import QuarterCarSettings
 
 Window = Literal["sayers", "centred", "exact", "none"]
 

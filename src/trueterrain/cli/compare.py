@@ -204,7 +204,7 @@ def _agreement_settings(
     by = {"iri": IRI_FILTER, "none": None}.get(name)
     return AgreementSettings(
         filter=Butterworth(shortest=waves[0], longest=waves[1]) if name == "butterworth" else by,
-        settle=settle,
+        transient=settle,
         max_shift=search[0],
         max_scale=search[1],
         align_starts=align_starts,

@@ -257,7 +257,7 @@ def _track_stretches(found: "xr.Dataset", track: str, factor: float) -> list[dic
 
 
 def _histogram_classes(shares: "xr.Dataset", factor: float) -> list[dict[str, float]]:
-    columns = (shares[name].values.tolist() for name in ("above", "below", "length", "share"))
+    columns = (shares[name].values.tolist() for name in ("above", "below", "length", "fraction"))
     return [
         {"above": factor * above, "below": factor * below, "length": length, "share": share}
         for above, below, length, share in zip(*columns, strict=True)

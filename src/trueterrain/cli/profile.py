@@ -220,7 +220,7 @@ def _extract_profile(
             ground, path, tyre=rolling.model(), thin=options.thin, progress=progress
         )
     assert path is not None  # a profile is refused as ground of anything that does not roll
-    taken = options.taken()
+    taken = options.estimator()
     if taken is None:
         return point_profile(ground, path)
     return tyre_profile(

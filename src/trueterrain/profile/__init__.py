@@ -1,4 +1,8 @@
-"""The profile that a tyre feels (thesis chapter 5): path, search area, distribution, statistic."""
+"""Tyre profiles along a path (thesis chapter 5).
+
+A profile is a statistic of the heights in a search area around each path point (`tyre_profile`), or
+the envelope of a tyre model that rolls over the ground (`tyre_envelope`).
+"""
 
 from trueterrain.geometry.path import (
     WheelPath,
@@ -27,7 +31,7 @@ from trueterrain.profile.envelope import (
     tyre_envelope,
 )
 from trueterrain.profile.extract import height_distributions, point_profile, tyre_profile
-from trueterrain.profile.options import EnvelopeSettings, TyreProfileSettings
+from trueterrain.profile.settings import EnvelopeSettings, TyreProfileSettings
 from trueterrain.profile.statistic import (
     InverseDistance,
     Mean,

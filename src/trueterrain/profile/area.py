@@ -1,18 +1,18 @@
-"""Search areas: the patch of ground around each path point that counts (thesis 5.2.2)."""
+"""Search areas: the patch of ground around a path point whose heights count (thesis 5.2.2)."""
 
 from dataclasses import dataclass
 from enum import IntEnum
 
-#: A point this little outside of a search area still counts [m], so that a grid node exactly on
-#: the edge is not lost to the round-off of coordinates of thousands of kilometres.
+#: Tolerance of the edge of a search area [m], so that a grid node on the edge is not lost to
+#: the round-off of coordinates of thousands of kilometres.
 EDGE_TOLERANCE = 1e-8
 
-_LARGEST = 2.0  # [m] the largest tyres, of mining trucks, are 1.5 m wide, and their patch as long
-_LARGE = 0.5  # [m] the contact patch of a truck's tyre is about 0.3 m long and wide
+_MAX_SIZE = 2.0  # [m] the largest tyres, of mining trucks, are 1.5 m wide, and their patch as long
+_MAX_PLAUSIBLE = 0.5  # [m] the contact patch of a truck's tyre is about 0.3 m long and wide
 
 
 class AreaShape(IntEnum):
-    """Shapes as the kernels know them."""
+    """Codes of the shapes for the kernels."""
 
     ELLIPSE = 0
     RECTANGLE = 1
@@ -20,14 +20,14 @@ class AreaShape(IntEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Disc:
-    """A disc around the path point: the thesis's search area."""
+    """Disc around the path point: the thesis's search area."""
 
     radius: float = 0.025
     "Radius of the disc [m]."
 
     def __post_init__(self) -> None:
         """Check the radius."""
-        _require_size("radius", self.radius, _LARGEST / 2)
+        _require_size("radius", self.radius, _MAX_SIZE / 2)
 
     @property
     def half_axes(self) -> tuple[float, float]:
@@ -42,7 +42,7 @@ class Disc:
 
 @dataclass(frozen=True, kw_only=True)
 class Ellipse:
-    """An ellipse aligned with the path."""
+    """Ellipse aligned with the path."""
 
     length: float
     "Extent along the path [m]."
@@ -52,8 +52,8 @@ class Ellipse:
 
     def __post_init__(self) -> None:
         """Check the extents."""
-        _require_size("length", self.length, _LARGEST)
-        _require_size("width", self.width, _LARGEST)
+        _require_size("length", self.length, _MAX_SIZE)
+        _require_size("width", self.width, _MAX_SIZE)
 
     @property
     def half_axes(self) -> tuple[float, float]:
@@ -68,7 +68,7 @@ class Ellipse:
 
 @dataclass(frozen=True, kw_only=True)
 class Rectangle:
-    """A rectangle aligned with the path: the contact patch of a tyre."""
+    """Rectangle aligned with the path: the contact patch of a tyre."""
 
     length: float
     "Extent along the path [m]."
@@ -78,8 +78,8 @@ class Rectangle:
 
     def __post_init__(self) -> None:
         """Check the extents."""
-        _require_size("length", self.length, _LARGEST)
-        _require_size("width", self.width, _LARGEST)
+        _require_size("length", self.length, _MAX_SIZE)
+        _require_size("width", self.width, _MAX_SIZE)
 
     @property
     def half_axes(self) -> tuple[float, float]:
@@ -96,7 +96,7 @@ SearchArea = Disc | Ellipse | Rectangle
 
 
 def area_reach(area: SearchArea) -> float:
-    """Distance of the farthest point that may belong to a search area [m].
+    """Radius of the circle around a search area [m].
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def area_reach(area: SearchArea) -> float:
 
 
 def area_flag(area: SearchArea) -> str | None:
-    """Why a search area is no contact patch of a tyre on a road, None if it can be.
+    """Flag of a search area that is larger than the contact patch of a road tyre.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def area_flag(area: SearchArea) -> str | None:
     Returns
     -------
     str or None
-        One sentence if it is longer or wider than 0.5 m.
+        One sentence if it is longer or wider than 0.5 m, else None.
 
     Examples
     --------
@@ -134,7 +134,7 @@ def area_flag(area: SearchArea) -> str | None:
     >>> area_flag(Disc())
     """
     along, across = (2 * half for half in area.half_axes)
-    if max(along, across) <= _LARGE:
+    if max(along, across) <= _MAX_PLAUSIBLE:
         return None
     return (
         f"the search area is {along:g} m long and {across:g} m wide, the contact patch of a "
@@ -142,17 +142,18 @@ def area_flag(area: SearchArea) -> str | None:
     )
 
 
-def _require_positive(name: str, value: float) -> None:
+def require_positive(name: str, value: float) -> None:
+    """Raise ValueError if a length is not finite and greater than 0 m."""
     if not 0 < value < float("inf"):
         message = f"{name} must be greater than 0 m, got {value}."
         raise ValueError(message)
 
 
-def _require_size(name: str, value: float, largest: float) -> None:
-    _require_positive(name, value)
-    if value > largest:
+def _require_size(name: str, value: float, max_size: float) -> None:
+    require_positive(name, value)
+    if value > max_size:
         message = (
-            f"{name} must be at most {largest:g} m, since no tyre's contact patch is longer or "
-            f"wider than {_LARGEST:g} m, got {value:g}; is it in millimetres?"
+            f"{name} must be at most {max_size:g} m, since no tyre's contact patch is longer or "
+            f"wider than {_MAX_SIZE:g} m, got {value:g}; is it in millimetres?"
         )
         raise ValueError(message)

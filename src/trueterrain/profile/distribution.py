@@ -1,9 +1,9 @@
-"""Heights inside search areas as distributions (thesis 5.2.3): the CPF of each path point.
+"""Distributions of the heights inside search areas: the CPF of each path point (thesis 5.2.3).
 
-The cumulative probability function F(h) is the share of heights that do not exceed h. Measured
-heights make it a staircase; heights quantised to a step (the thesis's 1 mm) are continued between
-the steps by PCHIP (thesis 5.3, Fig. 5-7): a height recorded as h lies within half a step of h, so F
-is known at both edges of every occupied step, and PCHIP keeps it monotonic in between.
+The cumulative probability function F(h) is the fraction of heights that do not exceed h, a step
+function. For heights quantised to a step (1 mm in the thesis) it is interpolated by PCHIP (thesis
+5.3, Fig. 5-7): a height recorded as h lies within half a step of h, so F is known at both edges of
+every occupied step, and PCHIP keeps it monotonic in between.
 """
 
 from collections.abc import Iterator
@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-#: Heights that differ by less than this share of a step were recorded in the same step.
+#: Heights that differ by less than this fraction of a step were recorded in the same step.
 SAME_STEP = 1e-6
 
-#: Neighbouring heights farther apart than this quantity of steps have an empty step between them.
+#: Neighbouring heights farther apart than this number of steps have an empty step between them.
 NEXT_STEP = 1.01
 
 Float = npt.NDArray[np.float64]
@@ -30,15 +30,15 @@ class HeightDistribution:
     "Heights in ascending order, shape (n,) [m]."
 
     distances: Float
-    "Horizontal distance of each from the path point, shape (n,) [m]."
+    "Horizontal distances from the path point, shape (n,) [m]."
 
     def cpf(self, height: npt.ArrayLike) -> Float:
-        """Share of heights that do not exceed `height`.
+        """Cumulative probability: fraction of the heights that do not exceed `height`.
 
         Parameters
         ----------
         height : array_like
-            Heights to ask for [m].
+            Heights at which to evaluate [m].
 
         Returns
         -------
@@ -80,30 +80,32 @@ class HeightDistribution:
             raise ValueError(message)
         if not self.heights.size:
             return np.empty(0), np.empty(0)
-        begins = [0]  # of the heights that were recorded in the same step
+        begins = [0]  # first index of the heights recorded in each step
         while begins[-1] < self.heights.size:
             same = self.heights[begins[-1]] + SAME_STEP * resolution
             begins.append(int(np.searchsorted(self.heights, same, side="right")))
         recorded = self.heights[begins[:-1]]
-        share = np.array(begins[1:-1]) / self.heights.size
+        probability = np.array(begins[1:-1]) / self.heights.size
         apart = np.diff(recorded) > NEXT_STEP * resolution
-        middle = 0.5 * (recorded[:-1] + recorded[1:])
-        upper = np.where(apart, recorded[:-1] + 0.5 * resolution, middle)
+        midpoint = 0.5 * (recorded[:-1] + recorded[1:])
+        # neighbouring steps have one common edge; an empty step between them has two edges, at
+        # which the CPF is equal
+        upper = np.where(apart, recorded[:-1] + 0.5 * resolution, midpoint)
         inner = np.stack([upper, recorded[1:] - 0.5 * resolution], axis=-1)
-        once = np.stack([np.ones_like(apart), apart], axis=-1)
+        used = np.stack([np.ones_like(apart), apart], axis=-1)
         ends = recorded[[0, -1]] + np.array([-0.5, 0.5]) * resolution
         return (
-            np.concatenate([ends[:1], inner[once], ends[1:]]),
-            np.concatenate([[0.0], np.stack([share, share], axis=-1)[once], [1.0]]),
+            np.concatenate([ends[:1], inner[used], ends[1:]]),
+            np.concatenate([[0.0], np.stack([probability] * 2, axis=-1)[used], [1.0]]),
         )
 
     def continued_cpf(self, height: npt.ArrayLike, resolution: float) -> Float:
-        """CPF of quantised heights, continued between the steps by PCHIP (thesis Fig. 5-7).
+        """CPF of quantised heights, interpolated between the steps by PCHIP (thesis Fig. 5-7).
 
         Parameters
         ----------
         height : array_like
-            Heights to ask for [m].
+            Heights at which to evaluate [m].
         resolution : float
             Step of the quantised heights [m].
 
@@ -137,7 +139,7 @@ class HeightDistributions:
     """Heights inside the search areas of many path points, one slice of the arrays each."""
 
     start: Integer
-    "Begin of each path point's slice, then the end of the last, shape (s + 1,)."
+    "First index of the slice of each path point, then the end of the last, shape (s + 1,)."
 
     heights: Float
     "Heights, ascending within each slice, shape (start[-1],) [m]."
@@ -147,14 +149,14 @@ class HeightDistributions:
 
     @property
     def count(self) -> Integer:
-        """Quantity of heights per path point, shape (s,)."""
+        """Number of heights of each path point, shape (s,)."""
         return np.diff(self.start)
 
     def __len__(self) -> int:
         return self.start.size - 1
 
     def __getitem__(self, index: int) -> HeightDistribution:
-        index = range(len(self))[index]  # negative ones count from the end, too large ones raise
+        index = range(len(self))[index]  # negative indices and IndexError as of a sequence
         cut = slice(self.start[index], self.start[index + 1])
         return HeightDistribution(heights=self.heights[cut], distances=self.distances[cut])
 

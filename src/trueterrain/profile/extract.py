@@ -1,4 +1,4 @@
-"""From ground to profile: the heights that a tyre feels along a path, and those of the line."""
+"""Profiles along a path: statistics of search areas, and the bare line."""
 
 from collections.abc import Iterable
 from typing import Literal
@@ -17,16 +17,17 @@ from trueterrain.profile.search._gather import Gatherer, distributions_along
 from trueterrain.profile.search.grid import grid_gatherer
 from trueterrain.profile.search.scattered import ScatteredHeights
 from trueterrain.profile.statistic import Median, Statistic
+from trueterrain.surface.evaluate import heights_at
 
-#: A surface, a point cloud, or the blocks of a cloud too large to hold.
+#: A surface, a point cloud, or the blocks of a cloud too large for the memory.
 Ground = xr.Dataset | Iterable[xr.Dataset]
 
 #: What to do with path points that have too few heights around them.
 ThinPolicy = Literal["error", "nan"]
 
-_FIRST_BLOCK = 1 << 8  # path points whose distributions are held at first
-_PATH_BLOCK = 1 << 14  # and at most
-_HEIGHTS = 1 << 22  # heights held at a time, about 150 MB, however large the search area
+_FIRST_BLOCK = 1 << 8  # path points of the first block
+_PATH_BLOCK = 1 << 14  # path points of a block at most
+_HEIGHTS = 1 << 22  # heights of a block, about 150 MB, for any search area
 
 
 def tyre_profile(
@@ -40,7 +41,10 @@ def tyre_profile(
     thin: ThinPolicy = "error",
     progress: Progress = no_progress,
 ) -> xr.Dataset:
-    """Profile that a tyre feels along a path: a statistic of the heights under its patch.
+    """Tyre profile along a path: a statistic of the heights in a search area at each path point.
+
+    Use it for point clouds and noisy surfaces, or where the deformation of a tyre is not needed;
+    `tyre_envelope` rolls a tyre model over a surface instead.
 
     Parameters
     ----------
@@ -51,14 +55,14 @@ def tyre_profile(
     area : Disc, Ellipse or Rectangle
         Search area around each path point; the thesis's is a disc of 25 mm radius.
     statistic : Statistic
-        What to take of the heights; the thesis takes their median.
+        Statistic of the heights; the thesis takes their median.
     level : bool
-        Take a robust plane's slope out of each search area first. A slope is then no scatter, and
-        any statistic of a tilted plane is the plane's height at the path point. The standard
-        deviation does not contain that of the slope: of 15 heights it is a quarter too small, of 60
-        a twentieth.
+        Whether to subtract the slope of a robust plane from each search area first. A slope then
+        does not count as scatter, and any statistic of a tilted plane is the height of the plane at
+        the path point. The standard deviation does not contain that of the slope: with 15 heights
+        it is a quarter too small, with 60 a twentieth.
     min_count : int
-        A search area with fewer heights is thin.
+        Minimum number of heights; a search area with fewer is thin.
     thin : {"error", "nan"}
         Whether thin search areas raise or give NaN. They are never interpolated.
     progress : callable, optional
@@ -67,8 +71,8 @@ def tyre_profile(
     Returns
     -------
     xarray.Dataset
-        Profile with ``height``, ``sd``, ``count``, ``easting``, ``northing``; the
-        quantity of thin search areas is in ``attrs["thin"]``.
+        Profile with ``height``, ``sd``, ``count``, ``easting``, ``northing``; ``attrs["thin"]`` is
+        the number of thin search areas.
 
     Raises
     ------
@@ -80,8 +84,8 @@ def tyre_profile(
     Notes
     -----
     The result does not depend on the order of the points, on their division into blocks, or on the
-    quantity of threads, not even in the last bit: heights are sorted before anything is summed. The
-    nodes of a surface count as points do, also where a search area reaches beyond its edge.
+    number of threads, not even in the last bit: heights are sorted before they are summed. Nodes of
+    a surface are treated as points, also where a search area reaches beyond its edge.
 
     Source: thesis section 5.2, median in a disc of 25 mm radius.
 
@@ -136,7 +140,9 @@ def tyre_profile(
 
 
 def point_profile(ground: Ground, path: WheelPath) -> xr.Dataset:
-    """Profile of the bare line: what a point contact would feel, every stone and joint of it.
+    """Profile of the bare line: the height under a point contact, with every stone and joint.
+
+    For comparison with tyre profiles, and for instruments that measure a line.
 
     Parameters
     ----------
@@ -153,8 +159,8 @@ def point_profile(ground: Ground, path: WheelPath) -> xr.Dataset:
     Raises
     ------
     CoverageError
-        If a path point lies outside of the surface or where it has no height; for scattered points,
-        which have no height between them.
+        If a path point lies outside of the surface or where it has no height; if the ground is
+        scattered points, which define no height between them.
 
     Examples
     --------
@@ -164,8 +170,6 @@ def point_profile(ground: Ground, path: WheelPath) -> xr.Dataset:
     >>> point_profile(ramp, straight_path((0, 5), (10, 5), spacing=2.5)).height.values
     array([0.  , 0.25, 0.5 , 0.75, 1.  ])
     """
-    from trueterrain.surface.evaluate import heights_at
-
     _require_path(path)
     if not isinstance(ground, xr.Dataset) or kind_of(ground) != "surface":
         raise CoverageError(
@@ -195,6 +199,8 @@ def height_distributions(
 ) -> HeightDistributions:
     """Distributions of heights (CPF) inside the search area of each path point.
 
+    Use it to see the heights from which `tyre_profile` takes its statistic.
+
     Parameters
     ----------
     ground : xarray.Dataset or iterable of xarray.Dataset
@@ -204,12 +210,12 @@ def height_distributions(
     area : Disc, Ellipse or Rectangle
         Search area around each path point.
     level : bool
-        Take a robust plane's slope out of each search area first.
+        Whether to subtract the slope of a robust plane from each search area first.
 
     Returns
     -------
     HeightDistributions
-        One distribution per path point; empty ones where there is no ground.
+        One distribution per path point; empty where there is no ground.
 
     Notes
     -----
@@ -236,7 +242,7 @@ def _prepare_ground(
         return ground, grid_gatherer(check_surface(ground), area)
     if isinstance(ground, xr.Dataset) and kind_of(ground) == "profile":
         raise CoverageError(
-            "a profile has no ground beside its line", cure="Give a surface or points."
+            "a profile has no ground lateral to its line", cure="Give a surface or points."
         )
     scattered = ScatteredHeights(path, area)
     source = xr.Dataset()
@@ -247,14 +253,14 @@ def _prepare_ground(
 
 
 def _require_path(path: object) -> None:
-    # kernels take its arrays as they are
+    # kernels do not check the arrays of a path
     if not isinstance(path, WheelPath):
-        message = f"path must be a WheelPath, behind the ground, got {type(path).__name__}."
+        message = f"path must be a WheelPath, after the ground, got {type(path).__name__}."
         raise TypeError(message)
 
 
 def _next_size(distributions: HeightDistributions) -> int:
-    """Quantity of path points whose heights, if they are as many each, can be held at a time."""
+    """Path points of the next block, if each has as many heights as those of the last block."""
     size = _HEIGHTS * len(distributions) // max(distributions.heights.size, 1)
     return min(max(size, 1), _PATH_BLOCK)
 
@@ -267,6 +273,7 @@ def _report_thin(
     min_count: int,
     policy: ThinPolicy,
 ) -> None:
+    """Raise if search areas are thin and the policy does not permit it."""
     thin = np.flatnonzero(is_thin)
     if thin.size == 0 or (policy == "nan" and thin.size < len(path)):
         return

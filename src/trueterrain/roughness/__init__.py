@@ -1,7 +1,7 @@
-"""What a profile amounts to: indices of roughness, spectra and classes, filters.
+"""Roughness of profiles: indices, spectra and road classes, filters.
 
 IRI, MRI and HRI, Ride Number, ISO 8608, root mean squares in bands of wavelength and the rolling
-straightedge; what is implausible about a profile is said by `flags`.
+straightedge; `flag_profile` names implausible heights, which mostly come from a wrong unit.
 """
 
 from trueterrain.roughness.filters import (
@@ -18,6 +18,7 @@ from trueterrain.roughness.psd import PsdSettings, psd
 from trueterrain.roughness.quarter_car import IRI_SPEED, QuarterCar
 from trueterrain.roughness.resample import resample_profile
 from trueterrain.roughness.ride_number import RIDE_NUMBER_CAR, RideNumberSettings, ride_number
+from trueterrain.roughness.settings import QuarterCarSettings
 from trueterrain.roughness.straightedge import rolling_straightedge
 from trueterrain.roughness.stretches import (
     LONG_CONTINUOUS,
@@ -44,6 +45,7 @@ __all__ = [
     "MovingAverage",
     "PsdSettings",
     "QuarterCar",
+    "QuarterCarSettings",
     "RideNumberSettings",
     "continuous_iri",
     "filter_profile",

@@ -1,6 +1,13 @@
 """Loops of the quarter car and of the moving averages; arguments are checked by the callers.
 
-``car`` is (K1/mu, K2/mu, C/mu, K2, C, rate): the elements of A and a bound of its norm [1/s].
+Arguments that several kernels take:
+
+- ``station`` (n,) [m] ascends, ``height`` [m] belongs to it;
+- ``car`` is (K1/mu, K2/mu, C/mu, K2, C, rate): the elements of A [1/s², 1/s] and a bound of its
+  norm [1/s], see `QuarterCar.matrices`;
+- ``state`` (4,) is the initial state [m/m, 1/s], ``S`` (4, 4) and ``p`` (4,) are the transition
+  matrix and partial response of one step, see `QuarterCar.transition`;
+- ``base`` is the number of samples that a slope spans, ``scale`` [1/m] the inverse of their length.
 """
 
 import math
@@ -11,19 +18,24 @@ from trueterrain.core.kernels import compile_kernel
 # terms are lost in the rounding of the sum
 _NEGLIGIBLE = 1e-17
 
-# Longest part of a step, as rate times time [1]: beyond it, the terms of the series grow so far
+# Largest part of a step, as rate times time [1]: beyond it, the terms of the series grow so far
 # that digits are lost when they cancel
-_LONGEST = 2.0
+_MAX_PART = 2.0
 
 
 @compile_kernel
 def _exact_step(x0, x1, x2, x3, slope, duration, car):
-    """State after a step of constant slope: the Taylor series of the exponential, applied to x."""
+    """State after `duration` [s] of constant slope [m/m]: Taylor series of exp(A t) times x.
+
+    At unequal spacing each step has a transition of its own, and the series costs less than the
+    matrix exponential: at constant input u, x(t) = x + t x' + t^2/2 A x' + ..., x' = A x + B u.
+    """
     tyre, spring, damper, body_spring, body_damper, rate = car
-    parts = max(1, math.ceil(rate * duration / _LONGEST))
+    parts = max(1, math.ceil(rate * duration / _MAX_PART))
     dt = duration / parts
-    reach = rate * dt
+    norm = rate * dt  # of A dt
     for _ in range(parts):
+        # first term, dt x'
         t0 = dt * x1
         t1 = dt * (body_spring * (x2 - x0) + body_damper * (x3 - x1))
         t2 = dt * x3
@@ -32,11 +44,11 @@ def _exact_step(x0, x1, x2, x3, slope, duration, car):
         x1 += t1
         x2 += t2
         x3 += t3
-        bound = reach
+        bound = norm  # of the k-th term: norm^k / k!
         order = 1.0
         while bound > _NEGLIGIBLE:
             order += 1.0
-            bound *= reach / order
+            bound *= norm / order
             h = dt / order
             travel = t2 - t0
             rate_of_travel = t3 - t1
@@ -55,7 +67,7 @@ def _exact_step(x0, x1, x2, x3, slope, duration, car):
 
 @compile_kernel
 def unequal_response(station, height, speed, car, state, out):
-    """Write the output at the end of each step into `out`, shape (len(station) - 1,)."""
+    """Write the output at the end of each step into `out` (n - 1,) [m/m]; `speed` is in m/s."""
     x0, x1, x2, x3 = state[0], state[1], state[2], state[3]
     for i in range(out.size):
         length = station[i + 1] - station[i]
@@ -66,7 +78,11 @@ def unequal_response(station, height, speed, car, state, out):
 
 @compile_kernel
 def equal_response(height, base, scale, S, p, state, out):
-    """Write the output at the end of each step into `out`; the slope spans `base` samples."""
+    """Write the output at the end of each step into `out` (steps,) [m/m].
+
+    S and p are unpacked into scalars, which the compiler keeps in registers; the pairing of the
+    sums fixes their rounding.
+    """
     s00, s01, s02, s03 = S[0, 0], S[0, 1], S[0, 2], S[0, 3]
     s10, s11, s12, s13 = S[1, 0], S[1, 1], S[1, 2], S[1, 3]
     s20, s21, s22, s23 = S[2, 0], S[2, 1], S[2, 2], S[2, 3]
@@ -91,10 +107,12 @@ def _rectified_output(output, squared):
 
 @compile_kernel
 def equal_sums(height, base, scale, S, p, duration, car, state, squared, edges, sums):
-    """Sum abs(output), or its square, over all steps, and between edges into `sums`; in steps.
+    """Sum abs(output), or its square, over all steps, and between edges into `sums` [steps].
 
-    `edges` ascend from 0 to the number of steps. An edge within a step divides it: the output at
-    the edge stands for the part before it, the output at the end of the step for the part after.
+    `edges` (k + 1,) ascend from 0 to the number of steps, `sums` is (k,), `duration` is that of a
+    step [s]. An edge within a step divides it: the output at the edge stands for the part before
+    it, the output at the end of the step for the part after. The total counts whole steps only, so
+    that it does not depend on the edges.
     """
     s00, s01, s02, s03 = S[0, 0], S[0, 1], S[0, 2], S[0, 3]
     s10, s11, s12, s13 = S[1, 0], S[1, 1], S[1, 2], S[1, 3]
@@ -136,7 +154,7 @@ def equal_sums(height, base, scale, S, p, duration, car, state, squared, edges, 
 
 @compile_kernel
 def mean_of_samples(station, height, half, out):
-    """Write the mean of the heights within `half` of each station, both ends included."""
+    """Write the mean of the heights within `half` [m] of each station into `out` (n,) [m]."""
     count = station.size
     low = 0
     for i in range(count):
@@ -162,18 +180,20 @@ def _profile_integral(station, height, begin, end, cell, datum):
         if cell < station.size - 2 and station[cell + 1] < end:
             stop = station[cell + 1]
         slope = (height[cell + 1] - height[cell]) / (station[cell + 1] - station[cell])
-        middle = height[cell] - datum + slope * (0.5 * (here + stop) - station[cell])
-        total += middle * (stop - here)
+        # a straight line: its integral is its height at the midpoint times the length
+        midpoint = height[cell] - datum + slope * (0.5 * (here + stop) - station[cell])
+        total += midpoint * (stop - here)
         here = stop
     return total, cell
 
 
 @compile_kernel
 def mean_of_lines(station, height, length, first, out):
-    """Write the mean of the straight-line profile over `length` around stations first, first+1, ...
+    """Write the mean of the straight-line profile over `length` [m] around stations first, ...
 
-    Each mean follows from the one before by what enters and leaves the window, so that the slope
-    between two of them, which is all that the car feels, carries no rounding of the others.
+    `out` (m,) [m] holds the means at stations first to first + m - 1. Each follows from the one
+    before by the integrals that enter and leave the window: the slope between two means, the input
+    of the car, then carries no rounding error of the others.
     """
     half = 0.5 * length
     datum = height[first]
@@ -182,20 +202,19 @@ def mean_of_lines(station, height, length, first, out):
     )
     mean = datum + inside / length
     out[0] = mean
-    ahead = 0
-    behind = 0
+    front = rear = 0  # cells at the ends of the window
     for i in range(1, out.size):
         a, b = station[first + i - 1], station[first + i]
         datum = height[first + i]
-        entered, ahead = _profile_integral(station, height, a + half, b + half, ahead, datum)
-        left, behind = _profile_integral(station, height, a - half, b - half, behind, datum)
-        mean += (entered - left) / length
+        entering, front = _profile_integral(station, height, a + half, b + half, front, datum)
+        leaving, rear = _profile_integral(station, height, a - half, b - half, rear, datum)
+        mean += (entering - leaving) / length
         out[i] = mean
 
 
 @compile_kernel
-def largest_deviation(station, step):
-    """Largest distance of a station from where equal steps would put it."""
+def max_deviation(station, step):
+    """Largest distance of a station from equal steps [m]."""
     largest = 0.0
     for i in range(station.size):
         largest = max(largest, abs(station[i] - (station[0] + i * step)))

@@ -1,11 +1,11 @@
-"""Filters of profiles, given by wavelength: moving averages and Butterworth, without phase.
+"""Filters of profiles, given by wavelength: moving average and Butterworth, zero phase.
 
-Waves shorter than ``shortest`` or longer than ``longest`` are taken out: the first alone is a low
+Waves shorter than ``shortest`` or longer than ``longest`` are removed: the first alone is a low
 pass, the second alone a high pass, both together a band pass. Nothing is shifted along the road.
 
-A profile has ends, a filter needs what lies beyond. There the profile is taken to go on as its own
-image, turned by half a turn about its last point: without a step, with the same grade. A grade
-passes a low pass unchanged and leaves nothing of a high pass, up to the very ends.
+Beyond its ends the profile is extended by odd reflection, its point reflection about the last
+sample: no step, and the same grade. A uniform grade passes a low pass unchanged and is removed by a
+high pass, up to the very ends.
 """
 
 from abc import ABC, abstractmethod
@@ -18,27 +18,28 @@ import xarray as xr
 from trueterrain.core.errors import CoverageError, SchemaError
 from trueterrain.core.provenance import add_step
 from trueterrain.core.schemas import make_profile
-from trueterrain.roughness._track import equal_step, require_positive
-from trueterrain.roughness._tracks import finite_tracks
+from trueterrain.roughness._drive import equal_step
+from trueterrain.roughness._segments import finite_tracks
+from trueterrain.roughness.settings import require_positive
 
 __all__ = ["FILTER_250_MM", "Butterworth", "Filter", "MovingAverage", "filter_profile"]
 
 Array = npt.NDArray[np.float64]
 
-_SPACING_TOLERANCE = 1e-3  # [steps] as for the car, see IriOptions
-_MOST_ORDER = 50
-_SETTLED = 1e-4  # [1] of its start, to which the answer of a filter falls within the mirrored ends
+_SPACING_TOLERANCE = 1e-3  # [steps] as for the car, see IriSettings
+_MAX_ORDER = 50
+_DECAY = 1e-4  # [1] fraction to which the impulse response of a filter decays within the extension
 
 
 @dataclass(frozen=True, kw_only=True)
 class Filter(ABC):
-    """What a filter takes out of a profile."""
+    """Filter of a profile, by the wavelengths that it removes."""
 
     shortest: float | None = None
-    "Waves shorter than this are taken out [m]."
+    "Waves shorter than this are removed [m]."
 
     longest: float | None = None
-    "Waves longer than this are taken out [m]."
+    "Waves longer than this are removed [m]."
 
     def __post_init__(self) -> None:
         if self.shortest is None and self.longest is None:
@@ -60,17 +61,17 @@ class Filter(ABC):
 
     @abstractmethod
     def gain(self, wavelength: npt.ArrayLike, *, spacing: float = 0.0) -> Array:
-        """Amplitude of a sine after the filter over that before."""
+        """Amplitude of a sine after the filter over its amplitude before [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MovingAverage(Filter):
-    """Mean of the straight lines between the samples, over a length around each.
+    """Moving average: mean of the straight lines between the samples, over a length around each.
 
     The low pass is the mean over `shortest`, the high pass the profile less the mean over
-    `longest`, as profile viewers define it. The mean passes a wave by sin(x) / x, x = pi length /
-    wavelength: nothing of a wave as long as the window, half of the power at 2.26 lengths, and a
-    fifth of a wave of 0.7 lengths, turned upside down. Spacing may be unequal.
+    `longest`, as profile viewers define it. The gain is sin(x) / x with x = pi length / wavelength:
+    0 for a wave as long as the window, half of the power at 2.26 lengths, and -0.2 (inverted) at
+    0.7 lengths. Spacing may be unequal.
 
     Examples
     --------
@@ -80,12 +81,12 @@ class MovingAverage(Filter):
 
     def filtered(self, station: Array, height: Array) -> Array:
         """Heights [m] of one track after the filter."""
-        _require_room(station, max(self.shortest or 0.0, self.longest or 0.0))
+        _require_length(station, max(self.shortest or 0.0, self.longest or 0.0))
         low = height if self.shortest is None else _moving_mean(station, height, self.shortest)
         return low if self.longest is None else low - _moving_mean(station, low, self.longest)
 
     def gain(self, wavelength: npt.ArrayLike, *, spacing: float = 0.0) -> Array:
-        """Amplitude of a sine after the filter over that before; negative if turned upside down.
+        """Amplitude of a sine after the filter over its amplitude before; negative if inverted.
 
         Parameters
         ----------
@@ -106,11 +107,11 @@ class MovingAverage(Filter):
 
 @dataclass(frozen=True, kw_only=True)
 class Butterworth(Filter):
-    """Butterworth filter run forth and back: no phase, and half of the power at both cut-offs.
+    """Butterworth filter applied forward and backward: zero phase, half the power at the cut-offs.
 
-    Each run has the order `order` and a cut-off moved such that both runs together pass half of the
-    power, 0.71 of the amplitude, of a wave as long as `shortest` or `longest`; beyond, waves fall
-    by 12 `order` dB per octave. Spacing must be equal.
+    Each application has the order `order`, and its cut-off is moved such that both together pass
+    half of the power, 0.71 of the amplitude, of a wave as long as `shortest` or `longest`; beyond,
+    the gain falls by 12 `order` dB per octave. Spacing must be equal.
 
     Examples
     --------
@@ -119,25 +120,26 @@ class Butterworth(Filter):
     """
 
     order: int = 3
-    "Order of each of the two runs, at most 50: steeper ones ring over the whole profile."
+    "Order of each application, at most 50: steeper ones ring over the whole profile."
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        known = not isinstance(self.order, bool) and 1 <= self.order <= _MOST_ORDER
+        known = not isinstance(self.order, bool) and 1 <= self.order <= _MAX_ORDER
         if not known or self.order != int(self.order):
-            message = f"order must be a whole number from 1 to {_MOST_ORDER}, got {self.order}"
+            message = f"order must be a whole number from 1 to {_MAX_ORDER}, got {self.order}"
             raise ValueError(message)
 
     def filtered(self, station: Array, height: Array) -> Array:
         """Heights [m] of one track after the filter."""
         from scipy.signal import sosfiltfilt
 
-        _require_room(station, max(self.shortest or 0.0, self.longest or 0.0))
+        _require_length(station, max(self.shortest or 0.0, self.longest or 0.0))
         step = require_equal(station, "for a Butterworth filter")
         self._require_waves(step)
-        along = (station - station[0]) / (station[-1] - station[0])
-        grade = height[0] + along * (height[-1] - height[0])
-        out = height - grade  # ends at 0, whence its image goes on
+        # without the chord the profile ends at 0, so that its odd reflection is continuous
+        fraction = (station - station[0]) / (station[-1] - station[0])
+        grade = height[0] + fraction * (height[-1] - height[0])
+        out = height - grade
         for kind, length in (("lowpass", self.shortest), ("highpass", self.longest)):
             if length is not None:
                 sections, ring = self._sections(kind, length, step)
@@ -145,14 +147,14 @@ class Butterworth(Filter):
         return out + grade if self.longest is None else np.ascontiguousarray(out)
 
     def gain(self, wavelength: npt.ArrayLike, *, spacing: float = 0.0) -> Array:
-        """Amplitude of a sine after the filter over that before.
+        """Amplitude of a sine after the filter over its amplitude before.
 
         Parameters
         ----------
         wavelength : array_like
             Wavelength of the sine [m].
         spacing : float
-            Spacing of the samples [m]; what they are too coarse for falls earlier.
+            Spacing of the samples [m]; the bilinear transform warps waves of a few spacings.
 
         Returns
         -------
@@ -162,25 +164,26 @@ class Butterworth(Filter):
         here = _warped_frequency(np.asarray(wavelength, dtype=float), spacing)
         total = np.ones_like(here)
         power = 2 * int(self.order)
-        share = np.sqrt(2.0) - 1.0  # by which the cut-off of each run lies beyond that of both
+        # each application has |H|^2 = 1 / (1 + (n / n_c)^(2 order)); both together have |H|^2 as
+        # their gain, which is 2^-1/2 at the cut-off if (n / n_c)^(2 order) is 2^1/2 - 1 there
+        edge = np.sqrt(2.0) - 1.0
         if self.shortest is not None:
-            total = total / (
-                1 + share * (here / _warped_frequency(self.shortest, spacing)) ** power
-            )
+            total = total / (1 + edge * (here / _warped_frequency(self.shortest, spacing)) ** power)
         if self.longest is not None:
-            total = total / (1 + share * (_warped_frequency(self.longest, spacing) / here) ** power)
+            total = total / (1 + edge * (_warped_frequency(self.longest, spacing) / here) ** power)
         return total
 
     def _sections(self, kind: str, length: float, step: float) -> tuple[Array, int]:
-        """Second-order sections of one run, and samples after which its answer has died away."""
+        """Second-order sections of one application, and samples in which its response decays."""
         from scipy.signal import butter, sos2zpk
 
-        edge = (np.sqrt(2.0) - 1.0) ** (1 / (2 * int(self.order)))  # amplitude 2^-1/4 in each run
+        # n / n_c at which each application passes 2^-1/4 of the amplitude, see `gain`
+        edge = (np.sqrt(2.0) - 1.0) ** (1 / (2 * int(self.order)))
         warped = _warped_frequency(length, step) * (1 / edge if kind == "lowpass" else edge)
-        frequency = 2 / np.pi * np.arctan(float(warped) * np.pi * step)  # [1] of the highest
+        frequency = 2 / np.pi * np.arctan(float(warped) * np.pi * step)  # [1] of Nyquist's
         sections = butter(int(self.order), frequency, btype=kind, output="sos")
-        slowest = float(np.max(np.abs(sos2zpk(sections)[1])))
-        return sections, int(np.ceil(np.log(_SETTLED) / np.log(slowest)))
+        slowest = float(np.max(np.abs(sos2zpk(sections)[1])))  # pole nearest to the unit circle
+        return sections, int(np.ceil(np.log(_DECAY) / np.log(slowest)))
 
     def _require_waves(self, step: float) -> None:
         for name in ("shortest", "longest"):
@@ -195,7 +198,7 @@ FILTER_250_MM = MovingAverage(shortest=0.25)
 
 
 def filter_profile(profile: xr.Dataset, by: Filter) -> xr.Dataset:
-    """Profile after a filter, at the same stations.
+    """Filter a profile; the stations stay.
 
     Parameters
     ----------
@@ -207,15 +210,15 @@ def filter_profile(profile: xr.Dataset, by: Filter) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        Profile with filtered heights [m]; positions are kept, counts and standard deviations are
-        not, since they are not those of the filtered heights.
+        Profile with filtered heights [m]; positions are kept. Counts and standard deviations are
+        dropped, since they do not hold for the filtered heights.
 
     Raises
     ------
     ValueError
-        If a Butterworth filter shall cut waves that the samples cannot show.
+        If a Butterworth filter has a cut-off of at most two spacings.
     SchemaError
-        If `profile` is not a Profile, or a Butterworth filter meets unequal spacing.
+        If `profile` is not a Profile, or its spacing is unequal and the filter is a Butterworth.
     CoverageError
         If a height is not finite, or the profile is shorter than the longest wave of the filter.
 
@@ -248,7 +251,7 @@ def filter_profile(profile: xr.Dataset, by: Filter) -> xr.Dataset:
 
 
 def require_equal(station: Array, purpose: str) -> float:
-    """Spacing of equally spaced stations [m]; says what it is needed for if it is not equal."""
+    """Spacing of equally spaced stations [m]; the error names the purpose if it is not equal."""
     step = equal_step(station, _SPACING_TOLERANCE) if station.size > 1 else None
     if step is None:
         spacing = np.diff(station)
@@ -261,61 +264,55 @@ def require_equal(station: Array, purpose: str) -> float:
     return step
 
 
-def _require_room(station: Array, length: float) -> None:
-    room = float(station[-1] - station[0])
-    if room < length:
+def _require_length(station: Array, length: float) -> None:
+    extent = float(station[-1] - station[0])
+    if extent < length:
         raise CoverageError(
-            f"is shorter than the filter: {room:g} m, which must be at least {length:g} m",
+            f"is shorter than the filter: {extent:g} m, which must be at least {length:g} m",
             place="axis s",
             cure="Give a longer profile or cut shorter waves.",
         )
 
 
 def _moving_mean(station: Array, height: Array, length: float) -> Array:
-    """Mean of the straight lines over a length around each sample, beyond the ends of the image."""
+    """Mean of the straight lines over a length around each sample, of the extended profile."""
     from trueterrain.roughness import _kernels
 
-    ahead = int(np.searchsorted(station, station[0] + 0.5 * length, side="right")) + 1
-    behind = int(np.searchsorted(station, station[-1] - 0.5 * length)) - 1
-    ahead, behind = min(ahead, station.size), max(behind, 0)
-    long = np.concatenate(
-        [
-            2 * station[0] - station[ahead - 1 : 0 : -1],
-            station,
-            2 * station[-1] - station[-2 : behind - 1 if behind else None : -1],
-        ]
-    )
-    high = np.concatenate(
-        [
-            2 * height[0] - height[ahead - 1 : 0 : -1],
-            height,
-            2 * height[-1] - height[-2 : behind - 1 if behind else None : -1],
-        ]
-    )
+    # samples within half a window of either end are reflected about it
+    head = int(np.searchsorted(station, station[0] + 0.5 * length, side="right")) + 1
+    tail = int(np.searchsorted(station, station[-1] - 0.5 * length)) - 1
+    head, tail = min(head, station.size), max(tail, 0)
+
+    def extended(values: Array) -> Array:
+        before = 2 * values[0] - values[head - 1 : 0 : -1]
+        after = 2 * values[-1] - values[-2 : tail - 1 if tail else None : -1]
+        return np.concatenate([before, values, after])
+
     out = np.empty(station.size)
-    _kernels.mean_of_lines(long, high, length, ahead - 1, out)
+    _kernels.mean_of_lines(extended(station), extended(height), length, head - 1, out)
     return out
 
 
 def _mean_gain(n: Array, length: float, spacing: float) -> Array:
-    """Gain of the mean over a length for spatial frequencies n [1/m]."""
+    """Gain of the moving average over a length for spatial frequencies n [1/m]."""
     if spacing == 0.0:
         return np.asarray(np.sinc(n * length))
-    # what each sample contributes: the integral over the window of its hat of straight lines
+    # weight of each sample: integral over the window of its hat function, since straight lines
+    # between samples are a sum of hats
     reach = int(0.5 * length / spacing) + 1
     at = np.arange(-reach, reach + 1.0)
     half = 0.5 * length / spacing
-    share = (_hat_integral(half - at) - _hat_integral(-half - at)) * spacing / length
-    return np.asarray(np.cos(2 * np.pi * n[..., None] * spacing * at) @ share)
+    weight = (_hat_integral(half - at) - _hat_integral(-half - at)) * spacing / length
+    return np.asarray(np.cos(2 * np.pi * n[..., None] * spacing * at) @ weight)
 
 
 def _hat_integral(t: Array) -> Array:
-    """Integral up to t of the hat that is 1 at 0 and falls to 0 at -1 and 1."""
+    """Integral up to t of the hat function, 1 at 0 and 0 at -1 and 1."""
     t = np.clip(t, -1.0, 1.0)
     return np.where(t < 0, 0.5 * (1 + t) ** 2, 1 - 0.5 * (1 - t) ** 2)
 
 
 def _warped_frequency(length: npt.ArrayLike, spacing: float) -> Array:
-    """Spatial frequency of a wavelength, as the bilinear transform of samples sees it [1/m]."""
+    """Spatial frequency of a wavelength, warped by the bilinear transform [1/m]."""
     n = 1 / np.asarray(length, dtype=float)
     return np.asarray(np.tan(np.pi * n * spacing) / (np.pi * spacing) if spacing else n)

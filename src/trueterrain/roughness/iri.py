@@ -1,10 +1,10 @@
 """International Roughness Index (IRI) of profiles.
 
-The index is the mean absolute slope at which the suspension of the golden car travels at 80 km/h,
-in m/km. It is computed as by the program of Sayers, "On the Calculation of International Roughness
-Index from Longitudinal Road Profile", Transportation Research Record 1501 (1995), which ASTM E1926
-adopted; the body of the standard itself was not available for comparison. Deviations from that
-program are options, and off unless asked for.
+The index is the mean rectified slope of the golden car at 80 km/h: the suspension travel summed
+over the road, per length of road [m/km]. It is computed as by the program of Sayers, "On the
+Calculation of International Roughness Index from Longitudinal Road Profile", Transportation
+Research Record 1501 (1995), which ASTM E1926 adopted; the body of the standard itself was not
+available for comparison. Deviations from that program are settings, and off by default.
 """
 
 import math
@@ -16,13 +16,13 @@ import xarray as xr
 
 from trueterrain.core.errors import CoverageError
 from trueterrain.core.provenance import add_step
-from trueterrain.roughness._rate import rate_track
-from trueterrain.roughness._track import IriSettings, ProfileDrive, drive_profile, step_response
-from trueterrain.roughness._tracks import ROUNDING, cut_segments, find_wheel_paths, finite_tracks
+from trueterrain.roughness._drive import ProfileDrive, drive_profile, rate_track, step_response
+from trueterrain.roughness._segments import ROUNDING, cut_segments, find_wheel_paths, finite_tracks
+from trueterrain.roughness.settings import IriSettings, require_positive
 
 __all__ = ["IN_PER_MI", "IriSettings", "continuous_iri", "iri"]
 
-#: What 1 m/km is in inches per mile [in/mi].
+#: 1 m/km in inches per mile [in/mi].
 IN_PER_MI = 63.36
 
 Array = npt.NDArray[np.float64]
@@ -44,8 +44,8 @@ def iri(
     ----------
     profile : xarray.Dataset
         Profile with dimension s, optionally track [m].
-    options : IriOptions
-        Conventions; the default is Sayers's program to the letter.
+    options : IriSettings
+        Conventions; by default those of Sayers's program.
     segment : float, optional
         Length of fixed segments from the first sample on [m].
     wheel_paths : sequence of 2 str, optional
@@ -56,7 +56,7 @@ def iri(
     -------
     xarray.Dataset
         ``iri`` (track) [m/km]; ``mri``, mean of the IRI of both wheel paths, and ``hri``, IRI of
-        their point-wise mean [m/km], NaN if there are not two. With `segment` also ``segment_iri``
+        their pointwise mean [m/km], NaN if there are not two. With `segment` also ``segment_iri``
         (track, segment), ``segment_mri`` and ``segment_hri`` (segment) [m/km], with the coordinates
         ``start``, ``end`` (segment) [m] and ``complete`` (segment), false for a shorter last one.
 
@@ -72,14 +72,15 @@ def iri(
 
     Notes
     -----
-    One car runs over the whole profile and its travel is averaged per segment, weighted with the
-    length of each step (``IriOptions(restart=True)`` starts a new car in each, over the samples
-    from its start to its end). The travel at the end of a step stands for the whole step, as in the
-    program; where a segment ends between two samples, the profile is straight and the travel there
-    stands for the part of the step before it. A segment is rated over those of its steps that the
-    moving average leaves: the Sayers window takes nint(length / spacing) - 1 steps from the end of
-    the profile (a value stands where its window begins, as in the program), the exact window half
-    its length from both ends. What is left behind the last segment, without any step, is dropped.
+    One car drives over the whole profile, and its rectified slope is averaged per segment, weighted
+    with the length of each step (``IriSettings(restart=True)`` starts a new car in each segment,
+    over the samples from its start to its end). The output at the end of a step stands for the
+    whole step, as in the program; where a segment ends between two samples, the profile is straight
+    and the output there stands for the part of the step before it. A segment is rated over those of
+    its steps that the moving average leaves: the Sayers window removes nint(length / spacing) - 1
+    steps at the end of the profile (a value belongs to the station at which its window begins, as
+    in the program), the exact window half its length at both ends. A last segment without any step
+    is dropped.
 
     The names MRI and HRI are those of Sayers, "Two Quarter-Car Models for Defining Road Roughness:
     IRI and HRI", Transportation Research Record 1215 (1989); HRI was not checked against the text
@@ -93,7 +94,7 @@ def iri(
     >>> left = 0.005 * np.sin(2 * np.pi * s / 15)
     >>> profile = make_profile(s, [left, -left], tracks=["left", "right"])
     >>> index = iri(profile, segment=150.0)
-    >>> print(index.segment_iri.sel(track="left").values.round(3))  # the first one settles
+    >>> print(index.segment_iri.sel(track="left").values.round(3))  # the first has the transient
     [1.982 2.035 2.036]
     >>> print(f"MRI {index.mri.item():.3f} m/km, HRI {index.hri.item():.3f} m/km")
     MRI 2.018 m/km, HRI 0.000 m/km
@@ -110,8 +111,8 @@ def iri(
     if paths is not None:
         left, right = paths
         mri, segment_mri = whole[[left, right]].mean(), parts[[left, right]].mean(axis=0)
-        middle = 0.5 * (heights[left] + heights[right])
-        total, part = rate_track(station, middle, options, segments)
+        mean_path = 0.5 * (heights[left] + heights[right])
+        total, part = rate_track(station, mean_path, options, segments)
         hri, segment_hri = _M_PER_KM * total, _M_PER_KM * part[kept]
     data = xr.Dataset(
         {"iri": ("track", whole, _UNIT), "mri": ((), mri, _UNIT), "hri": ((), hri, _UNIT)},
@@ -133,7 +134,9 @@ def continuous_iri(
     step: float | None = None,
     options: IriSettings = IriSettings(),
 ) -> xr.Dataset:
-    """International Roughness Index in a window that slides along each track.
+    """International Roughness Index in a sliding window along each track.
+
+    Shows where a profile is rough, with the resolution of the window.
 
     Parameters
     ----------
@@ -142,20 +145,21 @@ def continuous_iri(
     length : float
         Length of the window [m].
     step : float, optional
-        Distance from one window to the next [m]; default the (mean) spacing of the samples.
-    options : IriOptions
-        Conventions; the default is Sayers's program to the letter.
+        Distance from one window to the next [m]; by default the mean spacing of the samples.
+    options : IriSettings
+        Conventions; by default those of Sayers's program.
 
     Returns
     -------
     xarray.Dataset
-        ``iri`` (track, s) [m/km]; s is the middle of the window [m], with the coordinates ``start``
-        and ``end`` (s) [m]. Only windows that lie wholly on what the moving average leaves.
+        ``iri`` (track, s) [m/km]; s is the midpoint of the window [m], with the coordinates
+        ``start`` and ``end`` (s) [m]. Only windows that lie wholly on what the moving average
+        leaves.
 
     Raises
     ------
     ValueError
-        If `length` or `step` is not greater than 0, or the options ask for a restart.
+        If `length` or `step` is not greater than 0, or ``options.restart`` is true.
     SchemaError
         If `profile` is not a Profile, or its spacing is unequal and the window needs it equal.
     CoverageError
@@ -164,8 +168,9 @@ def continuous_iri(
 
     Notes
     -----
-    The travel of one run over the whole profile, as in `iri`, summed once and differenced; a window
-    that ends between two samples takes its share of the step.
+    One car drives over the whole profile, as in `iri`; its output is integrated once, and windows
+    are differences of the integral. A window that ends between two samples takes its fraction of
+    the step.
 
     Examples
     --------
@@ -179,18 +184,17 @@ def continuous_iri(
     149.0 174.0
     """
     for name, value in (("length", length), ("step", step)):
-        if value is not None and not (np.isfinite(value) and value > 0):
-            message = f"{name} must be finite and greater than 0 m, got {value}"
-            raise ValueError(message)
+        if value is not None:
+            require_positive(name, value, " m")
     if options.restart:
         message = "restart must be false for a sliding window, got True"
         raise ValueError(message)
     station, heights, names = finite_tracks(profile)
     rows = []
     for height in heights:
-        way = drive_profile(station, height, options)
-        starts = _window_starts(way, length, step)
-        rows.append(_sliding_iri(way, starts, length))
+        drive = drive_profile(station, height, options)
+        starts = _window_starts(drive, length, step)
+        rows.append(_sliding_iri(drive, starts, length))
     data = xr.Dataset(
         {"iri": (("track", "s"), np.array(rows), _UNIT)},
         {
@@ -204,22 +208,22 @@ def continuous_iri(
     return add_step(data, "continuous_iri", parameters=settings, after=profile)
 
 
-def _window_starts(way: ProfileDrive, length: float, step: float | None) -> Array:
-    """Where the windows begin [m]."""
-    room = float(way.station[-1] - way.station[0])
-    spacing = room / (way.station.size - 1)
-    if room + ROUNDING * spacing < length:
-        message = f"is shorter than the window: {room:g} m, which must be at least {length:g} m"
+def _window_starts(drive: ProfileDrive, length: float, step: float | None) -> Array:
+    """Stations at which the windows begin [m]."""
+    extent = float(drive.station[-1] - drive.station[0])
+    spacing = extent / (drive.station.size - 1)
+    if extent + ROUNDING * spacing < length:
+        message = f"is shorter than the window: {extent:g} m, which must be at least {length:g} m"
         raise CoverageError(message, place="axis s", cure="Choose a shorter window.")
     distance = spacing if step is None else step
-    count = math.floor((room - length) / distance + ROUNDING) + 1
-    starts: Array = way.station[0] + distance * np.arange(count)
+    count = math.floor((extent - length) / distance + ROUNDING) + 1
+    starts: Array = drive.station[0] + distance * np.arange(count)
     return starts
 
 
-def _sliding_iri(way: ProfileDrive, starts: Array, length: float) -> Array:
-    travel = abs(step_response(way)) * np.diff(way.station)
-    behind = np.concatenate([[0.0], np.cumsum(travel)])
-    reached = np.interp([starts, starts + length], way.station, behind)
-    rated: Array = _M_PER_KM * (reached[1] - reached[0]) / length
+def _sliding_iri(drive: ProfileDrive, starts: Array, length: float) -> Array:
+    travel = abs(step_response(drive)) * np.diff(drive.station)
+    integral = np.concatenate([[0.0], np.cumsum(travel)])
+    at_edges = np.interp([starts, starts + length], drive.station, integral)
+    rated: Array = _M_PER_KM * (at_edges[1] - at_edges[0]) / length
     return rated

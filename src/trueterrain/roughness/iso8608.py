@@ -30,7 +30,7 @@ _TWELFTHS = (np.arange(-22, 37, 1.0) / 12, 12)
 
 
 def road_class(gd_n0: npt.ArrayLike) -> npt.NDArray[np.str_]:
-    """Class A to H of a displacement spectrum.
+    """Road class A to H of a displacement spectrum.
 
     Parameters
     ----------
@@ -40,13 +40,13 @@ def road_class(gd_n0: npt.ArrayLike) -> npt.NDArray[np.str_]:
     Returns
     -------
     numpy.ndarray of str, shape of gd_n0
-        Class; a value on a limit belongs to the rougher one, NaN to none ("").
+        Class; a value on a limit belongs to the rougher class, NaN to none ("").
 
     Notes
     -----
-    The limits double the geometric means, which rise by four from 16e-6 m³ on. They are those that
-    are published with the standard's table; whether a limit itself belongs to the smoother or the
-    rougher class was not found.
+    The upper limit of a class is twice its geometric mean; the means grow by a factor of 4, from
+    16e-6 m³. Limits are those published with the standard's table; whether a limit itself belongs
+    to the smoother or the rougher class was not found.
 
     Examples
     --------
@@ -64,11 +64,11 @@ def road_class(gd_n0: npt.ArrayLike) -> npt.NDArray[np.str_]:
 
 
 def smoothing_bands() -> FrequencyBands:
-    """Bands over which the standard averages a spectrum before it is judged.
+    """Frequency bands over which ISO 8608 averages a spectrum before it is classed.
 
     Returns
     -------
-    Bands
+    FrequencyBands
         Octaves centred at 2^-9 to 2^-5 cycles/m, third octaves to 2^-2, twelfth octaves from
         2^(-11/6), which is 0.2806, to 2^3.
 

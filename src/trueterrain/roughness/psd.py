@@ -5,8 +5,8 @@ integral of Gd over a band is the variance of the heights in it. A road is descr
 Gd(n) = Gd(n0) (n / n0) ** -w with n0 = 0.1 cycles/m and the waviness w, and classed by Gd(n0).
 
 Of ISO 8608:2016 the class limits, the smoothing and the range of the fit were found in public
-programs and excerpts; its body was not available. How the standard weighs the bands in its fit is
-therefore not known: here each band weighs as much as it knows.
+programs and excerpts; its body was not available. How the standard weights the bands in its fit is
+therefore not known: here the weight of a band is the inverse of its variance.
 """
 
 from dataclasses import dataclass
@@ -18,19 +18,19 @@ import xarray as xr
 from trueterrain.core.errors import CoverageError
 from trueterrain.core.provenance import add_step
 from trueterrain.roughness import _spectrum
+from trueterrain.roughness._segments import cut_segments, finite_tracks, sample_range
 from trueterrain.roughness._spectrum import FrequencyBands, SpectralLines
-from trueterrain.roughness._track import require_positive
-from trueterrain.roughness._tracks import cut_segments, finite_tracks, sample_range
 from trueterrain.roughness.filters import require_equal
 from trueterrain.roughness.iso8608 import N0, road_class, smoothing_bands
+from trueterrain.roughness.settings import require_positive
 
 __all__ = ["PsdSettings", "psd"]
 
 Array = npt.NDArray[np.float64]
 
-_LEAST_BANDS = 3  # of which a line of two parameters is fitted with something left to judge it by
-_BY_CHANCE = 0.95  # [1] of power laws scatter less than this; more, and the intervals are widened
-_STEPS = 20  # of the fit, which takes about 4
+_MIN_BANDS = 3  # for a line of two parameters, so that degrees of freedom are left
+_SCATTER_TEST = 0.95  # [1] level of the chi-squared test; if it fails, the intervals are widened
+_MAX_ITERATIONS = 20  # of the fit, which takes about 4
 
 _DENSITY = {"units": "m3"}
 _FREQUENCY = {"units": "1/m"}
@@ -39,13 +39,13 @@ _RATED = ("gd_n0", "gd_n0_low", "gd_n0_high", "waviness", "waviness_low", "wavin
 
 @dataclass(frozen=True, kw_only=True)
 class PsdSettings:
-    """How a spectrum is taken and fitted.
+    """Settings of Welch's method and of the fit of a power law.
 
     Examples
     --------
-    >>> PsdOptions(waviness=2.0).block
+    >>> PsdSettings(waviness=2.0).block
     1000.0
-    >>> PsdOptions(lowest=3.0)
+    >>> PsdSettings(lowest=3.0)
     Traceback (most recent call last):
     ValueError: lowest must be less than highest, got 3.0 and 2.83 1/m
     """
@@ -64,7 +64,7 @@ class PsdSettings:
     "Waviness to assume, 2 in the classes of the standard; fitted by default [1]."
 
     confidence: float = 0.95
-    "Share of repeats in which the intervals hold the truth [1]."
+    "Confidence level of the intervals [1]."
 
     def __post_init__(self) -> None:
         require_positive("block", self.block, " m")
@@ -90,21 +90,22 @@ def psd(
     ----------
     profile : xarray.Dataset
         Profile with dimension s, optionally track [m]; equally spaced.
-    options : PsdOptions
+    options : PsdSettings
         Blocks, range of the fit, confidence.
     segment : float, optional
-        Length of fixed segments that are rated on their own as well [m].
+        Length of fixed segments that are also rated each by itself [m].
 
     Returns
     -------
     xarray.Dataset
         ``density`` (track, n), Gd at the lines n [m³]; ``smoothed``, ``smoothed_low`` and
-        ``smoothed_high`` (track, band), its mean in bands and the interval of that [m³], with the
-        coordinates ``lower``, ``centre``, ``upper`` (band) [1/m], ``fitted`` (band), whether the
-        fit used it, and ``degrees`` (band), its degrees of freedom. Of the fit ``gd_n0`` [m³] and
-        ``waviness`` [1] (track) with ``..._low`` and ``..._high``, and ``road_class`` (track). With
-        `segment` all of the fit again as ``segment_...`` (track, segment), with the coordinates
-        ``start``, ``end`` [m] and ``complete`` (segment); NaN and "" for a last one too short.
+        ``smoothed_high`` (track, band), its mean in bands and the confidence interval of that mean
+        [m³], with the coordinates ``lower``, ``centre``, ``upper`` (band) [1/m], ``fitted`` (band),
+        whether the fit used it, and ``degrees`` (band), its degrees of freedom. Of the fit
+        ``gd_n0`` [m³] and ``waviness`` [1] (track) with ``..._low`` and ``..._high``, and
+        ``road_class`` (track). With `segment` the fit of each segment as ``segment_...`` (track,
+        segment), with the coordinates ``start``, ``end`` [m] and ``complete`` (segment); NaN and ""
+        for a last one too short.
 
     Raises
     ------
@@ -117,18 +118,17 @@ def psd(
 
     Notes
     -----
-    The density is Welch's (1967). A band holds the mean of the lines in it, the lines at its edges
-    by their share, and is distributed about the true one as chi² of v degrees of freedom over v;
-    v counts how alike neighbouring lines and overlapping blocks are under the window. Gd(n0) and w
-    follow from the logarithms of the bands, freed of their known bias, weighted with their known
-    variance, and compared with what the power law shows in such bands through such a window. Where
-    the bands scatter more about it than 95 % of power laws would, their scatter widens the
-    intervals.
+    The density is Welch's (1967). A band holds the mean of its lines, those at its edges by the
+    fraction inside; its ratio to the true density is distributed as chi² of v degrees of freedom
+    over v, where v allows for the correlation of neighbouring lines and of overlapping blocks under
+    the window. Gd(n0) and w are fitted by weighted least squares to the logarithms of the bands,
+    less their known bias, with the inverse of their known variance as weight; the model is the
+    power law with the leakage of the window and the averaging over bands. If a chi² test at 95 %
+    rejects the power law, the variance factor of the fit widens the intervals.
 
     Bands less than three lines wide, as those of long waves on a short profile, are left out. All
-    of this holds for random roads of one kind from end to end; a pothole, or a repair, is none. And
-    waves shorter than two spacings must have been kept out by the profiler: sampled, they pass for
-    longer ones, as on any sampled signal.
+    of this assumes a stationary random road; potholes and repairs violate that. Waves shorter than
+    two spacings must have been removed by the profiler, or they are aliased to longer ones.
 
     Examples
     --------
@@ -162,7 +162,7 @@ def psd(
 
 @dataclass(frozen=True, kw_only=True)
 class _TrackSpectrum:
-    """Spectrum of a track and what was made of it."""
+    """Spectrum of a track, its bands and its fit."""
 
     spectrum: SpectralLines
     bands: FrequencyBands
@@ -180,11 +180,11 @@ def _analyse_track(height: Array, step: float, options: PsdSettings) -> _TrackSp
     bands = smoothing_bands()
     bands = bands[_spectrum.resolved_bands(bands, spectrum)]
     fitted = (bands.centre >= options.lowest) & (bands.centre <= options.highest)
-    if fitted.sum() < _LEAST_BANDS:
+    if fitted.sum() < _MIN_BANDS:
         length = step * (height.size - 1)
         raise CoverageError(
             f"has {int(fitted.sum())} bands from {options.lowest:g} to {options.highest:g} "
-            f"cycles/m, at least {_LEAST_BANDS} are needed: {length:g} m in steps of {step:g} m",
+            f"cycles/m, at least {_MIN_BANDS} are needed: {length:g} m in steps of {step:g} m",
             place="axis s",
             cure="Give a longer or finer profile, or fit other frequencies.",
         )
@@ -220,30 +220,35 @@ def _fit_spectrum(
     from scipy.special import polygamma, psi
     from scipy.stats import chi2, norm
 
-    half = 0.5 * degrees  # of ln(chi2 / v) the mean is psi(v/2) - ln(v/2), the variance psi'(v/2)
-    known = np.log(smoothed) - psi(half) + np.log(half)
+    # ln(chi2 / v) has the mean psi(v/2) - ln(v/2) and the variance psi'(v/2)
+    half = 0.5 * degrees
+    observed = np.log(smoothed) - psi(half) + np.log(half)
     weight = 1 / polygamma(1, half)
     fixed = options.waviness is not None
-    columns = np.column_stack([np.ones(known.size), -np.log(bands.centre / N0)])
-    columns = columns[:, : 1 if fixed else 2]
+    # ln Gd(n) = ln Gd(n0) - w ln(n / n0); these derivatives neglect how leakage and averaging over
+    # the band change with w, while the residuals contain both
+    design = np.column_stack([np.ones(observed.size), -np.log(bands.centre / N0)])
+    design = design[:, : 1 if fixed else 2]
     waviness = 2.0 if options.waviness is None else options.waviness
     level = 0.0
-    normal = columns.T * weight @ columns
-    for _ in range(_STEPS):
+    normal = design.T * weight @ design
+    for _ in range(_MAX_ITERATIONS):
         shape = np.log(_spectrum.expected_bands(waviness, spectrum, bands) * N0**waviness)
-        rest = known - shape - level
-        change = np.linalg.solve(normal, columns.T * weight @ rest)
+        residual = observed - shape - level
+        change = np.linalg.solve(normal, design.T * weight @ residual)
         level += float(change[0])
         waviness += 0.0 if fixed else float(change[1])
         if abs(change).max() < 1e-10:
             break
-    free = known.size - columns.shape[1]
-    scatter = float(weight @ rest**2)
-    excess = scatter / free if scatter > chi2.ppf(_BY_CHANCE, free) else 1.0
-    spread = np.sqrt(np.diag(np.linalg.inv(normal)) * excess)
-    reach = float(norm.ppf(0.5 + 0.5 * options.confidence)) * np.append(spread, 0.0)
-    gd = np.exp(level + np.array([0.0, -reach[0], reach[0]]))
-    return (*gd.tolist(), waviness, waviness - float(reach[1]), waviness + float(reach[1]))
+    degrees_of_freedom = observed.size - design.shape[1]
+    scatter = float(weight @ residual**2)
+    rejected = scatter > chi2.ppf(_SCATTER_TEST, degrees_of_freedom)
+    variance_factor = scatter / degrees_of_freedom if rejected else 1.0
+    sd = np.sqrt(np.diag(np.linalg.inv(normal)) * variance_factor)
+    half_width = float(norm.ppf(0.5 + 0.5 * options.confidence)) * np.append(sd, 0.0)
+    gd = np.exp(level + np.array([0.0, -half_width[0], half_width[0]]))
+    low, high = waviness - float(half_width[1]), waviness + float(half_width[1])
+    return (*gd.tolist(), waviness, low, high)
 
 
 def _rate_segment(

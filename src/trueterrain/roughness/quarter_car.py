@@ -1,8 +1,8 @@
-"""The quarter car: a wheel and a quarter of a body on a profile.
+"""Quarter car: sprung and unsprung mass over one wheel on a profile.
 
 The state is x = [z's, z''s, z'u, z''u]: velocity and acceleration of the sprung and the unsprung
-mass, divided by the speed, so that they are slopes; the input is the slope of the profile, the
-output z'u - z's the slope at which the suspension travels. Sayers, "On the Calculation of
+mass, divided by the speed, so that velocities are slopes; the input is the slope of the profile,
+the output z'u - z's the rate of suspension travel, as a slope. Sayers, "On the Calculation of
 International Roughness Index from Longitudinal Road Profile", Transportation Research Record 1501
 (1995), pp. 1-12.
 """
@@ -20,7 +20,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class QuarterCar:
-    """Parameters of a quarter car over its sprung mass; the defaults are the golden car.
+    """Parameters of a quarter car, divided by its sprung mass; the defaults are the golden car.
 
     Examples
     --------
@@ -102,7 +102,8 @@ class QuarterCar:
 
         Notes
         -----
-        Both come from one matrix exponential, of [[A, B], [0, 0]] dt; nothing is inverted.
+        Both come from one matrix exponential, of [[A, B], [0, 0]] dt (Van Loan 1978), so that A is
+        not inverted.
 
         Examples
         --------
@@ -143,8 +144,8 @@ class QuarterCar:
 
         Notes
         -----
-        A sine of height amplitude a has an IRI of (2/pi) gain (2 pi a / wavelength) once the car
-        has settled, which checks any way of computing it.
+        In the steady state a sine of height amplitude a has an IRI of
+        (2/pi) gain (2 pi a / wavelength), which serves to test implementations of the index.
 
         Examples
         --------

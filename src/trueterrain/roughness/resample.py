@@ -12,11 +12,11 @@ from trueterrain.core.schemas import check_profile, make_profile
 
 Array = npt.NDArray[np.float64]
 
-_WHOLE = 1e-9  # of a step, by which the last station may lie beyond the profile
+_ROUNDING = 1e-9  # of a step, by which the last station may lie beyond the profile
 
 
 def resample_profile(profile: xr.Dataset, spacing: float) -> xr.Dataset:
-    """Profile at equally spaced stations, straight between its samples.
+    """Resample a profile at equal spacing, linearly between its samples.
 
     Parameters
     ----------
@@ -28,23 +28,23 @@ def resample_profile(profile: xr.Dataset, spacing: float) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        Profile with ``height``, and ``easting``, ``northing`` and ``sd`` where they were there [m];
-        NaN between samples of which one is.
+        Profile with ``height``, and ``easting``, ``northing`` and ``sd`` if it has them [m]; NaN
+        between samples of which one is NaN.
 
     Raises
     ------
     ValueError
         If the spacing is not greater than 0.
     SchemaError
-        If it is no Profile.
+        If `profile` is not a Profile.
     CoverageError
         If the profile is shorter than the spacing.
 
     Notes
     -----
-    Waves shorter than twice the new spacing pass for longer ones: take them out first, by
-    `filter_profile`. The standard deviation is that of samples whose errors are alike, which none
-    between them exceeds.
+    Waves shorter than twice the new spacing are aliased to longer ones: remove them first by
+    `filter_profile`. The standard deviation is interpolated as well, which assumes fully correlated
+    errors of neighbouring samples and is an upper bound for others.
 
     Examples
     --------
@@ -57,7 +57,7 @@ def resample_profile(profile: xr.Dataset, spacing: float) -> xr.Dataset:
         raise ValueError(message)
     check_profile(profile)
     before = profile["s"].values
-    count = math.floor((before[-1] - before[0]) / spacing + _WHOLE)
+    count = math.floor((before[-1] - before[0]) / spacing + _ROUNDING)
     if count < 1:
         raise CoverageError(
             f"is {before[-1] - before[0]:g} m long, shorter than the spacing of {spacing:g} m",

@@ -1,9 +1,9 @@
-"""Ride Number (RN) of profiles: how people judge the ride, from 0 (impassable) to 5 (perfect).
+"""Ride Number (RN) of profiles: ride quality as panels rate it, from 0 (impassable) to 5 (perfect).
 
-The index is a car of other constants than the golden car on the same program: its travel is taken
-as root mean square, the profile index PI, and mapped to the scale of the panels whose ratings it
-follows. ASTM E1489; Sayers and Karamihas, "Estimation of Rideability by Analyzing Longitudinal
-Road Profile", Transportation Research Record 1536 (1996).
+A quarter car with other constants than the golden car drives over the profile, by the same program;
+the root mean square of its rectified slope, the profile index PI, is mapped to the scale of the
+panels. ASTM E1489; Sayers and Karamihas, "Estimation of Rideability by Analyzing Longitudinal Road
+Profile", Transportation Research Record 1536 (1996).
 
 The body of the standard was not available. The constants are those by which the index is commonly
 quoted, and not checked against it; each can be replaced.
@@ -18,14 +18,14 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.core.provenance import add_step
-from trueterrain.roughness._rate import rate_track
-from trueterrain.roughness._track import LeadIn, QuarterCarSettings, require_positive
-from trueterrain.roughness._tracks import cut_segments, find_wheel_paths, finite_tracks
+from trueterrain.roughness._drive import rate_track
+from trueterrain.roughness._segments import cut_segments, find_wheel_paths, finite_tracks
 from trueterrain.roughness.quarter_car import QuarterCar
+from trueterrain.roughness.settings import LeadIn, QuarterCarSettings, require_positive
 
 __all__ = ["RIDE_NUMBER_CAR", "RideNumberSettings", "ride_number"]
 
-#: Car of the Ride Number: a light wheel and a stiff tyre, which feel waves up to about 10 m.
+#: Car of the Ride Number: a light wheel and a stiff tyre, which respond to waves up to about 10 m.
 RIDE_NUMBER_CAR = QuarterCar(
     tyre_stiffness=5120.0, spring_stiffness=390.0, damping=17.0, mass_ratio=0.036
 )
@@ -42,21 +42,21 @@ class RideNumberSettings(QuarterCarSettings):
 
     Examples
     --------
-    >>> RideNumberOptions().car.tyre_stiffness
+    >>> RideNumberSettings().car.tyre_stiffness
     5120.0
-    >>> RideNumberOptions(steepness=0.0)
+    >>> RideNumberSettings(steepness=0.0)
     Traceback (most recent call last):
     ValueError: steepness must be finite and greater than 0, got 0.0
     """
 
     start_length: float = 19.0
-    "Length of the chord with whose slope the car starts, taken as in Sayers's program [m]."
+    "Length of the chord whose slope is the initial slope, taken as in Sayers's program [m]."
 
     best: float = 5.0
     "Ride Number of a perfectly smooth road [1]."
 
     steepness: float = 160.0
-    "How fast the Ride Number falls: RN = best exp(-steepness PI), PI in m/m [1]."
+    "Decay of the Ride Number with PI: RN = best exp(-steepness PI), PI in m/m [1]."
 
     max_spacing: float = 0.16
     """Largest distance between samples that is rated [m]: half of 0.32 m, the shortest wave to
@@ -77,7 +77,7 @@ class RideNumberSettings(QuarterCarSettings):
 
     @property
     def lead(self) -> LeadIn:
-        """Chord with whose slope the car starts."""
+        """Chord whose slope is the initial slope of the car."""
         return LeadIn(self.start_length, as_program=True)
 
 
@@ -94,7 +94,7 @@ def ride_number(
     ----------
     profile : xarray.Dataset
         Profile with dimension s, optionally track [m].
-    options : RideNumberOptions
+    options : RideNumberSettings
         Conventions and constants.
     segment : float, optional
         Length of fixed segments from the first sample on [m].
@@ -105,7 +105,7 @@ def ride_number(
     Returns
     -------
     xarray.Dataset
-        ``pi`` (track), root mean square of the suspension's travel [m/m], and ``rn`` (track) [1];
+        ``pi`` (track), root mean square of the rectified slope [m/m], and ``rn`` (track) [1];
         ``rn_both``, the Ride Number of both wheel paths, NaN if there are not two. With `segment`
         also ``segment_pi``, ``segment_rn`` (track, segment) and ``segment_rn_both`` (segment), with
         the coordinates ``start``, ``end`` (segment) [m] and ``complete`` (segment), false for a
@@ -123,11 +123,11 @@ def ride_number(
 
     Notes
     -----
-    RN = 5 exp(-160 PI), and PI of both wheel paths is the root mean square of theirs. Windows,
-    segments and the run of the car are those of `trueterrain.roughness.iri.iri`. The constants 5
-    and 160, those of the car, and the start on 19 m are quoted from memory of secondary sources:
-    none was checked against ASTM E1489. What is checked is the mathematics: the frequency response
-    of the car, and the recursion of Sayers's program.
+    RN = 5 exp(-160 PI), and PI of both wheel paths is the root mean square of theirs. Moving
+    average, segments and drive are those of `trueterrain.roughness.iri.iri`. The constants 5 and
+    160, those of the car, and the start on 19 m are quoted from memory of secondary sources: none
+    was checked against ASTM E1489. Only the mathematics is checked: the frequency response of the
+    car, and the recursion of Sayers's program.
 
     Examples
     --------
@@ -169,5 +169,5 @@ def ride_number(
 
 
 def _from_square(mean_square: Array | float, options: RideNumberSettings) -> Array:
-    """Ride Number of a mean square of the travel [m²/m²]."""
+    """Ride Number of a mean square of the rectified slope [m²/m²]."""
     return np.asarray(options.best * np.exp(-options.steepness * np.sqrt(mean_square)))

@@ -1,18 +1,18 @@
-"""Rolling straightedge: how far the ground is from the middle of a beam on two wheels."""
+"""Rolling straightedge: distance of the ground from the midpoint of a beam on two wheels."""
 
 import numpy as np
 import xarray as xr
 
 from trueterrain.core.errors import CoverageError
 from trueterrain.core.provenance import add_step
-from trueterrain.roughness._track import require_positive
-from trueterrain.roughness._tracks import ROUNDING, finite_tracks
+from trueterrain.roughness._segments import ROUNDING, finite_tracks
+from trueterrain.roughness.settings import require_positive
 
 __all__ = ["rolling_straightedge"]
 
 
 def rolling_straightedge(profile: xr.Dataset, length: float = 3.0) -> xr.Dataset:
-    """Deviation of each track from the middle of a beam that rolls over it.
+    """Deviation of each track from the midpoint of a beam that rolls over it.
 
     Parameters
     ----------
@@ -25,8 +25,8 @@ def rolling_straightedge(profile: xr.Dataset, length: float = 3.0) -> xr.Dataset
     Returns
     -------
     xarray.Dataset
-        ``deviation`` (track, s), ground above the beam at its middle [m]; s is where the middle is,
-        at all samples at which both wheels are on the profile.
+        ``deviation`` (track, s), ground above the beam at its midpoint [m]; s is the station of the
+        midpoint, at all samples at which both wheels are on the profile.
 
     Raises
     ------
@@ -40,8 +40,8 @@ def rolling_straightedge(profile: xr.Dataset, length: float = 3.0) -> xr.Dataset
     Notes
     -----
     Wheels are points, the profile is straight between its samples. A sine of amplitude a and a
-    wavelength of w deviates by a (1 - cos(pi length / w)): a wave as long as the beam counts twice,
-    one of half its length not at all.
+    wavelength of w deviates by a (1 - cos(pi length / w)): the gain is 2 for a wave as long as the
+    beam, and 0 for one of half its length.
 
     Examples
     --------
@@ -53,23 +53,23 @@ def rolling_straightedge(profile: xr.Dataset, length: float = 3.0) -> xr.Dataset
     """
     require_positive("length", length, " m")
     station, heights, names = finite_tracks(profile)
-    room = float(station[-1] - station[0])
-    slack = ROUNDING * room / max(station.size - 1, 1)
+    extent = float(station[-1] - station[0])
+    slack = ROUNDING * extent / max(station.size - 1, 1)
     half = 0.5 * length
     inside = (station >= station[0] + half - slack) & (station <= station[-1] - half + slack)
-    if room + slack < length or not inside.any():
+    if extent + slack < length or not inside.any():
         raise CoverageError(
-            f"is shorter than the straightedge: {room:g} m, which must be at least {length:g} m",
+            f"is shorter than the straightedge: {extent:g} m, which must be at least {length:g} m",
             place="axis s",
             cure="Choose a shorter straightedge.",
         )
-    middle = station[inside]
-    wheels = [middle - half, middle + half]
+    midpoint = station[inside]
+    wheels = [midpoint - half, midpoint + half]
     deviation = np.array(
         [height[inside] - np.interp(wheels, station, height).mean(axis=0) for height in heights]
     )
     data = xr.Dataset(
         {"deviation": (("track", "s"), deviation, {"units": "m"})},
-        {"track": names, "s": ("s", middle, {"units": "m"})},
+        {"track": names, "s": ("s", midpoint, {"units": "m"})},
     )
     return add_step(data, "rolling_straightedge", parameters={"length": length}, after=profile)

@@ -1,4 +1,4 @@
-"""Where a profile is too rough: stretches above a threshold, and how much of it is how rough."""
+"""Localised roughness: stretches above a threshold, and the histogram of segment indices."""
 
 from collections.abc import Sequence
 
@@ -8,8 +8,8 @@ import xarray as xr
 
 from trueterrain.core.errors import SchemaError
 from trueterrain.core.provenance import add_step
-from trueterrain.roughness._track import IriSettings, require_positive
 from trueterrain.roughness.iri import IN_PER_MI, continuous_iri
+from trueterrain.roughness.settings import IriSettings, require_positive
 
 __all__ = [
     "LONG_CONTINUOUS",
@@ -44,18 +44,18 @@ def localised_roughness(
         International Roughness Index that is exceeded [m/km].
     length : float
         Length of the window [m]; 7.62 m (25 ft) by default.
-    options : IriOptions
+    options : IriSettings
         Conventions of the index.
 
     Returns
     -------
     xarray.Dataset
-        As of `stretches`, the peak in m/km.
+        As of `find_stretches`, the peak in m/km.
 
     Raises
     ------
     ValueError
-        If `threshold` or `length` is not greater than 0, or the options ask for a restart.
+        If `threshold` or `length` is not greater than 0, or ``options.restart`` is true.
     SchemaError
         If `profile` is not a Profile, or its spacing is unequal and the window needs it equal.
     CoverageError
@@ -63,9 +63,9 @@ def localised_roughness(
 
     Notes
     -----
-    The index of a window stands at its middle, so a stretch is where middles are; the ground that
-    makes it rough may lie half a window before and behind. Window and start of the car are those of
-    `trueterrain.roughness.iri.continuous_iri`, in which the car is felt for a while at the start.
+    The index of a window belongs to its midpoint, and so do stretches; the rough ground itself may
+    lie up to half a window before or after. Moving average and start of the car are those of
+    `trueterrain.roughness.iri.continuous_iri`, whose first metres carry the transient of the start.
 
     Examples
     --------
@@ -89,17 +89,16 @@ def find_stretches(values: xr.DataArray, threshold: float) -> xr.Dataset:
     Parameters
     ----------
     values : xarray.DataArray, dims (track, s)
-        What is judged: the ``iri`` of `continuous_iri`, or abs of the ``deviation`` of
-        `rolling_straightedge`.
+        ``iri`` of `continuous_iri`, or abs of the ``deviation`` of `rolling_straightedge`.
     threshold : float
-        What is exceeded, in the unit of the values.
+        Threshold, in the unit of the values.
 
     Returns
     -------
     xarray.Dataset
         Dimension stretch, in the order of tracks and stations: ``start``, ``end`` [m], where the
         straight line between two values crosses the threshold; ``peak``, the highest value, and
-        ``peak_at`` [m]; ``track``, the name of the track. None if nothing is exceeded.
+        ``peak_at`` [m]; ``track``, the name of the track. Empty if no value exceeds the threshold.
 
     Raises
     ------
@@ -109,7 +108,7 @@ def find_stretches(values: xr.DataArray, threshold: float) -> xr.Dataset:
     Examples
     --------
     >>> values = xr.DataArray([[0.0, 2.0, 3.0, 1.0]], {"track": ["a"], "s": [0.0, 1, 2, 3]})
-    >>> found = stretches(values, 2.5)
+    >>> found = find_stretches(values, 2.5)
     >>> print(found.start.values, found.end.values, found.peak.values)
     [1.5] [2.25] [3.]
     """
@@ -136,22 +135,22 @@ def find_stretches(values: xr.DataArray, threshold: float) -> xr.Dataset:
 
 
 def iri_histogram(index: xr.Dataset, edges: Sequence[float] | Array) -> xr.Dataset:
-    """How much of each track has which roughness.
+    """Histogram of the IRI of segments: length of each track in classes of roughness.
 
     Parameters
     ----------
     index : xarray.Dataset
-        What `trueterrain.roughness.iri.iri` returns if it is given a segment length.
+        Result of `trueterrain.roughness.iri.iri` with a segment length.
     edges : sequence of float
-        Where one class of roughness ends and the next begins, ascending [m/km]. The first class
-        begins at 0, the last has no end.
+        Limits between classes of roughness, ascending [m/km]. The first class begins at 0, the last
+        has no upper limit.
 
     Returns
     -------
     xarray.Dataset
-        ``length`` (track, class) [m] and ``share`` (track, class) [1] of the segments whose IRI
+        ``length`` (track, class) [m] and ``fraction`` (track, class) [1] of the segments whose IRI
         lies in the class, with the coordinates ``above`` and ``below`` (class) [m/km]; a value on
-        an edge belongs to the rougher class.
+        a limit belongs to the rougher class.
 
     Raises
     ------
@@ -164,7 +163,7 @@ def iri_histogram(index: xr.Dataset, edges: Sequence[float] | Array) -> xr.Datas
     >>> from trueterrain.roughness.iri import iri
     >>> s = np.arange(0.0, 400.0, 0.1)
     >>> half = make_profile(s, np.where(s < 200, 0.0, 0.01 * np.sin(2 * np.pi * s / 15)))
-    >>> print(iri_histogram(iri(half, segment=20.0), [1.0, 2.0]).share.values.round(2))
+    >>> print(iri_histogram(iri(half, segment=20.0), [1.0, 2.0]).fraction.values.round(2))
     [[0.5 0.  0.5]]
     """
     if "segment_iri" not in index:
@@ -181,7 +180,7 @@ def iri_histogram(index: xr.Dataset, edges: Sequence[float] | Array) -> xr.Datas
     return xr.Dataset(
         {
             "length": (("track", "class"), length, {"units": "m"}),
-            "share": (("track", "class"), length / width.sum(), {"units": "1"}),
+            "fraction": (("track", "class"), length / width.sum(), {"units": "1"}),
         },
         {
             "track": index["track"].values,
@@ -192,24 +191,23 @@ def iri_histogram(index: xr.Dataset, edges: Sequence[float] | Array) -> xr.Datas
 
 
 def _stretches_above(station: Array, values: Array, threshold: float) -> list[tuple[float, ...]]:
-    """Start, end, peak and its place of each stretch above the threshold."""
+    """Start, end, peak and station of the peak of each stretch above the threshold."""
     inside = np.concatenate([[False], values > threshold, [False]])
     first = np.flatnonzero(inside[1:] & ~inside[:-1])
-    behind = np.flatnonzero(inside[:-1] & ~inside[1:])
+    stop = np.flatnonzero(inside[:-1] & ~inside[1:])
     found: list[tuple[float, ...]] = []
-    for begin, end in zip(first.tolist(), behind.tolist(), strict=True):
+    for begin, end in zip(first.tolist(), stop.tolist(), strict=True):
         top = begin + int(np.argmax(values[begin:end]))
-        start = _threshold_crossing(station, values, threshold, begin) if begin else station[0]
-        stop = (
-            _threshold_crossing(station, values, threshold, end)
-            if end < values.size
-            else station[-1]
-        )
-        found.append((float(start), float(stop), float(values[top]), float(station[top])))
+        low, high = station[0], station[-1]
+        if begin > 0:
+            low = _threshold_crossing(station, values, threshold, begin)
+        if end < values.size:
+            high = _threshold_crossing(station, values, threshold, end)
+        found.append((float(low), float(high), float(values[top]), float(station[top])))
     return found
 
 
 def _threshold_crossing(station: Array, values: Array, threshold: float, at: int) -> float:
-    """Where the line from the value before to the one at `at` crosses the threshold."""
-    share = (threshold - values[at - 1]) / (values[at] - values[at - 1])
-    return float(station[at - 1] + share * (station[at] - station[at - 1]))
+    """Station at which the line from value `at` - 1 to value `at` crosses the threshold."""
+    fraction = (threshold - values[at - 1]) / (values[at] - values[at - 1])
+    return float(station[at - 1] + fraction * (station[at] - station[at - 1]))

@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from trueterrain.core.provenance import add_step
-from trueterrain.roughness._tracks import cut_segments, finite_tracks
+from trueterrain.roughness._segments import cut_segments, finite_tracks
 from trueterrain.roughness.filters import Butterworth, Filter
 
 __all__ = ["WAVEBANDS", "waveband_rms"]
@@ -30,7 +30,7 @@ def waveband_rms(
     bands: Mapping[str, Filter] = WAVEBANDS,
     segment: float | None = None,
 ) -> xr.Dataset:
-    """Root mean square of each track in bands of wavelength, and in segments.
+    """Root mean square of each track, and of its segments, in bands of wavelength.
 
     Parameters
     ----------
@@ -59,10 +59,10 @@ def waveband_rms(
 
     Notes
     -----
-    The whole profile is filtered once, then the squares of its samples are averaged; near its ends,
-    within about the longest wave of a band, the values depend on how the filter goes on there. The
-    square is the variance of the unevenness in the band, which the standard names LPV. A segment
-    without a sample has none.
+    The whole profile is filtered once, then the squares of its samples are averaged; within about
+    the longest wave of a band from the ends, the values depend on the extension of the profile
+    there. The square is the variance of the unevenness in the band, which the standard names LPV.
+    A segment without a sample is NaN.
 
     Examples
     --------

@@ -51,7 +51,7 @@ def extract_profile(surface: xr.Dataset, settings: ProfilePathSettings) -> xr.Da
     path, tyre = _covered_path(surface, settings), settings.tyre
     if settings.envelope is not None:
         return tyre_envelope(surface, path, tyre=settings.envelope.model(), thin=tyre.thin)
-    statistic = tyre.taken()
+    statistic = tyre.estimator()
     if statistic is None:
         return point_profile(surface, path)
     return tyre_profile(

@@ -1,4 +1,4 @@
-"""The heights around one path point as their CPF (in the manner of thesis Fig. 5-7)."""
+"""CPF of the heights inside one search area (as thesis Fig. 5-7)."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _CURVE_POINTS = 600  # enough that a curve over the width of a page looks smooth
-_MARGIN = 0.06  # [1] share of the range of heights left free on both sides
+_MARGIN = 0.06  # [1] of the range of heights, on both sides
 
 
 def cpf(
@@ -41,15 +41,15 @@ def cpf(
     resolution : float, optional
         Step of quantised heights [m]: the CPF is continued between the steps by PCHIP.
     statistics : sequence of Statistic
-        What to mark, each with its standard deviation; by default the median and the height where
-        the CPF is steepest.
+        Statistics to mark, each with its standard deviation; by default the median and the height
+        where the CPF is steepest.
     ax : Axes, optional
         Where to draw; by default a new figure.
 
     Returns
     -------
     Axes
-        Height in metres and share of the heights that do not exceed it.
+        Height in metres and cumulative probability.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def cpf(
     ax.set_xlim(low, high)
     ax.set_ylim(-0.02, 1.02)
     canvas.scale_axis(ax.xaxis, scale, "Height")
-    ax.set_ylabel("Share of heights not above it [1]")
+    ax.set_ylabel("Cumulative probability [1]")
     ax.grid(color="0.9", linewidth=0.6)
     ax.set_axisbelow(True)
     canvas.legend_above(ax, columns=2, notes=False)
@@ -139,8 +139,8 @@ def _mark_statistic(
     height, sd = (float(values[0]) for values in statistic.estimate(alone))
     known = np.isfinite(sd)
     value = f"{(height - scale.base) * scale.factor:.1f}".replace("-", canvas.MINUS)
-    spread = f" ± {sd * scale.factor:.1f}" if known else ""
-    label = f"{statistic_name(statistic)} {value}{spread} {scale.unit}"
+    sd_text = f" ± {sd * scale.factor:.1f}" if known else ""
+    label = f"{statistic_name(statistic)} {value}{sd_text} {scale.unit}"
     if isinstance(statistic, SteepestCpf):
         width = float(statistic.bandwidths(alone)[0])
         label += f", smoothed over ± {1000 * width:.2g} mm"
@@ -160,7 +160,7 @@ def statistic_name(statistic: Statistic) -> str:
     Returns
     -------
     str
-        A few words.
+        Its name, with its parameter.
 
     Examples
     --------

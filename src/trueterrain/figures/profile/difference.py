@@ -1,4 +1,4 @@
-"""How far profiles lie above another one."""
+"""Differences of profiles from a reference."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -29,8 +29,8 @@ def profile_difference(
     profile : xarray.Dataset or mapping of str to xarray.Dataset
         A Profile of one track, or several with their names.
     reference : xarray.Dataset
-        Profile of one track at the same stations. The standard deviations are taken as independent
-        of each other; one that is not known counts as 0.
+        Profile of one track at the same stations. The errors of both are taken as independent; an
+        unknown standard deviation counts as 0.
     ax : Axes, optional
         Where to draw; by default a new figure.
 

@@ -1,4 +1,4 @@
-"""Tyre envelopes over the ground that they roll on."""
+"""Tyre envelopes over the ground profile."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -16,26 +16,26 @@ if TYPE_CHECKING:
 
 _GROUND = "0.88"
 _OUTLINE = "0.45"
-_BELOW = 0.12  # room under the lowest ground, as a part of the range of heights
+_MARGIN = 0.12  # below the lowest and above the highest ground, as a fraction of the range
 
 
 def tyre_envelopes(
     ground: xr.Dataset,
-    felt: Mapping[str, xr.Dataset],
+    envelopes: Mapping[str, xr.Dataset],
     *,
     between: tuple[float, float] | None = None,
     ax: "Axes | None" = None,
 ) -> "Axes":
-    """What tyres feel of the ground, over the ground itself.
+    """Tyre envelopes over the profile of the ground.
 
     Parameters
     ----------
     ground : xarray.Dataset
-        Profile of one track: the bare line, as of `trueterrain.profile.point_profile`.
-    felt : mapping of str to xarray.Dataset
+        Profile of one track, as of `trueterrain.profile.point_profile`.
+    envelopes : mapping of str to xarray.Dataset
         Profiles or effective roads of one track, with the names of their tyres.
     between : tuple of float, optional
-        Distances between which they are drawn [m]; by default all of it.
+        Stations between which they are drawn [m]; by default all.
     ax : Axes, optional
         Where to draw; by default a new figure.
 
@@ -47,7 +47,7 @@ def tyre_envelopes(
     Raises
     ------
     CoverageError
-        If a profile has several tracks, or the ground none of its heights between the distances.
+        If a profile has several tracks, or the ground has no heights between the stations.
 
     Examples
     --------
@@ -58,7 +58,7 @@ def tyre_envelopes(
     >>> [line.get_label() for line in ax.lines]
     ['ground', 'disc']
     """
-    for name, road in {"ground": check_profile(ground), **felt}.items():
+    for name, road in {"ground": check_profile(ground), **envelopes}.items():
         if "track" in road.dims:
             raise CoverageError(
                 f"{name} has several tracks", cure="Choose one with data.sel(track=...)."
@@ -66,7 +66,7 @@ def tyre_envelopes(
     begin, end = between or (float(ground.s[0]), float(ground.s[-1]))
     shown = {
         name: road.isel(s=(road.s.values >= begin) & (road.s.values <= end))
-        for name, road in {"ground": ground, **felt}.items()
+        for name, road in {"ground": ground, **envelopes}.items()
     }
     line = shown.pop("ground")
     if not np.isfinite(line.height).any():
@@ -74,13 +74,13 @@ def tyre_envelopes(
     ax = canvas.axes_or_new(ax)
     heights = [line.height, *(road.height for road in shown.values())]
     low, high = (float(f([f(h) for h in heights])) for f in (np.nanmin, np.nanmax))
-    room = _BELOW * max(high - low, 1e-3)
-    ax.fill_between(line.s, line.height, low - 2 * room, color=_GROUND, linewidth=0)
+    margin = _MARGIN * max(high - low, 1e-3)
+    ax.fill_between(line.s, line.height, low - 2 * margin, color=_GROUND, linewidth=0)
     ax.plot(line.s, line.height, color=_OUTLINE, linewidth=1.0, label="ground")
     for number, (name, road) in enumerate(shown.items()):
         colour = canvas.COLOURS[number % len(canvas.COLOURS)]
         ax.plot(road.s, road.height, color=colour, linewidth=1.4, label=name)
     label_profile_axes(ax, *heights)
-    ax.set_ylim(low - room, high + room)
+    ax.set_ylim(low - margin, high + margin)
     canvas.legend_above(ax, columns=5)
     return ax

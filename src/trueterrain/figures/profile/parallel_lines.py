@@ -1,4 +1,4 @@
-"""The lines beside a path and the one that the tyre feels (in the manner of thesis Fig. 5-6)."""
+"""Point profiles parallel to a path and the tyre profile (as thesis Fig. 5-6)."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -18,14 +18,14 @@ _LINES_MAP = "Blues"
 def parallel_profiles(
     lines: Mapping[float, xr.Dataset], tyre: xr.Dataset, *, ax: "Axes | None" = None
 ) -> "Axes":
-    """Point profiles at several offsets beside the profile that a tyre feels.
+    """Point profiles at several lateral offsets, and the tyre profile.
 
     Parameters
     ----------
     lines : mapping of float to xarray.Dataset
         Point profiles and their offsets from the path, left positive [m].
     tyre : xarray.Dataset
-        Profile that the tyre feels.
+        Tyre profile.
     ax : Axes, optional
         Where to draw; by default a new figure.
 
@@ -59,7 +59,7 @@ def parallel_profiles(
     for number, offset in enumerate(offsets):
         shade = shades(0.35 + 0.5 * number / max(len(offsets) - 1, 1))
         line = check_profile(lines[offset])
-        name = f"{1000 * offset:+.0f} mm beside" if offset else "on the path"
+        name = f"offset {1000 * offset:+.0f} mm" if offset else "on the path"
         name = name.replace("-", canvas.MINUS)
         ax.plot(line.s, line.height, color=shade, linewidth=0.9, label=name)
     draw_profile(ax, check_profile(tyre).drop_vars("sd", errors="ignore"), "tyre", "#D55E00", 2.0)

@@ -1,4 +1,4 @@
-"""Profiles over the distance along their path, with what is known of their uncertainty."""
+"""Profiles over the distance along their path, with their standard deviation."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def profiles(data: xr.Dataset | Mapping[str, xr.Dataset], *, ax: "Axes | None" = None) -> "Axes":
-    """Heights of one or several profiles; a band of one standard deviation where it is known.
+    """Heights of one or several profiles, with a band of one standard deviation where known.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def profiles(data: xr.Dataset | Mapping[str, xr.Dataset], *, ax: "Axes | None" =
 def draw_profile(
     ax: "Axes", profile: xr.Dataset, name: str, colour: str, width: float = 1.3
 ) -> None:
-    """Line of one track, and its band."""
+    """Draw the line of one track, and its band."""
     s, height = profile.s.values, profile.height.values
     if "sd" in profile and np.isfinite(profile.sd).any():
         sd = profile.sd.values
@@ -74,7 +74,7 @@ def draw_profile(
 
 
 def label_profile_axes(ax: "Axes", *heights: xr.DataArray) -> None:
-    """Names, units, limits and exaggeration of axes that show profiles."""
+    """Set labels, units and limits of axes that show profiles, and print the exaggeration."""
     ax.set_xlabel("Distance along the path s [m]")
     canvas.scale_axis(ax.yaxis, canvas.height_scale(*heights), "Height")
     ax.margins(x=0)

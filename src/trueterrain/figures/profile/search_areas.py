@@ -1,4 +1,4 @@
-"""Search areas over the ground they search (in the manner of thesis Fig. 5-3)."""
+"""Search areas over the heights of the ground (as thesis Fig. 5-3)."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 _AROUND = 2.2  # half width of the ground that is shown, in reaches of the search area
 _OUTLINES = 0.4  # distance between the outlines, in half lengths of the search area
-_EDGE = 1.05  # room around it, so that no dot is cut
+_EDGE = 1.05  # of that half width, so that no dot is cut
 
 
 def search_area_map(
@@ -39,7 +39,7 @@ def search_area_map(
     area : Disc, Ellipse or Rectangle
         Search area.
     station : float
-        Arc length near which the path point lies that is shown [m].
+        Arc length of the path point [m]; the nearest one is shown.
     ax : Axes, optional
         Where to draw; by default a new figure.
 
@@ -47,7 +47,7 @@ def search_area_map(
     -------
     Axes
         Distance from that path point to east and north in metres, at equal scale. Heights inside
-        the search area are ringed; the areas of path points around it are outlined.
+        the search area are ringed; the areas of neighbouring path points are outlined.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def search_area_map(
 def _heights_nearby(
     ground: xr.Dataset, at: np.ndarray, half: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Heights within a square, and their distances to east and north of its centre."""
+    """Heights within a square, as distances east and north of its centre, and heights."""
     if kind_of(ground) == "surface":
         easting, northing = node_coordinates(check_surface(ground))
         height = ground.height.values
@@ -111,7 +111,7 @@ def _heights_nearby(
         raise CoverageError(
             f"there is no height within {half:.3g} m of easting {at[0]:.3f} m, "
             f"northing {at[1]:.3f} m",
-            cure="Choose a station where the path runs over the ground.",
+            cure="Choose a station at which the path is on the ground.",
         )
     return east[near], north[near], height[near]
 
@@ -128,7 +128,7 @@ def _inside_area(
 
 
 def _draw_areas(ax: "Axes", path: WheelPath, area: SearchArea, index: int) -> None:
-    """Outline of the search area at the path point, and thinly of some around it."""
+    """Draw the outline of the search area at the path point, and thin ones of its neighbours."""
     every = max(1, round(_OUTLINES * area.half_axes[0] / (_path_spacing(path) or np.inf)))
     for i in range(index % every, len(path), every):
         east, north = path.easting[i] - path.easting[index], path.northing[i] - path.northing[index]
@@ -181,7 +181,7 @@ def _draw_path_points(ax: "Axes", path: WheelPath, at: np.ndarray) -> None:
 
 
 def _path_spacing(path: WheelPath) -> float:
-    """Arc length between two path points [m]; 0 if there is but one."""
+    """Arc length between two path points [m]; 0 if there is only one."""
     return float(np.diff(path.s[:2]).sum())
 
 

@@ -1,4 +1,4 @@
-"""How well profiles agree: filtered profiles on each other, and the ratings of all pairs."""
+"""Agreement of profiles: overlay of filtered profiles, and the matrix of ratings."""
 
 from typing import TYPE_CHECKING
 
@@ -12,21 +12,21 @@ from trueterrain.figures.names import draw_names
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_LOWEST = 0.8  # rating from which on colours differ, unless a pair is rated lower
+_MIN_RATING = 0.8  # at the low end of the colour scale, unless a pair is rated lower
 _DARK = 0.6  # of the colour scale, below which numbers are white
 
 
 def agreement_overlay(
     filtered: xr.Dataset, *, length: float | None = 60.0, ax: "Axes | None" = None
 ) -> "Axes":
-    """Filtered profiles on each other at their best shift.
+    """Overlay of filtered profiles at their best shift.
 
     Parameters
     ----------
     filtered : xarray.Dataset
-        Of `trueterrain.roughness.agreement.filtered_profiles`.
+        Result of `trueterrain.roughness.agreement.filtered_profiles`.
     length : float, optional
-        Length of the stretch that is drawn [m]: the one in which the profiles differ most; None for
+        Length of the stretch that is drawn [m], the one in which the profiles differ most; None for
         the whole.
     ax : Axes, optional
         Where to draw; by default a new figure.
@@ -84,14 +84,14 @@ def agreement_overlay(
 def agreement_matrix(
     found: xr.Dataset, *, track: str | None = None, ax: "Axes | None" = None
 ) -> "Axes":
-    """Ratings of all pairs of profiles.
+    """Matrix of the ratings of all pairs of profiles.
 
     Parameters
     ----------
     found : xarray.Dataset
-        Of `trueterrain.roughness.agreement.profile_agreement`.
+        Result of `trueterrain.roughness.agreement.profile_agreement`.
     track : str, optional
-        Which track; by default the first.
+        Name of the track; by default the first.
     ax : Axes, optional
         Where to draw; by default a new figure.
 
@@ -103,10 +103,10 @@ def agreement_matrix(
     Examples
     --------
     >>> from trueterrain.core.schemas import make_profile
-    >>> from trueterrain.roughness.agreement import agreement
+    >>> from trueterrain.roughness.agreement import profile_agreement
     >>> s = np.arange(0.0, 100.0, 0.05)
     >>> one, two = (make_profile(s, np.sin(s**1.2) / high) for high in (90, 100))
-    >>> ax = agreement_matrix(agreement({"1": one, "2": two}))
+    >>> ax = agreement_matrix(profile_agreement({"1": one, "2": two}))
     >>> [text.get_text() for text in ax.texts][:2]
     ['', '90.0']
     """
@@ -120,10 +120,10 @@ def agreement_matrix(
     ]
     side = float(np.clip(0.62 * count + 1.6, 3.4, 9.0))
     ax = canvas.axes_or_new(ax, width=side + 1.0, height=side)
-    apart = np.where(np.eye(count, dtype=bool), np.nan, rating)
-    low = min(_LOWEST, float(np.nanmin(apart)))
-    image = ax.imshow(apart, vmin=low, vmax=1.0, cmap=canvas.HEIGHT_MAP)
-    for (row, column), value in np.ndenumerate(apart):
+    ratings = np.where(np.eye(count, dtype=bool), np.nan, rating)  # without the diagonal
+    low = min(_MIN_RATING, float(np.nanmin(ratings)))
+    image = ax.imshow(ratings, vmin=low, vmax=1.0, cmap=canvas.HEIGHT_MAP)
+    for (row, column), value in np.ndenumerate(ratings):
         text = "" if np.isnan(value) else f"{100 * value:.1f}".replace("-", canvas.MINUS)
         bright = (value - low) / (1.0 - low) > _DARK
         ax.text(
@@ -150,12 +150,12 @@ def agreement_matrix(
 def _worst_stretch(filtered: xr.Dataset, length: float) -> tuple[int, int]:
     """Samples of the stretch in which the profiles differ most from the first one."""
     values = filtered["filtered"].values
-    apart = np.nan_to_num((values[1:] - values[0]) ** 2).sum(axis=0)
+    squares = np.nan_to_num((values[1:] - values[0]) ** 2).sum(axis=0)
     s = filtered["s"].values
     samples = round(length / (s[1] - s[0])) + 1
     if samples >= s.size:
         return 0, s.size
-    sums = np.concatenate([[0.0], np.cumsum(apart)])
+    sums = np.concatenate([[0.0], np.cumsum(squares)])
     first = int(np.argmax(sums[samples:] - sums[:-samples]))
     return first, first + samples
 

@@ -1,4 +1,4 @@
-"""International Roughness Index in a sliding window, and where it is too high."""
+"""International Roughness Index in a sliding window, with stretches above a threshold."""
 
 from typing import TYPE_CHECKING
 
@@ -14,14 +14,14 @@ if TYPE_CHECKING:
 def continuous_roughness(
     sliding: xr.Dataset, *, threshold: float | None = None, ax: "Axes | None" = None
 ) -> "Axes":
-    """IRI of a sliding window over its middle, with the stretches above a threshold shaded.
+    """IRI of a sliding window over its midpoint, with the stretches above a threshold shaded.
 
     Parameters
     ----------
     sliding : xarray.Dataset
-        What `trueterrain.roughness.continuous_iri` returns.
+        Result of `trueterrain.roughness.continuous_iri`.
     threshold : float, optional
-        Index that shall not be exceeded [m/km].
+        Largest permitted index [m/km].
     ax : Axes, optional
         Where to draw; by default a new figure.
 
@@ -54,10 +54,10 @@ def continuous_roughness(
         for begin, end in _merge_stretches(sliding, threshold):
             ax.axvspan(begin, end, color=canvas.COLOURS[1], alpha=0.2, linewidth=0, label=label)
             label = None
-    middle = sliding["s"].values
-    ax.set_xlim(middle[0], middle[-1] if middle.size > 1 else middle[0] + 1.0)
+    midpoint = sliding["s"].values
+    ax.set_xlim(midpoint[0], midpoint[-1] if midpoint.size > 1 else midpoint[0] + 1.0)
     ax.set_ylim(bottom=0)
-    ax.set_xlabel("Middle of the window s [m]")
+    ax.set_xlabel("Midpoint of the window s [m]")
     ax.set_ylabel("IRI [m/km]")
     ax.grid(axis="y", color="0.9", linewidth=0.6)
     ax.set_axisbelow(True)
@@ -68,7 +68,7 @@ def continuous_roughness(
 
 
 def _merge_stretches(sliding: xr.Dataset, threshold: float) -> list[tuple[float, float]]:
-    """Stretches in which any track is above, each place once."""
+    """Stretches in which any track is above the threshold."""
     worst = sliding["iri"].max("track").expand_dims(track=["any"]).transpose("track", "s")
     found = find_stretches(worst, threshold)
     return list(zip(found["start"].values, found["end"].values, strict=True))

@@ -12,27 +12,27 @@ from trueterrain.roughness.stretches import find_stretches
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_STYLES = ("-", "--", ":", "-.")  # of tracks, while colours are those of bands
+_STYLES = ("-", "--", ":", "-.")  # of tracks; bands differ by colour
 
 
 def straightedge_deviation(
     beam: xr.Dataset, *, threshold: float | None = None, ax: "Axes | None" = None
 ) -> "Axes":
-    """Ground above or below a rolling straightedge, with a ring where it is too far off.
+    """Deviation of the ground from a rolling straightedge, with rings at peaks beyond a threshold.
 
     Parameters
     ----------
     beam : xarray.Dataset
-        What `trueterrain.roughness.rolling_straightedge` returns.
+        Result of `trueterrain.roughness.rolling_straightedge`.
     threshold : float, optional
-        Deviation that shall not be exceeded, above or below [m].
+        Largest permitted deviation, above or below [m].
     ax : Axes, optional
         Where to draw; by default a new figure.
 
     Returns
     -------
     Axes
-        Middle of the straightedge and deviation, both in metres; a ring is at the peak of each
+        Midpoint of the straightedge and deviation, both in metres; a ring is at the peak of each
         stretch beyond the threshold.
 
     Examples
@@ -53,14 +53,14 @@ def straightedge_deviation(
         name = f"{track}" if several else None
         ax.plot(beam["s"], values, color=colour, linewidth=0.9, label=name)
     ax.axhline(0.0, color="0.3", linewidth=0.6)
-    reach = float(abs(beam["deviation"]).max())
+    largest = float(abs(beam["deviation"]).max())
     if threshold is not None:
         _draw_threshold(ax, beam, threshold)
-        reach = max(reach, threshold)
-    middle = beam["s"].values
-    ax.set_xlim(middle[0], middle[-1] if middle.size > 1 else middle[0] + 1.0)
-    ax.set_ylim(-1.1 * reach or -1e-3, 1.1 * reach or 1e-3)
-    ax.set_xlabel("Middle of the straightedge s [m]")
+        largest = max(largest, threshold)
+    midpoint = beam["s"].values
+    ax.set_xlim(midpoint[0], midpoint[-1] if midpoint.size > 1 else midpoint[0] + 1.0)
+    ax.set_ylim(-1.1 * largest or -1e-3, 1.1 * largest or 1e-3)
+    ax.set_xlabel("Midpoint of the straightedge s [m]")
     canvas.scale_axis(ax.yaxis, canvas.LengthScale(factor=1000.0, unit="mm"), "Ground above it")
     ax.grid(axis="y", color="0.9", linewidth=0.6)
     ax.set_axisbelow(True)
@@ -73,19 +73,20 @@ def straightedge_deviation(
 
 
 def waveband_segments(rated: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
-    """Root mean square of each band in each segment as steps, each band in its colour.
+    """Root mean square of each band in each segment, as steps.
 
     Parameters
     ----------
     rated : xarray.Dataset
-        What `trueterrain.roughness.waveband_rms` returns if it is given a segment length.
+        Result of `trueterrain.roughness.waveband_rms` with a segment length.
     ax : Axes, optional
         Where to draw; by default a new figure.
 
     Returns
     -------
     Axes
-        Distance along the path and RMS, both in metres; tracks differ by the style of the line.
+        Distance along the path and RMS, both in metres; bands differ by colour, tracks by the style
+        of the line.
 
     Raises
     ------
@@ -133,7 +134,7 @@ def waveband_segments(rated: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
 
 
 def _draw_threshold(ax: "Axes", beam: xr.Dataset, threshold: float) -> None:
-    """Limits on both sides, and a ring at the peak of each stretch beyond them."""
+    """Draw limits on both sides, and a ring at the peak of each stretch beyond them."""
     for limit in (-threshold, threshold):
         ax.axhline(limit, color="0.3", linewidth=1.0, linestyle="--")
     found = find_stretches(abs(beam["deviation"]), threshold)

@@ -1,4 +1,4 @@
-"""How much of a road is how rough."""
+"""Histogram of the International Roughness Index."""
 
 from typing import TYPE_CHECKING
 
@@ -10,23 +10,23 @@ from trueterrain.figures import canvas
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_BAR = 0.8  # share of a class that its bars fill
+_BAR = 0.8  # width of the bars of a class, as a fraction of the class
 
 
-def roughness_histogram(shares: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
-    """Share of each track in classes of roughness, as bars.
+def roughness_histogram(histogram: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
+    """Fraction of the length of each track in classes of roughness, as bars.
 
     Parameters
     ----------
-    shares : xarray.Dataset
-        What `trueterrain.roughness.iri_histogram` returns.
+    histogram : xarray.Dataset
+        Result of `trueterrain.roughness.iri_histogram`.
     ax : Axes, optional
         Where to draw; by default a new figure.
 
     Returns
     -------
     Axes
-        Classes of the index [m/km] and share of the length [%].
+        Classes of the index [m/km] and fraction of the length [%].
 
     Examples
     --------
@@ -39,21 +39,21 @@ def roughness_histogram(shares: xr.Dataset, *, ax: "Axes | None" = None) -> "Axe
     ['< 1', '1–2', '2–3', '> 3']
     """
     ax = canvas.axes_or_new(ax, height=3.0)
-    count = shares.sizes["track"]
-    place = np.arange(shares.sizes["class"])
+    count = histogram.sizes["track"]
+    place = np.arange(histogram.sizes["class"])
     width = _BAR / count
-    for number, track in enumerate(shares["track"].values):
+    for number, track in enumerate(histogram["track"].values):
         ax.bar(
             place + (number - 0.5 * (count - 1)) * width,
-            100 * shares["share"].sel(track=track).values,
+            100 * histogram["fraction"].sel(track=track).values,
             width,
             color=canvas.COLOURS[number % len(canvas.COLOURS)],
             label=f"{track}" if count > 1 else None,
         )
-    edges = zip(shares["above"].values, shares["below"].values, strict=True)
+    edges = zip(histogram["above"].values, histogram["below"].values, strict=True)
     ax.set_xticks(place, [_class_name(above, below) for above, below in edges])
     ax.set_xlabel("IRI [m/km]")
-    ax.set_ylabel("Share of the length [%]")
+    ax.set_ylabel("Fraction of the length [%]")
     ax.grid(axis="y", color="0.9", linewidth=0.6)
     ax.set_axisbelow(True)
     canvas.legend_above(ax, notes=False)

@@ -12,12 +12,12 @@ if TYPE_CHECKING:
 
 
 def iri_segments(index: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
-    """IRI of each segment as steps, beside that of the whole profile.
+    """IRI of each segment as steps, with that of the whole profile.
 
     Parameters
     ----------
     index : xarray.Dataset
-        What `trueterrain.roughness.iri.iri` returns if it is given a segment length.
+        Result of `trueterrain.roughness.iri.iri` with a segment length.
     ax : Axes, optional
         Where to draw; by default a new figure.
 

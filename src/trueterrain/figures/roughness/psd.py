@@ -1,4 +1,4 @@
-"""Displacement spectra of roads among the classes of ISO 8608."""
+"""Displacement spectra of roads with the classes of ISO 8608."""
 
 from typing import TYPE_CHECKING
 
@@ -17,12 +17,12 @@ _BELOW = 0.2  # how far below the smoothed spectrum the unsmoothed one is shown
 
 
 def road_spectrum(spectrum: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
-    """Smoothed spectrum of each track, its confidence, the fitted road, and the road classes.
+    """Smoothed spectrum of each track, its confidence interval and fit, and the road classes.
 
     Parameters
     ----------
     spectrum : xarray.Dataset
-        What `trueterrain.roughness.psd` returns.
+        Result of `trueterrain.roughness.psd`.
     ax : Axes, optional
         Where to draw; by default a new figure.
 
@@ -83,7 +83,7 @@ def road_spectrum(spectrum: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
 
 
 def _draw_classes(ax: "Axes") -> None:
-    """Limits of the classes, and their letters at the right edge, where most can be seen."""
+    """Draw the limits of the classes, and their letters at the right edge."""
     (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
     ends = np.array([left, right])
     fall = (ends / N0) ** -_CLASS_WAVINESS
@@ -97,7 +97,7 @@ def _draw_classes(ax: "Axes") -> None:
 
 
 def _thin_lines(n: np.ndarray, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lines evenly spread over the decades, since millions of them are not seen."""
+    """Select lines evenly over the decades, since a figure cannot resolve millions of them."""
     if n.size <= _LINES:
         return n, density
     kept = np.unique(np.geomspace(1, n.size, _LINES).astype(int) - 1)

@@ -14,12 +14,12 @@ _SCALE = (0.0, 5.0)  # from impassable to perfect
 
 
 def ride_number_segments(rated: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
-    """Ride Number of each segment as steps, beside that of the whole profile.
+    """Ride Number of each segment as steps, with that of the whole profile.
 
     Parameters
     ----------
     rated : xarray.Dataset
-        What `trueterrain.roughness.ride_number` returns if it is given a segment length.
+        Result of `trueterrain.roughness.ride_number` with a segment length.
     ax : Axes, optional
         Where to draw; by default a new figure.
 

@@ -1,15 +1,15 @@
-"""Tyre envelopes: what of the ground a wheel feels that rolls over it.
+"""Tyre envelopes: the effective road of a tyre model that rolls over the ground.
 
 ===================  ===========================================================================
 `RigidDisc`          a rigid wheel that touches one point
 `TandemCams`         rows of cams at the edges of the contact patch (MF-Swift)
-`RadialSpringTyre`   springs under a tread band, which give way until they carry the load
+`RadialSpringTyre`   springs under a tread band, deflected until they carry the load
 `LineLaser`          the bridge value of a line across the path
 `PatchMean`          the mean under the contact patch, a moving average
 ===================  ===========================================================================
 
-Each has ``offsets``, the lines beside the path that it needs the ground on, a ``reach`` along it,
-and ``roll(strip)``, which gives height and slope at each path point.
+Each has ``offsets``, the lateral offsets of the lines on which it needs the ground, a ``reach``
+along the path, and ``roll(strip)``, which gives height and slope at each path point.
 """
 
 from trueterrain.profile.envelope.along import Envelope, effective_road, tyre_envelope

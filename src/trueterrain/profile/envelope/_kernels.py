@@ -1,4 +1,12 @@
-"""Loops over path points, cams and springs; all checks are made by the callers."""
+"""Loops over path points, cams and springs; arguments are checked by the callers.
+
+Arguments that several kernels take:
+
+- ``strip`` (line, sample) [m]: ground, NaN where missing, ``step`` [m] between samples;
+- ``first`` and ``stride``: sample of the first path point, and samples to the next one;
+- ``radius`` [m] of the tyre, ``decay`` [rad]: decay length of the band as an angle, ``tension`` [N]
+  of the band of one section, ``work`` (4, samples): memory for angles, deflections and slopes.
+"""
 
 import math
 
@@ -29,15 +37,23 @@ def cam_heights(
     height,
     gradient,
 ):
-    """Height of each cam that stands on the ground, less its half height, and the slope there.
+    """Height of the lowest point of each cam on the ground, and the slope there.
 
-    The ground is linear between samples, and a cam touches a sample or, where it is as steep as
-    the ground, a piece between two. Cam c stands on the lines `lines[group[c]]`, of which
-    `top[group[c]]` is the highest at each sample; its first sample is `lead[c]` samples ahead of
-    the path point. `drop` is how far the outline of the cam lies above its lowest point over each
-    sample, infinite beyond the cam; `slope`, one longer at either end, is that of the outline. No
-    piece can hold the cam higher than the sample at its begin less `behind`, or that at its end
-    less `ahead`, so that few need to be looked at. Missing samples (NaN) touch nothing.
+    The ground is linear between samples, and a cam touches a sample or, where its outline has the
+    slope of the ground, a piece between two samples.
+
+    - ``group`` (c,): group of lines under each cam, ``lines`` (g, 2): first line of a group and one
+      after the last, ``top`` (g, sample) [m]: highest height of the lines of a group;
+    - ``lead`` (c,): first sample under each cam, relative to the path point; ``shift`` (c,) [m]:
+      position of its centre;
+    - ``drop`` (c, k) [m]: height of the outline above its lowest point at each sample, infinite
+      beyond the cam; ``slope`` (c, k + 2) [m/m]: slope of the outline, one sample more at each end;
+    - ``behind``, ``ahead`` (c, k + 1) [m]: a piece can hold the cam no higher than its first sample
+      less ``behind`` or its last sample less ``ahead``, so that most pieces are skipped;
+    - ``half_length``, ``half_height`` [m], ``order`` of the superellipse;
+    - ``height`` [m], ``gradient`` [m/m] (s, c): output, NaN where there is no ground.
+
+    NaN compares as false, so that missing samples are not touched.
     """
     points, cams = height.shape
     samples = drop.shape[1]
@@ -62,6 +78,7 @@ def cam_heights(
                     rise = (strip[line, right] - strip[line, left]) / step
                     if not slope[c, k] < rise < slope[c, k + 1]:
                         continue
+                    # point of the superellipse whose slope is that of the ground
                     steep = (abs(rise) * half_length / half_height) ** power
                     x = math.copysign(half_length * (steep / (1.0 + steep)) ** (1.0 / order), rise)
                     above = half_height * (1.0 - (1.0 / (1.0 + steep)) ** (1.0 / order))
@@ -78,11 +95,14 @@ def section_forces(ground, begin, end, x_begin, step, hub, radius, decay, tensio
     """Vertical and forward force on the hub [N] and energy [J] of one section of a tyre.
 
     Radial springs of equal stiffness per metre of tread, under a band of constant tension: of all
-    shapes of the band that lie nowhere below the ground, it takes that of least energy. As seen
-    from the hub, deflection over angle, this is the least curve above the samples that is made of
-    pieces of exponentials, found like a convex hull in one pass. A sample that the band rests on
-    carries the kink of the band times its tension; the forces are the derivatives of the energy.
-    `decay` is the decay length of the band in radians.
+    shapes of the band at or above the ground, it takes that of minimum energy. As deflection over
+    the angle seen from the hub, this is the smallest curve above the samples that consists of
+    solutions of w'' = w (exponentials per decay length), found like a convex hull in one pass. At a
+    sample that the band touches, the contact force is the tension times the kink of the band; the
+    forces are the derivatives of the energy.
+
+    ``ground`` (n,) [m], of which samples ``begin`` to ``end`` are used, the first at ``x_begin``
+    [m] from the hub; ``hub`` [m]: height of the hub.
     """
     angle, deflection, before, after = work[0], work[1], work[2], work[3]
     count = 0
@@ -93,6 +113,7 @@ def section_forces(ground, begin, end, x_begin, step, hub, radius, decay, tensio
         if not square < radius * radius:
             continue
         theta, deep = math.atan2(x, y), radius - math.sqrt(square)
+        # insertion sort by angle: steep ground may reverse the order of samples
         hole = count
         while hole > 0 and angle[hole - 1] > theta:
             angle[hole], deflection[hole] = angle[hole - 1], deflection[hole - 1]
@@ -100,19 +121,20 @@ def section_forces(ground, begin, end, x_begin, step, hub, radius, decay, tensio
         angle[hole], deflection[hole] = theta, deep
         count += 1
 
-    kept = 0  # samples that the band rests on, moved to the front; slopes per decay length
+    kept = 0  # samples that the band touches, moved to the front; slopes per decay length
     for j in range(count):
         theta, deep = angle[j], deflection[j]
         arrival = deep
         while kept > 0:
             t = kept - 1
             between = (theta - angle[t]) / decay
-            if between < 1e-9:  # one behind the other: the nearer one counts
+            if between < 1e-9:  # at the same angle: the sample nearer to the hub counts
                 deep = max(deep, deflection[t])
                 kept -= 1
                 arrival = deep
                 continue
-            q = math.exp(min(between, 300.0))  # beyond, they know nothing of each other
+            q = math.exp(min(between, 300.0))  # beyond, samples do not interact
+            # slopes at both ends of w = a e^t + b e^-t between the two samples
             leaving = (2.0 * q * deep - deflection[t] * (q * q + 1.0)) / (q * q - 1.0)
             if leaving < before[t]:
                 after[t] = leaving
@@ -127,18 +149,22 @@ def section_forces(ground, begin, end, x_begin, step, hub, radius, decay, tensio
     up = forward = energy = 0.0
     for t in range(kept):
         leaving = after[t] if t < kept - 1 else -deflection[t]
-        push = tension / (radius * decay) * (before[t] - leaving)
-        turn = 0.5 * (before[t] + leaving) / (decay * (radius - deflection[t]))
+        # contact force from the kink of the band, normal to its mean direction
+        force = tension / (radius * decay) * (before[t] - leaving)
+        tilt = 0.5 * (before[t] + leaving) / (decay * (radius - deflection[t]))
         cos, sin = math.cos(angle[t]), math.sin(angle[t])
-        up += push * (cos - turn * sin)
-        forward -= push * (sin + turn * cos)
-        energy += 0.5 * push * deflection[t]
+        up += force * (cos - tilt * sin)
+        forward -= force * (sin + tilt * cos)
+        energy += 0.5 * force * deflection[t]
     return up, forward, energy
 
 
 @compile_kernel
 def tyre_forces(strip, begin, end, x_begin, step, hub, radius, decay, tension, work):
-    """Vertical and forward force on the hub [N] and energy [J], of all sections together."""
+    """Vertical and forward force on the hub [N] and energy [J] of all sections together.
+
+    ``strip`` (section, sample) [m]; other arguments as of `section_forces`.
+    """
     up = forward = energy = 0.0
     for section in range(strip.shape[0]):
         a, b, c = section_forces(
@@ -168,10 +194,13 @@ def hub_heights(
 ):
     """Height of the hub at which the springs carry the load, and the slope of their force.
 
-    Secants from where the hub would be above the mean ground of its patch; one that leaves the
-    bracket, which begins with the height at which the tyre just touches, halves the bracket or,
-    while it has no lower end, sinks on. NaN where there is no ground, or where the hub would come
-    down to it.
+    Secant iterations, safeguarded by a bracket, from the mean ground of the contact patch. The
+    upper end of the bracket is the height at which the tyre just touches the ground; while there is
+    no lower end, a secant outside of the bracket is replaced by a step of one deflection downward,
+    then by bisection. NaN where there is no ground, or where it would reach the hub.
+
+    ``load`` [N], ``deflection`` [m] under the rated load, ``tolerance`` [1] of the load;
+    ``height`` [m], ``slope`` [m/m] (s,): output.
     """
     sections = strip.shape[0]
     reach = int(radius / step)
@@ -180,7 +209,7 @@ def hub_heights(
         work = np.empty((4, 2 * reach + 1))
         ground = np.empty((sections, 2 * reach + 1))
         begin = first + i * stride - reach
-        datum = total = 0.0  # heights from there, so that high ground costs no digits
+        datum = total = 0.0  # heights above the datum, so that high ground does not lose digits
         known = 0
         for section in range(sections):
             for j in range(reach - patch, reach + patch + 1):
@@ -219,7 +248,7 @@ def hub_heights(
                 following = hub - error * (hub - last) / (error - last_error)
             if not low <= following <= high:
                 following = 0.5 * (low + high) if low > -np.inf else hub - deflection
-            # met, or as near as heights can be told apart
+            # converged, to the tolerance or to the resolution of heights
             if abs(error) <= tolerance * load or following == hub or high - low <= 1e-15 * radius:
                 height[i] = datum + hub
                 slope[i] = -forward / load

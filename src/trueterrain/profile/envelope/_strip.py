@@ -1,4 +1,4 @@
-"""The ground under a tyre: heights along and across the path, sampled where the tyre needs them."""
+"""Ground under a tyre: heights along lines parallel to the path, at equal spacing."""
 
 from dataclasses import dataclass
 
@@ -14,14 +14,14 @@ from trueterrain.surface.evaluate import heights_at_uv
 Float = npt.NDArray[np.float64]
 Integer = npt.NDArray[np.int64]
 
-_FINEST = 1e-3  # [m] between samples, however fine the ground is
-_COARSEST = 1e-2  # [m] between samples, however coarse the ground is
-_EVEN = 1e-3  # [steps] by which a point may miss equal spacing, as where roughness is rated
+_MIN_STEP = 1e-3  # [m] between samples by default
+_MAX_STEP = 1e-2  # [m] between samples by default
+_EQUAL = 1e-3  # [steps] tolerance of equal spacing, as of the roughness indices
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GroundStrip:
-    """Ground along lines parallel to the path, for some path points in a row."""
+    """Ground along lines parallel to the path, for consecutive path points."""
 
     height: Float
     "Ground, shape (line, sample) [m]; NaN where there is none."
@@ -30,22 +30,22 @@ class GroundStrip:
     "Distance between samples along the path [m]."
 
     first: int
-    "Sample that belongs to the first path point."
+    "Index of the sample at the first path point."
 
     stride: int
-    "Quantity of samples from one path point to the next."
+    "Number of samples from one path point to the next."
 
     count: int
-    "Quantity of path points."
+    "Number of path points."
 
     def at_points(self) -> Float:
-        """Heights abreast of the path points, shape (line, s) [m]."""
+        """Heights across the path at the path points, shape (line, s) [m]."""
         end = self.first + self.stride * (self.count - 1) + 1
         return self.height[:, self.first : end : self.stride]
 
 
 class SurfaceLines:
-    """Lines on a surface, beside a path.
+    """Lines on a surface, parallel to a path.
 
     Parameters
     ----------
@@ -56,21 +56,21 @@ class SurfaceLines:
     offsets : numpy.ndarray, shape (line,)
         Offsets of the lines, left positive [m].
     step : float or None
-        Largest distance between samples [m]; None for that of the nodes of the surface.
+        Maximum distance between samples [m]; None for that of the nodes of the surface.
     """
 
     def __init__(
         self, surface: xr.Dataset, path: WheelPath, offsets: Float, step: float | None
     ) -> None:
-        # once, and not for each part of the path
+        # converted once, and not for each part of the path
         self._surface = surface.assign(height=surface["height"].astype(float))
         self._frame = grid_frame(surface)
         self._path = path
         self._heading = np.unwrap(path.heading)
         self.offsets = offsets
         spacing = _equal_spacing(path.s, "the path")
-        finest = float(np.diff(self._frame.u).min()) if step is None else step
-        self.stride, self.step = _sample_spacing(spacing, finest, step)
+        node_spacing = float(np.diff(self._frame.u).min())
+        self.stride, self.step = _sample_spacing(spacing, node_spacing, step)
 
     def __len__(self) -> int:
         return len(self._path)
@@ -78,7 +78,7 @@ class SurfaceLines:
     def samples(self, begin: int, end: int) -> Float:
         """Heights at samples `begin` to `end` (not included), counted from the first path point.
 
-        Beyond its ends the path goes straight on.
+        Beyond its ends the path is extended by its tangents.
         """
         path, last = self._path, len(self._path) - 1
         sample = np.arange(begin, end)
@@ -100,14 +100,14 @@ class SurfaceLines:
 
 
 class ProfileLine:
-    """The one line of a profile: the ground is level across.
+    """Line of a profile: the ground is level across.
 
     Parameters
     ----------
     s, height : numpy.ndarray, shape (s,)
         Profile, equally spaced [m].
     step : float or None
-        Largest distance between samples [m]; None for that of the profile.
+        Maximum distance between samples [m]; None for that of the profile.
 
     Raises
     ------
@@ -119,7 +119,7 @@ class ProfileLine:
         self._height = height
         self.offsets = np.zeros(1)
         spacing = _equal_spacing(s, "the profile")
-        self.stride, self.step = _sample_spacing(spacing, spacing if step is None else step, step)
+        self.stride, self.step = _sample_spacing(spacing, spacing, step)
 
     def __len__(self) -> int:
         return self._height.size
@@ -144,26 +144,26 @@ Lines = SurfaceLines | ProfileLine
 def strip_under(lines: Lines, begin: int, end: int, reach: float) -> tuple[GroundStrip, Integer]:
     """Ground under a tyre at path points `begin` to `end` (not included).
 
-    Ahead of the path and behind it, where the ground ends, its last height is held.
+    Before and after the path, where the ground ends, its last height is held.
 
     Parameters
     ----------
     lines : SurfaceLines or ProfileLine
-        Where the ground comes from.
+        Source of the ground.
     begin, end : int
         Path points.
     reach : float
-        How far ahead of and behind the path point the tyre may touch the ground [m].
+        Longitudinal distance from the path point within which the tyre may touch the ground [m].
 
     Returns
     -------
-    strip : Strip
-        Ground, and one sample more than the tyre reaches at either end.
+    strip : GroundStrip
+        Ground, with samples beyond the reach of the tyre at either end.
     known : numpy.ndarray, shape (2,)
         First and last sample that is a height of the ground and not held, counted from the first
         path point.
     """
-    margin = int(np.ceil(reach / lines.step)) + 2  # where the ground has a slope
+    margin = int(np.ceil(reach / lines.step)) + 2  # two more, for the slope at the last sample
     low, high = begin * lines.stride - margin, (end - 1) * lines.stride + margin
     last = (len(lines) - 1) * lines.stride
     height = np.ascontiguousarray(lines.samples(low, high + 1))
@@ -183,9 +183,9 @@ def strip_under(lines: Lines, begin: int, end: int, reach: float) -> tuple[Groun
 
 
 def _hold_heights(outward: Float) -> int:
-    """Hold the last height of each line, outward from the end of the path; where that begins.
+    """Hold the last height of each line, outward from the end of the path, in place.
 
-    Changes its argument, a view of the strip.
+    Returns the last sample that is not held on any line.
     """
     missing = np.isnan(outward)
     ground = np.maximum.accumulate(np.where(missing, 0, np.arange(outward.shape[1])), axis=1)
@@ -195,29 +195,32 @@ def _hold_heights(outward: Float) -> int:
 
 
 def _equal_spacing(s: Float, what: str) -> float:
-    """Distance between points, which must all be equal."""
+    """Spacing of points, which must be equal [m]."""
     if s.size < 2:
         raise CoverageError(
             f"{what} must have at least 2 points for a tyre to roll on, got {s.size}"
         )
     spacing = float((s[-1] - s[0]) / (s.size - 1))
-    missed = np.abs(s - (s[0] + spacing * np.arange(s.size)))
-    worst = int(np.argmax(missed))
-    if missed[worst] > _EVEN * spacing:
+    deviation = np.abs(s - (s[0] + spacing * np.arange(s.size)))
+    worst = int(np.argmax(deviation))
+    if deviation[worst] > _EQUAL * spacing:
         raise CoverageError(
             f"{what} must be equally spaced for a tyre to roll on, got s = {s[worst]:g} m, "
-            f"{missed[worst]:.2g} m beside a multiple of {spacing:g} m",
+            f"{deviation[worst]:.2g} m from a multiple of {spacing:g} m",
             cure="Resample it first: `trueterrain convert --spacing`, or `resample_profile`.",
         )
     return spacing
 
 
-def _sample_spacing(spacing: float, finest: float, asked: float | None) -> tuple[int, float]:
-    """Quantity of samples from point to point, and the distance between them."""
-    if asked is None:
-        asked = min(max(finest, _FINEST), _COARSEST)
-    elif not 0 < asked < float("inf"):
-        message = f"step must be greater than 0 m, got {asked}."
+def _sample_spacing(spacing: float, native: float, step: float | None) -> tuple[int, float]:
+    """Number of samples from point to point, and the distance between them [m].
+
+    By default that of the ground, `native`, within bounds.
+    """
+    if step is None:
+        step = min(max(native, _MIN_STEP), _MAX_STEP)
+    elif not 0 < step < float("inf"):
+        message = f"step must be greater than 0 m, got {step}."
         raise ValueError(message)
-    stride = max(int(np.ceil(spacing / asked - _EVEN)), 1)
+    stride = max(int(np.ceil(spacing / step - _EQUAL)), 1)
     return stride, spacing / stride

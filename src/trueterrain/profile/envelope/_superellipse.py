@@ -12,31 +12,32 @@ Float = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Superellipse:
-    """Lower half of a superellipse whose axes stay level and upright."""
+    """Lower half of a superellipse with a level and a vertical axis."""
 
     half_length: float
     "Half axis along the path [m]."
 
     half_height: float
-    "Half axis upward [m]."
+    "Vertical half axis [m]."
 
     order: float
     "Exponent; 2 is an ellipse."
 
     def drop(self, x: Float) -> Float:
-        """How far the outline lies above its lowest point [m]; infinite beyond its ends."""
-        share = np.abs(x) / self.half_length
-        inside = np.minimum(share, 1.0) ** self.order
+        """Height of the outline above its lowest point [m]; infinite beyond its ends."""
+        fraction = np.abs(x) / self.half_length
+        inside = np.minimum(fraction, 1.0) ** self.order
         above = self.half_height * (1 - (1 - inside) ** (1 / self.order))
-        return np.where(share <= 1, above, np.inf)
+        return np.where(fraction <= 1, above, np.inf)
 
     def slope(self, x: Float) -> Float:
         """Slope of the outline [m/m]; infinite at its ends and beyond."""
-        share = np.abs(x) / self.half_length
-        inside = np.minimum(share, 1.0) ** self.order
+        fraction = np.abs(x) / self.half_length
+        inside = np.minimum(fraction, 1.0) ** self.order
         with np.errstate(divide="ignore"):
-            steep = (inside / (1 - inside)) ** ((self.order - 1) / self.order)
-        return np.sign(x) * np.where(share < 1, steep * self.half_height / self.half_length, np.inf)
+            steepness = (inside / (1 - inside)) ** ((self.order - 1) / self.order)
+        slope = steepness * self.half_height / self.half_length
+        return np.sign(x) * np.where(fraction < 1, slope, np.inf)
 
     def stand_on(
         self,
@@ -45,18 +46,18 @@ class Superellipse:
         group: list[int],
         shift: list[float],
     ) -> tuple[Float, Float]:
-        """Heights of cams that stand on the ground, and the slope where they touch it.
+        """Heights of cams on the ground, and the slope at the point of contact.
 
         Parameters
         ----------
-        strip : Strip
+        strip : GroundStrip
             Ground.
         groups : list of tuple of int
-            First line and line behind the last one of each group of lines.
+            First line, and one after the last, of each group of lines.
         group : list of int
             Group of lines under each cam.
         shift : list of float
-            How far each cam is ahead of the path point [m].
+            Longitudinal position of each cam relative to the path point [m].
 
         Returns
         -------
@@ -66,10 +67,10 @@ class Superellipse:
         """
         from trueterrain.profile.envelope import _kernels
 
-        samples = int(2 * self.half_length / strip.step) + 1  # most that a cam may touch
-        place = np.array(shift)
-        lead = np.ceil((place - self.half_length) / strip.step).astype(np.int64)
-        x = (lead[:, None] + np.arange(-1, samples + 1)) * strip.step - place[:, None]
+        samples = int(2 * self.half_length / strip.step) + 1  # under a cam, at most
+        position = np.array(shift)
+        lead = np.ceil((position - self.half_length) / strip.step).astype(np.int64)
+        x = (lead[:, None] + np.arange(-1, samples + 1)) * strip.step - position[:, None]
         top = np.stack([np.fmax.reduce(strip.height[begin:end]) for begin, end in groups])
         height = np.empty((strip.count, len(group)))
         slope = np.empty_like(height)
@@ -85,7 +86,7 @@ class Superellipse:
             self.drop(x[:, 1:-1]),
             self.slope(x),
             *self._bounds(x, strip.step),
-            place,
+            position,
             self.half_length,
             self.half_height,
             self.order,
@@ -95,10 +96,11 @@ class Superellipse:
         return height, slope
 
     def _bounds(self, x: Float, step: float) -> tuple[Float, Float]:
-        """How far the outline lies at least below either end of a piece of ground that it touches.
+        """Lower bounds of the drop between samples, relative to either sample.
 
-        The outline is convex: between two samples it bulges below its chord by at most a quarter of
-        the step times the change of its slope. Where it ends, it is at least as high as within.
+        A piece of ground can hold the cam no higher than its end heights less these bounds. The
+        outline is convex: between two samples it lies below its chord by at most a quarter of the
+        step times the change of its slope. Beyond its ends it counts as at least as high as within.
         """
         drop, slope = self.drop(x), self.slope(x)
         begin, end = drop[:, :-1], drop[:, 1:]

@@ -1,4 +1,4 @@
-"""Tyres that roll along a path: the profile and the effective road that they feel."""
+"""Tyre models that roll along a path: envelope and effective road."""
 
 import numpy as np
 import numpy.typing as npt
@@ -25,10 +25,10 @@ from trueterrain.profile.extract import Ground, ThinPolicy
 
 Float = npt.NDArray[np.float64]
 
-#: Everything that rolls along a path.
+#: Tyre models that roll along a path.
 Envelope = RigidDisc | TandemCams | RadialSpringTyre | LineLaser | PatchMean
 
-_SAMPLES = 1 << 19  # of the ground, held at a time; some 50 MB
+_SAMPLES = 1 << 19  # of the ground in one block; some 50 MB
 
 _MEANING = {
     "height": ("m", "height of the effective road"),
@@ -36,7 +36,7 @@ _MEANING = {
     "slope": ("m/m", "slope of the effective road, rising ahead"),
     "camber": ("m/m", "cross slope of the effective road, rising to the left"),
     "curvature": ("1/m", "derivative of the slope along the path"),
-    "count": ("1", "quantity of samples of the ground that the tyre may touch"),
+    "count": ("1", "number of samples of the ground that the tyre may touch"),
 }
 
 
@@ -46,11 +46,14 @@ def tyre_envelope(
     *,
     tyre: Envelope = RigidDisc(),
     step: float | None = None,
-    minimum_cover: float = 1.0,
+    min_cover: float = 1.0,
     thin: ThinPolicy = "error",
     progress: Progress = no_progress,
 ) -> xr.Dataset:
-    """Profile that a tyre model feels as it rolls along a path, or along a profile.
+    """Height of the effective road of a tyre model along a path, or along a profile.
+
+    Use it as input of vehicle models whose tyre is a point contact, or to see the height of the hub
+    over short unevenness; `effective_road` gives slope, camber and curvature as well.
 
     Parameters
     ----------
@@ -59,14 +62,14 @@ def tyre_envelope(
     path : WheelPath, optional
         Path points on a surface, at equal spacing; none with a profile.
     tyre : RigidDisc, TandemCams, RadialSpringTyre, LineLaser or PatchMean
-        What rolls; by default a disc of the size of a passenger car's tyre.
+        Tyre model; by default a disc of the size of a passenger car's tyre.
     step : float, optional
-        Largest distance between samples of the ground along the path [m]; by default that of the
+        Maximum distance between samples of the ground along the path [m]; by default that of the
         nodes of the surface or of the profile, but from 1 mm to 10 mm. Ground is bilinear between
         nodes, and linear between samples.
-    minimum_cover : float
-        Least share of the ground under the tyre, within its reach and width, that must be there.
-        What is missing touches nothing.
+    min_cover : float
+        Minimum fraction of known ground within the reach and width of the tyre [1]. The tyre does
+        not touch missing samples.
     thin : {"error", "nan"}
         Whether path points with less ground raise or give NaN. They are never interpolated.
     progress : callable, optional
@@ -77,32 +80,35 @@ def tyre_envelope(
     xarray.Dataset
         Profile with ``height``, ``count`` (samples of the ground within the reach of the tyre), on
         a surface ``easting`` and ``northing``, with a line laser ``sd``. In its attributes:
-        ``thin``, path points that are NaN; ``held``, path points whose tyre reaches beyond the end
-        of the ground ahead of or behind the path, where its last height is held.
+        ``thin``, number of path points that are NaN; ``held``, number of path points whose tyre
+        reaches beyond the end of the ground before or after the path, where its last height is
+        held.
 
     Raises
     ------
     CoverageError
         If path points have too little ground and `thin` is ``"error"``, or all of them have; if
-        the points are not equally spaced; for scattered points, which have no height between them.
+        the points are not equally spaced; if the ground is scattered points, which define no height
+        between them.
     ValueError
-        If a parameter is out of its range, or path and ground do not belong together.
+        If a parameter is out of its range, or a path is given with a profile.
 
     Notes
     -----
-    The height is that of the wheel less its height on a level plane, so that a level plane gives
-    itself. On measured Belgian block, 10 mm between nodes, samples 10 mm apart give heights that
-    differ from those of samples 1 mm apart by 0.08 mm (springs), 0.12 mm (cams) and 0.20 mm (disc)
-    RMS, of a road of 17 mm RMS. The wheel is straight: on a bend of radius r its ends lie
-    x^2 / (2 r) beside the lines that it is taken to roll on, 0.5 mm at x = 0.1 m and r = 10 m. The
-    result does not depend on blocks or threads, not even in the last bit.
+    The height is that of the wheel less its height on a level plane, so that a level plane is
+    reproduced. On measured Belgian block, 10 mm between nodes, heights from samples 10 mm apart
+    differ from those from samples 1 mm apart by 0.08 mm (springs), 0.12 mm (cams) and 0.20 mm
+    (disc) RMS, of a road of 17 mm RMS. The wheel is straight, while lines follow the path: on a
+    bend of radius r a point at the longitudinal distance x has a lateral error of x^2 / (2 r),
+    0.5 mm at x = 0.1 m and r = 10 m. The result does not depend on blocks or threads, not even in
+    the last bit.
 
     Examples
     --------
     >>> from trueterrain.core.schemas import make_profile
     >>> step = make_profile(np.arange(200) * 0.01, np.repeat([0.0, 0.02], 100))
-    >>> felt = tyre_envelope(step, tyre=RigidDisc(radius=0.3))
-    >>> felt.height.values[[80, 90, 95, 100]]
+    >>> envelope = tyre_envelope(step, tyre=RigidDisc(radius=0.3))
+    >>> envelope.height.values[[80, 90, 95, 100]]
     array([0.        , 0.00284271, 0.01580399, 0.02      ])
     """
     road = effective_road(
@@ -110,7 +116,7 @@ def tyre_envelope(
         path,
         tyre=tyre,
         step=step,
-        minimum_cover=minimum_cover,
+        min_cover=min_cover,
         thin=thin,
         progress=progress,
     )
@@ -132,15 +138,17 @@ def effective_road(
     *,
     tyre: Envelope = TandemCams(),
     step: float | None = None,
-    minimum_cover: float = 1.0,
+    min_cover: float = 1.0,
     thin: ThinPolicy = "error",
     progress: Progress = no_progress,
 ) -> xr.Dataset:
-    """Plane that a tyre model feels at each path point: height, slope, camber, curvature.
+    """Effective road plane of a tyre model at each path point: height, slope, camber, curvature.
+
+    Input of tyre models such as MF-Swift.
 
     Parameters
     ----------
-    ground, path, tyre, step, minimum_cover, thin, progress
+    ground, path, tyre, step, min_cover, thin, progress
         As in `tyre_envelope`; by default the tandem cams of a passenger car's tyre.
 
     Returns
@@ -162,8 +170,8 @@ def effective_road(
     >>> print(f"{effective_road(ramp).slope.values[100]:.3f}")
     0.020
     """
-    if not 0 < minimum_cover <= 1:
-        message = f"minimum_cover must be greater than 0 and at most 1, got {minimum_cover}."
+    if not 0 < min_cover <= 1:
+        message = f"min_cover must be greater than 0 and at most 1, got {min_cover}."
         raise ValueError(message)
     if thin not in ("error", "nan"):
         message = f"thin must be 'error' or 'nan', got {thin!r}."
@@ -175,12 +183,12 @@ def effective_road(
         )
     kind = kind_of(ground)
     if kind == "profile" and path is not None:
-        message = "path must not be given with a profile, which is a path of its own."
+        message = "path must not be given with a profile, which defines its own path."
         raise ValueError(message)
     if kind == "surface" and not isinstance(path, WheelPath):
-        message = f"path must be a WheelPath, behind the ground, got {type(path).__name__}."
+        message = f"path must be a WheelPath, after the ground, got {type(path).__name__}."
         raise TypeError(message)
-    policy = minimum_cover, thin
+    policy = min_cover, thin
     if path is not None:
         lines = SurfaceLines(check_surface(ground), path, tyre.offsets, step)
         road = _roll_tyre(lines, path.s, tyre, policy, progress)
@@ -191,7 +199,7 @@ def effective_road(
     parameters = {
         "tyre": tyre,
         "step": step,
-        "minimum_cover": minimum_cover,
+        "min_cover": min_cover,
         "thin": thin,
     }
     road.attrs["crs"] = ground.attrs.get("crs", "")
@@ -211,8 +219,8 @@ def _on_tracks(
     def of(track: xr.Dataset) -> xr.Dataset:
         line = ProfileLine(s, np.asarray(track.height, float), step)
         road = _roll_tyre(line, s, tyre, policy, progress)
-        places = {name: track[name] for name in ("easting", "northing") if name in track}
-        return road.assign({name: ("s", at.values, at.attrs) for name, at in places.items()})
+        positions = {name: track[name] for name in ("easting", "northing") if name in track}
+        return road.assign({name: ("s", at.values, at.attrs) for name, at in positions.items()})
 
     if "track" not in profile.dims:
         return of(profile)
@@ -244,9 +252,9 @@ def _roll_tyre(
         parts.append(rolled)
         progress("envelope", end, s.size)
     found = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    share = found["count"] / (len(lines.offsets) * (2 * within + 1))
-    is_thin = (share < policy[0]) | np.isnan(found["height"])
-    _report_thin(s, is_thin, share, policy)
+    cover = found["count"] / (len(lines.offsets) * (2 * within + 1))
+    is_thin = (cover < policy[0]) | np.isnan(found["height"])
+    _report_thin(s, is_thin, cover, policy)
     for name in set(found) - {"count"}:
         found[name][is_thin] = np.nan
     if isinstance(tyre, TandemCams):
@@ -263,8 +271,8 @@ def _roll_tyre(
 
 
 def _count_heights(strip: GroundStrip, reach: float) -> tuple[Integer, int]:
-    """Quantity of samples with a height in the reach of each path point, and how far that is."""
-    within = int(np.ceil(reach / strip.step - 1e-6))  # samples; a piece of ground has two ends
+    """Number of samples with a height in the reach of each path point, and the reach [samples]."""
+    within = int(np.ceil(reach / strip.step - 1e-6))
     known = np.isfinite(strip.height).sum(axis=0)
     total = np.append(0, np.cumsum(known))
     at = strip.first + strip.stride * np.arange(strip.count)
@@ -272,28 +280,29 @@ def _count_heights(strip: GroundStrip, reach: float) -> tuple[Integer, int]:
 
 
 def _report_thin(
-    s: Float, is_thin: npt.NDArray[np.bool_], share: Float, policy: tuple[float, ThinPolicy]
+    s: Float, is_thin: npt.NDArray[np.bool_], cover: Float, policy: tuple[float, ThinPolicy]
 ) -> None:
+    """Raise if path points are thin and the policy (min_cover, thin) does not permit it."""
     thin = np.flatnonzero(is_thin)
     if thin.size == 0 or (policy[1] == "nan" and thin.size < s.size):
         return
-    if not share.any():
+    if not cover.any():
         raise CoverageError(
             "the path lies outside of the ground",
             cure="Check the coordinates and the CRS of the path with `trueterrain info`.",
         )
-    pressed = np.flatnonzero(is_thin & (share >= policy[0]))
-    if pressed.size:
+    overloaded = np.flatnonzero(is_thin & (cover >= policy[0]))
+    if overloaded.size:
         raise CoverageError(
-            f"the tyre cannot carry its load at {pressed.size} of {s.size} path points, the first "
-            f"at s = {s[pressed[0]]:.3f} m: the ground would reach its hub",
-            cure="Look for heights that cannot be there, or take less load.",
+            f"the tyre cannot carry its load at {overloaded.size} of {s.size} path points, the "
+            f"first at s = {s[overloaded[0]]:.3f} m: the ground would reach its hub",
+            cure="Check the heights for outliers, or reduce the load.",
         )
-    cure = "Fill the holes, keep the path farther inside, or lower minimum_cover"
+    cure = "Fill the holes, keep the path farther inside, or lower min_cover"
     if policy[1] == "error":
         cure += ', or let these become NaN (--thin nan, thin="nan")'
     raise CoverageError(
         f"{thin.size} of {s.size} path points have too little ground under the tyre, the first at "
-        f"s = {s[thin[0]]:.3f} m with {100 * share[thin[0]]:.0f} % of it",
+        f"s = {s[thin[0]]:.3f} m with {100 * cover[thin[0]]:.0f} % of it",
         cure=cure + ".",
     )

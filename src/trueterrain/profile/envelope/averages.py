@@ -1,20 +1,21 @@
-"""Averages that stand for a tyre: the bridge value of a line laser, the mean under a patch."""
+"""Averages of the ground: the bridge value of a line laser, the mean under a contact patch."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from trueterrain.profile.area import _require_positive
+from trueterrain.profile.area import require_positive
 from trueterrain.profile.distribution import HeightDistributions
 from trueterrain.profile.envelope._strip import Float, GroundStrip
 from trueterrain.profile.envelope.disc import lines_amid_strips, lines_to_the_edges, require_width
 from trueterrain.profile.envelope.tyres import PASSENGER_TYRE, TyreData
 from trueterrain.profile.statistic import Window
+from trueterrain.vehicle import contact_heights, contact_margin
 
 
 @dataclass(frozen=True, kw_only=True)
 class LineLaser:
-    """Bridge value of a line laser: of the heights across the path, a window of ranks averaged.
+    """Bridge value of a line laser: mean of a window of ranks of the heights across the path.
 
     Notes
     -----
@@ -32,23 +33,23 @@ class LineLaser:
     "Length of the line, across the path [m]."
 
     spots: int = 51
-    "Quantity of heights on the line, ends included."
+    "Number of heights on the line, ends included."
 
     skip: float = 15.0
-    "Share of the highest heights that is left out [%]."
+    "Fraction of the highest heights that is left out [%]."
 
     size: float = 70.0
-    "Share of the heights, below those, that is averaged [%]."
+    "Fraction of the heights, below those, that is averaged [%]."
 
     def __post_init__(self) -> None:
         """Check the settings."""
-        _require_positive("width", self.width)
+        require_positive("width", self.width)
         require_width(self.width, self.spots, "spots")
         Window(skip=self.skip, size=self.size)
 
     @property
     def reach(self) -> float:
-        """It sees nothing ahead [m]."""
+        """Longitudinal reach of the line [m]: none."""
         return 0.0
 
     @property
@@ -57,11 +58,11 @@ class LineLaser:
         return lines_to_the_edges(self.width, self.spots)
 
     def roll(self, strip: GroundStrip) -> dict[str, Float]:
-        """Bridge value abreast of each path point.
+        """Bridge value at each path point.
 
         Parameters
         ----------
-        strip : Strip
+        strip : GroundStrip
             Ground.
 
         Returns
@@ -69,13 +70,13 @@ class LineLaser:
         dict
             ``height`` and its ``sd`` [m].
         """
-        heights = np.sort(strip.at_points().T, axis=1)  # what is missing comes last
+        heights = np.sort(strip.at_points().T, axis=1)  # NaN comes last
         known = np.isfinite(heights)
-        some = heights[known]
+        finite = heights[known]
         distributions = HeightDistributions(
             start=np.append(0, np.cumsum(known.sum(axis=1))),
-            heights=some,
-            distances=np.zeros_like(some),
+            heights=finite,
+            distances=np.zeros_like(finite),
         )
         height, sd = Window(skip=self.skip, size=self.size).estimate(distributions)
         return {"height": height, "sd": sd}
@@ -101,11 +102,11 @@ class PatchMean:
     "Width of the patch [m]; 0 is a line."
 
     lines: int = 15
-    "Quantity of lines across the width, in the middle of equal strips."
+    "Number of lines across the width, at the centres of equal strips."
 
     def __post_init__(self) -> None:
         """Check the sizes."""
-        _require_positive("length", self.length)
+        require_positive("length", self.length)
         require_width(self.width, self.lines, "lines")
 
     @classmethod
@@ -126,7 +127,7 @@ class PatchMean:
 
     @property
     def reach(self) -> float:
-        """How far ahead of the path point the patch reaches [m]."""
+        """Longitudinal reach of the patch [m]."""
         return self.length / 2
 
     @property
@@ -139,16 +140,14 @@ class PatchMean:
 
         Parameters
         ----------
-        strip : Strip
+        strip : GroundStrip
             Ground.
 
         Returns
         -------
         dict
-            ``height`` [m]; of the ground that there is, if some is missing.
+            ``height`` [m]; missing samples are left out of the mean.
         """
-        from trueterrain.vehicle import contact_heights, contact_margin
-
         begin = strip.first - contact_margin(strip.step, self.length)
         end = begin + (strip.count - 1) * strip.stride + 1
 
@@ -159,6 +158,6 @@ class PatchMean:
         known = np.isfinite(strip.height)
         if known.all():
             return {"height": mean(strip.height)}
-        share = mean(known.astype(float))
+        fraction = mean(known.astype(float))
         with np.errstate(invalid="ignore"):
-            return {"height": mean(np.where(known, strip.height, 0.0)) / share}
+            return {"height": mean(np.where(known, strip.height, 0.0)) / fraction}

@@ -1,10 +1,10 @@
-"""Tandem of elliptical cams: the effective road plane of the MF-Swift tyre model."""
+"""Tandem of elliptical cams: effective road plane of the MF-Swift tyre model."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from trueterrain.profile.area import _require_positive
+from trueterrain.profile.area import require_positive
 from trueterrain.profile.envelope._strip import Float, GroundStrip
 from trueterrain.profile.envelope._superellipse import Superellipse
 from trueterrain.profile.envelope.disc import lines_to_the_edges, require_width
@@ -15,7 +15,7 @@ from trueterrain.profile.envelope.tyres import PASSENGER_TYRE, TyreData
 class TandemCams:
     """Rows of rigid cams at the edges of the contact patch, each of which follows the ground.
 
-    Front and rear row hold `across` cams each, both sides `along` of them, corners included. The
+    Front and rear row have `across` cams each, both sides `along` of them, corners included. The
     mean of front and rear row is the effective height, their difference over their distance the
     effective slope, the difference of the sides over the width the camber; the derivative of the
     slope along the path is the effective curvature.
@@ -24,7 +24,7 @@ class TandemCams:
     -----
     A cam is a superellipse ``|x / half_length|^order + |z / half_height|^order = 1``, axes level,
     exact for ground that is linear between samples along the path. On ground that rises by m it
-    stands higher, as a disc does.
+    is higher, as a disc is.
 
     Source: Schmeitz (2004), "A semi-empirical three-dimensional model of the pneumatic tyre rolling
     over arbitrarily uneven road surfaces", Delft; Pacejka (2012), "Tire and Vehicle Dynamics",
@@ -46,7 +46,7 @@ class TandemCams:
     "Half axis of a cam along the path [m]."
 
     half_height: float = round(PASSENGER_TYRE.radius * PASSENGER_TYRE.cam_factors[2], 3)
-    "Half axis of a cam upward [m]."
+    "Vertical half axis of a cam [m]."
 
     order: float = PASSENGER_TYRE.cam_order
     "Exponent of the superellipse, greater than 1; 2 is an ellipse."
@@ -55,15 +55,15 @@ class TandemCams:
     "Distance between the two sides [m]; 0 is a tandem of two cams."
 
     across: int = 10
-    "Quantity of cams in the front row, and in the rear row."
+    "Number of cams in the front row, and in the rear row."
 
     along: int = 10
-    "Quantity of cams on either side, from the rear row to the front row."
+    "Number of cams on either side, from the rear row to the front row."
 
     def __post_init__(self) -> None:
         """Check the sizes."""
         for name in ("spacing", "half_length", "half_height"):
-            _require_positive(name, getattr(self, name))
+            require_positive(name, getattr(self, name))
         if not 1 < self.order < float("inf"):
             message = f"order must be greater than 1, got {self.order}."
             raise ValueError(message)
@@ -101,7 +101,7 @@ class TandemCams:
 
     @property
     def reach(self) -> float:
-        """How far ahead of its centre a cam may touch the ground [m]."""
+        """Longitudinal distance from the path point within which a cam may touch the ground [m]."""
         return self.half_length + self.spacing / 2
 
     @property
@@ -110,18 +110,18 @@ class TandemCams:
         return lines_to_the_edges(self.width, self.across)
 
     def roll(self, strip: GroundStrip) -> dict[str, Float]:
-        """Let the cams follow the ground.
+        """Roll the cams over the ground.
 
         Parameters
         ----------
-        strip : Strip
+        strip : GroundStrip
             Ground under them.
 
         Returns
         -------
         dict
             ``height`` [m], ``slope`` [m/m], and with a width ``camber`` [m/m], positive if the
-            left side is the higher one.
+            left side is higher.
         """
         cam = Superellipse(
             half_length=self.half_length, half_height=self.half_height, order=self.order
@@ -129,14 +129,15 @@ class TandemCams:
         lines = len(strip.height)
         front = self.spacing / 2
         row = list(range(lines))
+        # front row, rear row, then the cams between them on the right and on the left side
         between = [float(x) for x in np.linspace(-front, front, self.along)[1:-1]]
         line, shift = row + row, [front] * lines + [-front] * lines
         if lines > 1:
             line += [0] * len(between) + [lines - 1] * len(between)
             shift += between + between
         height, _ = cam.stand_on(strip, [(i, i + 1) for i in range(lines)], line, shift)
-        ahead, behind = height[:, :lines].mean(axis=1), height[:, lines : 2 * lines].mean(axis=1)
-        rolled = {"height": (ahead + behind) / 2, "slope": (ahead - behind) / self.spacing}
+        fore, aft = height[:, :lines].mean(axis=1), height[:, lines : 2 * lines].mean(axis=1)
+        rolled = {"height": (fore + aft) / 2, "slope": (fore - aft) / self.spacing}
         if lines > 1:
             right, left = np.split(height[:, 2 * lines :], 2, axis=1)
             right = np.column_stack([height[:, 0], height[:, lines], right])

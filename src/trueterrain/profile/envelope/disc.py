@@ -1,10 +1,10 @@
-"""A rigid disc, or a cylinder as wide as the tyre, that rolls over the ground."""
+"""Rigid disc, or cylinder of the width of the tyre, that rolls over the ground."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from trueterrain.profile.area import _require_positive
+from trueterrain.profile.area import require_positive
 from trueterrain.profile.envelope._strip import Float, GroundStrip
 from trueterrain.profile.envelope._superellipse import Superellipse
 from trueterrain.profile.envelope.tyres import PASSENGER_TYRE, TyreData
@@ -12,17 +12,18 @@ from trueterrain.profile.envelope.tyres import PASSENGER_TYRE, TyreData
 
 @dataclass(frozen=True, kw_only=True)
 class RigidDisc:
-    """Rigid wheel: it touches the ground in one point and sinks nowhere below it.
+    """Rigid wheel, which touches the ground in one point.
 
     Notes
     -----
     z(s) = max of h(s + x, y) + sqrt(R^2 - x^2) - R over all x within the radius and all y within
     the width: a dilation of the ground by a cylinder with a level axis, exact for ground that is
-    linear between samples along the path. A gap of width g is felt R - sqrt(R^2 - g^2 / 4) deep.
+    linear between samples along the path. The disc sinks R - sqrt(R^2 - g^2 / 4) into a gap of
+    width g.
 
-    On ground that rises by m along the path the disc touches ahead of its centre and stands
-    R (sqrt(1 + m^2) - 1) higher, on a cross slope m it rides on one edge, ``|m| width / 2`` higher:
-    constants as long as the slope is one.
+    On a longitudinal slope m the disc touches in front of its centre and is R (sqrt(1 + m^2) - 1)
+    higher, on a cross slope m it is on one edge, ``|m| width / 2`` higher: constant on a constant
+    slope.
 
     Examples
     --------
@@ -37,11 +38,11 @@ class RigidDisc:
     "Width that touches the ground [m]; 0 is a disc."
 
     lines: int = 15
-    "Quantity of lines across the width, edges included."
+    "Number of lines across the width, edges included."
 
     def __post_init__(self) -> None:
         """Check the sizes."""
-        _require_positive("radius", self.radius)
+        require_positive("radius", self.radius)
         require_width(self.width, self.lines, "lines")
 
     @classmethod
@@ -62,7 +63,7 @@ class RigidDisc:
 
     @property
     def reach(self) -> float:
-        """How far ahead of its centre it may touch the ground [m]."""
+        """Longitudinal distance from the centre within which it may touch the ground [m]."""
         return self.radius
 
     @property
@@ -71,11 +72,11 @@ class RigidDisc:
         return lines_to_the_edges(self.width, self.lines)
 
     def roll(self, strip: GroundStrip) -> dict[str, Float]:
-        """Let it roll over the ground.
+        """Roll the disc over the ground.
 
         Parameters
         ----------
-        strip : Strip
+        strip : GroundStrip
             Ground under it.
 
         Returns
@@ -89,7 +90,7 @@ class RigidDisc:
 
 
 def require_width(width: float, lines: int, name: str) -> None:
-    """Check a width, which may be 0, and the quantity of lines across it."""
+    """Check a width, which may be 0, and the number of lines across it."""
     if not 0 <= width < float("inf"):
         message = f"width must be at least 0 m, got {width}."
         raise ValueError(message)
@@ -99,12 +100,12 @@ def require_width(width: float, lines: int, name: str) -> None:
 
 
 def lines_to_the_edges(width: float, lines: int) -> Float:
-    """Offsets of lines whose outer ones are the edges; the middle if there is but one."""
+    """Offsets of lines whose outer ones are the edges [m]; 0 if there is only one."""
     return np.linspace(-width / 2, width / 2, lines) if width > 0 and lines > 1 else np.zeros(1)
 
 
 def lines_amid_strips(width: float, lines: int) -> Float:
-    """Offsets of lines in the middle of equal strips."""
+    """Offsets of lines at the centres of equal strips [m]."""
     if width == 0:
         return np.zeros(1)
     return np.asarray(((np.arange(lines) + 0.5) / lines - 0.5) * width)

@@ -1,27 +1,27 @@
-"""A tyre of radial springs under a tread band, which gives way to the ground at constant load."""
+"""Quasi-static tyre of radial springs under a tread band, at constant load."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from trueterrain.profile.area import _require_positive
+from trueterrain.profile.area import require_positive
 from trueterrain.profile.envelope._strip import Float, GroundStrip
 from trueterrain.profile.envelope.disc import lines_amid_strips, require_width
 from trueterrain.profile.envelope.tyres import PASSENGER_TYRE, TyreData
 
-#: Part of the load by which springs and load may differ when the hub has found its height.
+#: Difference of spring force and load at convergence, as a fraction of the load.
 LOAD_BALANCE = 1e-11
 
-_ITERATIONS = 100  # far more than ever needed; each halves the bracket at least
+_MAX_ITERATIONS = 100  # far more than needed; each at least halves the bracket
 
 
 @dataclass(frozen=True, kw_only=True)
 class RadialSpringTyre:
     """Deformable tyre, quasi-static: the height of the hub at which it carries a constant load.
 
-    Across the width lie equal sections. In each, springs point from the hub to the tread; a band of
-    constant tension joins their ends and bridges what is short. Ground and band do not rub, so the
-    tyre stores energy and loses none.
+    Equal sections lie across the width. In each, radial springs act between hub and tread; a band
+    of constant tension joins their ends and bridges short unevenness. There is no friction between
+    ground and band, so that the tyre stores energy and dissipates none.
 
     Raises
     ------
@@ -35,18 +35,18 @@ class RadialSpringTyre:
     Each section takes the shape w(theta) >= ground of least energy, the integral of
     (k w^2 + T (dw/ds)^2) / 2 over its tread, where w is the radial deflection and s the length of
     the tread. A band pressed down in one place rises from there as exp(-s / l), l = sqrt(T / k).
-    The load is carried by the derivative of the energy with respect to the height of the hub, that
-    with respect to its way is the resistance: their ratio is the slope of the effective road, and
-    its integral along the path the height gained.
+    The derivative of the energy with respect to the height of the hub is the load, that with
+    respect to its longitudinal position the resistance: their ratio is the slope of the effective
+    road, and its integral along the path the height gained.
 
-    Two measured numbers fix k and l: on level ground the tyre deflects by d = rated_load /
+    Two measured numbers determine k and l: on level ground the tyre deflects by d = rated_load /
     stiffness, and its patch has the half length c, where the band leaves the ground without a kink:
     l = (radius d - c^2 / 2) / c. Over a cleat shorter than the patch the hub rises twice, as the
-    cleat enters and leaves, with a dip between, since a cleat in the middle lifts the tread off the
-    ground on both sides.
+    cleat enters and leaves, with a dip between, since a cleat at the centre of the patch lifts the
+    tread off the ground on both sides.
 
     The height is that of the hub less its height over level ground under the same load. On ground
-    that rises by m it stands about (radius - d) (sqrt(1 + m^2) - 1) higher.
+    that rises by m it is about (radius - d) (sqrt(1 + m^2) - 1) higher.
 
     Source: radial springs that envelop the ground, Davis (1975), "A radial-spring terrain-
     enveloping tire model", Vehicle System Dynamics 4 (abstract read); the band and the solution
@@ -66,7 +66,7 @@ class RadialSpringTyre:
     "Width of the tread that touches the ground [m]; 0 is a single section."
 
     load: float = PASSENGER_TYRE.load
-    "Vertical load that is carried [N]."
+    "Vertical load [N]."
 
     rated_load: float = PASSENGER_TYRE.load
     "Vertical load at which stiffness and contact length hold [N]."
@@ -78,12 +78,12 @@ class RadialSpringTyre:
     "Length of the contact patch on level ground under the rated load [m]."
 
     sections: int = 7
-    "Quantity of sections across the width."
+    "Number of sections across the width."
 
     def __post_init__(self) -> None:
         """Check the parameters."""
         for name in ("radius", "contact_length"):
-            _require_positive(name, getattr(self, name))
+            require_positive(name, getattr(self, name))
         for name, unit in {"load": "N", "rated_load": "N", "stiffness": "N/m"}.items():
             if not 0 < getattr(self, name) < float("inf"):
                 message = f"{name} must be greater than 0 {unit}, got {getattr(self, name)}."
@@ -92,7 +92,7 @@ class RadialSpringTyre:
         deflection = self.rated_load / self.stiffness
         if deflection > self.radius / 2:
             message = (
-                "stiffness must be such that the rated load presses the tyre by less than half of "
+                "stiffness must be such that the rated load deflects the tyre by less than half of "
                 f"its radius, got {deflection:g} m of {self.radius:g} m."
             )
             raise ValueError(message)
@@ -113,7 +113,7 @@ class RadialSpringTyre:
         tyre : TyreData
             Tyre.
         load : float, optional
-            Vertical load that it carries [N]; by default its rated load.
+            Vertical load [N]; by default its rated load.
 
         Returns
         -------
@@ -137,20 +137,20 @@ class RadialSpringTyre:
 
     @property
     def reach(self) -> float:
-        """How far ahead of its hub it may touch the ground [m]."""
+        """Longitudinal distance from the hub within which it may touch the ground [m]."""
         return self.radius
 
     @property
     def offsets(self) -> Float:
-        """Offsets of the middles of its sections, left positive [m]."""
+        """Offsets of the centres of its sections, left positive [m]."""
         return lines_amid_strips(self.width, self.sections)
 
     def roll(self, strip: GroundStrip) -> dict[str, Float]:
-        """Let it roll over the ground.
+        """Roll the tyre over the ground.
 
         Parameters
         ----------
-        strip : Strip
+        strip : GroundStrip
             Ground under it.
 
         Returns
@@ -174,7 +174,7 @@ class RadialSpringTyre:
         step : float
             Distance between samples of the ground [m].
         sections : int
-            Quantity of sections that carry the load.
+            Number of sections that carry the load.
 
         Returns
         -------
@@ -183,6 +183,7 @@ class RadialSpringTyre:
         """
         from trueterrain.profile.envelope import _kernels
 
+        # the force is proportional to the tension: solve on level ground at unit tension
         reach = int(self.radius / step)
         level = np.zeros(2 * reach + 1)
         hub = self.radius - self.rated_load / self.stiffness
@@ -223,7 +224,7 @@ class RadialSpringTyre:
             self.load,
             self.rated_load / self.stiffness,
             LOAD_BALANCE,
-            _ITERATIONS,
+            _MAX_ITERATIONS,
             height,
             slope,
         )

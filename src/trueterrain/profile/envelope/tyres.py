@@ -1,4 +1,4 @@
-"""Typical tyres: what the envelopes need to know of a passenger car's and of a truck's."""
+"""Parameters of typical tyres of passenger cars and trucks, for the envelopes."""
 
 import math
 from dataclasses import dataclass
@@ -21,8 +21,8 @@ class TyreData:
     - half width b = section width (Q_RB1 (d / R)^(1/3) + Q_RB2 d / R),
     - distance of the cams 2 a ELLIPS_SHIFT, their half axes R ELLIPS_LENGTH and R ELLIPS_HEIGHT.
 
-    The files name the terms (square root, cube root, linear; scaling of the distance), the
-    equations themselves could not be checked against the manual of the model.
+    The files name the terms (square root, cube root, linear; scaling of the distance); the
+    equations could not be checked against the manual of the model.
 
     Examples
     --------
@@ -31,7 +31,7 @@ class TyreData:
     """
 
     name: str
-    "What tyre it is, and where its parameters come from."
+    "Size and inflation pressure."
 
     radius: float
     "Free radius [m]."
@@ -65,23 +65,23 @@ class TyreData:
     @property
     def contact_length(self) -> float:
         """Length of the contact patch on a level ground under the rated load [m]."""
-        share = self.deflection / self.radius
+        ratio = self.deflection / self.radius
         root, linear = self.length_factors
-        return 2 * self.radius * (root * math.sqrt(share) + linear * share)
+        return 2 * self.radius * (root * math.sqrt(ratio) + linear * ratio)
 
     @property
     def contact_width(self) -> float:
         """Width of the contact patch on a level ground under the rated load [m]."""
-        share = self.deflection / self.radius
+        ratio = self.deflection / self.radius
         root, linear = self.width_factors
-        return 2 * self.section_width * (root * math.cbrt(share) + linear * share)
+        return 2 * self.section_width * (root * math.cbrt(ratio) + linear * ratio)
 
 
 #: Passenger car, 205/60 R15: the parameter set with which Besselink, Schmeitz and Pacejka (2010,
 #: "An improved Magic Formula/Swift tyre model that can handle inflation pressure changes",
-#: Vehicle System Dynamics 48, S1) show their model, as public files hold it; the paper itself was
-#: not read. Its cams are fitted to measurements. VERTICAL_STIFFNESS is taken as load over
-#: deflection here.
+#: Vehicle System Dynamics 48, S1) demonstrate their model, from public files; the paper itself was
+#: not read. Its cams are fitted to measurements. VERTICAL_STIFFNESS is used as load over
+#: deflection.
 PASSENGER_TYRE = TyreData(
     name="passenger car, 205/60 R15 at 2.2 bar",
     radius=0.3135,
@@ -96,7 +96,7 @@ PASSENGER_TYRE = TyreData(
 
 #: Truck, 315/80 R22.5: size, load and stiffness of "a typical truck tire (Pacejka book)" in the
 #: file CityBus_Pac02Tire.tir of the project Chrono (BSD-3-Clause). That file has no patch and no
-#: cams: theirs are the defaults of public readers of such files, not fitted to any truck tyre.
+#: cams: the values are defaults of public readers of such files, not fitted to any truck tyre.
 TRUCK_TYRE = TyreData(
     name="truck, 315/80 R22.5 at 8 bar",
     radius=0.548,

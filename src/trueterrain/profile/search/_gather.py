@@ -1,4 +1,4 @@
-"""What all gatherers share: from counted and filled slices to sorted distributions."""
+"""Gathering of heights: from slices that are counted and filled to sorted distributions."""
 
 from collections.abc import Callable
 
@@ -12,21 +12,21 @@ from trueterrain.profile.distribution import HeightDistributions
 Float = npt.NDArray[np.float64]
 Integer = npt.NDArray[np.int64]
 
-#: Writes what was counted: called with (start, dx, dy, z), one slice per path point.
+#: Writes the counted heights: called with (start, dx, dy, z), one slice per path point.
 Fill = Callable[..., object]
 
-#: Counts the heights of each path point, and returns how to write them.
+#: Counts the heights of each path point, and returns a function that writes them.
 Gatherer = Callable[[WheelPath], tuple[Integer, Fill]]
 
-#: Start and outputs of a kernel that shall only count.
-NOTHING: tuple[Integer, Float, Float, Float] = (
+#: Start and outputs of a kernel that only counts.
+COUNT_ONLY: tuple[Integer, Float, Float, Float] = (
     np.zeros(1, np.int64),
     np.empty(0),
     np.empty(0),
     np.empty(0),
 )
 
-#: Residuals below this weigh alike in the robust plane [m]: far below what any scanner resolves.
+#: Residuals below this have equal weight in the robust plane [m]: far below any scanner's noise.
 _LEVEL_STEP = 1e-7
 _LEVEL_TOLERANCE = 1e-12
 _LEVEL_ITERATIONS = 50
@@ -44,7 +44,7 @@ def distributions_along(
     path : WheelPath
         Path points.
     level : bool
-        Take the slope of the ground inside each search area out of its heights.
+        Whether to subtract the slope of the ground inside each search area.
 
     Returns
     -------

@@ -1,7 +1,17 @@
-"""Loops that gather the heights inside search areas. No checks: the callers make them.
+"""Loops that gather the heights inside search areas; arguments are checked by the callers.
 
 Every gatherer is called twice: without output arrays it counts, with them it fills. The count of
-one path point is the length of its slice, so that all threads write apart from each other.
+one path point is the length of its slice, so that threads write to separate slices.
+
+Arguments that several kernels take:
+
+- ``at`` (s, 2) [m] and ``heading`` (s,) [rad] of the path points;
+- ``shape``, ``half`` (2,) [m] and ``reach`` [m]: code of the search area (0 ellipse, 1 rectangle),
+  half axes and radius of the circle around it, see `kernel_area`;
+- ``start`` (s + 1,): first index of the slice of each path point; ``dx``, ``dy``, ``z`` (n,) [m]:
+  output, position relative to the path point and height, empty to count only;
+- ``keys`` (size,), ``numbers`` (size,): open addressed hash table from the key of a cell
+  (row * columns + column) to its number; ``low`` (2,) [m] is the origin of the cells.
 """
 
 import math
@@ -17,8 +27,8 @@ _EMPTY = -1
 # inlined, so that the compiler takes the choice of the shape out of the loops: a third faster
 @compile_kernel(inline="always")
 def _is_inside(shape, half, cos, sin, px, py):
-    """Whether a search area holds the point (px, py) from its middle; discs need no turning."""
-    if shape == 0 and half[0] == half[1]:
+    """Whether a search area contains the point (px, py) [m] relative to its centre."""
+    if shape == 0 and half[0] == half[1]:  # a disc needs no rotation
         return px * px + py * py <= half[0] * half[0]
     a, b = cos * px + sin * py, cos * py - sin * px
     if shape == 0:
@@ -28,7 +38,8 @@ def _is_inside(shape, half, cos, sin, px, py):
 
 @compile_kernel
 def _hash_slot(keys, key):
-    """Slot of a key in an open addressed hash table, or the empty one where it would be."""
+    """Slot of a key in an open addressed hash table, or the empty slot for it."""
+    # multiplicative hashing by 2^64 / golden ratio (Knuth), linear probing
     mask = keys.size - 1
     slot = ((key * 0x9E3779B97F4A7C15) >> 20) & mask
     while keys[slot] != _EMPTY and keys[slot] != key:
@@ -40,8 +51,10 @@ def _hash_slot(keys, key):
 def gather_grid(origin, normal, v, height, at, row, heading, shape, half, reach, start, dx, dy, z):
     """Gather nodes of a grid; node (i, j) lies at origin[i] + v[j] * normal[i].
 
-    `row` is the row of the cell in which each path point lies, -1 outside of the surface. Also
-    returns which search areas reach the edge of the surface: other nodes may lie beyond it.
+    ``origin`` (u, 2) [m], ``normal`` (u, 2) [1], ``v`` (v,) [m] ascending, ``height`` (u, v) [m];
+    ``row`` (s,) is the row of the cell in which each path point lies, -1 outside of the surface.
+    Returns the counts and which search areas reach the edge of the surface, beyond which other
+    nodes may lie. From its row, the search proceeds to both sides until a row is out of reach.
     """
     fill = dx.size > 0
     counts, at_edge = np.zeros(row.size, np.int64), np.zeros(row.size, np.bool_)
@@ -60,14 +73,16 @@ def gather_grid(origin, normal, v, height, at, row, heading, shape, half, reach,
                 if not 0 <= i < nu:
                     at_edge[k] = True
                     break
+                # the row is a line through its origin: distance of the path point from it, and
+                # the span of v within reach
                 ox, oy = x - origin[i, 0], y - origin[i, 1]
                 nx, ny = normal[i, 0], normal[i, 1]
-                stretch = math.sqrt(nx * nx + ny * ny)
-                off_line = (ox * ny - oy * nx) / stretch
-                if abs(off_line) > reach:
+                norm = math.sqrt(nx * nx + ny * ny)
+                distance = (ox * ny - oy * nx) / norm
+                if abs(distance) > reach:
                     break
-                along = (ox * nx + oy * ny) / (stretch * stretch)
-                span = math.sqrt(reach * reach - off_line * off_line) / stretch
+                along = (ox * nx + oy * ny) / (norm * norm)
+                span = math.sqrt(reach * reach - distance * distance) / norm
                 if along - span < v[0] or along + span > v[nv - 1]:
                     at_edge[k] = True
                 j = np.searchsorted(v, along - span)
@@ -91,9 +106,9 @@ def gather_grid(origin, normal, v, height, at, row, heading, shape, half, reach,
 def number_cells(column, row, columns, cells_per_metre, reach, at, low, keys, numbers):
     """Number the cells that the search areas touch, in path order, in a hash table.
 
-    Returns the quantity of cells; the table (`keys`, `numbers`) is open addressed.
+    Writes the column and row of each cell to ``column`` and ``row``, and returns their number.
     """
-    quantity = 0
+    count = 0
     for k in range(at.shape[0]):
         left = int(math.floor((at[k, 0] - reach - low[0]) * cells_per_metre))
         right = int(math.floor((at[k, 0] + reach - low[0]) * cells_per_metre))
@@ -105,18 +120,22 @@ def number_cells(column, row, columns, cells_per_metre, reach, at, low, keys, nu
                 slot = _hash_slot(keys, key)
                 if keys[slot] == _EMPTY:
                     keys[slot] = key
-                    numbers[slot] = quantity
-                    column[quantity] = c
-                    row[quantity] = r
-                    quantity += 1
-    return quantity
+                    numbers[slot] = count
+                    column[count] = c
+                    row[count] = r
+                    count += 1
+    return count
 
 
 @compile_kernel(parallel=True)
 def find_cells(
     easting, northing, up, low, high, columns, cells_per_metre, coarse, coarse_scale, keys, numbers
 ):
-    """Number of the cell of each point; -1 where no search area comes near it."""
+    """Number of the cell of each point; -1 where no search area touches the cell.
+
+    ``easting``, ``northing``, ``up`` (n,) [m]; ``high`` (2,) [m] is the extent of the cells. The
+    mask ``coarse`` rejects most points by one look-up in a cache, before the hash table is asked.
+    """
     found = np.empty(easting.size, np.int32)
     for n in prange(easting.size):
         found[n] = -1
@@ -134,12 +153,15 @@ def find_cells(
 
 
 @compile_kernel
-def sort_into_cells(cell, quantity):
-    """Counting sort: where each cell begins, and the points in the order of their cells."""
-    begin = np.zeros(quantity + 1, np.int64)
+def sort_into_cells(cell, cell_count):
+    """Counting sort of points by the number of their ``cell`` (n,).
+
+    Returns the first index of each cell (cell_count + 1,), and the order of the points (n,).
+    """
+    begin = np.zeros(cell_count + 1, np.int64)
     for n in range(cell.size):
         begin[cell[n] + 1] += 1
-    for c in range(quantity):
+    for c in range(cell_count):
         begin[c + 1] += begin[c]
     place = begin[:-1].copy()
     order = np.empty(cell.size, np.int64)
@@ -168,7 +190,10 @@ def gather_scattered(
     dy,
     z,
 ):
-    """Gather scattered points, sorted into cells, inside the search area of each path point."""
+    """Gather scattered points inside the search area of each path point.
+
+    ``points`` (n, 3) [m] are sorted by cell, ``begin`` is the first index of each cell.
+    """
     fill = dx.size > 0
     counts = np.zeros(at.shape[0], np.int64)
     for k in prange(at.shape[0]):
@@ -182,9 +207,8 @@ def gather_scattered(
         write = start[k] if fill else 0
         for r in range(bottom, top + 1):
             for c in range(left, right + 1):
-                cell = numbers[
-                    _hash_slot(keys, r * columns + c)
-                ]  # all that are touched have a number
+                # every cell that a search area touches has a number
+                cell = numbers[_hash_slot(keys, r * columns + c)]
                 for n in range(begin[cell], begin[cell + 1]):
                     px, py = points[n, 0] - x, points[n, 1] - y
                     if _is_inside(shape, half, cos, sin, px, py):
@@ -199,20 +223,23 @@ def gather_scattered(
 
 @compile_kernel(parallel=True)
 def level_areas(start, dx, dy, z, step, tolerance, iterations):
-    """Take the slope out of each search area: z - b dx - c dy of a robust plane a + b dx + c dy.
+    """Subtract the slope of each search area: z - b dx - c dy of a robust plane a + b dx + c dy.
 
-    The plane first minimises the sum of absolute residuals (reweighted least squares), so that a
-    stone does not tilt it. That plane passes exactly through three heights; Tukey's biweight takes
-    it from there to the least squares of all heights but the stone. Where the points do not tell a
-    direction (a single scan line), the plane has no slope in it: the normal equations are solved
-    along their own axes.
+    The plane first minimises the sum of absolute residuals, by iteratively reweighted least
+    squares, so that a stone does not tilt it. That plane passes exactly through three heights;
+    Tukey's biweight then converges to the least squares of all heights without the stone. In a
+    direction that the points do not determine (of a single scan line) the slope is 0: the normal
+    equations are solved along their principal axes.
+
+    ``step`` [m] is the residual below which weights are equal, ``tolerance`` [1] the change of the
+    slope at convergence, ``iterations`` the maximum number for each of the two estimators.
     """
     for k in prange(start.size - 1):
         first, last = start[k], start[k + 1]
         n = last - first
         if n < 3:
             continue
-        # in an order of their own, so that the sums forget that of the input
+        # sorted, so that the sums do not depend on the order of the input
         order = np.argsort(z[first:last], kind="mergesort")
         order = order[np.argsort(dy[first:last][order], kind="mergesort")]
         order = order[np.argsort(dx[first:last][order], kind="mergesort")]
@@ -220,7 +247,7 @@ def level_areas(start, dx, dy, z, step, tolerance, iterations):
         reference = h[0]
         weight, residual = np.ones(n), np.empty(n)
         b = c = scale = 0.0  # no scale yet: absolute residuals
-        for turn in range(2 * iterations):
+        for iteration in range(2 * iterations):
             sw = sx = sy = sz = 0.0
             for m in range(n):
                 w = weight[m]
@@ -239,7 +266,7 @@ def level_areas(start, dx, dy, z, step, tolerance, iterations):
                 yy += w * py * py
                 xz += w * px * pz
                 yz += w * py * pz
-            # principal axes of the points; the weaker one may not carry a slope
+            # principal axes of the points; along the weaker one the slope may be undetermined
             half_trace = 0.5 * (xx + yy)
             root = math.sqrt((0.5 * (xx - yy)) ** 2 + xy * xy)
             strong, weak = half_trace + root, half_trace - root
@@ -253,11 +280,11 @@ def level_areas(start, dx, dy, z, step, tolerance, iterations):
             a = mz - b * mx - c * my
             for m in range(n):
                 residual[m] = abs(h[m] - reference - a - b * x[m] - c * y[m])
-            settled = abs(b - old_b) + abs(c - old_c) <= tolerance
-            if scale > 0.0 and settled:
+            converged = abs(b - old_b) + abs(c - old_c) <= tolerance
+            if scale > 0.0 and converged:
                 break
-            if scale == 0.0 and (settled or turn == iterations - 1):
-                # six robust standard deviations, as the median of absolute residuals tells them
+            if scale == 0.0 and (converged or iteration == iterations - 1):
+                # bound of the biweight: six standard deviations by the median absolute residual
                 scale = 6.0 * max(1.4826 * np.median(residual), step)
             for m in range(n):
                 if scale == 0.0:
@@ -271,9 +298,9 @@ def level_areas(start, dx, dy, z, step, tolerance, iterations):
 
 @compile_kernel(parallel=True)
 def sort_heights(start, dx, dy, z, distance):
-    """Sort each slice by height, equal heights by distance: the order of the input is forgotten.
+    """Sort each slice by height, equal heights by distance, whatever the order of the input.
 
-    The sorted heights overwrite `z`; the distances from the path point go to `distance`.
+    The sorted heights overwrite ``z``; the distances from the path point go to ``distance`` [m].
     """
     for k in prange(start.size - 1):
         first, last = start[k], start[k + 1]
@@ -291,7 +318,7 @@ def sort_heights(start, dx, dy, z, distance):
                     if m - equal > 48:
                         distance[equal:m] = np.sort(distance[equal:m])
                     equal = m
-        # sorts short slices, and puts the few equal heights of long ones in order
+        # insertion sort: of short slices, and of the few equal heights of long ones
         for m in range(first + 1, last):
             height, far = z[m], distance[m]
             hole = m

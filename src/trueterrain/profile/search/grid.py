@@ -1,8 +1,8 @@
 """Heights of a gridded surface inside search areas.
 
-From the cell in which a path point lies, the search walks along the rows of the grid. A search area
-that reaches the edge of the surface may hold nodes that this walk does not come to: those of the
-far end of a closed loop, or all of them if the path point lies outside. There the nodes are
+From the cell in which a path point lies, the search proceeds along the rows of the grid. A search
+area that reaches the edge of the surface may hold nodes that this search does not find: those of
+the far end of a closed loop, or all of them if the path point lies outside. There the nodes are
 searched as scattered points, so that a surface and its nodes always give the same heights.
 """
 
@@ -13,7 +13,7 @@ import xarray as xr
 from trueterrain.geometry.grid_frame import GridFrame, grid_frame, xy_to_uv
 from trueterrain.geometry.path import WheelPath
 from trueterrain.profile.area import SearchArea, area_reach
-from trueterrain.profile.search._gather import NOTHING, Fill, Gatherer, kernel_area, path_arrays
+from trueterrain.profile.search._gather import COUNT_ONLY, Fill, Gatherer, kernel_area, path_arrays
 from trueterrain.profile.search.scattered import ScatteredHeights
 
 Float = npt.NDArray[np.float64]
@@ -54,19 +54,19 @@ def grid_gatherer(surface: xr.Dataset, area: SearchArea) -> Gatherer:
         row = np.where(np.isnan(u), -1, np.clip(row, 0, frame.u.size - 2))
         at, heading = path_arrays(path)
 
-        def walk(start: Integer, *output: Float) -> tuple[Integer, npt.NDArray[np.bool_]]:
-            places = origin, normal, frame.v, height, at, row, heading
-            counts, at_edge = gather_grid(*places, *kernel_area(area), start, *output)
+        def gather_rows(start: Integer, *output: Float) -> tuple[Integer, npt.NDArray[np.bool_]]:
+            grid = origin, normal, frame.v, height, at, row, heading
+            counts, at_edge = gather_grid(*grid, *kernel_area(area), start, *output)
             return counts, at_edge
 
-        counts, at_edge = walk(*NOTHING)
+        counts, at_edge = gather_rows(*COUNT_ONLY)
         edge = np.flatnonzero(at_edge)
         if edge.size == 0:
-            return counts, walk
+            return counts, gather_rows
         counts[edge], fill_edge = _search_scattered(frame, height, path, edge, area)
 
         def fill(start: Integer, *output: Float) -> None:
-            walk(start, *output)
+            gather_rows(start, *output)
             fill_edge(start[edge], *output)
 
         return counts, fill
@@ -77,7 +77,7 @@ def grid_gatherer(surface: xr.Dataset, area: SearchArea) -> Gatherer:
 def _search_scattered(
     frame: GridFrame, height: Float, path: WheelPath, some: Integer, area: SearchArea
 ) -> tuple[Integer, Fill]:
-    """Count the nodes in some search areas by searching them as scattered points."""
+    """Gather the nodes in some search areas by searching them as scattered points."""
     some_path = WheelPath(
         s=path.s[some],
         easting=path.easting[some],

@@ -1,8 +1,8 @@
 """Heights of scattered points inside search areas.
 
-Not the points are indexed, however many there are, but the path: the cells that its search areas
-touch are numbered, then the points stream by, block after block, and only those that fall into such
-a cell are kept. Memory holds the neighbourhood of the path, never the survey.
+The path is indexed rather than the points: the cells that its search areas touch are numbered, then
+the points are read block by block, and only those that fall into such a cell are kept. Memory holds
+the neighbourhood of the path, never the survey.
 """
 
 import numpy as np
@@ -11,13 +11,13 @@ import xarray as xr
 
 from trueterrain.geometry.path import WheelPath
 from trueterrain.profile.area import SearchArea, area_reach
-from trueterrain.profile.search._gather import NOTHING, Fill, Gatherer, kernel_area, path_arrays
+from trueterrain.profile.search._gather import COUNT_ONLY, Fill, Gatherer, kernel_area, path_arrays
 
 Float = npt.NDArray[np.float64]
 Integer = npt.NDArray[np.int64]
 
-_COARSE = 1024  # most cells per axis of the first sieve: a byte each, so that caches hold it
-_BLOCK = 1 << 22  # points sieved at a time
+_COARSE = 1024  # cells per axis of the coarse mask at most: a byte each, so that it fits in caches
+_BLOCK = 1 << 22  # points filtered at a time
 
 
 class ScatteredHeights:
@@ -47,12 +47,12 @@ class ScatteredHeights:
         self._coarse_shape = np.minimum(shape, _COARSE)
         self._coarse_scale = self._coarse_shape / shape
 
-        most = 4 * len(at)
-        size = 1 << int(2 * most - 1).bit_length()
+        max_cells = 4 * len(at)
+        size = 1 << int(2 * max_cells - 1).bit_length()  # at most half full: short probes
         self._keys = np.full(size, -1, np.int64)
         self._numbers = np.empty(size, np.int32)
-        column, row = np.empty(most, np.int64), np.empty(most, np.int64)
-        self._quantity = number_cells(
+        column, row = np.empty(max_cells, np.int64), np.empty(max_cells, np.int64)
+        self._cell_count = number_cells(
             column,
             row,
             self._columns,
@@ -63,7 +63,7 @@ class ScatteredHeights:
             self._keys,
             self._numbers,
         )
-        self._coarse = self._sieve(column[: self._quantity], row[: self._quantity])
+        self._coarse = self._coarse_mask(column[: self._cell_count], row[: self._cell_count])
         self._kept: list[tuple[npt.NDArray[np.int32], Float]] = []
 
     def add(self, points: xr.Dataset) -> None:
@@ -77,7 +77,7 @@ class ScatteredHeights:
         self.add_heights(*(np.asarray(points[name]) for name in ("easting", "northing", "up")))
 
     def add_heights(self, easting: Float, northing: Float, up: Float) -> None:
-        """Keep those heights that are near the path; such as are not finite are left out.
+        """Keep those heights that are near the path; those not finite are left out.
 
         Parameters
         ----------
@@ -104,7 +104,7 @@ class ScatteredHeights:
             self._kept.append((cell[near], np.stack([column[near] for column in block], axis=1)))
 
     def gatherer(self) -> Gatherer:
-        """Sort what was kept and return the function that gathers for a part of the path.
+        """Sort the kept points and return the function that gathers for a part of the path.
 
         Returns
         -------
@@ -115,7 +115,7 @@ class ScatteredHeights:
 
         cell = np.concatenate([np.empty(0, np.int32), *(cell for cell, _ in self._kept)])
         points = np.concatenate([np.empty((0, 3)), *(points for _, points in self._kept)])
-        begin, order = sort_into_cells(cell, self._quantity)
+        begin, order = sort_into_cells(cell, self._cell_count)
         points = points[order]
 
         def gather(path: WheelPath) -> tuple[Integer, Fill]:
@@ -138,17 +138,17 @@ class ScatteredHeights:
                 )
                 return np.asarray(counts)
 
-            return run(*NOTHING), run
+            return run(*COUNT_ONLY), run
 
         return gather
 
-    def _sieve(
+    def _coarse_mask(
         self, column: npt.NDArray[np.int64], row: npt.NDArray[np.int64]
     ) -> npt.NDArray[np.bool_]:
-        """Mark the coarse cells in which the numbered cells lie."""
+        """Mask of the coarse cells in which the numbered cells lie."""
         columns, rows = self._coarse_shape + 1  # one more: round-off at the far edge
         coarse = np.zeros((rows, columns), bool)
-        # the same arithmetic as in `find_cells`, so that round-off cannot tell them apart
+        # the same arithmetic as in `find_cells`, so that round-off is the same
         coarse[
             (row * self._coarse_scale[1]).astype(int), (column * self._coarse_scale[0]).astype(int)
         ] = True

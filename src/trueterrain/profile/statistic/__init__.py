@@ -1,8 +1,8 @@
 """Statistics of the heights inside a search area (thesis 5.2.4 and 5.3).
 
 Every statistic has ``estimate(distributions) -> (height, sd)``. The standard deviation is that of
-the statistic itself, from the scatter of the heights, which it takes as independent draws from the
-ground inside the search area: it is zero on a level plane and NaN for a single height.
+the statistic itself, from the scatter of the heights, taken as independent samples of the ground
+inside the search area: it is zero on a level plane and NaN for a single height.
 """
 
 from trueterrain.profile.statistic.averages import InverseDistance, Mean

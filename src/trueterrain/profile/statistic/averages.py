@@ -46,21 +46,21 @@ class Mean:
 class InverseDistance:
     """Mean or median of the heights, weighted by a power of the inverse distance.
 
-    The weight grows no further within the core, so that a node that happens to lie on the path does
-    not outweigh all others. The standard deviation is that of the plain mean or median, times the
-    root of n over the effective number of heights (sum w)^2 / sum w^2: the heights scatter alike,
-    near and far, and all of them tell how much. Simulated with 15 to 80 heights, rms(error / sd) is
-    0.96 to 1.07; on Belgian block, where heights nearby are alike, 0.6.
+    The weight is constant within the core, so that a node that happens to lie on the path does not
+    outweigh all others. The standard deviation is that of the plain mean or median, times the root
+    of n over the effective number of heights (sum w)^2 / sum w^2: the scatter is taken as equal at
+    all distances and estimated from all heights. Simulated with 15 to 80 heights, rms(error / sd)
+    is 0.96 to 1.07; on Belgian block, where neighbouring heights are correlated, 0.6.
     """
 
     power: float = 2.0
-    "Power of the distance; 0 weighs all alike."
+    "Power of the distance; with 0 all weights are equal."
 
     of: Literal["mean", "median"] = "mean"
-    "What is weighted."
+    "Statistic that is weighted."
 
     core: float = 0.005
-    "Distance below which the weight grows no further [m]."
+    "Distance below which the weight is constant [m]."
 
     def __post_init__(self) -> None:
         """Check the settings."""

@@ -11,38 +11,39 @@ from trueterrain.profile.distribution import (
     HeightDistributions,
 )
 
-_FINEST = 1e-9  # [m] of a step of heights: what doubles still tell apart at thousands of metres
+_MIN_RESOLUTION = 1e-9  # [m] resolution of doubles at thousands of metres
 
 
 @dataclass(frozen=True, kw_only=True)
 class Percentile:
-    """Height that a given share of the heights does not exceed.
+    """Percentile: height that a given fraction of the heights does not exceed.
 
     Linear between order statistics, as in ``numpy.percentile``. The standard deviation is that of
     Maritz and Jarrett (1978, JASA 73): the order statistics weighted with the beta distribution of
-    the rank of the quantile, the bootstrap without the drawing. Simulated with 15 to 80 heights,
-    rms(error / sd) of the median is 1.00 to 1.06, of a percentile with 3 heights beyond it up to
-    1.14; with less than 2 heights beyond it, the standard deviation is too small by far.
+    the rank of the quantile, the exact bootstrap. Simulated with 15 to 80 heights, rms(error / sd)
+    of the median is 1.00 to 1.06, of a percentile with 3 heights beyond it up to 1.14; with less
+    than 2 heights beyond it, the standard deviation is much too small.
 
     The standard deviation of quantised heights is half of Woodruff's interval (1952, JASA 47) in
-    the continued CPF; where a share q of the heights lies in the step of the percentile, it also
-    contains q^2 of what is not known within one step. Its rms(error / sd) is 0.6 to 1.5.
+    the interpolated CPF; if a fraction q of the heights lies in the step of the percentile, it also
+    contains q^2 times the uncertainty within one step. Its rms(error / sd) is 0.6 to 1.5.
     """
 
     percent: float
-    "Share of the heights [%], 0 the lowest, 100 the highest."
+    "Fraction of the heights [%], 0 the lowest, 100 the highest."
 
     resolution: float | None = None
-    "Step of quantised heights [m]: the CPF is continued between the steps; none if not quantised."
+    "Step of quantised heights [m], between which the CPF is interpolated; None if not quantised."
 
     def __post_init__(self) -> None:
         """Check the settings."""
         if not 0 <= self.percent <= 100:
             message = f"percent must be from 0 to 100, got {self.percent}."
             raise ValueError(message)
-        if self.resolution is not None and not _FINEST <= self.resolution < float("inf"):
+        if self.resolution is not None and not _MIN_RESOLUTION <= self.resolution < float("inf"):
             message = (
-                f"resolution must be finite and at least {_FINEST:g} m, got {self.resolution}."
+                f"resolution must be finite and at least {_MIN_RESOLUTION:g} m, "
+                f"got {self.resolution}."
             )
             raise ValueError(message)
 
@@ -81,13 +82,13 @@ class Percentile:
 
 @dataclass(frozen=True, kw_only=True)
 class Median:
-    """Height that half of the heights do not exceed: the thesis's statistic.
+    """Median of the heights: the thesis's statistic.
 
     Its standard deviation is that of `Percentile`.
     """
 
     resolution: float | None = None
-    "Step of quantised heights [m]: the CPF is continued between the steps; none if not quantised."
+    "Step of quantised heights [m], between which the CPF is interpolated; None if not quantised."
 
     def __post_init__(self) -> None:
         """Check the settings."""
@@ -118,22 +119,22 @@ class Median:
 
 @dataclass(frozen=True, kw_only=True)
 class Window:
-    """Mean of a window of ranks: from the highest, skip a share, then average a share.
+    """Mean of a window of ranks: leave out a fraction of the highest, average the next fraction.
 
     With 0 < skip this is the bridge value of line lasers, with skip = (100 - size) / 2 the trimmed
     mean. A height at the edge of the window counts with the part of its rank that lies inside. The
-    standard deviation is that of the winsorised heights over the share of the window (Tukey and
-    McLaughlin 1963, Sankhya 25), for windows that need not be symmetric. A window narrower than
-    four standard deviations of a rank is widened to that for it. Simulated with 15 to 80 heights,
-    rms(error / sd) is 1.00 to 1.05 for the default window and up to 1.2 for a narrow one in the
-    middle; a window that ends at the highest or lowest height wants some twenty heights in it.
+    standard deviation is that of the winsorised heights over the fraction of the window (Tukey and
+    McLaughlin 1963, Sankhya 25), also for asymmetric windows. For it, a window narrower than four
+    standard deviations of a rank is widened to those. Simulated with 15 to 80 heights,
+    rms(error / sd) is 1.00 to 1.05 for the default window and up to 1.2 for a narrow central one; a
+    window that ends at the highest or lowest height needs some twenty heights in it.
     """
 
     skip: float = 15.0
-    "Share of the highest heights that is left out [%]."
+    "Fraction of the highest heights that is left out [%]."
 
     size: float = 70.0
-    "Share of the heights, below those, that is averaged [%]."
+    "Fraction of the heights, below those, that is averaged [%]."
 
     def __post_init__(self) -> None:
         """Check the settings."""

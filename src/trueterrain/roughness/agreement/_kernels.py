@@ -1,15 +1,19 @@
-"""Loop over the samples that two signals share; arguments are checked by the callers."""
+"""Loop over the samples of two overlapping signals; arguments are checked by the callers."""
 
 from trueterrain.core.kernels import compile_kernel
 
 
 @compile_kernel
 def accumulate_products(a, begin, coefficients, step, place, stride, sums):
-    """Add to `sums` all products of 1, b, b', x b' and a, shape (5, 5), its upper half.
+    """Write the sums of all products of 1, b, b', x b' and a to the upper half of `sums` (5, 5).
 
-    a[begin + i] is beside b at `place` + i `stride` samples of b, whose cubics are `coefficients`
-    (4, cells), highest power first, over cells of length `step`; b' is the slope of b, and x the
-    share of the samples of a that lie before.
+    They are the normal equations of one iteration of `refine_registration`.
+
+    - ``a`` (n,): first signal, compared from sample ``begin`` on;
+    - ``coefficients`` (4, cells): cubic spline of the second signal b, highest power first, over
+      cells of length ``step`` [m]; b' is its slope;
+    - ``place`` + i ``stride`` [samples of b] is the position in b of a[begin + i];
+    - x is the index of the sample of a, as a fraction of n.
     """
     last = coefficients.shape[1] - 1
     size = a.size
@@ -28,22 +32,22 @@ def accumulate_products(a, begin, coefficients, step, place, stride, sums):
         c2, c3 = coefficients[2, cell], coefficients[3, cell]
         b = ((c0 * t + c1) * t + c2) * t + c3
         slope = (3.0 * c0 * t + 2.0 * c1) * t + c2
-        far = slope * ((begin + i) / size)
+        scaled = slope * ((begin + i) / size)
         value = a[begin + i]
         count += 1
         s01 += b
         s02 += slope
-        s03 += far
+        s03 += scaled
         s04 += value
         s11 += b * b
         s12 += b * slope
-        s13 += b * far
+        s13 += b * scaled
         s14 += b * value
         s22 += slope * slope
-        s23 += slope * far
+        s23 += slope * scaled
         s24 += slope * value
-        s33 += far * far
-        s34 += far * value
+        s33 += scaled * scaled
+        s34 += scaled * value
         s44 += value * value
     sums[0, 0] = count
     sums[0, 1], sums[0, 2], sums[0, 3], sums[0, 4] = s01, s02, s03, s04

@@ -1,4 +1,4 @@
-"""Tracks of profiles, filtered and put on equal spacing."""
+"""Tracks of profiles, filtered and resampled at equal spacing."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,15 +11,11 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.core.errors import CoverageError, TrueTerrainError
-from trueterrain.roughness._track import (
-    QuarterCarSettings,
-    drive_profile,
-    equal_step,
-    step_response,
-)
-from trueterrain.roughness._tracks import finite_tracks
-from trueterrain.roughness.agreement.options import AgreementSettings
+from trueterrain.roughness._drive import drive_profile, equal_step, step_response
+from trueterrain.roughness._segments import finite_tracks
+from trueterrain.roughness.agreement.settings import AgreementSettings
 from trueterrain.roughness.filters import Filter
+from trueterrain.roughness.settings import QuarterCarSettings
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
@@ -28,12 +24,12 @@ Array = npt.NDArray[np.float64]
 
 _SINGLE = "profile"  # name of the track of profiles that have one
 _EQUAL = 1e-3  # [steps] that a station may be away from equal spacing
-_FEWEST = 4  # samples of a cubic spline
+_MIN_SAMPLES = 4  # of a cubic spline
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ProfileTrack:
-    """One track of a profile, as it was measured."""
+    """One track of a profile, as measured."""
 
     name: str
     "Name of the profile and of the track, for messages."
@@ -69,7 +65,7 @@ class FilteredSignal:
     "Spacing [m]."
 
     values: Array
-    "What is compared, less its mean."
+    "Filtered slope [m/m] or height [m], less its mean."
 
     @property
     def length(self) -> float:
@@ -83,7 +79,7 @@ class FilteredSignal:
 
     @cached_property
     def spline(self) -> "CubicSpline":
-        """Values between the stations."""
+        """Cubic spline of the values over the stations."""
         from scipy.interpolate import CubicSpline
 
         return CubicSpline(self.station, self.values)
@@ -109,10 +105,10 @@ def tracks_of(name: str, profile: xr.Dataset, *, from_zero: bool) -> dict[str, P
 
 
 def signal_of(track: ProfileTrack, options: AgreementSettings, step: float) -> FilteredSignal:
-    """A track behind the filter, at equal spacing."""
-    at, values = _settled_signal(track, options)
+    """Filter a track, without the transient, and resample it at equal spacing."""
+    at, values = _steady_signal(track, options)
     if not np.isfinite(values).all() or np.ptp(values) == 0:
-        message = "is flat: behind the filter there is nothing to compare"
+        message = "is flat: the filter leaves nothing to compare"
         raise CoverageError(message, place=track.name)
     equal = equal_step(at, _EQUAL)
     if equal is None or abs(equal - step) * at.size > _EQUAL * step:
@@ -126,44 +122,45 @@ def signal_of(track: ProfileTrack, options: AgreementSettings, step: float) -> F
     )
 
 
-def _settled_signal(track: ProfileTrack, options: AgreementSettings) -> tuple[Array, Array]:
-    """Stations [m] and values of a track behind the filter, where that has settled."""
-    car = isinstance(options.filter, QuarterCarSettings)
-    left_out = options.settled if car or options.filter is None else 2 * options.settled
-    least = left_out + options.min_overlap
-    if track.station.size < _FEWEST or track.length < least:
+def _steady_signal(track: ProfileTrack, options: AgreementSettings) -> tuple[Array, Array]:
+    """Stations [m] and values of a filtered track without the transient of the filter."""
+    is_car = isinstance(options.filter, QuarterCarSettings)
+    transient = options.transient_length
+    left_out = transient if is_car or options.filter is None else 2 * transient
+    min_length = left_out + options.min_overlap
+    if track.station.size < _MIN_SAMPLES or track.length < min_length:
         message = (
-            f"is {track.length:g} m long, which must be at least {least:g} m: {left_out:g} m in "
-            f"which the filter settles, and {options.min_overlap:g} m to be compared"
+            f"is {track.length:g} m long, which must be at least {min_length:g} m: {left_out:g} m "
+            f"for the transient of the filter, and {options.min_overlap:g} m to be compared"
         )
-        cure = "Choose a shorter settling length, or a longer profile."
+        cure = "Choose a shorter transient, or a longer profile."
         raise CoverageError(message, place=track.name, cure=cure)
     with _name_profile(track.name):
         at, values = _filter_track(track, options.filter)
-    first, last = track.station[0] + options.settled, track.station[-1]
-    keep = (at >= first) & (at <= (last if car else last - options.settled))
-    if np.count_nonzero(keep) < _FEWEST:
-        message = f"the filter leaves less than {_FEWEST} of {track.station.size} samples"
-        raise CoverageError(message, place=track.name, cure="Choose a shorter settling length.")
+    first, last = track.station[0] + transient, track.station[-1]
+    keep = (at >= first) & (at <= (last if is_car else last - transient))
+    if np.count_nonzero(keep) < _MIN_SAMPLES:
+        message = f"the filter leaves less than {_MIN_SAMPLES} of {track.station.size} samples"
+        raise CoverageError(message, place=track.name, cure="Choose a shorter transient.")
     return at[keep], values[keep]
 
 
 def _filter_track(
     track: ProfileTrack, by: QuarterCarSettings | Filter | None
 ) -> tuple[Array, Array]:
-    """Stations [m] and values of a track behind a filter.
+    """Stations [m] and values of a filtered track.
 
-    Each value of a car stands where the middle of its moving average is: that of Sayers's program
-    reaches forward from the station that a value is given there, by a length that depends on the
-    spacing, and profilers of different spacing would seem to be shifted by centimetres.
+    A value of a car belongs to the centre of its moving average. Sayers's program assigns it to the
+    first sample of the average, whose length depends on the spacing: profilers of different spacing
+    would seem to be shifted by centimetres.
     """
     if by is None:
         return track.station, track.height
     if isinstance(by, Filter):
         return track.station, by.filtered(track.station, track.height)
-    way = drive_profile(track.station, track.height, by)
-    ahead = 0.0 if way.step is None else 0.5 * (way.base - 1) * way.step
-    return way.station[1:] + ahead, step_response(way)
+    drive = drive_profile(track.station, track.height, by)
+    to_centre = 0.0 if drive.step is None else 0.5 * (drive.base - 1) * drive.step
+    return drive.station[1:] + to_centre, step_response(drive)
 
 
 @contextmanager

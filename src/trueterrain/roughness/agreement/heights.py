@@ -1,4 +1,4 @@
-"""Errors of the heights of profiles, station by station, and what repeats tell of them."""
+"""Errors of the heights of profiles, station by station; bias and precision of repeats."""
 
 from collections.abc import Mapping
 from typing import Literal
@@ -10,10 +10,10 @@ import xarray as xr
 from trueterrain.core.errors import CoverageError
 from trueterrain.core.provenance import add_step
 from trueterrain.core.statistics import nmad
-from trueterrain.roughness.agreement._pair import register_pair
+from trueterrain.roughness.agreement._registration import register_pair
 from trueterrain.roughness.agreement._signal import ProfileTrack
-from trueterrain.roughness.agreement.options import AgreementSettings
 from trueterrain.roughness.agreement.rating import check_tracks
+from trueterrain.roughness.agreement.settings import AgreementSettings
 
 Array = npt.NDArray[np.float64]
 
@@ -33,45 +33,47 @@ def height_errors(
 ) -> xr.Dataset:
     """Heights of profiles above a reference, after registration of shift, scale and trend.
 
+    Use it where the heights themselves matter; `profile_agreement` compares what a car responds to.
+
     Parameters
     ----------
     profiles : mapping of str to xarray.Dataset
         Two or more Profiles with their names, all with the same tracks [m].
     reference : str
-        Which of them is the reference.
+        Name of the reference.
     registration : {"distance", "shift", "none"}
-        What is found by maximising the agreement behind the filter: shift and distance-measuring
-        error, the shift alone, or nothing (stations count as they are).
+        Unknowns that maximise the agreement of the filtered profiles: shift and distance-measuring
+        error, the shift alone, or none (stations are taken as they are).
     trend : int, optional
-        Degree of the polynomial over the stations that is taken off each error: 0 for an offset, 1
-        for an inclined line as well; None for nothing.
-    options : AgreementOptions
-        Filter by which profiles are registered; heights are compared as they are.
+        Degree of the polynomial over the stations that is subtracted from each error: 0 for an
+        offset, 1 for an inclined line as well; None for nothing.
+    options : AgreementSettings
+        Filter by which profiles are registered; heights are compared unfiltered.
 
     Returns
     -------
     xarray.Dataset
-        ``error`` (track, profile, s) [m] at the stations of the reference, NaN where a profile does
-        not reach. Of each track and profile ``mean``, ``rms``, ``nmad`` (1.4826 times the median
+        ``error`` (track, profile, s) [m] at the stations of the reference, NaN outside of a
+        profile. Of each track and profile ``mean``, ``rms``, ``nmad`` (1.4826 times the median
         absolute deviation from the median), ``p95`` (magnitude that 95 % do not exceed) and
         ``largest`` magnitude [m], with ``best_shift`` [m] and ``scale`` [m/m]. Over the repeats
         ``mean_error`` and ``sd`` (track, s) [m], and of each track ``bias``, the mean magnitude of
         the mean error, and ``precision``, the mean of the sd [m]; NaN for less than two repeats.
-        Stations that all repeats reach count for both.
+        Both use the stations that all repeats cover.
 
     Raises
     ------
     ValueError
-        If `registration` is unknown, `trend` is negative, or as by `agreement`.
+        If `registration` is unknown, `trend` is negative, or as by `profile_agreement`.
     SchemaError, CoverageError
-        As by `agreement`, or if there is no station that a profile shares with the reference.
+        As by `profile_agreement`, or if a profile does not overlap with the reference.
 
     Notes
     -----
-    Profiles are straight between their samples. `bias` and `precision` are built as those of ASTM
+    Profiles are linear between their samples. `bias` and `precision` are computed as those of ASTM
     E950 are commonly described: the mean over stations of the magnitude of the mean error, and of
     the standard deviation of repeats (n - 1 degrees of freedom). The text of the standard could not
-    be read; filter profiles to a waveband first if it asks for one.
+    be read; filter profiles to a waveband first if it requires one.
 
     Examples
     --------
@@ -127,14 +129,15 @@ def _station_mapping(
     pair = register_pair(first, second, options)
     if registration == "shift" or not np.isfinite(pair.scale):
         return pair.shift, 0.0
-    ahead = pair.starts[0] - float(first.station[0])
-    return pair.corrected_shift - pair.scale * ahead, pair.scale
+    # from the first station after the transient back to that of the track
+    transient = pair.starts[0] - float(first.station[0])
+    return pair.corrected_shift - pair.scale * transient, pair.scale
 
 
 def _height_above(
     first: ProfileTrack, second: ProfileTrack, shift: float, scale: float, trend: int | None
 ) -> Array:
-    """Height of the second above the first at the stations of the first; NaN beside it."""
+    """Height of the second above the first at the stations of the first; NaN outside of it."""
     at = first.station + shift + scale * (first.station - first.station[0])
     there = np.interp(at, second.station, second.height, left=np.nan, right=np.nan)
     error = there - first.height
@@ -142,12 +145,12 @@ def _height_above(
     if np.count_nonzero(known) <= (trend or 0):
         ends = [f"{t.station[0]:g} to {t.station[-1]:g} m" for t in (first, second)]
         raise CoverageError(
-            f"share no stations: {ends[0]}, and {ends[1]}",
+            f"do not overlap: {ends[0]}, and {ends[1]}",
             place=f"{first.name} and {second.name}",
             cure="Count stations from the start of each profile.",
         )
     if trend is not None:
-        # over -1 to 1, so that powers keep their digits
+        # stations scaled to -1 to 1, for a well-conditioned design
         unit = np.interp(first.station, first.station[[0, -1]], [-1.0, 1.0])
         powers = np.vander(unit, trend + 1)
         error = error - powers @ np.linalg.lstsq(powers[known], error[known], rcond=None)[0]
@@ -183,7 +186,7 @@ def _describe_errors(
 
 
 def _row_means(rows: Array) -> Array:
-    """Mean of what is known of each row; NaN if nothing is."""
+    """Mean of the finite values of each row; NaN if there are none."""
     known = [row[np.isfinite(row)] for row in rows]
     return np.array([row.mean() if row.size else np.nan for row in known])
 

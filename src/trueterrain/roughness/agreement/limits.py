@@ -1,4 +1,4 @@
-"""Verdicts: what was found against limits that the user sets."""
+"""Results of a comparison checked against limits of the user."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
@@ -9,10 +9,10 @@ import xarray as xr
 
 @dataclass(frozen=True, kw_only=True)
 class AgreementLimits:
-    """Limits of the user; None for a check that shall not be judged.
+    """Limits of a comparison; None for a check without a limit.
 
-    The default ratings are those that are commonly named for AASHTO R 56; they could not be checked
-    against its text, and are no more than a place to begin. No other limit has a default.
+    The default ratings are those commonly named for AASHTO R 56; they could not be checked against
+    its text, and are a starting point only. No other limit has a default.
 
     Examples
     --------
@@ -21,19 +21,19 @@ class AgreementLimits:
     """
 
     repeatability: float | None = 0.92
-    "Least mean rating of all pairs of repeats [1]; commonly named for AASHTO R 56, unchecked."
+    "Minimum mean rating of all pairs of repeats [1]; commonly named for AASHTO R 56, unchecked."
 
     accuracy: float | None = 0.90
-    "Least mean rating of repeats against the reference [1]; commonly named, as above, unchecked."
+    "Minimum mean rating of repeats against the reference [1]; commonly named, as above, unchecked."
 
     distance_error: float | None = None
-    "Largest magnitude of the distance-measuring error of a profile [m/m]."
+    "Maximum magnitude of the distance-measuring error of a profile [m/m]."
 
     bias: float | None = None
-    "Largest mean magnitude of the mean error of repeats [m]."
+    "Maximum mean magnitude of the mean error of repeats [m]."
 
     precision: float | None = None
-    "Largest mean standard deviation of repeats [m]."
+    "Maximum mean standard deviation of repeats [m]."
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -45,16 +45,16 @@ class AgreementLimits:
 
 @dataclass(frozen=True, kw_only=True)
 class LimitCheck:
-    """One verdict."""
+    """Result of one check."""
 
     name: str
-    "What was checked."
+    "Quantity that is checked."
 
     track: str
-    "On which track."
+    "Name of the track."
 
     value: float
-    "What was found, in units of `unit`; NaN if it could not be found."
+    "Value, in units of `unit`; NaN if it could not be computed."
 
     limit: float | None
     "The limit, in units of `unit`; None if there is none."
@@ -63,10 +63,10 @@ class LimitCheck:
     "Unit of value and limit."
 
     passed: bool | None
-    "Whether the limit is kept; None if that could not be judged."
+    "Whether the limit is kept; None if it could not be checked."
 
     reason: str
-    "Why it could not be judged; else empty."
+    "Why it could not be checked; else empty."
 
 
 def check_limits(
@@ -75,29 +75,29 @@ def check_limits(
     *,
     limits: AgreementLimits = AgreementLimits(),
 ) -> list[LimitCheck]:
-    """Hold what was found against limits; a check that cannot be made says why.
+    """Check results against limits; a check that cannot be made gives the reason.
 
     Parameters
     ----------
     found : xarray.Dataset
-        Of `agreement`.
+        Result of `profile_agreement`.
     errors : xarray.Dataset, optional
-        Of `height_errors`, for bias and precision.
+        Result of `height_errors`, for bias and precision.
     limits : AgreementLimits
         The limits.
 
     Returns
     -------
-    list of Check
+    list of LimitCheck
         Repeatability, accuracy, distance error, bias and precision of each track.
 
     Examples
     --------
     >>> from trueterrain.core.schemas import make_profile
-    >>> from trueterrain.roughness.agreement import agreement
+    >>> from trueterrain.roughness.agreement import profile_agreement
     >>> s = np.arange(0.0, 100.0, 0.05)
-    >>> found = agreement({name: make_profile(s, 0.01 * np.sin(s**1.2)) for name in ("1", "2")})
-    >>> for check in judge(found)[:2]:
+    >>> runs = {name: make_profile(s, 0.01 * np.sin(s**1.2)) for name in ("1", "2")}
+    >>> for check in check_limits(profile_agreement(runs))[:2]:
     ...     print(check.name, check.passed, check.reason)
     repeatability True
     accuracy None no reference is given
@@ -128,7 +128,7 @@ def _check_each(
     if reference is not None:
         against = found["distance_error"].sel(first=reference)
         worst = float(np.abs(against.values).max())
-        why = "the scale of the distance was not sought"
+        why = "the distance error was not searched"
     yield _check_max("distance error", track, worst, limits.distance_error, "m/m", why)
     for name, limit in (("bias", limits.bias), ("precision", limits.precision)):
         value = np.nan if errors is None else float(errors[name])

@@ -2,7 +2,7 @@
 
 import itertools
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -10,12 +10,11 @@ import xarray as xr
 
 from trueterrain.core.errors import SchemaError
 from trueterrain.core.provenance import add_step
-from trueterrain.roughness._track import QuarterCarSettings
-from trueterrain.roughness.agreement._flags import pair_flags
-from trueterrain.roughness.agreement._pair import RegisteredPair, register_pair
+from trueterrain.roughness.agreement._registration import RegisteredPair, register_pair
 from trueterrain.roughness.agreement._signal import ProfileTrack, signal_of, tracks_of
-from trueterrain.roughness.agreement.options import AgreementSettings
-from trueterrain.roughness.plausible import flag_profile as implausible
+from trueterrain.roughness.agreement.settings import AgreementSettings
+from trueterrain.roughness.plausible import flag_profile
+from trueterrain.roughness.settings import QuarterCarSettings
 
 Array = npt.NDArray[np.float64]
 
@@ -30,7 +29,20 @@ _PAIRWISE = {
     "distance_error": "m/m",
 }
 
-#: Names and tracks of profiles: tracks[name][track].
+# metres in a unit, inverse: the ratio that remains if it is taken for metres
+_UNITS = {
+    "feet": 1 / 0.3048,
+    "inches": 1 / 0.0254,
+    "millimetres": 1000.0,
+    "centimetres": 100.0,
+}
+
+_UNIT_TOLERANCE = 0.03  # [1] by which a ratio may differ from that of two units
+_MIN_CORRELATION = 0.7  # from which on a ratio of amplitudes is significant
+_LENGTH_TOLERANCE = 0.01  # [1] by which lengths may differ without a flag
+_AT_LIMIT = 0.02  # fraction of a search range that counts as its end
+
+#: Tracks by names of profile and track: tracks[name][track].
 Tracks = dict[str, dict[str, ProfileTrack]]
 
 
@@ -40,15 +52,18 @@ def profile_agreement(
     reference: str | None = None,
     options: AgreementSettings = AgreementSettings(),
 ) -> xr.Dataset:
-    """Rate how well profiles agree: each pair, all repeats, and each against a reference.
+    """Cross-correlation rating of profiles: each pair, all repeats, and each against a reference.
+
+    Use it to certify a profiler, or to see whether two profilers measure the same roughness in the
+    same places.
 
     Parameters
     ----------
     profiles : mapping of str to xarray.Dataset
         Two or more Profiles with their names, all with the same tracks [m].
     reference : str, optional
-        Which of them is the reference; it does not count as a repeat.
-    options : AgreementOptions
+        Name of the reference; it does not count as a repeat.
+    options : AgreementSettings
         Filter, and ranges of the search.
 
     Returns
@@ -57,27 +72,27 @@ def profile_agreement(
         For each ``track`` and pair (``first``, ``second``):
 
         - ``rating``: cross-correlation rating at the best shift, at most 1 [1];
-        - ``correlation`` and ``sd_ratio`` (second over first) that it is made of [1];
-        - ``best_shift``: how much further along the second has the same feature [m];
-        - ``overlap``: length that was compared [m];
+        - ``correlation`` and ``sd_ratio`` (second over first), its two factors [1];
+        - ``best_shift``: station of a feature in the second less that in the first [m];
+        - ``overlap``: length that is compared [m];
         - ``distance_error``: metres that the second counts too many per metre of the first [m/m],
           NaN if ``max_scale`` is 0; ``corrected_rating`` and ``corrected_shift`` (at the first
-          station of the first that the filter leaves) with the stations scaled by it.
+          station of the first after the transient) with the stations scaled by it.
 
         For each track: ``repeatability``, the mean rating of all pairs of repeats, ``accuracy``,
         that of all repeats against the reference, and both with corrected distance,
         ``corrected_repeatability`` and ``corrected_accuracy`` [1]; NaN where there is no such pair.
-        ``attrs["flags"]`` is a list of what is flagged.
+        ``attrs["flags"]`` lists the flags.
 
     Raises
     ------
     ValueError
         If there are less than two profiles, or `reference` is none of them.
     SchemaError
-        If one is no Profile, their tracks differ, or the spacing is unequal and the filter needs
+        If one is not a Profile, their tracks differ, or the spacing is unequal and the filter needs
         it equal.
     CoverageError
-        If a height is not finite, a profile is shorter than the filter needs or flat, or two
+        If a height is not finite, a profile is flat or shorter than the filter needs, or two
         profiles do not overlap.
 
     Warns
@@ -87,22 +102,22 @@ def profile_agreement(
 
     Notes
     -----
-    With filtered profiles P and Q, less their means over what they share at shift d,
+    With filtered profiles P and Q, less their means over the overlap at shift d,
 
         rating = max over d of sum P(x) Q(x + d) / max(sum P(x)^2, sum Q(x + d)^2):
 
     their correlation, times the smaller standard deviation over the larger. It is 1 only if both
-    shape and amplitude agree: Q = k P is rated min(k, 1/k) for k > 0, and Q = P + noise that does
-    not depend on P, of variance r times that of P, 1 / (1 + r). The method is that of Karamihas and
+    shape and amplitude agree: Q = k P is rated min(k, 1/k) for k > 0, and Q = P + independent noise
+    with r times the variance of P is rated 1 / (1 + r). The method is that of Karamihas and
     Gillespie, "Development of Cross Correlation for Objective Comparison of Profiles", UMTRI
-    (2002), which ASTM E950 and AASHTO R 56 took over. Only its abstract and the scopes of both
+    (2002), which ASTM E950 and AASHTO R 56 adopted. Only its abstract and the scopes of both
     standards could be read: the formula is the commonly used form and was not checked against them.
 
     The shift is found from the ratings at all whole samples, then between samples by least squares,
     where the correlation is largest. For the distance-measuring error, the correlation is maximised
-    over shift and scale together: of short stretches first, which a scale shifts each by another
-    length, then of the whole; the second profile is scaled before it is filtered. A pair is
-    computed once, from the reference or the name that comes first; its reverse is the inverse.
+    over shift and scale together: first of short stretches, each of which a scale shifts by a
+    different length, then of the whole; the second profile is scaled before it is filtered. A pair
+    is computed once, from the reference or the name that comes first; its reverse is the inverse.
 
     Examples
     --------
@@ -110,7 +125,7 @@ def profile_agreement(
     >>> s = np.arange(0.0, 200.0, 0.05)
     >>> road = lambda x: 0.01 * np.sin(x / 2) + 0.004 * np.sin(2.7 * x)
     >>> late = make_profile(s, 0.9 * road(s - 0.123))
-    >>> found = agreement({"R": make_profile(s, road(s)), "A": late}, reference="R")
+    >>> found = profile_agreement({"R": make_profile(s, road(s)), "A": late}, reference="R")
     >>> one = found.sel(first="R", second="A").squeeze("track")
     >>> print(f"{one.rating:.2f} at {1000 * one.best_shift:.1f} mm")
     0.90 at 123.0 mm
@@ -122,16 +137,16 @@ def profile_agreement(
     flags = [
         f"{name}: {flag.removeprefix('track profile: ')}"
         for name, profile in profiles.items()
-        for flag in implausible(profile)
+        for flag in flag_profile(profile)
     ]
     for row, label in enumerate(labels):
-        mine = {name: tracks[name][label] for name in names}
+        by_name = {name: tracks[name][label] for name in names}
         for (i, one), (j, other) in _list_pairs(names, reference):
-            pair = register_pair(mine[one], mine[other], options)
+            pair = register_pair(by_name[one], by_name[other], options)
             _write_pair(values, row, i, j, pair)
-            flags += pair_flags(mine[one], mine[other], pair, options)
+            flags += _flag_pair(by_name[one], by_name[other], pair, options)
         for i, name in enumerate(names):
-            _write_same(values, row, i, mine[name].length, options)
+            _write_diagonal(values, row, i, by_name[name].length, options)
     flags = list(dict.fromkeys(flags))
     for flag in flags:
         warnings.warn(flag, stacklevel=2)
@@ -155,34 +170,36 @@ def filtered_profiles(
     correct_distance: bool = False,
     options: AgreementSettings = AgreementSettings(),
 ) -> xr.Dataset:
-    """Filtered profiles on the stations of one of them, each at its best shift.
+    """Filtered profiles at the stations of one of them, each at its best shift.
+
+    For figures that show where profiles differ.
 
     Parameters
     ----------
     profiles : mapping of str to xarray.Dataset
         Two or more Profiles with their names [m].
     reference : str, optional
-        Onto which of them the others are shifted; default the first.
+        Name of the profile to which the others are shifted; by default the first.
     track : str, optional
-        Which track; required if there are several.
+        Name of the track; required if there are several.
     correct_distance : bool
-        Scale the stations as well by the distance-measuring error that is found.
-    options : AgreementOptions
+        Whether to scale the stations as well, by the distance-measuring error.
+    options : AgreementSettings
         Filter, and ranges of the search.
 
     Returns
     -------
     xarray.Dataset
-        ``filtered`` (profile, s): slope [m/m] behind a car, else height [m], less its
-        mean; NaN where a profile does not reach. Of each profile ``rating`` [1], ``best_shift`` [m]
-        and ``scale`` [m/m]. The reference comes first.
+        ``filtered`` (profile, s): slope [m/m] if the filter is a car, else height [m], less its
+        mean; NaN outside of a profile. Of each profile ``rating`` [1], ``best_shift`` [m] and
+        ``scale`` [m/m]. The reference comes first.
 
     Raises
     ------
     ValueError
         If there are less than two profiles, or `reference` or `track` is not among them.
     SchemaError, CoverageError
-        As by `agreement`.
+        As by `profile_agreement`.
 
     Examples
     --------
@@ -237,9 +254,9 @@ def check_tracks(
     head, *others = tracks
     for name in others:
         if set(tracks[name]) != set(tracks[head]):
-            mine, theirs = ", ".join(tracks[name]), ", ".join(tracks[head])
+            found, expected = ", ".join(tracks[name]), ", ".join(tracks[head])
             raise SchemaError(
-                f"has the tracks {mine}, but {head} has {theirs}",
+                f"has the tracks {found}, but {head} has {expected}",
                 place=name,
                 cure="Choose one track of each.",
             )
@@ -255,7 +272,7 @@ def _list_pairs(
 
 
 def _write_pair(values: dict[str, Array], row: int, i: int, j: int, pair: RegisteredPair) -> None:
-    """A pair and its reverse."""
+    """Write the results of a pair, and of its reverse, to matrices (track, first, second)."""
     plain, corrected, scale = pair.plain, pair.corrected, pair.scale
     known = np.isfinite(scale)
     there = {
@@ -279,16 +296,17 @@ def _write_pair(values: dict[str, Array], row: int, i: int, j: int, pair: Regist
         values[name][row, j, i] = back[name]
 
 
-def _write_same(
+def _write_diagonal(
     values: dict[str, Array], row: int, i: int, length: float, options: AgreementSettings
 ) -> None:
+    """Write the comparison of a profile with itself."""
     for name in ("rating", "correlation", "sd_ratio"):
         values[name][row, i, i] = 1.0
     values["overlap"][row, i, i] = length
-    sought = options.max_scale > 0
-    values["corrected_rating"][row, i, i] = 1.0 if sought else np.nan
-    values["corrected_shift"][row, i, i] = 0.0 if sought else np.nan
-    values["distance_error"][row, i, i] = 0.0 if sought else np.nan
+    searched = options.max_scale > 0
+    values["corrected_rating"][row, i, i] = 1.0 if searched else np.nan
+    values["corrected_shift"][row, i, i] = 0.0 if searched else np.nan
+    values["distance_error"][row, i, i] = 0.0 if searched else np.nan
 
 
 def _track_scores(data: xr.Dataset, reference: str | None) -> dict[str, xr.DataArray]:
@@ -316,3 +334,43 @@ def _one_track(known: list[str], asked: str | None) -> str:
         message = f"track must be one of {', '.join(known)}, got {asked!r}"
         raise ValueError(message)
     return asked
+
+
+def _flag_pair(
+    first: ProfileTrack, second: ProfileTrack, pair: RegisteredPair, options: AgreementSettings
+) -> Iterator[str]:
+    """Flags of a pair: wrong units, different lengths, a search that ends at its limit."""
+    plain, shift, scale = pair.plain, pair.shift, pair.scale
+    both = f"{first.name} and {second.name}"
+    unit = _suspected_unit(second.length / first.length)
+    longer, shorter = (second, first) if second.length > first.length else (first, second)
+    lengths = f"{longer.name} is {longer.length:g} m long, {shorter.name} {shorter.length:g} m"
+    if unit:
+        yield f"{lengths}: are the stations of {longer.name} in {unit}?"
+    elif longer.length - shorter.length > max(_LENGTH_TOLERANCE * longer.length, options.max_shift):
+        yield f"{lengths}: only the {plain.overlap:.4g} m of overlap are compared"
+    if abs(plain.correlation) > _MIN_CORRELATION and (unit := _suspected_unit(plain.sd_ratio)):
+        taller, lower = (second, first) if plain.sd_ratio > 1 else (first, second)
+        ratio = max(plain.sd_ratio, 1 / plain.sd_ratio)
+        yield (
+            f"{taller.name} is {ratio:.4g} times as high as {lower.name}: "
+            f"are its heights in {unit}?"
+        )
+    if pair.rival is not None:
+        yield (
+            f"{both}: a shift of {pair.rival:.3f} m is rated nearly as well as {shift:.3f} m: "
+            "the road repeats itself; allow less, or set the stations right"
+        )
+    if options.max_shift > 0 and abs(shift) >= (1 - _AT_LIMIT) * options.max_shift:
+        yield f"{both}: the best shift, {shift:.3f} m, is at the end of the search; allow more"
+    if options.max_scale > 0 and abs(scale) >= (1 - _AT_LIMIT) * options.max_scale:
+        yield f"{both}: the best scale, {scale:.3%}, is at the end of the search; allow more"
+
+
+def _suspected_unit(ratio: float) -> str:
+    """Unit that may have been taken for metres, by a ratio of lengths or heights; "" if none."""
+    ratio = max(ratio, 1 / ratio) if ratio > 0 else np.inf
+    for name, factor in _UNITS.items():
+        if abs(ratio / factor - 1) < _UNIT_TOLERANCE:
+            return name
+    return ""

@@ -1,4 +1,4 @@
-"""What of the ground a tyre feels, named in words: for settings files and the command line."""
+"""Settings of tyre profiles and envelopes by name, for settings files and the command line."""
 
 from dataclasses import dataclass
 from typing import Literal, get_args
@@ -38,7 +38,7 @@ StatisticName = Literal[
 
 EnvelopeName = Literal["disc", "cams", "springs", "laser", "patch"]
 
-# which parameters belong to which statistic
+# parameters of each statistic
 _PARAMETERS: dict[str, tuple[str, ...]] = {
     "median": ("resolution",),
     "mean": (),
@@ -54,22 +54,22 @@ _PARAMETERS: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class TyreProfileSettings:
-    """Search area, and what is taken of the heights in it.
+    """Search area, and the statistic of the heights in it.
 
     Examples
     --------
-    >>> options = ProfileOptions(statistic="percentile", percent=85.0, radius=0.05)
-    >>> options.search_area(), options.taken()
+    >>> settings = TyreProfileSettings(statistic="percentile", percent=85.0, radius=0.05)
+    >>> settings.search_area(), settings.estimator()
     (Disc(radius=0.05), Percentile(percent=85.0, resolution=None))
     """
 
     statistic: StatisticName = "median"
-    """What is taken of the heights. "trimmed" leaves out skip at either end; "bridge" leaves out
-    the highest skip and averages the next average; "steepest" is the most frequent height; "point"
-    is the bare line, without a search area."""
+    """Statistic of the heights. "trimmed" leaves out skip at either end; "bridge" leaves out the
+    highest skip and averages the next average; "steepest" is the most frequent height; "point" is
+    the bare line, without a search area."""
 
     radius: float | None = None
-    "Radius of the disc that is searched around each path point [m]; by default 0.025, at most 1."
+    "Radius of the disc around each path point that is searched [m]; by default 0.025, at most 1."
 
     patch: tuple[float, float] | None = None
     "Search a rectangle aligned with the path instead: length and width [m]."
@@ -78,29 +78,29 @@ class TyreProfileSettings:
     "Search an ellipse aligned with the path instead: length and width [m]."
 
     percent: float | None = None
-    "Percentile that is taken [%]."
+    "Percentile [%]."
 
     skip: float | None = None
-    "Share of the heights that trimmed and bridge leave out [%]; by default 10 and 15."
+    "Fraction of the heights that trimmed and bridge leave out [%]; by default 10 and 15."
 
     average: float | None = None
-    "Share of the heights that bridge averages [%]; by default 70."
+    "Fraction of the heights that bridge averages [%]; by default 70."
 
     power: float | None = None
     "Power of the inverse distance of idw-mean and idw-median; by default 2."
 
     resolution: float | None = None
-    """Step of quantised heights [m], with median and percentile: continues the distribution between
-    the steps."""
+    """Step of quantised heights [m], with median and percentile: interpolates the distribution
+    between the steps."""
 
     bandwidth: float | None = None
     "Half width of the kernel of steepest [m]; by default from the scatter of the heights."
 
     level: bool = False
-    "Take the slope of the ground inside each search area out first."
+    "Subtract the slope of the ground inside each search area first."
 
     min_count: int = 3
-    "Search areas with fewer heights are thin."
+    "Minimum number of heights; search areas with fewer are thin."
 
     thin: Literal["error", "nan"] = "error"
     "Whether thin search areas are an error or become NaN."
@@ -114,7 +114,7 @@ class TyreProfileSettings:
         belongs = _PARAMETERS[self.statistic]
         for name in ("percent", "skip", "average", "power", "resolution", "bandwidth"):
             if getattr(self, name) is not None and name not in belongs:
-                owners = " or ".join(owner for owner, its in _PARAMETERS.items() if name in its)
+                owners = " or ".join(key for key, names in _PARAMETERS.items() if name in names)
                 message = f"{name} belongs to the statistic {owners}, not to {self.statistic}."
                 raise ValueError(message)
         if self.statistic == "percentile" and self.percent is None:
@@ -128,7 +128,7 @@ class TyreProfileSettings:
             message = "the statistic point has no search area, so none of its options can be given."
             raise ValueError(message)
         self.search_area()
-        self.taken()
+        self.estimator()
 
     def search_area(self) -> SearchArea:
         """Area in which heights are searched.
@@ -144,13 +144,13 @@ class TyreProfileSettings:
             return Ellipse(length=self.ellipse[0], width=self.ellipse[1])
         return Disc() if self.radius is None else Disc(radius=self.radius)
 
-    def taken(self) -> Statistic | None:
-        """What is taken of the heights.
+    def estimator(self) -> Statistic | None:
+        """Statistic of the heights, with its parameters.
 
         Returns
         -------
         Statistic or None
-            None stands for the bare line.
+            For `tyre_profile`; None for the bare line.
         """
         given = {
             name: value
@@ -180,24 +180,24 @@ class TyreProfileSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class EnvelopeSettings:
-    """Tyre that rolls along the path, instead of a statistic of the heights around its points.
+    """Tyre model that rolls along the path, instead of a statistic of search areas.
 
     Examples
     --------
-    >>> EnvelopeOptions(envelope="springs", tyre="truck", load=20_000.0).model().load
+    >>> EnvelopeSettings(envelope="springs", tyre="truck", load=20_000.0).model().load
     20000.0
     """
 
     envelope: EnvelopeName = "disc"
-    """What rolls: "disc", a rigid wheel; "cams", tandem elliptical cams; "springs", a deformable
+    """Tyre model: "disc", a rigid wheel; "cams", tandem elliptical cams; "springs", a deformable
     tyre at constant load; "laser", the bridge value of a line laser; "patch", the mean under the
     contact patch."""
 
     tyre: TyreName | None = None
-    "Whose size and stiffness: passenger or truck; by default passenger."
+    "Tyre whose size and stiffness are used: passenger or truck; by default passenger."
 
     load: float | None = None
-    "Vertical load that springs carry [N]; by default the rated load of the tyre."
+    "Vertical load on springs [N]; by default the rated load of the tyre."
 
     def __post_init__(self) -> None:
         """Check that parameters belong to the envelope."""

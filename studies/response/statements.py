@@ -1,4 +1,4 @@
-"""What the text of the page says in words, checked against each run before it is written."""
+"""Statements of the page in words, checked against each run before the page is written."""
 
 from judge import Judged, Verdict
 from page import NUMBERS, value
@@ -14,16 +14,16 @@ LASER = "envelope on a profile", "radial springs on the line laser"
 STATISTICS = "median", "mean", "70th percentile", "85th percentile", "95th percentile"
 
 
-def require_claims(judged: list[Judged], rolled: list[Rolled]) -> None:
-    """Raise SystemExit with every sentence of the page that this run contradicts."""
-    found = claims(judged) + claims_of_spectra(judged) + claims_of_tyres(rolled)
-    wrong = [sentence for sentence, holds in found if not holds]
+def require_statements(judged: list[Judged], rolled: list[Rolled]) -> None:
+    """Raise SystemExit with every statement of the page that this run contradicts."""
+    found = table_statements(judged) + spectra_statements(judged) + tyre_statements(rolled)
+    wrong = [statement for statement, holds in found if not holds]
     if wrong:
-        raise SystemExit("The page would say what was not found:\n- " + "\n- ".join(wrong))
+        raise SystemExit("This run contradicts statements of the page:\n- " + "\n- ".join(wrong))
 
 
-def claims(judged: list[Judged]) -> list[tuple[str, bool]]:
-    """Sentences, and whether they hold."""
+def table_statements(judged: list[Judged]) -> list[tuple[str, bool]]:
+    """Statements on the tables, and whether they hold."""
 
     def of(what: str, which: tuple[str, str], road: str) -> float:
         return value(judged, what, *which, road)
@@ -45,12 +45,13 @@ def claims(judged: list[Judged]) -> list[tuple[str, bool]]:
 
     by_damage = [LINE, MEDIAN, ("85th percentile", "r = 100 mm"), LASER]
 
-    def least(some: list[tuple[str, str]], road: str, what: str = "force") -> tuple[str, str]:
+    def best(some: list[tuple[str, str]], road: str, what: str = "force") -> tuple[str, str]:
+        """Reduction with the smallest error."""
         return min(some, key=lambda which: abs(of(what, which, road)))
 
     return [
         (
-            "asphalt: the median of 25 mm takes away more than half of the bare line's error",
+            "asphalt: the median of 25 mm removes more than half of the bare line's error",
             of("force", MEDIAN, "asphalt") < 0.5 * of("force", LINE, "asphalt"),
         ),
         (
@@ -72,7 +73,7 @@ def claims(judged: list[Judged]) -> list[tuple[str, bool]]:
         (
             "blocks: a high percentile at 100 mm is the best disc",
             all(
-                least(discs, road)
+                best(discs, road)
                 in [("70th percentile", "r = 100 mm"), ("85th percentile", "r = 100 mm")]
                 for road in BLOCKS
             ),
@@ -85,26 +86,26 @@ def claims(judged: list[Judged]) -> list[tuple[str, bool]]:
                 for r in (25, 50, 75, 100)
             ),
         ),
-        ("asphalt: the median is the best disc", least(discs, "asphalt")[0] == "median"),
-        ("highway: the mean is the best disc", least(discs, "highway")[0] == "mean"),
+        ("asphalt: the median is the best disc", best(discs, "asphalt")[0] == "median"),
+        ("highway: the mean is the best disc", best(discs, "highway")[0] == "mean"),
         (
             "all roads: the 70th percentile at 100 mm is the best disc for the force",
-            least(discs, "mean") == ("70th percentile", "r = 100 mm"),
+            best(discs, "mean") == ("70th percentile", "r = 100 mm"),
         ),
         (
             "all roads: the 85th percentile at 75 mm is the best disc for acceleration and travel",
             all(
-                least(discs, "mean", what) == ("85th percentile", "r = 75 mm")
+                best(discs, "mean", what) == ("85th percentile", "r = 75 mm")
                 for what in ("acceleration", "travel")
             ),
         ),
         (
             "springs on the line laser are the best tyre on a profile",
-            least(profiles, "mean") == LASER and least(profiles, "mean", "acceleration") == LASER,
+            best(profiles, "mean") == LASER and best(profiles, "mean", "acceleration") == LASER,
         ),
         (
             "no other profile is nearer to the force, on average",
-            least(anywhere, "mean") == LASER,
+            best(anywhere, "mean") == LASER,
         ),
         (
             "at 50 mm the steepest CPF is farther from the force than the median",
@@ -145,12 +146,12 @@ def claims(judged: list[Judged]) -> list[tuple[str, bool]]:
             == sorted((of("damage", which, "measured block") for which in by_damage), reverse=True),
         ),
         (
-            "the cams as judge put the 70th percentile at 100 mm at half the error of the thesis",
+            "against the cams the 70th percentile at 100 mm has half the error of the thesis",
             of("by_cams", ("70th percentile", "r = 100 mm"), "mean")
             < 0.55 * of("by_cams", MEDIAN, "mean"),
         ),
         (
-            "the full car judges as the quarter car does, within 12 % of the reference",
+            "errors of the full car are those of the quarter car, within 12 % of the reference",
             all(
                 abs(NUMBERS[f"full_{what}"](verdict) - NUMBERS[what](verdict)) < 0.12
                 for what in ("acceleration", "force", "travel")
@@ -161,8 +162,8 @@ def claims(judged: list[Judged]) -> list[tuple[str, bool]]:
     ]
 
 
-def claims_of_spectra(judged: list[Judged]) -> list[tuple[str, bool]]:
-    """Sentences below the figure, and whether they hold."""
+def spectra_statements(judged: list[Judged]) -> list[tuple[str, bool]]:
+    """Statements below the figure, and whether they hold."""
 
     def off(which: tuple[str, str], road: str) -> float:
         return value(judged, "highest_band", *which, road)
@@ -200,8 +201,8 @@ def claims_of_spectra(judged: list[Judged]) -> list[tuple[str, bool]]:
     ]
 
 
-def claims_of_tyres(rolled: list[Rolled]) -> list[tuple[str, bool]]:
-    """Sentences on the truck's tyre, and whether they hold."""
+def tyre_statements(rolled: list[Rolled]) -> list[tuple[str, bool]]:
+    """Statements on the truck's tyre, and whether they hold."""
     roads = {road.course: road for road in rolled}
 
     def best(tyre: str, road: str) -> str:

@@ -1,4 +1,4 @@
-"""Tracks, wheel paths and segments of a profile: what all indices share."""
+"""Tracks, wheel paths and segments of a profile, as all indices use them."""
 
 import math
 from collections.abc import Sequence
@@ -13,10 +13,11 @@ from trueterrain.core.schemas import check_profile
 
 Array = npt.NDArray[np.float64]
 
-# Share of the spacing by which the end of a segment may miss a sample and still be there [1]
+# Fraction of the spacing by which a station may miss a sample, because of rounding, and still count
+# as that sample [1]
 ROUNDING = 1e-6
 
-# Names by which a profile of more than two tracks shows its wheel paths
+# Names that mark the wheel paths in a profile of more than two tracks
 _LEFT = ("left", "l", "lelev", "lelev.")
 _RIGHT = ("right", "r", "relev", "relev.")
 
@@ -43,13 +44,13 @@ def finite_tracks(profile: xr.Dataset) -> tuple[Array, list[Array], list[str]]:
             raise CoverageError(
                 message,
                 place=f"track {name}, s = {station[int(bad.argmax())]:g} m",
-                cure="Fill the gap, or rate the profile before and behind it separately.",
+                cure="Fill the gap, or rate the profile before and after it separately.",
             )
     return station, heights, names
 
 
 def find_wheel_paths(names: list[str], asked: Sequence[str] | None) -> tuple[int, int] | None:
-    """Which tracks are the left and the right wheel path, None if there are not two."""
+    """Indices of the left and the right wheel path among the tracks, None if there are not two."""
     if asked is not None:
         if len(asked) != 2 or asked[0] == asked[1] or not set(asked) <= set(names):
             message = (
@@ -68,30 +69,30 @@ def find_wheel_paths(names: list[str], asked: Sequence[str] | None) -> tuple[int
 
 @dataclass(frozen=True, kw_only=True)
 class FixedSegments:
-    """Fixed segments that follow each other, from the first sample on."""
+    """Consecutive segments of equal length, from the first sample on."""
 
     start: Array
-    "Where each begins [m]."
+    "First station of each [m]."
 
     end: Array
-    "Where each ends [m]."
+    "Last station of each [m]."
 
     complete: npt.NDArray[np.bool_]
-    "False for a last one that is shorter than the others."
+    "False for a last segment that is shorter than the others."
 
     @property
     def edges(self) -> Array:
-        """Where one begins and the one before ends [m]."""
+        """Stations at which segments meet, with both ends [m]."""
         return np.append(self.start, self.end[-1:])
 
     def owned(self, station: Array) -> npt.NDArray[np.intp]:
-        """First sample of each, and the number of samples: one at a joint begins the next one."""
+        """First sample of each, and the number of samples; a sample at a joint begins the next."""
         slack = ROUNDING * float(station[-1] - station[0]) / (station.size - 1)
         first = np.searchsorted(station, self.edges - slack)
         return np.append(first[:-1], station.size)
 
     def coordinates(self, kept: npt.NDArray[np.intp]) -> dict[str, tuple[object, ...]]:
-        """Coordinates of a dataset with the dimension segment, of those that are kept."""
+        """Coordinates of a dataset with the dimension segment, of the segments `kept`."""
         return {
             "start": ("segment", self.start[kept], {"units": "m"}),
             "end": ("segment", self.end[kept], {"units": "m"}),
@@ -100,15 +101,15 @@ class FixedSegments:
 
 
 def cut_segments(station: Array, length: float | None) -> FixedSegments:
-    """Segments of a length [m]; none if it is None."""
+    """Divide a track into segments of a length [m]; none if it is None."""
     if length is None:
         return FixedSegments(start=np.empty(0), end=np.empty(0), complete=np.empty(0, dtype=bool))
-    room = float(station[-1] - station[0])
-    spacing = room / max(station.size - 1, 1)
+    extent = float(station[-1] - station[0])
+    spacing = extent / max(station.size - 1, 1)
     if not (np.isfinite(length) and length >= spacing and length > 0):
         message = f"segment must be finite and at least the spacing {spacing:g} m, got {length}"
         raise ValueError(message)
-    whole = math.floor((room + ROUNDING * spacing) / length)
+    whole = math.floor((extent + ROUNDING * spacing) / length)
     edges = station[0] + length * np.arange(whole + 1)
     complete = np.ones(whole, dtype=bool)
     if station[-1] - edges[-1] > ROUNDING * spacing:
@@ -118,8 +119,8 @@ def cut_segments(station: Array, length: float | None) -> FixedSegments:
 
 
 def sample_range(station: Array, start: float, end: float) -> slice:
-    """Samples from a start to an end [m], both included, however these are rounded."""
+    """Samples from a start to an end [m], both included within rounding."""
     slack = ROUNDING * float(station[-1] - station[0]) / (station.size - 1)
     first = int(np.searchsorted(station, start - slack))
-    behind = int(np.searchsorted(station, end + slack, side="right"))
-    return slice(first, behind)
+    stop = int(np.searchsorted(station, end + slack, side="right"))
+    return slice(first, stop)
