@@ -1,4 +1,4 @@
-"""The page of an excitation event: drawing, cut list, driving instruction, predicted motion."""
+"""Page of an excitation event: drawing, cut list, driving instruction, predicted motion."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from trueterrain.verify.event.design import EventDesign, EventPiece, EventResponse
 
 _KMH, _MPH, _INCH = 3.6, 2.236936, 0.0254  # per m/s, per m/s, m
-_SAWN = 0.0015  # [m] by which lumber varies
+_SAWN = 0.0015  # [m] tolerance of lumber
 _PAPER = (8.27, 11.69)  # [inches] A4
 
 
-def write_page(
+def write_event_page(
     folder: Path,
     design: "EventDesign",
     pieces: "tuple[EventPiece, ...]",
@@ -30,15 +30,15 @@ def write_page(
     Parameters
     ----------
     folder : Path
-        Folder that is there.
+        Existing folder.
     design : EventDesign
         The event.
-    pieces : tuple of Piece
+    pieces : tuple of EventPiece
         Its cut list.
     moved : EventResponse
         Predicted motion.
     car : FullCarParameters
-        The vehicle it is predicted for.
+        Vehicle of the prediction.
     words : dict of str to list of str
         Sentences under ``driving``, ``excited``, ``models`` and ``flags``.
 
@@ -62,20 +62,20 @@ def write_page(
     return ["drawing.svg", "event.pdf", "event.html"]
 
 
-def speed_words(speed: float) -> str:
-    """A speed in all units in which speedometers are marked."""
+def speed_text(speed: float) -> str:
+    """A speed in m/s, km/h and miles per hour."""
     return f"{speed:.2f} m/s ({speed * _KMH:.1f} km/h, {speed * _MPH:.1f} mile/h)"
 
 
-def piece_words(piece: "EventPiece", spacing: float) -> str:
-    """A line of the cut list; `spacing` [m] tells what unsawn lumber would amount to."""
+def piece_text(piece: "EventPiece", spacing: float) -> str:
+    """Line of the cut list; `spacing` [m] gives the width ratio of unsawn lumber."""
     sizes = (piece.length, piece.width, piece.thickness)
     size = " x ".join(f"{1000 * value:.0f}" for value in sizes)
     inches = " x ".join(f"{value / _INCH:.1f}" for value in sizes)
     unsawn = ""
     if abs(piece.unsawn_width - piece.width) > _SAWN:
-        share = piece.unsawn_width / spacing
-        unsawn = f" (or left {1000 * piece.unsawn_width:.0f} mm wide: w/a {share:.2f})"
+        ratio = piece.unsawn_width / spacing
+        unsawn = f" (or left {1000 * piece.unsawn_width:.0f} mm wide: w/a {ratio:.2f})"
     return (
         f"{piece.count} x {piece.name}, {size} mm ({inches} in), {piece.mass:.1f} kg each: "
         f"{piece.stock_count} of {piece.stock}; {piece.work}{unsawn}"
@@ -125,7 +125,7 @@ def _print_page(
     text.axis("off")
     lines = []
     for title, sentences in (
-        ("Cut list", [piece_words(piece, design.spacing) for piece in pieces]),
+        ("Cut list", [piece_text(piece, design.spacing) for piece in pieces]),
         ("Driving", words["driving"]),
         ("What is excited", [*words["excited"], *words["flags"]]),
     ):
@@ -197,7 +197,7 @@ def _event_report(
         ("width w", "m", design.width, off["width"]),
         ("width over spacing w/a", "1", design.cleat_ratio, off["cleat_ratio"]),
     ]
-    errata = event_errata(design.inputs.damping, design.inputs.tyre_share)
+    errata = event_errata(design.inputs.damping, design.inputs.tyre_stiffness_fraction)
     return Report(
         title=_event_title(design),
         subtitle=f"{design.number} cleats, {design.placement}; oscillator {design.model}",
@@ -223,15 +223,13 @@ def _event_report(
                             Column(label="Tolerance", digits=3),
                         ),
                         rows=sizes,
-                        caption="How sure the sizes are.",
+                        caption="Sizes and their tolerances.",
                     ),
                 ),
             ),
             Section(
                 title="Cut list",
-                blocks=tuple(
-                    Text(paragraph=piece_words(piece, design.spacing)) for piece in pieces
-                ),
+                blocks=tuple(Text(paragraph=piece_text(piece, design.spacing)) for piece in pieces),
             ),
             Section(title="Driving", blocks=tuple(Text(paragraph=w) for w in words["driving"])),
             Section(
@@ -243,15 +241,15 @@ def _event_report(
                     Picture(
                         figure=passage,
                         alt="Motion of body and axles over frequency",
-                        caption="Of ground that is the same left and right. The notches are those "
-                        "of the wheelbase; the area is one event.",
+                        caption="Ground equal on the left and the right. The notches are those of "
+                        "the wheelbase; the area is the spectrum of one event.",
                     ),
                     Table(
                         columns=(
                             Column(label="Mode"),
-                            Column(label="Share of the energy", unit="%", digits=1),
+                            Column(label="Fraction of the energy", unit="%", digits=1),
                         ),
-                        rows=[(name, 100 * share) for name, share in moved.energy.items()],
+                        rows=[(name, 100 * fraction) for name, fraction in moved.energy.items()],
                     ),
                 ),
             ),
@@ -265,8 +263,8 @@ def _event_report(
                             Column(label="Quantity"),
                             Column(label="Unit"),
                             Column(label="As printed", digits=4),
-                            Column(label="Right", digits=4),
-                            Column(label="Why"),
+                            Column(label="Corrected", digits=4),
+                            Column(label="Reason"),
                         ),
                         rows=[
                             (e.place, e.quantity, e.unit, e.printed, e.right, e.why) for e in errata
