@@ -1,8 +1,10 @@
 """Certificate of an accuracy test: system, method, results and inputs."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from trueterrain import figures
+from trueterrain._version import __version__
 from trueterrain.report import (
     Block,
     Column,
@@ -17,10 +19,10 @@ from trueterrain.report import (
     Warnings,
 )
 from trueterrain.report.findings import findings_blocks, modes_table
-
-if TYPE_CHECKING:
-    from trueterrain.verify.certificate import CertificateResult, Result
-    from trueterrain.verify.statistics.uncertainty import AccuracyFigure
+from trueterrain.verify.certificate import CertificateResult, Result
+from trueterrain.verify.drift import DriftResult
+from trueterrain.verify.dynamic import DynamicResult
+from trueterrain.verify.statistics.uncertainty import AccuracyFigure
 
 _MILLI = 1e3
 _DIGITS = 3  # of millimetres
@@ -52,7 +54,7 @@ _CAUSES = {
 }
 
 
-def build_certificate(found: "CertificateResult", files: list[tuple[str, str]]) -> Report:
+def build_certificate(found: CertificateResult, files: list[tuple[str, str]]) -> Report:
     """Build the certificate of a test, as HTML and PDF show it.
 
     Parameters
@@ -86,7 +88,7 @@ def build_certificate(found: "CertificateResult", files: list[tuple[str, str]]) 
     return report
 
 
-def _headline_numbers(found: "CertificateResult") -> Iterator[Number]:
+def _headline_numbers(found: CertificateResult) -> Iterator[Number]:
     for name, result in found.results.items():
         kept = found.verdicts[name].get("rms")
         limit = found.test.limits.rms
@@ -109,7 +111,7 @@ def _headline_numbers(found: "CertificateResult") -> Iterator[Number]:
         )
 
 
-def _stated_section(found: "CertificateResult", kind: str) -> Section:
+def _stated_section(found: CertificateResult, kind: str) -> Section:
     test = found.test
     rows: list[list[str | None]] = [
         ["System", test.system or None],
@@ -134,7 +136,7 @@ def _stated_section(found: "CertificateResult", kind: str) -> Section:
     return Section(title="What was tested", blocks=[*blocks, Text(paragraph=_METHODS[kind])])
 
 
-def _instrument_section(found: "CertificateResult") -> Section:
+def _instrument_section(found: CertificateResult) -> Section:
     """Section on errors of clocks and mounting."""
     text = (
         "Corrections to the clocks and the mounting of the scanner that the runs state. They are "
@@ -147,7 +149,7 @@ def _instrument_section(found: "CertificateResult") -> Section:
     return Section(title="Clocks and mounting", text=text, blocks=blocks)
 
 
-def _figure_section(found: "CertificateResult") -> Section:
+def _figure_section(found: CertificateResult) -> Section:
     columns = ("RMS", "Off edges", "Distance", "Maximum", "Bias", "Noise", "Registration")
     rows: list[list[str | float | None]] = []
     for name, result in found.results.items():
@@ -176,19 +178,19 @@ def _figure_section(found: "CertificateResult") -> Section:
     return Section(title="Figures", blocks=[table, *_interval_notes(found), *_limit_blocks(found)])
 
 
-def _with_intervals(result: "Result") -> "dict[str, AccuracyFigure]":
+def _with_intervals(result: Result) -> dict[str, AccuracyFigure]:
     """Figures of a test that have an interval."""
     row = result.row
-    figures = {
+    row_figures = {
         "RMS": row.rms,
         "off edges": row.off_edges,
         "distance": row.distance,
         "bias": row.bias,
     }
-    return {key: one for key, one in figures.items() if one is not None}
+    return {key: one for key, one in row_figures.items() if one is not None}
 
 
-def _interval_notes(found: "CertificateResult") -> Iterator[Block]:
+def _interval_notes(found: CertificateResult) -> Iterator[Block]:
     known = {name: _with_intervals(result) for name, result in found.results.items()}
     confidence = next(iter(found.results.values())).row.rms.confidence
     yield Table(
@@ -207,29 +209,29 @@ def _interval_notes(found: "CertificateResult") -> Iterator[Block]:
                 _to_millimetres(one.high),
                 one.independent,
             ]
-            for name, figures in known.items()
-            for key, one in figures.items()
+            for name, by_key in known.items()
+            for key, one in by_key.items()
         ],
         caption=f"Intervals that hold the true value in {100 * confidence:g} % of repeats "
         "(the widest of block bootstrap, correlation, and power by wavelength).",
     )
     few = {
-        name: {key: one for key, one in figures.items() if not one.trusted}
-        for name, figures in known.items()
+        name: {key: one for key, one in by_key.items() if not one.trusted}
+        for name, by_key in known.items()
     }
     flags = [
-        f"{name}, {', '.join(figures)}: of no more than "
-        f"{max(one.independent for one in figures.values()):.0f} independent errors: the interval "
+        f"{name}, {', '.join(by_key)}: of no more than "
+        f"{max(one.independent for one in by_key.values()):.0f} independent errors: the interval "
         "is a lower bound. Repeat or lengthen the test; at edges, where single returns dominate, "
         "judge by the other figures."
-        for name, figures in few.items()
-        if figures
+        for name, by_key in few.items()
+        if by_key
     ]
     if flags:
         yield Warnings(items=flags)
 
 
-def _limit_blocks(found: "CertificateResult") -> Iterator[Block]:
+def _limit_blocks(found: CertificateResult) -> Iterator[Block]:
     kept = [
         (name, figure, one) for name, row in found.verdicts.items() for figure, one in row.items()
     ]
@@ -251,11 +253,7 @@ def _limit_blocks(found: "CertificateResult") -> Iterator[Block]:
     )
 
 
-def _result_section(name: str, result: "Result") -> Section:
-    from trueterrain import figures
-    from trueterrain.verify.drift import DriftResult
-    from trueterrain.verify.dynamic import DynamicResult
-
+def _result_section(name: str, result: Result) -> Section:
     if isinstance(result, DriftResult):
         blocks: list[Block] = [
             _axes_picture(
@@ -327,7 +325,7 @@ def _error_parts_table(parts: dict[str, float]) -> Table:
 
 
 def _drift_table(result: Any) -> Table:
-    def cells(name: str, figure: "AccuracyFigure | None") -> list[str | float | None]:
+    def cells(name: str, figure: AccuracyFigure | None) -> list[str | float | None]:
         if figure is None:
             return [name, None, None, None]
         return [
@@ -348,9 +346,7 @@ def _drift_table(result: Any) -> Table:
     )
 
 
-def _input_section(found: "CertificateResult", files: list[tuple[str, str]]) -> Section:
-    from trueterrain._version import __version__
-
+def _input_section(found: CertificateResult, files: list[tuple[str, str]]) -> Section:
     table = Table(
         columns=(Column(label="Input"), Column(label="SHA-256")),
         rows=[[one["name"], one["sha256"]] for one in found.inputs],

@@ -1,16 +1,35 @@
 """Page of an excitation event: drawing, cut list, driving instruction, predicted motion."""
 
+import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from trueterrain import figures
+from trueterrain.report import (
+    Column,
+    Number,
+    Picture,
+    Report,
+    Section,
+    Table,
+    Text,
+    Warnings,
+    write_report,
+)
+from trueterrain.vehicle import FullCarParameters
+from trueterrain.verify.event.design import (
+    EventDesign,
+    EventPiece,
+    EventResponse,
+    event_errata,
+    event_spectrum,
+    passage_gain,
+)
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from trueterrain.report import Report
-    from trueterrain.vehicle import FullCarParameters
-    from trueterrain.verify.event.design import EventDesign, EventPiece, EventResponse
 
 _KMH, _MPH, _INCH = 3.6, 2.236936, 0.0254  # per m/s, per m/s, m
 _SAWN = 0.0015  # [m] tolerance of lumber
@@ -19,10 +38,10 @@ _PAPER = (8.27, 11.69)  # [inches] A4
 
 def write_event_page(
     folder: Path,
-    design: "EventDesign",
-    pieces: "tuple[EventPiece, ...]",
-    moved: "EventResponse",
-    car: "FullCarParameters",
+    design: EventDesign,
+    pieces: tuple[EventPiece, ...],
+    moved: EventResponse,
+    car: FullCarParameters,
     words: dict[str, list[str]],
 ) -> list[str]:
     """Write the drawing (SVG), the page to print (PDF) and the report (HTML) into a folder.
@@ -49,9 +68,6 @@ def write_event_page(
     """
     import matplotlib.pyplot as plt
 
-    from trueterrain import figures
-    from trueterrain.report import write_report
-
     drawing = _event_drawing(design, pieces)
     figures.save_figure(drawing, folder / "drawing.svg")
     page = _print_page(design, pieces, moved, words)
@@ -67,7 +83,7 @@ def speed_text(speed: float) -> str:
     return f"{speed:.2f} m/s ({speed * _KMH:.1f} km/h, {speed * _MPH:.1f} mile/h)"
 
 
-def piece_text(piece: "EventPiece", spacing: float) -> str:
+def piece_text(piece: EventPiece, spacing: float) -> str:
     """Line of the cut list; `spacing` [m] gives the width ratio of unsawn lumber."""
     sizes = (piece.length, piece.width, piece.thickness)
     size = " x ".join(f"{1000 * value:.0f}" for value in sizes)
@@ -82,7 +98,7 @@ def piece_text(piece: "EventPiece", spacing: float) -> str:
     )
 
 
-def _event_drawing(design: "EventDesign", pieces: "tuple[EventPiece, ...]") -> "Figure":
+def _event_drawing(design: EventDesign, pieces: tuple[EventPiece, ...]) -> "Figure":
     import matplotlib.pyplot as plt
 
     figure: Figure
@@ -94,10 +110,8 @@ def _event_drawing(design: "EventDesign", pieces: "tuple[EventPiece, ...]") -> "
 
 
 def _draw_event(
-    design: "EventDesign", pieces: "tuple[EventPiece, ...]", above: Any, below: Any
+    design: EventDesign, pieces: tuple[EventPiece, ...], above: Any, below: Any
 ) -> None:
-    from trueterrain import figures
-
     shape = design.to_dict()
     whole = pieces[0].length * (1 if design.placement == "across" else 2)
     figures.event_plan(shape, across=whole, track=design.inputs.track, ax=above)
@@ -105,16 +119,12 @@ def _draw_event(
 
 
 def _print_page(
-    design: "EventDesign",
-    pieces: "tuple[EventPiece, ...]",
-    moved: "EventResponse",
+    design: EventDesign,
+    pieces: tuple[EventPiece, ...],
+    moved: EventResponse,
     words: dict[str, list[str]],
 ) -> "Figure":
-    import textwrap
-
     import matplotlib.pyplot as plt
-
-    from trueterrain import figures
 
     figure: Any = plt.figure(figsize=_PAPER, layout="constrained")
     figure.get_layout_engine().set(rect=(0.03, 0.02, 0.94, 0.96))
@@ -139,7 +149,7 @@ def _print_page(
     return page
 
 
-def _event_title(design: "EventDesign") -> str:
+def _event_title(design: EventDesign) -> str:
     return (
         f"Excitation event for {design.target} at {design.ride_met:.2f} Hz "
         f"and wheel hop at {design.hop_met:.1f} Hz"
@@ -147,26 +157,13 @@ def _event_title(design: "EventDesign") -> str:
 
 
 def _event_report(
-    design: "EventDesign",
-    pieces: "tuple[EventPiece, ...]",
-    moved: "EventResponse",
-    car: "FullCarParameters",
+    design: EventDesign,
+    pieces: tuple[EventPiece, ...],
+    moved: EventResponse,
+    car: FullCarParameters,
     words: dict[str, list[str]],
     drawing: "Figure",
-) -> "Report":
-    from trueterrain import figures
-    from trueterrain.report import (
-        Column,
-        Number,
-        Picture,
-        Report,
-        Section,
-        Table,
-        Text,
-        Warnings,
-    )
-    from trueterrain.verify.event.design import event_errata, event_spectrum, passage_gain
-
+) -> Report:
     frequency = np.geomspace(0.3, 30.0, 600)
     gains = passage_gain(car, frequency, design.speed)
     spectrum = event_spectrum(

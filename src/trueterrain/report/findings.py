@@ -2,13 +2,10 @@
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from trueterrain.report import Block, Column, Table, Warnings
+from trueterrain.verify.dynamic import DynamicResult
 from trueterrain.verify.findings.finding import Finding
-
-if TYPE_CHECKING:
-    from trueterrain.verify.dynamic import DynamicResult
 
 _UNITS = {"s": ("ms", 1e3), "rad": ("deg", math.degrees(1.0)), "m": ("mm", 1e3)}
 _DIGITS = 4  # of milliseconds, degrees and millimetres
@@ -57,7 +54,7 @@ def findings_blocks(findings: Sequence[Finding], *, caption: str = "") -> list[B
     return [table, Warnings(items=there)] if there else [table]
 
 
-def modes_table(result: "DynamicResult") -> Table:
+def modes_table(result: DynamicResult) -> Table:
     """Table of the error by modes of the vehicle.
 
     Parameters

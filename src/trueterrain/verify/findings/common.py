@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
-from trueterrain.georeference import Screening
+from trueterrain.georeference import Screening, mounting_of
 from trueterrain.motion._scans import missing_scans
 from trueterrain.verify.findings.finding import CERTAIN, Finding, is_significant
 from trueterrain.verify.registration.search import Registration
@@ -230,8 +230,6 @@ def returned_fraction(
     flagged : float or None
         Fraction of returns of flagged intensity; None if intensities were not recorded.
     """
-    from trueterrain.georeference import mounting_of
-
     scans = tree["scans"].to_dataset()
     time = scans["time"].values + mounting_of(tree).scanner_clock
     first, last = np.searchsorted(time, (begin, end))
