@@ -119,7 +119,7 @@ def test_settings_of_the_fusion_hold_for_every_method(tmp_path, monkeypatch):
         used.append(settings)
         raise CoverageError("stopped here")
 
-    monkeypatch.setattr("trueterrain.motion.fuse", fuse)
+    monkeypatch.setattr("trueterrain.verify.certificate.fuse_motion", fuse)
     s = np.arange(0.0, 1.2, 0.0005)
     height = 0.04 * np.exp(-(((s - 0.5) / 0.05) ** 2))
     trueterrain.write(make_profile(s, height), tmp_path / "plate.csv")

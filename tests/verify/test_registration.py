@@ -104,7 +104,7 @@ def test_gaps_as_wide_as_cleats_are_no_plate():
 def test_ground_without_a_plate_is_an_error():
     x = np.arange(-2.0, 2.0, 0.004)
     z = 0.001 * np.sin(9 * x)
-    with pytest.raises(CoverageError, match=r"plate is not found.*Say where it lies"):
+    with pytest.raises(CoverageError, match=r"plate is not found.*State its place"):
         register_profile(x, z, machined())
 
 

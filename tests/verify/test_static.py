@@ -63,7 +63,9 @@ def test_errors_lie_on_the_machined_profile():
 
 def test_fewer_scans_than_needed_are_an_error():
     run = standing(scans=50)
-    with pytest.raises(CoverageError, match=r"holds 50 scans, the static test needs 100.*longer"):
+    with pytest.raises(
+        CoverageError, match=r"holds 50 scans, the static test needs 100.*Record more scans"
+    ):
         static_test(run, machined())
     with pytest.raises(CoverageError, match="needs 60"):
         static_test(run, machined(), StaticSettings(scans=60, min_scans=10))

@@ -113,7 +113,8 @@ def split_by_mode(
     --------
     >>> time = np.linspace(0, 4, 2000, endpoint=False)
     >>> pitch = 0.01 * np.sin(2 * np.pi * 1.5 * time)
-    >>> modes = modes_of(time, 0.1 * pitch, {"pitch": pitch}, ride=(0.5, 3.0), hop=(8.0, 16.0))
+    >>> bands = {"ride": (0.5, 3.0), "hop": (8.0, 16.0)}
+    >>> modes = split_by_mode(time, 0.1 * pitch, {"pitch": pitch}, **bands)
     >>> modes[1].meaning
     '99 % of the error lies at the primary ride (0.5 to 3 Hz) and moves with pitch.'
     """
@@ -176,7 +177,7 @@ def main_error_source(modes: tuple[ErrorMode, ...]) -> str:
 
     Examples
     --------
-    >>> source_of(())
+    >>> main_error_source(())
     'Nothing of the error moves with the body.'
     """
     moved = [one for one in modes if one.moves_with and (one.fraction or 0.0) >= _LARGE]
