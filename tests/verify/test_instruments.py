@@ -97,7 +97,7 @@ def test_both_clocks_are_found(bounce):
         assert (found.name, found.unit, found.detected) == (name, "s", True)
         assert_allclose(found.value, true, rtol=0, atol=SURE * found.sd)
         assert found.sd < 2e-4
-        assert "Stamps are to be increased" in found.meaning
+        assert "Add the value to" in found.meaning
 
 
 def test_without_its_delay_the_filter_is_part_of_the_clock(bounce):
@@ -157,7 +157,7 @@ def test_the_mounting_is_found_and_unobservable_parameters_have_a_reason(certifi
     assert "Measure lever_z with a tape" in up.meaning
     assert stated.scanner_position[0] - true.scanner_position[0] == pytest.approx(-HELD)
     pitch = found["pitch of the scanner"]
-    assert "leans on the lever arm of the scanner, forward, which is held" in pitch.meaning
+    assert "depends on the lever arm of the scanner, forward, which is held" in pitch.meaning
     # as much wrong as the arm that it leans on
     wrong = pitch.value - true.scanner_rotation[1]
     assert_allclose(wrong, -HELD / ABOVE, rtol=0, atol=np.hypot(BETWEEN, SURE * pitch.sd))
@@ -199,7 +199,7 @@ def test_the_page_and_the_pdf_show_them(certified, tmp_path):
     pages = [page.extract_text() for page in PdfReader(tmp_path / "c.pdf").pages]
     paper = " ".join(" ".join(pages).split())
     assert "Clocks and mounting" in paper
-    assert "It was not applied: figures are those of the runs as they are." in paper
+    assert "They are not applied: the figures are those of the runs as recorded." in paper
     for one in certified.instruments:
         if one.value is not None:
             factor = {"s": 1e3, "rad": 180 / np.pi, "m": 1e3}[one.unit]
