@@ -1,6 +1,6 @@
-"""Repeat tests of accuracy and count how often their intervals hold the truth.
+"""Coverage of the intervals of accuracy tests, from repeated tests.
 
-The table is written into the page on uncertainty, between its two marks. Usage: ``python
+The table is written into the page on uncertainty, between two comments. Usage: ``python
 studies/coverage [REPEATS]``.
 """
 
@@ -23,8 +23,8 @@ PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "uncertainty.md"
 BEGIN = "<!-- From `python studies/coverage`: change that, not this table. -->\n"
 END = "<!-- Until here. -->\n"
 FIGURES = {"rms": "RMS", "off_edges": "off edges", "distance": "distance", "bias": "bias"}
-CLAIMED = 0.95
-CHANCE = 0.01  # of counts outside of the limits, if the claim is true
+CONFIDENCE = 0.95
+CHANCE = 0.01  # of counts outside of the limits at this coverage
 
 
 def main() -> None:
@@ -38,10 +38,10 @@ def main() -> None:
             for same in zip(*found, strict=True):
                 rows += _counted(same)
             sys.stderr.write(f"{test.__name__}: {time.monotonic() - begin:.0f} s\n")
-    low, high = (int(binom.ppf(p, repeats, CLAIMED)) for p in (CHANCE / 2, 1 - CHANCE / 2))
+    low, high = (int(binom.ppf(p, repeats, CONFIDENCE)) for p in (CHANCE / 2, 1 - CHANCE / 2))
     caption = (
-        f"{repeats} repeats, {100 * CLAIMED:g} % claimed. If the claim holds, {low} to {high} "
-        f"repeats hold the truth, but for {100 * CHANCE:g} % of all such studies."
+        f"{repeats} repeats, {100 * CONFIDENCE:g} % confidence. At that coverage, {low} to {high} "
+        f"repeats hold the true value, but for {100 * CHANCE:g} % of all such studies."
     )
     heads = ["test", "figure", "true value [mm]", "held", "trusted", "independent errors"]
     lines = [heads, ["---", "---", *["--:"] * 4], *rows]
@@ -53,7 +53,7 @@ def main() -> None:
 
 
 def _counted(rows: tuple[ResultRow, ...]) -> Iterator[list[str]]:
-    """Lines of the table of one test."""
+    """Rows of the table for one test."""
     for name, label in FIGURES.items():
         found = [getattr(row, name) for row in rows]
         if None in found:

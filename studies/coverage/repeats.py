@@ -1,4 +1,4 @@
-"""Repeats of whole tests of accuracy by the virtual profiler: same conditions, another draw."""
+"""Repeats of accuracy tests with the virtual profiler, with equal conditions and other seeds."""
 
 import tempfile
 from dataclasses import replace
@@ -27,9 +27,9 @@ from trueterrain.verify.results import ResultRow
 from trueterrain.verify.static import StaticSettings, static_test
 
 SCREENING = Screening(saturation=19999.0)
-STANDING = 0.3  # [s] that the scanner stands: 300 scans
-BESIDE = 0.05  # [m] within which it stands: several places of beams
-ALONG = 0.3  # [m] within which the run begins: other phases of scans and of the fit of the motion
+STANDING = 0.3  # [s] of the static test: 300 scans
+BESIDE = 0.05  # [m] range of its place: several distances of beams
+ALONG = 0.3  # [m] range of the start of the run: other phases of the scans and of the motion
 LENGTH = 17.0  # [m] driven: two events and the plate
 BEAMS, SWATH = 61, 0.3  # [m] of the moving scanner: only a strip over the plate is needed
 ROAD, SPEED, RUNS = 2000.0, 10.0, 4  # [m], [m/s]
@@ -49,7 +49,7 @@ def static(seed: int) -> list[ResultRow]:
 
 
 def dynamic(seed: int) -> list[ResultRow]:
-    """Rows of the dynamic test among events, by two ways of finding the motion."""
+    """Rows of the dynamic test among events, by two methods of fusion."""
     stage, ground = _stage("dynamic-plate-excited")
     start = _random(seed).uniform(0, ALONG)
     drive = replace(stage.scene.passes[0], start=start, length=LENGTH)
@@ -82,7 +82,7 @@ def drift(seed: int) -> list[ResultRow]:
 
 @lru_cache
 def _stage(name: str) -> tuple[Stage, Raster]:
-    """Scene, and its ground as a raster that all repeats share."""
+    """Scene, and its ground as a raster common to all repeats."""
     scene, _ = read_scene(name)
     raster = scene.raster
     if name != "static-plate":

@@ -1,4 +1,4 @@
-"""Record the scenes with a fault, and ask both tests what they find."""
+"""Record the scenes with a fault, and carry out both tests."""
 
 import tempfile
 import warnings
@@ -31,20 +31,20 @@ from trueterrain.verify.static import StaticResult, StaticSettings, static_test
 
 @dataclass(frozen=True, kw_only=True)
 class Tested:
-    """What both tests say of a fault."""
+    """Results of both tests for a fault."""
 
     fault: Fault
-    "What was injected."
+    "Injected fault."
 
     static: StaticResult
-    "Of all returns."
+    "Static test with all returns."
 
     dynamic: DynamicResult
-    "Of the motion by the smoother."
+    "Dynamic test with the motion by the smoother."
 
 
 def machined() -> xr.Dataset:
-    """The plate as it was machined."""
+    """Machined profile of the plate."""
     s = np.arange(2401) / 2000
     return make_profile(s, CalibrationPlate().height(s - 0.5 * PLATE, 0.0))
 
@@ -64,10 +64,10 @@ def tested_static(fault: Fault) -> StaticResult:
 
 
 def tested_dynamic(fault: Fault) -> DynamicResult:
-    """The dynamic test, with all the floor that there is."""
+    """The dynamic test, with the whole floor."""
     run = _recorded(dynamic_scene(fault), fault)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # dropped scans are what is looked for
+        warnings.simplefilter("ignore")  # the dropped scans are intended
         path = fuse_motion(run).trajectory
     begins = MIDDLE - 0.5 * PLATE + LEAD * SPEED
     settings = DynamicSettings(assumed=begins, search=0.2, floor=FLOOR, width=STRIP)
@@ -75,7 +75,7 @@ def tested_dynamic(fault: Fault) -> DynamicResult:
 
 
 def _recorded(scene: Scene, fault: Fault) -> xr.DataTree:
-    """A run in memory, without the scans that were dropped."""
+    """A run in memory, without the dropped scans."""
     with tempfile.TemporaryDirectory() as folder:
         (target,) = record_scene(scene, Path(folder))
         tree = open_run(target).load()
@@ -84,8 +84,8 @@ def _recorded(scene: Scene, fault: Fault) -> xr.DataTree:
     scans = tree["scans"].to_dataset()
     kept = np.ones(scans.sizes["scan"], dtype=bool)
     some = fault.dropped // 4
-    middle = kept.size // 2
-    kept[middle : middle + fault.dropped - some] = False
-    kept[middle // 2 : middle // 2 + some] = False
+    centre = kept.size // 2
+    kept[centre : centre + fault.dropped - some] = False
+    kept[centre // 2 : centre // 2 + some] = False
     tree["scans"] = xr.DataTree(scans.isel(scan=kept))
     return tree

@@ -1,4 +1,4 @@
-"""The page of the documentation, from its text and what was found."""
+"""Page of the documentation, from its text and the results."""
 
 import math
 from collections.abc import Sequence
@@ -14,12 +14,12 @@ HEAD = (
     "<!-- Made by `make study-faults` from studies/faults/page.md: change that, not this. -->\n\n"
 )
 
-_FOUND = {True: "**found**", False: "not found", None: "cannot tell"}
+_FOUND = {True: "**found**", False: "not found", None: "not observable"}
 _SHOWN = {"s": (1e3, "ms", 2), "m": (1e3, "mm", 2), "rad": (math.degrees(1.0), "°", 3)}
 
 
 def page(tested: Sequence[Tested]) -> str:
-    """Text with its numbers and tables."""
+    """Text of the page with its numbers and tables."""
     by_name = {one.fault.name: one for one in tested}
     pitch = looked_for(
         by_name["boresight, pitch"].dynamic, by_name["boresight, pitch"].fault.finding
@@ -34,14 +34,14 @@ def page(tested: Sequence[Tested]) -> str:
         "{pitch_mm}": f"{1e3 * (by_name['boresight, pitch'].fault.injected or 0.0):.1f}",
         "{pitch_value}": _written(pitch),
         "{pitch_word}": _FOUND[pitch.detected].strip("*"),
-        "{place_sd}": place.meaning.split(":")[0].split("sure ")[-1],
+        "{place_sd}": place.meaning.split(":")[0].split("deviation ")[-1],
     }.items():
         text = text.replace(name, value)
     return HEAD + text
 
 
 def looked_for(result: StaticResult | DynamicResult, name: str) -> Finding | None:
-    """The finding of a name, if the test looks for it."""
+    """Finding by its name; None if the test does not look for it."""
     return next((one for one in result.findings if one.name == name), None)
 
 
@@ -83,7 +83,7 @@ def _modes(tested: Sequence[Tested]) -> str:
 
 
 def _written(finding: Finding, *, with_word: bool = False) -> str:
-    """Value and standard deviation as they stand on the page."""
+    """Value and standard deviation as text."""
     word = f", {_FOUND[finding.detected]}" if with_word else ""
     if finding.value is None:
         return _FOUND[finding.detected]

@@ -1,4 +1,4 @@
-"""Scenes of the two tests, and what is wrong in each."""
+"""Scenes of the two tests, and the injected faults."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -12,14 +12,14 @@ from trueterrain.simulate.scene import Scene, ScenePass, Standing, read_scene
 LASER = (-2.25, 0.0, 1.2)  # [m] in the body
 MIDDLE = 12.9  # [m] of the plate, driven over
 SPEED = 5.4  # [m/s]
-SIDE = 0.342  # [m] of the middle of the plate to the right of the standing scanner
-BEGINS = -SIDE - 0.6  # [m] to its left: where the plate is assumed to begin
+SIDE = 0.342  # [m] of the centre of the plate to the right of the standing scanner
+BEGINS = -SIDE - 0.6  # [m] to its left: assumed start of the plate
 PLATE = 1.2  # [m]
-FLOOR = 5.4  # [m] of plane floor that is looked at before and behind the plate
+FLOOR = 5.4  # [m] of plane floor evaluated before and after the plate
 STRIP = 0.8  # [m] width of the strip of returns
 LEAD = 0.1  # [s] of motion before the first scan
 
-#: Where boards with three cleats lie along the way [m], and under which wheels.
+#: Places of boards with three cleats along the path [m], and the wheels over them.
 BOARDS = (
     (7.4, "both"),
     (10.1, "both"),
@@ -28,44 +28,44 @@ BOARDS = (
     (16.4, "right"),
     (18.2, "both"),
 )
-_TRACK = 0.75  # [m] of a wheel from the middle
+_TRACK = 0.75  # [m] of a wheel from the centre line
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """What is wrong, and where it must be seen."""
+    """An injected fault, and the finding that must detect it."""
 
     name: str
-    "What is injected, in words."
+    "Name of the fault."
 
     size: str
-    "How much of it."
+    "Size of the fault, as text."
 
     declared: dict[str, Any] = field(default_factory=dict)
-    "What the run claims of its mounting, where that is wrong."
+    "Wrong values of the mounting that the run states."
 
     scale: float = 0.0
-    "By how much all accelerometers read too much."
+    "Scale error of all accelerometers [1]."
 
     beside: float = 0.0
-    "By how much the plate lies to the left of, or beyond, its assumed place [m]."
+    "Displacement of the plate to the left of, or beyond, its assumed place [m]."
 
     white: bool = False
     "Whether a cleat is painted white."
 
     dropped: int = 0
-    "Scans that are lost in the middle of the crossing, in two gaps."
+    "Number of scans lost during the crossing, in two gaps."
 
     finding: str = ""
-    "What it is to be found as."
+    "Name of the finding that must detect it."
 
     injected: float | None = None
-    "Value that the finding should have."
+    "Expected value of the finding."
 
 
 _DEGREE = math.radians(0.1)
 
-#: All that is injected, one after the other.
+#: Injected faults, one after the other.
 FAULTS = (
     Fault(name="nothing", size="–"),
     Fault(

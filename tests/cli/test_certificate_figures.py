@@ -209,7 +209,7 @@ class Certificate:
                 if self.kind == "drift"
                 else (self._over_plate(section, one, self.rows[row]))
             )
-        expected["From what it is recomputed", "Input"] = [
+        expected["Inputs and files", "Input"] = [
             [path.name, sha256(path)] for path in self.inputs
         ]
         return expected
@@ -218,7 +218,7 @@ class Certificate:
         total = sum(one["parts"].values())
         expected = {
             (section, "Registration"): [
-                ["Begin of the plate in the scan", millis(one["shift"]), "mm"],
+                ["Start of the plate in the measured profile", millis(one["shift"]), "mm"],
                 ["Offset", millis(one["offset"]), "mm"],
                 ["Tilt", MILLI * math.atan(one["tilt"]), "mrad"],
                 ["Residual without outliers", millis(one["registration"]), "mm"],
@@ -233,7 +233,7 @@ class Certificate:
                 for name, value in one["parts"].items()
             ],
         }
-        words = {True: "found", False: "not found", None: "cannot be told"}
+        words = {True: "found", False: "not found", None: "not observable"}
         expected[section, "Looked for"] = [
             [
                 finding["name"],
@@ -258,7 +258,7 @@ class Certificate:
                     mode["name"],
                     mode["low"],
                     mode["high"],
-                    None if mode["share"] is None else 100 * mode["share"],
+                    None if mode["fraction"] is None else 100 * mode["fraction"],
                     millis(mode["rms"]),
                     *(mode["coherence"].get(name) for name in motions),
                 ]
@@ -277,7 +277,7 @@ class Certificate:
                     MILLI * repeats.high,
                 ],
                 [
-                    "Bias that all runs share",
+                    "Bias common to all runs",
                     *([None] * 3 if one["shared"] is None else [MILLI * x for x in one["shared"]]),
                 ],
             ]
@@ -427,7 +427,7 @@ def test_result_json_holds_the_same_figures(read):
 
 def test_files_are_as_large_as_is_said(read):
     ((_, _, rows),) = [
-        table for table in read.page.sections["From what it is recomputed"] if table[1][0] == "File"
+        table for table in read.page.sections["Inputs and files"] if table[1][0] == "File"
     ]
     for name, _, size in rows:
         value, unit = size.replace("\u202f", " ").replace("\u00a0", " ").split()

@@ -107,7 +107,7 @@ def test_drift_certifies_repeated_runs(run, tmp_path):
     page = (tmp_path / "out" / "certificate.html").read_text()
     assert "Repeatability of a single run" in page
     # a random walk is as long as its path, of which no interval is certain
-    assert "the interval is at least so wide" in page
+    assert "the interval is a lower bound" in page
 
 
 def _failed(run, tmp_path, kind, config):

@@ -85,8 +85,8 @@ def test_ours_is_about_as_good_as_with_the_exact_pose(rows):
     row = rows["dynamic, excited"]
     assert row["registered"]["ratio"]["rms"] <= AS_EXACT
     assert row["registered"]["ratio"]["off_edges"] <= AS_EXACT
-    assert row["as_it_lies_on_exact_way"]["ratio"]["rms"] <= AS_EXACT
-    assert row["as_it_lies_on_exact_way"]["ratio"]["off_edges"] <= AS_EXACT
+    assert row["as_it_lies_on_exact_path"]["ratio"]["rms"] <= AS_EXACT
+    assert row["as_it_lies_on_exact_path"]["ratio"]["off_edges"] <= AS_EXACT
     # as it lies otherwise, navigation's own place is charged to the heights, and said to be
     assert row["as_it_lies"]["ratio"]["rms"] > 5
     assert max(np.abs(row["beside"])) > 0.005

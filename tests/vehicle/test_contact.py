@@ -42,7 +42,7 @@ def test_the_mean_is_that_of_the_lines_between_samples(spacing, patch_length, se
 
 
 @pytest.mark.parametrize("patch_length", [0.0, 0.004, 0.15, 0.1537])
-def test_planes_are_felt_as_they_are(patch_length):
+def test_planes_are_reproduced(patch_length):
     """Constant and slope come out unchanged, whatever the ends of the patch."""
     tyre = Tyre(patch_length=patch_length)
     station = 0.005 * np.arange(200)
@@ -54,7 +54,7 @@ def test_planes_are_felt_as_they_are(patch_length):
 
 
 @pytest.mark.parametrize("wavelength", [0.075, 0.1, 0.15, 0.31, 0.6, 2.5])
-def test_a_wave_is_weakened_by_the_sinc_of_the_patch(wavelength):
+def test_a_wave_is_attenuated_by_the_sinc_of_the_patch(wavelength):
     """Waves of which a whole number fit into the patch are not felt."""
     spacing, patch_length = 0.0005, 0.15
     station = spacing * np.arange(4000)
@@ -74,14 +74,14 @@ def test_a_step_becomes_a_ramp_as_long_as_the_patch():
 
 
 def test_a_gap_narrower_than_the_patch_is_enveloped():
-    """A joint 20 mm wide and deep lowers the wheel by its share of the patch."""
+    """A joint 20 mm wide and deep lowers the wheel by its fraction of the patch."""
     heights = np.zeros(1000)
     heights[491:511] = -0.02  # of 1 mm each, with a line of 1 mm on either side: 20 mm in the mean
     found = contact_heights(heights, 0.001, 0.15)
     assert_allclose(found.min(), -0.02 * 20 / 150, rtol=0, atol=ROUNDING)
 
 
-def test_lines_across_count_alike():
+def test_lines_across_have_equal_weight():
     rng = np.random.default_rng(3)
     heights = rng.standard_normal((80, 5))
     found = contact_heights(heights, 0.01, 0.15)
@@ -119,7 +119,7 @@ def test_overlapping_blocks_give_the_same_bits_as_one_piece(cut):
     assert (np.concatenate(pieces) == whole).all()
 
 
-def test_a_tyre_samples_its_width_in_the_middle_of_equal_strips():
+def test_a_tyre_samples_its_width_at_the_centres_of_equal_strips():
     tyre = Tyre()
     assert (tyre.patch_length, tyre.patch_width, tyre.samples_across) == (0.15, 0.18, 9)
     assert_allclose(np.diff(tyre.offsets), 0.02, rtol=0, atol=ROUNDING)
@@ -159,7 +159,7 @@ def test_impossible_arguments_are_refused():
             contact_heights(np.zeros(shape), 0.005, 0.15)
 
 
-def test_no_tyre_stands_in_a_hole():
+def test_a_hole_under_a_tyre_is_refused():
     heights = np.zeros((100, 3))
     heights[40, 2] = np.nan
     with pytest.raises(CoverageError, match="got nan m") as raised:

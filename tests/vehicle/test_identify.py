@@ -118,7 +118,7 @@ def test_the_peak_of_velocity_is_not_the_mode():
     assert np.ptp(found.ride.frequency_interval) < 0.05
 
 
-def test_intervals_on_roads_are_honest():
+def test_intervals_on_roads_cover_the_true_modes():
     """40 estimates: their errors are as large as stated, and 95 % intervals hold most of them."""
     scores, inside = [], []
     for seed in range(10):
@@ -136,7 +136,7 @@ def test_intervals_on_roads_are_honest():
     assert np.mean(inside) >= 0.85  # 34 of 40: one in a thousand if 95 % hold
 
 
-def test_one_signal_alone_is_less_sure():
+def test_one_signal_alone_is_less_certain():
     rng = np.random.default_rng(4)
     road = np.cumsum(rng.standard_normal(150_000)) * 2.2e-4
     moved = decimate(simulate_response(MODEL, 1 / 1000, road).acceleration, 5, ftype="fir", axis=0)
@@ -154,7 +154,7 @@ def test_one_signal_alone_is_less_sure():
     assert holds(both).all()
 
 
-def test_a_whole_car_on_a_road_scatters_and_says_so():
+def test_a_full_car_on_a_road_has_larger_scatter():
     """Body above the front left wheel: pitch and roll are in it, which a quarter car has not."""
     car = named_vehicle("golden car")
     model = linear_model(car)
@@ -189,7 +189,7 @@ def test_the_fitted_car_is_the_golden_car():
 # --- velocity and spectra
 
 
-def test_velocity_is_neither_early_nor_late_and_has_no_drift():
+def test_velocity_has_neither_phase_shift_nor_drift():
     t = np.arange(0, 40, 1 / 200)
     rng = np.random.default_rng(1)
     true = 0.2 * np.sin(2 * np.pi * 1.2 * t) + 0.1 * np.sin(2 * np.pi * 11 * t)
@@ -211,8 +211,8 @@ def test_density_of_white_acceleration():
     f = found.frequency[inside]
     truth = 2 / 200.0 / (2 * np.pi * f) ** 2
     assert_allclose(np.mean(found.density[inside] / truth), 1.0, rtol=0, atol=0.01)
-    share = np.mean((found.low[inside] < truth) & (truth < found.high[inside]))
-    assert 0.93 < share < 0.97  # of 632 bins, each half as good as alone
+    fraction = np.mean((found.low[inside] < truth) & (truth < found.high[inside]))
+    assert 0.93 < fraction < 0.97  # of 632 bins, each half as good as alone
 
 
 # --- what is refused
@@ -228,13 +228,13 @@ def test_density_of_white_acceleration():
             lambda: ModeRecording(
                 accelerations={"body": np.arange(9), "wheel": np.arange(8)}, rate=100.0
             ),
-            "one and the same length",
+            "all have one length",
         ),
         (
             lambda: ModeRecording(
                 accelerations={"body": np.arange(9)}, excitation=np.arange(8), rate=100.0
             ),
-            "one and the same length",
+            "all have one length",
         ),
         (lambda: ModeRecording(accelerations={"body": [1.0, np.nan]}, rate=100.0), "body has gaps"),
         (
@@ -270,7 +270,7 @@ def test_density_of_white_acceleration():
         ),
         (
             lambda: identify_modes(ModeRecording(accelerations={"body": np.ones(900)}, rate=100.0)),
-            "body does not move",
+            "body is constant",
         ),
         (lambda: integrate_acceleration([1.0, np.nan], 100.0), "no gap"),
         (lambda: integrate_acceleration(np.ones(9), 100.0, corner=60.0), "corner must be"),

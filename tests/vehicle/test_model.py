@@ -16,7 +16,7 @@ from trueterrain.vehicle import (
     vehicle_names,
 )
 
-# Rounding, as a share of the largest number that enters [1]
+# Rounding, as a fraction of the largest number that enters [1]
 ROUNDING = 1e-12
 
 VEHICLES = vehicle_names()
@@ -104,7 +104,7 @@ def test_frequency_response_is_that_of_the_state_space():
         assert_allclose(whole, truth, rtol=0, atol=1e3 * ROUNDING * np.abs(truth).max())
 
 
-def test_the_quarter_car_transmits_as_the_textbook_says():
+def test_the_quarter_car_has_the_textbook_transmissibility():
     """Transmissibility of a body on spring and damper, when the tyre is all but rigid."""
     natural, zeta = 1.2, 0.3
     w = 2 * np.pi * natural
@@ -118,18 +118,18 @@ def test_the_quarter_car_transmits_as_the_textbook_says():
     r = np.array([0.2, 0.9, 1.0, np.sqrt(2), 3.0])
     truth = np.sqrt((1 + (2 * zeta * r) ** 2) / ((1 - r**2) ** 2 + (2 * zeta * r) ** 2))
     gain = np.abs(frequency_response(linear_model(car), r * natural)[:, 0, 0])
-    rigid = 1e-6  # [1]: the tyre, 1e7 times stiffer than the spring, still gives way a little
+    rigid = 1e-6  # [1]: the tyre, 1e7 times stiffer than the spring, is still a little compliant
     assert_allclose(gain, truth, rtol=0, atol=rigid)
 
 
-def test_the_full_golden_car_on_like_wheels_heaves_as_the_quarter_car():
+def test_the_full_golden_car_on_equal_wheels_heaves_as_the_quarter_car():
     frequencies = np.geomspace(0.1, 30, 20)
     full = frequency_response(linear_model(named_vehicle("golden car")), frequencies)
     quarter = frequency_response(linear_model(GOLDEN_QUARTER_CAR), frequencies)
-    alike = full @ np.ones(4)
-    assert_allclose(alike[:, 0], quarter[:, 0, 0], rtol=0, atol=10 * ROUNDING)
-    assert_allclose(alike[:, 3:], quarter[:, [1] * 4, 0], rtol=0, atol=10 * ROUNDING)
-    assert_allclose(alike[:, 1:3], 0.0, rtol=0, atol=10 * ROUNDING)
+    equal = full @ np.ones(4)
+    assert_allclose(equal[:, 0], quarter[:, 0, 0], rtol=0, atol=10 * ROUNDING)
+    assert_allclose(equal[:, 3:], quarter[:, [1] * 4, 0], rtol=0, atol=10 * ROUNDING)
+    assert_allclose(equal[:, 1:3], 0.0, rtol=0, atol=10 * ROUNDING)
 
 
 def test_with_neutral_inertias_each_corner_is_a_quarter_car():
@@ -152,11 +152,11 @@ def test_with_neutral_inertias_each_corner_is_a_quarter_car():
 
 
 @pytest.mark.parametrize("name", VEHICLES)
-def test_left_and_right_do_not_mix(name):
+def test_symmetric_and_antisymmetric_motion_are_decoupled(name):
     frequencies = [0.5, 1.5, 12.0]
     response = frequency_response(linear_model(named_vehicle(name)), frequencies)
-    alike, opposite = response @ [1.0, 1.0, 0.5, 0.5], response @ [1.0, -1.0, 0.5, -0.5]
-    assert_allclose(alike[:, 2], 0.0, rtol=0, atol=ROUNDING)
+    equal, opposite = response @ [1.0, 1.0, 0.5, 0.5], response @ [1.0, -1.0, 0.5, -0.5]
+    assert_allclose(equal[:, 2], 0.0, rtol=0, atol=ROUNDING)
     assert_allclose(opposite[:, :2], 0.0, rtol=0, atol=ROUNDING)
 
 
@@ -178,7 +178,7 @@ def test_the_wheelbase_filters(wavelength, heave, pitch):
     assert_allclose(motion[2], 0.0, rtol=0, atol=ROUNDING * 10)
 
 
-def test_no_pitch_where_the_wheelbase_of_a_like_car_is_the_wavelength():
+def test_no_pitch_if_the_wavelength_is_the_wheelbase_of_a_symmetric_car():
     golden = named_vehicle("golden car")
     road = np.exp(2j * np.pi * golden.wheel_positions[:, 0] / golden.wheelbase)
     motion = frequency_response(linear_model(golden), [0.8, 1.3, 11.0]) @ road

@@ -15,7 +15,7 @@ from trueterrain.vehicle import (
     vehicle_names,
 )
 
-# Rounding of eigenvalues, as a share [1]
+# Relative rounding of eigenvalues [1]
 ROUNDING = 1e-10
 
 # Half of the last digit of the table: frequencies of the body to 0.01 Hz, of wheel hop to 0.1 Hz,
@@ -174,7 +174,7 @@ def test_modes_are_named_once_and_after_their_motion(name):
     assert (np.diff(found.undamped_frequency) >= 0).all()
 
 
-def test_alike_frequencies_are_still_found():
+def test_equal_frequencies_are_found():
     """Where body modes coincide, their shapes are arbitrary, but their frequencies are not."""
     golden = named_vehicle("golden car")
     neutral = replace(

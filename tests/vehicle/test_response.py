@@ -24,7 +24,7 @@ from trueterrain.vehicle import (
     vehicle_names,
 )
 
-# Rounding of a recursion over some thousand steps, as a share of the motion [1]
+# Rounding of a recursion over some thousand steps, as a fraction of the motion [1]
 ROUNDING = 1e-10
 
 # What the time response may depart from the analytic one [1]
@@ -50,8 +50,8 @@ def rough(samples: int, wheels: int, seed: int = 1) -> np.ndarray:
 def measured_response(model: LinearModel, frequency: float, step: float) -> np.ndarray:
     """Complex gain of displacement, velocity, acceleration to a sine, shape (3, n, w), in time."""
     slowest = -vehicle_modes(model).eigenvalue.real.max()
-    settle = np.ceil(np.log(1e9) / slowest * frequency) / frequency  # whole periods
-    quiet, period = round(settle / step), round(1 / (frequency * step))
+    decay = np.ceil(np.log(1e9) / slowest * frequency) / frequency  # whole periods
+    quiet, period = round(decay / step), round(1 / (frequency * step))
     time = np.arange(quiet + period) * step
     carrier = np.exp(-2j * np.pi * frequency * time[quiet:]) * 2j / period
     gains = []
@@ -73,15 +73,15 @@ def analytic_response(model: LinearModel, frequency: float, step: float) -> np.n
 
 @pytest.mark.parametrize("frequency", FREQUENCIES)
 @pytest.mark.parametrize("name", VEHICLES)
-def test_a_steady_sine_is_answered_as_the_frequency_response_says(name, frequency):
-    """Every freedom, from every wheel, in amplitude and phase, of all three outputs."""
+def test_the_response_to_a_sine_is_the_frequency_response(name, frequency):
+    """All degrees of freedom, from every wheel, in amplitude and phase, of all three outputs."""
     model = linear_model(VEHICLES[name])
     truth = analytic_response(model, frequency, 1 / 4000)
     error = np.abs(measured_response(model, frequency, 1 / 4000) - truth) / np.abs(truth)
     assert_allclose(error, 0.0, rtol=0, atol=PROMISED)
 
 
-def test_at_1_khz_the_promise_holds_up_to_wheel_hop():
+def test_at_1_khz_the_stated_error_holds_up_to_wheel_hop():
     for name, frequency in (("van", 12.5), ("golden car", 10.0), ("sedan", 1.25)):
         model = linear_model(named_vehicle(name))
         truth = analytic_response(model, frequency, 1e-3)
@@ -91,7 +91,7 @@ def test_at_1_khz_the_promise_holds_up_to_wheel_hop():
 
 @pytest.mark.parametrize("name", ["golden quarter car", "van", "van with tyre damping"])
 def test_halving_the_step_quarters_the_error_of_a_sine(name):
-    """Only the straight lines between samples err, by the share sinc² - 1 = -(pi f T)² / 3."""
+    """Only the straight lines between samples err, by the fraction sinc² - 1 = -(pi f T)² / 3."""
     model = linear_model(VEHICLES[name])
     frequency = 12.5
     truth = frequency_response(model, frequency)
@@ -99,7 +99,7 @@ def test_halving_the_step_quarters_the_error_of_a_sine(name):
     for step in (4e-3, 2e-3, 1e-3):
         error = measured_response(model, frequency, step)[0] / truth - 1
         chords = np.sinc(frequency * step) ** 2 - 1
-        # lines alias too: a share (f / fs)² at fs - f, where the vehicle hardly answers
+        # lines alias too: a fraction (f / fs)² at fs - f, where the vehicle hardly answers
         assert_allclose(error, chords, rtol=0, atol=0.1 * abs(chords))
         errors.append(np.abs(error).max())
     order = np.log2(np.array(errors[:-1]) / errors[1:])
@@ -157,7 +157,7 @@ def test_accelerations_obey_the_equations_of_motion(name):
 
 
 @pytest.mark.parametrize("name", VEHICLES)
-def test_left_alone_a_vehicle_swings_in_its_modes(name):
+def test_free_motion_is_that_of_the_modes(name):
     """Started in one mode on level ground, it moves as Re(shape exp(s t)) for ever."""
     model = linear_model(VEHICLES[name])
     found = vehicle_modes(model)
@@ -241,7 +241,7 @@ def test_a_vehicle_at_rest_stays_at_rest(name):
 
 
 @pytest.mark.parametrize("name", VEHICLES)
-def test_a_vehicle_that_climbs_a_long_slope_climbs_on(name):
+def test_a_vehicle_on_a_long_slope_keeps_its_velocity(name):
     model = linear_model(VEHICLES[name])
     wheels = len(model.wheels)
     start, rate = np.linspace(0.1, 0.0, wheels), 0.3
@@ -255,7 +255,7 @@ def test_a_vehicle_that_climbs_a_long_slope_climbs_on(name):
     assert_allclose(state.velocity[0], rate, rtol=0, atol=ROUNDING)
 
 
-def test_a_kerb_is_followed_and_forgotten():
+def test_the_response_to_a_kerb_decays():
     model = linear_model(named_vehicle("sedan"))
     kerb = np.zeros((10_000, 4))
     kerb[100:] = -0.15
@@ -263,19 +263,19 @@ def test_a_kerb_is_followed_and_forgotten():
     assert_allclose(q[:100], 0.0, rtol=0, atol=0)
     assert q[:, 0].min() < -0.15  # it overshoots
     expected = [-0.15, 0.0, 0.0, *[-0.15] * 4]
-    settled = 1e-8  # [m], [rad]: after 9.9 s
-    assert_allclose(q[-1], expected, rtol=0, atol=settled)
-    assert_allclose(v[-1], 0.0, rtol=0, atol=1e2 * settled)
-    assert_allclose(a[-1], 0.0, rtol=0, atol=1e4 * settled)
+    decayed = 1e-8  # [m], [rad]: after 9.9 s
+    assert_allclose(q[-1], expected, rtol=0, atol=decayed)
+    assert_allclose(v[-1], 0.0, rtol=0, atol=1e2 * decayed)
+    assert_allclose(a[-1], 0.0, rtol=0, atol=1e4 * decayed)
 
 
 @pytest.mark.parametrize("name", vehicle_names())
-def test_like_wheel_paths_give_no_roll_and_opposite_ones_only_roll(name):
+def test_equal_wheel_paths_give_no_roll_and_opposite_ones_only_roll(name):
     model = linear_model(named_vehicle(name))
     road = rough(3000, 2)
-    alike = simulate_response(model, 0.001, road[:, [0, 0, 1, 1]])
+    equal = simulate_response(model, 0.001, road[:, [0, 0, 1, 1]])
     opposite = simulate_response(model, 0.001, road[:, [0, 0, 1, 1]] * [1, -1, 1, -1])
-    for part in alike:
+    for part in equal:
         assert_allclose(part[:, 2], 0.0, rtol=0, atol=ROUNDING * np.abs(part).max())
         assert_allclose(part[:, 3], part[:, 4], rtol=0, atol=ROUNDING * np.abs(part).max())
     for part in opposite:

@@ -1,4 +1,4 @@
-"""A run over plate and floor whose body heaves, pitches and rolls as it is told to."""
+"""A run over plate and floor with prescribed heave, pitch and roll of the body."""
 
 import numpy as np
 import xarray as xr
@@ -54,7 +54,7 @@ def motion(waves=WAVES, *, scale=1.0, duration=DURATION):
 
 
 def driven(waves=WAVES, *, noise=1e-4, seed=1, declared=None, white=None, drop=0, beside=0.0):
-    """Run with a scan every millisecond, and the mounting that it claims."""
+    """Run with a scan every millisecond, and its stated mounting."""
     begin = BEGIN + beside
     time = np.arange(0, DURATION, 0.001)
     angle = np.linspace(-0.03, 0.03, 9)

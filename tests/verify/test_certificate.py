@@ -13,8 +13,8 @@ from trueterrain.core.errors import CoverageError, FormatError, SchemaError
 from trueterrain.core.schemas import make_points, make_profile
 from trueterrain.formats.run import Mounting, RunWriter
 from trueterrain.motion import FusionSettings
-from trueterrain.verify.certificate import certify_profiler, write_errors
-from trueterrain.verify.results import ResultRow, TestLimits
+from trueterrain.verify.certificate import certify_profiler, write_error_tables
+from trueterrain.verify.results import AccuracyLimits, ResultRow
 from trueterrain.verify.statistics.uncertainty import AccuracyFigure
 
 RECOMPUTED = 1e-15  # [m] rounding of sums of some hundred errors
@@ -40,7 +40,7 @@ def drift(tmp_path):
 
 def test_figures_are_recomputed_from_the_files(drift):
     found = certify_profiler("drift", drift)
-    files = dict(write_errors(found, drift.parent))
+    files = dict(write_error_tables(found, drift.parent))
     table = pd.read_csv(drift.parent / "errors-drift.csv")
     errors = table[["error_0", "error_1", "error_2"]].to_numpy()
     (row,) = found.to_dict()["rows"]
@@ -119,7 +119,7 @@ def test_settings_of_the_fusion_hold_for_every_method(tmp_path, monkeypatch):
         used.append(settings)
         raise CoverageError("stopped here")
 
-    monkeypatch.setattr("trueterrain.motion.fuse", fuse)
+    monkeypatch.setattr("trueterrain.verify.certificate.fuse_motion", fuse)
     s = np.arange(0.0, 1.2, 0.0005)
     height = 0.04 * np.exp(-(((s - 0.5) / 0.05) ** 2))
     trueterrain.write(make_profile(s, height), tmp_path / "plate.csv")
@@ -219,6 +219,6 @@ def test_caution_trusts_no_interval_of_few_independent_errors():
         registration=None,
         count=120,
     )
-    limits = TestLimits(rms=1.0, off_edges=1.0, bias=1.0)
+    limits = AccuracyLimits(rms=1.0, off_edges=1.0, bias=1.0)
     assert row.verdicts(limits) == {"rms": True, "off_edges": True, "bias": True}
     assert row.verdicts(limits, cautious=True) == {"rms": False, "off_edges": True, "bias": False}

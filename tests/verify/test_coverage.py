@@ -23,18 +23,18 @@ from . import test_dynamic as driven
 from ._plates import machined, standing
 
 REPEATS = 200
-CHANCE = 0.01  # of a count outside of the limits if the claim is true, half of it on either side
+CHANCE = 0.01  # of a count outside of the limits at the stated coverage, half on either side
 SEARCH = 0.003  # [m] the plate is looked for around its place, which is not what is tested here
 WITHIN = 0.05  # [m] places of the plate: many times the distance of beams, scans and cells
 CROSSING = (1.4, 2.2)  # [s] in which the plate is driven over
 
 
-def limits(claimed):
-    """Fewest and most of 200 repeats that hold the truth if each does with the claimed chance.
+def limits(coverage):
+    """Limits of the number of 200 repeats that hold the true value, for a stated coverage.
 
     Of 95 %, 181 to 197; outside of them are 0.5 % of all counts.
     """
-    return binom.ppf([CHANCE / 2, 1 - CHANCE / 2], REPEATS, claimed)
+    return binom.ppf([CHANCE / 2, 1 - CHANCE / 2], REPEATS, coverage)
 
 
 def held(figures, *, mean=False):
@@ -44,7 +44,7 @@ def held(figures, *, mean=False):
     return sum(one.low <= truth <= one.high for one in figures)
 
 
-def wander(rng, shape, spacing, length):
+def gauss_markov(rng, shape, spacing, length):
     """Gauss-Markov series of variance 1 whose correlation falls to 1/e in a length."""
     kept = np.exp(-spacing / length)
     begin = int(12 * length / spacing)
@@ -71,7 +71,7 @@ def static_rows():
 
 
 def dynamic_rows(monkeypatch, *, sd, duration, confidence=0.95):
-    """Rows of dynamic tests whose motion is wrong by heights that wander."""
+    """Rows of dynamic tests whose motion has height errors of a Gauss-Markov process."""
     rows = []
     for seed in range(REPEATS):
         rng = np.random.default_rng([2, seed])
@@ -81,7 +81,7 @@ def dynamic_rows(monkeypatch, *, sd, duration, confidence=0.95):
         monkeypatch.undo()
         motion = driven._motion()
         wrong = motion.position.copy()
-        wrong[:, 2] += sd * wander(rng, motion.time.shape, 0.001, duration)
+        wrong[:, 2] += sd * gauss_markov(rng, motion.time.shape, 0.001, duration)
         settings = DynamicSettings(
             begin=CROSSING[0],
             end=CROSSING[1],
@@ -101,13 +101,13 @@ def drift_rows(length, *, offset=0.0, confidence=0.95):
     rows = []
     for seed in range(REPEATS):
         rng = np.random.default_rng([3, seed])
-        errors = 0.003 * wander(rng, (4, s.size), 1.0, length)
+        errors = 0.003 * gauss_markov(rng, (4, s.size), 1.0, length)
         errors += offset * rng.normal(size=(4, 1)) + 0.0005 * rng.normal(size=errors.shape)
         rows.append(drift_test([make_profile(s, error) for error in errors], flat, settings).row)
     return rows
 
 
-def test_static_tests_hold_the_truth_as_often_as_claimed(static_rows):
+def test_static_intervals_have_their_stated_coverage(static_rows):
     low, high = limits(0.95)
     off_edges = figures(static_rows, "off_edges")
     assert low <= held(off_edges) <= high
@@ -116,25 +116,25 @@ def test_static_tests_hold_the_truth_as_often_as_claimed(static_rows):
     assert held(figures(static_rows, "bias"), mean=True) >= low
 
 
-def test_figures_that_single_beams_govern_are_not_trusted(static_rows):
-    """A beam meets a face of 40 mm in some repeats, of which the others know nothing."""
+def test_figures_dominated_by_single_beams_are_not_trusted(static_rows):
+    """A beam meets a face of 40 mm in some of the repeats only."""
     rms = figures(static_rows, "rms")
     assert held(rms) < limits(0.95)[0]
     for name in ("rms", "distance", "bias"):
         assert not any(one.trusted for one in figures(static_rows, name))
 
 
-def test_dynamic_tests_hold_the_truth_as_often_as_claimed(monkeypatch):
+def test_dynamic_intervals_have_their_stated_coverage(monkeypatch):
     rows = dynamic_rows(monkeypatch, sd=3e-4, duration=0.02)
     low, high = limits(0.95)
     assert low <= held(figures(rows, "off_edges")) <= high
     assert held(figures(rows, "bias"), mean=True) >= low
-    # a crossing holds some ten errors of the motion that are not alike
+    # a crossing holds some ten independent errors of the motion
     assert sum(one.trusted for one in figures(rows, "off_edges")) < 0.5 * REPEATS
 
 
 @pytest.mark.parametrize(("length", "offset"), [(10.0, 0.0), (50.0, 0.0), (10.0, 0.003)])
-def test_drift_tests_hold_the_truth_as_often_as_claimed(length, offset):
+def test_drift_intervals_have_their_stated_coverage(length, offset):
     """Drift over 10 and 50 of 500 m, and what is constant in a run."""
     rows = drift_rows(length, offset=offset)
     low, high = limits(0.95)
@@ -142,8 +142,8 @@ def test_drift_tests_hold_the_truth_as_often_as_claimed(length, offset):
     assert low <= held(figures(rows, "bias"), mean=True) <= high
 
 
-def test_intervals_of_less_confidence_hold_the_truth_at_least_as_often_as_claimed():
-    """The widest of three intervals is cautious: most of all where the claim is small."""
+def test_intervals_of_less_confidence_have_at_least_their_stated_coverage():
+    """The widest of three intervals is conservative, most of all at low confidence."""
     rows = drift_rows(10.0, confidence=0.8)
     low, _ = limits(0.8)
     for name in ("rms", "bias"):
@@ -153,11 +153,11 @@ def test_intervals_of_less_confidence_hold_the_truth_at_least_as_often_as_claime
 @pytest.mark.parametrize(
     ("correlation", "count"), [(0.0, 300), (0.7, 300), (0.9, 600), (0.9, 120), (0.99, 600)]
 )
-def test_correlated_errors_hold_the_truth_at_least_as_often_as_claimed(correlation, count):
+def test_intervals_of_correlated_errors_have_at_least_their_stated_coverage(correlation, count):
     """Root mean square 1 and mean 0, known without repeats."""
     rng = np.random.default_rng(20)
     length = -1 / np.log(correlation) if correlation else 1e-3
-    errors = [wander(rng, (count,), 1.0, length) for _ in range(REPEATS)]
+    errors = [gauss_markov(rng, (count,), 1.0, length) for _ in range(REPEATS)]
     low, _ = limits(0.95)
     rms, mean = ([figure(one) for one in errors] for figure in (rms_figure, mean_figure))
     assert sum(one.low <= 1 <= one.high for one in rms) >= low
@@ -170,7 +170,7 @@ def test_slow_errors_half_hidden_by_noise_are_not_overlooked():
     place = np.arange(100)
     errors = []
     for _ in range(REPEATS):
-        slow = wander(rng, (place.size,), 1.0, 150.0)
+        slow = gauss_markov(rng, (place.size,), 1.0, 150.0)
         level = np.polyval(np.polyfit(place, slow, 1), place)
         errors.append(rms_figure(slow - level + 0.3 * rng.normal(size=place.size)))
     assert held(errors) >= limits(0.95)[0]
@@ -186,13 +186,13 @@ def test_few_large_errors_are_few_independent_ones():
     assert not mean_figure(error[:190], most=6).trusted
 
 
-def test_what_is_constant_is_known_however_alike_it_is():
+def test_a_constant_error_has_no_uncertainty():
     found = rms_figure(0.002 + 1e-6 * np.random.default_rng(24).normal(size=200))
     assert found.trusted
     np.testing.assert_allclose((found.low, found.high), 0.002, rtol=0, atol=1e-6)  # [m] noise
 
 
-def test_errors_that_are_no_sample_are_refused():
+def test_invalid_errors_are_refused():
     with pytest.raises(ValueError, match="at least 8 finite"):
         rms_figure([0.001, 0.002])
     with pytest.raises(ValueError, match="finite"):

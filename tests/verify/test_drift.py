@@ -39,7 +39,7 @@ def test_structure_function_and_allan_deviation_are_those_of_a_random_walk():
         np.testing.assert_allclose(growth[name] / values, 1, rtol=0, atol=GROWTH_TOLERANCE)
 
 
-def test_what_runs_share_is_told_from_what_differs():
+def test_bias_and_repeatability_are_separated():
     rng = np.random.default_rng(9)
     shared = BIAS * np.sqrt(2) * np.sin(np.arange(LENGTH + 1.0) / 100.0)
     runs = shared + REPEAT * rng.normal(size=(4, LENGTH + 1))
@@ -72,9 +72,9 @@ def test_a_single_run_is_an_error():
         drift_test(profiles, reference)
 
 
-def test_runs_that_share_too_little_are_an_error():
+def test_a_short_common_length_is_an_error():
     profiles, _ = _profiles([np.zeros(LENGTH + 1)] * 2)
-    with pytest.raises(CoverageError, match=r"share 800\.0 m, the drift test needs 1000 m"):
+    with pytest.raises(CoverageError, match=r"800\.0 m in common, the drift test needs 1000 m"):
         drift_test([profiles[0], profiles[1].isel(s=slice(0, 801))])
     with pytest.raises(CoverageError, match="places are too few"):
         drift_test(profiles, settings=DriftSettings(spacing=500.0))

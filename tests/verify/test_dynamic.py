@@ -8,7 +8,7 @@ from trueterrain.core.errors import CoverageError, SchemaError
 from trueterrain.formats.run import Mounting
 from trueterrain.motion import Trajectory
 from trueterrain.verify.dynamic import DynamicSettings, dynamic_test
-from trueterrain.verify.motion_rejection import rejection_of
+from trueterrain.verify.motion_rejection import rejection_spectrum
 
 from ._plates import LENGTH, height_at, machined
 
@@ -21,18 +21,18 @@ ERROR_TOLERANCE = 3e-5  # [m] means of 18 returns with 0.1 mm
 REJECTION_TOLERANCE = 0.2  # [dB] noise of the returns at the frequency of the heave
 
 
-def _up(time, share=1.0):
-    return 1.5 + share * HEAVE * np.sin(2 * np.pi * FREQUENCY * time)
+def _up(time, fraction=1.0):
+    return 1.5 + fraction * HEAVE * np.sin(2 * np.pi * FREQUENCY * time)
 
 
-def _motion(share=1.0, duration=DURATION, speed=SPEED):
-    """Trajectory that knows a share of the heave."""
+def _motion(fraction=1.0, duration=DURATION, speed=SPEED):
+    """Trajectory with a fraction of the true heave."""
     time = np.arange(-0.05, duration + 0.05, 0.001)
     still = np.zeros_like(time)
-    rate = 2 * np.pi * FREQUENCY * HEAVE * share * np.cos(2 * np.pi * FREQUENCY * time)
+    rate = 2 * np.pi * FREQUENCY * HEAVE * fraction * np.cos(2 * np.pi * FREQUENCY * time)
     return Trajectory(
         time=time,
-        position=np.stack([speed * time, still, _up(time, share)], axis=-1),
+        position=np.stack([speed * time, still, _up(time, fraction)], axis=-1),
         velocity=np.stack([still + speed, still, rate], axis=-1),
         angular_velocity=np.zeros((time.size, 3)),
         quaternion=np.tile([0.0, 0.0, 0.0, 1.0], (time.size, 1)),
@@ -63,7 +63,7 @@ def _run(*, noise=1e-4, seed=4, plate=True, bump=None):
     return tree
 
 
-def test_with_exact_motion_only_noise_is_left():
+def test_with_exact_motion_only_noise_remains():
     found = dynamic_test(_run(), machined(), _motion())
     # the first pose is 0.05 s before the first scan
     np.testing.assert_allclose(
@@ -79,17 +79,17 @@ def test_with_exact_motion_only_noise_is_left():
     )
 
 
-@pytest.mark.parametrize(("share", "decibels"), [(0.9, 19.085), (0.99, 39.913)])
-def test_rejection_is_what_was_left_of_the_motion(share, decibels):
-    """20 log10(share / (1 - share)): the motion that is known over that which is not."""
+@pytest.mark.parametrize(("fraction", "decibels"), [(0.9, 19.085), (0.99, 39.913)])
+def test_rejection_is_the_ratio_of_motion_to_its_residual(fraction, decibels):
+    """20 log10(fraction / (1 - fraction)): known motion over unknown motion."""
     settings = DynamicSettings(floor=5.0, assumed=BEGIN + 0.05 * SPEED, search=0.5)
-    found = dynamic_test(_run(noise=2e-5), machined(), _motion(share), settings)
+    found = dynamic_test(_run(noise=2e-5), machined(), _motion(fraction), settings)
     at = found.rejection.sel(frequency=FREQUENCY, method="nearest")
     np.testing.assert_allclose(at.rejection, decibels, rtol=0, atol=REJECTION_TOLERANCE)
     assert at.low < decibels < at.high
 
 
-def test_errors_of_the_motion_are_seen_over_the_plate():
+def test_errors_of_the_motion_appear_over_the_plate():
     found = dynamic_test(_run(), machined(), _motion(0.9))
     time = found.errors.time.values
     lost = -0.1 * HEAVE * np.sin(2 * np.pi * FREQUENCY * time)
@@ -112,7 +112,7 @@ def test_a_run_that_does_not_cross_the_plate_is_an_error():
         dynamic_test(_run(), machined(), _motion(), DynamicSettings(end=1.5))
 
 
-def test_a_vehicle_that_stands_is_an_error():
+def test_a_vehicle_at_rest_is_an_error():
     with pytest.raises(CoverageError, match=r"moved by 0\.000 m: .*static test"):
         dynamic_test(_run(), machined(), _motion(speed=0.0))
 
@@ -128,7 +128,7 @@ def test_scans_too_far_apart_are_an_error():
         dynamic_test(sparse, machined(), _motion())
 
 
-def test_a_floor_that_is_none_is_an_error():
+def test_a_floor_that_is_not_plane_is_an_error():
     with pytest.raises(CoverageError, match=r"not plane: it departs by 4.\.. mm.*shorter floor"):
         dynamic_test(_run(bump=10.0), machined(), _motion(), DynamicSettings(floor=2.0))
 
@@ -154,13 +154,13 @@ def test_settings_that_break_a_rule_are_refused(settings, message):
         DynamicSettings(**settings)
 
 
-def test_the_interval_of_the_rejection_holds_the_truth_as_often_as_claimed():
+def test_the_interval_of_the_rejection_has_its_stated_coverage():
     """Independent white records 20 dB apart; 95 % of 200, less three deviations of 1.5 %."""
     rng = np.random.default_rng(7)
     time = 0.01 * np.arange(256)
     held = 0
     for _ in range(200):
-        found = rejection_of(time, rng.normal(size=256), 0.1 * rng.normal(size=256))
+        found = rejection_spectrum(time, rng.normal(size=256), 0.1 * rng.normal(size=256))
         at = found.isel(frequency=found.sizes["frequency"] // 2)
         held += bool(at.low <= 20.0 <= at.high)
     assert held >= 181
@@ -168,7 +168,7 @@ def test_the_interval_of_the_rejection_holds_the_truth_as_often_as_claimed():
 
 def test_records_that_are_too_short_are_refused():
     with pytest.raises(ValueError, match="at least 32 samples"):
-        rejection_of(np.arange(9.0), np.ones(9), np.ones(9))
+        rejection_spectrum(np.arange(9.0), np.ones(9), np.ones(9))
 
 
 def test_the_plate_is_as_long_as_it_was_machined():
@@ -209,7 +209,7 @@ def test_a_clock_error_shows_as_rate_of_the_motion_and_as_shift(late):
 
 
 def test_a_boresight_error_shows_as_a_plate_beside_its_place():
-    """0.1 degrees of pitch at 1.5 m: 2.6 mm along the way, and no error of heights."""
+    """0.1 degrees of pitch at 1.5 m: 2.6 mm along the path, and no error of heights."""
     pitch = np.deg2rad(0.1)
     place = BEGIN + 0.05 * SPEED
     run = _run(noise=2e-5)

@@ -110,7 +110,7 @@ def test_the_printed_oscillator_lags_by_43_to_59_degrees():
 @pytest.mark.parametrize(
     ("damping", "shown", "right"), [(0.3, 1.9884, 1.9946), (0.5, 1.414, 1.468), (0.7, 1.020, 1.276)]
 )
-def test_the_printed_peak_is_none(damping, shown, right):
+def test_the_printed_peak_is_not_the_maximum(damping, shown, right):
     """Sqrt(1 - 2 z²) belongs to a force; and beyond 0.707 there is no root."""
     gains = hop_transmissibility(
         [math.sqrt(1 - 2 * damping**2), peak_ratio(damping, model="thesis")],
@@ -129,13 +129,13 @@ def test_peaks_are_maxima(model):
     assert_allclose(brentq(slope, 0.5, 1.2), peak_ratio(0.3, model=model), rtol=0, atol=PEAK)
 
 
-def test_a_much_damped_wheel_has_no_peak():
+def test_a_strongly_damped_wheel_has_no_peak():
     assert peak_ratio(0.8) == 0.0
     assert peak_ratio(0.8, model="thesis") > 0.5
 
 
 @pytest.mark.parametrize("ratio", [0.6, 0.95, 1.0, 1.3])
-def test_the_right_oscillator_is_the_wheel_under_a_body_that_stands_still(ratio):
+def test_the_corrected_oscillator_is_the_wheel_under_a_body_at_rest(ratio):
     """Integrated numerically: damper and spring to a fixed body, tyre to a ground that waves."""
     spring, tyre, mass = 0.1, 0.9, 1.0
     damping = 0.3
@@ -150,8 +150,8 @@ def test_the_right_oscillator_is_the_wheel_under_a_body_that_stands_still(ratio)
     end = 30 * period
     found = solve_ivp(motion, (0, end), [0.0, 0.0], rtol=1e-9, atol=1e-9, dense_output=True)
     last = found.sol(np.linspace(end - period, end, 2001))[0]
-    share = tyre / (spring + tyre)
-    truth = hop_transmissibility(ratio, damping, tyre_share=share)
+    fraction = tyre / (spring + tyre)
+    truth = hop_transmissibility(ratio, damping, tyre_stiffness_fraction=fraction)
     assert_allclose(np.abs(last).max(), truth, rtol=0, atol=2e-4)  # 2001 samples of a period
     late = np.argmax(last) / 2000 - 0.25  # the crest of the ground is a quarter after its zero
     assert_allclose(late % 1.0, hop_lag(ratio, damping), rtol=0, atol=1e-3)
@@ -159,17 +159,17 @@ def test_the_right_oscillator_is_the_wheel_under_a_body_that_stands_still(ratio)
 
 def test_a_wheel_in_hop_touches_both_edges():
     """At w / 2 from its crest, T h / 2 cos() is h / 2: the definition of the width."""
-    for share, ratio in ((1.0, None), (0.9, 1.0)):
+    for fraction, ratio in ((1.0, None), (0.9, 1.0)):
         gain = hop_transmissibility(
-            peak_ratio(0.3) if ratio is None else ratio, 0.3, tyre_share=share
+            peak_ratio(0.3) if ratio is None else ratio, 0.3, tyre_stiffness_fraction=fraction
         )
-        width = cleat_ratio(0.3, tyre_share=share, ratio=ratio)
+        width = cleat_ratio(0.3, tyre_stiffness_fraction=fraction, ratio=ratio)
         assert_allclose(gain * np.cos(np.pi * width), 1.0, rtol=0, atol=EXACT)
 
 
 def test_the_golden_car_has_these_hop_parameters():
     inputs = event_inputs(named_vehicle("golden car"))
-    assert_allclose(inputs.tyre_share, 653 / 716.3, rtol=0, atol=EXACT)
+    assert_allclose(inputs.tyre_stiffness_fraction, 653 / 716.3, rtol=0, atol=EXACT)
     quarter = vehicle_modes(linear_model(GOLDEN_QUARTER_CAR))
     still = 1e-3  # [Hz], [1] as body and wheels of four corners hold each other a little
     assert_allclose(inputs.hop, quarter.undamped_frequency[1], rtol=0, atol=still)
@@ -195,7 +195,7 @@ def test_tolerances_are_those_of_the_derivatives():
 def test_monte_carlo_agrees_with_the_tolerances():
     rng = np.random.default_rng(3)
     tolerances = {"ride": 0.03, "hop": 0.3, "damping": 0.02, "length": 0.01}
-    inputs = EventInputs(tolerances=tolerances, tyre_share=0.912)
+    inputs = EventInputs(tolerances=tolerances, tyre_stiffness_fraction=0.912)
     event = design_event(inputs, length=2.44)
     drawn = []
     for a, b, c, d in rng.standard_normal((400, 4)):
@@ -309,7 +309,7 @@ def test_passage_is_the_response_to_a_sine():
         lambda x, y: np.where(x > 0, 0.01 * np.sin(2 * np.pi * x * frequency / speed), 0.0),
         speed,
         length=60.0,
-        settle=0.001,
+        run_out=0.001,
         tyre=Tyre(patch_length=0.0),
     )
     late = (moved.time > 7.0) & (moved.time < 7.0 + 2 / frequency)
@@ -318,7 +318,7 @@ def test_passage_is_the_response_to_a_sine():
     assert_allclose([heave, pitch], [gain.heave[0], gain.pitch[0]], rtol=0, atol=2e-3)
 
 
-def test_wheelbase_filter_shares_the_ground():
+def test_wheelbase_filter_splits_the_ground():
     heave, pitch = wheelbase_filter(np.linspace(0, 20, 50), 5.4, 2.7)
     assert_allclose(heave**2 + pitch**2, 1.0, rtol=0, atol=EXACT)
 
@@ -368,7 +368,7 @@ def test_cut_list_of_other_events():
         (lambda: EventInputs(tolerances={"hop": -1.0}), "the tolerance of hop must be"),
         (lambda: EventInputs(damping=0.04), "tolerance of damping must leave it within"),
         (lambda: EventInputs(ride=1.1, hop=1.4), "must leave hop above ride"),
-        (lambda: EventInputs(tyre_share=0.0), "tyre_share must be"),
+        (lambda: EventInputs(tyre_stiffness_fraction=0.0), "tyre_stiffness_fraction must be"),
         (lambda: design_event(EventInputs(damping=1.2)), "damping must be greater than 0"),
         (
             lambda: design_event(
@@ -383,9 +383,15 @@ def test_cut_list_of_other_events():
         (lambda: design_event(placement="along"), "placement must be one of"),
         (lambda: design_event(width_ratio=1.0), "width_ratio must be"),
         (lambda: design_event(events=0), "events must be a whole number"),
-        (lambda: cleat_ratio(0.6, tyre_share=0.9), "let a wheel in hop move more than the ground"),
+        (
+            lambda: cleat_ratio(0.6, tyre_stiffness_fraction=0.9),
+            "let a wheel in hop move more than the ground",
+        ),
         (lambda: hop_transmissibility(-1.0, 0.3), "ratio must be"),
-        (lambda: hop_transmissibility(1.0, 0.3, tyre_share=2.0), "tyre_share must be"),
+        (
+            lambda: hop_transmissibility(1.0, 0.3, tyre_stiffness_fraction=2.0),
+            "tyre_stiffness_fraction must be",
+        ),
         (lambda: covering_speeds(9, 9, number=5, spacing=0.5), "low and high must be"),
         (lambda: covering_speeds(9, 10, number=1, spacing=0.5), "at least 2 cleats"),
         (lambda: wheelbase_filter(1.0, 0.0, 2.0), "speed must be"),

@@ -28,7 +28,7 @@ LASER = (-2.25, 0.0, 1.2)  # [m] in the body
 MIDDLE, SPEED = 9.5, 5.4  # [m] of the plate, [m/s]
 BOARDS = ((5.5, 0.75), (5.5, -0.75), (8.2, 0.75), (8.2, -0.75), (10.6, 0.75), (13.0, -0.75))
 SURE = 4.0  # standard deviations
-SHARE = 0.15  # of a fault that fusion may take for its own, beside 4 standard deviations
+FRACTION = 0.15  # of a fault that fusion may absorb, besides 4 standard deviations
 SATURATED = 0.0007, 0.0009  # [m] at 27,000 to 29,000 counts, 2 mm at 40,000
 CLOCK, SCALE, ROLL, BESIDE = 0.001, 0.03, math.radians(0.1), 0.005
 
@@ -76,7 +76,7 @@ def _dynamic(folder, **parts):
 
 @pytest.fixture(scope="module")
 def late(tmp_path_factory):
-    """A scanner whose clock claims 1 ms too much."""
+    """A scanner whose stated clock is 1 ms too large."""
     declared = Mounting(scanner_position=LASER, scanner_clock=CLOCK)
     return _dynamic(tmp_path_factory.mktemp("late"), declared=declared)
 
@@ -90,7 +90,7 @@ def strong(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def standing(tmp_path_factory):
-    """A scanner that leans otherwise than is said, a plate beside its place, a white cleat."""
+    """A scanner with a wrong stated roll, a plate beside its place, a white cleat."""
     scene = Scene(
         name="static",
         raster=0.002,
@@ -119,18 +119,18 @@ def _found(result):
 
 def test_the_clock_of_the_scanner(late):
     finding = _named(late)["clock of the scanner"]
-    assert abs(finding.value + CLOCK) < SURE * finding.sd + SHARE * CLOCK
+    assert abs(finding.value + CLOCK) < SURE * finding.sd + FRACTION * CLOCK
     assert _found(late) == {finding.name}
     assert any(one.moves_with for one in late.modes)
 
 
 def test_the_scale_of_the_accelerometers(strong):
     finding = _named(strong)["scale of the accelerometers"]
-    assert abs(finding.value - SCALE) < SURE * finding.sd + SHARE * SCALE
+    assert abs(finding.value - SCALE) < SURE * finding.sd + FRACTION * SCALE
     assert _found(strong) == {finding.name}
 
 
-def test_what_a_drive_cannot_tell_is_said(late):
+def test_faults_unobservable_while_driving_are_reported(late):
     for name in ("boresight roll", "lever arm up", "place of the plate"):
         assert _named(late)[name].detected is None
 

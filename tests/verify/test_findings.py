@@ -10,7 +10,7 @@ import xarray as xr
 from trueterrain.formats.run import Mounting
 from trueterrain.georeference import Screening
 from trueterrain.verify.dynamic import DynamicSettings, dynamic_test
-from trueterrain.verify.error_modes import THRESHOLD, modes_of, source_of
+from trueterrain.verify.error_modes import COHERENCE_THRESHOLD, main_error_source, split_by_mode
 from trueterrain.verify.findings.finding import Finding, is_significant
 from trueterrain.verify.static import StaticSettings, static_test
 
@@ -61,7 +61,7 @@ def standing_still(*, roll=0.0, sd=None, **faults):
 def test_certain_is_four_standard_deviations_and_no_trifle():
     assert is_significant(4.1, 1.0)
     assert not is_significant(-3.9, 1.0)
-    assert not is_significant(4.1, 0.0, least=5.0)
+    assert not is_significant(4.1, 0.0, min_size=5.0)
 
 
 def test_the_static_test_finds_nothing_without_a_fault():
@@ -82,27 +82,27 @@ def test_a_plate_beside_its_place_is_found(beside):
     assert detected(found) == {"place of the plate"}
 
 
-def test_the_standard_deviation_of_the_place_is_honest():
-    """Of 20 repeats, root mean square of the share: 1 within 4 times 1 / sqrt(40)."""
-    shares = []
+def test_the_standard_deviation_of_the_place_is_that_of_its_errors():
+    """Root mean square of error over sd in 20 repeats: 1 within 4 times 1 / sqrt(40)."""
+    fractions = []
     for seed in range(20):
         (found,) = static_test(standing(scans=60, seed=seed), machined(), STATIC)
         finding = named(found)["place of the plate"]
-        shares.append(finding.value / finding.sd)
-    assert 0.4 < float(np.sqrt(np.mean(np.square(shares)))) < 1.7
+        fractions.append(finding.value / finding.sd)
+    assert 0.4 < float(np.sqrt(np.mean(np.square(fractions)))) < 1.7
 
 
 @pytest.mark.parametrize("roll", [0.3, -0.3])
 def test_boresight_roll_is_found_by_spirit_level_and_navigation(roll):
-    """The mounting says that the scanner leans by 0.1 degrees more than it does."""
+    """The mounting states a roll of the scanner that is 0.1 degrees too large."""
     wrong = np.deg2rad(0.1)
     run = standing_still(roll=np.deg2rad(roll))
     run.attrs["mounting"] = Mounting(scanner_rotation=(float(wrong), 0.0, 0.0)).to_attrs()
-    # a body that leans right by its roll sees a plate that slopes by as much as level
+    # with the roll of the body, a plate that slopes by as much appears level
     settings = replace(STATIC, level=TILT + np.deg2rad(roll), assumed=None, search=None)
     finding = named(static_test(run, machined(), settings)[0])["boresight roll"]
     recovered(finding, -wrong)
-    assert "degrees more to the right" in finding.meaning
+    assert "degrees too large" in finding.meaning
     navigation, level = np.deg2rad(0.015), 0.0002
     np.testing.assert_allclose(finding.sd, np.hypot(navigation, level), rtol=0, atol=2e-5)  # [rad]
 
@@ -114,13 +114,13 @@ def test_the_standard_deviation_of_the_roll_is_the_one_reported():
     np.testing.assert_allclose(finding["boresight roll"].value, 0.003, rtol=0, atol=1e-4)
 
 
-def test_what_static_cannot_tell_is_said():
+def test_faults_unobservable_at_rest_are_reported():
     settings = StaticSettings(min_scans=50)
     found = named(static_test(standing(scans=60), machined(), settings)[0])
     for name, cure in {
         "place of the plate": "assumed",
         "boresight roll": "spirit level",
-        "error of bright ground": "white paint",
+        "error of bright ground": "white stripe",
         "flagged intensity": "saturation",
     }.items():
         assert (found[name].value, found[name].sd, found[name].detected) == (None, None, None)
@@ -202,7 +202,7 @@ def test_marks_are_found_without_any_noise():
     np.testing.assert_allclose(named(found)[MARKS[0]].value, -0.001, rtol=0, atol=2e-5)  # [s]
 
 
-def test_faults_are_told_apart_from_each_other():
+def test_faults_are_separated_from_each_other():
     declared = {"scanner_clock": 0.0005, "scanner_position": (LEVER[0] + 0.02, 0.01, 0.5)}
     found = dynamic_test(driven(declared=declared), machined(), motion(), DYNAMIC)
     recovered(named(found)[MARKS[0]], -0.0005)
@@ -214,7 +214,7 @@ def test_faults_are_told_apart_from_each_other():
     assert named(found)[MARKS[1]].detected is False
 
 
-def test_marks_that_are_alike_are_named_as_a_pair():
+def test_correlated_signatures_are_reported_as_a_pair():
     """Heave and pitch move as one: a wrong scale and a wrong lever arm look the same."""
     one = ((0.006, 1.7, 0.3), (0.002, 5.3, 1.0))
     waves = {"heave": one, "pitch": tuple((size, f, p + 0.02) for size, f, p in one)}
@@ -222,12 +222,12 @@ def test_marks_that_are_alike_are_named_as_a_pair():
     pair = f"{MARKS[1]} or {MARKS[2]}"
     assert {named(found)[name].detected for name in MARKS[1:3]} == {None}
     assert named(found)[pair].detected is True
-    assert "to tell which" in named(found)[pair].meaning
+    assert "to separate them" in named(found)[pair].meaning
     found = dynamic_test(driven(waves), machined(), motion(waves), DYNAMIC)
     assert named(found)[pair].detected is False
 
 
-def test_what_dynamic_cannot_tell_is_said():
+def test_faults_unobservable_while_driving_are_reported():
     still = {"heave": WAVES["heave"]}
     found = named(dynamic_test(driven(still), machined(), motion(still), DYNAMIC))
     assert found[MARKS[0]].detected is False
@@ -236,7 +236,7 @@ def test_what_dynamic_cannot_tell_is_said():
         MARKS[3]: "staggered",
         "lever arm up": "surveyed",
         "boresight roll": "static test",
-        "error of bright ground": "white paint",
+        "error of bright ground": "white stripe",
     }.items():
         assert (found[name].value, found[name].detected) == (None, None)
         assert cure in found[name].meaning
@@ -279,29 +279,29 @@ def sine(frequency, phase=0.0):
     return np.sin(2 * np.pi * frequency * TIME + phase)
 
 
-def test_shares_are_those_of_the_composition_and_add_up():
+def test_fractions_are_those_of_the_composition_and_add_up():
     """Amplitudes 3, 2, 1: squares 9, 4, 1 of 14; ends of the record leak a little."""
     error = 3 * sine(1.5) + 2 * sine(11.0) + sine(5.0)
-    modes = modes_of(TIME, error, {"pitch": sine(1.5)}, **BANDS)
-    shares = {one.name: one.share for one in modes}
+    modes = split_by_mode(TIME, error, {"pitch": sine(1.5)}, **BANDS)
+    fractions = {one.name: one.fraction for one in modes}
     for name, true in (
         ("primary ride", 9 / 14),
         ("wheel hop", 4 / 14),
         ("between ride and hop", 1 / 14),
     ):
-        np.testing.assert_allclose(shares[name], true, rtol=0, atol=0.03)
-    np.testing.assert_allclose(sum(shares.values()), 1.0, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(fractions[name], true, rtol=0, atol=0.03)
+    np.testing.assert_allclose(sum(fractions.values()), 1.0, rtol=0, atol=1e-12)
     whole = np.sqrt(sum(one.rms**2 for one in modes))
     np.testing.assert_allclose(whole, np.sqrt(7.0), rtol=0, atol=0.05)
 
 
-def test_the_motion_that_the_error_follows_is_named():
+def test_the_coherent_motion_is_named():
     pitch, heave = sine(1.5), sine(1.9, 1.0) + sine(11.0)
     error = 3 * sine(1.5, 0.4) + sine(11.0, 1.0)  # late, as by a clock
     noise = np.random.default_rng(3).normal(size=TIME.size)
     modes = {
         one.name: one
-        for one in modes_of(
+        for one in split_by_mode(
             TIME,
             error + 0.05 * noise,
             {"pitch": pitch, "heave": heave, "roll": noise[::-1]},
@@ -311,28 +311,28 @@ def test_the_motion_that_the_error_follows_is_named():
     assert modes["primary ride"].moves_with == "pitch"
     assert modes["wheel hop"].moves_with == "heave"
     assert modes["above wheel hop"].moves_with is None
-    source = source_of(tuple(modes.values()))
+    source = main_error_source(tuple(modes.values()))
     assert source.endswith("at the primary ride (0.5 to 3 Hz) and moves with pitch.")
 
 
-def test_coherence_of_noise_stays_below_the_threshold_as_often_as_claimed():
-    """Of 200 bands of errors that do not move with the body; the mean over a band is surer."""
+def test_coherence_of_noise_stays_below_the_threshold_at_the_stated_rate():
+    """200 bands of independent errors; the mean over a band exceeds the threshold more rarely."""
     rng = np.random.default_rng(5)
     above = 0
     for _ in range(100):
-        modes = modes_of(TIME, rng.normal(size=1500), {"roll": rng.normal(size=1500)}, **BANDS)
-        above += sum(one.coherence["roll"] > THRESHOLD for one in modes if one.coherence)
+        modes = split_by_mode(TIME, rng.normal(size=1500), {"roll": rng.normal(size=1500)}, **BANDS)
+        above += sum(one.coherence["roll"] > COHERENCE_THRESHOLD for one in modes if one.coherence)
     assert above <= 8  # of 400, one in 100, and two standard deviations
 
 
-def test_a_record_too_short_for_a_band_says_so():
+def test_a_band_that_a_short_record_does_not_resolve_is_reported():
     short = TIME[:100]  # 0.2 s
-    modes = modes_of(short, sine(11.0)[:100], {"pitch": sine(1.5)[:100]}, **BANDS)
+    modes = split_by_mode(short, sine(11.0)[:100], {"pitch": sine(1.5)[:100]}, **BANDS)
     by_name = {one.name: one for one in modes}
-    assert by_name["primary ride"].share is None
-    assert "tells nothing apart below 5.0 Hz" in by_name["primary ride"].meaning
-    told = [one.share for one in modes if one.share is not None]
-    np.testing.assert_allclose(sum(told), 1.0, rtol=0, atol=1e-12)
+    assert by_name["primary ride"].fraction is None
+    assert "does not resolve frequencies below 5.0 Hz" in by_name["primary ride"].meaning
+    resolved = [one.fraction for one in modes if one.fraction is not None]
+    np.testing.assert_allclose(sum(resolved), 1.0, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize(

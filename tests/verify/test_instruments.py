@@ -58,7 +58,7 @@ def bounce(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def passes(tmp_path_factory):
-    """Both ways over the steps of the scene boresight, with a navigation that hardly drifts."""
+    """Both directions over the steps of the scene boresight, with little drift of navigation."""
     scene, _ = read_scene("boresight")
 
     def drive(name, start, *, reverse):
@@ -97,7 +97,7 @@ def test_both_clocks_are_found(bounce):
         assert (found.name, found.unit, found.detected) == (name, "s", True)
         assert_allclose(found.value, true, rtol=0, atol=SURE * found.sd)
         assert found.sd < 2e-4
-        assert "Stamps are to be increased" in found.meaning
+        assert "Add the value to" in found.meaning
 
 
 def test_without_its_delay_the_filter_is_part_of_the_clock(bounce):
@@ -109,7 +109,7 @@ def test_without_its_delay_the_filter_is_part_of_the_clock(bounce):
     assert_allclose(second.value, scene.mounting.scanner_clock, rtol=0, atol=SURE * second.sd)
 
 
-def test_clocks_that_are_stated_rightly_are_not_found(bounce):
+def test_correct_clocks_are_not_detected(bounce):
     path, scene = bounce
     run = open_run(path)
     stated = {
@@ -122,7 +122,7 @@ def test_clocks_that_are_stated_rightly_are_not_found(bounce):
         assert abs(found.value) < SURE * found.sd
 
 
-def test_a_run_that_drives_does_not_tell_the_scanner_clock(passes):
+def test_the_scanner_clock_is_not_observable_while_driving(passes):
     (path, _), _ = passes
     found = clock_findings(open_run(path))
     assert [one.detected for one in found] == [None, None]
@@ -140,7 +140,7 @@ def certified(tmp_path_factory, bounce, passes):
     return certify_profiler("drift", drifting(folder, text))
 
 
-def test_the_mounting_is_found_and_what_is_not_told_has_its_reason(certified, passes):
+def test_the_mounting_is_found_and_unobservable_parameters_have_a_reason(certified, passes):
     scene = passes[1]
     found = {one.name: one for one in certified.instruments}
     true, stated = scene.mounting, scene.declared
@@ -157,20 +157,20 @@ def test_the_mounting_is_found_and_what_is_not_told_has_its_reason(certified, pa
     assert "Measure lever_z with a tape" in up.meaning
     assert stated.scanner_position[0] - true.scanner_position[0] == pytest.approx(-HELD)
     pitch = found["pitch of the scanner"]
-    assert "leans on the lever arm of the scanner, forward, which is held" in pitch.meaning
+    assert "depends on the lever arm of the scanner, forward, which is held" in pitch.meaning
     # as much wrong as the arm that it leans on
     wrong = pitch.value - true.scanner_rotation[1]
     assert_allclose(wrong, -HELD / ABOVE, rtol=0, atol=np.hypot(BETWEEN, SURE * pitch.sd))
 
 
-def test_runs_that_share_no_ground_tell_nothing(passes, bounce):
+def test_runs_without_common_ground_determine_nothing(passes, bounce):
     (there, _), _ = passes
-    way = fuse_motion(open_run(there)).trajectory
-    moved = replace(way, position=way.position + np.array([100.0, 0.0, 0.0]))
-    (found,) = boresight_findings([there, there], [way, moved])
+    path = fuse_motion(open_run(there)).trajectory
+    moved = replace(path, position=path.position + np.array([100.0, 0.0, 0.0]))
+    (found,) = boresight_findings([there, there], [path, moved])
     assert isinstance(found, Finding)
     assert (found.value, found.detected) == (None, None)
-    assert "share no ground" in found.meaning
+    assert "no ground" in found.meaning
 
 
 def test_a_certificate_holds_them_with_the_hashes_of_their_runs(certified):
@@ -193,31 +193,31 @@ def test_a_certificate_holds_them_with_the_hashes_of_their_runs(certified):
 
 
 def test_the_page_and_the_pdf_show_them(certified, tmp_path):
-    from trueterrain.report.certificate import certificate_of
+    from trueterrain.report.certificate import build_certificate
 
-    write_report_pdf(certificate_of(certified, []), tmp_path / "c.pdf")
+    write_report_pdf(build_certificate(certified, []), tmp_path / "c.pdf")
     pages = [page.extract_text() for page in PdfReader(tmp_path / "c.pdf").pages]
     paper = " ".join(" ".join(pages).split())
     assert "Clocks and mounting" in paper
-    assert "It was not applied: figures are those of the runs as they are." in paper
+    assert "They are not applied: the figures are those of the runs as recorded." in paper
     for one in certified.instruments:
         if one.value is not None:
             factor = {"s": 1e3, "rad": 180 / np.pi, "m": 1e3}[one.unit]
             for value in (one.value, one.sd):
                 assert f"{factor * value:.4f}".replace("-", "\N{MINUS SIGN}") in paper
         else:
-            assert "cannot be told" in paper
+            assert "not observable" in paper
 
 
 def test_runs_of_different_mountings_are_refused(passes):
     runs = [open_run(path) for path in passes[0]]
-    way = fuse_motion(runs[0]).trajectory
+    path = fuse_motion(runs[0]).trajectory
     runs[1].attrs["mounting"] = {**runs[1].attrs["mounting"], "scanner_clock": 0.001}
     with pytest.raises(SchemaError, match="attribute mounting: differs from that of the first run"):
-        boresight_findings(runs, [way, way])
+        boresight_findings(runs, [path, path])
     runs[1].attrs["mounting"] = {**runs[0].attrs["mounting"], "accelerometer_clock": 0.001}
     with pytest.raises(ValueError, match="with a trajectory each"):
-        boresight_findings(runs, [way])
+        boresight_findings(runs, [path])
 
 
 @pytest.mark.parametrize("text", ['clock = "none.zarr"', 'boresight = ["x.zarr", "none.zarr"]'])

@@ -30,7 +30,7 @@ WRITTEN = 1e-7  # [m] last digit in the file
 
 
 def ground_of(plate, offset):
-    """The plate as ground of the virtual profiler, its profile along y, middle at `offset`."""
+    """The plate as ground of the virtual profiler, its profile along y, centre at `offset`."""
     parts: list[Ground] = [
         Step(position=offset - plate.length / 2, rise=plate.thickness, direction=np.pi / 2),
         Step(position=offset + plate.length / 2, rise=-plate.thickness, direction=np.pi / 2),
@@ -262,7 +262,7 @@ def test_beams_from_left_to_right_see_the_same():
         (lambda: ScanSetup(floor=1e6), "floor from 0 to less than saturation"),
         (
             lambda: view_plate(PlateDesign(), ScanSetup(offset=4.0)),
-            "offset must put the plate under the beams, which reach from -2.00 m to 2.00 m, got 4.0",
+            "offset must put the plate under the beams, which reach from -2.00 m to 2.00 m, got 4",
         ),
     ],
 )

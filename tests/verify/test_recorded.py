@@ -1,4 +1,4 @@
-"""When runs were recorded: GPS times are told honestly, and contradict a wrong date."""
+"""Recording times of runs from GPS time, and contradictions to a wrong date."""
 
 import datetime as dt
 
@@ -28,14 +28,14 @@ def gps_seconds(moment, leaps):
         (dt.datetime(2012, 6, 30, 23, 59, 58), 15),
     ],
 )
-def test_seconds_since_1980_are_told_in_utc(moment, leaps):
+def test_seconds_since_1980_are_given_in_utc(moment, leaps):
     seconds = gps_seconds(moment, leaps)
     found = recording_time("a.zarr", GPS, (seconds, seconds + 0.5))
     assert found.begin == str(moment)
     assert found.scale == "UTC"
 
 
-def test_seconds_of_the_week_are_told_as_day_and_gps_time():
+def test_seconds_of_the_week_are_given_as_day_and_gps_time():
     found = recording_time("a.zarr", GPS, (0.0, 604_800.0 + 3661.0))
     assert (found.begin, found.end) == ("Sunday 00:00:00", "Sunday 01:01:01")
     assert found.scale == "GPS time; the week is not in the data"
@@ -68,7 +68,7 @@ def test_what_counts_from_any_moment_and_profiles_tell_nothing():
 )
 @pytest.mark.parametrize("whole", [True, False])
 def test_a_date_more_than_a_day_away_is_flagged(stated, flagged, whole):
-    """With seconds of the week the nearest week is taken: nothing else can be known."""
+    """Seconds of the week count in the week that is nearest to the date."""
     seconds = gps_seconds(dt.datetime(2026, 3, 12, 8, 15), 18)
     if not whole:
         seconds %= 604_800
@@ -77,7 +77,7 @@ def test_a_date_more_than_a_day_away_is_flagged(stated, flagged, whole):
     assert bool(found) == flagged
     if flagged:
         assert "a.zarr was recorded on" in found[0]
-        assert "2 days from the date that is stated" in found[0]
+        assert "2 days from the stated date" in found[0]
 
 
 def test_a_run_over_midnight_is_of_both_days():

@@ -50,7 +50,7 @@ def test_a_plate_beside_its_assumed_place_is_named_as_such_not_as_an_error_of_he
 
 @pytest.mark.parametrize("turned", [False, True])
 @pytest.mark.parametrize("stretch", [0.0, 0.004, -0.0065])
-def test_a_way_that_is_measured_too_long_is_found_if_asked(stretch, turned):
+def test_stretch_is_found_on_request(stretch, turned):
     x = np.arange(-2.0, 2.0, 0.004)
     s = (x + 0.5) / (1 + stretch)
     at = LENGTH - s if turned else s
@@ -68,12 +68,12 @@ def test_a_way_that_is_measured_too_long_is_found_if_asked(stretch, turned):
     assert found.residual < 1.3 * NOISE
 
 
-def test_stretch_is_left_alone_unless_asked():
+def test_stretch_is_not_estimated_by_default():
     x, z = _measured(-0.5, -2.0, 0.01)
     assert register_profile(x * 1.004, z, machined()).stretch == 0.0
 
 
-def test_a_plate_is_taken_as_it_lies():
+def test_a_plate_is_kept_at_its_assumed_place():
     x, z = _measured(-0.5, -2.0, 0.01)
     found = register_profile(x, z, machined(), assumed=-0.52, search=0.0, stretch=True)
     assert (found.shift, found.stretch) == (-0.52, 0.0)
@@ -81,7 +81,7 @@ def test_a_plate_is_taken_as_it_lies():
     np.testing.assert_allclose(found.offset, -2.0, rtol=0, atol=1e-3)  # flanks pull a little
 
 
-def test_saturated_returns_do_not_pull():
+def test_saturated_returns_have_no_influence():
     x, z = _measured(-0.5, -2.0, 0.0)
     s = x + 0.5
     z[(s > 0.8) & (s < 1.0)] += 0.006
@@ -92,7 +92,7 @@ def test_saturated_returns_do_not_pull():
 
 
 def test_gaps_as_wide_as_cleats_are_no_plate():
-    """Where both cleats would lie in gaps, hardly anything is left that could differ."""
+    """With both cleats in gaps, hardly any point remains that differs."""
     x = np.arange(-2.0, 3.0, 0.004)
     z = np.interp(x + 1.305, *TRIANGLES)
     for gap in (0.75, 1.35):
@@ -101,10 +101,10 @@ def test_gaps_as_wide_as_cleats_are_no_plate():
     np.testing.assert_allclose(found.shift, -1.305, rtol=0, atol=SHIFT_TOLERANCE)
 
 
-def test_ground_without_a_plate_is_said_to_have_none():
+def test_ground_without_a_plate_is_an_error():
     x = np.arange(-2.0, 2.0, 0.004)
     z = 0.001 * np.sin(9 * x)
-    with pytest.raises(CoverageError, match=r"plate is not found.*Say where it lies"):
+    with pytest.raises(CoverageError, match=r"plate is not found.*State its place"):
         register_profile(x, z, machined())
 
 

@@ -1,4 +1,4 @@
-"""Marks in errors that neighbours share: their size, and how surely it is known."""
+"""Signatures in correlated errors: estimates and their standard deviations."""
 
 import numpy as np
 import pytest
@@ -18,19 +18,19 @@ def errors(rng, correlation, size=TIME.size):
 
 
 @pytest.mark.parametrize("correlation", [0.0, 0.5, 0.9])
-def test_standard_deviations_are_honest(correlation):
-    """Root mean square of the share over 200 repeats: 1, or less where neighbours are alike."""
+def test_standard_deviations_are_those_of_the_errors(correlation):
+    """Root mean square of error over sd in 200 repeats: 1, or less for correlated errors."""
     rng = np.random.default_rng(11)
-    shares = []
+    ratios = []
     for _ in range(200):
         error = 2.0 * MARK[:, 0] + 3.0 - TIME + errors(rng, correlation)
         found = regress_signatures(MARK, LEVEL, error, lags=30)
-        shares.append((found.value[0] - 2.0) / found.sd[0])
-    assert 0.5 < float(np.sqrt(np.mean(np.square(shares)))) < 1.15  # 200 values: sd 0.05
-    assert np.abs(shares).max() < 4.0
+        ratios.append((found.value[0] - 2.0) / found.sd[0])
+    assert 0.5 < float(np.sqrt(np.mean(np.square(ratios)))) < 1.15  # 200 values: sd 0.05
+    assert np.abs(ratios).max() < 4.0
 
 
-def test_few_independent_errors_are_no_certainty():
+def test_few_independent_errors_are_not_significant():
     """Of 300 records that hold some twenty independent errors, none is beyond four sd by chance."""
     rng = np.random.default_rng(12)
     few = [
@@ -45,5 +45,5 @@ def test_an_exact_fit_leaves_nothing():
     np.testing.assert_allclose(found.sd, [0.0], rtol=0, atol=1e-12)
 
 
-def test_what_is_made_of_others_is_taken_out():
+def test_nuisance_functions_are_projected_out():
     np.testing.assert_allclose(project_out(LEVEL, 5.0 - 2.0 * TIME), 0.0, rtol=0, atol=1e-12)

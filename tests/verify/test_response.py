@@ -1,4 +1,4 @@
-"""Vehicles as judges: their response against the frequency response, likeness against formulas."""
+"""Response of vehicles against the frequency response, agreement against formulas."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ from trueterrain.verify.response import compare_responses, pseudo_damage, vehicl
 SPEED = 20.0  # [m/s]
 SPACING = 0.01  # [m]
 STATIONS = np.arange(0.0, 300.0, SPACING)
-SETTLED = 200.0  # [m], 10 s: the slowest motion has died away to 1e-7 of itself
+LEAD = 200.0  # [m], 10 s: the slowest motion has decayed to 1e-7
 
 #: [1] of an amplitude: heights are linear between samples, pi² (0.01 / 5)² / 3 of a wave of 5 m,
 #: and the record holds whole periods of it
@@ -56,7 +56,7 @@ def test_quarter_car_on_a_sine_obeys_its_frequency_response(wavelength, tyre_dam
         tyre_damping=tyre_damping,
     )
     wave = make_profile(STATIONS, np.sin(2 * np.pi * STATIONS / wavelength))
-    response = vehicle_response(wave, car, speed=SPEED, lead=SETTLED)
+    response = vehicle_response(wave, car, speed=SPEED, lead=LEAD)
     f, times = SPEED / wavelength, response.time.values
     body, wheel = frequency_response(linear_model(car), f)[:, 0]
     s = 2j * np.pi * f
@@ -86,7 +86,7 @@ def test_full_car_on_a_twisted_sine_obeys_its_frequency_response():
     left = np.sin(2 * np.pi * STATIONS / wavelength)
     right = np.sin(2 * np.pi * STATIONS / wavelength + 1.0)
     road = make_profile(STATIONS, [left, right], tracks=["left", "right"])
-    response = vehicle_response(road, car, speed=SPEED, lead=SETTLED)
+    response = vehicle_response(road, car, speed=SPEED, lead=LEAD)
     f, times = SPEED / wavelength, response.time.values
     lag = np.exp(-2j * np.pi * car.wheelbase / wavelength)
     ground = np.array([1, np.exp(1j), lag, lag * np.exp(1j)])
@@ -106,7 +106,7 @@ def test_full_car_on_a_twisted_sine_obeys_its_frequency_response():
         assert_allclose(found, abs(expected), rtol=0, atol=2 * SINE * abs(expected).max())
 
 
-def test_golden_car_at_80_km_h_travels_what_the_iri_says():
+def test_golden_car_at_80_km_h_has_the_travel_of_the_iri():
     road = rough(1, tracks=1)
     response = vehicle_response(road, GOLDEN_QUARTER_CAR, speed=80 / 3.6, lead=0.0)
     rate = np.diff(response.suspension_travel.values[0])
@@ -115,14 +115,14 @@ def test_golden_car_at_80_km_h_travels_what_the_iri_says():
     assert_allclose(found, index, rtol=0, atol=IRI)
 
 
-def test_a_quarter_car_drives_each_track_by_itself():
+def test_a_quarter_car_follows_each_track_separately():
     road = rough(2)
     both = vehicle_response(road, GOLDEN_QUARTER_CAR, speed=SPEED)
     alone = vehicle_response(road.isel(track=[1]), GOLDEN_QUARTER_CAR, speed=SPEED)
     assert both.sel(wheel=["t1"]).equals(alone)
 
 
-def test_level_ground_and_its_height_move_nothing():
+def test_level_ground_of_any_height_causes_no_motion():
     level = make_profile(STATIONS, np.full((2, STATIONS.size), 104.2), tracks=["left", "right"])
     for vehicle in (GOLDEN_QUARTER_CAR, named_vehicle("van")):
         response = vehicle_response(level, vehicle, speed=SPEED)
@@ -132,16 +132,16 @@ def test_level_ground_and_its_height_move_nothing():
         assert abs(response.suspension_travel).max() < 1e-11
 
 
-def test_the_same_response_is_alike_in_all():
+def test_equal_responses_agree_in_all_statistics():
     response = vehicle_response(rough(3), GOLDEN_QUARTER_CAR, speed=SPEED)
-    likeness = compare_responses(response, response)
-    assert_allclose(likeness.rms_ratio, 1, rtol=0, atol=ROUNDING)
-    assert_allclose(likeness.correlation, 1, rtol=0, atol=ROUNDING)
-    assert_allclose(likeness.error, 0, rtol=0, atol=ROUNDING)
-    assert_allclose(likeness.band_ratio, 1, rtol=0, atol=ROUNDING)
+    found = compare_responses(response, response)
+    assert_allclose(found.rms_ratio, 1, rtol=0, atol=ROUNDING)
+    assert_allclose(found.correlation, 1, rtol=0, atol=ROUNDING)
+    assert_allclose(found.error, 0, rtol=0, atol=ROUNDING)
+    assert_allclose(found.band_ratio, 1, rtol=0, atol=ROUNDING)
 
 
-def test_gain_and_noise_are_told_as_the_formula_says():
+def test_gain_and_noise_agree_with_the_formula():
     gain, noise = 0.8, 0.5
     reference = vehicle_response(rough(4), GOLDEN_QUARTER_CAR, speed=SPEED)
     response = gain * reference
@@ -151,14 +151,14 @@ def test_gain_and_noise_are_told_as_the_formula_says():
         other = other - signal.values * (signal.values * other).sum() / (signal.values**2).sum()
         other *= np.sqrt((signal.values**2).sum() / (other**2).sum())
         response[name] = response[name] + noise * other
-    likeness = compare_responses(response, reference)
+    found = compare_responses(response, reference)
     total = np.hypot(gain, noise)
-    assert_allclose(likeness.rms_ratio, total, rtol=0, atol=ROUNDING)
-    assert_allclose(likeness.correlation, gain / total, rtol=0, atol=ROUNDING)
-    assert_allclose(likeness.error, np.hypot(gain - 1, noise), rtol=0, atol=ROUNDING)
+    assert_allclose(found.rms_ratio, total, rtol=0, atol=ROUNDING)
+    assert_allclose(found.correlation, gain / total, rtol=0, atol=ROUNDING)
+    assert_allclose(found.error, np.hypot(gain - 1, noise), rtol=0, atol=ROUNDING)
 
 
-def test_a_band_shows_what_is_missing_in_it_and_nowhere_else():
+def test_a_band_ratio_depends_on_its_band_alone():
     reference = vehicle_response(rough(5), GOLDEN_QUARTER_CAR, speed=SPEED)
     spectrum = np.fft.rfft(reference.tyre_force.values, axis=1)
     count = reference.sizes["time"]
@@ -183,8 +183,8 @@ def test_damage_of_the_example_of_astm_e1049():
 
 def test_damage_grows_with_the_power_of_the_load():
     reference = vehicle_response(rough(9), GOLDEN_QUARTER_CAR, speed=SPEED)
-    likeness = compare_responses(1.1 * reference, reference, exponent=4.0)
-    assert_allclose(likeness.damage_ratio, 1.1**4, rtol=0, atol=1e-9)
+    found = compare_responses(1.1 * reference, reference, exponent=4.0)
+    assert_allclose(found.damage_ratio, 1.1**4, rtol=0, atol=1e-9)
     with pytest.raises(ValueError, match="exponent must be greater than 0, got 0"):
         pseudo_damage([0.0, 1.0], exponent=0.0)
     with pytest.raises(ValueError, match="one row of finite values"):

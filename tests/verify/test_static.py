@@ -16,7 +16,7 @@ STEP = 0.0025  # [m] error of saturated returns, along the beam
 STEP_TOLERANCE = 2e-4  # [m] the beams there are up to 17 degrees inclined
 
 
-def test_noise_shift_and_tilt_are_told_apart_from_errors():
+def test_noise_shift_and_tilt_are_separated_from_errors():
     (found,) = static_test(standing(), machined())
     np.testing.assert_allclose(found.registration.shift, -0.55, rtol=0, atol=SHIFT_TOLERANCE)
     np.testing.assert_allclose(found.registration.tilt, 0.004, rtol=0, atol=SHIFT_TOLERANCE)
@@ -41,9 +41,9 @@ def test_saturated_returns_are_charged_to_reflectivity_and_screened_away():
     settings = StaticSettings(screening=Screening(saturation=1e4))
     all_of_them, screened = static_test(run, machined(), settings)
     flagged = all_of_them.errors.flagged.values
-    share = float(flagged.mean())
+    fraction = float(flagged.mean())
     np.testing.assert_allclose(
-        np.sqrt(all_of_them.parts["reflectivity"] / share), STEP, rtol=0, atol=STEP_TOLERANCE
+        np.sqrt(all_of_them.parts["reflectivity"] / fraction), STEP, rtol=0, atol=STEP_TOLERANCE
     )
     assert screened.parts["reflectivity"] == 0
     assert screened.row.count == all_of_them.row.count - flagged.sum()
@@ -63,7 +63,9 @@ def test_errors_lie_on_the_machined_profile():
 
 def test_fewer_scans_than_needed_are_an_error():
     run = standing(scans=50)
-    with pytest.raises(CoverageError, match=r"holds 50 scans, the static test needs 100.*longer"):
+    with pytest.raises(
+        CoverageError, match=r"holds 50 scans, the static test needs 100.*Record more scans"
+    ):
         static_test(run, machined())
     with pytest.raises(CoverageError, match="needs 60"):
         static_test(run, machined(), StaticSettings(scans=60, min_scans=10))

@@ -20,7 +20,7 @@ HEIGHTS = [0.0, 0.0, 0.04, 0.0, 0.0, 0.02, 0.0, 0.0]
 SLOPE = 0.8  # of the flanks of the first
 LEVELLED = 1e-4  # [m] that the line of least squares takes off at a flank
 TIMED = 1e-4  # [m] of a heave of 0.04 m/s, places of cells within half a cell and scans between
-SEEN = 0.05  # share of an error by a stripe that noise, spots and edges may change
+SEEN = 0.05  # fraction of an error by a stripe that noise, spots and edges may change
 
 
 @pytest.fixture
@@ -40,7 +40,7 @@ def without_line(x, y):
 
 
 @pytest.mark.parametrize("aside", [0.0, 0.0007, 0.0019, -0.0019])
-def test_what_a_plate_lies_beside_a_sample_is_charged_to_the_flanks(triangles, aside):
+def test_an_offset_from_a_sample_is_an_error_on_the_flanks(triangles, aside):
     found = lay_profile(*measured(-0.4 + aside), triangles)
     np.testing.assert_allclose(found.begin, -0.4, rtol=0, atol=EXACT)
     true = np.interp(found.s - aside, NODES, HEIGHTS) - np.interp(found.s, NODES, HEIGHTS)
@@ -51,7 +51,7 @@ def test_what_a_plate_lies_beside_a_sample_is_charged_to_the_flanks(triangles, a
     np.testing.assert_allclose(found.error[rising], -SLOPE * aside, rtol=0, atol=LEVELLED)
 
 
-def test_a_place_beside_a_sample_that_is_known_costs_nothing(triangles):
+def test_a_known_offset_from_a_sample_is_no_error(triangles):
     x, z = measured(-0.4 + 0.3 * SPACING)
     assert lay_profile(x, z, triangles).rms > 1e-4
     assert lay_profile(x, z, triangles, beside=0.3).rms < EXACT
@@ -82,7 +82,7 @@ def test_a_search_keeps_to_its_place(triangles):
     assert lay_profile(x, z, triangles, assumed=-0.41, search=0.02).rms < EXACT
 
 
-def test_all_places_beside_beams_are_looked_at():
+def test_all_offsets_from_beams_are_evaluated():
     run = standing(scans=20, noise=0.0)
     found = thesis_static(run, machined())
     np.testing.assert_allclose(found.beside, PLACES)
@@ -93,7 +93,7 @@ def test_all_places_beside_beams_are_looked_at():
     assert found.maximum in found.largest
 
 
-def test_a_bright_stripe_is_an_error_that_screening_takes_away():
+def test_screening_removes_the_error_of_a_bright_stripe():
     stripe, error = (0.35, 0.55), 0.003
     run = standing(scans=20, noise=0.0, bright=(*stripe, error))
     place = {"places": (0.0,)}
@@ -109,7 +109,7 @@ def test_a_bright_stripe_is_an_error_that_screening_takes_away():
     assert screened.errors.sizes["s"] < every.errors.sizes["s"]
 
 
-def test_motion_that_is_not_taken_off_is_in_the_profile():
+def test_residual_motion_is_in_the_profile():
     size, turn = 0.002, 2 * np.pi * 3.0
     run, exact = driven(noise=0.0), motion()
     up = exact.position.copy()
@@ -124,7 +124,7 @@ def test_motion_that_is_not_taken_off_is_in_the_profile():
     np.testing.assert_allclose(wrong["error"] - found["error"], heave, rtol=0, atol=TIMED)
 
 
-def test_the_figures_are_said_in_numbers():
+def test_the_figures_are_given_as_numbers():
     found = thesis_static(standing(scans=20), machined(), name="mine", places=(0.0, 0.25))
     words = found.to_dict()
     assert words["test"] == "mine"
@@ -132,7 +132,7 @@ def test_the_figures_are_said_in_numbers():
     assert words["rms_low"] <= words["rms"] <= words["rms_high"]
 
 
-def test_scans_without_a_plate_are_said_to_have_none():
+def test_scans_without_a_plate_are_an_error():
     with pytest.raises(CoverageError, match="plate is not found"):
         thesis_static(standing(scans=5, plate=False), machined())
 

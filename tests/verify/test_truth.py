@@ -23,7 +23,7 @@ def plane(easting, northing):
 
 
 def road(noise=0.0):
-    """A surface along a bend, longer than is looked at at once, and its errors."""
+    """A surface along a bend, longer than one block, and its errors."""
     u, v = 0.1 * np.arange(1100), np.linspace(-1, 1, 11)
     turn = u / 80.0
     line = {"easting": 80 * np.sin(turn), "northing": 80 * (1 - np.cos(turn))}
@@ -40,7 +40,7 @@ def test_no_error_is_none():
     npt.assert_allclose(list(found.values()), 0, rtol=0, atol=ROUND_OFF)
 
 
-def test_shift_and_noise_are_told_apart():
+def test_shift_and_noise_are_separated():
     noise = SHIFT + SD * np.random.default_rng(1).standard_normal((1100, 11))
     found = ground_errors(road(noise), plane)
     npt.assert_allclose(found["median"], SHIFT, rtol=0, atol=2 * SPREAD)

@@ -28,7 +28,7 @@ _SCENES = {
 #: Ways in which ours stands beside the exact pose.
 WAYS = {
     "ours": "registered: offset, tilt, shift and stretch taken off",
-    "on_exact_way": "as it lies, with the exact east and north",
+    "on_exact_path": "as it lies, with the exact east and north",
     "lying": "as it lies, with east and north of navigation",
 }
 

@@ -246,12 +246,12 @@ def _page_texts(
     """What a reader is told, by section of the page."""
     import numpy as np
 
-    from trueterrain.report.event import speed_words
+    from trueterrain.report.event import speed_text
 
     low, high = design.speed_band
     shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in moved.energy.items())
     driving = [
-        f"Drive at {speed_words(design.speed)}, steadily, from 20 m before the event to 20 m "
+        f"Drive at {speed_text(design.speed)}, steadily, from 20 m before the event to 20 m "
         "behind it, without braking; the wheels in the middle of the cleats.",
         f"From {low:.2f} to {high:.2f} m/s wheel hop gets at least half of the power.",
         f"To cover hop from {band[0]:.1f} to {band[1]:.1f} Hz, drive at "
@@ -297,14 +297,20 @@ def _model_notes(design: "EventDesign") -> list[str]:
 
     inputs = design.inputs
     printed = cleat_ratio(inputs.damping, model="thesis")
-    gain = float(hop_transmissibility(1.0, inputs.damping, tyre_share=inputs.tyre_share))
+    gain = float(
+        hop_transmissibility(
+            1.0, inputs.damping, tyre_stiffness_fraction=inputs.tyre_stiffness_fraction
+        )
+    )
     sentences = [
         f"As printed, w/a is {printed:.3f} at a damping ratio of {inputs.damping:.2f}: the damper "
         "of Eq. 3-7 is fixed to the road, the peak is taken for that of a force, and the width is "
         "stretched by 1 / sqrt(1 - z²), as if a wheel on cleats oscillated by itself.",
     ]
     if gain > 1:
-        right = cleat_ratio(inputs.damping, tyre_share=inputs.tyre_share, ratio=1.0)
+        right = cleat_ratio(
+            inputs.damping, tyre_stiffness_fraction=inputs.tyre_stiffness_fraction, ratio=1.0
+        )
         sentences.append(
             f"With the damper between wheel and body, a wheel met at its resonance moves "
             f"{gain:.2f} times as much as the ground, and w/a is {right:.3f}."
@@ -335,23 +341,23 @@ def _write_event(
     import json
 
     from trueterrain.core import whole_folder
-    from trueterrain.report.event import write_page
+    from trueterrain.report.event import write_event_page
     from trueterrain.verify.event.design import cut_list
 
     with whole_folder(folder, result="event", force=force, inputs=inputs) as temporary:
-        names = write_page(temporary, design, cut_list(design), moved, car, words)
+        names = write_event_page(temporary, design, cut_list(design), moved, car, words)
         text = json.dumps(document, indent=2, allow_nan=False)
         (temporary / "event.json").write_text(text + "\n", encoding="utf-8")
     return [str(folder / name) for name in (*names, "event.json")]
 
 
 def _print_event(design: "EventDesign", words: dict[str, list[str]]) -> None:
-    from trueterrain.report.event import piece_words, speed_words
+    from trueterrain.report.event import piece_text, speed_text
     from trueterrain.verify.event.design import cut_list
 
     off = design.tolerances
     rows = (
-        ("speed V", f"{speed_words(design.speed)}, +- {off['speed']:.2f} m/s"),
+        ("speed V", f"{speed_text(design.speed)}, +- {off['speed']:.2f} m/s"),
         ("cleats", f"{design.number}, {1000 * design.rise:.0f} mm high, {design.placement}"),
         ("spacing a", f"{design.spacing:.3f} +- {off['spacing']:.3f} m"),
         ("width w", f"{design.width:.3f} +- {off['width']:.3f} m"),
@@ -363,7 +369,7 @@ def _print_event(design: "EventDesign", words: dict[str, list[str]]) -> None:
     for name, value in rows:
         write_line(f"  {name:<10} {value}")
     for title, sentences in (
-        ("Cut list", [piece_words(piece, design.spacing) for piece in cut_list(design)]),
+        ("Cut list", [piece_text(piece, design.spacing) for piece in cut_list(design)]),
         ("Driving", words["driving"]),
         ("What is excited", [*words["excited"], *words["flags"]]),
         ("Two oscillators", words["models"]),

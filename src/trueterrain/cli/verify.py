@@ -56,7 +56,7 @@ def verify(
         "confidence", "independent", "trusted"}, findings like instruments. "passed" is null without
         limits. Of "table": {"version", "within", "order", "scenes", "rows": [{"test", "recordings",
         "published", "thesis", "reproduced", "ours", "orders", "registered", "as_it_lies",
-        "as_it_lies_on_exact_way", "beside"}], "reflectivity", "reproduced"}.
+        "as_it_lies_on_exact_path", "beside"}], "reflectivity", "reproduced"}.
     force
         Replace an earlier result of the same command in the folder; other files in it stay.
     """
@@ -68,19 +68,19 @@ def verify(
         raise ValueError(message)
     from trueterrain.core import whole_folder
     from trueterrain.report import write_report, write_report_pdf
-    from trueterrain.report.certificate import certificate_of
-    from trueterrain.verify.certificate import certify_profiler, input_files, write_errors
+    from trueterrain.report.certificate import build_certificate
+    from trueterrain.verify.certificate import certify_profiler, input_files, write_error_tables
 
     with whole_folder(
         output, result=_RESULT, force=force, inputs=input_files(test, config), names=_NAMES
     ) as folder:
         found = certify_profiler(test, config)
         document = found.to_dict()
-        files = write_errors(found, folder)
+        files = write_error_tables(found, folder)
         text = _json.dumps(document, indent=2, allow_nan=False)
         (folder / "result.json").write_text(text + "\n", encoding="utf-8", newline="\n")
         files.append(("result.json", "all figures, settings and hashes of the inputs"))
-        certificate = certificate_of(found, files)
+        certificate = build_certificate(found, files)
         write_report(certificate, folder / "certificate.html")
         write_report_pdf(certificate, folder / "certificate.pdf")
     if json:
@@ -128,8 +128,8 @@ def _thesis_table(config: Path | None, output: Path, *, json: bool, force: bool)
 
 def _result_rows(found: "CertificateResult") -> Iterator[str]:
     """Table as Table 3-1, then what keeps its limits and what does not."""
-    from trueterrain.report.findings import in_words
-    from trueterrain.verify.statistics.uncertainty import ENOUGH
+    from trueterrain.report.findings import finding_text
+    from trueterrain.verify.statistics.uncertainty import TRUSTED_COUNT
 
     header = [
         "test",
@@ -160,7 +160,10 @@ def _result_rows(found: "CertificateResult") -> Iterator[str]:
         )
     write_table(rows)
     if any(cell.endswith("*") for row in rows for cell in row):
-        yield f"* of less than {ENOUGH:g} independent errors: the interval is at least so wide."
+        yield (
+            f"* of less than {TRUSTED_COUNT:g} independent errors: the interval is at least so "
+            "wide."
+        )
     for name, verdicts in found.verdicts.items():
         for figure, kept in verdicts.items():
             limit = _MILLI * getattr(found.test.limits, figure)
@@ -170,8 +173,8 @@ def _result_rows(found: "CertificateResult") -> Iterator[str]:
         if source := getattr(result, "source", None):
             yield f"{name}: {source}"
         faults = getattr(result, "findings", ())
-        yield from (f"{name}: {in_words(one)}" for one in faults if one.detected)
-    yield from (in_words(one) for one in found.instruments if one.detected is not False)
+        yield from (f"{name}: {finding_text(one)}" for one in faults if one.detected)
+    yield from (finding_text(one) for one in found.instruments if one.detected is not False)
     if found.passed is None:
         yield "No limits were given: nothing is passed or failed."
 
@@ -184,4 +187,5 @@ def _with_interval(figure: Any) -> str:
     if figure is None:
         return "-"
     mark = "" if figure.trusted else "*"
-    return f"{_format_millimetres(figure.value)} ({_format_millimetres(figure.low)} to {_format_millimetres(figure.high)}){mark}"
+    value, low, high = (_format_millimetres(one) for one in (figure.value, figure.low, figure.high))
+    return f"{value} ({low} to {high}){mark}"

@@ -1,8 +1,10 @@
-"""Certificate of a test of accuracy: what was tested, how, what was found, and from what."""
+"""Certificate of an accuracy test: system, method, results and inputs."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from trueterrain import figures
+from trueterrain._version import __version__
 from trueterrain.report import (
     Block,
     Column,
@@ -17,54 +19,55 @@ from trueterrain.report import (
     Warnings,
 )
 from trueterrain.report.findings import findings_blocks, modes_table
-
-if TYPE_CHECKING:
-    from trueterrain.verify.certificate import CertificateResult, Result
-    from trueterrain.verify.statistics.uncertainty import AccuracyFigure
+from trueterrain.verify.certificate import CertificateResult, Result
+from trueterrain.verify.drift import DriftResult
+from trueterrain.verify.dynamic import DynamicResult
+from trueterrain.verify.statistics.uncertainty import AccuracyFigure
 
 _MILLI = 1e3
 _DIGITS = 3  # of millimetres
 
 _METHODS = {
-    "static": "Each beam of a standing scanner meets the same place in every scan. The mean of its "
-    "ranges gives a height, their spread the noise. The machined profile is laid onto these "
-    "heights by a robust fit of offset, tilt and lateral shift, which are reported on their own; "
-    "what is left at each place is the error.",
-    "dynamic": "Returns of a strip beside the way of the vehicle are averaged in cells along it. "
-    "Against each mean stands the mean machined height at the places of the same returns, after a "
-    "robust fit of offset, tilt and shift along the way. Body-motion rejection is the spectrum of "
-    "the height of the laser over that of the error.",
+    "static": "Each beam of a scanner at rest meets the same place in every scan. The mean of its "
+    "ranges gives a height, their standard deviation the noise. The machined profile is registered "
+    "to these heights by a robust fit of offset, tilt and lateral shift, which are reported "
+    "separately; the residual at each place is the error.",
+    "dynamic": "Returns of a strip along the path of the vehicle are averaged in cells. Each mean "
+    "is compared with the mean machined height at the places of the same returns, after a robust "
+    "fit of offset, tilt and shift along the path. Body-motion rejection is the spectral density "
+    "of the height of the laser over that of the error.",
     "drift": "Heights of repeated runs along one path are compared at equal distances with a "
-    "reference or, without one, with their mean. What differs between runs is repeatability; what "
-    "they share is bias, which only a reference tells.",
+    "reference or, without one, with their mean. Differences between runs are repeatability; the "
+    "error common to all runs is bias, which only a reference determines.",
 }
 _FOUND = (
-    "What this test looked for besides the size of errors; of clocks, levers and angles, what is "
-    "to be added to what the run says. Found is what is beyond four times its sd, and matters."
+    "Faults that this test looks for; values of clocks, lever arms and angles are to be added to "
+    "those of the run. A fault is found if it exceeds four times its sd and is large enough to "
+    "matter."
 )
 _CAUSES = {
     "noise": "noise of the mean",
     "bias": "bias",
     "shape": "neither noise nor bias",
-    "edge": "beside edges",
+    "edge": "at edges",
     "reflectivity": "flagged intensity",
 }
 
 
-def certificate_of(found: "CertificateResult", files: list[tuple[str, str]]) -> Report:
-    """Certificate of a test.
+def build_certificate(found: CertificateResult, files: list[tuple[str, str]]) -> Report:
+    """Build the certificate of a test, as HTML and PDF show it.
 
     Parameters
     ----------
-    found : Certified
+    found : CertificateResult
         Results and inputs.
     files : list of tuple of str
-        Names of the files beside the certificate, and what they hold.
+        Names and contents of the files next to the certificate.
 
     Returns
     -------
     Report
-        To be written.
+        Argument of `write_report` and `write_report_pdf`.
     """
     import matplotlib.pyplot as plt
 
@@ -85,7 +88,7 @@ def certificate_of(found: "CertificateResult", files: list[tuple[str, str]]) -> 
     return report
 
 
-def _headline_numbers(found: "CertificateResult") -> Iterator[Number]:
+def _headline_numbers(found: CertificateResult) -> Iterator[Number]:
     for name, result in found.results.items():
         kept = found.verdicts[name].get("rms")
         limit = found.test.limits.rms
@@ -108,7 +111,7 @@ def _headline_numbers(found: "CertificateResult") -> Iterator[Number]:
         )
 
 
-def _stated_section(found: "CertificateResult", kind: str) -> Section:
+def _stated_section(found: CertificateResult, kind: str) -> Section:
     test = found.test
     rows: list[list[str | None]] = [
         ["System", test.system or None],
@@ -125,7 +128,7 @@ def _stated_section(found: "CertificateResult", kind: str) -> Section:
             Column(label="Time scale"),
         ),
         rows=[[one.name, one.begin, one.end, one.scale] for one in found.recorded],
-        caption="When it was recorded, as the data themselves tell.",
+        caption="Recording times, from the data.",
     )
     blocks: list[Block] = [table, times]
     if found.flags:
@@ -133,20 +136,20 @@ def _stated_section(found: "CertificateResult", kind: str) -> Section:
     return Section(title="What was tested", blocks=[*blocks, Text(paragraph=_METHODS[kind])])
 
 
-def _instrument_section(found: "CertificateResult") -> Section:
-    """What clocks and mounting are off by."""
+def _instrument_section(found: CertificateResult) -> Section:
+    """Section on errors of clocks and mounting."""
     text = (
-        "What is to be added to what the runs say of their clocks and of where the scanner sits. "
-        "It was not applied: figures are those of the runs as they are."
+        "Corrections to the clocks and the mounting of the scanner that the runs state. They are "
+        "not applied: the figures are those of the runs as recorded."
     )
     blocks = findings_blocks(
         found.instruments,
-        caption="Found less stated, with four times its sd as the bound of what is there.",
+        caption="Estimated less stated values; a value above four times its sd is significant.",
     )
     return Section(title="Clocks and mounting", text=text, blocks=blocks)
 
 
-def _figure_section(found: "CertificateResult") -> Section:
+def _figure_section(found: CertificateResult) -> Section:
     columns = ("RMS", "Off edges", "Distance", "Maximum", "Bias", "Noise", "Registration")
     rows: list[list[str | float | None]] = []
     for name, result in found.results.items():
@@ -169,25 +172,25 @@ def _figure_section(found: "CertificateResult") -> Section:
             Column(label="n", digits=0),
         ),
         rows=rows,
-        caption="Off edges: RMS without what lies beside steep faces. "
+        caption="Off edges: RMS without errors at steep faces. "
         "Distance: RMS of the shortest distance from the machined line.",
     )
     return Section(title="Figures", blocks=[table, *_interval_notes(found), *_limit_blocks(found)])
 
 
-def _with_intervals(result: "Result") -> "dict[str, AccuracyFigure]":
+def _with_intervals(result: Result) -> dict[str, AccuracyFigure]:
     """Figures of a test that have an interval."""
     row = result.row
-    figures = {
+    row_figures = {
         "RMS": row.rms,
         "off edges": row.off_edges,
         "distance": row.distance,
         "bias": row.bias,
     }
-    return {key: one for key, one in figures.items() if one is not None}
+    return {key: one for key, one in row_figures.items() if one is not None}
 
 
-def _interval_notes(found: "CertificateResult") -> Iterator[Block]:
+def _interval_notes(found: CertificateResult) -> Iterator[Block]:
     known = {name: _with_intervals(result) for name, result in found.results.items()}
     confidence = next(iter(found.results.values())).row.rms.confidence
     yield Table(
@@ -206,35 +209,35 @@ def _interval_notes(found: "CertificateResult") -> Iterator[Block]:
                 _to_millimetres(one.high),
                 one.independent,
             ]
-            for name, figures in known.items()
-            for key, one in figures.items()
+            for name, by_key in known.items()
+            for key, one in by_key.items()
         ],
         caption=f"Intervals that hold the true value in {100 * confidence:g} % of repeats "
         "(the widest of block bootstrap, correlation, and power by wavelength).",
     )
     few = {
-        name: {key: one for key, one in figures.items() if not one.trusted}
-        for name, figures in known.items()
+        name: {key: one for key, one in by_key.items() if not one.trusted}
+        for name, by_key in known.items()
     }
     flags = [
-        f"{name}, {', '.join(figures)}: of no more than "
-        f"{max(one.independent for one in figures.values()):.0f} independent errors, which "
-        "tell little of others: the interval is at least so wide. Repeat the test, or "
-        "lengthen it; at edges, where single returns count most, judge by the others."
-        for name, figures in few.items()
-        if figures
+        f"{name}, {', '.join(by_key)}: of no more than "
+        f"{max(one.independent for one in by_key.values()):.0f} independent errors: the interval "
+        "is a lower bound. Repeat or lengthen the test; at edges, where single returns dominate, "
+        "judge by the other figures."
+        for name, by_key in few.items()
+        if by_key
     ]
     if flags:
         yield Warnings(items=flags)
 
 
-def _limit_blocks(found: "CertificateResult") -> Iterator[Block]:
+def _limit_blocks(found: CertificateResult) -> Iterator[Block]:
     kept = [
         (name, figure, one) for name, row in found.verdicts.items() for figure, one in row.items()
     ]
     if not kept:
         return
-    cautious = "upper ends of the intervals, which few independent errors do not tell"
+    cautious = "upper ends of the intervals; intervals of few independent errors fail"
     yield Table(
         columns=(
             Column(label="Test"),
@@ -246,24 +249,17 @@ def _limit_blocks(found: "CertificateResult") -> Iterator[Block]:
             for name, figure, _ in kept
         ],
         verdicts=["good" if one else "bad" for *_, one in kept],
-        caption=f"Limits that were given, against the "
-        f"{cautious if found.test.cautious else 'figures'}.",
+        caption=f"Limits, compared with the {cautious if found.test.cautious else 'figures'}.",
     )
 
 
-def _result_section(name: str, result: "Result") -> Section:
-    from trueterrain import figures
-    from trueterrain.verify.drift import DriftResult
-    from trueterrain.verify.dynamic import DynamicResult
-
+def _result_section(name: str, result: Result) -> Section:
     if isinstance(result, DriftResult):
         blocks: list[Block] = [
             _axes_picture(
                 figures.drift_errors(result.errors), "Errors of the runs against distance."
             ),
-            _axes_picture(
-                figures.drift_growth(result.growth), "How much errors change over a distance."
-            ),
+            _axes_picture(figures.drift_growth(result.growth), "Change of errors over a distance."),
             _drift_table(result),
         ]
         return Section(title=name[:1].upper() + name[1:], blocks=blocks)
@@ -276,11 +272,7 @@ def _result_section(name: str, result: "Result") -> Section:
     ]
     if isinstance(result, DynamicResult):
         rejection = figures.motion_rejection(result.rejection)
-        blocks.append(
-            _axes_picture(
-                rejection, f"How much body motion is rejected, at {result.speed:.2f} m/s."
-            )
-        )
+        blocks.append(_axes_picture(rejection, f"Body-motion rejection at {result.speed:.2f} m/s."))
         blocks.append(modes_table(result))
     blocks += findings_blocks(result.findings, caption=_FOUND)
     return Section(title=name[:1].upper() + name[1:], blocks=blocks)
@@ -292,7 +284,7 @@ def _axes_picture(ax: Any, caption: str) -> Picture:
 
 def _registration_table(found: Any) -> Table:
     rows = [
-        ["Begin of the plate in the scan", _to_millimetres(found.shift), "mm"],
+        ["Start of the plate in the measured profile", _to_millimetres(found.shift), "mm"],
         ["Offset", _to_millimetres(found.offset), "mm"],
         ["Tilt", _MILLI * found.tilt, "mrad"],
         ["Residual without outliers", _to_millimetres(found.residual), "mm"],
@@ -303,7 +295,7 @@ def _registration_table(found: Any) -> Table:
         ],
     ]
     if found.stretch:
-        rows.append(["Length that is measured too long", _MILLI * found.stretch, "mm/m"])
+        rows.append(["Excess of the measured length", _MILLI * found.stretch, "mm/m"])
     return Table(
         columns=(
             Column(label="Registration"),
@@ -311,7 +303,7 @@ def _registration_table(found: Any) -> Table:
             Column(label="Unit"),
         ),
         rows=rows,
-        caption="How the plate lay; not charged to the heights. "
+        caption="Place of the plate, which registration removes from the heights. "
         f"{found.outliers} of {found.points} points are outliers of this fit.",
     )
 
@@ -322,18 +314,18 @@ def _error_parts_table(parts: dict[str, float]) -> Table:
         columns=(
             Column(label="Part of the error"),
             Column(label="Root", unit="mm", digits=_DIGITS),
-            Column(label="Share of the mean square", unit="%", digits=1),
+            Column(label="Fraction of the mean square", unit="%", digits=1),
         ),
         rows=[
             [_CAUSES[name], _MILLI * value**0.5, 100 * value / total if total else None]
             for name, value in parts.items()
         ],
-        caption="Where the error comes from; mean squares add up to that of all errors.",
+        caption="Error by cause; mean squares add up to that of all errors.",
     )
 
 
 def _drift_table(result: Any) -> Table:
-    def cells(name: str, figure: "AccuracyFigure | None") -> list[str | float | None]:
+    def cells(name: str, figure: AccuracyFigure | None) -> list[str | float | None]:
         if figure is None:
             return [name, None, None, None]
         return [
@@ -348,26 +340,24 @@ def _drift_table(result: Any) -> Table:
         ),
         rows=[
             cells("Repeatability of a single run", result.repeatability),
-            cells("Bias that all runs share", result.shared),
+            cells("Bias common to all runs", result.shared),
         ],
         caption=f"{result.runs} runs; bias is known against a reference only.",
     )
 
 
-def _input_section(found: "CertificateResult", files: list[tuple[str, str]]) -> Section:
-    from trueterrain._version import __version__
-
+def _input_section(found: CertificateResult, files: list[tuple[str, str]]) -> Section:
     table = Table(
         columns=(Column(label="Input"), Column(label="SHA-256")),
         rows=[[one["name"], one["sha256"]] for one in found.inputs],
-        caption="Of a folder, the names and contents of all files in it are hashed in order.",
+        caption="The hash of a folder is that of the names and contents of its files, in order.",
     )
     text = (
-        f"Made with trueterrain {__version__}. Every figure follows from the files below; all of "
-        "it is repeated by `trueterrain verify` from the inputs with these hashes."
+        f"Made with trueterrain {__version__}. Every figure follows from the files below; "
+        "`trueterrain verify` reproduces them from the inputs with these hashes."
     )
     listed = Files(files=[File(path=name, note=note) for name, note in files])
-    return Section(title="From what it is recomputed", text=text, blocks=[table, listed])
+    return Section(title="Inputs and files", text=text, blocks=[table, listed])
 
 
 def _to_millimetres(value: float | None) -> float | None:

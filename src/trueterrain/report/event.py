@@ -1,28 +1,47 @@
-"""The page of an excitation event: drawing, cut list, driving instruction, predicted motion."""
+"""Page of an excitation event: drawing, cut list, driving instruction, predicted motion."""
 
+import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from trueterrain import figures
+from trueterrain.report import (
+    Column,
+    Number,
+    Picture,
+    Report,
+    Section,
+    Table,
+    Text,
+    Warnings,
+    write_report,
+)
+from trueterrain.vehicle import FullCarParameters
+from trueterrain.verify.event.design import (
+    EventDesign,
+    EventPiece,
+    EventResponse,
+    event_errata,
+    event_spectrum,
+    passage_gain,
+)
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from trueterrain.report import Report
-    from trueterrain.vehicle import FullCarParameters
-    from trueterrain.verify.event.design import EventDesign, EventPiece, EventResponse
-
 _KMH, _MPH, _INCH = 3.6, 2.236936, 0.0254  # per m/s, per m/s, m
-_SAWN = 0.0015  # [m] by which lumber varies
+_SAWN = 0.0015  # [m] tolerance of lumber
 _PAPER = (8.27, 11.69)  # [inches] A4
 
 
-def write_page(
+def write_event_page(
     folder: Path,
-    design: "EventDesign",
-    pieces: "tuple[EventPiece, ...]",
-    moved: "EventResponse",
-    car: "FullCarParameters",
+    design: EventDesign,
+    pieces: tuple[EventPiece, ...],
+    moved: EventResponse,
+    car: FullCarParameters,
     words: dict[str, list[str]],
 ) -> list[str]:
     """Write the drawing (SVG), the page to print (PDF) and the report (HTML) into a folder.
@@ -30,15 +49,15 @@ def write_page(
     Parameters
     ----------
     folder : Path
-        Folder that is there.
+        Existing folder.
     design : EventDesign
         The event.
-    pieces : tuple of Piece
+    pieces : tuple of EventPiece
         Its cut list.
     moved : EventResponse
         Predicted motion.
     car : FullCarParameters
-        The vehicle it is predicted for.
+        Vehicle of the prediction.
     words : dict of str to list of str
         Sentences under ``driving``, ``excited``, ``models`` and ``flags``.
 
@@ -48,9 +67,6 @@ def write_page(
         Names of the files.
     """
     import matplotlib.pyplot as plt
-
-    from trueterrain import figures
-    from trueterrain.report import write_report
 
     drawing = _event_drawing(design, pieces)
     figures.save_figure(drawing, folder / "drawing.svg")
@@ -62,27 +78,27 @@ def write_page(
     return ["drawing.svg", "event.pdf", "event.html"]
 
 
-def speed_words(speed: float) -> str:
-    """A speed in all units in which speedometers are marked."""
+def speed_text(speed: float) -> str:
+    """A speed in m/s, km/h and miles per hour."""
     return f"{speed:.2f} m/s ({speed * _KMH:.1f} km/h, {speed * _MPH:.1f} mile/h)"
 
 
-def piece_words(piece: "EventPiece", spacing: float) -> str:
-    """A line of the cut list; `spacing` [m] tells what unsawn lumber would amount to."""
+def piece_text(piece: EventPiece, spacing: float) -> str:
+    """Line of the cut list; `spacing` [m] gives the width ratio of unsawn lumber."""
     sizes = (piece.length, piece.width, piece.thickness)
     size = " x ".join(f"{1000 * value:.0f}" for value in sizes)
     inches = " x ".join(f"{value / _INCH:.1f}" for value in sizes)
     unsawn = ""
     if abs(piece.unsawn_width - piece.width) > _SAWN:
-        share = piece.unsawn_width / spacing
-        unsawn = f" (or left {1000 * piece.unsawn_width:.0f} mm wide: w/a {share:.2f})"
+        ratio = piece.unsawn_width / spacing
+        unsawn = f" (or left {1000 * piece.unsawn_width:.0f} mm wide: w/a {ratio:.2f})"
     return (
         f"{piece.count} x {piece.name}, {size} mm ({inches} in), {piece.mass:.1f} kg each: "
         f"{piece.stock_count} of {piece.stock}; {piece.work}{unsawn}"
     )
 
 
-def _event_drawing(design: "EventDesign", pieces: "tuple[EventPiece, ...]") -> "Figure":
+def _event_drawing(design: EventDesign, pieces: tuple[EventPiece, ...]) -> "Figure":
     import matplotlib.pyplot as plt
 
     figure: Figure
@@ -94,10 +110,8 @@ def _event_drawing(design: "EventDesign", pieces: "tuple[EventPiece, ...]") -> "
 
 
 def _draw_event(
-    design: "EventDesign", pieces: "tuple[EventPiece, ...]", above: Any, below: Any
+    design: EventDesign, pieces: tuple[EventPiece, ...], above: Any, below: Any
 ) -> None:
-    from trueterrain import figures
-
     shape = design.to_dict()
     whole = pieces[0].length * (1 if design.placement == "across" else 2)
     figures.event_plan(shape, across=whole, track=design.inputs.track, ax=above)
@@ -105,16 +119,12 @@ def _draw_event(
 
 
 def _print_page(
-    design: "EventDesign",
-    pieces: "tuple[EventPiece, ...]",
-    moved: "EventResponse",
+    design: EventDesign,
+    pieces: tuple[EventPiece, ...],
+    moved: EventResponse,
     words: dict[str, list[str]],
 ) -> "Figure":
-    import textwrap
-
     import matplotlib.pyplot as plt
-
-    from trueterrain import figures
 
     figure: Any = plt.figure(figsize=_PAPER, layout="constrained")
     figure.get_layout_engine().set(rect=(0.03, 0.02, 0.94, 0.96))
@@ -125,7 +135,7 @@ def _print_page(
     text.axis("off")
     lines = []
     for title, sentences in (
-        ("Cut list", [piece_words(piece, design.spacing) for piece in pieces]),
+        ("Cut list", [piece_text(piece, design.spacing) for piece in pieces]),
         ("Driving", words["driving"]),
         ("What is excited", [*words["excited"], *words["flags"]]),
     ):
@@ -139,7 +149,7 @@ def _print_page(
     return page
 
 
-def _event_title(design: "EventDesign") -> str:
+def _event_title(design: EventDesign) -> str:
     return (
         f"Excitation event for {design.target} at {design.ride_met:.2f} Hz "
         f"and wheel hop at {design.hop_met:.1f} Hz"
@@ -147,26 +157,13 @@ def _event_title(design: "EventDesign") -> str:
 
 
 def _event_report(
-    design: "EventDesign",
-    pieces: "tuple[EventPiece, ...]",
-    moved: "EventResponse",
-    car: "FullCarParameters",
+    design: EventDesign,
+    pieces: tuple[EventPiece, ...],
+    moved: EventResponse,
+    car: FullCarParameters,
     words: dict[str, list[str]],
     drawing: "Figure",
-) -> "Report":
-    from trueterrain import figures
-    from trueterrain.report import (
-        Column,
-        Number,
-        Picture,
-        Report,
-        Section,
-        Table,
-        Text,
-        Warnings,
-    )
-    from trueterrain.verify.event.design import event_errata, event_spectrum, passage_gain
-
+) -> Report:
     frequency = np.geomspace(0.3, 30.0, 600)
     gains = passage_gain(car, frequency, design.speed)
     spectrum = event_spectrum(
@@ -197,7 +194,7 @@ def _event_report(
         ("width w", "m", design.width, off["width"]),
         ("width over spacing w/a", "1", design.cleat_ratio, off["cleat_ratio"]),
     ]
-    errata = event_errata(design.inputs.damping, design.inputs.tyre_share)
+    errata = event_errata(design.inputs.damping, design.inputs.tyre_stiffness_fraction)
     return Report(
         title=_event_title(design),
         subtitle=f"{design.number} cleats, {design.placement}; oscillator {design.model}",
@@ -223,15 +220,13 @@ def _event_report(
                             Column(label="Tolerance", digits=3),
                         ),
                         rows=sizes,
-                        caption="How sure the sizes are.",
+                        caption="Sizes and their tolerances.",
                     ),
                 ),
             ),
             Section(
                 title="Cut list",
-                blocks=tuple(
-                    Text(paragraph=piece_words(piece, design.spacing)) for piece in pieces
-                ),
+                blocks=tuple(Text(paragraph=piece_text(piece, design.spacing)) for piece in pieces),
             ),
             Section(title="Driving", blocks=tuple(Text(paragraph=w) for w in words["driving"])),
             Section(
@@ -243,15 +238,15 @@ def _event_report(
                     Picture(
                         figure=passage,
                         alt="Motion of body and axles over frequency",
-                        caption="Of ground that is the same left and right. The notches are those "
-                        "of the wheelbase; the area is one event.",
+                        caption="Ground equal on the left and the right. The notches are those of "
+                        "the wheelbase; the area is the spectrum of one event.",
                     ),
                     Table(
                         columns=(
                             Column(label="Mode"),
-                            Column(label="Share of the energy", unit="%", digits=1),
+                            Column(label="Fraction of the energy", unit="%", digits=1),
                         ),
-                        rows=[(name, 100 * share) for name, share in moved.energy.items()],
+                        rows=[(name, 100 * fraction) for name, fraction in moved.energy.items()],
                     ),
                 ),
             ),
@@ -265,8 +260,8 @@ def _event_report(
                             Column(label="Quantity"),
                             Column(label="Unit"),
                             Column(label="As printed", digits=4),
-                            Column(label="Right", digits=4),
-                            Column(label="Why"),
+                            Column(label="Corrected", digits=4),
+                            Column(label="Reason"),
                         ),
                         rows=[
                             (e.place, e.quantity, e.unit, e.printed, e.right, e.why) for e in errata

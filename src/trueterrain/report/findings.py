@@ -1,35 +1,32 @@
-"""Findings as people read them: what was looked for, how large it is, and what it means."""
+"""Findings in reports: tables and sentences on the faults that a test looks for."""
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from trueterrain.report import Block, Column, Table, Warnings
+from trueterrain.verify.dynamic import DynamicResult
 from trueterrain.verify.findings.finding import Finding
-
-if TYPE_CHECKING:
-    from trueterrain.verify.dynamic import DynamicResult
 
 _UNITS = {"s": ("ms", 1e3), "rad": ("deg", math.degrees(1.0)), "m": ("mm", 1e3)}
 _DIGITS = 4  # of milliseconds, degrees and millimetres
-_WORDS = {True: "found", False: "not found", None: "cannot be told"}
+_WORDS = {True: "found", False: "not found", None: "not observable"}
 _PERCENT, _MILLI = 100, 1e3
 
 
 def findings_blocks(findings: Sequence[Finding], *, caption: str = "") -> list[Block]:
-    """Table of what was looked for, and what was found in words.
+    """Table of findings, and sentences on those that are significant.
 
     Parameters
     ----------
     findings : sequence of Finding
-        What was looked for.
+        Findings.
     caption : str
-        What they have in common.
+        Caption of the table.
 
     Returns
     -------
     list of Block
-        Values in ms, deg and mm.
+        Table with values in ms, deg and mm, and warnings.
     """
     table = Table(
         columns=(
@@ -53,12 +50,12 @@ def findings_blocks(findings: Sequence[Finding], *, caption: str = "") -> list[B
         ],
         caption=caption,
     )
-    there = [in_words(one) for one in findings if one.detected]
+    there = [finding_text(one) for one in findings if one.detected]
     return [table, Warnings(items=there)] if there else [table]
 
 
-def modes_table(result: "DynamicResult") -> Table:
-    """Table of the modes of the body from which the error comes.
+def modes_table(result: DynamicResult) -> Table:
+    """Table of the error by modes of the vehicle.
 
     Parameters
     ----------
@@ -77,7 +74,7 @@ def modes_table(result: "DynamicResult") -> Table:
             Column(label="Band"),
             Column(label="From", unit="Hz", digits=1),
             Column(label="To", unit="Hz", digits=1),
-            Column(label="Share of the mean square", unit="%", digits=1),
+            Column(label="Fraction of the mean square", unit="%", digits=1),
             Column(label="RMS", unit="mm", digits=3),
             *(Column(label=f"Coherence with {name}", digits=2) for name in motions),
         ),
@@ -86,29 +83,29 @@ def modes_table(result: "DynamicResult") -> Table:
                 one.name,
                 one.low,
                 one.high,
-                None if one.share is None else _PERCENT * one.share,
+                None if one.fraction is None else _PERCENT * one.fraction,
                 None if one.rms is None else _MILLI * one.rms,
                 *(one.coherence.get(name) for name in motions),
             ]
             for one in result.modes
         ],
-        caption=f"{result.source} Errors on plate and floor that do not move with the body reach "
-        f"a squared coherence of {threshold:.2f} in one of 100 cases.",
+        caption=f"{result.source} Errors on plate and floor that are independent of the body's "
+        f"motion exceed a squared coherence of {threshold:.2f} in one of 100 cases.",
     )
 
 
-def in_words(finding: Finding) -> str:
-    """A finding in a line.
+def finding_text(finding: Finding) -> str:
+    """Sentence on a finding, with its value in usual units.
 
     Parameters
     ----------
     finding : Finding
-        What was looked for.
+        The finding.
 
     Returns
     -------
     str
-        Its name, what was found of it, and what that means.
+        Name, state, value and meaning.
     """
     value, sd = _scale_value(finding.value, finding.unit), _scale_value(finding.sd, finding.unit)
     found = _WORDS[finding.detected]

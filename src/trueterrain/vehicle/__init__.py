@@ -1,10 +1,10 @@
-"""How a vehicle moves on the ground: parameters, modes, frequency and time response, tyre contact.
+"""Vertical vehicle dynamics: parameters, modes, frequency response, time response, tyre contact.
 
-Axes are those of ISO 8855: x forward, y left, z up; heave up positive, roll right-handed about x,
-pitch right-handed about y, that is nose-down positive. Wheels come in the order front left, front
-right, rear left, rear right. Displacements are departures from the rest on level ground at height
-0; angles are small. Quarter car and full car after chapter 3 of Smith, "Improving the Quality of
-Terrain Measurement" (Virginia Tech, 2009), its Eq. 3-2 corrected.
+Axes follow ISO 8855: x forward, y left, z up. Heave is positive upward, roll right-handed about x,
+pitch right-handed about y, that is nose-down positive. The order of the wheels is front left, front
+right, rear left, rear right. Displacements count from the static equilibrium on level ground of
+height 0; angles are small. Quarter car and full car follow chapter 3 of Smith, "Improving the
+Quality of Terrain Measurement" (Virginia Tech, 2009), with its Eq. 3-2 corrected.
 """
 
 from trueterrain.vehicle.contact import Tyre, contact_heights, contact_margin

@@ -1,14 +1,17 @@
-"""Loops of the time response and of the contact patch; arguments are checked by the callers."""
+"""Compiled loops of the time response and the contact patch; the callers check the arguments."""
 
 from trueterrain.core.kernels import compile_kernel
 
 
 @compile_kernel
 def advance_states(gains, state, before, heights, out):
-    """Write displacement, velocity and acceleration after each step into `out`, shape (N, 3n).
+    """Advance a discrete model of n degrees of freedom on w wheels over N steps.
 
-    ``gains``, shape (2n + 2w, 3n), hold the effect of state, wheel heights before and wheel heights
-    after a step, one per row; ``heights``, shape (N, w), are those after each step.
+    ``gains``, shape (2n + 2w, 3n): effect on (q, q', q''), columns, of the state (q, q'), the wheel
+    heights before and those after a step, rows. ``state``, shape (2n,): q and q' before the first
+    step [m or rad, m/s or rad/s]. ``before``, shape (w,): wheel heights before it [m]. ``heights``,
+    shape (N, w): wheel heights after each step [m]. ``out``, shape (N, 3n): receives displacement,
+    velocity and acceleration after each step.
     """
     steps, wheels = heights.shape
     size = out.shape[1]
@@ -29,13 +32,19 @@ def advance_states(gains, state, before, heights, out):
             value = heights[k, j]
             for i in range(size):
                 out[k, i] += gains[states + wheels + j, i] * value
+        # displacement and velocity of this step are the state of the next one
         for j in range(states):
             current[j] = out[k, j]
 
 
 @compile_kernel
 def weighted_means(strip, weights, line, out):
-    """Mean across of `strip` into `line`, shape (along,), its weighted sums along into `out`."""
+    """Mean of a strip of heights across the path, then its moving weighted mean along the path.
+
+    ``strip``, shape (along, across): heights [m]. ``weights``, shape (patch,): weights of the
+    samples under a contact patch, sum 1. ``line``, shape (along,): receives the means across [m].
+    ``out``, shape (along - patch + 1,): receives the weighted means [m].
+    """
     along, across = strip.shape
     for i in range(along):
         total = 0.0

@@ -1,4 +1,4 @@
-"""Velocity and its spectrum from recorded accelerations, without drift."""
+"""Velocity and its spectral density from recorded accelerations, free of integration drift."""
 
 import math
 from dataclasses import dataclass
@@ -9,14 +9,14 @@ import numpy.typing as npt
 from trueterrain.core.spectral_density import density_interval, welch_density
 from trueterrain.vehicle.model import Array
 
-_LEAST = 16  # samples of a segment
-_PAD = 5.0  # [1] times the period of the corner, by which records are led to rest
-_ORDER = 4  # of the corner below which velocity is left out
+_MIN_SEGMENT = 16  # samples of a segment
+_PAD = 5.0  # [1] length of the tapers at both ends, in periods of the corner frequency
+_ORDER = 4  # of the high-pass filter
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class VelocitySpectrum:
-    """Spectral density of velocity, and between what it lies; made by `velocity_spectrum`."""
+    """Spectral density of velocity with its confidence interval; made by `velocity_spectrum`."""
 
     frequency: Array
     "Shape (n,) [Hz]."
@@ -37,7 +37,10 @@ class VelocitySpectrum:
 def integrate_acceleration(
     acceleration: npt.ArrayLike, rate: float, *, corner: float = 0.3
 ) -> Array:
-    """Velocity from acceleration, without drift.
+    """Velocity from acceleration by integration in the frequency domain, with a high-pass filter.
+
+    Plain integration of a recorded acceleration drifts, as its bias grows without bound. Use this
+    for the vibration of a body or a wheel.
 
     Parameters
     ----------
@@ -46,28 +49,30 @@ def integrate_acceleration(
     rate : float
         Samples per second [Hz].
     corner : float
-        Frequency at which half of the velocity is left; at half of it 6 %, at twice 94 % [Hz].
+        Frequency at which the filter passes half of the velocity; 6 % at half of it, 94 % at twice
+        of it [Hz].
 
     Returns
     -------
     numpy.ndarray, shape (n,)
-        Velocity about its slow part [m/s]: neither early nor late at any frequency.
+        Velocity without its slow part, without phase shift at any frequency [m/s].
 
     Raises
     ------
     ValueError
-        If the rate or the corner are not greater than 0, or the acceleration has gaps.
+        If the rate or the corner is not greater than 0, or the acceleration has gaps.
 
     Notes
     -----
-    1 / (2 pi i f) in the frequency domain, times 1 / (1 + (fc / f)^4): exact up to half the rate,
-    where sums of trapezoids lose, and blind to bias and drift. Both ends are led to rest over some
-    periods of the corner; within one such period of them, velocity is less sure.
+    The transform is multiplied by 1 / (2 pi i f) and by the filter 1 / (1 + (fc / f)^4). This is
+    exact up to half the sampling rate, where the trapezoidal rule attenuates, and removes bias and
+    drift. Both ends are tapered to zero over some periods of the corner; within one such period of
+    an end the velocity is less accurate.
 
     Examples
     --------
     >>> t = np.arange(0, 60, 0.005)
-    >>> velocity = integrate(np.cos(2 * np.pi * 2.0 * t) + 0.05, 200.0)
+    >>> velocity = integrate_acceleration(np.cos(2 * np.pi * 2.0 * t) + 0.05, 200.0)
     >>> error = velocity - np.sin(2 * np.pi * 2.0 * t) / (2 * np.pi * 2.0)
     >>> print(f"{abs(error[2000:-2000]).max() / abs(velocity).max():.4f}")
     0.0005
@@ -86,7 +91,8 @@ def integrate_acceleration(
     fade = 0.5 - 0.5 * np.cos(np.pi * np.arange(pad) / pad)
     levelled = values - values.mean()
     padded = np.zeros(size)
-    # mirrored with its sign turned, velocity has no kink at the ends
+    # odd extension: the record is mirrored with its sign reversed, so that it has no step at the
+    # ends and the tapers do not ring
     inner = min(pad, values.size - 1)
     padded[pad - inner : pad] = -levelled[inner:0:-1]
     padded[pad : pad + values.size] = levelled
@@ -96,6 +102,7 @@ def integrate_acceleration(
     frequency = rfftfreq(size, 1 / rate)
     weight = np.zeros(frequency.size, dtype=complex)
     f = frequency[1:]
+    # integration is a division by 2 pi i f; the filter removes the pole at f = 0
     weight[1:] = 1 / (2j * np.pi * f * (1 + (corner / f) ** _ORDER))
     out: Array = irfft(weight * rfft(padded), size)[pad : pad + values.size]
     return out
@@ -109,7 +116,7 @@ def velocity_spectrum(
     confidence: float = 0.95,
     corner: float = 0.3,
 ) -> VelocitySpectrum:
-    """Spectral density of velocity by Welch's method, from acceleration.
+    """Spectral density of velocity from acceleration, by Welch's method.
 
     Parameters
     ----------
@@ -118,22 +125,23 @@ def velocity_spectrum(
     rate : float
         Samples per second [Hz].
     segment : float, optional
-        Length of the segments, Hann windows that overlap by half [s]; by default 8 s, or a quarter
-        of the record if that is shorter.
+        Length of the segments, which overlap by half and have Hann windows [s]; by default 8 s, or
+        a quarter of the record if that is shorter.
     confidence : float
-        Share of repeats in which the interval holds the density.
+        Fraction of repeats in which the interval holds the density.
     corner : float
-        See `integrate`; its weight is taken out of the density again [Hz].
+        Corner frequency of `integrate_acceleration`; the density is divided by the response of that
+        filter [Hz].
 
     Returns
     -------
     VelocitySpectrum
-        From the corner on.
+        At the frequencies above the corner.
 
     Raises
     ------
     ValueError
-        If the segment, the confidence, the rate or the corner break their rule.
+        If the segment, the confidence, the rate or the corner is out of its bounds.
 
     Examples
     --------
@@ -150,6 +158,7 @@ def velocity_spectrum(
     frequency, density, degrees = welch_density(velocity, velocity, rate, size)
     keep = frequency > corner
     frequency = frequency[keep]
+    # the square of the filter is taken out, so that the density is unbiased near the corner
     power: Array = density.real[keep] * (1 + (corner / frequency) ** _ORDER) ** 2
     low, high = density_interval(degrees, confidence)
     return VelocitySpectrum(
@@ -162,12 +171,12 @@ def velocity_spectrum(
 
 
 def segment_size(samples: int, rate: float, segment: float | None) -> int:
-    """Samples of a segment of a length [s]; by default 8 s, or a quarter of all."""
+    """Number of samples of a segment of given length [s]; by default 8 s, or a quarter of all."""
     length = min(8.0, samples / rate / 4) if segment is None else segment
     size = round(length * rate)
-    if not _LEAST <= size <= samples:
+    if not _MIN_SEGMENT <= size <= samples:
         message = (
-            f"segment must be from {_LEAST / rate:g} s to the {samples / rate:g} s recorded, "
+            f"segment must be from {_MIN_SEGMENT / rate:g} s to the {samples / rate:g} s recorded, "
             f"got {length:g} s."
         )
         raise ValueError(message)

@@ -1,8 +1,8 @@
-"""Height on which a wheel stands: the mean of the ground over the patch that the tyre touches.
+"""Tyre contact: height of a wheel as the mean of the ground over a rectangular contact patch.
 
-A tyre envelops what is shorter than its contact patch, as a wheel on a point would not. The patch
-is a rectangle that moves with the wheel; every height in it counts alike. A tyre that bends over
-obstacles, and touches before and behind its patch, is not modelled.
+A tyre envelops obstacles that are shorter than its contact patch; a point follower does not. The
+patch is a rectangle that moves with the wheel, and all heights in it have equal weight. The model
+has no tyre that bends over obstacles and touches the ground outside of the patch at rest.
 """
 
 from dataclasses import dataclass, fields
@@ -13,13 +13,13 @@ import numpy.typing as npt
 from trueterrain.core.errors import CoverageError
 from trueterrain.vehicle.model import Array
 
-# Share of the spacing by which half a patch may miss a sample and still end there [1]
+# Fraction of the spacing within which half a patch counts as a whole number of samples [1]
 _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
 class Tyre:
-    """Contact patch of a tyre, and how finely the ground is sampled across it.
+    """Contact patch of a tyre, and the number of samples across it.
 
     Raises
     ------
@@ -28,10 +28,10 @@ class Tyre:
 
     Notes
     -----
-    The default is the patch of a passenger car: 0.18 m is the tread of a tyre 185 to 195 mm wide. A
-    wheel of radius R pressed down by F / k cuts a chord of 2 sqrt(2 R F / k) from flat ground,
-    0.22 m for the van (R 0.344 m, F / k 17 mm); as the tread bends away towards both ends, the
-    patch is shorter, here 0.15 m.
+    The default is the patch of a passenger car: 0.18 m is the tread width of a tyre of 185 to
+    195 mm. A wheel of radius R that is deflected by F / k cuts a chord of 2 sqrt(2 R F / k) from
+    flat ground, 0.22 m for the van (R 0.344 m, F / k 17 mm); as the tread curves away towards both
+    ends, the patch is shorter, here 0.15 m.
 
     Examples
     --------
@@ -46,7 +46,7 @@ class Tyre:
     "Width of the patch across the path [m]."
 
     samples_across: int = 9
-    "Number of lines along which the ground is sampled, in the middle of equal strips."
+    "Number of lines along which the ground is sampled, at the centres of equal strips."
 
     def __post_init__(self) -> None:
         for field in fields(self)[:2]:
@@ -67,7 +67,7 @@ class Tyre:
 
 
 def contact_margin(spacing: float, patch_length: float) -> int:
-    """Number of samples that a patch needs on either side of the wheel.
+    """Number of samples that a contact patch needs before and behind the wheel.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def contact_margin(spacing: float, patch_length: float) -> int:
 
 
 def contact_heights(heights: npt.ArrayLike, spacing: float, patch_length: float) -> Array:
-    """Height of a wheel along its path: the moving mean of the ground under its patch.
+    """Height of a wheel along its path: moving mean of the ground under its contact patch.
 
     Parameters
     ----------
@@ -105,13 +105,13 @@ def contact_heights(heights: npt.ArrayLike, spacing: float, patch_length: float)
     spacing : float
         Distance between samples along the path [m].
     patch_length : float
-        Length of the patch [m]; 0 is a wheel that touches a point.
+        Length of the patch [m]; 0 is a point follower.
 
     Returns
     -------
     numpy.ndarray, shape (along - 2 margin,)
-        Mean height where the patch lies wholly on the samples: element i belongs to sample
-        i + margin, `contact_margin` [m]. Blocks that overlap by 2 margin samples give the same
+        Mean height where the whole patch lies on the samples: element i belongs to sample
+        i + margin, see `contact_margin` [m]. Blocks that overlap by 2 margin samples give the same
         bits as one piece.
 
     Raises
@@ -123,8 +123,9 @@ def contact_heights(heights: npt.ArrayLike, spacing: float, patch_length: float)
 
     Notes
     -----
-    The mean is exact for ground that is linear between samples: trapezoids, with parts of one at
-    the ends if the patch ends between samples. Lines across count alike.
+    The mean is exact for ground that is linear between samples: it is the trapezoidal rule, with
+    partial trapezoids at the ends if the patch ends between samples. All lines across the patch
+    have equal weight.
 
     Examples
     --------
@@ -146,13 +147,13 @@ def contact_heights(heights: npt.ArrayLike, spacing: float, patch_length: float)
         raise CoverageError(
             f"a tyre must stand on finite heights, got {strip[along, across]} m",
             place=f"sample {along}, line {across}",
-            cure="Fill the holes of the surface, or drive elsewhere.",
+            cure="Fill the holes of the surface, or choose another path.",
         )
     if len(strip) < len(weights):
         raise CoverageError(
             f"a patch of {patch_length} m needs {len(weights)} samples along the path, "
             f"got {len(strip)}",
-            cure="Let the ground reach beyond the path of the wheel by half a patch.",
+            cure="Extend the ground beyond the path of the wheel by half a patch.",
         )
     from trueterrain.vehicle._kernels import weighted_means
 
@@ -162,7 +163,7 @@ def contact_heights(heights: npt.ArrayLike, spacing: float, patch_length: float)
 
 
 def _patch_weights(spacing: float, patch_length: float) -> Array:
-    """Share of each sample in the mean over a patch about the middle one, odd in number."""
+    """Weight of each sample in the mean over a patch about the central one, shape (odd,)."""
     if not (np.isfinite(spacing) and spacing > 0):
         message = f"spacing must be finite and greater than 0 m, got {spacing}"
         raise ValueError(message)
@@ -174,14 +175,16 @@ def _patch_weights(spacing: float, patch_length: float) -> Array:
         half = float(round(half))
     if half == 0:
         return np.ones(1)
+    # integral of the hat functions of linear interpolation over half a patch: whole intervals give
+    # 1/2 to both of their ends; a last partial interval of length r gives r - r²/2 and r²/2
     whole = int(half)
     rest = half - whole
-    ahead = np.zeros(whole + 2)
-    ahead[:whole] += 0.5
-    ahead[1 : whole + 1] += 0.5
-    ahead[whole] += rest - rest**2 / 2
-    ahead[whole + 1] += rest**2 / 2
+    front = np.zeros(whole + 2)
+    front[:whole] += 0.5
+    front[1 : whole + 1] += 0.5
+    front[whole] += rest - rest**2 / 2
+    front[whole + 1] += rest**2 / 2
     if rest == 0:
-        ahead = ahead[:-1]
-    weights: Array = np.concatenate([ahead[:0:-1], [2 * ahead[0]], ahead[1:]]) / (2 * half)
+        front = front[:-1]
+    weights: Array = np.concatenate([front[:0:-1], [2 * front[0]], front[1:]]) / (2 * half)
     return weights

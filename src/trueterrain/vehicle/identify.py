@@ -1,4 +1,4 @@
-"""Ride and wheel hop from recorded accelerations: frequency and damping, and how sure they are."""
+"""Modal identification: frequency and damping of ride and wheel hop from accelerations."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -29,22 +29,22 @@ __all__ = [
 ]
 
 _HANN_CORRELATION = 1.94  # [1] sum of the correlations of power between bins of a Hann window
-_SLOWEST, _FASTEST = 0.3, 40.0  # [Hz] between which modes are looked for
-_LEAKAGE = 0.03  # [1] of power, what finite segments do to the ratio of two signals besides
-_BOUNDLESS = 50.0  # [1] logarithm from which an interval has no end worth a number
-_FARTHEST = 4.0  # [1] logarithm by which parameters may leave those that are begun with
-_SEEN, _LINES = 1.75, 15  # bins to either side that a Hann window sees, and parts of them
+_MIN_FREQUENCY, _MAX_FREQUENCY = 0.3, 40.0  # [Hz] of the modes that are searched for
+_LEAKAGE = 0.03  # [1] relative error of a power ratio by the leakage of finite segments
+_MAX_LOG = 50.0  # [1] bound of the logarithmic half width of an interval
+_MAX_CHANGE = 4.0  # [1] bound of the change of a parameter's logarithm from its start value
+_WINDOW_BINS, _LINES = 1.75, 15  # bins of a Hann window to either side, and lines that sample it
 _TINY = 1e-9
-_STEP = 1e-4  # [1] of logarithms, over which derivatives are taken
-_FREEDOMS = {"body": 0, "wheel": 1}  # of a quarter car
+_STEP = 1e-4  # [1] step of the logarithms in central differences
+_SIGNALS = {"body": 0, "wheel": 1}  # degrees of freedom of a quarter car
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ModeRecording:
     """Accelerations of a vehicle on a shaker or on a road.
 
-    They must have been filtered against aliasing before they were sampled: on a road, a wheel moves
-    hundreds of times a second, which would be taken for slow motion.
+    They must have passed an anti-aliasing filter before sampling: on a road, a wheel vibrates at
+    hundreds of hertz, which would alias into the band of the modes.
 
     Examples
     --------
@@ -61,15 +61,15 @@ class ModeRecording:
     "Samples per second [Hz]."
 
     excitation: npt.ArrayLike | None = None
-    """Acceleration of what shakes the wheels, shape (n,) [m/s²]; None if it was not recorded. Then
-    its spectrum is taken to fall as that of `waviness`."""
+    """Acceleration of the ground or shaker under the wheels, shape (n,) [m/s²]; None if it was not
+    recorded. Then its spectrum is assumed to follow `waviness`."""
 
     waviness: float = 0.0
-    """How the density of the height under the wheels falls with frequency: f^-waviness; 2 on roads,
-    0 for a sweep at a steady rate in Hz/s and of steady amplitude [1]."""
+    """Waviness of the excitation: the displacement density falls as f^-waviness; 2 on roads, 0 for
+    a sweep of constant rate in Hz/s and constant amplitude [1]."""
 
     band: tuple[float, float] = (0.7, 25.0)
-    "Frequencies that were excited [Hz]."
+    "Band of frequencies that were excited [Hz]."
 
     segment: float | None = None
     "Length of the segments of Welch's method [s]; by default 8 s, or a quarter if that is shorter."
@@ -79,7 +79,7 @@ class ModeRecording:
         if not 0 < self.rate < math.inf:
             message = f"rate must be finite and greater than 0 Hz, got {self.rate}."
             raise ValueError(message)
-        if not self.accelerations or not set(self.accelerations) <= set(_FREEDOMS):
+        if not self.accelerations or not set(self.accelerations) <= set(_SIGNALS):
             message = f"accelerations must be of body, wheel or both, got {[*self.accelerations]}."
             raise ValueError(message)
         signals = dict(self.accelerations)
@@ -88,13 +88,13 @@ class ModeRecording:
         sizes = {name: np.asarray(values).shape for name, values in signals.items()}
         for name, shape in sizes.items():
             if len(shape) != 1 or shape != next(iter(sizes.values())):
-                message = f"accelerations must have one and the same length, got {shape} of {name}."
+                message = f"accelerations must all have one length, got {shape} of {name}."
                 raise ValueError(message)
             if not np.isfinite(np.asarray(signals[name], dtype=float)).all():
                 message = f"accelerations must be finite; {name} has gaps."
                 raise ValueError(message)
             if np.ptp(np.asarray(signals[name], dtype=float)) == 0:
-                message = f"accelerations must show a motion; {name} does not move."
+                message = f"accelerations must vary; {name} is constant."
                 raise ValueError(message)
         low, high = self.band
         if not 0 < low < high < self.rate / 2:
@@ -112,7 +112,7 @@ class ModeRecording:
 
 @dataclass(frozen=True, kw_only=True)
 class IdentifiedMode:
-    """A mode as found in recordings, with standard uncertainties."""
+    """A mode identified in recordings, with standard uncertainties."""
 
     name: str
     "ride or hop."
@@ -138,7 +138,7 @@ class IdentifiedMode:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class IdentifiedModes:
-    """Ride and hop, and how well a quarter car explains the spectra; made by `identify_modes`."""
+    """Ride and hop, and the fit of a quarter car to the spectra; made by `identify_modes`."""
 
     ride: IdentifiedMode
     "Primary ride."
@@ -147,16 +147,16 @@ class IdentifiedModes:
     "Wheel hop."
 
     scatter: float
-    "Scatter of the spectra about the fit over what it should be; 1 if a quarter car suffices."
+    "Scatter of the spectra about the fit over its expected value; 1 if a quarter car suffices."
 
     confidence: float
-    "Confidence of the intervals."
+    "Confidence level of the intervals."
 
     car: QuarterCarParameters
-    "The quarter car that was fitted, of a sprung mass of 1 kg."
+    "The fitted quarter car, with a sprung mass of 1 kg."
 
     spectra: Mapping[str, VelocitySpectrum] = field(default_factory=dict)
-    "Density of velocity of each signal, by number of the recording and name."
+    "Velocity density of each signal, by number of the recording and name."
 
 
 def identify_modes(
@@ -165,17 +165,19 @@ def identify_modes(
     confidence: float = 0.95,
     start: tuple[float, float] = (1.3, 11.0),
 ) -> IdentifiedModes:
-    """Frequency and damping of primary ride and wheel hop from accelerations.
+    """Identify frequency and damping of primary ride and wheel hop from accelerations.
+
+    Use it to design an excitation event for a vehicle whose parameters are not known.
 
     Parameters
     ----------
     recordings : ModeRecording or sequence of ModeRecording
-        One or several recordings of one vehicle, such as two sweeps of a shaker. Modes are the
-        surer, the more of body, wheel and what shook them was recorded.
+        One or several recordings of one vehicle, such as two sweeps of a shaker. Uncertainty is
+        least if body, wheel and excitation were all recorded.
     confidence : float
-        Confidence of the intervals.
+        Confidence level of the intervals.
     start : tuple of float
-        Where ride and hop are looked for first [Hz].
+        Start values of the frequencies of ride and hop [Hz].
 
     Returns
     -------
@@ -185,25 +187,26 @@ def identify_modes(
     Raises
     ------
     ValueError
-        If confidence or start break their rule, or there is less to fit than is to be found.
+        If confidence or start is out of its bounds, or the spectra have too few values.
 
     Notes
     -----
-    Smith (2009, section 3.3.1) reads the peaks of the density of velocity from two sweeps (Figs.
-    3-8 and 3-9). The peak of a mode that is damped by 0.3 is wide, and not where the mode is. Here
-    a quarter car is fitted to the logarithms of the power of all signals at once, and the modes are
-    its modes. If what shook the wheels was recorded, signals are taken over it. Otherwise the power
-    of the first signal is fitted with a gain of its own, and what the other signal is to it, which
-    the unknown excitation does not touch. Weights are those of chi² and of the coherence. If the
-    spectra scatter more about the fit than that, as those of vehicles with more modes do,
-    uncertainties grow in proportion.
+    Smith (2009, section 3.3.1) reads the peaks of the velocity density from two sweeps (Figs. 3-8
+    and 3-9). The peak of a mode with a damping ratio of 0.3 is wide and lies beside the frequency
+    of the mode. Here a quarter car is fitted to the logarithms of the power of all signals at once,
+    and the modes are its modes. If the excitation was recorded, the signals are divided by it.
+    Otherwise the power of the first signal is fitted with a free gain, and the ratio of the other
+    signal to it, which does not depend on the unknown excitation. Weights follow from the
+    chi-square distribution of the power and from the coherence. If the spectra scatter more about
+    the fit than these weights predict, as those of vehicles with more modes do, the uncertainties
+    are enlarged in proportion.
 
     Examples
     --------
-    >>> from trueterrain.vehicle import GOLDEN_QUARTER_CAR, linear_model, respond
+    >>> from trueterrain.vehicle import GOLDEN_QUARTER_CAR, linear_model, simulate_response
     >>> rng = np.random.default_rng(1)
     >>> road = np.cumsum(rng.standard_normal(200000)) * 2e-4  # waviness 2
-    >>> moved = respond(linear_model(GOLDEN_QUARTER_CAR), 1 / 1000, road)
+    >>> moved = simulate_response(linear_model(GOLDEN_QUARTER_CAR), 1 / 1000, road)
     >>> signals = dict(zip(("body", "wheel"), moved.acceleration.T))
     >>> found = identify_modes(ModeRecording(accelerations=signals, rate=1000.0, waviness=2.0))
     >>> for mode in (found.ride, found.hop):
@@ -215,8 +218,8 @@ def identify_modes(
     if not 0 < confidence < 1:
         message = f"confidence must be between 0 and 1, got {confidence}."
         raise ValueError(message)
-    if not _SLOWEST < start[0] < start[1] < _FASTEST:
-        message = f"start must ascend from {_SLOWEST} to {_FASTEST} Hz, got {start}."
+    if not _MIN_FREQUENCY < start[0] < start[1] < _MAX_FREQUENCY:
+        message = f"start must ascend from {_MIN_FREQUENCY} to {_MAX_FREQUENCY} Hz, got {start}."
         raise ValueError(message)
     several = [recordings] if isinstance(recordings, ModeRecording) else list(recordings)
     if not several:
@@ -228,11 +231,11 @@ def identify_modes(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Power:
-    """Power of a signal over that of the excitation, or of another signal."""
+    """Power of a signal, or its ratio to the power of the excitation or of another signal."""
 
     signal: str
     over: str | None
-    free: bool  # its gain is not known
+    free: bool  # its gain is unknown, as that of the excitation
     recording: int
     waviness: float
     bin: float
@@ -254,10 +257,10 @@ def _signal_spectra(
 
 
 def _signal_powers(one: ModeRecording, number: int) -> list[_Power]:
-    """Each signal over the excitation; if that is not known, over the first signal.
+    """Power of each signal over that of the excitation or, without it, over that of the first one.
 
-    Signals that come from one road scatter alike, so that what they are to each other is known far
-    better than any of them: only the first one is taken by itself.
+    Signals from one road have correlated scatter, so that their ratio is known far better than
+    either of them: only the first signal is used by itself.
     """
     from scipy.special import digamma, polygamma
 
@@ -269,6 +272,8 @@ def _signal_powers(one: ModeRecording, number: int) -> list[_Power]:
     for name, signal in signals.items():
         if over is None and name == first:
             frequency, density, degrees = welch_density(signal, signal, one.rate, size)
+            # mean and variance of the logarithm of chi-square over its degrees of freedom: digamma
+            # and trigamma functions (Bartlett and Kendall 1946)
             log = np.log(density.real)
             log -= float(digamma(degrees / 2)) - math.log(degrees / 2)
             sd = np.full(frequency.size, math.sqrt(float(polygamma(1, degrees / 2))))
@@ -279,7 +284,8 @@ def _signal_powers(one: ModeRecording, number: int) -> list[_Power]:
             own = welch_density(signal, signal, one.rate, size)[1].real
             log = 2 * np.log(np.abs(cross) / power)
             incoherence = np.maximum(power * own / np.abs(cross) ** 2 - 1, 0.0)
-            # noise of the base makes the ratio too small, by as much as incoherence at most
+            # variance of a gain estimate by its coherence (Bendat and Piersol 2010, ch. 9); noise
+            # in the base makes the ratio too small, at most by the incoherence, which is added
             sd = np.sqrt(4 * incoherence / degrees + incoherence**2 + _LEAKAGE**2)
         inside = (frequency >= one.band[0]) & (frequency <= one.band[1])
         out.append(
@@ -326,6 +332,7 @@ def _fit_modes(
             parts.append((power.log - _log_power(model, power) - gain) / power.sd)
         return np.concatenate(parts)
 
+    # start values: a quarter car of about these frequencies, and the mean log ratio as free gains
     begin = np.concatenate([_start_parameters(start), np.zeros(len(free))])
     for at, recording in enumerate(free, start=4):
         model = linear_model(_quarter_car(begin[:4]))
@@ -336,18 +343,19 @@ def _fit_modes(
                 if power.free and power.recording == recording
             ]
         )
-    reach = np.concatenate([np.full(4, _FARTHEST), np.full(len(free), np.inf)])
-    found = least_squares(residuals, begin, bounds=(begin - reach, begin + reach), x_scale="jac")
+    bound = np.concatenate([np.full(4, _MAX_CHANGE), np.full(len(free), np.inf)])
+    found = least_squares(residuals, begin, bounds=(begin - bound, begin + bound), x_scale="jac")
+    # bins of a Hann window are correlated: fewer degrees of freedom, and a larger covariance
     degrees = values - unknowns
     scatter = float(np.sqrt((found.fun**2).sum() / degrees))
     covariance = np.linalg.pinv(found.jac.T @ found.jac)[:4, :4]
     covariance *= max(scatter, 1.0) ** 2 * _HANN_CORRELATION
-    slope = _mode_derivatives(found.x[:4])
-    sd = np.sqrt(np.diag(slope @ covariance @ slope.T))
-    far = float(student.ppf(0.5 + confidence / 2, degrees / _HANN_CORRELATION))
+    jacobian = _mode_derivatives(found.x[:4])
+    sd = np.sqrt(np.diag(jacobian @ covariance @ jacobian.T))
+    quantile = float(student.ppf(0.5 + confidence / 2, degrees / _HANN_CORRELATION))
     logs = _log_modes(found.x[:4])
     ride, hop = (
-        _identified_mode(name, logs[at : at + 2], sd[at : at + 2], far)
+        _identified_mode(name, logs[at : at + 2], sd[at : at + 2], quantile)
         for name, at in (("ride", 0), ("hop", 2))
     )
     return IdentifiedModes(
@@ -361,10 +369,10 @@ def _fit_modes(
 
 
 def _start_parameters(start: tuple[float, float]) -> Array:
-    """Logarithms of the parameters of a quarter car with about these frequencies."""
+    """Logarithms of the parameters of a quarter car with about these frequencies [Hz]."""
     ride, hop = (2 * math.pi * frequency for frequency in start)
-    share = 0.15
-    return np.log([share, ride**2, 0.7 * ride, share * hop**2])
+    mass_ratio = 0.15
+    return np.log([mass_ratio, ride**2, 0.7 * ride, mass_ratio * hop**2])
 
 
 def _quarter_car(logs: Array) -> QuarterCarParameters:
@@ -379,21 +387,23 @@ def _quarter_car(logs: Array) -> QuarterCarParameters:
 
 
 def _log_power(model: LinearModel, power: _Power) -> Array:
-    """Logarithm of the power of a signal, or of it over the excitation or the other signal.
+    """Logarithm of the modelled power of a signal, or of its ratio to that of its base.
 
-    Each bin of a Hann window sees three bins: so does the model, weighted as the excitation is.
+    A Hann window spreads each line over about three bins. The model is averaged over the same
+    window, weighted by the power of the excitation.
     """
-    offsets = np.linspace(-_SEEN, _SEEN, _LINES)
-    single = np.abs(np.abs(offsets) - 1) < _TINY  # where the formula is 0 / 0
+    offsets = np.linspace(-_WINDOW_BINS, _WINDOW_BINS, _LINES)
+    # spectral window of the Hann taper: (sinc(x) / (1 - x²))², with the limit 1/4 at x = ±1
+    single = np.abs(np.abs(offsets) - 1) < _TINY
     window = (np.sinc(offsets) / np.where(single, 1.0, 1 - offsets**2)) ** 2
     window[single] = 0.25
     frequency = np.abs(power.frequency[:, None] + power.bin * offsets)
     weight = window / window.sum() * frequency ** (4 - power.waviness)  # of acceleration
     gain = frequency_response(model, frequency)[..., 0]
-    own = gain[..., _FREEDOMS[power.signal]]
+    own = gain[..., _SIGNALS[power.signal]]
     if power.free:
         return np.asarray(np.log((weight * np.abs(own) ** 2).sum(axis=1)))
-    over = np.ones(1) if power.over is None else gain[..., _FREEDOMS[power.over]]
+    over = np.ones(1) if power.over is None else gain[..., _SIGNALS[power.over]]
     cross = (weight * own * np.conj(over)).sum(axis=1)
     return np.asarray(2 * np.log(np.abs(cross) / (weight * np.abs(over) ** 2).sum(axis=1)))
 
@@ -405,7 +415,7 @@ def _log_modes(logs: Array) -> Array:
 
 
 def _mode_derivatives(logs: Array) -> Array:
-    """Derivatives of the modes by the parameters, shape (4, 4)."""
+    """Jacobian of the logarithms of the modes by those of the parameters, shape (4, 4)."""
     columns = []
     for at in range(4):
         step = np.zeros(4)
@@ -414,10 +424,11 @@ def _mode_derivatives(logs: Array) -> Array:
     return np.array(columns).T
 
 
-def _identified_mode(name: str, logs: Array, sd: Array, reach: float) -> IdentifiedMode:
+def _identified_mode(name: str, logs: Array, sd: Array, quantile: float) -> IdentifiedMode:
+    """Mode from the logarithms of frequency and damping; intervals are symmetric in these."""
     frequency, damping = np.exp(logs).tolist()
-    far = np.minimum(reach * sd, _BOUNDLESS)
-    ends = np.exp([logs - far, logs + far])
+    half_width = np.minimum(quantile * sd, _MAX_LOG)
+    ends = np.exp([logs - half_width, logs + half_width])
     return IdentifiedMode(
         name=name,
         frequency=frequency,

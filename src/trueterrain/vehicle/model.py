@@ -1,4 +1,4 @@
-"""Linear models of vehicles on wheel heights: M q'' + C q' + K q = Ku u + Cu u'."""
+"""Linear equations of motion of vehicles on wheel heights: M q'' + C q' + K q = Ku u + Cu u'."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -14,7 +14,7 @@ ComplexArray = npt.NDArray[np.complex128]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LinearModel:
-    """Matrices of M q'' + C q' + K q = Ku u + Cu u', with n freedoms q on w wheel heights u.
+    """Matrices of M q'' + C q' + K q = Ku u + Cu u' for n degrees of freedom q and w heights u.
 
     Examples
     --------
@@ -28,10 +28,10 @@ class LinearModel:
     """
 
     freedoms: tuple[str, ...]
-    "Names of the n freedoms."
+    "Names of the n degrees of freedom."
 
     units: tuple[str, ...]
-    "Units of the freedoms, m or rad."
+    "Units of the degrees of freedom, m or rad."
 
     wheels: tuple[str, ...]
     "Names of the w wheels."
@@ -46,20 +46,20 @@ class LinearModel:
     "K, shape (n, n) [N/m, N, N m]."
 
     wheel_stiffness: Array
-    "Ku: force on the freedoms over wheel height, shape (n, w) [N/m]."
+    "Ku: generalised force over wheel height, shape (n, w) [N/m]."
 
     wheel_damping: Array
-    "Cu: force on the freedoms over rate of wheel height, shape (n, w) [N s/m]."
+    "Cu: generalised force over rate of wheel height, shape (n, w) [N s/m]."
 
     mode_names: tuple[str, ...]
-    "Names of the n modes, which `modes` gives to the motions most like the patterns."
+    "Names of the n modes; `vehicle_modes` gives each to the mode that best fits its pattern."
 
     mode_patterns: Array
-    "Motions in which the modes would be pure, shape (n, n), one per row."
+    "Pure motions, such as all heave or all pitch, shape (n, n), one per row."
 
 
 class StateSpace(NamedTuple):
-    """Matrices of x' = A x + B (u, u') and (q, q', q'') = C x + D (u, u'), with x = (q, q')."""
+    """State space form x' = A x + B (u, u') and (q, q', q'') = C x + D (u, u') with x = (q, q')."""
 
     A: Array
     "Shape (2n, 2n)."
@@ -75,7 +75,7 @@ class StateSpace(NamedTuple):
 
 
 def linear_model(parameters: QuarterCarParameters | FullCarParameters) -> LinearModel:
-    """Linear model of a quarter car (2 freedoms) or of a full car (7 freedoms).
+    """Linear model of a quarter car or a full car, with 2 or 7 degrees of freedom.
 
     Parameters
     ----------
@@ -90,13 +90,14 @@ def linear_model(parameters: QuarterCarParameters | FullCarParameters) -> Linear
 
     Notes
     -----
-    Each spring and damper has an elongation e = J (q, u); with their stiffness on the diagonal of
-    k, the potential energy e' k e / 2 gives [K, -Ku] as the rows of J' k J that belong to q, and
-    likewise the damping. At a place (x, y) the body is at heave - x pitch + y roll. An anti-roll
-    bar turns by roll - (left wheel - right wheel) / track. Weight and static deflection cancel.
+    Each spring and damper has an elongation e = J (q, u). With the stiffnesses on the diagonal of
+    k, the potential energy eᵀ k e / 2 gives [K, -Ku] as the rows of Jᵀ k J that belong to q;
+    damping follows likewise. The body at (x, y) has the height heave - x pitch + y roll. An
+    anti-roll bar twists by roll - (left wheel - right wheel) / track. Weight and static deflection
+    cancel.
 
-    In Eq. 3-2 of Smith (2009), the damper acts on the wheel as if the body stood still: the term in
-    the velocity of the body is missing. Its Eq. 3-3 has it, and so has this model.
+    In Eq. 3-2 of Smith (2009), the damper acts on the wheel as if the body were at rest: the term
+    with the velocity of the body is missing. Its Eq. 3-3 has this term, and so has this model.
 
     Examples
     --------
@@ -193,25 +194,25 @@ def _per_wheel(front: float, rear: float) -> list[float]:
 def _assemble_matrices(
     elongation: Array, coefficients: list[float], freedoms: int
 ) -> tuple[Array, Array]:
-    """Matrix on the freedoms, and on the wheel heights moved to the right-hand side."""
+    """Matrix of the degrees of freedom, and that of the wheel heights on the right-hand side."""
     whole = elongation[:, :freedoms].T @ (np.array(coefficients)[:, None] * elongation)
     return whole[:, :freedoms], -whole[:, freedoms:]
 
 
 def state_space(model: LinearModel) -> StateSpace:
-    """First-order form of a model, with displacement, velocity and acceleration as output.
+    """State space form of a model, with displacement, velocity and acceleration as output.
 
     Parameters
     ----------
     model : LinearModel
-        With n freedoms and w wheels.
+        With n degrees of freedom and w wheels.
 
     Returns
     -------
     StateSpace
         A (2n, 2n), B (2n, 2w), C (3n, 2n), D (3n, 2w) of x' = A x + B (u, u') and
         (q, q', q'') = C x + D (u, u'); u are the wheel heights [m], u' their rates [m/s], which
-        act through tyre damping only.
+        enter through tyre damping only.
 
     Examples
     --------
@@ -236,21 +237,20 @@ def state_space(model: LinearModel) -> StateSpace:
 
 
 def frequency_response(model: LinearModel, frequency: npt.ArrayLike) -> ComplexArray:
-    """Amplitude and phase of each freedom over those of a sine under each wheel.
+    """Frequency response function: amplitude and phase of all degrees of freedom per wheel height.
 
     Parameters
     ----------
     model : LinearModel
-        With n freedoms and w wheels.
+        With n degrees of freedom and w wheels.
     frequency : array_like
         At least 0 [Hz].
 
     Returns
     -------
     numpy.ndarray, shape (..., n, w)
-        Displacement of the freedom over wheel height, complex [m/m or rad/m]; multiply by
-        2 pi i f for velocities, twice for accelerations. The phase is positive where the freedom
-        leads.
+        Displacement over wheel height, complex [m/m or rad/m]; multiply by 2 pi i f for velocities,
+        twice for accelerations. The phase is positive where the displacement leads.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Modes of a vehicle: the motions in which it oscillates freely, undamped and damped."""
+"""Modes of a vehicle: natural frequencies, damping ratios and mode shapes."""
 
 from dataclasses import dataclass
 
@@ -10,19 +10,19 @@ from trueterrain.vehicle.model import Array, ComplexArray, LinearModel, state_sp
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Modes:
-    """The n modes of a model in order of their undamped frequencies; see `modes`."""
+    """The n modes of a model in order of their undamped frequencies; see `vehicle_modes`."""
 
     names: tuple[str, ...]
-    "Name of each mode: that of the pattern which its undamped shape is most like."
+    "Name of each mode: that of the pattern with which its undamped shape agrees best."
 
     undamped_frequency: Array
-    "Frequency with all dampers removed, shape (n,) [Hz]."
+    "Frequency of the model without dampers, shape (n,) [Hz]."
 
     undamped_shape: Array
-    "Motion of the freedoms with all dampers removed, shape (n, n), one mode per row."
+    "Mode shapes of the model without dampers, shape (n, n), one mode per row."
 
     eigenvalue: ComplexArray
-    "s in exp(s t); of two real ones the slower one, shape (n,) [1/s]."
+    "s in exp(s t); of two real eigenvalues the slower one, shape (n,) [1/s]."
 
     natural_frequency: Array
     "Modulus of the eigenvalue over 2 pi, shape (n,) [Hz]."
@@ -31,42 +31,43 @@ class Modes:
     "Imaginary part of the eigenvalue over 2 pi; 0 if the mode does not oscillate, shape (n,) [Hz]."
 
     damping_ratio: Array
-    "Of critical damping; 1 or more if the mode does not oscillate, shape (n,) [1]."
+    "Fraction of critical damping; 1 or more if the mode does not oscillate, shape (n,) [1]."
 
     shape: ComplexArray
-    "Motion of the freedoms, complex as they lead or lag each other, shape (n, n), one per row."
+    "Complex mode shapes with their phases, shape (n, n), one mode per row."
 
 
 def vehicle_modes(model: LinearModel) -> Modes:
-    """Natural frequencies, damping ratios and shapes, undamped and damped.
+    """Modal analysis: natural frequencies, damping ratios and shapes, undamped and damped.
 
     Parameters
     ----------
     model : LinearModel
-        With n freedoms.
+        With n degrees of freedom.
 
     Returns
     -------
     Modes
-        In order of the undamped frequencies. Shapes have a modal mass of 1 kg, and their
-        component of most kinetic energy is real and positive.
+        In order of the undamped frequencies. Shapes have a modal mass of 1 kg, and the component
+        with most kinetic energy is real and positive.
 
     Notes
     -----
-    The eigenvalues of M^-1 K, with which Smith (2009) goes on from Eq. 3-3, are the squares of the
-    *undamped* frequencies, times (2 pi)², and say nothing of damping. That comes from the complex
-    eigenvalues s of [[0, I], [-M^-1 K, -M^-1 C]]: frequency ``|s| / 2 pi``, ratio
-    ``-Re(s) / |s|``. These need not equal the undamped frequencies, as dampers couple modes; each
-    is listed beside the undamped mode that its shape is most like. If an overdamped mode has two
-    real eigenvalues, these are the pair of like shape, frequency sqrt(s1 s2) / 2 pi, ratio
-    -(s1 + s2) / 2 sqrt(s1 s2).
+    The eigenvalues of M^-1 K, which Smith (2009) uses after Eq. 3-3, are the squares of the
+    *undamped* angular frequencies and hold no information on damping. Damping follows from the
+    complex eigenvalues s of [[0, I], [-M^-1 K, -M^-1 C]]: frequency ``|s| / 2 pi``, ratio
+    ``-Re(s) / |s|``. These need not equal the undamped frequencies, as dampers couple the modes;
+    each damped mode is paired with the undamped one of greatest modal assurance criterion. If an
+    overdamped mode has two real eigenvalues, these are the pair whose shapes agree best, with
+    frequency sqrt(s1 s2) / 2 pi and ratio -(s1 + s2) / 2 sqrt(s1 s2).
 
-    Where frequencies coincide, any mixture of the shapes is a mode, and names are arbitrary.
+    Where frequencies coincide, any linear combination of the shapes is a mode, and names are
+    arbitrary.
 
     Examples
     --------
     >>> from trueterrain.vehicle import GOLDEN_QUARTER_CAR, linear_model
-    >>> found = modes(linear_model(GOLDEN_QUARTER_CAR))
+    >>> found = vehicle_modes(linear_model(GOLDEN_QUARTER_CAR))
     >>> found.names
     ('heave', 'hop')
     >>> print(found.undamped_frequency.round(3), found.damping_ratio.round(3))
@@ -99,7 +100,7 @@ def _damped_modes(model: LinearModel) -> tuple[ComplexArray, ComplexArray, Compl
     values, shapes = values.astype(complex), vectors[: len(model.freedoms)].T.astype(complex)
 
     # An oscillation has a conjugate pair. A mode that does not oscillate has two real eigenvalues:
-    # from the slowest on, each is paired with that of the others whose shape is most like its own.
+    # from the slowest on, each is paired with the remaining one whose shape agrees best with it.
     pairs = [(index, index) for index in np.flatnonzero(values.imag > 0)]
     second = values.conj()
     real = sorted(np.flatnonzero(values.imag == 0), key=lambda index: abs(values[index]))
@@ -112,31 +113,34 @@ def _damped_modes(model: LinearModel) -> tuple[ComplexArray, ComplexArray, Compl
 
 
 def _modal_assurance(
-    some: npt.NDArray[np.number], others: npt.NDArray[np.number], mass: Array
+    first: npt.NDArray[np.number], second: npt.NDArray[np.number], mass: Array
 ) -> Array:
-    """Modal assurance criterion of each of `some` with each of `others`, from 0 to 1 (same)."""
-    common = np.abs(some.conj() @ mass @ others.T) ** 2
-    own = np.einsum("ij,jk,ik->i", some.conj(), mass, some).real
-    theirs = np.einsum("ij,jk,ik->i", others.conj(), mass, others).real
-    likeness: Array = common / np.outer(own, theirs)
-    return likeness
+    """Modal assurance criterion of two sets of shapes, weighted by mass: 1 for equal shapes.
+
+    MAC = |aᴴ M b|² / (aᴴ M a · bᴴ M b), shape (first, second) (Allemang 2003).
+    """
+    product = np.abs(first.conj() @ mass @ second.T) ** 2
+    norm_first = np.einsum("ij,jk,ik->i", first.conj(), mass, first).real
+    norm_second = np.einsum("ij,jk,ik->i", second.conj(), mass, second).real
+    assurance: Array = product / np.outer(norm_first, norm_second)
+    return assurance
 
 
-def _match_modes(likeness: Array) -> list[int]:
-    """Column of each row, every column once, from the likest pair on."""
-    left = likeness.copy()
-    columns = [0] * len(left)
+def _match_modes(assurance: Array) -> list[int]:
+    """Column of each row, every column once, in descending order of modal assurance."""
+    remaining = assurance.copy()
+    columns = [0] * len(remaining)
     for _ in columns:
-        row, column = np.unravel_index(np.argmax(left), left.shape)
+        row, column = np.unravel_index(np.argmax(remaining), remaining.shape)
         columns[int(row)] = int(column)
-        left[row, :] = left[:, column] = -1.0
+        remaining[row, :] = remaining[:, column] = -1.0
     return columns
 
 
 def _normalise_shapes(shapes: ComplexArray, mass: Array) -> ComplexArray:
-    """Shapes of modal mass 1, turned so that the component of most energy is real and positive."""
+    """Shapes of modal mass 1, with a phase that makes the component of most energy positive."""
     energy = np.abs(shapes) ** 2 * np.diag(mass)
     main = np.take_along_axis(shapes, energy.argmax(axis=1)[:, None], axis=1)
     modal_mass = np.einsum("ij,jk,ik->i", shapes.conj(), mass, shapes).real
-    upright: ComplexArray = shapes * (np.abs(main) / main) / np.sqrt(modal_mass)[:, None]
-    return upright
+    normalised: ComplexArray = shapes * (np.abs(main) / main) / np.sqrt(modal_mass)[:, None]
+    return normalised

@@ -1,4 +1,4 @@
-"""Parameters of vehicles, and sets of them by name, each with its source."""
+"""Vehicle parameters, and named sets of them with their sources."""
 
 from dataclasses import dataclass, fields
 from difflib import get_close_matches
@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-# Units of the fields, by the end of their names; the first that fits holds
+# Units of the fields by the suffix of their names; the first match holds
 _UNITS = {
     "anti_roll_stiffness": "N m/rad",
     "mass": "kg",
@@ -19,13 +19,13 @@ _UNITS = {
     "height": "m",
 }
 
-# Fields that may be 0, by the end of their names: the vehicle can stand without them
+# Fields that may be 0, by the suffix of their names: statics does not need them
 _MAY_BE_ZERO = ("damping", "anti_roll_stiffness")
 
 
 @dataclass(frozen=True, kw_only=True)
 class QuarterCarParameters:
-    """One wheel and the part of the body that it carries.
+    """Parameters of a quarter car: one wheel and the part of the body that it carries.
 
     Raises
     ------
@@ -45,10 +45,10 @@ class QuarterCarParameters:
     "Wheel, brake and the part of the suspension that moves with them [kg]."
 
     suspension_stiffness: float
-    "Spring between body and wheel, as felt at the wheel [N/m]."
+    "Spring between body and wheel, reduced to the wheel [N/m]."
 
     suspension_damping: float
-    "Damper between body and wheel, as felt at the wheel [N s/m]."
+    "Damper between body and wheel, reduced to the wheel [N s/m]."
 
     tyre_stiffness: float
     "Vertical spring between wheel and ground [N/m]."
@@ -62,9 +62,9 @@ class QuarterCarParameters:
 
 @dataclass(frozen=True, kw_only=True)
 class FullCarParameters:
-    """A rigid body on four wheels, the left side like the right side.
+    """Parameters of a full car: a rigid body on four wheels, symmetric about its xz plane.
 
-    Masses, stiffness and damping of suspension and tyre are those of one wheel, at the wheel.
+    Masses, stiffness and damping of suspension and tyre are those of one wheel, reduced to it.
 
     Raises
     ------
@@ -79,7 +79,7 @@ class FullCarParameters:
     """
 
     sprung_mass: float
-    "Body [kg]."
+    "Mass of the body [kg]."
 
     pitch_inertia: float
     "Of the body, about the transverse axis through its centre of gravity [kg m²]."
@@ -130,10 +130,10 @@ class FullCarParameters:
     "Vertical, of one rear wheel [N s/m]."
 
     front_anti_roll_stiffness: float = 0.0
-    "Moment of the front anti-roll bar over the roll of the body against the axle [N m/rad]."
+    "Moment of the front anti-roll bar over the roll of the body relative to the axle [N m/rad]."
 
     rear_anti_roll_stiffness: float = 0.0
-    "Moment of the rear anti-roll bar over the roll of the body against the axle [N m/rad]."
+    "Moment of the rear anti-roll bar over the roll of the body relative to the axle [N m/rad]."
 
     cg_height: float = 0.6
     "Height of the body's centre of gravity above the ground at rest; for placing instruments [m]."
@@ -148,12 +148,12 @@ class FullCarParameters:
 
     @property
     def total_mass(self) -> float:
-        """Body and four wheels [kg]."""
+        """Mass of body and four wheels [kg]."""
         return self.sprung_mass + 2 * (self.front_unsprung_mass + self.rear_unsprung_mass)
 
     @property
     def wheel_positions(self) -> npt.NDArray[np.float64]:
-        """Place (x, y) of the four wheels from the centre of gravity, shape (4, 2) [m].
+        """Coordinates (x, y) of the wheels from the centre of gravity, shape (4, 2) [m].
 
         Examples
         --------
@@ -184,7 +184,7 @@ class FullCarParameters:
         Returns
         -------
         QuarterCarParameters
-            The wheel, its suspension, and its part of the body; anti-roll bars are left out.
+            The wheel, its suspension, and its part of the body, without anti-roll bars.
 
         Raises
         ------
@@ -223,7 +223,7 @@ def _check_parameters(parameters: QuarterCarParameters | FullCarParameters) -> N
 
 #: The golden car of the International Roughness Index: stiffness 63.3 and 653 1/s², damping 6 1/s,
 #: mass ratio 0.15 (Sayers, Transportation Research Record 1501, 1995). These are ratios to the
-#: sprung mass, on which its motion does not depend; 250 kg is a quarter of a mid-sized car.
+#: sprung mass, which does not change the motion; 250 kg is a quarter of a mid-sized car.
 GOLDEN_QUARTER_CAR = QuarterCarParameters(
     sprung_mass=250.0,
     unsprung_mass=0.15 * 250.0,
@@ -232,9 +232,9 @@ GOLDEN_QUARTER_CAR = QuarterCarParameters(
     tyre_stiffness=653.0 * 250.0,
 )
 
-# A full car whose four corners are golden cars, which no standard defines: wheelbase 2.7 m and
-# track 1.5 m are those of a mid-sized car, the inertias 0.9 m a b in pitch and 0.7 m (t/2)² in
-# roll. With factors of 1 and 1, the body above each wheel would move as a golden car of its own.
+# A full car whose four corners are golden cars. No standard defines it: wheelbase 2.7 m and track
+# 1.5 m are those of a mid-sized car, the inertias 0.9 m a b in pitch and 0.7 m (t/2)² in roll. With
+# both factors 1, the body above each wheel would move as an independent golden car.
 _GOLDEN_CAR = FullCarParameters(
     sprung_mass=1000.0,
     pitch_inertia=0.9 * 1000.0 * 1.35**2,
@@ -255,7 +255,7 @@ _GOLDEN_CAR = FullCarParameters(
 
 # The next three: parameter sets 1, 2 and 3 (Ford Escort, BMW 320i, VW Vanagon) of the package
 # commonroad-vehicle-models 3.0.2 (BSD-3-Clause); Althoff and Würsching, "CommonRoad: Vehicle
-# Models" (2020), table 6. They give the unsprung mass of an axle, of which a wheel has half, and
+# Models" (2020), table 6. They state the unsprung mass of an axle, twice that of a wheel, and the
 # anti-roll stiffness with the opposite sign.
 _COMPACT = FullCarParameters(
     sprung_mass=1094.542720,
@@ -321,7 +321,7 @@ _BY_NAME = {"compact": _COMPACT, "golden car": _GOLDEN_CAR, "sedan": _SEDAN, "va
 
 
 def vehicle_names() -> tuple[str, ...]:
-    """Names that `named_vehicle` knows.
+    """Names of the parameter sets of `named_vehicle`.
 
     Returns
     -------
@@ -337,7 +337,7 @@ def vehicle_names() -> tuple[str, ...]:
 
 
 def named_vehicle(name: str) -> FullCarParameters:
-    """Parameters of a vehicle by name.
+    """Parameters of a full car by name.
 
     Parameters
     ----------

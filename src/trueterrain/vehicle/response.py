@@ -1,7 +1,7 @@
-"""Motion of a vehicle in time, on wheel heights that are linear between samples.
+"""Time response of a vehicle to wheel heights that are linear between samples.
 
-The step is exact: the matrix exponential of the model with its input, not a numerical integration,
-so its length is limited only by how well straight lines between samples follow the ground.
+The discretisation is exact: a matrix exponential of the model with its input, no numerical
+integration. Only the linear interpolation of the ground limits the length of a step.
 """
 
 from dataclasses import dataclass
@@ -15,37 +15,37 @@ from trueterrain.vehicle.model import Array, LinearModel, state_space
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DiscreteModel:
-    """A model over steps of one length; made by `discretise`."""
+    """Discrete-time form of a model for one step length; made by `discretise_model`."""
 
     model: LinearModel
-    "Model with n freedoms and w wheels."
+    "Model with n degrees of freedom and w wheels."
 
     step: float
     "Time between samples [s]."
 
     gains: Array
-    "Effect on (q, q', q'') after a step, columns, of (q, q', u) before and u after it, rows."
+    "Effect of (q, q', u) before and u after a step, rows, on (q, q', q'') after it, columns."
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class VehicleState:
-    """Where a vehicle is at a sample, and all that its further motion depends on."""
+    """State of a vehicle at a sample, from which its motion continues."""
 
     displacement: Array
-    "Of each freedom, shape (n,) [m or rad]."
+    "Generalised displacements, shape (n,) [m or rad]."
 
     velocity: Array
-    "Of each freedom, shape (n,) [m/s or rad/s]."
+    "Generalised velocities, shape (n,) [m/s or rad/s]."
 
     acceleration: Array
-    "Of each freedom, shape (n,) [m/s² or rad/s²]."
+    "Generalised accelerations, shape (n,) [m/s² or rad/s²]."
 
     wheel_heights: Array
     "Height of the ground under each wheel, shape (w,) [m]."
 
 
 class Response(NamedTuple):
-    """Motion of each freedom at each sample."""
+    """Motion of all degrees of freedom at each sample."""
 
     displacement: Array
     "Shape (samples, n) [m or rad]."
@@ -58,19 +58,19 @@ class Response(NamedTuple):
 
 
 def discretise_model(model: LinearModel, step: float) -> DiscreteModel:
-    """Exact change of a model over a step on which wheel heights are linear in time.
+    """Discretise a model exactly, for wheel heights that are linear in time over a step.
 
     Parameters
     ----------
     model : LinearModel
-        With n freedoms and w wheels.
+        With n degrees of freedom and w wheels.
     step : float
         Time between samples [s].
 
     Returns
     -------
     DiscreteModel
-        To be given to `advance`.
+        Argument of `advance_response`.
 
     Raises
     ------
@@ -79,14 +79,14 @@ def discretise_model(model: LinearModel, step: float) -> DiscreteModel:
 
     Notes
     -----
-    With the wheel heights u and their change d over the step as further states, which obey u' = d
-    and d' = 0 in time counted in steps, one matrix exponential holds the effect of x, u and d: no
-    matrix is inverted (Van Loan, IEEE Transactions on Automatic Control 23, 1978, pp. 395-404).
+    The state is augmented by the wheel heights u and their change d over the step, with u' = d and
+    d' = 0 in time counted in steps. One matrix exponential then holds the effect of x, u and d, and
+    no matrix is inverted (Van Loan, IEEE Transactions on Automatic Control 23, 1978, pp. 395-404).
 
     Examples
     --------
     >>> from trueterrain.vehicle import GOLDEN_QUARTER_CAR, linear_model
-    >>> discretise(linear_model(GOLDEN_QUARTER_CAR), 0.001).gains.shape
+    >>> discretise_model(linear_model(GOLDEN_QUARTER_CAR), 0.001).gains.shape
     (6, 6)
     """
     from scipy.linalg import expm
@@ -103,6 +103,7 @@ def discretise_model(model: LinearModel, step: float) -> DiscreteModel:
     exponential = expm(augmented)[:states]
     of_before, of_change = exponential[:, states : states + wheels], exponential[:, -wheels:]
 
+    # in terms of u before and after the step, d = u_after - u_before
     next_state = np.hstack([exponential[:, :states], of_before - of_change, of_change])
     outputs = C @ next_state
     outputs[:, states:] += np.hstack([-D[:, wheels:] / step, D[:, :wheels] + D[:, wheels:] / step])
@@ -112,21 +113,21 @@ def discretise_model(model: LinearModel, step: float) -> DiscreteModel:
 def start_state(
     model: LinearModel, wheel_heights: npt.ArrayLike, *, wheel_rates: npt.ArrayLike = 0.0
 ) -> VehicleState:
-    """Vehicle that has come to rest on given wheel heights, or follows their steady rise.
+    """Equilibrium state on given wheel heights, at rest or with a constant rate.
 
     Parameters
     ----------
     model : LinearModel
-        With n freedoms and w wheels.
+        With n degrees of freedom and w wheels.
     wheel_heights : array_like, shape (w,)
         Height of the ground under each wheel [m].
     wheel_rates : array_like, shape (w,), optional
-        Steady rate at which these heights have been changing, as on a long slope [m/s].
+        Constant rate of these heights, as on a long slope [m/s].
 
     Returns
     -------
     VehicleState
-        In equilibrium: without acceleration.
+        State without acceleration.
 
     Raises
     ------
@@ -135,7 +136,7 @@ def start_state(
 
     Examples
     --------
-    A road that rises ahead lifts the nose, and pitch is nose-down positive:
+    A road that rises towards the front lifts the nose, and pitch is nose-down positive:
 
     >>> from trueterrain.vehicle import linear_model, named_vehicle
     >>> state = start_state(linear_model(named_vehicle("golden car")), [0.027, 0.027, 0.0, 0.0])
@@ -158,7 +159,7 @@ def start_state(
 def advance_response(
     discrete: DiscreteModel, state: VehicleState, wheel_heights: npt.ArrayLike
 ) -> tuple[Response, VehicleState]:
-    """Motion at the samples that follow a state.
+    """Advance a state over further samples, as in processing block by block.
 
     Parameters
     ----------
@@ -175,8 +176,8 @@ def advance_response(
     response : Response
         At these samples.
     state : VehicleState
-        At the last of them, from which the next block goes on. A run in blocks gives the same bits
-        as the run in one piece.
+        At the last of them, from which the next block continues. A run in blocks gives the same
+        bits as the run in one piece.
 
     Raises
     ------
@@ -186,26 +187,28 @@ def advance_response(
     Notes
     -----
     With tyre damping, the acceleration of the wheels depends on the rate of the wheel heights,
-    which jumps at a sample. It is given as just before that jump: half a step late in that part.
+    which is discontinuous at a sample. The value just before the sample is returned; this part
+    lags by half a step.
 
     Examples
     --------
     >>> from trueterrain.vehicle import GOLDEN_QUARTER_CAR, linear_model
     >>> model = linear_model(GOLDEN_QUARTER_CAR)
     >>> kerb = np.full(2000, 0.1)
-    >>> fallen, state = advance(discretise(model, 0.001), start_state(model, 0.0), kerb)
-    >>> print(fallen.displacement[[99, 1999]].round(4))
+    >>> discrete = discretise_model(model, 0.001)
+    >>> response, state = advance_response(discrete, start_state(model, 0.0), kerb)
+    >>> print(response.displacement[[99, 1999]].round(4))
     [[0.0592 0.0887]
      [0.1005 0.1001]]
     """
-    from trueterrain.vehicle._kernels import advance_states as run
+    from trueterrain.vehicle._kernels import advance_states
 
     model = discrete.model
     heights = _wheel_table(model, wheel_heights)
     size = len(model.freedoms)
     before = np.concatenate([state.displacement, state.velocity])
     out = np.empty((len(heights), 3 * size))
-    run(discrete.gains, before, np.ascontiguousarray(state.wheel_heights), heights, out)
+    advance_states(discrete.gains, before, np.ascontiguousarray(state.wheel_heights), heights, out)
     response = Response(out[:, :size], out[:, size : 2 * size], out[:, 2 * size :])
     if not len(heights):
         return response, state
@@ -218,12 +221,12 @@ def advance_response(
 
 
 def simulate_response(model: LinearModel, step: float, wheel_heights: npt.ArrayLike) -> Response:
-    """Motion over a whole run that starts at rest on its first wheel heights.
+    """Response to a whole record of wheel heights, from rest on the first of them.
 
     Parameters
     ----------
     model : LinearModel
-        With n freedoms and w wheels.
+        With n degrees of freedom and w wheels.
     step : float
         Time between samples [s].
     wheel_heights : array_like, shape (samples, w)
@@ -243,7 +246,7 @@ def simulate_response(model: LinearModel, step: float, wheel_heights: npt.ArrayL
     Examples
     --------
     >>> from trueterrain.vehicle import GOLDEN_QUARTER_CAR, linear_model
-    >>> level = respond(linear_model(GOLDEN_QUARTER_CAR), 0.001, np.full(500, 0.3))
+    >>> level = simulate_response(linear_model(GOLDEN_QUARTER_CAR), 0.001, np.full(500, 0.3))
     >>> print(level.displacement[-1])
     [0.3 0.3]
     """
@@ -261,6 +264,7 @@ def simulate_response(model: LinearModel, step: float, wheel_heights: npt.ArrayL
 
 
 def _at_rest(model: LinearModel, force: Array) -> Array:
+    """Static displacement under a generalised force: K q = f."""
     return np.asarray(np.linalg.solve(model.stiffness, force), dtype=float)
 
 

@@ -1,4 +1,4 @@
-"""How true each stage is: comparison with ground that is known."""
+"""Verification: accuracy of each stage by comparison with known ground."""
 
 from trueterrain.verify.truth import exact_trajectory, ground_errors, true_ground, truth_of
 

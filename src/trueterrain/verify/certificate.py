@@ -1,5 +1,6 @@
-"""Tests as files describe them: what a certificate states, and all that it is recomputed from."""
+"""Certification of a profiler: carry out a described test, with all that reproduces its results."""
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -8,20 +9,23 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from trueterrain import formats
 from trueterrain._version import __version__
 from trueterrain.core.errors import SchemaError, name_file_in_errors
 from trueterrain.core.json_values import json_values
 from trueterrain.core.provenance import describe_input
+from trueterrain.core.schemas import kind_of
+from trueterrain.formats.run import open_run
 from trueterrain.formats.settings import read_settings
-from trueterrain.motion import FusionSettings, Trajectory
+from trueterrain.motion import FusionSettings, Trajectory, fuse_motion
 from trueterrain.verify.descriptions import (
     KINDS,
+    AccuracyTest,
     DriftTest,
     DynamicTest,
     StaticTest,
-    TestDescription,
     description_template,
-    fusion_of,
+    method_settings,
 )
 from trueterrain.verify.drift import DriftResult, drift_test
 from trueterrain.verify.dynamic import DynamicResult, dynamic_test
@@ -33,21 +37,21 @@ from trueterrain.verify.recorded import (
     recorded_run,
     recording_time,
 )
-from trueterrain.verify.registration.search import check_machined
+from trueterrain.verify.registration.search import check_machined_profile
 from trueterrain.verify.static import StaticResult, static_test
 
 __all__ = [
+    "AccuracyTest",
     "CertificateResult",
     "DriftTest",
     "DynamicTest",
     "Result",
     "StaticTest",
-    "TestDescription",
     "certify_profiler",
     "description_template",
-    "fusion_of",
     "input_files",
-    "write_errors",
+    "method_settings",
+    "write_error_tables",
 ]
 
 Result = StaticResult | DynamicResult | DriftResult
@@ -55,31 +59,31 @@ Result = StaticResult | DynamicResult | DriftResult
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CertificateResult:
-    """What tests found, and from which files."""
+    """Results of a described test, with its inputs."""
 
-    test: TestDescription
-    "Their description."
+    test: AccuracyTest
+    "Description of the test."
 
     results: dict[str, Result]
     "Results by name of the row."
 
     inputs: tuple[dict[str, str], ...]
-    "Name and SHA-256 of every file."
+    "Name and SHA-256 of every input file."
 
     instruments: tuple[Finding, ...] = ()
-    "What clocks and mounting are off by, where runs for it were given."
+    "Findings on clocks and mounting, if runs for them are given."
 
     recorded: tuple[RecordingTime, ...] = ()
-    "When each file was recorded, as far as the data tell."
+    "Recording time of each file, as far as it is in the data."
 
     @property
     def flags(self) -> list[str]:
-        """Where what is stated is not what the data tell."""
+        """Contradictions between the description and the data."""
         return date_contradictions(self.test.date, self.recorded)
 
     @property
     def verdicts(self) -> dict[str, dict[str, bool]]:
-        """Whether figures keep their limits, by row and name of the figure."""
+        """Whether figures are within their limits, by row and name of the figure."""
         limits, cautious = self.test.limits, self.test.cautious
         return {
             name: found.row.verdicts(limits, cautious=cautious)
@@ -88,43 +92,43 @@ class CertificateResult:
 
     @property
     def passed(self) -> bool | None:
-        """Whether all limits are kept; None if there are none."""
+        """Whether all figures are within their limits; None without limits."""
         kept = [one for row in self.verdicts.values() for one in row.values()]
         return all(kept) if kept else None
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain numbers and words, as for JSON; lengths in m, None where unlimited."""
-        found: dict[str, Any] = {
+        """Numbers and strings, ready for JSON; lengths in m, None where unlimited."""
+        document: dict[str, Any] = {
             "version": __version__,
             "settings": asdict(self.test),
             "inputs": list(self.inputs),
             "recorded": [one.to_dict() for one in self.recorded],
             "flags": self.flags,
             "rows": [
-                {**found.to_dict(), "test": name, "verdicts": self.verdicts[name]}
-                for name, found in self.results.items()
+                {**result.to_dict(), "test": name, "verdicts": self.verdicts[name]}
+                for name, result in self.results.items()
             ],
             "instruments": [one.to_dict() for one in self.instruments],
             "passed": self.passed,
         }
-        described: dict[str, Any] = json_values(found)
+        described: dict[str, Any] = json_values(document)
         return described
 
 
 def certify_profiler(kind: str, config: str | Path) -> CertificateResult:
-    """Carry out the test that a file describes.
+    """Carry out the test that a TOML file describes.
 
     Parameters
     ----------
     kind : str
         static, dynamic or drift.
     config : str or Path
-        Its description, a TOML file.
+        Description of the test, a TOML file.
 
     Returns
     -------
-    Certified
-        Results, and the hashes of description and inputs.
+    CertificateResult
+        Results, and hashes of the description and the inputs.
 
     Raises
     ------
@@ -135,7 +139,7 @@ def certify_profiler(kind: str, config: str | Path) -> CertificateResult:
     SchemaError
         If an input is of the wrong kind, or the machined profile in another unit.
     CoverageError
-        As by the tests.
+        If the data do not suffice for the test.
     """
     config = Path(config)
     test = _read_description(kind, config)
@@ -174,19 +178,19 @@ def certify_profiler(kind: str, config: str | Path) -> CertificateResult:
 
 
 def input_files(kind: str, config: str | Path) -> list[Path]:
-    """Files and runs that a test reads, its description among them.
+    """Files and runs that a test reads, including its description.
 
     Parameters
     ----------
     kind : str
         static, dynamic or drift.
     config : str or Path
-        Its description, a TOML file.
+        Description of the test, a TOML file.
 
     Returns
     -------
     list of Path
-        Whether they exist or not.
+        Paths, whether they exist or not.
 
     Raises
     ------
@@ -207,28 +211,28 @@ def input_files(kind: str, config: str | Path) -> list[Path]:
     return [config, *(config.parent / name for name in names if name is not None)]
 
 
-def write_errors(found: CertificateResult, folder: Path) -> list[tuple[str, str]]:
-    """Write the single errors, from which every figure can be recomputed, as CSV.
+def write_error_tables(found: CertificateResult, folder: Path) -> list[tuple[str, str]]:
+    """Write the single errors as CSV, so that every figure can be recomputed.
 
     Parameters
     ----------
-    found : Certified
-        The results.
+    found : CertificateResult
+        Results of the test.
     folder : Path
-        Where the files shall be.
+        Folder of the files.
 
     Returns
     -------
     list of tuple of str
-        Names of the files and what they hold.
+        Names and contents of the files.
     """
     files = []
     for name, result in found.results.items():
         slug = "-".join(name.replace(",", " ").split())
-        files.append((f"errors-{slug}.csv", f"errors of {name}, place by place"))
+        files.append((f"errors-{slug}.csv", f"errors of {name} at each place"))
         _write_table(result.errors, "s", folder / files[-1][0])
         if not isinstance(result, DriftResult):
-            files.append((f"registration-{slug}.csv", f"where the plate was found in {name}"))
+            files.append((f"registration-{slug}.csv", f"registration of the plate in {name}"))
             _write_table(result.registered, "along", folder / files[-1][0])
         if isinstance(result, DynamicResult):
             files.append((f"rejection-{slug}.csv", f"body-motion rejection of {name}"))
@@ -239,7 +243,7 @@ def write_errors(found: CertificateResult, folder: Path) -> list[tuple[str, str]
     return files
 
 
-def _read_description(kind: str, config: Path) -> TestDescription:
+def _read_description(kind: str, config: Path) -> AccuracyTest:
     if kind not in KINDS:
         message = f"kind must be one of {', '.join(KINDS)}, got {kind!r}."
         raise ValueError(message)
@@ -251,11 +255,9 @@ def _static_results(test: StaticTest, run: Path, machined: xr.Dataset) -> dict[s
 
 
 def _instrument_findings(
-    test: TestDescription, clock: Path | None, boresight: list[Path]
+    test: AccuracyTest, clock: Path | None, boresight: list[Path]
 ) -> list[Finding]:
-    """What clocks and mounting are off by."""
-    from trueterrain.formats.run import open_run
-
+    """Findings on clocks and mounting from calibration runs."""
     fusion = test.fusion if isinstance(test, DynamicTest) else FusionSettings()
     found: list[Finding] = []
     if clock is not None:
@@ -269,13 +271,8 @@ def _instrument_findings(
 
 
 def _fused_trajectory(path: Path, fusion: FusionSettings) -> Trajectory:
-    import warnings
-
-    from trueterrain.formats.run import open_run
-    from trueterrain.motion import fuse_motion
-
     with name_file_in_errors(path), warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # `trueterrain info` tells them
+        warnings.simplefilter("ignore")  # `trueterrain info` reports them
         return fuse_motion(open_run(path), settings=fusion).trajectory
 
 
@@ -285,7 +282,7 @@ def _dynamic_results(
     found: dict[str, Result] = {}
     for name, path in runs.items():
         for method in test.methods:
-            trajectory = _fused_trajectory(path, fusion_of(method, test.fusion))
+            trajectory = _fused_trajectory(path, method_settings(method, test.fusion))
             row = f"{name}, {method}"
             found[row] = dynamic_test(path, machined, trajectory, test.test, name=row)
     return found
@@ -319,14 +316,11 @@ def _machined_profile(path: Path) -> xr.Dataset:
     profile = _open_profile(path)
     if profile.sizes.get("track") == 1:
         profile = profile.isel(track=0, drop=True)
-    check_machined(profile, path=path)
+    check_machined_profile(profile, path=path)
     return profile
 
 
 def _open_profile(path: Path) -> xr.Dataset:
-    from trueterrain import formats
-    from trueterrain.core.schemas import kind_of
-
     found = formats.open(path)
     if kind_of(found) != "profile":
         raise SchemaError(f"must be a profile, but holds {kind_of(found)}", path=path)
@@ -334,7 +328,7 @@ def _open_profile(path: Path) -> xr.Dataset:
 
 
 def _write_table(data: xr.Dataset, along: str, path: Path) -> None:
-    """Columns of a dataset; what has several rows becomes as many columns."""
+    """Write the columns of a dataset as CSV; a variable of several rows gives as many columns."""
     columns = {along: data[along].values}
     for name in data.data_vars:
         values = data[name].values

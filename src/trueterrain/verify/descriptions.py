@@ -1,4 +1,4 @@
-"""Descriptions of tests, as files hold them."""
+"""Descriptions of accuracy tests, as TOML files hold them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -10,15 +10,15 @@ from trueterrain.motion import FusionSettings
 from trueterrain.motion.fuse import Method
 from trueterrain.verify.drift import DriftSettings
 from trueterrain.verify.dynamic import DynamicSettings
-from trueterrain.verify.results import TestLimits
+from trueterrain.verify.results import AccuracyLimits
 from trueterrain.verify.static import StaticSettings
 
 _PLATE = "plate.csv"
 
 
 @dataclass(frozen=True, kw_only=True)
-class TestDescription:
-    """What a certificate states of a test."""
+class AccuracyTest:
+    """Description of a test: statements for the certificate, limits, calibration runs."""
 
     kind: ClassVar[str]
     "Name of the test."
@@ -27,26 +27,26 @@ class TestDescription:
     "Title of the certificate."
 
     system: str = ""
-    "What was tested: vehicle, scanner, navigation, their numbers."
+    "System under test: vehicle, scanner, navigation, their serial numbers."
 
     conditions: str = ""
-    "Under which conditions: place, weather, speed, crew."
+    "Conditions of the test: place, weather, speed, crew."
 
     date: str = ""
-    "When it was recorded; written as 2026-03-12 it is compared with the times of the runs."
+    "Date of the recording; written as 2026-03-12 it is compared with the times of the runs."
 
     cautious: bool = False
-    """Ask the upper ends of intervals to keep the limits, not the figures themselves. An
-    interval of too few independent errors keeps none: over a plate, limit off_edges."""
+    """Compare the upper ends of intervals with the limits, not the figures themselves. An
+    interval of too few independent errors fails every limit: over a plate, limit off_edges."""
 
-    limits: TestLimits = field(default_factory=TestLimits)
-    "What figures may be at most; without limits nothing is passed or failed."
+    limits: AccuracyLimits = field(default_factory=AccuracyLimits)
+    "Upper limits of the figures; without limits there is no verdict."
 
     clock: str | None = None
-    "Run of a bounce: parked on a flat floor, rocked by hand; tells what clocks are off by."
+    "Run of a bounce, parked on a flat floor and rocked by hand, to check the clocks."
 
     boresight: tuple[str, ...] = ()
-    "Runs in both directions over the same ground: tell how the scanner sits in the vehicle."
+    "Runs in both directions over the same ground, to check the mounting of the scanner."
 
     def __post_init__(self) -> None:
         """Check the runs of the instruments."""
@@ -56,41 +56,41 @@ class TestDescription:
 
 
 @dataclass(frozen=True, kw_only=True)
-class StaticTest(TestDescription):
-    """A static test: a scanner that stands above a calibration plate."""
+class StaticTest(AccuracyTest):
+    """A static test: a scanner at rest above a calibration plate."""
 
     kind: ClassVar[str] = "static"
 
     run: str
-    "Run of the standing scanner, NAME.zarr; from the folder of this file."
+    "Run of the scanner at rest, NAME.zarr; relative to the folder of this file."
 
     machined: str
     "Machined profile of the plate: CSV, ERD or Parquet."
 
     test: StaticSettings = field(default_factory=StaticSettings)
-    "How it is evaluated."
+    "Settings of the evaluation."
 
 
 @dataclass(frozen=True, kw_only=True)
-class DynamicTest(TestDescription):
+class DynamicTest(AccuracyTest):
     """A dynamic test: runs over a calibration plate."""
 
     kind: ClassVar[str] = "dynamic"
 
     runs: dict[str, str]
-    "Runs over the plate by name, NAME.zarr each; from the folder of this file."
+    "Runs over the plate by name, NAME.zarr each; relative to the folder of this file."
 
     machined: str
     "Machined profile of the plate: CSV, ERD or Parquet."
 
     methods: tuple[str, ...] = ("rts",)
-    "How motion is found, one after the other: navigation, thesis, zero-phase, wiener, rts."
+    "Methods of fusion, each evaluated: navigation, thesis, zero-phase, wiener, rts."
 
     fusion: FusionSettings = field(default_factory=FusionSettings)
-    "How motion is found; its method is taken from methods."
+    "Settings of the fusion; its method is taken from methods."
 
     test: DynamicSettings = field(default_factory=DynamicSettings)
-    "How it is evaluated."
+    "Settings of the evaluation."
 
     def __post_init__(self) -> None:
         """Check that there is something to test, and the methods."""
@@ -99,59 +99,59 @@ class DynamicTest(TestDescription):
             message = "runs and methods must each hold at least one."
             raise ValueError(message)
         for method in self.methods:
-            fusion_of(method)
+            method_settings(method)
 
 
 @dataclass(frozen=True, kw_only=True)
-class DriftTest(TestDescription):
+class DriftTest(AccuracyTest):
     """A drift test: repeated runs along one path."""
 
     kind: ClassVar[str] = "drift"
 
     profiles: tuple[str, ...]
-    "Profiles of repeated runs, a file each; from the folder of this file."
+    "Profiles of repeated runs, one file each; relative to the folder of this file."
 
     reference: str | None = None
     "Profile of the true heights; by default runs are compared with each other."
 
     track: str | None = None
-    "Track to take from profiles of several."
+    "Track, if the profiles have several."
 
     test: DriftSettings = field(default_factory=DriftSettings)
-    "How it is evaluated."
+    "Settings of the evaluation."
 
 
 #: Descriptions by the name of the test.
-KINDS: dict[str, type[TestDescription]] = {
+KINDS: dict[str, type[AccuracyTest]] = {
     "static": StaticTest,
     "dynamic": DynamicTest,
     "drift": DriftTest,
 }
 
 
-def fusion_of(method: str, fusion: FusionSettings = FusionSettings()) -> FusionSettings:
-    """Settings of a method of finding motion.
+def method_settings(method: str, fusion: FusionSettings = FusionSettings()) -> FusionSettings:
+    """Fusion settings with another method.
 
     Parameters
     ----------
     method : str
-        Its name.
+        Name of the method.
     fusion : FusionSettings
-        All but the method.
+        All other settings.
 
     Returns
     -------
     FusionSettings
-        Of that method.
+        Settings with that method.
 
     Raises
     ------
     ValueError
-        If it is unknown.
+        If the method is unknown.
 
     Examples
     --------
-    >>> fusion_of("thesis", FusionSettings(crossover=8.0)).crossover
+    >>> method_settings("thesis", FusionSettings(crossover=8.0)).crossover
     8.0
     """
     for known in get_args(Method):
@@ -175,7 +175,7 @@ def description_template(kind: str, files: Sequence[str | Path] = ()) -> str:
     Returns
     -------
     str
-        TOML that `certify` reads, once its inputs are there.
+        TOML for `certify_profiler`.
 
     Raises
     ------
@@ -187,7 +187,7 @@ def description_template(kind: str, files: Sequence[str | Path] = ()) -> str:
     Examples
     --------
     >>> print(description_template("static").partition("[limits]")[0])
-    # A static test: a scanner that stands above a calibration plate.
+    # A static test: a scanner at rest above a calibration plate.
     ...
     run = "run.zarr"
     ...
@@ -202,7 +202,7 @@ def description_template(kind: str, files: Sequence[str | Path] = ()) -> str:
             message = f"there is no {'profile' if kind == 'drift' else 'run'} {file}"
             raise FileNotFoundError(message)
     names = [str(file) for file in files]
-    test: TestDescription
+    test: AccuracyTest
     if kind == "static":
         if len(names) > 1:
             message = f"a static test is of one run, got {', '.join(names)}."

@@ -1,7 +1,7 @@
-"""Drift test: how heights wander over a kilometre and more, in runs that repeat each other.
+"""Drift test: growth of height errors with distance in repeated runs over one path (thesis 3.6).
 
-What all runs share is bias, what differs from run to run is repeatability (thesis 3.6). Both are
-told apart by distance: over how many metres do errors grow, and how much (Fig. 2-2).
+The error common to all runs is the bias, the differences between runs the repeatability. Both are
+given as functions of distance by structure functions (Fig. 2-2).
 """
 
 import math
@@ -19,24 +19,24 @@ from trueterrain.verify.statistics.uncertainty import AccuracyFigure, mean_figur
 
 Floats = npt.NDArray[np.float64]
 
-_FEWEST = 2  # runs
-_LEAST = 32  # places
+_MIN_RUNS = 2
+_MIN_PLACES = 32
 _PER_DECADE = 8  # distances of the structure function
-_LONGEST = 0.5  # of the length, over which pairs of places are still many
+_MAX_LAG = 0.5  # fraction of the length up to which there are enough pairs of places
 
 
 @dataclass(frozen=True, kw_only=True)
 class DriftSettings:
-    """How a drift test is evaluated."""
+    """Settings of a drift test."""
 
     spacing: float = 1.0
-    "Distance of the places that are compared [m]."
+    "Distance between the places that are compared [m]."
 
     min_length: float = 1000.0
-    "Shortest common length of which the test is a test [m]."
+    "Smallest length common to all profiles [m]."
 
     confidence: float = 0.95
-    "Share of repeats of the test in which the intervals hold the truth."
+    "Fraction of repeats of the test in which the intervals hold the true value."
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -51,32 +51,33 @@ class DriftSettings:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DriftResult:
-    """How heights wander in repeated runs."""
+    """Result of a drift test."""
 
     errors: xr.Dataset
-    """Over distance s [m]: ``error`` (run, s) of each run against the reference, or, without one,
-    against the mean of all; ``mean`` over the runs and ``spread`` between them [m]."""
+    """Over distance s [m]: ``error`` (run, s) of each run relative to the reference or, without
+    one, to the mean of all runs; ``mean`` over the runs and ``spread``, their standard deviation
+    [m]."""
 
     growth: xr.Dataset
-    """Over ``distance`` [m]: ``structure``, the root mean square by which errors of places so far
-    apart differ; ``allan``, the Allan deviation of means over so much; ``repeats``, the structure
-    function of what differs from run to run [m]."""
+    """Over ``distance`` [m]: ``structure``, the root mean square difference of errors at that
+    distance; ``allan``, the Allan deviation of means over it; ``repeats``, the structure function
+    of the differences between runs [m]."""
 
     row: ResultRow
     "Row of the table; its noise is the repeatability of a single run."
 
     repeatability: AccuracyFigure
-    "Standard deviation of a single run about what all share [m]."
+    "Standard deviation of a single run about the mean of all runs [m]."
 
     shared: AccuracyFigure | None
-    """Root mean square of what all runs share, less what so many runs leave by chance; None without
-    a reference, of which alone it can be known [m]."""
+    """Root mean square of the error common to all runs, without the random error of their mean;
+    None without a reference [m]."""
 
     runs: int
-    "Runs that were compared."
+    "Number of runs."
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain numbers and words, as for JSON, without the single errors."""
+        """Numbers and strings, ready for JSON, without the single errors."""
         return {
             **self.row.to_dict(),
             "runs": self.runs,
@@ -100,34 +101,34 @@ def drift_test(
     Parameters
     ----------
     profiles : sequence of xarray.Dataset
-        Profiles along one path, a run each, of one track; their s counts from the same place.
+        Profiles of one track along one path, one for each run; s counts from the same place.
     reference : xarray.Dataset, optional
         True heights along the path.
     settings : DriftSettings
-        How the test is evaluated.
+        Spacing, length and confidence.
 
     Returns
     -------
     DriftResult
-        Errors against distance and what they are made of.
+        Errors over distance, split into bias and repeatability.
 
     Raises
     ------
     CoverageError
-        If there are fewer than two runs, or they share too short a stretch.
+        If there are fewer than two runs, or their common length is too short.
     ValueError
         If a profile has several tracks.
 
     Notes
     -----
-    Heights are interpolated at places of equal distance. With e the errors of n runs, their spread
-    about the mean at a place gives the repeatability, with n - 1 in its denominator. The mean holds
-    the repeatability over n besides the bias, which is taken off its mean square. Without a
-    reference the mean of the runs stands for it: errors are then too small by sqrt((n - 1) / n),
-    and are enlarged by as much.
+    Heights are interpolated at equally spaced places. The variance of n runs about their mean at a
+    place, with n - 1 in its denominator, gives the repeatability. The mean square of the mean of
+    the runs holds the squared repeatability over n besides the squared bias; it is subtracted.
+    Without a reference, errors count from the mean of the runs: they are too small by
+    sqrt((n - 1) / n) and are enlarged accordingly.
 
-    Intervals come from blocks of places, drawn together for all runs. Drift that is as long as the
-    path leaves few of them: then the interval is wide, or no interval tells.
+    Intervals come from a bootstrap of blocks of places, common to all runs. Drift with a
+    correlation length of the order of the path leaves few independent blocks: the interval is wide.
 
     Examples
     --------
@@ -140,19 +141,19 @@ def drift_test(
     >>> print(f"{1e3 * float(ten):.1f} mm over 10 m")
     3.2 mm over 10 m
     """
-    if len(profiles) < _FEWEST:
+    if len(profiles) < _MIN_RUNS:
         raise CoverageError(
-            f"the drift test needs at least {_FEWEST} runs, got {len(profiles)}",
+            f"the drift test needs at least {_MIN_RUNS} runs, got {len(profiles)}",
             cure="Repeat the run over the same path.",
         )
     s = _common_places([*profiles, *([] if reference is None else [reference])], settings)
     heights = np.stack([_heights_at(profile, s) for profile in profiles])
     n = len(profiles)
-    shared = heights.mean(axis=0)
-    apart = (heights - shared) * math.sqrt(n / (n - 1))
-    error = apart if reference is None else heights - _heights_at(reference, s)
+    mean_height = heights.mean(axis=0)
+    deviation = (heights - mean_height) * math.sqrt(n / (n - 1))
+    error = deviation if reference is None else heights - _heights_at(reference, s)
     mean = error.mean(axis=0)
-    repeatability = rms_figure(apart, confidence=settings.confidence)
+    repeatability = rms_figure(deviation, confidence=settings.confidence)
     bias = None
     if reference is not None:
         bias = _shared_error(mean, repeatability, n, settings.confidence)
@@ -160,7 +161,7 @@ def drift_test(
         {
             "error": (("run", "s"), error),
             "mean": ("s", mean),
-            "spread": ("s", np.sqrt((apart**2).mean(axis=0))),
+            "spread": ("s", np.sqrt((deviation**2).mean(axis=0))),
         },
         {"s": s, "run": np.arange(n)},
     )
@@ -177,7 +178,7 @@ def drift_test(
     )
     return DriftResult(
         errors=dataset,
-        growth=_error_growth(error, apart, settings.spacing),
+        growth=_error_growth(error, deviation, settings.spacing),
         row=row,
         repeatability=repeatability,
         shared=bias,
@@ -186,7 +187,7 @@ def drift_test(
 
 
 def _common_places(profiles: list[xr.Dataset], settings: DriftSettings) -> Floats:
-    """Places that all profiles reach."""
+    """Equally spaced places within the length common to all profiles [m]."""
     for profile in profiles:
         if "track" in profile.dims:
             message = "profiles must have one track each, got several: choose one."
@@ -195,14 +196,15 @@ def _common_places(profiles: list[xr.Dataset], settings: DriftSettings) -> Float
     high = min(float(profile["s"][-1]) for profile in profiles)
     if high - low < settings.min_length:
         raise CoverageError(
-            f"runs share {max(high - low, 0.0):.1f} m, the drift test needs "
+            f"runs have {max(high - low, 0.0):.1f} m in common, the drift test needs "
             f"{settings.min_length:g} m",
-            cure="Drive further, or ask for less: min_length.",
+            cure="Record longer runs, or reduce min_length.",
         )
     count = math.floor((high - low) / settings.spacing * (1 + 1e-12)) + 1
-    if count < _LEAST:
+    if count < _MIN_PLACES:
         raise CoverageError(
-            f"{count} places are too few", cure=f"Choose a spacing that gives at least {_LEAST}."
+            f"{count} places are too few",
+            cure=f"Choose a spacing that gives at least {_MIN_PLACES}.",
         )
     places: Floats = low + settings.spacing * np.arange(count, dtype=np.float64)
     return places
@@ -222,33 +224,35 @@ def _heights_at(profile: xr.Dataset, s: Floats) -> Floats:
 def _shared_error(
     mean: Floats, repeatability: AccuracyFigure, runs: int, confidence: float
 ) -> AccuracyFigure:
-    """What all runs share, without what chance leaves in their mean."""
+    """Error common to all runs: the figure of their mean without its random error."""
     found = rms_figure(mean, confidence=confidence)
-    chance = repeatability.value**2 / runs
+    variance_of_mean = repeatability.value**2 / runs
 
-    def without(value: float) -> float:
-        return math.sqrt(max(value**2 - chance, 0.0))
+    def corrected(value: float) -> float:
+        return math.sqrt(max(value**2 - variance_of_mean, 0.0))
 
     return AccuracyFigure(
-        value=without(found.value),
-        low=without(found.low),
-        high=without(found.high),
+        value=corrected(found.value),
+        low=corrected(found.low),
+        high=corrected(found.high),
         confidence=confidence,
         block=found.block,
         independent=found.independent,
     )
 
 
-def _error_growth(error: Floats, apart: Floats, spacing: float) -> xr.Dataset:
+def _error_growth(error: Floats, deviation: Floats, spacing: float) -> xr.Dataset:
+    """Structure functions and Allan deviation of errors, shape (run, s) [m]."""
     n = error.shape[1]
-    most = max(1, int(_LONGEST * (n - 1)))
-    count = max(2, math.ceil(_PER_DECADE * math.log10(most)))
-    lags = np.unique(np.rint(np.geomspace(1, most, count)).astype(int))
+    max_lag = max(1, int(_MAX_LAG * (n - 1)))
+    count = max(2, math.ceil(_PER_DECADE * math.log10(max_lag)))
+    lags = np.unique(np.rint(np.geomspace(1, max_lag, count)).astype(int))
     sums = np.concatenate([np.zeros((error.shape[0], 1)), np.cumsum(error, axis=1)], axis=1)
     columns: dict[str, list[float]] = {"structure": [], "allan": [], "repeats": []}
     for lag in lags:
-        for name, values in (("structure", error), ("repeats", apart)):
+        for name, values in (("structure", error), ("repeats", deviation)):
             columns[name].append(math.sqrt(np.mean((values[:, lag:] - values[:, :-lag]) ** 2)))
+        # Allan variance: half the mean square difference of adjacent means (Allan 1966)
         means = (sums[:, lag:] - sums[:, :-lag]) / lag
         steps = means[:, lag:] - means[:, :-lag]
         columns["allan"].append(math.sqrt(0.5 * np.mean(steps**2)))

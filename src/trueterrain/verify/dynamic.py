@@ -1,7 +1,7 @@
-"""Dynamic test: how true a profile over the plate is from a moving vehicle (thesis 3.5.2).
+"""Dynamic test: error of a profile over a calibration plate from a moving vehicle (thesis 3.5.2).
 
-Beside figures of the error, how much of the motion of the body comes through to the profile: the
-body-motion rejection, decibel by decibel and frequency by frequency.
+Besides accuracy figures, the test gives the body-motion rejection: the ratio of the motion of the
+laser to the error of the profile by frequency.
 """
 
 import math
@@ -14,34 +14,45 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.core.errors import CoverageError, name_file_in_errors
-from trueterrain.georeference import Screening
+from trueterrain.formats.run import open_run
+from trueterrain.geometry.rotations import to_iso8855
+from trueterrain.georeference import Screening, georeference, mounting_of
 from trueterrain.motion.trajectory import Trajectory
-from trueterrain.verify.error_modes import ErrorMode, modes_of, source_of
+from trueterrain.verify.error_modes import ErrorMode, main_error_source, split_by_mode
 from trueterrain.verify.findings.common import describe_findings
 from trueterrain.verify.findings.dynamic import dynamic_findings
 from trueterrain.verify.findings.finding import Finding
-from trueterrain.verify.motion_rejection import LEAST_SAMPLES, rejection_of
-from trueterrain.verify.registration.points import registered_points
-from trueterrain.verify.registration.search import Registration, register_profile
-from trueterrain.verify.results import ResultRow, at_edges, parts_of, profile_distances, row_of
+from trueterrain.verify.motion_rejection import MIN_SAMPLES, rejection_spectrum
+from trueterrain.verify.registration.search import (
+    Registration,
+    register_profile,
+    registered_points,
+)
+from trueterrain.verify.results import (
+    ResultRow,
+    at_edges,
+    error_parts,
+    profile_distances,
+    result_row,
+)
 
 Floats = npt.NDArray[np.float64]
 
-_CROSSED = 0.95  # share of the plate that must have heights
-_PLANE = 0.4  # of the height of the plate, by which a floor seems to depart from a plane at most
-_FINE = 0.002  # [m] cells by which the stretch is found
-_STRAIGHT = 0.05  # [m] by which the way over the plate may leave a straight line
+_MIN_CROSSED = 0.95  # fraction of the plate that must have heights
+_PLANE = 0.4  # largest error of a plane floor, as a fraction of the relief of the plate
+_FINE = 0.002  # [m] cells for the estimation of the stretch
+_STRAIGHT = 0.05  # lateral deviation of the path from a straight line, per metre [m/m]
 
 
 @dataclass(frozen=True, kw_only=True)
 class DynamicSettings:
-    """How a dynamic test is evaluated."""
+    """Settings of a dynamic test."""
 
     spacing: float = 0.01
-    "Spacing of the profile along the way [m]."
+    "Spacing of the profile along the path [m]."
 
     offset: float = 0.0
-    "Middle of the strip of returns that are taken, left of the way of the body [m]."
+    "Lateral offset of the centre of the strip of returns, to the left of the body's path [m]."
 
     width: float = 0.1
     "Width of this strip [m]."
@@ -50,35 +61,35 @@ class DynamicSettings:
     "Length of plane floor before and after the plate, for the body-motion rejection [m]."
 
     begin: float | None = None
-    "Time from which the way is looked at [s]; by default that of the first pose."
+    "Time of the start of the crossing [s]; by default that of the first pose."
 
     end: float | None = None
-    "Time to which the way is looked at [s]; by default that of the last pose."
+    "Time of the end of the crossing [s]; by default that of the last pose."
 
     assumed: float | None = None
-    "Where the plate is assumed to begin along the way from the first pose [m]."
+    "Assumed distance of the start of the plate along the path from the first pose [m]."
 
     search: float | None = None
-    """Greatest distance of the plate from there [m]; by default it is looked for everywhere; 0
-    takes it as it lies."""
+    """Greatest distance of the plate from there [m]; by default the whole path is searched; 0 takes
+    the assumed place without registration of shift and stretch."""
 
     stretch: bool = False
-    "Whether the length over which the plate was measured is found too, as where the way drifts."
+    "Whether the measured length of the plate is estimated too, as for a drifting position."
 
     ride: tuple[float, float] = (0.5, 3.0)
     "Lowest and highest frequency of the primary ride of the vehicle [Hz]."
 
     hop: tuple[float, float] = (8.0, 16.0)
-    "Lowest and highest frequency of the hop of its wheels [Hz]."
+    "Lowest and highest frequency of its wheel hop [Hz]."
 
     edge: float = 0.01
-    "Distance from a steep face within which an error counts as one of an edge [m]."
+    "Distance from a steep face within which an error belongs to an edge [m]."
 
     screening: Screening = field(default_factory=Screening)
-    "Which returns are flagged, and what becomes of them."
+    "Bounds of range and intensity of the returns."
 
     confidence: float = 0.95
-    "Share of repeats of the test in which the intervals hold the truth."
+    "Fraction of repeats of the test in which the intervals hold the true value."
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -97,7 +108,7 @@ class DynamicSettings:
             message = f"confidence must be between 0 and 1, got {self.confidence}."
             raise ValueError(message)
         if self.search is not None and self.assumed is None:
-            message = "search needs assumed, where the plate is assumed to begin."
+            message = "search needs assumed, the assumed place of the plate."
             raise ValueError(message)
         if self.begin is not None and self.end is not None and not self.begin < self.end:
             message = f"begin must be before end, got {self.begin} s and {self.end} s."
@@ -106,25 +117,25 @@ class DynamicSettings:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DynamicResult:
-    """How true a profile from a moving vehicle is."""
+    """Result of a dynamic test."""
 
     errors: xr.Dataset
-    """Over position s on the machined profile [m]: ``along`` the way, ``up`` as it was measured,
-    ``height`` (registered), ``machined`` (mean over the places of the returns), ``error``, ``sd``
-    of a mean by the spread of its returns, ``distance`` from the machined line [m], ``count``,
-    ``edge`` and ``time`` [s]."""
+    """Over position s on the machined profile [m]: ``along``, distance along the path, ``up`` as
+    measured, ``height`` (registered), ``machined`` (mean over the places of the returns),
+    ``error``, ``sd`` of the mean from the scatter of its returns, ``distance`` from the machined
+    line [m], ``count``, ``edge`` and ``time`` [s]."""
 
     row: ResultRow
     "Row of the table."
 
     registration: Registration
-    "Where the plate was found."
+    "Registration of the plate."
 
     registered: xr.Dataset
-    "Means ``up`` of cells ``along`` the way where the plate was found, and was assumed [m]."
+    "Means ``up`` of cells ``along`` the path where the plate was found, and was assumed [m]."
 
     parts: dict[str, float]
-    "Mean squares by cause, which add up to that of the error [m²]; see `parts_of`."
+    "Mean squares by cause, which add up to that of the error [m²]; see `error_parts`."
 
     speed: float
     "Mean speed over the plate [m/s]."
@@ -134,18 +145,18 @@ class DynamicResult:
     ``rejection`` with ``low`` and ``high`` [dB]."""
 
     findings: tuple[Finding, ...] = ()
-    "What was looked for besides: see `Finding`."
+    "Findings on single faults; see `Finding`."
 
     modes: tuple[ErrorMode, ...] = ()
-    "The error on plate and floor by the modes of the body, from low to high frequencies."
+    "Error on plate and floor by the modes of the vehicle, from low to high frequencies."
 
     @property
     def source(self) -> str:
-        """Which mode the error comes from, in a sentence."""
-        return source_of(self.modes)
+        """Sentence on the mode from which the error mainly comes."""
+        return main_error_source(self.modes)
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain numbers and words, as for JSON, without the single errors."""
+        """Numbers and strings, ready for JSON, without the single errors."""
         found = self.registration
         names = (
             "shift",
@@ -179,54 +190,51 @@ def dynamic_test(
     *,
     name: str = "dynamic",
 ) -> DynamicResult:
-    """Compare a profile over a calibration plate, measured while driving, with the machined one.
+    """Compare a profile over a calibration plate, measured by a moving vehicle, with the plate.
 
     Parameters
     ----------
     run : xarray.DataTree or path
-        Run over the plate, whose cleats lie across the way.
+        Run over the plate, whose cleats lie across the path.
     machined : xarray.Dataset
         Machined profile of the plate; straight lines join its nodes.
     trajectory : Trajectory
         Motion of the body, by any method.
     settings : DynamicSettings
-        How the test is evaluated.
+        Strip, registration, bands and confidence.
     name : str
         Name of the test in the table.
 
     Returns
     -------
     DynamicResult
-        Errors over the plate, their figures, and the body-motion rejection.
+        Errors over the plate, accuracy figures, findings and body-motion rejection.
 
     Raises
     ------
     CoverageError
         If the run does not cross the plate, or it is not found.
     SchemaError
-        If the machined profile is none of a plate, or in another unit.
+        If the machined profile is not that of a plate, or in another unit.
     ValueError
         If screening needs intensities that were not recorded.
 
     Notes
     -----
-    Returns of a strip beside the way are averaged in cells along it. Against each mean stands the
-    mean of the machined heights at the places of the same returns, so that neither the slope in a
-    cell nor the places of scans are charged to the heights (Figs 3-22, 3-23).
+    Returns of a strip are averaged in cells along the path. Each mean is compared with the mean of
+    the machined heights at the places of the same returns, so that neither the slope within a cell
+    nor the places of the scans cause errors (Figs 3-22, 3-23).
 
-    The motion is the height of the laser at the time of the scans, as the trajectory shows it.
-    Errors beside edges are bridged before spectra are taken, since they say nothing about the body.
-    Without ``floor`` the stretch is that of the plate, and frequencies below speed / length are not
-    told apart.
+    The motion is the height of the laser at the times of the scans, from the trajectory. Errors at
+    edges do not depend on the body; they are interpolated before the spectral analysis. Without
+    ``floor`` the record covers the plate only, and frequencies below speed / length are not
+    resolved.
     """
-    from trueterrain.formats.run import open_run
-    from trueterrain.georeference import mounting_of
-
     source = None if isinstance(run, xr.DataTree) else Path(run)
     path = trajectory.between(settings.begin, settings.end)
     with name_file_in_errors(source):
-        strip = strip_of(run, path, settings)
-        # within cells of some length the flanks of arcs bend, which looks like a stretch
+        strip = select_strip(run, path, settings)
+        # in long cells the mean over a curved flank is biased, which resembles a stretch
         cells = _cell_means(
             strip, min(_FINE, settings.spacing) if settings.stretch else settings.spacing
         )
@@ -247,10 +255,10 @@ def dynamic_test(
     error, edge = errors["error"].values, errors["edge"].values
     single = (errors["sd"] ** 2 * errors["count"]).values[~edge]
     noise = float(np.sqrt(single.mean())) if single.size else None
-    row = row_of(
+    row = result_row(
         name, error, edge, distance, noise=noise, registration=found, confidence=settings.confidence
     )
-    parts = parts_of(error, errors["sd"].values, edge, np.zeros_like(edge))
+    parts = error_parts(error, errors["sd"].values, edge, np.zeros_like(edge))
     time, along = errors["time"].values, errors["along"].values
     speed = float(np.abs(np.polyfit(time - time.mean(), along - along.mean(), 1)[0]))
     tree = run if isinstance(run, xr.DataTree) else open_run(run)
@@ -279,36 +287,38 @@ def dynamic_test(
     )
 
 
-def strip_of(
+def select_strip(
     run: xr.DataTree | str | Path, path: Trajectory, settings: DynamicSettings
 ) -> dict[str, Floats]:
-    """Returns of the strip in the order of their place along the way.
+    """Select the returns of a strip, in the order of their distance along the path.
 
-    Their ``along`` and ``up`` [m], ``time`` [s] and, where there is one, ``intensity``.
+    ``along`` and ``up`` [m], ``time`` [s] and, if recorded, ``intensity`` of each return.
     """
-    from trueterrain.georeference import georeference
-
     origin = path.position[0, :2]
-    way = path.position[-1, :2] - origin
-    driven = float(np.hypot(*way))
+    chord = path.position[-1, :2] - origin
+    driven = float(np.hypot(*chord))
     if driven < settings.spacing:
         raise CoverageError(
             f"the vehicle moved by {driven:.3f} m: the run does not cross the plate",
-            cure="Use the static test for a vehicle that stands.",
+            cure="Use the static test for a vehicle at rest.",
         )
-    ahead = way / driven
-    aside = np.array([-ahead[1], ahead[0]])
-    sway = float(np.abs((path.position[:, :2] - origin) @ aside).max())
-    if sway > _STRAIGHT * max(1.0, driven):
+    longitudinal = chord / driven
+    lateral = np.array([-longitudinal[1], longitudinal[0]])
+    deviation = float(np.abs((path.position[:, :2] - origin) @ lateral).max())
+    if deviation > _STRAIGHT * max(1.0, driven):
         raise CoverageError(
-            f"the way leaves a straight line by {sway:.2f} m",
+            f"the path departs from a straight line by {deviation:.2f} m",
             cure="Name the time of the crossing: begin and end.",
         )
     found: dict[str, list[Floats]] = {}
     for points in georeference(run, path, screening=settings.screening):
         places = np.stack([points.easting.values, points.northing.values], axis=-1) - origin
-        inside = np.abs(places @ aside - settings.offset) <= 0.5 * settings.width
-        columns = {"along": places @ ahead, "up": points.up.values, "time": points.time.values}
+        inside = np.abs(places @ lateral - settings.offset) <= 0.5 * settings.width
+        columns = {
+            "along": places @ longitudinal,
+            "up": points.up.values,
+            "time": points.time.values,
+        }
         if "intensity" in points:
             columns["intensity"] = points.intensity.values.astype(np.float64)
         for name, values in columns.items():
@@ -323,7 +333,7 @@ def strip_of(
 
 
 def _cell_means(strip: dict[str, Floats], spacing: float) -> dict[str, Floats]:
-    """Means of cells along the way."""
+    """Mean distance and height of cells along the path [m]."""
     cell = np.floor(strip["along"] / spacing).astype(np.int64)
     first = np.flatnonzero(np.concatenate([[True], np.diff(cell) != 0]))
     count = np.diff(np.concatenate([first, [cell.size]]))
@@ -334,7 +344,7 @@ def _cell_means(strip: dict[str, Floats], spacing: float) -> dict[str, Floats]:
 def _compare_cells(
     strip: dict[str, Floats], machined: xr.Dataset, found: Registration, settings: DynamicSettings
 ) -> xr.Dataset:
-    """Means of cells on plate and floor against the machined heights at the same places."""
+    """Compare means of cells on plate and floor with the machined heights at the same places."""
     s = found.positions(strip["along"])
     reach = settings.floor
     kept = np.flatnonzero((s >= -reach) & (s <= found.length + reach))
@@ -344,7 +354,7 @@ def _compare_cells(
     on = (s >= 0) & (s <= found.length)
     true = np.where(on, np.interp(s, nodes, heights), 0.0)
     height = strip["up"][order] - found.level(along)
-    if not on.all():  # heights of the floor count from itself: how thick plates lie is not known
+    if not on.all():  # the thickness under the plate is unknown: floor heights count from the floor
         height[~on] -= np.median(height[~on])
     cell = np.floor(s / settings.spacing).astype(np.int64)
     first = np.flatnonzero(np.concatenate([[True], np.diff(cell) != 0]))
@@ -355,8 +365,8 @@ def _compare_cells(
 
     error = height - true
     _require_plane(mean(error)[~on[first]], float(np.ptp(heights)))
-    about = error - np.repeat(mean(error), count)
-    spread = np.sqrt(mean(about**2) * count / np.maximum(count - 1, 1))
+    deviation = error - np.repeat(mean(error), count)
+    single_sd = np.sqrt(mean(deviation**2) * count / np.maximum(count - 1, 1))
     position = mean(s)
     columns = {
         "along": mean(along),
@@ -364,7 +374,7 @@ def _compare_cells(
         "height": mean(height),
         "machined": mean(true),
         "error": mean(error),
-        "sd": spread / np.sqrt(count),
+        "sd": single_sd / np.sqrt(count),
         "count": count,
         "time": mean(strip["time"][order]),
         "edge": at_edges(machined, position, settings.edge)
@@ -377,7 +387,7 @@ def _compare_cells(
 
 
 def _require_crossed(cells: int, length: float, spacing: float) -> None:
-    if cells < _CROSSED * length / spacing:
+    if cells < _MIN_CROSSED * length / spacing:
         raise CoverageError(
             f"{cells} of {length / spacing:.0f} places on the plate have heights: the run does not "
             "cross it, or its scans are too far apart",
@@ -386,11 +396,11 @@ def _require_crossed(cells: int, length: float, spacing: float) -> None:
 
 
 def _require_plane(floor: Floats, plate: float) -> None:
-    """Raise if beside the plate lies what is no floor."""
-    most = float(np.abs(floor).max(initial=0.0))
-    if most > _PLANE * plate:
+    """Raise if the floor before and after the plate is not plane."""
+    max_error = float(np.abs(floor).max(initial=0.0))
+    if max_error > _PLANE * plate:
         raise CoverageError(
-            f"the floor beside the plate is not plane: it departs by {1000 * most:.1f} mm",
+            f"the floor beside the plate is not plane: it departs by {1000 * max_error:.1f} mm",
             cure="Choose a shorter floor, or 0.",
         )
 
@@ -402,18 +412,16 @@ def _crossing_spectra(
     lever: Floats,
     settings: DynamicSettings,
 ) -> tuple[xr.Dataset, tuple[ErrorMode, ...]]:
-    """Spectra of error and motion over the time of the crossing, and the error by modes."""
-    from trueterrain.geometry.rotations import to_iso8855
-
+    """Body-motion rejection over the time of the crossing, and the error by modes."""
     order = np.argsort(table["time"].values)
     time, error = (table[name].values[order] for name in ("time", "error"))
     plain = ~table["edge"].values[order]
-    if plain.sum() < LEAST_SAMPLES:
+    if plain.sum() < MIN_SAMPLES:
         raise CoverageError(
             f"{plain.sum()} places away from edges are too few for a spectrum, needed are "
-            f"{LEAST_SAMPLES}",
+            f"{MIN_SAMPLES}",
             path=source,
-            cure="Choose a smaller spacing or edge, or add floor beside the plate.",
+            cure="Choose a smaller spacing or edge, or add floor before and after the plate.",
         )
     even = np.linspace(time[0], time[-1], time.size)
     poses = path.at(even)
@@ -422,6 +430,6 @@ def _crossing_spectra(
     roll, pitch, _ = to_iso8855(poses.rotation)
     motion = {"heave": poses.position[:, 2], "pitch": pitch, "roll": roll, "the laser": laser}
     return (
-        rejection_of(even, laser, bridged, confidence=settings.confidence),
-        modes_of(even, bridged, motion, ride=settings.ride, hop=settings.hop),
+        rejection_spectrum(even, laser, bridged, confidence=settings.confidence),
+        split_by_mode(even, bridged, motion, ride=settings.ride, hop=settings.hop),
     )

@@ -1,9 +1,9 @@
-"""Which mode of the body the error of a profile comes from.
+"""Error of a profile by frequency bands of the vehicle's modes, and its coherence with the motion.
 
-The body rides on its suspension at 1 to 2 Hz, and its wheels hop at 10 to 15 Hz. Where the error
-has its power, and what motion it follows there, says what to look at: slow errors are those of
-navigation, errors that follow pitch those of levers and angles, errors that follow no motion the
-scanner's own.
+The body rides on its suspension at 1 to 2 Hz, and its wheels hop at 10 to 15 Hz. The band of an
+error and the motion with which it is coherent indicate its cause: slow errors come from navigation,
+errors coherent with pitch from lever arms and angles, errors coherent with no motion from the
+scanner.
 """
 
 import math
@@ -14,27 +14,26 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.verify.motion_rejection import HALF_BANDWIDTH, TAPERS
-from trueterrain.verify.motion_rejection import turned_by_tapers as _tapered
+from trueterrain.verify.motion_rejection import HALF_BANDWIDTH, TAPERS, tapered_transforms
 
 Floats = npt.NDArray[np.float64]
 Complexes = npt.NDArray[np.complex128]
 
-_SURE = 0.99  # share of errors that do not move with the body and whose coherence stays below
+_LEVEL = 0.99  # probability that errors independent of the motion stay below the threshold
 _SLOW = "slow"
-_SMALL = 1e-9  # [m, rad] root mean square of a motion that is none
-_LARGE = 0.05  # share of the error of which it is worth to say where it comes from
+_SMALL = 1e-9  # [m, rad] root mean square below which a motion counts as none
+_LARGE = 0.05  # fraction of the error above which its cause is worth a report
 
-#: Squared coherence that errors without a share in the motion reach in one of 100 cases.
-THRESHOLD = 1 - (1 - _SURE) ** (1 / (TAPERS - 1))
+#: Squared coherence that errors independent of the motion exceed in one of 100 cases.
+COHERENCE_THRESHOLD = 1 - (1 - _LEVEL) ** (1 / (TAPERS - 1))
 
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorMode:
-    """How much of the error lies in a band of frequencies, and what it moves with."""
+    """Part of the error in a band of frequencies, and its coherence with the motion."""
 
     name: str
-    "Primary ride, wheel hop, or what lies below, between and above."
+    "Primary ride, wheel hop, or the band below, between or above."
 
     low: float
     "Lowest frequency [Hz]."
@@ -42,31 +41,31 @@ class ErrorMode:
     high: float
     "Highest frequency [Hz]."
 
-    share: float | None
-    "Share of the mean square of the error, 0 to 1; None where the record is too short to tell."
+    fraction: float | None
+    "Fraction of the mean square of the error, 0 to 1; None if the record is too short."
 
     rms: float | None
-    "Root mean square of the error in the band [m]; None as before."
+    "Root mean square of the error in the band [m]; None if the record is too short."
 
     coherence: dict[str, float]
     "Squared coherence of the error with heave, pitch, roll and the laser's height, 0 to 1."
 
     threshold: float
-    "Coherence that errors which do not move with the body reach in one of 100 cases."
+    "Squared coherence that errors independent of the motion exceed in one of 100 cases."
 
     moves_with: str | None
-    "The motion that the error follows most surely; None if it follows none."
+    "Motion of greatest coherence with the error; None if it is below the threshold."
 
     meaning: str
-    "One sentence."
+    "The result in a sentence."
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain numbers and words, as for JSON."""
+        """Numbers and strings, ready for JSON."""
         return {
             "name": self.name,
             "low": self.low,
             "high": self.high,
-            "share": self.share,
+            "fraction": self.fraction,
             "rms": self.rms,
             "coherence": dict(self.coherence),
             "threshold": self.threshold,
@@ -75,7 +74,7 @@ class ErrorMode:
         }
 
 
-def modes_of(
+def split_by_mode(
     time: Floats,
     error: Floats,
     motion: Mapping[str, Floats],
@@ -83,7 +82,7 @@ def modes_of(
     ride: tuple[float, float],
     hop: tuple[float, float],
 ) -> tuple[ErrorMode, ...]:
-    """Split an error by the modes of the body.
+    """Split the mean square of an error into the frequency bands of the vehicle's modes.
 
     Parameters
     ----------
@@ -98,34 +97,35 @@ def modes_of(
 
     Returns
     -------
-    tuple of Mode
-        From low to high frequencies; shares add up to 1. What is slower than one period in the
-        record is not resolved.
+    tuple of ErrorMode
+        From low to high frequencies; fractions add up to 1. Periods longer than the record are not
+        resolved.
 
     Notes
     -----
-    Shares are those of the cosine transform of the record without its trend, which keeps its sum of
-    squares and has no jump at the ends. Coherence is that of spectra by four tapers of Slepian
-    (Thomson 1982) of what is not slow, averaged over the band with the power of the error as
-    weight. Of K tapers, errors without a share in the motion reach 1 - p^(1 / (K - 1)) with the
+    Fractions are those of the discrete cosine transform of the record without its linear trend; it
+    preserves the sum of squares and has no discontinuity at the ends. Coherence is that of spectra
+    by four Slepian tapers (Thomson 1982) after a high-pass filter, averaged over the band with the
+    power of the error as weight. With K tapers, independent errors exceed 1 - p^(1 / (K - 1)) with
     probability p at a single frequency, and more rarely in a mean of several.
 
     Examples
     --------
     >>> time = np.linspace(0, 4, 2000, endpoint=False)
     >>> pitch = 0.01 * np.sin(2 * np.pi * 1.5 * time)
-    >>> modes = modes_of(time, 0.1 * pitch, {"pitch": pitch}, ride=(0.5, 3.0), hop=(8.0, 16.0))
+    >>> bands = {"ride": (0.5, 3.0), "hop": (8.0, 16.0)}
+    >>> modes = split_by_mode(time, 0.1 * pitch, {"pitch": pitch}, **bands)
     >>> modes[1].meaning
     '99 % of the error lies at the primary ride (0.5 to 3 Hz) and moves with pitch.'
     """
     duration = (time[-1] - time[0]) * time.size / (time.size - 1)
-    shares, at = _power_fractions(error, duration)
+    fractions, line = _power_fractions(error, duration)
     slow = max(ride[0], 1.0 / duration)
-    tapered = _tapered(_high_pass(error, slow, duration))
+    tapered = tapered_transforms(_high_pass(error, slow, duration))
     frequency = np.fft.rfftfreq(time.size, duration / time.size)
     power = np.mean(np.abs(tapered) ** 2, axis=0)
     coherent = {
-        name: _squared_coherence(tapered, _tapered(_high_pass(values, slow, duration)))
+        name: _squared_coherence(tapered, tapered_transforms(_high_pass(values, slow, duration)))
         for name, values in motion.items()
         if float(np.std(values)) > _SMALL
     }
@@ -135,7 +135,7 @@ def modes_of(
         if name != _SLOW and high <= 1.0 / duration:
             found.append(_unresolved_mode(name, low, high, duration))
             continue
-        share = float(shares[(at >= low) & (at < high)].sum())
+        fraction = float(fractions[(line >= low) & (line < high)].sum())
         inside = (frequency >= low) & (frequency < high)
         within: dict[str, float] = {}
         if name != _SLOW and high > HALF_BANDWIDTH / duration and power[inside].any():
@@ -144,57 +144,58 @@ def modes_of(
                 for one, values in coherent.items()
             }
         follows = max(within, key=within.__getitem__) if within else None
-        if follows is not None and within[follows] <= THRESHOLD:
+        if follows is not None and within[follows] <= COHERENCE_THRESHOLD:
             follows = None
         found.append(
             ErrorMode(
                 name=name,
                 low=low,
                 high=high,
-                share=share,
-                rms=rms * math.sqrt(share),
+                fraction=fraction,
+                rms=rms * math.sqrt(fraction),
                 coherence=within,
-                threshold=THRESHOLD,
+                threshold=COHERENCE_THRESHOLD,
                 moves_with=follows,
-                meaning=_meaning_text(name, low, high, share, follows, told=bool(within)),
+                meaning=_meaning_text(name, low, high, fraction, follows, compared=bool(within)),
             )
         )
     return tuple(found)
 
 
-def source_of(modes: tuple[ErrorMode, ...]) -> str:
-    """Which mode an error comes from, in a sentence.
+def main_error_source(modes: tuple[ErrorMode, ...]) -> str:
+    """Sentence on the main source of an error among the vehicle's modes.
 
     Parameters
     ----------
-    modes : tuple of Mode
-        Its parts.
+    modes : tuple of ErrorMode
+        Parts of the error.
 
     Returns
     -------
     str
-        The largest part that moves with the body, or that none does.
+        The largest part that is coherent with the motion, or that there is none.
 
     Examples
     --------
-    >>> source_of(())
+    >>> main_error_source(())
     'Nothing of the error moves with the body.'
     """
-    moved = [one for one in modes if one.moves_with and (one.share or 0.0) >= _LARGE]
+    moved = [one for one in modes if one.moves_with and (one.fraction or 0.0) >= _LARGE]
     if moved:
-        return max(moved, key=lambda one: one.share or 0.0).meaning
-    told = [one for one in modes if one.share is not None]
-    if not told:
+        return max(moved, key=lambda one: one.fraction or 0.0).meaning
+    resolved = [one for one in modes if one.fraction is not None]
+    if not resolved:
         return "Nothing of the error moves with the body."
-    most = max(told, key=lambda one: one.share or 0.0)
+    largest = max(resolved, key=lambda one: one.fraction or 0.0)
     return (
         "Nothing of the error moves with the body; most of it, "
-        f"{100 * (most.share or 0.0):.0f} %, lies {_band_text(most.name, most.low, most.high)}."
+        f"{100 * (largest.fraction or 0.0):.0f} %, lies "
+        f"{_band_text(largest.name, largest.low, largest.high)}."
     )
 
 
 def _power_fractions(error: Floats, duration: float) -> tuple[Floats, Floats]:
-    """Shares of the mean square of a record without its trend, and their frequencies."""
+    """Fractions of the mean square of a detrended record by frequency, and the frequencies [Hz]."""
     from scipy.fft import dct
 
     square = np.square(dct(_detrend_record(error), norm="ortho"))
@@ -203,7 +204,7 @@ def _power_fractions(error: Floats, duration: float) -> tuple[Floats, Floats]:
 
 
 def _high_pass(values: Floats, frequency: float, duration: float) -> Floats:
-    """A record without what is slower, whose leakage would hide what is beside it."""
+    """High-pass filter of a record: leakage of slow errors would hide the neighbouring band."""
     from scipy.fft import dct, idct
 
     parts = dct(_detrend_record(values), norm="ortho")
@@ -214,7 +215,7 @@ def _high_pass(values: Floats, frequency: float, duration: float) -> Floats:
 def _mode_bands(
     ride: tuple[float, float], hop: tuple[float, float], coarse: float, highest: float
 ) -> list[tuple[str, float, float]]:
-    """Names and ends of the bands; what the record does not resolve is slow."""
+    """Names and bounds of the bands; frequencies that the record does not resolve are slow."""
     begin = max(ride[0], coarse)
     bands = [
         (_SLOW, 0.0, begin),
@@ -235,18 +236,19 @@ def _unresolved_mode(name: str, low: float, high: float, duration: float) -> Err
         name=name,
         low=low,
         high=high,
-        share=None,
+        fraction=None,
         rms=None,
         coherence={},
-        threshold=THRESHOLD,
+        threshold=COHERENCE_THRESHOLD,
         moves_with=None,
-        meaning=f"A record of {duration:.2f} s tells nothing apart below {1 / duration:.1f} Hz: "
-        f"add floor beside the plate to see the error {_band_text(name, low, high)}.",
+        meaning=f"A record of {duration:.2f} s does not resolve frequencies below "
+        f"{1 / duration:.1f} Hz: add floor before and after the plate to resolve the error "
+        f"{_band_text(name, low, high)}.",
     )
 
 
 def _squared_coherence(first: Complexes, second: Complexes) -> Floats:
-    """Squared coherence over frequency, from spectra of every taper."""
+    """Squared coherence over frequency, from the transforms of all tapers."""
     tiny = np.finfo(float).tiny
     cross = np.abs(np.mean(first * np.conj(second), axis=0)) ** 2
     both = np.mean(np.abs(first) ** 2, axis=0) * np.mean(np.abs(second) ** 2, axis=0)
@@ -260,12 +262,12 @@ def _detrend_record(values: Floats) -> Floats:
 
 
 def _meaning_text(
-    name: str, low: float, high: float, share: float, follows: str | None, *, told: bool
+    name: str, low: float, high: float, fraction: float, follows: str | None, *, compared: bool
 ) -> str:
     moves = f"moves with {follows}" if follows else "moves with no motion of the body"
-    if not told:
+    if not compared:
         moves = "cannot be compared with the motion in so short a record"
-    return f"{100 * share:.0f} % of the error lies {_band_text(name, low, high)} and {moves}."
+    return f"{100 * fraction:.0f} % of the error lies {_band_text(name, low, high)} and {moves}."
 
 
 def _band_text(name: str, low: float, high: float) -> str:

@@ -1,7 +1,7 @@
-"""Instruments: what clocks and mounting are off by, found before they are charged to the profiler.
+"""Instrument findings: errors of clocks and mounting from calibration runs.
 
-Two recordings of their own tell it: a bounce, parked on a flat floor and rocked by hand, tells the
-clocks; runs in both directions over the same ground tell how the scanner sits in the vehicle.
+Two kinds of runs determine them: a bounce, parked on a flat floor and rocked by hand, determines
+the clocks; runs in both directions over the same ground determine the mounting of the scanner.
 """
 
 import math
@@ -12,27 +12,37 @@ from pathlib import Path
 import xarray as xr
 
 from trueterrain.core.errors import CoverageError, SchemaError
-from trueterrain.formats.run import Mounting
-from trueterrain.georeference import Calibration, CalibrationSettings
+from trueterrain.formats.run import Mounting, open_run
+from trueterrain.georeference import (
+    Calibration,
+    CalibrationSettings,
+    calibrate_mounting,
+    mounting_of,
+)
 from trueterrain.georeference._observable import in_units, measured_within
 from trueterrain.motion import Trajectory
+from trueterrain.motion.clocks import (
+    accelerometer_clock_from_navigation,
+    scanner_clock_from_bounce,
+)
+from trueterrain.surface.runs import require_one_frame
 from trueterrain.verify.findings.finding import Finding, is_significant
 
-# A body that heaves at 0.5 m/s is 0.01 mm elsewhere after this; accelerometers are integrated, and
-# a wheel hop of 1 mm at 10 Hz is as far elsewhere after the second.
-_LEAST_SCANNER_CLOCK, _LEAST_ACCELEROMETER_CLOCK = 2e-5, 1e-4  # [s]
-# what a mounting by drawing and tape may be wrong by where passes do not tell it
+# Smallest clock errors that matter [s]. A body that heaves at 0.5 m/s moves by 0.01 mm in the
+# first; accelerations are integrated, and a wheel hop of 1 mm at 10 Hz moves as far in the second.
+_MIN_SCANNER_CLOCK, _MIN_ACCELEROMETER_CLOCK = 2e-5, 1e-4
+# Title, unit and effect of each parameter of the mounting
 _NAMES = {
-    "roll": ("roll of the scanner", "rad", "tilts the ground across the way"),
-    "pitch": ("pitch of the scanner", "rad", "moves the ground along the way, by the height"),
-    "yaw": ("yaw of the scanner", "rad", "turns scans against the way"),
-    "lever_x": ("lever arm of the scanner, forward", "m", "moves the ground along the way"),
-    "lever_y": ("lever arm of the scanner, left", "m", "moves the ground across the way"),
-    "lever_z": ("lever arm of the scanner, up", "m", "moves all heights alike"),
+    "roll": ("roll of the scanner", "rad", "tilts the ground across the path"),
+    "pitch": ("pitch of the scanner", "rad", "shifts the ground along the path, by the height"),
+    "yaw": ("yaw of the scanner", "rad", "turns the scans relative to the path"),
+    "lever_x": ("lever arm of the scanner, forward", "m", "shifts the ground along the path"),
+    "lever_y": ("lever arm of the scanner, left", "m", "shifts the ground across the path"),
+    "lever_z": ("lever arm of the scanner, up", "m", "shifts all heights by a constant"),
     "clock": (
         "clock of the scanner, over the ground",
         "s",
-        "moves the ground along the way, by the speed",
+        "shifts the ground along the path, by the speed",
     ),
 }
 _FIELDS = {
@@ -47,38 +57,31 @@ _FIELDS = {
 
 
 def clock_findings(run: xr.DataTree, *, accelerometer_delay: float = 0.0) -> list[Finding]:
-    """What clocks are off by, beyond what the mounting of the run says.
+    """Estimate errors of the clocks in the mounting of a run, from a bounce.
 
     Parameters
     ----------
     run : xarray.DataTree
-        A bounce: parked on a flat floor, rocked by hand for 10 s and more.
+        A bounce: parked on a flat floor, rocked by hand for at least 10 s.
     accelerometer_delay : float
-        Delay of the accelerometers' filter against aliases; without it, it is found as a part of
-        their clock [s].
+        Delay of the anti-aliasing filter of the accelerometers; otherwise the estimate of their
+        clock includes it [s].
 
     Returns
     -------
     list of Finding
-        Of the accelerometers and of the scanner: what is to be added to their stamps besides what
-        the run says [s].
+        Clocks of accelerometers and scanner less those in the mounting, to be added to them [s].
 
     Notes
     -----
-    The clock of the accelerometers is compared with navigation, that of the scanner with the
-    accelerometers as they were found, whose standard deviation enters its own; see
-    `trueterrain.motion.clocks`. What is too uncertain is not told, with the reason.
+    The clock of the accelerometers is estimated against navigation, that of the scanner against the
+    corrected accelerometers, whose variance is added; see `trueterrain.motion.clocks`. A clock that
+    is too uncertain is reported as unobservable, with the reason.
 
     Examples
     --------
-    ``[one.value for one in clock_findings(open_run("bounce.zarr"))]`` is what both are off by [s].
+    ``[one.value for one in clock_findings(open_run("bounce.zarr"))]`` are the errors of both [s].
     """
-    from trueterrain.georeference import mounting_of
-    from trueterrain.motion.clocks import (
-        accelerometer_clock_from_navigation,
-        scanner_clock_from_bounce,
-    )
-
     names = "clock of the accelerometers", "clock of the scanner"
     declared = mounting_of(run)
     clock, uncertainty, bound = declared.accelerometer_clock, 0.0, ""
@@ -86,25 +89,25 @@ def clock_findings(run: xr.DataTree, *, accelerometer_delay: float = 0.0) -> lis
         found = accelerometer_clock_from_navigation(run, accelerometer_delay=accelerometer_delay)
     except CoverageError as error:
         first = _unobservable_finding(names[0], "s", _reason_text(error))
-        bound = " It is as true as the clock of the accelerometers, which is not told."
+        bound = " It relies on the clock of the accelerometers, which is not observable here."
     else:
         clock, uncertainty = found.clock, found.sd
-        filtered = "" if accelerometer_delay else " The delay of their filter is part of it."
+        filtered = "" if accelerometer_delay else " It includes the delay of their filter."
         first = _clock_finding(
             names[0],
             clock - declared.accelerometer_clock,
             found.sd,
-            _LEAST_ACCELEROMETER_CLOCK,
+            _MIN_ACCELEROMETER_CLOCK,
             filtered,
         )
     try:
-        seen = scanner_clock_from_bounce(
+        scanner = scanner_clock_from_bounce(
             run, accelerometer_clock=clock, accelerometer_delay=accelerometer_delay
         )
     except CoverageError as error:
         return [first, _unobservable_finding(names[1], "s", _reason_text(error))]
-    off, sd = seen.clock - declared.scanner_clock, math.hypot(seen.sd, uncertainty)
-    return [first, _clock_finding(names[1], off, sd, _LEAST_SCANNER_CLOCK, bound)]
+    off, sd = scanner.clock - declared.scanner_clock, math.hypot(scanner.sd, uncertainty)
+    return [first, _clock_finding(names[1], off, sd, _MIN_SCANNER_CLOCK, bound)]
 
 
 def boresight_findings(
@@ -112,7 +115,7 @@ def boresight_findings(
     trajectories: Sequence[Trajectory],
     settings: CalibrationSettings = CalibrationSettings(unobservable="hold"),
 ) -> list[Finding]:
-    """How the scanner sits otherwise than the runs say.
+    """Estimate errors of the scanner's mounting, from runs in both directions over one ground.
 
     Parameters
     ----------
@@ -121,13 +124,13 @@ def boresight_findings(
     trajectories : sequence of Trajectory
         Motion of each.
     settings : CalibrationSettings
-        What is estimated, and how; what the runs do not tell should be held.
+        Settings of the calibration; unobservable parameters should be held.
 
     Returns
     -------
     list of Finding
-        Found less declared for each angle [rad], arm [m] and the clock [s]. What passes do not tell
-        has no value, but the reason and what would tell it.
+        Estimated less declared value of each angle [rad], lever arm [m] and the clock [s].
+        Unobservable parameters have no value, but the reason and advice.
 
     Raises
     ------
@@ -138,19 +141,15 @@ def boresight_findings(
 
     Notes
     -----
-    See `trueterrain.georeference.calibrate`. A parameter may lean on one that is held: pitch moves
-    a step as a wrong arm does. What such a one can cause if it is wrong by 0.5 degrees, 10 mm or
-    1 ms is not charged to the parameter: up to there it is not told.
+    See `trueterrain.georeference.calibrate`. An estimate may depend on a held parameter: an error
+    of pitch shifts a step as one of the lever arm does. An estimate that a held parameter could
+    cause by an error of 0.5 degrees, 10 mm or 1 ms is not reported as detected.
 
     Examples
     --------
     ``boresight_findings([there, back], [motion.trajectory for motion in (first, second)])`` has a
     finding for each angle, each component of the arm and the clock.
     """
-    from trueterrain.formats.run import open_run
-    from trueterrain.georeference import calibrate_mounting, mounting_of
-    from trueterrain.surface.runs import require_one_frame
-
     paths = [None if isinstance(run, xr.DataTree) else Path(run) for run in runs]
     named = [path for path in paths if path is not None]
     if len(named) == len(runs):
@@ -174,32 +173,36 @@ def boresight_findings(
     return [_mounting_finding(name, found, stated[0]) for name in settings.parameters]
 
 
-def _clock_finding(name: str, off: float, sd: float, least: float, bound: str = "") -> Finding:
-    there = is_significant(off, sd, least=least)
+def _clock_finding(name: str, off: float, sd: float, min_size: float, bound: str = "") -> Finding:
+    """Finding of a clock from its error and standard deviation [s]."""
+    detected = is_significant(off, sd, min_size=min_size)
     field = "accelerometer_clock" if "accelerometers" in name else "scanner_clock"
     meaning = (
-        f"Stamps are to be increased by so much more than the run says: set {field} of its "
-        "mounting; until then, heights are those of another moment of the motion."
-        if there
-        else f"Stamps are true, within {1e3 * max(4 * sd, least):.2g} ms."
+        f"Add the value to {field} of the run's mounting; otherwise heights are computed with "
+        "the pose of another time."
+        if detected
+        else f"The clock is correct within {1e3 * max(4 * sd, min_size):.2g} ms."
     )
-    return Finding(name=name, value=off, sd=sd, unit="s", detected=there, meaning=meaning + bound)
+    return Finding(
+        name=name, value=off, sd=sd, unit="s", detected=detected, meaning=meaning + bound
+    )
 
 
 def _mounting_finding(name: str, found: Calibration, declared: Mounting) -> Finding:
-    """How much a parameter of the mounting is off, or why it is not told."""
+    """Finding of a parameter of the mounting: its error, or why it is unobservable."""
     title, unit, effect = _NAMES[name]
     if name in found.not_observable:
         reason = found.reasons[found.not_observable.index(name)]
-        return _unobservable_finding(title, unit, f"The passes do not tell it: {reason}")
+        return _unobservable_finding(title, unit, f"Not observable from these passes: {reason}")
     at = found.parameters.index(name)
     off = float(found.value[at]) - _declared_value(declared, name)
     sd = float(found.sd[at])
+    # error of the parameter that each held parameter could cause
     caused = {
         held: abs(float(found.sensitivity[at, k])) * measured_within(held)
         for k, held in enumerate(found.held)
     }
-    if is_significant(off, sd) and not is_significant(off, sd, least=sum(caused.values())):
+    if is_significant(off, sd) and not is_significant(off, sd, min_size=sum(caused.values())):
         other = max(caused, key=lambda held: caused[held])
         return Finding(
             name=title,
@@ -207,23 +210,23 @@ def _mounting_finding(name: str, found: Calibration, declared: Mounting) -> Find
             sd=sd,
             unit=unit,
             detected=None,
-            meaning=f"It {effect}, and so does {_NAMES[other][0]}, which these passes do not tell: "
-            "either may be off. Measure the latter, and state it in the mounting.",
+            meaning=f"It {effect}, and so does {_NAMES[other][0]}, which is not observable from "
+            "these passes: either may be wrong. Measure the latter, and state it in the mounting.",
         )
-    there = is_significant(off, sd)
+    detected = is_significant(off, sd)
     words = [
-        f"It {effect}: state what was found in the mounting of the runs."
-        if there
-        else "It is as the mounting says, within four standard deviations."
+        f"It {effect}: add the value to the mounting of the runs."
+        if detected
+        else "It agrees with the mounting, within four standard deviations."
     ]
     words += [
-        f"It leans on the {_NAMES[held][0]}, which is held: if that is wrong by "
-        f"{in_units(held, measured_within(held))}, this is by {in_units(name, by)}."
+        f"It depends on the {_NAMES[held][0]}, which is held: an error of "
+        f"{in_units(held, measured_within(held))} there causes one of {in_units(name, by)} here."
         for held, by in caused.items()
         if by > sd
     ]
     meaning = " ".join(words)
-    return Finding(name=title, value=off, sd=sd, unit=unit, detected=there, meaning=meaning)
+    return Finding(name=title, value=off, sd=sd, unit=unit, detected=detected, meaning=meaning)
 
 
 def _declared_value(mounting: Mounting, name: str) -> float:
@@ -233,7 +236,7 @@ def _declared_value(mounting: Mounting, name: str) -> float:
 
 
 def _reason_text(error: CoverageError) -> str:
-    """What hinders, and the cure, without the name of the file, which stands beside it."""
+    """Problem and cure of an error, without the name of the file."""
     return f"{error.problem}. {error.cure or ''}".rstrip()
 
 

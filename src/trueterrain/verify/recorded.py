@@ -1,8 +1,8 @@
-"""When runs were recorded, as far as their own times tell, beside what a crew states.
+"""Recording times from the time stamps of runs, and their contradictions to a stated date.
 
-GPS counts seconds of the week, from the midnight that begins Sunday, or seconds since 6 January
-1980. The former tell the day of the week and the time of day, the latter the date; neither knows
-leap seconds, of which UTC has had 18 since 2017.
+GPS time counts seconds of the week from the midnight before Sunday, or seconds since 6 January
+1980. The former give the day of the week and the time of day, the latter the date. Neither has leap
+seconds; UTC has been 18 s behind GPS time since 2017.
 """
 
 import datetime as dt
@@ -11,38 +11,40 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from trueterrain.formats.run import open_run
+
 _EPOCH = dt.datetime(1980, 1, 6)  # of GPS, a Sunday; without zone, as GPS time has none
 _WEEK = 604_800.0  # [s]
-_ROLLED = 2 * _WEEK  # [s] seconds of the week that count on after it
-_SINCE_1980 = 1e9  # [s] from 2011-09-14 on; what is less may be seconds since any other moment
-# leap seconds from these GPS seconds on, for times that `_SINCE_1980` admits; none is announced
+_ROLLED = 2 * _WEEK  # [s] bound of seconds of the week, which may continue past its end
+_SINCE_1980 = 1e9  # [s] 2011-09-14; smaller values may count from any other epoch
+# leap seconds from these GPS seconds on, for times after `_SINCE_1980`; no further one is announced
 _LEAPS = {1_025_136_016.0: 16, 1_119_744_017.0: 17, 1_167_264_018.0: 18}
 _FIRST_LEAPS = 15
 _DAYS = ["Monday", "Tuesday", "Wednesday", "Thursday", "Friday", "Saturday", "Sunday"]
-_APART = 1  # [d] by which a stated date may differ: zones, and tests about midnight
+_MAX_DIFFERENCE = 1  # [d] of a stated date: time zones, and tests around midnight
 
 
 @dataclass(frozen=True, kw_only=True)
 class RecordingTime:
-    """When a file was recorded."""
+    """Recording time of a file."""
 
     name: str
     "Name of the file."
 
     begin: str | None
-    "Date and time of its first epoch, or day of the week and time; None if its times tell neither."
+    "Date and time, or day of the week and time, of its first epoch; None if not in the data."
 
     end: str | None
-    "The same of its last epoch."
+    "The same for its last epoch."
 
     scale: str
-    "What the times are: UTC, GPS time of the week, or why nothing is told."
+    "Time scale: UTC, GPS time of the week, or why the data do not state it."
 
     seconds: tuple[float, float] | None = None
     "GPS seconds of begin and end, since 1980 or of the week [s]."
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain numbers and words, as for JSON."""
+        """Numbers and strings, ready for JSON."""
         return {
             "name": self.name,
             "begin": self.begin,
@@ -53,7 +55,7 @@ class RecordingTime:
 
 
 def recorded_run(path: str | Path) -> RecordingTime:
-    """When a run was recorded.
+    """Recording time of a run, from its navigation.
 
     Parameters
     ----------
@@ -62,16 +64,14 @@ def recorded_run(path: str | Path) -> RecordingTime:
 
     Returns
     -------
-    Recorded
+    RecordingTime
         Times of the first and the last epoch of its navigation.
 
     Raises
     ------
     FormatError
-        If it is no run.
+        If it is not a run.
     """
-    from trueterrain.formats.run import open_run
-
     path = Path(path)
     tree = open_run(path)
     ends = tree["navigation"].to_dataset()["time"].isel(epoch=[0, -1]).values
@@ -82,7 +82,7 @@ def recorded_run(path: str | Path) -> RecordingTime:
 def recording_time(
     name: str, attrs: Mapping[str, Any], seconds: tuple[float, float] | None = None
 ) -> RecordingTime:
-    """When data were recorded, by what they are counted from.
+    """Recording time of data, by the time reference in their attributes.
 
     Parameters
     ----------
@@ -95,26 +95,27 @@ def recording_time(
 
     Returns
     -------
-    Recorded
-        In UTC where the date is known.
+    RecordingTime
+        In UTC if the date is known.
 
     Examples
     --------
-    >>> recorded("a.zarr", {"time_reference": "gps"}, (1_457_338_518.0, 1_457_338_538.0)).begin
+    >>> gps = {"time_reference": "gps"}
+    >>> recording_time("a.zarr", gps, (1_457_338_518.0, 1_457_338_538.0)).begin
     '2026-03-12 08:15:00'
-    >>> recorded("a.zarr", {"time_reference": "gps"}, (375_318.0, 375_338.0)).begin
+    >>> recording_time("a.zarr", gps, (375_318.0, 375_338.0)).begin
     'Thursday 08:15:18'
-    >>> recorded("a.zarr", {"time_reference": "run"}, (0.0, 20.0)).scale
+    >>> recording_time("a.zarr", {"time_reference": "run"}, (0.0, 20.0)).scale
     'not in the data: times count from any moment'
     """
 
-    def untold(why: str) -> RecordingTime:
+    def unknown(why: str) -> RecordingTime:
         return RecordingTime(name=name, begin=None, end=None, scale=f"not in the data: {why}")
 
     if seconds is None:
-        return untold("profiles hold no times")
+        return unknown("profiles hold no times")
     if attrs.get("time_reference") != "gps":
-        return untold("times count from any moment")
+        return unknown("times count from any moment")
     if seconds[0] >= 0 and seconds[1] < _ROLLED:
         moments = [_EPOCH + dt.timedelta(seconds=one) for one in seconds]
         begin, end = (f"{_DAYS[one.weekday()]} {one:%H:%M:%S}" for one in moments)
@@ -123,19 +124,19 @@ def recording_time(
         begin, end = (f"{_gps_to_utc(one):%Y-%m-%d %H:%M:%S}" for one in seconds)
         scale = "UTC"
     else:
-        return untold("times are seconds neither of the GPS week nor since 1980")
+        return unknown("times are seconds neither of the GPS week nor since 1980")
     return RecordingTime(name=name, begin=begin, end=end, scale=scale, seconds=seconds)
 
 
 def date_contradictions(stated: str, found: tuple[RecordingTime, ...]) -> list[str]:
-    """Where the stated date is not that of the data.
+    """Contradictions between the stated date and the recording times.
 
     Parameters
     ----------
     stated : str
-        Date; looked at only if it is written as 2026-03-12.
-    found : tuple of Recorded
-        What the data tell.
+        Date; checked only if it is written as 2026-03-12.
+    found : tuple of RecordingTime
+        Recording times of the files.
 
     Returns
     -------
@@ -144,24 +145,26 @@ def date_contradictions(stated: str, found: tuple[RecordingTime, ...]) -> list[s
 
     Examples
     --------
-    >>> run = recorded("a.zarr", {"time_reference": "gps"}, (375_318.0, 375_338.0))
-    >>> contradictions("2026-03-12", (run,)), len(contradictions("2026-03-15", (run,)))
-    ([], 1)
+    >>> run = recording_time("a.zarr", {"time_reference": "gps"}, (375_318.0, 375_338.0))
+    >>> date_contradictions("2026-03-12", (run,))
+    []
+    >>> len(date_contradictions("2026-03-15", (run,)))
+    1
     """
     try:
         day = dt.date.fromisoformat(stated.strip()[:10])
     except ValueError:
         return []
     return [
-        f"{one.name} was recorded on {one.begin} ({one.scale}), {apart} days from the date that is "
-        f"stated, {day}. Correct the date, or name the right run."
+        f"{one.name} was recorded on {one.begin} ({one.scale}), {apart} days from the stated date, "
+        f"{day}. Correct the date, or name the right run."
         for one in found
-        if one.seconds is not None and (apart := _days_apart(day, one.seconds)) > _APART
+        if one.seconds is not None and (apart := _days_apart(day, one.seconds)) > _MAX_DIFFERENCE
     ]
 
 
 def _days_apart(day: dt.date, seconds: tuple[float, float]) -> int:
-    """Days between a date and the recording, in the week that is nearest to it if none is known."""
+    """Days between a date and the recording; without a date, in the week nearest to it."""
     if seconds[0] >= _SINCE_1980:
         first, last = (_gps_to_utc(one).date() for one in seconds)
         return max(0, (first - day).days, (day - last).days)
@@ -172,5 +175,5 @@ def _days_apart(day: dt.date, seconds: tuple[float, float]) -> int:
 
 
 def _gps_to_utc(seconds: float) -> dt.datetime:
-    passed = [leaps for since, leaps in _LEAPS.items() if seconds >= since]
-    return _EPOCH + dt.timedelta(seconds=seconds - max([_FIRST_LEAPS, *passed]))
+    leap_seconds = [leaps for since, leaps in _LEAPS.items() if seconds >= since]
+    return _EPOCH + dt.timedelta(seconds=seconds - max([_FIRST_LEAPS, *leap_seconds]))

@@ -1,8 +1,8 @@
-"""What a vehicle does on a profile, and how like that is to what it does on another one.
+"""Response of a vehicle to a profile, and its agreement with the response to a reference.
 
-A reduction of the ground to a profile is as good as the vehicle that is driven over it cannot tell
-it from the ground: body acceleration stands for comfort, tyre force for durability and road load,
-suspension travel for the springs and what they hit.
+A profile represents the ground well if a vehicle has the same response to both: body
+acceleration is the quantity of comfort, tyre force that of durability and road load, suspension
+travel that of springs and bump stops.
 """
 
 from collections.abc import Sequence
@@ -25,15 +25,15 @@ from trueterrain.vehicle import (
 
 Float = npt.NDArray[np.float64]
 
-#: What is compared: names in the dataset of `vehicle_response`, their units and meanings.
+#: Compared quantities: names in the dataset of `vehicle_response`, units and meanings.
 QUANTITIES = {
     "body_acceleration": ("m/s^2", "acceleration of the body above the wheel, upward"),
     "tyre_force": ("N", "force of the tyre on the ground beyond the weight at rest"),
     "suspension_travel": ("m", "how far the suspension is longer than at rest"),
 }
 
-#: Bands of frequency in which responses are compared [Hz]: ride of the body, what passengers feel
-#: most (ISO 2631-1 weighs vertical motion highest from 4 to 8 Hz), wheel hop, and what is above.
+#: Frequency bands in which responses are compared [Hz]: body ride, greatest sensitivity of humans
+#: (ISO 2631-1 weights vertical motion highest from 4 to 8 Hz), wheel hop, and above.
 BANDS = ((0.5, 3.0), (3.0, 8.0), (8.0, 20.0), (20.0, 50.0))
 
 
@@ -44,7 +44,7 @@ def vehicle_response(
     speed: float,
     lead: float = 10.0,
 ) -> xr.Dataset:
-    """What a vehicle does that drives along a profile at a steady speed, its wheels on points.
+    """Response of a vehicle that follows a profile at constant speed, with point contact.
 
     Parameters
     ----------
@@ -56,14 +56,14 @@ def vehicle_response(
     speed : float
         Speed [m/s].
     lead : float
-        Length on which it settles and which is left out [m]. It starts at rest on the heights under
-        its wheels.
+        Length at the start on which the initial motion decays and which is left out [m]. The
+        vehicle starts at rest on the heights under its wheels.
 
     Returns
     -------
     xarray.Dataset
-        Of dimensions (wheel, time): ``body_acceleration`` above each wheel [m/s²], ``tyre_force``
-        beyond the weight at rest [N] and ``suspension_travel`` [m].
+        With dimensions (wheel, time): ``body_acceleration`` above each wheel [m/s²], ``tyre_force``
+        less its static value [N] and ``suspension_travel`` [m].
 
     Raises
     ------
@@ -72,13 +72,13 @@ def vehicle_response(
     SchemaError
         If the profile is not equally spaced.
     CoverageError
-        If a height is not finite, or there is no road behind the lead and the wheelbase.
+        If a height is not finite, or the profile ends within the lead and the wheelbase.
 
     Notes
     -----
-    Heights are taken as linear between samples, on which the motion is exact. Rear wheels follow in
-    the track of the front wheels, as far behind as the axles are apart. Tyres neither leave the
-    ground nor end: the model is linear.
+    Heights are linear between samples; for these the motion is exact. Rear wheels follow in the
+    track of the front wheels at the distance of the wheelbase. The model is linear: tyres do not
+    lift off, and suspensions have no bump stops.
 
     Examples
     --------
@@ -134,24 +134,23 @@ def compare_responses(
     bands: Sequence[tuple[float, float]] = BANDS,
     exponent: float = 5.0,
 ) -> xr.Dataset:
-    """How like the response of a vehicle is to that on a reference, wheel by wheel and in all.
+    """Agreement of the response of a vehicle with that on a reference profile.
 
     Parameters
     ----------
     response, reference : xarray.Dataset
         From `vehicle_response`, of the same vehicle at the same speed over the same road.
     bands : sequence of (float, float)
-        Ends of bands of frequency in which the power is compared [Hz].
+        Bounds of the frequency bands in which the power is compared [Hz].
     exponent : float
-        Slope of the fatigue line by which cycles are weighed, see `pseudo_damage`; 5 is usual for
-        road loads.
+        Slope of the S-N curve, see `pseudo_damage`; 5 is usual for road loads.
 
     Returns
     -------
     xarray.Dataset
-        Of dimension quantity: ``rms_ratio``, RMS over that of the reference; ``correlation``;
+        With dimension quantity: ``rms_ratio``, RMS over that of the reference; ``correlation``;
         ``error``, RMS of the difference over RMS of the reference; ``damage_ratio``, pseudo-damage
-        over that of the reference; and of dimensions (quantity, band) ``band_ratio``, RMS within
+        over that of the reference; with dimensions (quantity, band): ``band_ratio``, RMS within
         the band over that of the reference there, NaN for a band that the record does not resolve.
 
     Raises
@@ -163,8 +162,8 @@ def compare_responses(
 
     Notes
     -----
-    All wheels are pooled: sums of squares run over wheels and times, after the mean of each wheel
-    has been taken out. A `band_ratio` squared is the ratio of the integrals of the two spectral
+    All wheels are pooled: sums of squares run over wheels and times, after subtraction of the mean
+    of each wheel. A squared `band_ratio` is the ratio of the integrals of the two spectral
     densities over that band; these are periodograms with a Hann window over the whole record.
 
     A signal g times as large as the reference plus independent noise of relative RMS e has
@@ -181,8 +180,8 @@ def compare_responses(
     ...     vehicle_response(make_profile(s, height), GOLDEN_QUARTER_CAR, speed=20.0)
     ...     for height in (bumps, 1.2 * bumps)
     ... )
-    >>> likeness = compare_responses(high, truth).sel(quantity="tyre_force")
-    >>> print(f"{likeness.rms_ratio:.3f} {likeness.correlation:.3f} {likeness.error:.3f}")
+    >>> found = compare_responses(high, truth).sel(quantity="tyre_force")
+    >>> print(f"{found.rms_ratio:.3f} {found.correlation:.3f} {found.error:.3f}")
     1.200 1.000 0.200
     """
     for low, high in bands:
@@ -196,7 +195,7 @@ def compare_responses(
         raise SchemaError(
             "must be of the same wheels and times as the reference, got "
             f"{dict(response.sizes)} and {dict(reference.sizes)}",
-            cure="Drive the same vehicle at the same speed over profiles of the same stations.",
+            cure="Use the same vehicle and speed, and profiles with the same stations.",
         )
     table = {
         name: _response_agreement(response[name], reference[name], bands, exponent)
@@ -220,20 +219,20 @@ def compare_responses(
 
 
 def pseudo_damage(signal: npt.ArrayLike, *, exponent: float = 5.0) -> float:
-    """Damage that a load does, up to a constant of the part: the sum of its rainflow cycles.
+    """Pseudo-damage of a load: sum of its rainflow cycles, raised to the slope of the S-N curve.
 
     Parameters
     ----------
     signal : array_like, shape (n,)
         Load, in any unit.
     exponent : float
-        Slope of the fatigue line, greater than 0.
+        Slope of the S-N curve, greater than 0.
 
     Returns
     -------
     float
-        Sum of the amplitudes of all cycles to the power of `exponent`, half cycles by half [unit of
-        the load to that power].
+        Sum of the amplitudes of all cycles to the power of `exponent`, with half weight for half
+        cycles [unit of the load to that power].
 
     Raises
     ------
@@ -242,8 +241,8 @@ def pseudo_damage(signal: npt.ArrayLike, *, exponent: float = 5.0) -> float:
 
     Notes
     -----
-    Cycles are counted as in ASTM E1049-85 (2017) by the package rainflow, and added up by the rule
-    of Palmgren and Miner. Twice the load does 2 ** `exponent` times the damage.
+    Cycles are counted as in ASTM E1049-85 (2017) by the package rainflow, and added by the
+    Palmgren-Miner rule. Twice the load gives 2 ** `exponent` times the damage.
 
     Examples
     --------
@@ -283,7 +282,7 @@ def _profile_tracks(profile: xr.Dataset) -> tuple[Float, Float, list[str]]:
 
 
 def _under_four_wheels(station: Float, tracks: Float, wheelbase: float) -> Float:
-    """Heights (samples, 4) under front left, front right, rear left and rear right wheel."""
+    """Heights under front left, front right, rear left and rear right wheel, (samples, 4) [m]."""
     front = station[station >= station[0] + wheelbase]
     rear = front - wheelbase
     columns = [np.interp(at, station, row) for at in (front, rear) for row in tracks]
@@ -315,7 +314,9 @@ def _full_car(
 ) -> dict[str, Float]:
     motion = simulate_response(model, step, heights)
     x, y = car.wheel_positions.T
-    above = np.stack([np.ones(4), -x, y])  # of heave, pitch and roll, at each wheel
+    above = np.stack(
+        [np.ones(4), -x, y]
+    )  # height of the body above each wheel by heave, pitch, roll
     stiffness = np.repeat([car.front_tyre_stiffness, car.rear_tyre_stiffness], 2)
     damping = np.repeat([car.front_tyre_damping, car.rear_tyre_damping], 2)
     return {
@@ -328,7 +329,7 @@ def _full_car(
 def _tyre_force(
     stiffness: Float, damping: Float, step: float, heights: Float, motion: Response, wheels: slice
 ) -> Float:
-    """Force of each tyre (wheel, time) [N]; rates of the ground are those before a sample."""
+    """Force of each tyre (wheel, time) [N]; ground rates are backward differences."""
     rate = np.diff(heights, axis=0, prepend=heights[:1]) / step
     spring = stiffness * (heights - motion.displacement[:, wheels])
     damper = damping * (rate - motion.velocity[:, wheels])
@@ -366,7 +367,7 @@ def _response_agreement(
 
 
 def _band_power(signal: Float, step: float, low: float, high: float) -> np.float64:
-    """Power within a band, up to a constant; NaN if the record has no line there."""
+    """Power within a band, up to a constant; NaN if the record has no spectral line there."""
     from scipy.signal.windows import hann
 
     count = signal.shape[1]

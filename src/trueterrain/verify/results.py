@@ -1,4 +1,4 @@
-"""What the tests of accuracy share: limits, figures and parts of the error over a plate."""
+"""Common results of accuracy tests: limits, rows of figures, parts of the error over a plate."""
 
 import math
 from dataclasses import dataclass
@@ -9,20 +9,25 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.verify.registration.search import Registration
-from trueterrain.verify.statistics.uncertainty import LEAST, AccuracyFigure, mean_figure, rms_figure
+from trueterrain.verify.statistics.uncertainty import (
+    MIN_ERRORS,
+    AccuracyFigure,
+    mean_figure,
+    rms_figure,
+)
 
 Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
 
-_STEEP = 0.5  # slope [m/m] of the machined profile from which heights depend on the place
+_STEEP = 0.5  # [m/m] slope of the machined profile from which a place belongs to an edge
 
 
 _FIGURES = ("rms", "off_edges", "distance", "maximum", "bias", "noise", "registration")
 
 
 @dataclass(frozen=True, kw_only=True)
-class TestLimits:
-    """What the figures of a test may be at most; none unless given."""
+class AccuracyLimits:
+    """Upper limits of the figures of a test; by default none."""
 
     rms: float | None = None
     "Greatest root mean square of the error [m]."
@@ -59,17 +64,17 @@ class ResultRow:
     """A row of the table of results (Table 3-1 of Smith 2009)."""
 
     test: str
-    "What was tested."
+    "Name of the test."
 
     rms: AccuracyFigure
     "Root mean square of the error [m]."
 
     off_edges: AccuracyFigure | None
-    "The same away from edges; None where there are none, or nothing else [m]."
+    "The same away from edges; None if there are no edges, or only edges [m]."
 
     distance: AccuracyFigure | None
-    """Root mean square of the shortest distance from the machined profile, which is small at
-    upright faces; None without a plate [m]."""
+    """Root mean square of the shortest distance from the machined profile, which is insensitive to
+    the place of upright faces; None without a plate [m]."""
 
     maximum: float
     "Greatest error, of either sign [m]."
@@ -78,32 +83,32 @@ class ResultRow:
     "Mean error [m]."
 
     noise: float | None
-    "Standard deviation of a single height in repeats [m]."
+    "Standard deviation of a single height in repeated scans [m]."
 
     registration: float | None
     "Residual of the registration without outliers [m]."
 
     count: int
-    "Heights that were compared."
+    "Number of compared heights."
 
-    def verdicts(self, limits: TestLimits, *, cautious: bool = False) -> dict[str, bool]:
-        """Whether figures keep their limits.
+    def verdicts(self, limits: AccuracyLimits, *, cautious: bool = False) -> dict[str, bool]:
+        """Compare figures with their limits.
 
         Parameters
         ----------
-        limits : Limits
-            What they may be at most.
+        limits : AccuracyLimits
+            Upper limits.
         cautious : bool
-            Ask the upper ends of the intervals to keep the limits, not the figures. Intervals of
-            too few independent errors keep none.
+            Compare the upper ends of the intervals, not the figures. Intervals of too few
+            independent errors fail every limit.
 
         Returns
         -------
         dict of bool
-            By name of the figure, of those with a limit.
+            Whether a figure is within its limit, by name, of the figures with a limit.
         """
 
-        def judged(figure: AccuracyFigure | None) -> float | None:
+        def compared_value(figure: AccuracyFigure | None) -> float | None:
             if figure is None:
                 return None
             if not cautious:
@@ -111,11 +116,11 @@ class ResultRow:
             return max(abs(figure.low), abs(figure.high)) if figure.trusted else None
 
         found = {
-            "rms": judged(self.rms),
-            "off_edges": judged(self.off_edges),
-            "distance": judged(self.distance),
+            "rms": compared_value(self.rms),
+            "off_edges": compared_value(self.off_edges),
+            "distance": compared_value(self.distance),
             "maximum": self.maximum,
-            "bias": judged(self.bias),
+            "bias": compared_value(self.bias),
             "noise": self.noise,
             "registration": self.registration,
         }
@@ -126,7 +131,7 @@ class ResultRow:
         }
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain numbers and words, as for JSON; lengths in m."""
+        """Numbers and strings, ready for JSON; lengths in m."""
         return {
             "test": self.test,
             "rms": describe_figure(self.rms),
@@ -141,7 +146,7 @@ class ResultRow:
 
 
 def describe_figure(figure: AccuracyFigure) -> dict[str, float | bool]:
-    """A figure as plain numbers."""
+    """A figure as numbers, ready for JSON."""
     return {
         "value": figure.value,
         "low": figure.low,
@@ -152,7 +157,7 @@ def describe_figure(figure: AccuracyFigure) -> dict[str, float | bool]:
     }
 
 
-def row_of(
+def result_row(
     test: str,
     error: Floats,
     edge: Bools,
@@ -162,12 +167,13 @@ def row_of(
     registration: Registration,
     confidence: float,
 ) -> ResultRow:
-    """Row of the table from errors over a plate."""
+    """Row of the table, from errors over a plate."""
     plain = error[~edge]
     off_edges = None
-    if plain.size >= LEAST and plain.size < error.size:
+    if plain.size >= MIN_ERRORS and plain.size < error.size:
         off_edges = rms_figure(plain, confidence=confidence)
-    faces = _count_runs(edge)  # where a beam meets a face is chance, once for each
+    # the place where a beam meets a face is random: one independent error for each face
+    faces = _count_runs(edge)
     most = faces if faces else math.inf
     return ResultRow(
         test=test,
@@ -183,12 +189,12 @@ def row_of(
 
 
 def _count_runs(chosen: Bools) -> int:
-    """How many unbroken stretches of places are chosen."""
+    """Number of contiguous stretches of chosen places."""
     return int(chosen[0]) + int(np.count_nonzero(chosen[1:] & ~chosen[:-1]))
 
 
 def profile_distances(machined: xr.Dataset, position: Floats, height: Floats) -> Floats:
-    """Shortest distances of points from the line of a machined profile.
+    """Shortest distances of points from the polyline of a machined profile.
 
     Parameters
     ----------
@@ -206,7 +212,7 @@ def profile_distances(machined: xr.Dataset, position: Floats, height: Floats) ->
     --------
     >>> from trueterrain.core.schemas import make_profile
     >>> step = make_profile([0.0, 0.5, 0.500001, 1.0], [0.0, 0.0, 0.04, 0.04])
-    >>> distances(step, np.array([0.499]), np.array([0.02]))
+    >>> profile_distances(step, np.array([0.499]), np.array([0.02]))
     array([0.001])
     """
     s = machined["s"].values - machined["s"].values[0]
@@ -214,15 +220,16 @@ def profile_distances(machined: xr.Dataset, position: Floats, height: Floats) ->
     along, up = np.diff(s), np.diff(h)
     square = along**2 + up**2
     found = np.empty(position.size)
+    # foot of the perpendicular on each segment, limited to its ends
     for at, (x, z) in enumerate(zip(position, height, strict=True)):
-        share = np.clip(((x - s[:-1]) * along + (z - h[:-1]) * up) / square, 0.0, 1.0)
-        apart = (x - s[:-1] - share * along) ** 2 + (z - h[:-1] - share * up) ** 2
+        fraction = np.clip(((x - s[:-1]) * along + (z - h[:-1]) * up) / square, 0.0, 1.0)
+        apart = (x - s[:-1] - fraction * along) ** 2 + (z - h[:-1] - fraction * up) ** 2
         found[at] = np.sqrt(apart.min())
     return found
 
 
 def at_edges(machined: xr.Dataset, position: Floats, reach: float) -> Bools:
-    """Whether positions are within reach of where the machined profile is steep.
+    """Whether positions are close to steep faces or to the ends of a machined profile.
 
     Parameters
     ----------
@@ -244,44 +251,45 @@ def at_edges(machined: xr.Dataset, position: Floats, reach: float) -> Bools:
     found = np.zeros(position.shape, bool)
     for piece in steep:
         found |= (position >= s[piece] - reach) & (position <= s[piece + 1] + reach)
-    found |= (position <= s[0] + reach) | (position >= s[-1] - reach)  # where the ground begins
+    # the ends of the plate are faces to the ground
+    found |= (position <= s[0] + reach) | (position >= s[-1] - reach)
     return found
 
 
-def parts_of(error: Floats, noise: Floats, edge: Bools, flagged: Bools) -> dict[str, float]:
-    """Split the mean square of errors into causes, which add up to it.
+def error_parts(error: Floats, noise: Floats, edge: Bools, flagged: Bools) -> dict[str, float]:
+    """Split the mean square of errors by cause; the parts add up to it.
 
     Parameters
     ----------
     error : numpy.ndarray, shape (n,)
         Errors of mean heights [m].
     noise : numpy.ndarray, shape (n,)
-        Standard uncertainty of these means by repeats [m].
+        Standard uncertainty of these means from repeated scans [m].
     edge, flagged : numpy.ndarray of bool, shape (n,)
-        Heights beside steep faces, and those of flagged intensity elsewhere.
+        Heights close to steep faces, and heights of flagged intensity elsewhere.
 
     Returns
     -------
     dict of float
-        Mean squares [m²]: ``edge``, ``reflectivity``, and of the rest ``bias`` (its mean),
-        ``noise`` (what repeats average to) and ``shape`` (what stays the same in all repeats).
+        Mean squares [m²]: ``edge``, ``reflectivity``, and of the remaining errors ``bias`` (their
+        mean), ``noise`` (random error of the means) and ``shape`` (constant in all repeats).
 
     Examples
     --------
     >>> no = np.zeros(4, bool)
-    >>> parts = parts_of(np.array([1.0, 3.0, 1.0, 3.0]), np.zeros(4), no, no)
+    >>> parts = error_parts(np.array([1.0, 3.0, 1.0, 3.0]), np.zeros(4), no, no)
     >>> parts["bias"], parts["shape"]
     (4.0, 1.0)
     """
     plain = ~edge & ~flagged
-    share = float(plain.mean())
-    mean = float(error[plain].mean()) if share else 0.0
-    spread = float(error[plain].var()) if share else 0.0
-    random = min(float(np.mean(noise[plain] ** 2)), spread) if share else 0.0
+    fraction = float(plain.mean())
+    mean = float(error[plain].mean()) if fraction else 0.0
+    variance = float(error[plain].var()) if fraction else 0.0
+    random = min(float(np.mean(noise[plain] ** 2)), variance) if fraction else 0.0
     return {
-        "noise": share * random,
-        "bias": share * mean**2,
-        "shape": share * (spread - random),
+        "noise": fraction * random,
+        "bias": fraction * mean**2,
+        "shape": fraction * (variance - random),
         "edge": float(np.sum(error[edge] ** 2)) / error.size,
         "reflectivity": float(np.sum(error[flagged & ~edge] ** 2)) / error.size,
     }

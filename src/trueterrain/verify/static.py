@@ -1,4 +1,4 @@
-"""Static test: how true the scanner is that stands above a calibration plate (thesis 3.5.1)."""
+"""Static test: errors of a scanner at rest above a calibration plate (thesis 3.5.1)."""
 
 import math
 from collections.abc import Iterator
@@ -11,59 +11,69 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.core.errors import CoverageError, name_file_in_errors
-from trueterrain.georeference import Screening
+from trueterrain.formats.run import open_run, scan_blocks
+from trueterrain.georeference import Screening, mounting_of
 from trueterrain.verify.findings.common import describe_findings
 from trueterrain.verify.findings.finding import Finding
 from trueterrain.verify.findings.static import static_findings
-from trueterrain.verify.registration.points import registered_points
-from trueterrain.verify.registration.search import Registration, register_profile
-from trueterrain.verify.results import ResultRow, at_edges, parts_of, profile_distances, row_of
+from trueterrain.verify.registration.search import (
+    Registration,
+    register_profile,
+    registered_points,
+)
+from trueterrain.verify.results import (
+    ResultRow,
+    at_edges,
+    error_parts,
+    profile_distances,
+    result_row,
+)
 
 Floats = npt.NDArray[np.float64]
 
-_LEAST = 2  # returns of a beam of which a spread is taken
-_HEIGHTS = 20  # on the plate
-_STEEP = 0.5  # [rad] slope that no plate has on which a vehicle stands: degrees were meant
+_MIN_RETURNS = 2  # returns of a beam for a standard deviation
+_MIN_HEIGHTS = 20  # on the plate
+_STEEP = 0.5  # [rad] slope beyond that of any plate: the value is in degrees
 
 
 @dataclass(frozen=True, kw_only=True)
 class StaticSettings:
-    """How a static test is evaluated."""
+    """Settings of a static test."""
 
     scans: int | None = None
-    "How many scans to take, from the first one on; by default all."
+    "Number of scans, from the first one on; by default all."
 
     min_scans: int = 100
-    "Fewest scans of which the test is a test."
+    "Smallest number of scans."
 
     present: float = 0.5
-    "Share of the scans in which a beam must have returned to be compared."
+    "Fraction of the scans in which a beam must have returned to be compared."
 
     edge: float = 0.005
-    "Distance from a steep face within which an error counts as one of an edge [m]."
+    "Distance from a steep face within which an error belongs to an edge [m]."
 
     assumed: float | None = None
-    "Where the plate is assumed to begin, to the left of the scanner [m]; by default not known."
+    "Assumed start of the plate, to the left of the scanner [m]; by default not known."
 
     search: float | None = None
-    "Greatest distance of the plate from there [m]; by default it is looked for everywhere."
+    "Greatest distance of the plate from there [m]; by default the whole scan is searched."
 
     level: float | None = None
     "Slope of the plate by a spirit level, left side up [rad]; None if not known."
 
     level_sd: float = 0.0002
-    "Standard deviation of that slope [rad]; a good level tells 0.2 mm in 1 m."
+    "Standard deviation of that slope [rad]; a good level resolves 0.2 mm in 1 m."
 
     screening: Screening = field(default_factory=Screening)
-    "Which returns are flagged; what becomes of them is seen with and without them."
+    "Bounds of range and intensity; results are given with and without flagged returns."
 
     confidence: float = 0.95
-    "Share of repeats of the test in which the intervals hold the truth."
+    "Fraction of repeats of the test in which the intervals hold the true value."
 
     def __post_init__(self) -> None:
         """Check the values."""
-        if self.min_scans < _LEAST or (self.scans is not None and self.scans < _LEAST):
-            message = f"scans and min_scans must be at least {_LEAST}."
+        if self.min_scans < _MIN_RETURNS or (self.scans is not None and self.scans < _MIN_RETURNS):
+            message = f"scans and min_scans must be at least {_MIN_RETURNS}."
             raise ValueError(message)
         if not 0 < self.present <= 1:
             message = f"present must be greater than 0 and at most 1, got {self.present}."
@@ -81,17 +91,17 @@ class StaticSettings:
             message = f"level_sd must be at least 0 rad, got {self.level_sd}."
             raise ValueError(message)
         if self.search is not None and self.assumed is None:
-            message = "search needs assumed, where the plate is assumed to begin."
+            message = "search needs assumed, the assumed place of the plate."
             raise ValueError(message)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StaticResult:
-    """How true a standing scanner is."""
+    """Result of a static test."""
 
     errors: xr.Dataset
     """Over position s on the machined profile [m], in the order of the beams: ``along`` to the left
-    of the scanner, ``up`` as it was measured, ``height`` (registered), ``machined``, ``error``,
+    of the scanner, ``up`` as measured, ``height`` (registered), ``machined``, ``error``,
     ``sd`` of a single scan, ``sd_mean``, ``distance`` from the machined line [m], ``intensity``
     (mean), ``edge`` and ``flagged``."""
 
@@ -99,22 +109,22 @@ class StaticResult:
     "Row of the table."
 
     registration: Registration
-    "How scanner and plate lay to each other."
+    "Registration of the plate."
 
     registered: xr.Dataset
     "Heights ``up`` over ``along`` on the plate, where it was found and where it was assumed [m]."
 
     parts: dict[str, float]
-    "Mean squares by cause, which add up to that of the error [m²]; see `parts_of`."
+    "Mean squares by cause, which add up to that of the error [m²]; see `error_parts`."
 
     scans: int
-    "Scans that were taken."
+    "Number of scans."
 
     findings: tuple[Finding, ...] = ()
-    "What was looked for besides: see `Finding`."
+    "Findings on single faults; see `Finding`."
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain numbers and words, as for JSON, without the single errors."""
+        """Numbers and strings, ready for JSON, without the single errors."""
         found = self.registration
         names = (
             "shift",
@@ -140,43 +150,40 @@ def static_test(
     machined: xr.Dataset,
     settings: StaticSettings = StaticSettings(),
 ) -> list[StaticResult]:
-    """Compare the mean of many scans of a calibration plate with its machined profile.
+    """Compare the mean of repeated scans of a calibration plate with its machined profile.
 
     Parameters
     ----------
     run : xarray.DataTree or path
-        Run of a scanner that stands.
+        Run of a scanner at rest.
     machined : xarray.Dataset
         Machined profile of the plate; straight lines join its nodes.
     settings : StaticSettings
-        How the test is evaluated.
+        Scans, registration, screening and confidence.
 
     Returns
     -------
     list of StaticResult
-        Of all returns and, if the settings screen them, without those of flagged intensity.
+        With all returns and, if the settings screen intensities, without flagged returns.
 
     Raises
     ------
     CoverageError
         If there are fewer scans than needed, or the plate is not found.
     SchemaError
-        If the machined profile is none of a plate, or in another unit.
+        If the machined profile is not that of a plate, or in another unit.
     ValueError
         If screening needs intensities that were not recorded.
 
     Notes
     -----
-    The beams of a scanner that stands meet the same places in every scan. So each beam is a place:
-    its mean range over the scans gives its height, whose spread is the noise (Fig. 3-17), and the
-    difference from the machined height at that place the error (Figs 3-18, 3-19).
+    Each beam of a scanner at rest meets the same place in every scan. Its mean range over the scans
+    gives a height, the standard deviation of its ranges the noise (Fig. 3-17), and the difference
+    from the machined height at that place the error (Figs 3-18, 3-19).
 
-    Screened errors are those of returns with good intensity; where a beam has too few of them its
-    place is left out.
+    Screened errors are those of returns with good intensity; places whose beam has too few of them
+    are left out.
     """
-    from trueterrain.formats.run import open_run
-    from trueterrain.georeference import mounting_of
-
     source = None if isinstance(run, xr.DataTree) else Path(run)
     tree = run if isinstance(run, xr.DataTree) else open_run(run)
     have = tree["scans"].sizes["scan"]
@@ -187,26 +194,26 @@ def static_test(
             f"holds {have} scans, the static test needs {needed}",
             path=source,
             place="scans",
-            cure="Scan longer, or ask for fewer: scans and min_scans.",
+            cure="Record more scans, or reduce scans and min_scans.",
         )
     screened = settings.screening
-    ways = [("static", Screening(nearest=screened.nearest, furthest=screened.furthest))]
+    rows = [("static", Screening(nearest=screened.nearest, furthest=screened.furthest))]
     if screened.needs_intensity:
-        ways.append(("static, screened", screened))
-    turned = _beam_directions(mounting_of(tree, path=source), np.asarray(tree["scans/angle"]))
-    sums = [_Sums(way, screened) for _, way in ways]
+        rows.append(("static, screened", screened))
+    directions = _beam_directions(mounting_of(tree, path=source), np.asarray(tree["scans/angle"]))
+    sums = [_Sums(screening, screened) for _, screening in rows]
     for block in _first_scans(tree, source, wanted):
         for one in sums:
             one.add(block)
     with name_file_in_errors(source):
         return [
-            _static_result(name, one, sums[0], turned, tree, machined, settings, wanted)
-            for (name, _), one in zip(ways, sums, strict=True)
+            _static_result(name, one, sums[0], directions, tree, machined, settings, wanted)
+            for (name, _), one in zip(rows, sums, strict=True)
         ]
 
 
 class _Sums:
-    """Sums over scans, beam by beam; about the first returns, so that no digits are lost."""
+    """Sums over scans for each beam, relative to its first return to avoid cancellation."""
 
     def __init__(self, screening: Screening, flag: Screening) -> None:
         self._screening, self._flag = screening, flag
@@ -224,28 +231,26 @@ class _Sums:
         good = weight > 0
         first = np.take_along_axis(ranges, good.argmax(axis=0)[None], axis=0)[0]
         self._base = np.where(np.isfinite(self._base), self._base, first)
-        apart = np.where(good, ranges - self._base, 0.0)
+        deviation = np.where(good, ranges - self._base, 0.0)
         weight = np.where(good, weight, 0.0)
         self.count += weight.sum(axis=0)
-        self._first += (weight * apart).sum(axis=0)
-        self._second += (weight * apart**2).sum(axis=0)
+        self._first += (weight * deviation).sum(axis=0)
+        self._second += (weight * deviation**2).sum(axis=0)
         if intensity is not None:
             self.bright += (weight * intensity).sum(axis=0)
             if self._flag.needs_intensity:
                 self.flagged += (weight * self._flag.flagged(intensity)).sum(axis=0)
 
     def means(self) -> tuple[Floats, Floats]:
-        """Mean range, and standard deviation of a single one [m]."""
+        """Mean range and standard deviation of a single range, shape (beam,) each [m]."""
         assert self._base is not None
-        count = np.where(self.count >= _LEAST, self.count, np.nan)
+        count = np.where(self.count >= _MIN_RETURNS, self.count, np.nan)
         mean = self._first / count
         variance = (self._second / count - mean**2) * count / (count - 1)
         return self._base + mean, np.sqrt(np.maximum(variance, 0.0))
 
 
 def _first_scans(tree: xr.DataTree, source: Path | None, wanted: int) -> Iterator[xr.Dataset]:
-    from trueterrain.formats.run import scan_blocks
-
     for block in scan_blocks(tree if source is None else source):
         left = wanted - block.attrs["first_scan"]
         if left <= 0:
@@ -254,7 +259,7 @@ def _first_scans(tree: xr.DataTree, source: Path | None, wanted: int) -> Iterato
 
 
 def _beam_directions(mounting: Any, angle: Floats) -> Floats:
-    """Left and up in the body of a metre along each beam, shape (2, beam)."""
+    """Components to the left and upward of the unit vector of each beam, shape (2, beam)."""
     from scipy.spatial.transform import Rotation
 
     turn = Rotation.from_euler("ZYX", mounting.scanner_rotation[::-1])
@@ -266,7 +271,7 @@ def _static_result(
     name: str,
     sums: _Sums,
     every: _Sums,
-    turned: Floats,
+    directions: Floats,
     tree: xr.DataTree,
     machined: xr.Dataset,
     settings: StaticSettings,
@@ -274,18 +279,18 @@ def _static_result(
 ) -> StaticResult:
     mean, sd = sums.means()
     good = np.flatnonzero((sums.count >= settings.present * scans) & np.isfinite(mean))
-    along, up = mean[good] * turned[:, good]
+    along, up = mean[good] * directions[:, good]
     found = register_profile(along, up, machined, assumed=settings.assumed, search=settings.search)
-    looked_at = registered_points(along, up, found, settings.assumed)
+    registered = registered_points(along, up, found, settings.assumed)
     s = found.positions(along)
     on = (s >= 0) & (s <= found.length)
-    if on.sum() < _HEIGHTS:
-        raise CoverageError(f"holds {on.sum()} heights on the plate, needed are {_HEIGHTS}")
+    if on.sum() < _MIN_HEIGHTS:
+        raise CoverageError(f"holds {on.sum()} heights on the plate, needed are {_MIN_HEIGHTS}")
     good, along, s = good[on], along[on], s[on]
     true = np.interp(s, machined["s"] - machined["s"][0], machined["height"])
     height = up[on] - found.level(along)
     count = sums.count[good]
-    noise = sd[good] * np.abs(turned[1, good])
+    noise = sd[good] * np.abs(directions[1, good])
     edge = at_edges(machined, s, settings.edge)
     flagged = sums.flagged[good] > 0.5 * count
     distance = profile_distances(machined, s, height)
@@ -304,7 +309,7 @@ def _static_result(
     }
     errors = xr.Dataset({key: ("s", value) for key, value in columns.items()}, {"s": s})
     single = float(np.sqrt(np.mean(noise**2)))
-    row = row_of(
+    row = result_row(
         name,
         height - true,
         edge,
@@ -313,7 +318,7 @@ def _static_result(
         registration=found,
         confidence=settings.confidence,
     )
-    parts = parts_of(height - true, columns["sd_mean"], edge, flagged)
+    parts = error_parts(height - true, columns["sd_mean"], edge, flagged)
     beams = slice(int(good.min()), int(good.max()) + 1)
     findings = static_findings(
         tree,
@@ -335,5 +340,5 @@ def _static_result(
         parts=parts,
         scans=scans,
         findings=findings,
-        registered=looked_at,
+        registered=registered,
     )

@@ -1,8 +1,8 @@
-"""Surfaces beside the ground that is known: of simulated runs, or as a function."""
+"""Errors of surfaces against known ground: of simulated runs, or given as a function."""
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -10,22 +10,21 @@ import xarray as xr
 
 from trueterrain.core.errors import CoverageError
 from trueterrain.core.statistics import MAD_TO_SD
+from trueterrain.formats.run import open_run
 from trueterrain.geometry.grid_frame import grid_frame
+from trueterrain.motion import Trajectory
 from trueterrain.surface.evaluate import heights_at
-
-if TYPE_CHECKING:
-    from trueterrain.motion import Trajectory
 
 Floats = npt.NDArray[np.float64]
 
 #: True height [m] at easting and northing [m], arrays of one shape.
 TrueHeight = Callable[[Floats, Floats], Floats]
 
-_ROWS = 512  # cross-sections that are compared at once
+_ROWS = 512  # cross-sections in one block
 
 
 def true_ground(run: xr.DataTree) -> TrueHeight:
-    """True ground of a simulated run, bilinear between the nodes that it holds.
+    """True ground of a simulated run, by bilinear interpolation between its nodes.
 
     Parameters
     ----------
@@ -35,7 +34,7 @@ def true_ground(run: xr.DataTree) -> TrueHeight:
     Returns
     -------
     callable
-        True height at easting and northing; NaN beside it.
+        True height at easting and northing; NaN outside of the ground.
 
     Raises
     ------
@@ -53,7 +52,7 @@ def true_ground(run: xr.DataTree) -> TrueHeight:
 
 
 def truth_of(path: str | Path) -> TrueHeight | None:
-    """True ground of a run, if it holds one.
+    """True ground of a run, if it is simulated.
 
     Parameters
     ----------
@@ -65,13 +64,11 @@ def truth_of(path: str | Path) -> TrueHeight | None:
     callable or None
         As by `true_ground`; None for real runs.
     """
-    from trueterrain.formats.run import open_run
-
     tree = open_run(path)
     return true_ground(tree) if "/truth/ground" in tree.groups else None
 
 
-def exact_trajectory(run: xr.DataTree | str | Path) -> "Trajectory":
+def exact_trajectory(run: xr.DataTree | str | Path) -> Trajectory:
     """True motion of the body in a simulated run.
 
     Parameters
@@ -91,9 +88,6 @@ def exact_trajectory(run: xr.DataTree | str | Path) -> "Trajectory":
     """
     from scipy.spatial.transform import Rotation
 
-    from trueterrain.formats.run import open_run
-    from trueterrain.motion import Trajectory
-
     tree = run if isinstance(run, xr.DataTree) else open_run(run)
     if "/truth/body" not in tree.groups:
         raise CoverageError(
@@ -108,7 +102,8 @@ def exact_trajectory(run: xr.DataTree | str | Path) -> "Trajectory":
     )
     roll, pitch, yaw = (body[name].values for name in ("roll", "pitch", "yaw"))
     r, p, y = (body[f"{name}_rate"].values for name in ("roll", "pitch", "yaw"))
-    turning = [
+    # angular velocity in the body frame from the rates of roll, pitch and yaw
+    angular_velocity = [
         r - y * np.sin(pitch),
         p * np.cos(roll) + y * np.sin(roll) * np.cos(pitch),
         -p * np.sin(roll) + y * np.cos(roll) * np.cos(pitch),
@@ -119,7 +114,7 @@ def exact_trajectory(run: xr.DataTree | str | Path) -> "Trajectory":
         position=position,
         velocity=velocity,
         quaternion=Rotation.from_euler("ZYX", np.stack([yaw, pitch, roll], axis=1)).as_quat(),
-        angular_velocity=np.stack(turning, axis=1),
+        angular_velocity=np.stack(angular_velocity, axis=1),
         covariance=np.zeros((n, 6, 6)),
         flag=np.zeros(n, np.uint8),
     )
@@ -138,10 +133,10 @@ def ground_errors(surface: xr.Dataset, truth: TrueHeight) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``nodes`` that were compared; of the errors [m] the ``median`` (what a shift of the datum or
-        drift amounts to), ``rms``, and about the median ``rms_about_median``, ``nmad`` (normalised
-        median absolute deviation, which steps and joints do not disturb) and ``p95``, which 95 % do
-        not exceed.
+        ``nodes``, the number of compared nodes; of the errors [m] the ``median`` (a shift of the
+        datum or drift), ``rms``, and about the median ``rms_about_median``, ``nmad`` (normalised
+        median absolute deviation, robust against steps and joints) and ``p95``, the 95 % quantile
+        of the absolute errors.
 
     Raises
     ------
@@ -178,7 +173,7 @@ def statistics_of(errors: npt.ArrayLike) -> dict[str, Any]:
     Parameters
     ----------
     errors : array_like
-        Errors [m]; such as are not finite do not count.
+        Errors [m]; values that are not finite are left out.
 
     Returns
     -------
@@ -200,12 +195,12 @@ def statistics_of(errors: npt.ArrayLike) -> dict[str, Any]:
     if not known.size:
         raise CoverageError("the true ground covers no node of the surface")
     median = float(np.median(known))
-    apart = np.abs(known - median)
+    deviation = np.abs(known - median)
     return {
         "nodes": int(known.size),
         "median": median,
         "rms": float(np.sqrt(np.mean(known**2))),
         "rms_about_median": float(np.sqrt(np.mean((known - median) ** 2))),
-        "nmad": MAD_TO_SD * float(np.median(apart)),
-        "p95": float(np.percentile(apart, 95)),
+        "nmad": MAD_TO_SD * float(np.median(deviation)),
+        "p95": float(np.percentile(deviation, 95)),
     }

@@ -1,1 +1,1 @@
-"""Excitation events: design, cut list, and what a vehicle does when it crosses one."""
+"""Excitation events: design, cut list and predicted response of a vehicle."""

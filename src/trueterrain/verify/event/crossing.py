@@ -1,4 +1,4 @@
-"""What a vehicle does when it drives over an event, and in which modes."""
+"""Predicted response of a vehicle that crosses an event, and its energy by modes."""
 
 import math
 from collections.abc import Mapping
@@ -20,8 +20,8 @@ from trueterrain.verify.truth import TrueHeight
 
 Floats = npt.NDArray[np.float64]
 
-_MODES = ("heave", "pitch", "roll", "hop", "tramp")  # front and rear, if alike, mix at will
-_LEAST_RATE = 500.0  # [Hz] of the samples, whatever the speed
+_MODES = ("heave", "pitch", "roll", "hop", "tramp")  # front and rear of equal frequency are mixed
+_MIN_RATE = 500.0  # [Hz] of the samples, at any speed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,45 +29,45 @@ class EventResponse:
     """Motion of a vehicle over an event; made by `cross_event`."""
 
     time: Floats
-    "Since the front axle was at distance 0, shape (n,) [s]."
+    "Time since the front axle was at distance 0, shape (n,) [s]."
 
     freedoms: tuple[str, ...]
-    "Names of the seven freedoms."
+    "Names of the seven degrees of freedom."
 
     displacement: Floats
-    "Of each freedom, shape (n, 7) [m or rad]."
+    "Displacements of the degrees of freedom, shape (n, 7) [m or rad]."
 
     laser: Floats
-    "Height of the laser above that at rest, shape (n,) [m]."
+    "Height of the laser above its height at rest, shape (n,) [m]."
 
     laser_acceleration: Floats
-    "Upwards, of the laser, shape (n,) [m/s²]."
+    "Upward acceleration of the laser, shape (n,) [m/s²]."
 
     energy: Mapping[str, float] = field(default_factory=dict)
-    """Share of the kinetic energy over the whole time that the undamped modes have: heave, pitch,
-    roll, hop (wheels of an axle together), tramp (against each other) [1]."""
+    """Fraction of the time integral of kinetic energy in the undamped modes: heave, pitch, roll,
+    hop (wheels of an axle in phase), tramp (in antiphase) [1]."""
 
-    def span(self, freedom: str) -> float:
-        """Motion of a freedom from peak to peak [m or rad].
+    def span(self, name: str) -> float:
+        """Peak-to-peak displacement, by the name in `freedoms` [m or rad].
 
         Raises
         ------
         ValueError
-            If there is no such freedom.
+            If `freedoms` does not hold that name.
         """
-        if freedom not in self.freedoms:
-            message = f"freedom must be one of {', '.join(self.freedoms)}, got {freedom!r}."
+        if name not in self.freedoms:
+            message = f"name must be one of {', '.join(self.freedoms)}, got {name!r}."
             raise ValueError(message)
-        return float(np.ptp(self.displacement[:, self.freedoms.index(freedom)]))
+        return float(np.ptp(self.displacement[:, self.freedoms.index(name)]))
 
     @property
     def laser_span(self) -> float:
-        """Motion of the laser from peak to peak [m]."""
+        """Peak-to-peak displacement of the laser [m]."""
         return float(np.ptp(self.laser))
 
     @property
     def strongest(self) -> str:
-        """Mode of the body (heave, pitch or roll) that has most of the energy."""
+        """Mode of the body (heave, pitch or roll) with most energy."""
         return max(("heave", "pitch", "roll"), key=lambda name: self.energy[name])
 
 
@@ -79,10 +79,10 @@ def cross_event(
     length: float,
     laser: tuple[float, float] = (-2.25, 0.0),
     tyre: Tyre = Tyre(),
-    settle: float = 3.0,
+    run_out: float = 3.0,
     spacing: float = 0.001,
 ) -> EventResponse:
-    """Drive a vehicle straight over an event, from rest on level ground.
+    """Simulate the straight crossing of an event, from equilibrium on level ground.
 
     Parameters
     ----------
@@ -94,33 +94,33 @@ def cross_event(
     speed : float
         Speed [m/s].
     length : float
-        Where the event ends [m].
+        Distance at which the event ends [m].
     laser : tuple of float
-        Place of the laser in the body from its centre of gravity: x forward, y left [m].
+        Position of the laser from the centre of gravity: x forward, y left [m].
     tyre : Tyre
         Contact patch.
-    settle : float
-        Time that is driven on after the rear wheels have left the event [s].
+    run_out : float
+        Time that the simulation continues after the rear wheels have left the event [s].
     spacing : float
         Distance between the heights along the paths of the wheels [m].
 
     Returns
     -------
     EventResponse
-        The motion.
+        Displacements, motion of the laser, and energy by modes.
 
     Raises
     ------
     ValueError
-        If speed, length, settle or spacing are not greater than 0.
+        If speed, length, run_out or spacing is not greater than 0.
     CoverageError
         If there is no ground under a wheel.
 
     Notes
     -----
-    Undamped modes of mass 1 part the kinetic energy of the linear vehicle without rest: each has
-    half the square of its own velocity. Its integral over time says which modes an event excites;
-    wheel hop moves fast, so that it has much energy while it moves little.
+    The undamped modes of modal mass 1 split the kinetic energy of the linear vehicle without
+    remainder: each has half the square of its modal velocity. The integral over time shows which
+    modes an event excites. Wheel hop is fast and has much energy at small displacements.
 
     Examples
     --------
@@ -134,28 +134,29 @@ def cross_event(
     for name, value, unit in (
         ("speed", speed, "m/s"),
         ("length", length, "m"),
-        ("settle", settle, "s"),
+        ("run_out", run_out, "s"),
         ("spacing", spacing, "m"),
     ):
         if not 0 < value < math.inf:
             message = f"{name} must be finite and greater than 0 {unit}, got {value}."
             raise ValueError(message)
-    step = min(spacing, speed / _LEAST_RATE)
+    step = min(spacing, speed / _MIN_RATE)
     model = linear_model(car)
     begin = -tyre.patch_length - 0.5
-    end = length + car.wheelbase + tyre.patch_length + settle * speed
+    end = length + car.wheelbase + tyre.patch_length + run_out * speed
     front: Floats = begin + step * np.arange(math.ceil((end - begin) / step), dtype=np.float64)
     wheels = _wheel_heights(car, height, front, step, tyre)
     moved = simulate_response(model, step / speed, wheels)
     lever = np.array([1.0, -laser[0], laser[1]])
-    found = vehicle_modes(model)
-    own = moved.velocity @ (model.mass @ found.undamped_shape.T)
-    kinetic = dict(zip(found.names, (own**2).sum(axis=0).tolist(), strict=True))
+    # modal velocities: shapes are orthonormal with respect to the mass matrix
+    modes = vehicle_modes(model)
+    modal_velocity = moved.velocity @ (model.mass @ modes.undamped_shape.T)
+    kinetic = dict(zip(modes.names, (modal_velocity**2).sum(axis=0).tolist(), strict=True))
     total = sum(kinetic.values())
     if not total > 0:
-        message = "height must move the vehicle, but its cleats are too small to do so."
+        message = "height must move the vehicle, but its cleats are too small."
         raise ValueError(message)
-    parted = {
+    by_mode = {
         name: sum(value for mode, value in kinetic.items() if mode.endswith(name))
         for name in _MODES
     }
@@ -165,14 +166,14 @@ def cross_event(
         displacement=moved.displacement,
         laser=moved.displacement[:, :3] @ lever,
         laser_acceleration=moved.acceleration[:, :3] @ lever,
-        energy={name: value / total for name, value in parted.items()},
+        energy={name: value / total for name, value in by_mode.items()},
     )
 
 
 def _wheel_heights(
     car: FullCarParameters, height: TrueHeight, front: Floats, step: float, tyre: Tyre
 ) -> Floats:
-    """Height of each wheel while the front axle is at `front`, shape (n, 4)."""
+    """Heights of the wheels with the front axle at `front`, shape (n, 4) [m]."""
     margin = contact_margin(step, tyre.patch_length)
     along = front[0] + step * np.arange(-margin, front.size + margin)
     out = np.empty((front.size, 4))

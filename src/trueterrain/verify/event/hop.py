@@ -1,4 +1,4 @@
-"""Wheel hop on cleats: a mass on springs over ground that goes up and down."""
+"""Wheel hop on cleats: the wheel as a base-excited oscillator."""
 
 import math
 from dataclasses import dataclass
@@ -11,31 +11,31 @@ Floats = npt.NDArray[np.float64]
 
 _LENGTH, _RIDE, _HOP = 2.44, 1.1, 11.0  # [m], [Hz], [Hz] of the thesis's event
 
-#: Which oscillator the wheel is taken for; see `hop_transmissibility`.
+#: Model of the oscillator; see `hop_transmissibility`.
 HopModel = Literal["base-excited", "thesis"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Erratum:
-    """A value that the thesis prints, and the right one."""
+    """A value printed in the thesis, and the corrected one."""
 
     place: str
     "Equation or section of Smith (2009)."
 
     quantity: str
-    "What the values are."
+    "Name of the quantity."
 
     printed: float
-    "As printed, or as the printed formula gives."
+    "Value as printed, or from the printed formula."
 
     right: float
-    "As it should be."
+    "Corrected value."
 
     unit: str
     "Unit of both."
 
     why: str
-    "What is wrong, in a sentence."
+    "Reason, in a sentence."
 
 
 def hop_transmissibility(
@@ -43,9 +43,9 @@ def hop_transmissibility(
     damping: float,
     *,
     model: HopModel = "base-excited",
-    tyre_share: float = 1.0,
+    tyre_stiffness_fraction: float = 1.0,
 ) -> Floats:
-    """Amplitude of a wheel over that of the ground it runs on, near wheel hop.
+    """Transmissibility of a wheel near wheel hop: its amplitude over that of the ground.
 
     Parameters
     ----------
@@ -55,9 +55,9 @@ def hop_transmissibility(
         Damping ratio of wheel hop [1].
     model : {"base-excited", "thesis"}
         See Notes.
-    tyre_share : float
-        Stiffness of the tyre over that of tyre and suspension together; by default the suspension
-        is taken as soft [1].
+    tyre_stiffness_fraction : float
+        Stiffness of the tyre over the sum of those of tyre and suspension; 1, the default, neglects
+        the suspension [1].
 
     Returns
     -------
@@ -67,14 +67,14 @@ def hop_transmissibility(
     Raises
     ------
     ValueError
-        If a ratio or the damping is not greater than 0, or the share not from 0 to 1.
+        If a ratio or the damping is not greater than 0, or the fraction is not from 0 to 1.
 
     Notes
     -----
-    In wheel hop the body stands almost still, and the damper is between wheel and body: the ground
+    In wheel hop the body is almost at rest, and the damper acts between wheel and body. The ground
     acts through the tyre alone, so that T = p / sqrt((1 - r²)² + (2 z r)²) with p = kt / (ks + kt).
-    Eq. 3-7 of Smith (2009) has the damper between wheel and road, which gives the numerator
-    sqrt(1 + (2 z r)²): that is model "thesis".
+    Eq. 3-7 of Smith (2009) has the damper between wheel and road, with the numerator
+    sqrt(1 + (2 z r)²): this is model "thesis".
 
     Examples
     --------
@@ -87,14 +87,16 @@ def hop_transmissibility(
     if not (np.isfinite(r) & (r >= 0)).all():
         message = f"ratio must be finite and at least 0, got {ratio!r}."
         raise ValueError(message)
-    _check_inputs(damping, model, tyre_share)
-    above = tyre_share if model == "base-excited" else np.sqrt(1 + (2 * damping * r) ** 2)
+    _check_inputs(damping, model, tyre_stiffness_fraction)
+    above = (
+        tyre_stiffness_fraction if model == "base-excited" else np.sqrt(1 + (2 * damping * r) ** 2)
+    )
     out: Floats = above / np.hypot(1 - r**2, 2 * damping * r)
     return out
 
 
 def hop_lag(ratio: float, damping: float, *, model: HopModel = "base-excited") -> float:
-    """By how much of a wave a wheel comes after the ground, near wheel hop.
+    """Phase lag of a wheel behind the ground near wheel hop, as a fraction of a wavelength.
 
     Parameters
     ----------
@@ -108,7 +110,7 @@ def hop_lag(ratio: float, damping: float, *, model: HopModel = "base-excited") -
     Returns
     -------
     float
-        Share of a wave, that is of the spacing of cleats, from 0 to 0.5 [1].
+        Fraction of a wavelength, that is of the spacing of cleats, from 0 to 0.5 [1].
 
     Raises
     ------
@@ -125,13 +127,13 @@ def hop_lag(ratio: float, damping: float, *, model: HopModel = "base-excited") -
         raise ValueError(message)
     _check_inputs(damping, model, 1.0)
     lag = math.atan2(2 * damping * ratio, 1 - ratio**2)
-    if model == "thesis":  # the damper pulls with the road
+    if model == "thesis":  # the damper to the road advances the excitation
         lag -= math.atan(2 * damping * ratio)
     return lag / (2 * math.pi)
 
 
 def peak_ratio(damping: float, *, model: HopModel = "base-excited") -> float:
-    """Frequency at which a wheel moves most, over the undamped frequency of wheel hop.
+    """Frequency of greatest transmissibility over the undamped frequency of wheel hop.
 
     Parameters
     ----------
@@ -143,12 +145,12 @@ def peak_ratio(damping: float, *, model: HopModel = "base-excited") -> float:
     Returns
     -------
     float
-        Ratio [1]; 0 if the wheel never moves more than on slow ground.
+        Ratio [1]; 0 if damping is so large that the transmissibility has no peak.
 
     Notes
     -----
-    sqrt(1 - 2 z²), which Smith (2009) gives for Eq. 3-7 too. The peak of that equation is at
-    r² = (sqrt(1 + 8 z²) - 1) / (2 z)² instead, for any damping.
+    r² = 1 - 2 z² for the base-excited model. Smith (2009) uses the same for Eq. 3-7, but the peak
+    of that equation is at r² = (sqrt(1 + 8 z²) - 1) / (2 z)², for any damping.
 
     Examples
     --------
@@ -165,22 +167,22 @@ def cleat_ratio(
     damping: float,
     *,
     model: HopModel = "base-excited",
-    tyre_share: float = 1.0,
+    tyre_stiffness_fraction: float = 1.0,
     ratio: float | None = None,
 ) -> float:
-    """Width of a cleat over the spacing, at which a wheel in hop touches both of its edges.
+    """Width of a cleat over the spacing for which a wheel in hop touches both of its edges.
 
     Parameters
     ----------
     damping : float
         Damping ratio of wheel hop [1].
     model : {"base-excited", "thesis"}
-        "thesis" is Eq. 3-13 of Smith (2009) as printed, the other the right one.
-    tyre_share : float
-        See `hop_transmissibility`; the thesis knows none [1].
+        "thesis" is Eq. 3-13 of Smith (2009) as printed, "base-excited" the corrected one.
+    tyre_stiffness_fraction : float
+        See `hop_transmissibility`; the thesis neglects it [1].
     ratio : float, optional
-        Frequency at which wheels meet cleats over that of wheel hop; by default that of the
-        greatest motion, which the thesis takes for sqrt(1 - 2 z²) [1].
+        Frequency at which a wheel meets cleats over that of wheel hop; by default that of the
+        greatest motion, for which the thesis takes sqrt(1 - 2 z²) [1].
 
     Returns
     -------
@@ -190,27 +192,31 @@ def cleat_ratio(
     Raises
     ------
     ValueError
-        If the ground is not amplified: then no wheel touches both edges.
+        If the transmissibility is not greater than 1: then no wheel touches both edges.
 
     Notes
     -----
-    Ground of amplitude h/2 makes the wheel go up and down by T h/2 about half the height of the
-    cleats, in step with them: it is above the edges for the share of a period in which
-    T cos(pi x / a) > 1, so w / a = acos(1 / T) / pi. Eqs. 3-9 to 3-13 take the wheel to oscillate
-    with the *damped natural* frequency, which divides the result by sqrt(1 - z²); it does so with
-    the frequency at which it meets cleats. Neither heeds that the wheel lags.
+    On ground of amplitude h/2 the wheel oscillates with amplitude T h/2 about half the height of
+    the cleats. It is above the edges during the fraction of a period in which T cos(pi x / a) > 1,
+    so that w / a = acos(1 / T) / pi. Eqs. 3-9 to 3-13 of the thesis let the wheel oscillate at the
+    *damped natural* frequency, which divides the result by sqrt(1 - z²); but a steady response has
+    the frequency of the excitation. Both neglect the phase lag of the wheel.
 
-    It is a rule of construction and no optimum: hop grows with w / a as the first harmonic of the
-    cleats, 2 h / pi sin(pi w / a), up to w / a = 0.5.
+    This is a rule of construction, not an optimum: hop grows with w / a as the first harmonic of
+    the cleats, 2 h / pi sin(pi w / a), up to w / a = 0.5.
 
     Examples
     --------
     >>> print(round(cleat_ratio(0.3, model="thesis"), 4), round(cleat_ratio(0.3), 4))
     0.3483 0.306
     """
-    _check_inputs(damping, model, tyre_share)
-    where = peak_ratio(damping) if ratio is None else ratio
-    gain = float(hop_transmissibility(where, damping, model=model, tyre_share=tyre_share))
+    _check_inputs(damping, model, tyre_stiffness_fraction)
+    frequency = peak_ratio(damping) if ratio is None else ratio
+    gain = float(
+        hop_transmissibility(
+            frequency, damping, model=model, tyre_stiffness_fraction=tyre_stiffness_fraction
+        )
+    )
     if gain <= 1:
         message = (
             f"damping must let a wheel in hop move more than the ground, "
@@ -221,21 +227,23 @@ def cleat_ratio(
     return math.acos(1 / gain) / (math.pi * stretched)
 
 
-def event_errata(damping: float = 0.3, tyre_share: float = 0.912) -> tuple[Erratum, ...]:
-    """What is wrong in the design of the event in Smith (2009), section 3.3, in numbers.
+def event_errata(
+    damping: float = 0.3, tyre_stiffness_fraction: float = 0.912
+) -> tuple[Erratum, ...]:
+    """Errata of the event's design in Smith (2009), section 3.3, in numbers.
 
     Parameters
     ----------
     damping : float
         Damping ratio of wheel hop [1].
-    tyre_share : float
-        Stiffness of the tyre over that of tyre and suspension together [1].
+    tyre_stiffness_fraction : float
+        Stiffness of the tyre over the sum of those of tyre and suspension [1].
 
     Returns
     -------
     tuple of Erratum
-        As printed, and right; NaN where a wheel in hop moves less than the ground, so that no
-        width is right.
+        Printed and corrected values; NaN if a wheel in hop moves less than the ground, so that the
+        rule has no solution.
 
     Examples
     --------
@@ -250,9 +258,9 @@ def event_errata(damping: float = 0.3, tyre_share: float = 0.912) -> tuple[Errat
     def gain(ratio: float) -> float:
         return float(hop_transmissibility(ratio, damping, model="thesis"))
 
-    def right(share: float, ratio: float | None = None) -> float:
+    def right(fraction: float, ratio: float | None = None) -> float:
         try:
-            return cleat_ratio(damping, tyre_share=share, ratio=ratio)
+            return cleat_ratio(damping, tyre_stiffness_fraction=fraction, ratio=ratio)
         except ValueError:  # the wheel moves less than the ground
             return math.nan
 
@@ -298,14 +306,14 @@ def event_errata(damping: float = 0.3, tyre_share: float = 0.912) -> tuple[Errat
             "3-14",
             "w/a, damper on the body",
             printed,
-            right(tyre_share),
+            right(tyre_stiffness_fraction),
             "The suspension holds the wheel as well.",
         ),
         (
             "3-14",
             "w/a, damper on the body, V = a f2",
             printed,
-            right(tyre_share, 1.0),
+            right(tyre_stiffness_fraction, 1.0),
             "The same at V = a f2.",
         ),
         (
@@ -356,13 +364,16 @@ def event_errata(damping: float = 0.3, tyre_share: float = 0.912) -> tuple[Errat
     )
 
 
-def _check_inputs(damping: float, model: str, tyre_share: float) -> None:
+def _check_inputs(damping: float, model: str, tyre_stiffness_fraction: float) -> None:
     if not 0 < damping < 1:
         message = f"damping must be greater than 0 and less than 1, got {damping}."
         raise ValueError(message)
     if model not in get_args(HopModel):
         message = f"model must be one of {', '.join(get_args(HopModel))}, got {model!r}."
         raise ValueError(message)
-    if not 0 < tyre_share <= 1:
-        message = f"tyre_share must be greater than 0 and at most 1, got {tyre_share}."
+    if not 0 < tyre_stiffness_fraction <= 1:
+        message = (
+            "tyre_stiffness_fraction must be greater than 0 and at most 1, got "
+            f"{tyre_stiffness_fraction}."
+        )
         raise ValueError(message)

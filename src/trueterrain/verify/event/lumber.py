@@ -1,11 +1,9 @@
-"""What to saw for an event: exact sizes, and the lumber that is sold."""
+"""Cut list of an event: exact sizes of its pieces, and the lumber to saw them from."""
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from trueterrain.verify.event.design import EventDesign
+from trueterrain.verify.event.layout import EventDesign
 
 _INCH = 0.0254  # [m]
 _FOOT = 0.3048  # [m]
@@ -16,9 +14,9 @@ _WIDTHS = {2: 1.5, 3: 2.5, 4: 3.5, 6: 5.5, 8: 7.25, 10: 9.25, 12: 11.25}
 _LENGTHS = (6, 8, 10, 12, 14, 16)  # feet
 _SHEET = (2.44, 1.22)  # [m] plywood, 8 by 4 feet
 
-_AS_SOLD = 0.0015  # [m] by which lumber varies; a size within it needs no saw
+_AS_SOLD = 0.0015  # [m] tolerance of lumber; a size within it needs no sawing
 _DENSITY = 480.0  # [kg/m³] of dry softwood and plywood
-_BESIDE = 0.45  # [m] by which cleats reach beyond the middle of each tyre, for steering
+_OVERHANG = 0.45  # [m] of cleats beyond the centre of each tyre, for lateral errors of steering
 _SLACK = 1e-9  # [1] rounding when boards are counted
 
 
@@ -27,31 +25,31 @@ class EventPiece:
     """Equal pieces of an event."""
 
     name: str
-    "What they are."
+    "Name."
 
     count: int
-    "How many."
+    "Number of pieces."
 
     length: float
-    "Across the lane [m]."
+    "Size across the direction of travel [m]."
 
     width: float
-    "Along the lane [m]."
+    "Size along the direction of travel [m]."
 
     thickness: float
     "Height [m]."
 
     stock: str
-    "Lumber to make them from, by its nominal size."
+    "Lumber to saw them from, by its nominal size."
 
     stock_count: int
-    "Boards or sheets of it."
+    "Number of boards or sheets."
 
     work: str
-    "What is to be done to them."
+    "Sawing and planing that is needed."
 
     unsawn_width: float
-    "Width of the nearest lumber as it is sold [m]."
+    "Width of the nearest lumber as sold [m]."
 
     @property
     def mass(self) -> float:
@@ -59,13 +57,13 @@ class EventPiece:
         return _DENSITY * self.length * self.width * self.thickness
 
 
-def across_length(design: "EventDesign") -> float:
-    """Length of a cleat that reaches under both wheels, with room for steering [m]."""
-    return design.inputs.track + 2 * _BESIDE
+def cleat_span(design: EventDesign) -> float:
+    """Length of a cleat that reaches under both wheels, with a margin for steering [m]."""
+    return design.inputs.track + 2 * _OVERHANG
 
 
-def cut_list(design: "EventDesign") -> tuple[EventPiece, ...]:
-    """Pieces of an event, with the lumber to saw them from.
+def cut_list(design: EventDesign) -> tuple[EventPiece, ...]:
+    """Cut list: pieces of an event, with the lumber to saw them from.
 
     Parameters
     ----------
@@ -74,7 +72,7 @@ def cut_list(design: "EventDesign") -> tuple[EventPiece, ...]:
 
     Returns
     -------
-    tuple of Piece
+    tuple of EventPiece
         Cleats, and boards below them if there are any.
 
     Raises
@@ -91,7 +89,7 @@ def cut_list(design: "EventDesign") -> tuple[EventPiece, ...]:
     ...           f"{piece.work}")
     5 of 2500 x 170 x 38 mm: 5 of 2x8, 10 ft; rip from 184 mm
     """
-    whole = across_length(design)
+    whole = cleat_span(design)
     halves = 1 if design.placement == "across" else 2
     sides = design.events * (2 if design.placement == "staggered" else 1)
     cleats = _cleat_piece(design, whole / halves, sides)
@@ -113,7 +111,7 @@ def cut_list(design: "EventDesign") -> tuple[EventPiece, ...]:
     return cleats, boards
 
 
-def _cleat_piece(design: "EventDesign", length: float, sides: int) -> EventPiece:
+def _cleat_piece(design: EventDesign, length: float, sides: int) -> EventPiece:
     thick = [
         (nominal, inches * _INCH)
         for nominal, inches in _THICKNESSES.items()
@@ -149,14 +147,14 @@ def _cleat_piece(design: "EventDesign", length: float, sides: int) -> EventPiece
 
 
 def _count_boards(pieces: int, length: float) -> tuple[int, int]:
-    """Length in feet and number of the boards that leave the least over."""
+    """Length in feet and number of boards with the least waste."""
     choices = []
     for feet in _LENGTHS:
         each = math.floor(feet * _FOOT / length + _SLACK)
         if each:
             boards = math.ceil(pieces / each)
             choices.append((round(boards * feet, 6), feet, boards))
-    if not choices:  # two boards, end to end
+    if not choices:  # pieces longer than any board: boards end to end
         longest = _LENGTHS[-1]
         return longest, pieces * math.ceil(length / (longest * _FOOT))
     _, feet, boards = min(choices)

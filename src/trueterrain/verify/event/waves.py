@@ -1,4 +1,4 @@
-"""An event in frequencies: what of it reaches the axles, and which modes that excites."""
+"""Events in the frequency domain: excitation of the axles, response of the modes, speed sweeps."""
 
 import math
 from typing import NamedTuple
@@ -10,29 +10,29 @@ from trueterrain.vehicle import FullCarParameters, frequency_response, linear_mo
 
 Floats = npt.NDArray[np.float64]
 
-_MOST_SPEEDS = 1000
+_MAX_SPEEDS = 1000
 
 
 class PassageGain(NamedTuple):
-    """How much the body and the axles move on ground that is the same left and right."""
+    """Gain of body and axles over ground that is equal on the left and the right."""
 
     heave: Floats
-    "Of the body at its centre of gravity, over the amplitude of the ground [m/m]."
+    "Heave of the body at its centre of gravity over the amplitude of the ground [m/m]."
 
     pitch: Floats
-    "Of the body, times half the wheelbase: motion above the axles [m/m]."
+    "Pitch of the body times half the wheelbase, the motion above the axles [m/m]."
 
     front_hop: Floats
-    "Of the front axle [m/m]."
+    "Displacement of the front axle [m/m]."
 
     rear_hop: Floats
-    "Of the rear axle [m/m]."
+    "Displacement of the rear axle [m/m]."
 
 
 def wheelbase_filter(
     frequency: npt.ArrayLike, speed: float, wheelbase: float
 ) -> tuple[Floats, Floats]:
-    """How much of the ground lifts both axles together, and how much tilts them.
+    """Wheelbase filter: fractions of the ground that lift both axles in phase and in antiphase.
 
     Parameters
     ----------
@@ -52,11 +52,11 @@ def wheelbase_filter(
     Raises
     ------
     ValueError
-        If speed or wheelbase are not greater than 0.
+        If speed or wheelbase is not greater than 0.
 
     Examples
     --------
-    A wave as long as the wheelbase lifts only, one twice as long tilts only:
+    A wave as long as the wheelbase causes heave only, one twice as long pitch only:
 
     >>> heave, pitch = wheelbase_filter([2.0, 1.0], 5.0, 2.5)
     >>> print(heave.round(9), pitch.round(9))
@@ -88,11 +88,11 @@ def event_spectrum(
     speed : float
         Speed [m/s].
     number : int
-        Cleats.
+        Number of cleats.
     spacing, width, rise, base : float
         Spacing, width and height of the cleats, thickness of the board below them [m].
     patch_length : float
-        Length of the tyre's contact patch, over which heights are averaged [m].
+        Length of the tyre's contact patch, which averages heights [m].
 
     Returns
     -------
@@ -102,12 +102,13 @@ def event_spectrum(
     Raises
     ------
     ValueError
-        If speed, number, spacing or width are not greater than 0.
+        If speed, number, spacing or width is not greater than 0.
 
     Notes
     -----
-    n rectangles: rise w/V sinc(f w/V) sin(pi n f a/V) / sin(pi f a/V), and base n a/V
-    sinc(f n a/V) for the board, both times sinc(f b/V) for the patch; sinc(x) = sin(pi x)/(pi x).
+    Spectrum of n rectangles: rise w/V sinc(f w/V) sin(pi n f a/V) / sin(pi f a/V), plus
+    base n a/V sinc(f n a/V) of the board, both times sinc(f b/V) of the patch, with
+    sinc(x) = sin(pi x)/(pi x).
 
     Examples
     --------
@@ -128,7 +129,7 @@ def event_spectrum(
 
 
 def passage_gain(car: FullCarParameters, frequency: npt.ArrayLike, speed: float) -> PassageGain:
-    """What a vehicle makes of ground that is the same left and right, at a speed.
+    """Frequency response of a vehicle at a speed to ground equal on the left and the right.
 
     Parameters
     ----------
@@ -151,8 +152,8 @@ def passage_gain(car: FullCarParameters, frequency: npt.ArrayLike, speed: float)
 
     Notes
     -----
-    The rear wheels follow by the time B / V, a phase of -2 pi f B / V: the wheelbase filter is in
-    it, and so is the coupling of heave and pitch.
+    The rear wheels follow after the time B / V, a phase of -2 pi f B / V. The result includes the
+    wheelbase filter and the coupling of heave and pitch.
 
     Examples
     --------
@@ -179,16 +180,16 @@ def passage_gain(car: FullCarParameters, frequency: npt.ArrayLike, speed: float)
 
 
 def covering_speeds(low: float, high: float, *, number: int, spacing: float) -> Floats:
-    """Speeds at which an event covers a band of frequencies without a gap.
+    """Speeds at which an event excites a band of frequencies without a gap.
 
     Parameters
     ----------
     low, high : float
         The band, such as 9 to 14 Hz around wheel hop [Hz].
     number : int
-        Cleats of the event.
+        Number of cleats of the event.
     spacing : float
-        From cleat to cleat [m].
+        Distance between neighbouring cleats [m].
 
     Returns
     -------
@@ -202,9 +203,9 @@ def covering_speeds(low: float, high: float, *, number: int, spacing: float) -> 
 
     Notes
     -----
-    At the speed V, the n cleats excite the frequency V / a, and at least half as strongly (in
-    power) those up to about 0.45 / n of it below and above. These bands touch from speed to speed.
-    On its way the speed moves the notches of the wheelbase filter as well.
+    At the speed V, the n cleats excite the frequency V / a, and with at least half of that power
+    the frequencies within about 0.45 / n of it. The bands of neighbouring speeds touch. Each speed
+    also moves the notches of the wheelbase filter.
 
     Examples
     --------
@@ -222,14 +223,14 @@ def covering_speeds(low: float, high: float, *, number: int, spacing: float) -> 
     speeds = [low * spacing / (1 - half)]
     while speeds[-1] * (1 + half) < high * spacing:
         speeds.append(speeds[-1] * (1 + half) / (1 - half))
-        if len(speeds) > _MOST_SPEEDS:
-            message = f"low to high must be covered by at most {_MOST_SPEEDS} speeds."
+        if len(speeds) > _MAX_SPEEDS:
+            message = f"low to high must be covered by at most {_MAX_SPEEDS} speeds."
             raise ValueError(message)
     return np.array(speeds)
 
 
 def half_power(number: int) -> float:
-    """Half the width at half power of the line of n cleats, over its frequency."""
+    """Half width at half power of the spectral line of n cleats, relative to its frequency."""
     from scipy.optimize import brentq
 
     def above_half(x: float) -> float:

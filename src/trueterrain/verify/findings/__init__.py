@@ -1,1 +1,1 @@
-"""Findings: faults that a test looked for, and what it found."""
+"""Findings: faults that a test looks for, with their estimates."""

@@ -1,8 +1,8 @@
-"""Findings: what a test looked for besides the size of the error, and what it found.
+"""Findings: the result of the search for one fault, such as a wrong clock.
 
-A profiler that is wrong is wrong for a reason: a clock, an angle, a lever arm, a bright stripe.
-Each reason leaves a mark of its own on the errors. A finding says what was looked for, how large it
-seems to be and how surely, and whether it is there; or why this test cannot tell.
+Errors of a profiler have causes: a clock, an angle, a lever arm, a bright stripe. Each cause leaves
+a signature of its own in the errors. A finding states the estimate of one fault with its standard
+deviation and whether it is significant, or why the test cannot observe it.
 """
 
 from dataclasses import dataclass
@@ -10,31 +10,31 @@ from typing import Any
 
 from trueterrain.core.json_values import json_values
 
-#: Standard deviations from nothing beyond which a finding is one: by chance alone one in 16,000.
+#: Standard deviations from zero beyond which a fault is detected: a false alarm in 16,000 cases.
 CERTAIN = 4.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """A fault that was looked for."""
+    """Result of the search for one fault."""
 
     name: str
-    "What was looked for, as `clock of the scanner`."
+    "Name of the fault, such as `clock of the scanner`."
 
     value: float | None
-    "How large it is, in its unit; None if the test cannot tell."
+    "Estimate, in its unit; None if it is not observable in this test."
 
     sd: float | None
-    "Standard deviation of the value; None if it is counted, not estimated, or cannot be told."
+    "Standard deviation of the value; None if it is counted, or not observable."
 
     unit: str
     "Unit of the value: s, rad, m, Hz, or 1."
 
     detected: bool | None
-    "Whether it is there; None if the test cannot tell."
+    "Whether the fault is significant; None if it is not observable in this test."
 
     meaning: str
-    "One sentence: what it does and what to do, or why it cannot be told and what would tell."
+    "A sentence: effect and remedy, or why it is not observable and which test observes it."
 
     def to_dict(self) -> dict[str, Any]:
         """The same as plain numbers and words, as for JSON."""
@@ -48,24 +48,26 @@ class Finding:
         }
 
 
-def is_significant(value: float, sd: float, *, least: float = 0.0) -> bool:
-    """Whether a value is surely there, and large enough to matter.
+def is_significant(value: float, sd: float, *, min_size: float = 0.0) -> bool:
+    """Whether an estimate is significant, and large enough to matter.
 
     Parameters
     ----------
     value, sd : float
         Estimate and its standard deviation.
-    least : float
+    min_size : float
         Smallest magnitude that matters, in the same unit.
 
     Returns
     -------
     bool
-        True if it is more than four standard deviations from nothing, and beyond `least`.
+        True if the magnitude exceeds four standard deviations and `min_size`.
 
     Examples
     --------
-    >>> certain(0.001, 0.0001), certain(0.0002, 0.0001), certain(0.001, 0.0001, least=0.002)
-    (True, False, False)
+    >>> is_significant(0.001, 0.0001), is_significant(0.0002, 0.0001)
+    (True, False)
+    >>> is_significant(0.001, 0.0001, min_size=0.002)
+    False
     """
-    return abs(value) > max(CERTAIN * sd, least)
+    return abs(value) > max(CERTAIN * sd, min_size)

@@ -1,4 +1,4 @@
-"""What the static test looks for besides the size of the error."""
+"""Findings of the static test: place of the plate, boresight roll, bright ground, lost returns."""
 
 import math
 
@@ -17,11 +17,12 @@ from trueterrain.verify.findings.common import (
 )
 from trueterrain.verify.findings.finding import Finding, is_significant
 from trueterrain.verify.registration.search import Registration
+from trueterrain.verify.statistics.regression import regress_signatures
 
 Floats = npt.NDArray[np.float64]
 
-_ROLL_SD = math.radians(0.015)  # [rad] of roll by navigation where no other is reported
-_LEAST_ROLL = math.radians(0.02)  # [rad] boresight error that matters: 0.7 mm at 2 m to the side
+_ROLL_SD = math.radians(0.015)  # [rad] of roll by navigation if it reports none
+_MIN_ROLL = math.radians(0.02)  # [rad] boresight error that matters: 0.7 mm at an offset of 2 m
 
 
 def static_findings(
@@ -38,7 +39,7 @@ def static_findings(
     returned: Floats,
     flagged: Floats,
 ) -> tuple[Finding, ...]:
-    """All that is looked for.
+    """Findings of a static test.
 
     Parameters
     ----------
@@ -47,24 +48,25 @@ def static_findings(
     errors, machined : xarray.Dataset
         Errors over the plate, and its machined profile.
     found : Registration
-        How scanner and plate lie to each other.
+        Relative position of scanner and plate.
     assumed, level, level_sd
-        As the settings say.
+        See `StaticSettings`.
     screening : Screening
-        Which returns are flagged.
+        Bounds of range and intensity.
     scans : int
-        Scans that were taken.
+        Number of scans.
     returned, flagged : numpy.ndarray, shape (n,)
-        Returns of each beam that meets the plate, and how many of them are flagged.
+        Numbers of returns and of flagged returns of each beam that meets the plate.
 
     Returns
     -------
     tuple of Finding
-        Place, boresight roll, bright ground, flagged intensity, scans and returns lost.
+        Place of the plate, boresight roll, bright ground, flagged intensity, lost scans and lost
+        returns.
     """
     plain = ~errors["edge"].values
     intensity = errors["intensity"].values if "intensity" in tree["scans"] else None
-    share = None if intensity is None else float(flagged.sum() / max(returned.sum(), 1.0))
+    fraction = None if intensity is None else float(flagged.sum() / max(returned.sum(), 1.0))
     return (
         plate_place_finding(
             errors,
@@ -72,7 +74,7 @@ def static_findings(
             found,
             assumed,
             where=("to the left of", "to the right of"),
-            otherwise=", or the scanner sits that much to the other side",
+            otherwise=", or the scanner lies as far to the other side",
         ),
         boresight_roll(tree, errors, found, level=level, level_sd=level_sd, scans=scans),
         brightness_finding(
@@ -81,7 +83,7 @@ def static_findings(
             None if intensity is None else intensity[plain],
             errors["flagged"].values[plain] if screening.needs_intensity else None,
         ),
-        intensity_finding(share, screening),
+        intensity_finding(fraction, screening),
         lost_scans(np.asarray(tree["scans/time"])[:scans]),
         lost_returns(1.0 - float(returned.mean()) / scans, 1.0 - float(returned.min()) / scans),
     )
@@ -96,11 +98,11 @@ def boresight_roll(
     level_sd: float,
     scans: int,
 ) -> Finding:
-    """Roll of the scanner in the body against what the mounting says.
+    """Boresight roll: true roll of the scanner in the body less that of the mounting.
 
-    A body that leans by r over a plate that slopes by b sees it slope by b - r; a scanner that is
-    declared to lean by d too much adds d. What navigation gives as roll while it stands is as wrong
-    as its drift, however long it stands: means do not help.
+    With roll r of the body, slope b of the plate and an error d of the declared boresight roll, the
+    measured slope is b - r + d. The roll of a vehicle at rest has the full drift of navigation as
+    its error; averaging over time does not reduce it.
 
     Parameters
     ----------
@@ -109,11 +111,11 @@ def boresight_roll(
     errors : xarray.Dataset
         Errors over the plate.
     found : Registration
-        With the slope that was seen.
+        With the measured slope.
     level, level_sd : float
         Slope of the plate by a spirit level, and its standard deviation [rad].
     scans : int
-        Scans that were taken.
+        Number of scans.
 
     Returns
     -------
@@ -125,11 +127,11 @@ def boresight_roll(
         return unknown_finding(
             name,
             "rad",
-            "The slope of the plate is not known: lay a spirit level on it and say so (level).",
+            "The slope of the plate is not known: measure it by spirit level and state it (level).",
         )
     if "navigation" not in tree.children:
         return unknown_finding(
-            name, "rad", "The run holds no navigation, which tells how the body leans."
+            name, "rad", "The run holds no navigation, so that the roll of the body is not known."
         )
     time = np.asarray(tree["scans/time"])[:scans]
     navigation = tree["navigation"].to_dataset()
@@ -137,19 +139,19 @@ def boresight_roll(
     roll = navigation["roll"].values[during]
     if not np.isfinite(roll).any():
         return unknown_finding(
-            name, "rad", "Navigation says nothing while the scanner scans: record both."
+            name, "rad", "Navigation has no records during the scans: record both."
         )
     sd_roll = _ROLL_SD
     if "sd_roll" in navigation and np.isfinite(navigation["sd_roll"].values[during]).any():
         sd_roll = float(np.nanmean(navigation["sd_roll"].values[during]))
     value = float(level - np.nanmean(roll) - found.tilt)
     sd = math.sqrt(sd_roll**2 + level_sd**2 + _tilt_sd(errors) ** 2)
-    detected = is_significant(value, sd, least=_LEAST_ROLL)
+    detected = is_significant(value, sd, min_size=_MIN_ROLL)
     if detected:
         meaning = (
-            f"The mounting says that the scanner leans {math.degrees(abs(value)):.3f} degrees "
-            f"{'more' if value < 0 else 'less'} to the right than it does: heights at 2 m to the "
-            f"side are off by {2e3 * abs(value):.1f} mm."
+            f"The mounting states a roll of the scanner that is {math.degrees(abs(value)):.3f} "
+            f"degrees too {'large' if value < 0 else 'small'}: heights at an offset of 2 m are "
+            f"wrong by {2e3 * abs(value):.1f} mm."
         )
     else:
         meaning = "Scanner, navigation and spirit level agree on the slope of the plate."
@@ -157,9 +159,7 @@ def boresight_roll(
 
 
 def _tilt_sd(errors: xr.Dataset) -> float:
-    """Standard deviation of the slope that was seen, by what is left off edges [rad]."""
-    from trueterrain.verify.statistics.regression import regress_signatures
-
+    """Standard deviation of the measured slope, from the residuals off edges [rad]."""
     plain = ~errors["edge"].values
     s, error = errors["s"].values[plain], errors["error"].values[plain]
     if s.size < 3:

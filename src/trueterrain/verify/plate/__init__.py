@@ -1,1 +1,1 @@
-"""Calibration surfaces: design, parts, and what a scanner sees of them."""
+"""Calibration plates: design, parts, and their visibility to a scanner."""

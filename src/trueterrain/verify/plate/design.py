@@ -1,8 +1,8 @@
 """Design of a calibration plate: cleats of known profile, the reference of accuracy tests.
 
 After section 3.4 of Smith, "Improving the Quality of Terrain Measurement" (Virginia Tech, 2009):
-interchangeable cleats on a plate with a grid of holes of 152 mm, which the scanner measures
-standing (profile along the scan) and driving (profile along the lane).
+interchangeable cleats on a plate with a 152 mm grid of holes, measured by a scanner at rest
+(profile along the scan) and from a moving vehicle (profile along the direction of travel).
 """
 
 import math
@@ -26,7 +26,7 @@ from trueterrain.verify.plate.parts import (
 from trueterrain.verify.plate.scanner_view import (
     Brightness,
     EdgeView,
-    Lie,
+    PlateOrientation,
     PlateView,
     ReflectivityBand,
     ScanSetup,
@@ -38,9 +38,9 @@ __all__ = [
     "CleatShape",
     "EdgeView",
     "Flank",
-    "Lie",
     "PlateCleat",
     "PlateDesign",
+    "PlateOrientation",
     "PlateView",
     "ReflectivityBand",
     "ScanSetup",
@@ -51,9 +51,9 @@ __all__ = [
     "write_machined",
 ]
 
-_EVERY = 0.001  # [m] between the nodes of the machined profile
-_CLEAR = 1e-5  # [m] of nodes from corners
-_APART = 2  # holes from cleat to cleat
+_SPACING = 0.001  # [m] of the nodes of the machined profile
+_MIN_DISTANCE = 1e-5  # [m] of nodes from corners
+_HOLE_STEP = 2  # holes from cleat to cleat
 
 
 def design_plate(
@@ -64,7 +64,7 @@ def design_plate(
     edge_rise: float = EDGE_RISE,
     **plate: Any,
 ) -> PlateDesign:
-    """Plate with cleats two holes apart about its middle.
+    """Design a plate with cleats two holes apart about its centre.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def design_plate(
     Raises
     ------
     ValueError
-        As by `PlateDesign` and `PlateCleat`.
+        See `PlateDesign` and `PlateCleat`.
 
     Examples
     --------
@@ -98,7 +98,7 @@ def design_plate(
     cleats = tuple(
         PlateCleat(
             shape=shape,
-            hole=first + _APART * number,
+            hole=first + _HOLE_STEP * number,
             width=cleat_width,
             rise=edge_rise if shape == "edge" else rise,
         )
@@ -108,7 +108,7 @@ def design_plate(
 
 
 def machined_profile(plate: PlateDesign) -> xr.Dataset:
-    """Profile of a plate as it is to be machined: the reference of accuracy tests.
+    """Machined profile of a plate, the reference of accuracy tests.
 
     Parameters
     ----------
@@ -119,12 +119,12 @@ def machined_profile(plate: PlateDesign) -> xr.Dataset:
     -------
     xarray.Dataset
         Profile: s from the left end [m], height above the ground under the plate [m], and sd, the
-        standard uncertainty of a tolerance within which all heights are alike [m].
+        standard deviation of a uniform distribution within the tolerance [m].
 
     Notes
     -----
-    Straight lines join its nodes: the corners, and one every millimetre between them. Uneven in s,
-    it is exact everywhere.
+    Straight lines join the nodes: the corners, and one every millimetre between them. The spacing
+    is not equal, but the profile is exact everywhere.
 
     Examples
     --------
@@ -133,10 +133,10 @@ def machined_profile(plate: PlateDesign) -> xr.Dataset:
     0.000058 m
     """
     corners, heights = plate.vertices()
-    between = _EVERY * np.arange(1, math.ceil(plate.length / _EVERY))
+    between = _SPACING * np.arange(1, math.ceil(plate.length / _SPACING))
     after = np.searchsorted(corners, between).clip(1, corners.size - 1)
-    apart = np.minimum(between - corners[after - 1], corners[after] - between)
-    s = np.sort(np.concatenate([corners, between[apart > _CLEAR]]))
+    distance = np.minimum(between - corners[after - 1], corners[after] - between)
+    s = np.sort(np.concatenate([corners, between[distance > _MIN_DISTANCE]]))
     height = np.interp(s, corners, heights)
     sd = np.full(s.size, plate.tolerance / math.sqrt(3))
     profile = make_profile(s, height, sd=sd)
@@ -151,9 +151,9 @@ def write_machined(plate: PlateDesign, path: str | Path, *, force: bool = False)
     plate : PlateDesign
         The plate.
     path : str or Path
-        Where the file shall be.
+        Path of the file.
     force : bool
-        Replace a file that is there already.
+        Replace an existing file.
 
     Raises
     ------

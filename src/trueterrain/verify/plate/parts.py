@@ -1,4 +1,4 @@
-"""Parts of a calibration plate: cleats, the plate that carries them, and their steep sides."""
+"""Parts of a calibration plate: cleats, plate, and flanks of the cleats."""
 
 import math
 from dataclasses import asdict, dataclass
@@ -12,15 +12,14 @@ Floats = npt.NDArray[np.float64]
 #: Profile of a cleat; "edge" is a low bar with sharp edges.
 CleatShape = Literal["rectangle", "semicircle", "triangle", "edge"]
 
-#: Densities [kg/m³] of what plates are made of.
+#: Densities of plate materials [kg/m³].
 DENSITIES = {"aluminium": 2700.0, "steel": 7850.0}
 
-_LARGEST = 1.0  # [m] of a cleat on a plate that two people carry
-_LARGEST = 10.0  # [m] of a plate and what stands on it
+_MAX_SIZE = 10.0  # [m] of a plate and its cleats
 _FACE = 1e-6  # [m] along the profile from the foot of an upright face to its top
-_CHORD = 1e-6  # [m] by which a polygon may depart from an arc
+_CHORD = 1e-6  # [m] largest deviation of a polygon from an arc
 EDGE_RISE = 0.015  # [m] of the bar with sharp edges
-_BORDER = 0.02  # [m] from the middle of a hole to the rim of the plate
+_BORDER = 0.02  # [m] smallest distance of a hole's centre from the rim of the plate
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +29,7 @@ class PlateCleat:
     Raises
     ------
     ValueError
-        If a value breaks its rule.
+        If a value is out of its bounds.
 
     Examples
     --------
@@ -43,7 +42,7 @@ class PlateCleat:
     "Profile: rectangle, semicircle (half an ellipse if not half as high as wide), triangle, edge."
 
     hole: int = 0
-    "Row of holes on which its middle lies, from the middle of the plate."
+    "Row of holes of its centre, counted from the centre of the plate."
 
     width: float = 0.076
     "Extent along the profile [m]."
@@ -56,9 +55,9 @@ class PlateCleat:
         if self.shape not in get_args(CleatShape):
             message = f"shape must be one of {', '.join(get_args(CleatShape))}, got {self.shape!r}."
             raise ValueError(message)
-        if not (0 < self.width <= _LARGEST and 0 < self.rise <= _LARGEST):
+        if not (0 < self.width <= _MAX_SIZE and 0 < self.rise <= _MAX_SIZE):
             message = (
-                f"width and rise must be greater than 0 m and at most {_LARGEST:g} m, got "
+                f"width and rise must be greater than 0 m and at most {_MAX_SIZE:g} m, got "
                 f"{self.width} and {self.rise}."
             )
             raise ValueError(message)
@@ -66,21 +65,22 @@ class PlateCleat:
     @property
     def area(self) -> float:
         """Cross-section [m²]."""
-        share = {"rectangle": 1.0, "edge": 1.0, "triangle": 0.5, "semicircle": math.pi / 4}
-        return share[self.shape] * self.width * self.rise
+        fill = {"rectangle": 1.0, "edge": 1.0, "triangle": 0.5, "semicircle": math.pi / 4}
+        return fill[self.shape] * self.width * self.rise
 
     def outline(self) -> Floats:
-        """Place from its left foot, and height above the plate, shape (2, n) [m]."""
+        """Coordinates from its left foot and heights above the plate, shape (2, n) [m]."""
         width, rise = self.width, self.rise
         if self.shape == "triangle":
             return np.array([[0.0, width / 2, width], [0.0, rise, 0.0]])
         if self.shape == "semicircle":
-            largest = max(width / 2, rise)
-            parts = math.ceil(math.pi / (2 * math.acos(1 - min(_CHORD / largest, 1.0))))
-            turn = np.linspace(0, math.pi, parts + 1)
-            heights = rise * np.sin(turn)
+            # sagitta of a chord: r (1 - cos(angle / 2)) is at most _CHORD
+            radius = max(width / 2, rise)
+            parts = math.ceil(math.pi / (2 * math.acos(1 - min(_CHORD / radius, 1.0))))
+            angle = np.linspace(0, math.pi, parts + 1)
+            heights = rise * np.sin(angle)
             heights[[0, -1]] = 0.0
-            return np.array([width / 2 * (1 - np.cos(turn)), heights])
+            return np.array([width / 2 * (1 - np.cos(angle)), heights])
         return np.array([[0.0, _FACE, width - _FACE, width], [0.0, rise, rise, 0.0]])
 
 
@@ -91,7 +91,7 @@ class PlateDesign:
     Raises
     ------
     ValueError
-        If a value breaks its rule, cleats overlap, or one does not fit.
+        If a value is out of its bounds, cleats overlap, or one does not fit.
 
     Examples
     --------
@@ -117,27 +117,27 @@ class PlateDesign:
     "Extent of plate and cleats across the profile [m]."
 
     thickness: float = 0.012
-    "Of the plate [m]."
+    "Thickness of the plate [m]."
 
     pitch: float = 0.152
-    "From hole to hole [m]; 6 inches."
+    "Distance between holes [m]; 6 inches."
 
     hole: float = 0.010
     "Diameter of a hole [m]."
 
     tolerance: float = 0.0001
-    "By how much the machined profile may be off, either way [m]."
+    "Tolerance of the machined profile, of either sign [m]."
 
     bands: tuple[tuple[str, float], ...] = (("black", 0.05), ("grey", 0.3), ("white", 0.8))
-    "Surfaces side by side across the profile, and their reflectivity from 0 to 1."
+    "Surfaces side by side across the profile, with their reflectivity from 0 to 1."
 
     def __post_init__(self) -> None:
         """Check the values, and that the cleats fit."""
         for name in ("length", "width", "thickness", "pitch", "hole", "tolerance"):
             value = getattr(self, name)
-            if not 0 < value <= _LARGEST:
+            if not 0 < value <= _MAX_SIZE:
                 message = (
-                    f"{name} must be greater than 0 m and at most {_LARGEST:g} m, got {value}."
+                    f"{name} must be greater than 0 m and at most {_MAX_SIZE:g} m, got {value}."
                 )
                 raise ValueError(message)
         if not self.cleats or not self.bands:
@@ -159,20 +159,20 @@ class PlateDesign:
             end, before = begin + cleat.width + 2 * _FACE, f"the {cleat.shape}"
         if end > self.length:
             message = (
-                f"length must leave room for the cleats, {1000 * (end - self.length):.0f} mm more, "
+                f"length must hold all cleats, {1000 * (end - self.length):.0f} mm more, "
                 f"got {self.length} m."
             )
             raise ValueError(message)
 
     def foot(self, cleat: PlateCleat) -> float:
-        """Where a cleat begins along the profile [m]."""
+        """Start of a cleat along the profile [m]."""
         return 0.5 * self.length + cleat.hole * self.pitch - 0.5 * cleat.width
 
     def vertices(self) -> Floats:
-        """Corners of the profile: place from the left end and height, shape (2, n) [m].
+        """Corners of the profile: coordinates from the left end and heights, shape (2, n) [m].
 
-        Straight lines join them. An upright face takes 1 micrometre, arcs depart from their chords
-        by as much at most. Heights count from the ground on which the plate lies.
+        Straight lines join them. An upright face has a width of 1 micrometre; arcs deviate from
+        their chords by at most as much. Heights count from the ground under the plate.
         """
         parts = [np.array([[0.0], [0.0]])]
         for cleat in self.cleats:
@@ -185,12 +185,12 @@ class PlateDesign:
         return corners
 
     def holes(self) -> tuple[Floats, Floats]:
-        """Rows of holes along the profile and across it, from the middle of the plate [m]."""
+        """Coordinates of holes along and across the profile, from the centre of the plate [m]."""
         return self._row(self.length), self._row(self.width)
 
     def _row(self, extent: float) -> Floats:
-        most = math.floor((0.5 * extent - _BORDER) / self.pitch)
-        row: Floats = self.pitch * np.arange(-most, most + 1, dtype=np.float64)
+        count = math.floor((0.5 * extent - _BORDER) / self.pitch)
+        row: Floats = self.pitch * np.arange(-count, count + 1, dtype=np.float64)
         return row
 
     def mass(self, material: str) -> float:
@@ -216,7 +216,7 @@ class PlateDesign:
         return _material_density(material) * cleat.area * self.width
 
     def panels(self, material: str, carried: float = 25.0) -> int:
-        """Panels into which the plate is to be cut for each to be carried.
+        """Number of panels into which the plate is cut, so that each can be carried.
 
         Parameters
         ----------
@@ -236,7 +236,7 @@ class PlateDesign:
         return math.ceil(self.mass_of_plate(material) / carried)
 
     def to_dict(self) -> dict[str, Any]:
-        """All of it as plain numbers and words, as for JSON; lengths in m, masses in kg."""
+        """Numbers and strings, ready for JSON; lengths in m, masses in kg."""
         along, across = self.holes()
         return {
             **asdict(self),
@@ -277,7 +277,7 @@ class Flank:
 
 
 def cleat_flanks(plate: PlateDesign) -> tuple[Flank, ...]:
-    """Sides of all cleats, from left to right.
+    """Flanks of all cleats, from left to right.
 
     Parameters
     ----------
@@ -287,11 +287,11 @@ def cleat_flanks(plate: PlateDesign) -> tuple[Flank, ...]:
     Returns
     -------
     tuple of Flank
-        The side at the smaller place first ("right" of the scanner's view), then the other.
+        Two for each cleat: "right" as seen by the scanner, at the smaller s, then "left".
 
     Examples
     --------
-    >>> triangle = flanks(PlateDesign())[4]
+    >>> triangle = cleat_flanks(PlateDesign())[4]
     >>> print(triangle.name, round(math.degrees(triangle.slope), 3))
     triangle, right 45.0
     """

@@ -1,4 +1,4 @@
-"""What a scanner sees of a calibration plate: points, shadows, slopes, edges, brightness."""
+"""Visibility of a calibration plate to a scanner: returns, shadows, edges, brightness."""
 
 import math
 from collections.abc import Sequence
@@ -12,25 +12,26 @@ from trueterrain.verify.plate.parts import PlateDesign, cleat_flanks
 
 Floats = npt.NDArray[np.float64]
 
-#: Which way the profile of the plate lies: along the scan, as in a static test, or along the lane.
-Lie = Literal["along the scan", "along the lane"]
+#: Orientation of the plate's profile: along the scan (static test) or along the direction of
+#: travel, the traffic lane (dynamic test).
+PlateOrientation = Literal["along the scan", "along the lane"]
 
-#: What becomes of a return.
+#: State of a return.
 Brightness = Literal["clear", "saturated", "lost"]
 
-_STEEP = math.radians(60.0)  # a face that is at least as steep has an edge at its top and its foot
-_FINE = 1e-4  # [m] between the places whose visibility is tested
-_EDGE_ON = 1e-9  # [rad] by which a place may be behind another and count as seen
+_STEEP = math.radians(60.0)  # slope from which a face has edges at its top and its foot
+_FINE = 1e-4  # [m] spacing of the places in the test of visibility
+_EDGE_ON = 1e-9  # [rad] tolerance of the test of visibility
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScanSetup:
-    """How a scanner looks at the plate; the defaults are those of the thesis's system.
+    """Geometry and radiometry of a scanner above a plate; defaults are the thesis's system.
 
     Raises
     ------
     ValueError
-        If a value breaks its rule.
+        If a value is out of its bounds.
 
     Examples
     --------
@@ -47,13 +48,13 @@ class ScanSetup:
     "Height of the laser above the ground [m]."
 
     offset: float = 0.0
-    "Offset of the middle of the plate from the laser, left positive [m]."
+    "Offset of the centre of the plate from the laser, left positive [m]."
 
-    lie: Lie = "along the scan"
-    "Which way the profile lies."
+    lie: PlateOrientation = "along the scan"
+    "Orientation of the profile."
 
     speed: float = 5.4
-    "Speed at which a plate that lies along the lane is crossed [m/s]."
+    "Speed of the crossing of a plate along the lane [m/s]."
 
     rate: float = 1000.0
     "Scans per second [Hz]."
@@ -62,10 +63,10 @@ class ScanSetup:
     "Extent of the spot along the scan [m]."
 
     spot_length: float = 0.010
-    "Extent of the spot along the lane [m]."
+    "Extent of the spot along the direction of travel [m]."
 
     gain: float = 30000.0
-    "Intensity of a white surface met at right angles at `nominal` [counts]."
+    "Intensity of a white surface at normal incidence at the range `nominal` [counts]."
 
     nominal: float = 2.0
     "Range for which `gain` holds [m]."
@@ -95,8 +96,10 @@ class ScanSetup:
         if not (math.isfinite(self.offset) and 0 <= self.floor < self.saturation):
             message = "offset must be finite, and floor from 0 to less than saturation."
             raise ValueError(message)
-        if self.lie not in get_args(Lie):
-            message = f"lie must be one of {', '.join(get_args(Lie))}, got {self.lie!r}."
+        if self.lie not in get_args(PlateOrientation):
+            message = (
+                f"lie must be one of {', '.join(get_args(PlateOrientation))}, got {self.lie!r}."
+            )
             raise ValueError(message)
         angles = self.angles
         if angles.ndim != 1 or angles.size < 2 or not (np.abs(angles) < math.pi / 2).all():
@@ -114,21 +117,21 @@ class ScanSetup:
 
     @property
     def spacing_below(self) -> float:
-        """Distance from point to point across level ground below the plate's middle [m]."""
-        ahead = math.atan2(self.offset, self.height)
+        """Distance between points on level ground below the plate's centre [m]."""
+        incidence = math.atan2(self.offset, self.height)
         step = float(np.median(np.diff(self.angles)))
-        return self.height * step / math.cos(ahead) ** 2
+        return self.height * step / math.cos(incidence) ** 2
 
 
 @dataclass(frozen=True, kw_only=True)
 class EdgeView:
-    """A steep face of the plate's profile, and what is measured of it."""
+    """A steep face of the plate's profile, and its sampling by the scanner."""
 
     name: str
     "Cleat and side."
 
     s: float
-    "Where its foot is along the profile [m]."
+    "Position of its foot along the profile [m]."
 
     rise: float
     "Height from foot to top [m]."
@@ -137,19 +140,19 @@ class EdgeView:
     "Steepness [rad]."
 
     limit: float
-    "Steepest face that the scanner sees there; a half turn if it rises towards the scanner [rad]."
+    "Greatest visible slope at this place; pi for a face that rises towards the scanner [rad]."
 
     seen: bool
-    "Whether all of the face is in view."
+    "Whether the whole face is visible."
 
     spacing: float
-    "Distance from point to point there [m]."
+    "Distance between points at this place [m]."
 
     on_face: int
-    "Returns from the face itself."
+    "Number of returns from the face."
 
     blurred: float
-    "Returns whose spot lies on both sides of the edge, on the average."
+    "Mean number of returns whose spot lies on both sides of the edge."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,27 +163,29 @@ class ReflectivityBand:
     "Surface."
 
     reflectivity: float
-    "Share of the light that it returns [1]."
+    "Fraction of the light that it reflects [1]."
 
     intensity: float
-    "Of a return from the plate in the middle [counts]."
+    "Intensity of a return from the centre of the plate [counts]."
 
     brightness: Brightness
-    "What becomes of it."
+
+
+"State of its returns."
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlateView:
-    """What a scanner sees of a plate; made by `view_plate`."""
+    """Visibility of a plate to a scanner; made by `view_plate`."""
 
     s: Floats
-    "Place of each return along the profile, shape (n,) [m]."
+    "Position of each return along the profile, shape (n,) [m]."
 
     height: Floats
     "Its height, shape (n,) [m]."
 
     shadows: tuple[tuple[float, float], ...]
-    "Stretches of the profile that are out of view [m]."
+    "Hidden stretches of the profile [m]."
 
     edges: tuple[EdgeView, ...]
     "Steep faces."
@@ -189,18 +194,18 @@ class PlateView:
     "Surfaces."
 
     flags: tuple[str, ...]
-    "What is against this plate at this place, in words."
+    "Warnings on the plate at this place."
 
 
 def view_plate(plate: PlateDesign, setup: ScanSetup = ScanSetup()) -> PlateView:
-    """Look at a plate as a scanner does: exact beams on the exact profile.
+    """Intersect the beams of a scanner with a plate, to check its place and its cleats.
 
     Parameters
     ----------
     plate : PlateDesign
         The plate, on level ground.
     setup : ScanSetup
-        Scanner, and how the plate lies.
+        Scanner and orientation of the plate.
 
     Returns
     -------
@@ -214,10 +219,11 @@ def view_plate(plate: PlateDesign, setup: ScanSetup = ScanSetup()) -> PlateView:
 
     Notes
     -----
-    Along the scan, a beam that comes down at the offset y from a laser at height h has the slope
-    h / y: a face that falls away more steeply is in its own shadow (Smith 2009, Figs. 3-13 and
-    3-14). Along the lane, all beams of a place on the lane come from straight above: nothing is in
-    shadow, no vertical face has a return, and edges are blurred over the length of the spot.
+    Along the scan, a beam that meets the ground at the offset y from a laser at height h has the
+    slope h / y: a steeper face that descends away from the laser is in its own shadow (Smith 2009,
+    Figs. 3-13 and 3-14). Along the direction of travel, all beams of a place are vertical in the
+    plane of the profile: there is no shadow, no return from a vertical face, and edges are blurred
+    over the length of the spot.
 
     Examples
     --------
@@ -255,21 +261,22 @@ def view_plate(plate: PlateDesign, setup: ScanSetup = ScanSetup()) -> PlateView:
 
 
 def _scanned_profile(vertices: Floats, length: float, setup: ScanSetup) -> tuple[Floats, Floats]:
-    """Where beams first meet the profile, with level ground beyond it left out."""
+    """First intersections of the beams with the profile, without those on level ground."""
     y = vertices[0] - 0.5 * length + setup.offset
     z = vertices[1]
-    # the ends of the plate stand on the ground
+    # the ends of the plate reach down to the ground
     y = np.concatenate([[y[0]], y, [y[-1]]])
     z = np.concatenate([[0.0], z, [0.0]])
-    ahead, down = np.sin(setup.angles)[:, None], -np.cos(setup.angles)[:, None]
+    sine, down = np.sin(setup.angles)[:, None], -np.cos(setup.angles)[:, None]
     dy, dz = np.diff(y), np.diff(z)
-    across = ahead * dz - down * dy
+    # Cramer's rule for the intersection of a beam with each segment
+    determinant = sine * dz - down * dy
     with np.errstate(divide="ignore", invalid="ignore"):
-        distance = (y[:-1] * dz - (z[:-1] - setup.height) * dy) / across
-        part = (y[:-1] * down - (z[:-1] - setup.height) * ahead) / across
+        distance = (y[:-1] * dz - (z[:-1] - setup.height) * dy) / determinant
+        part = (y[:-1] * down - (z[:-1] - setup.height) * sine) / determinant
     hits = (part >= 0) & (part <= 1) & (distance > 0) & np.isfinite(distance)
     nearest = np.where(hits, distance, np.inf).min(axis=1)
-    # the ground beside the plate may be nearer, on the way to its far side
+    # a beam may meet the ground in front of the plate before its far side
     met = np.isfinite(nearest)
     ground = setup.height / np.cos(setup.angles)
     met &= nearest <= ground + 1e-12
@@ -280,7 +287,7 @@ def _scanned_profile(vertices: Floats, length: float, setup: ScanSetup) -> tuple
 def _shadow_stretches(
     vertices: Floats, length: float, setup: ScanSetup
 ) -> tuple[tuple[float, float], ...]:
-    """Stretches behind something that is higher and nearer to straight below."""
+    """Stretches hidden by higher parts that are closer to the nadir of the laser."""
     s = np.union1d(np.arange(0.0, length, _FINE), vertices[0])
     z = np.interp(s, *vertices)
     y = s - 0.5 * length + setup.offset
@@ -288,8 +295,9 @@ def _shadow_stretches(
     hidden = np.zeros(s.size, dtype=bool)
     for side, order in ((y >= 0, slice(None)), (y < 0, slice(None, None, -1))):
         outwards = np.flatnonzero(side)[order]
-        so_far = np.maximum.accumulate(view[outwards])
-        hidden[outwards] = view[outwards] < so_far - _EDGE_ON
+        # a place is hidden if its view angle is less than that of a place nearer to the nadir
+        max_view = np.maximum.accumulate(view[outwards])
+        hidden[outwards] = view[outwards] < max_view - _EDGE_ON
     changes = np.flatnonzero(np.diff(np.concatenate([[0], hidden.astype(int), [0]])))
     return tuple(
         (float(s[begin]), float(s[end - 1]))
@@ -316,7 +324,9 @@ def _edge_views(
             step = float(np.median(np.diff(setup.angles)))
             spacing = (setup.height - foot) * step / math.cos(math.atan2(y, setup.height)) ** 2
             spot = setup.spot_width
-            away = (flank.foot - flank.top) * y > 0  # its foot is farther from straight below
+            away = (
+                flank.foot - flank.top
+            ) * y > 0  # its foot is farther from the nadir than its top
             limit = math.atan2(setup.height - foot, abs(y)) if away else math.pi
             seen = flank.slope <= limit
             inside = (s >= low - 1e-6) & (s <= high + 1e-6)
@@ -366,8 +376,8 @@ def _view_notes(
     hidden = [edge.name for edge in edges if not edge.seen]
     if hidden and setup.lie == "along the scan":
         out.append(
-            f"The faces {'; '.join(hidden)} are steeper than the scanner sees there, as a whole or "
-            "at the foot, and lie in shadow. Put the plate nearer to straight below the laser."
+            f"The faces {'; '.join(hidden)} are too steep to be visible there, as a whole or at "
+            "the foot, and lie in shadow. Move the plate towards the nadir of the laser."
         )
     if shadows:
         dark = sum(end - begin for begin, end in shadows)

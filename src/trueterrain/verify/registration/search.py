@@ -1,7 +1,7 @@
-"""Registration: where a measured profile lies on a machined one, before errors are counted.
+"""Registration of a measured profile to a machined one by offset, tilt, shift and stretch.
 
-Offset, tilt and shift along the profile say how scanner and plate stood to each other. Charged to
-the heights they would look like errors of the profiler: most of all the shift, at every edge.
+These parameters are the relative position of scanner and plate. Without registration they would
+appear as errors of the profiler, the shift most of all, at every edge.
 """
 
 import math
@@ -13,58 +13,58 @@ import xarray as xr
 
 from trueterrain.core.errors import CoverageError, SchemaError
 from trueterrain.verify.registration.cost import (
-    CUT,
-    LEAST_POINTS,
-    NARROW,
+    MIN_FRACTION,
+    MIN_POINTS,
+    OUTLIER_BOUND,
     RegistrationFit,
     best_shift,
-    scale_of,
+    robust_scale,
     stretched_fit,
     trial_shifts,
 )
 
 Floats = npt.NDArray[np.float64]
 
-_GAIN = (0.7, 1.4)  # between which the measured shape is that of the plate, in its height
-_SHAPE = 0.7  # correlation with the machined shape from which a plate is found
-_LENGTH, _HEIGHT = (0.05, 20.0), (0.001, 1.0)  # [m] that plates may span
-_CLEARLY = 0.9  # of the cost of the one direction that the other must stay below
-_SAME = 1e-10  # [m2] by which costs differ at least
+_GAIN = (0.7, 1.4)  # bounds of the ratio of measured to machined relief
+_MIN_CORRELATION = 0.7  # with the machined shape for a plate to be recognised
+_LENGTH, _HEIGHT = (0.05, 20.0), (0.001, 1.0)  # [m] bounds of the size of plates
+_REVERSED_COST = 0.9  # fraction of the forward cost below which a plate counts as reversed
+_MIN_DIFFERENCE = 1e-10  # [m²] of two costs
 
 
 @dataclass(frozen=True, kw_only=True)
 class Registration:
-    """How a measured profile lies on a machined one."""
+    """Parameters and quality of a registration."""
 
     shift: float
-    "Where the machined profile begins in the measured coordinate (its end, if reversed) [m]."
+    "Measured coordinate of the start of the machined profile (of its end, if reversed) [m]."
 
     offset: float
-    "Height of the measured zero over the machined one in the middle of the plate [m]."
+    "Measured less machined height at the centre of the plate [m]."
 
     tilt: float
-    "Slope of the measured ground line against that of the plate [rad]."
+    "Slope of the measured profile relative to the machined one [rad]."
 
     reversed: bool
     "Whether the machined profile runs against the measured coordinate."
 
     residual: float
-    "Root mean square of what is left, without outliers [m]."
+    "Root mean square of the residuals without outliers [m]."
 
     unregistered: float
-    "The same before the shift, from where the plate was assumed; NaN if that is not known [m]."
+    "The same at the assumed place, before the shift; NaN without an assumed place [m]."
 
     outliers: int
-    "Points beyond three robust standard deviations."
+    "Number of points beyond three robust standard deviations."
 
     points: int
-    "Points on the plate."
+    "Number of points on the plate."
 
     length: float
     "Length of the machined profile [m]."
 
     stretch: float = 0.0
-    "By how much the plate is measured too long; 0 unless it was asked for [m/m]."
+    "Relative excess of the measured length; 0 if it was not estimated [m/m]."
 
     def positions(self, along: npt.ArrayLike) -> Floats:
         """Positions on the machined profile of measured coordinates.
@@ -83,7 +83,7 @@ class Registration:
         return self.length - s if self.reversed else s
 
     def level(self, along: npt.ArrayLike) -> Floats:
-        """Height that offset and tilt add at measured coordinates [m].
+        """Contribution of offset and tilt at measured coordinates [m].
 
         Parameters
         ----------
@@ -93,15 +93,15 @@ class Registration:
         Returns
         -------
         numpy.ndarray
-            To be taken off measured heights.
+            To be subtracted from measured heights.
         """
         s = np.asarray(along, dtype=np.float64) - self.shift
-        middle = 0.5 * self.length * (1.0 + self.stretch)
-        return np.asarray(self.offset + math.tan(self.tilt) * (s - middle))
+        centre = 0.5 * self.length * (1.0 + self.stretch)
+        return np.asarray(self.offset + math.tan(self.tilt) * (s - centre))
 
 
-def check_machined(machined: xr.Dataset, *, path: object = None) -> tuple[Floats, Floats]:
-    """Nodes of a machined profile, if it can be one of a plate.
+def check_machined_profile(machined: xr.Dataset, *, path: object = None) -> tuple[Floats, Floats]:
+    """Check a machined profile, and return its nodes.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def check_machined(machined: xr.Dataset, *, path: object = None) -> tuple[Floats
     Raises
     ------
     SchemaError
-        If it has several tracks or gaps, or spans what no plate does: a wrong unit.
+        If it has several tracks or gaps, or a size that no plate has because of a wrong unit.
     """
     file = None if path is None else str(path)
     if "track" in machined.dims:
@@ -150,7 +150,7 @@ def register_profile(
     search: float | None = None,
     stretch: bool = False,
 ) -> Registration:
-    """Find offset, tilt and shift of a measured profile against the machined one.
+    """Estimate offset, tilt and shift of a measured profile relative to the machined one.
 
     Parameters
     ----------
@@ -161,35 +161,35 @@ def register_profile(
     machined : xarray.Dataset
         Machined profile.
     assumed : float, optional
-        Where the plate is assumed to begin in the measured coordinate [m].
+        Assumed start of the plate in the measured coordinate [m].
     search : float, optional
-        Greatest distance from there [m]; by default the plate is looked for everywhere. 0 takes it
-        as it lies: neither shift nor stretch are taken off, and no plate need be recognised.
+        Greatest distance from there [m]; by default the whole profile is searched. 0 keeps the
+        assumed place: neither shift nor stretch is estimated, and the plate need not be recognised.
     stretch : bool
-        Whether the length over which the plate is measured is found too: a way that drifts while it
-        is crossed is measured too long or too short, by 1 % at most.
+        Whether the measured length of the plate is estimated too: a drifting position makes it
+        wrong, by 1 % at most.
 
     Returns
     -------
     Registration
-        Of the direction that fits better.
+        In the direction with the smaller cost.
 
     Raises
     ------
     ValueError
         If the arrays are of different lengths, or `search` is given without `assumed`.
     SchemaError
-        If the machined profile is none, or its heights are in another unit.
+        If the machined profile is not that of a plate, or its heights are in another unit.
     CoverageError
         If too little is measured, or the plate is not found.
 
     Notes
     -----
-    Shifts are tried one after the other; at each, offset and tilt are those of the smallest
-    absolute deviations as Huber's weights find them, and the cost of a point is bounded, so that
-    neither edges nor saturated returns pull (Huber 1964). The shift with the least cost is refined
-    by golden section, and so is the stretch: at each, the shift is found again. A shape that
-    correlates less than 0.7, or of another height, is no plate.
+    The shift is found by a grid search. At each shift, offset and tilt are those of a robust fit
+    with Huber's weights (Huber 1964), and the cost of a point is bounded, so that neither edges nor
+    saturated returns influence the result. The shift of least cost is refined by golden section
+    search, and so is the stretch, with a new search of the shift at each stretch. A shape with a
+    correlation below 0.7, or of another height, is not a plate.
 
     Examples
     --------
@@ -197,7 +197,7 @@ def register_profile(
     >>> plate = make_profile([0, 0.3, 0.36, 0.42, 1.0], [0, 0, 0.05, 0, 0])
     >>> y = np.arange(-1, 1, 0.004)
     >>> z = 2 + 0.01 * (y + 0.1) + np.interp(y + 0.6, plate.s, plate.height)
-    >>> found = register(y, z, plate)
+    >>> found = register_profile(y, z, plate)
     >>> print(f"{found.shift:.4f} m, {found.offset:.4f} m, {found.tilt:.4f} rad")
     -0.6000 m, 2.0000 m, 0.0100 rad
     """
@@ -206,37 +206,37 @@ def register_profile(
         message = f"along and height must be of one length, got {x.shape} and {z.shape}."
         raise ValueError(message)
     if search is not None and assumed is None:
-        message = "search needs assumed, where the plate is assumed to begin."
+        message = "search needs assumed, the assumed place of the plate."
         raise ValueError(message)
     good = np.isfinite(x) & np.isfinite(z)
     order = np.argsort(x[good], kind="stable")
     x, z = x[good][order], z[good][order]
-    s, h = check_machined(machined)
+    s, h = check_machined_profile(machined)
     shifts = trial_shifts(x, float(s[-1]), assumed, search)
-    as_it_lies = search == 0
-    ahead, against = (
-        best_shift(RegistrationFit(x, z, nodes, shape), shifts, refine=not as_it_lies)
+    fixed = search == 0
+    forward, backward = (
+        best_shift(RegistrationFit(x, z, nodes, shape), shifts, refine=not fixed)
         for nodes, shape in ((s, h), (s[-1] - s[::-1], h[::-1]))
     )
-    # a plate that looks the same from both sides is not turned by noise
-    turned = against[0] < _CLEARLY * ahead[0] - _SAME
-    cost, shift, fit = against if turned else ahead
+    # noise must not reverse a symmetric plate: the other direction has to be clearly better
+    is_reversed = backward[0] < _REVERSED_COST * forward[0] - _MIN_DIFFERENCE
+    cost, shift, fit = backward if is_reversed else forward
     if not math.isfinite(cost):
-        raise CoverageError("holds too few points where the plate is looked for")
-    if not as_it_lies:
+        raise CoverageError("holds too few points where the plate is searched for")
+    if not fixed:
         _require_plate(fit, shift, shifts)
     before = math.nan if assumed is None else _rms_before(fit, assumed)
     stretched = 0.0
-    if stretch and not as_it_lies:
+    if stretch and not fixed:
         fit, shift, stretched = stretched_fit(fit, shift)
     offset, tilt, residual = fit.at(shift)
-    scale = scale_of(residual)
-    inside = np.abs(residual) <= CUT * scale
+    scale = robust_scale(residual)
+    inside = np.abs(residual) <= OUTLIER_BOUND * scale
     return Registration(
         shift=shift,
         offset=offset,
         tilt=math.atan(tilt),
-        reversed=turned,
+        reversed=is_reversed,
         residual=float(np.sqrt(np.mean(residual[inside] ** 2))),
         unregistered=before,
         outliers=int((~inside).sum()),
@@ -246,15 +246,43 @@ def register_profile(
     )
 
 
+def registered_points(
+    along: Floats, up: Floats, found: Registration, assumed: float | None
+) -> xr.Dataset:
+    """Measured points on the plate, at its registered and its assumed place.
+
+    They allow the registration to be recomputed.
+
+    Parameters
+    ----------
+    along, up : numpy.ndarray, shape (n,)
+        Measured coordinates and heights [m].
+    found : Registration
+        Registration of the plate.
+    assumed : float, optional
+        Assumed start of the plate [m].
+
+    Returns
+    -------
+    xarray.Dataset
+        ``up`` over ascending ``along`` [m].
+    """
+    begins = [found.shift, found.shift if assumed is None else assumed]
+    length = found.length * (1.0 + found.stretch)
+    kept = np.flatnonzero((along >= min(begins)) & (along <= max(begins) + length))
+    order = kept[np.argsort(along[kept], kind="stable")]
+    return xr.Dataset({"up": ("along", up[order])}, {"along": along[order]})
+
+
 def _require_plate(fit: RegistrationFit, shift: float, shifts: Floats) -> None:
-    """Raise unless the measured shape is that of the plate."""
-    likeness, gain = _shape_correlation(fit, shift)
-    if likeness >= _SHAPE and _GAIN[0] <= gain <= _GAIN[1]:
+    """Raise if the measured shape is not that of the plate."""
+    correlation, gain = _shape_correlation(fit, shift)
+    if correlation >= _MIN_CORRELATION and _GAIN[0] <= gain <= _GAIN[1]:
         return
-    # where heights are in another unit, the plate fits worst where it lies: look at shapes alone
-    alike = [_shape_correlation(fit, float(one)) for one in shifts]
-    best, gain = max([(likeness, gain), *alike])
-    if best >= _SHAPE and not _GAIN[0] <= gain <= _GAIN[1]:
+    # heights in another unit give the largest cost at the true place: compare shapes alone
+    trials = [_shape_correlation(fit, float(one)) for one in shifts]
+    best, gain = max([(correlation, gain), *trials])
+    if best >= _MIN_CORRELATION and not _GAIN[0] <= gain <= _GAIN[1]:
         raise SchemaError(
             f"heights are measured as {gain:.3g} times the machined ones: "
             "the profile is in another unit, or that of another plate",
@@ -262,27 +290,30 @@ def _require_plate(fit: RegistrationFit, shift: float, shifts: Floats) -> None:
             cure="Name the unit in the header, as in `height [mm]`.",
         )
     raise CoverageError(
-        f"the plate is not found: the shape that fits best correlates by {likeness:.2f}, "
-        f"less than {_SHAPE}",
-        cure="Say where it lies, or look whether it was scanned: `trueterrain plot`.",
+        f"the plate is not found: the shape that fits best correlates by {correlation:.2f}, "
+        f"less than {_MIN_CORRELATION}",
+        cure="State its place (assumed), or check that it was scanned: `trueterrain plot`.",
     )
 
 
 def _shape_correlation(fit: RegistrationFit, shift: float) -> tuple[float, float]:
-    """Correlation of the measured shape with the machined one, and how much higher it is."""
+    """Correlation of the measured with the machined shape, and their regression coefficient."""
     t, z, h = fit.on_plate(shift)
-    if t.size < LEAST_POINTS or np.ptp(t) < NARROW * fit.length:
+    if t.size < MIN_POINTS or np.ptp(t) < MIN_FRACTION * fit.length:
         return -1.0, 0.0
     plane = np.stack([np.ones_like(t), t], axis=-1)
-    shape, seen = (
+    # a shape is a profile without its regression line
+    shape, measured = (
         values - plane @ np.linalg.lstsq(plane, values, rcond=None)[0] for values in (h, z)
     )
-    product, power = float(shape @ seen), float(shape @ shape)
-    return product / math.sqrt(max(power * float(seen @ seen), 1e-30)), product / max(power, 1e-30)
+    product, power = float(shape @ measured), float(shape @ shape)
+    return product / math.sqrt(max(power * float(measured @ measured), 1e-30)), product / max(
+        power, 1e-30
+    )
 
 
 def _rms_before(fit: RegistrationFit, assumed: float) -> float:
-    """Root mean square of residuals with the plate where it was assumed."""
+    """Root mean square of the residuals with the plate at its assumed place [m]."""
     if not math.isfinite(fit.cost(assumed, math.inf, 1)):
         return math.nan
     residual = fit.at(assumed)[2]

@@ -1,4 +1,4 @@
-"""How many independent errors so many errors are, whose neighbours are alike."""
+"""Autocorrelation of errors, and the effective number of independent errors."""
 
 import math
 
@@ -7,12 +7,12 @@ import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
 
-_MOST_ORDER = 6  # coefficients of an autoregression, of at most a third as many values
-_TINY = 1e-12  # share of the power that an autoregression leaves at least
+_MAX_ORDER = 6  # of the autoregression; at most a third of the number of values
+_TINY = 1e-12  # smallest fraction of the power that an autoregression leaves unexplained
 
 
 def autocorrelation_function(values: Floats) -> Floats:
-    """Correlation of values with those so many places further on.
+    """Autocorrelation function, from an autoregressive model.
 
     Parameters
     ----------
@@ -26,14 +26,14 @@ def autocorrelation_function(values: Floats) -> Floats:
 
     Notes
     -----
-    That of the autoregression which Burg's recursion finds (Burg 1967), of the order with the least
-    criterion of Akaike as Hurvich and Tsai (1989) correct it for few values. Unlike the products of
-    the values themselves it goes on where the record ends, and is quiet where nothing is alike.
+    The model is fitted by Burg's recursion (Burg 1967); its order minimises Akaike's criterion with
+    the correction of Hurvich and Tsai (1989) for small samples. Unlike the sample autocorrelation,
+    it extends to lags near the length of the record and has no noise where values are independent.
 
     Examples
     --------
     >>> white = np.random.default_rng(1).normal(size=20000)
-    >>> print(f"{correlation(np.convolve(white, 0.8 ** np.arange(40)))[1]:.1f}")
+    >>> print(f"{autocorrelation_function(np.convolve(white, 0.8 ** np.arange(40)))[1]:.1f}")
     0.8
     """
     from scipy.signal import lfilter, lfiltic
@@ -43,32 +43,34 @@ def autocorrelation_function(values: Floats) -> Floats:
     found[0] = 1.0
     if not values.any():
         return found
-    weights, known, left = np.ones(1), [1.0], 1.0
+    weights, known, remainder = np.ones(1), [1.0], 1.0
     forward, backward = values[1:], values[:-1]
-    least, best, first = 2 * n / (n - 2), weights, list(known)
-    for order in range(1, min(_MOST_ORDER, n // 3) + 1):
+    lowest, best, first = 2 * n / (n - 2), weights, list(known)
+    for order in range(1, min(_MAX_ORDER, n // 3) + 1):
+        # Burg: the reflection coefficient minimises forward plus backward prediction errors
         power = float(forward @ forward + backward @ backward)
         reflection = -2 * float(forward @ backward) / power if power > 0 else 0.0
         weights = np.append(weights, 0.0)
         weights = weights + reflection * weights[::-1]
         known.append(-float(weights[1:] @ known[::-1]))
-        left = max(left * (1 - reflection**2), _TINY)
-        criterion = n * math.log(left) + 2 * (order + 1) * n / (n - order - 2)
-        if criterion < least:
-            least, best, first = criterion, weights, list(known)
+        remainder = max(remainder * (1 - reflection**2), _TINY)
+        criterion = n * math.log(remainder) + 2 * (order + 1) * n / (n - order - 2)
+        if criterion < lowest:
+            lowest, best, first = criterion, weights, list(known)
         forward, backward = (
             (forward + reflection * backward)[1:],
             (backward + reflection * forward)[:-1],
         )
     found[: len(first)] = first
     if best.size > 1 and n > len(first):
-        going = lfiltic([1.0], best, first[::-1])
-        found[len(first) :] = lfilter([1.0], best, np.zeros(n - len(first)), zi=going)[0]
+        # the recursion of the model continues the correlations beyond its order
+        state = lfiltic([1.0], best, first[::-1])
+        found[len(first) :] = lfilter([1.0], best, np.zeros(n - len(first)), zi=state)[0]
     return found
 
 
 def count_for_mean(values: Floats) -> float:
-    """How many independent values would know their mean as well.
+    """Effective number of values for their mean: n over the variance inflation by correlation.
 
     Parameters
     ----------
@@ -78,7 +80,7 @@ def count_for_mean(values: Floats) -> float:
     Returns
     -------
     float
-        n for values that are not alike.
+        n for uncorrelated values.
 
     Examples
     --------
@@ -91,7 +93,7 @@ def count_for_mean(values: Floats) -> float:
 
 
 def count_for_power(values: Floats) -> float:
-    """How many independent normal values would know their mean square as well as these.
+    """Effective number of normal values for their mean square.
 
     Parameters
     ----------
@@ -101,7 +103,7 @@ def count_for_power(values: Floats) -> float:
     Returns
     -------
     float
-        n for values that are not alike, 2 for a wave.
+        n for uncorrelated values, 2 for a sine wave.
 
     Examples
     --------
@@ -111,4 +113,5 @@ def count_for_power(values: Floats) -> float:
     """
     n = values.size
     weights = 1 - np.arange(1, n) / n
+    # squares of normal values have the squared correlation (Isserlis 1918)
     return n / (1 + 2 * float(weights @ autocorrelation_function(values)[1:] ** 2))

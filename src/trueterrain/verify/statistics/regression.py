@@ -1,4 +1,4 @@
-"""Least squares whose standard deviations allow for errors that neighbours share."""
+"""Least squares with standard deviations that allow for correlated errors."""
 
 from dataclasses import dataclass
 
@@ -10,21 +10,21 @@ from trueterrain.verify.findings.finding import CERTAIN
 
 Floats = npt.NDArray[np.float64]
 
-_BARTLETT = 1.5  # times rows over lags: degrees of freedom of a sum that his window smooths
+_BARTLETT = 1.5  # degrees of freedom over (rows / lags) of a spectral estimate by Bartlett's window
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RegressionEstimate:
-    """What a regression found."""
+    """Estimates of a regression."""
 
     value: Floats
-    "Coefficients of the marks, shape (k,)."
+    "Coefficients of the signatures, shape (k,)."
 
     covariance: Floats
     "Their covariance, shape (k, k)."
 
     residual: Floats
-    "What is left, shape (n,)."
+    "Residuals, shape (n,)."
 
     @property
     def sd(self) -> Floats:
@@ -33,92 +33,93 @@ class RegressionEstimate:
 
 
 def project_out(nuisance: Floats, columns: Floats) -> Floats:
-    """What of columns is not made of others.
+    """Residuals of columns after regression on nuisance columns.
 
     Parameters
     ----------
     nuisance : numpy.ndarray, shape (n, m)
-        Columns whose share is taken out.
+        Columns of the regression.
     columns : numpy.ndarray, shape (n,) or (n, k)
-        Columns from which it is taken.
+        Columns whose residuals are returned.
 
     Returns
     -------
     numpy.ndarray
-        The rest, of the shape of `columns`.
+        Residuals, in the shape of `columns`.
 
     Examples
     --------
-    >>> without(np.ones((3, 1)), np.array([1.0, 2.0, 3.0]))
+    >>> project_out(np.ones((3, 1)), np.array([1.0, 2.0, 3.0]))
     array([-1., 0., 1.])
     """
-    share = np.linalg.lstsq(nuisance, columns, rcond=None)[0]
-    return np.asarray(columns - nuisance @ share)
+    coefficients = np.linalg.lstsq(nuisance, columns, rcond=None)[0]
+    return np.asarray(columns - nuisance @ coefficients)
 
 
 def regress_signatures(
-    marks: Floats, nuisance: Floats, error: Floats, *, lags: int
+    signatures: Floats, nuisance: Floats, error: Floats, *, lags: int
 ) -> RegressionEstimate:
-    """How much of each mark errors bear, beside what may be anything.
+    """Regression of errors on fault signatures, with nuisance functions.
 
     Parameters
     ----------
-    marks : numpy.ndarray, shape (n, k)
-        Error that a unit of each fault leaves.
+    signatures : numpy.ndarray, shape (n, k)
+        Error by a unit of each fault.
     nuisance : numpy.ndarray, shape (n, m)
-        What errors may hold besides, such as offset and trend.
+        Other components of the errors, such as offset and trend.
     error : numpy.ndarray, shape (n,)
-        Errors, in the order in which neighbours are alike.
+        Errors, in an order in which neighbours are correlated.
     lags : int
-        Neighbours over which they are.
+        Number of neighbours over which they are correlated.
 
     Returns
     -------
-    Estimate
+    RegressionEstimate
         By least squares. The covariance is that of Newey and West (1987), and at least that of
-        errors without correlation: few samples make the former too small by chance. Few independent
-        errors know their own spread badly: it grows so that four standard deviations are as certain
-        as those of many, by Student's t.
+        uncorrelated errors, as the former is too small by chance for small samples. For few
+        independent errors the standard deviations are enlarged by Student's t, so that four of them
+        have the same significance as for many.
 
     Examples
     --------
     >>> x = np.arange(6.0)
-    >>> found = regress(x[:, None] ** 2, np.stack([x**0, x], 1), 3 * x**2 + 5, lags=1)
+    >>> found = regress_signatures(x[:, None] ** 2, np.stack([x**0, x], 1), 3 * x**2 + 5, lags=1)
     >>> found.value
     array([3.])
     """
-    clean, bare = project_out(nuisance, marks), project_out(nuisance, error)
+    # nuisance functions are eliminated first (Frisch and Waugh 1933)
+    clean, cleaned_error = project_out(nuisance, signatures), project_out(nuisance, error)
     inverse = np.linalg.inv(clean.T @ clean)
-    value = inverse @ clean.T @ bare
-    residual = bare - clean @ value
-    unknowns = marks.shape[1] + nuisance.shape[1]
-    free = max(error.size - unknowns, 1)
-    robust = inverse @ long_run(clean * residual[:, None], lags) @ inverse * (error.size / free)
-    white = inverse * float(residual @ residual) / free
+    value = inverse @ clean.T @ cleaned_error
+    residual = cleaned_error - clean @ value
+    unknowns = signatures.shape[1] + nuisance.shape[1]
+    degrees = max(error.size - unknowns, 1)
+    robust = inverse @ long_run(clean * residual[:, None], lags) @ inverse * (error.size / degrees)
+    white = inverse * float(residual @ residual) / degrees
     diagonal = np.maximum(np.diag(robust), 0.0)
     if not (diagonal > 0).all():
         return RegressionEstimate(value=value, covariance=white, residual=residual)
-    grown = np.sqrt(np.maximum(np.diag(white) / diagonal, 1.0))
-    known = min(_independent_count(residual) - unknowns, _BARTLETT * error.size / (lags + 1))
-    grown *= _student_factor(max(known, 1.0))
+    enlargement = np.sqrt(np.maximum(np.diag(white) / diagonal, 1.0))
+    independent = min(_independent_count(residual) - unknowns, _BARTLETT * error.size / (lags + 1))
+    enlargement *= _student_factor(max(independent, 1.0))
     return RegressionEstimate(
-        value=value, covariance=robust * np.outer(grown, grown), residual=residual
+        value=value, covariance=robust * np.outer(enlargement, enlargement), residual=residual
     )
 
 
 def _independent_count(residual: Floats) -> float:
-    """How many independent errors a residual amounts to, by its correlation up to its first end."""
+    """Effective number of residuals, from their autocorrelation up to its first zero crossing."""
     from scipy.signal import correlate
 
     power = float(residual @ residual)
-    alike = correlate(residual, residual, method="fft")[residual.size :] / max(power, 1e-300)
-    ends = np.flatnonzero(alike <= 0)
-    run = alike[: int(ends[0])] if ends.size else alike
-    return residual.size / (1.0 + 2.0 * float(run.sum()))
+    correlation = correlate(residual, residual, method="fft")[residual.size :] / max(power, 1e-300)
+    ends = np.flatnonzero(correlation <= 0)
+    positive = correlation[: int(ends[0])] if ends.size else correlation
+    return residual.size / (1.0 + 2.0 * float(positive.sum()))
 
 
-def _student_factor(free: float) -> float:
-    """What Student's t asks more than the normal distribution, at the certainty of a finding."""
+def _student_factor(degrees: float) -> float:
+    """Ratio of the quantiles of Student's t and the normal distribution at four deviations."""
     from scipy.stats import norm, t
 
-    return float(t.isf(norm.sf(CERTAIN), free)) / CERTAIN
+    return float(t.isf(norm.sf(CERTAIN), degrees)) / CERTAIN

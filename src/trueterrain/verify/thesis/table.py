@@ -1,7 +1,7 @@
 """Table 3-1 of Smith (2009): four rows, by the thesis's processing and by that of this package.
 
-Both look at the same recordings, those of the virtual profiler. What is published is only compared
-with what they find.
+Both evaluate the same recordings of the virtual profiler, and the results are compared with the
+published figures.
 """
 
 import math
@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from trueterrain.formats.run import open_run
 from trueterrain.georeference import Screening
 from trueterrain.motion import FusionSettings, fuse_motion
 from trueterrain.motion.trajectory import Trajectory
@@ -27,42 +28,42 @@ from trueterrain.verify.truth import exact_trajectory
 
 Floats = npt.NDArray[np.float64]
 
-#: Order of the thesis's Butterworth filters, an assumption: it is not published.
+#: Assumed order of the thesis's Butterworth filters; it is not published.
 ORDER = 2
 
-#: Orders that the thesis may have used.
+#: Possible orders of these filters.
 ORDERS: tuple[int, ...] = (1, 2, 4)
 
-#: Share of the published figure by which one that is reproduced may differ.
+#: Largest relative difference of a reproduced figure from the published one.
 WITHIN = 0.2
 
-#: Ours: a vehicle at a steady speed allows a long window for east, north and yaw.
+#: Settings of this package: constant speed allows a long window for east, north and yaw.
 _OURS = FusionSettings(method="rts", smoothing_window=2.0)
 
-_SEARCH = 0.1  # [m] around its known place in which the plate is looked for
+_SEARCH = 0.1  # [m] search range around the known place of the plate
 
 _FIGURES = ("rms", "off_edges", "distance")
 
 
 @dataclass(frozen=True, kw_only=True)
 class PublishedRange:
-    """What the thesis publishes of a row."""
+    """Published figures of a row."""
 
     low: float
-    "Root mean square of the error, or the least of several that are published [m]."
+    "Root mean square of the error, or the smallest of several published values [m]."
 
     high: float
-    "The same, or the greatest of several [m]."
+    "The same, or the greatest of several values [m]."
 
     maximum: float
     "Greatest error [m]."
 
     def holds(self, value: float) -> bool:
-        """Whether a root mean square [m] differs by 20 % at most."""
+        """Whether a root mean square [m] differs by at most 20 %."""
         return (1 - WITHIN) * self.low <= value <= (1 + WITHIN) * self.high
 
 
-#: Table 3-1; of the last row's RMS the table says 1.8 mm and the text 1.95 mm.
+#: Table 3-1; the RMS of the last row is 1.8 mm in the table and 1.95 mm in the text.
 PUBLISHED: dict[str, PublishedRange] = {
     "static": PublishedRange(low=1.1e-3, high=1.1e-3, maximum=5e-3),
     "static, screened": PublishedRange(low=0.92e-3, high=0.92e-3, maximum=4.3e-3),
@@ -73,97 +74,97 @@ PUBLISHED: dict[str, PublishedRange] = {
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TableRow:
-    """A row of the table: the same recordings by both ways of processing."""
+    """A row of the table: the same recordings by both methods of processing."""
 
     test: str
     "Name of the row."
 
     thesis: tuple[ThesisResult, ...]
-    "What the thesis's processing finds, of each recording."
+    "Results of the thesis's processing, for each recording."
 
     ours: tuple[StaticResult | DynamicResult, ...]
-    "What the tests of this package find, of each recording."
+    "Results of the tests of this package, for each recording."
 
     exact: tuple[DynamicResult, ...] = ()
-    "The same with the exact pose; none of a scanner that stands."
+    "The same with the exact pose; empty for a scanner at rest."
 
     lying: tuple[DynamicResult, ...] = ()
-    "Ours, as the plate lies: from its known place, with neither shift nor stretch taken off."
+    "Results of this package at the known place of the plate, without shift and stretch."
 
     lying_exact: tuple[DynamicResult, ...] = ()
     "The same with the exact pose."
 
-    on_exact_way: tuple[DynamicResult, ...] = ()
-    "As it lies, with our heights, roll and pitch, but the exact east and north."
+    on_exact_path: tuple[DynamicResult, ...] = ()
+    "At the known place, with estimated height, roll and pitch, but exact east and north."
 
     orders: dict[int, float] = field(default_factory=dict)
-    "Root mean square by the thesis's processing, by the order of its filters [m]."
+    "Root mean square of the thesis's processing, by the order of its filters [m]."
 
     @property
     def published(self) -> PublishedRange:
-        """What the thesis publishes."""
+        """Published figures."""
         return PUBLISHED[self.test]
 
     @property
     def thesis_rms(self) -> float:
-        """Root mean square over all recordings, and places of the plate beside samples [m]."""
+        """Root mean square over all recordings and sub-sample offsets of the plate [m]."""
         return math.sqrt(np.mean([found.rms**2 for found in self.thesis]))
 
     @property
     def reproduced(self) -> bool:
-        """Whether the thesis's processing finds what it published, within 20 %."""
+        """Whether the thesis's processing agrees with the published figure within 20 %."""
         return self.published.holds(self.thesis_rms)
 
     @property
     def beside(self) -> list[float]:
-        """How far behind its known place each recording of ours finds the plate [m]."""
+        """Registered less known place of the plate in each recording [m]."""
         return [
             found.registration.shift - lying.registration.shift
             for found, lying in zip(self.ours, self.lying, strict=False)
         ]
 
     def ends(self, of: Callable[[ThesisResult], Floats]) -> tuple[float, float]:
-        """Least and greatest of a figure of the thesis's processing [m].
+        """Smallest and greatest value of a figure of the thesis's processing [m].
 
         Parameters
         ----------
         of : callable
-            What to take of each result, such as its ``single``.
+            Function of a result that gives values, such as its ``single``.
 
         Returns
         -------
         tuple of float
-            Over all recordings and places.
+            Over all recordings and offsets.
         """
         values = np.concatenate([of(found) for found in self.thesis])
         return float(values.min()), float(values.max())
 
-    def ratio(self, figure: str, way: str = "ours") -> float | None:
-        """How many times as large a figure is as with the exact pose.
+    def ratio(self, figure: str, method: str = "ours") -> float | None:
+        """Ratio of a figure to that with the exact pose.
 
         Parameters
         ----------
         figure : str
             rms, off_edges or distance.
-        way : str
-            ours, lying or on_exact_way.
+        method : str
+            ours, lying or on_exact_path.
 
         Returns
         -------
         float or None
-            None of a scanner that stands.
+            None for a scanner at rest.
         """
-        exact = self.exact if way == "ours" else self.lying_exact
+        exact = self.exact if method == "ours" else self.lying_exact
         if not exact:
             return None
-        return pool_figures(getattr(self, way), figure).value / pool_figures(exact, figure).value
+        return pool_figures(getattr(self, method), figure).value / pool_figures(exact, figure).value
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain numbers and words, as for JSON; lengths in m."""
+        """Numbers and strings, ready for JSON; lengths in m."""
         published = self.published
         lowest, highest = self.ends(lambda found: found.single)
-        least, most = self.ends(lambda found: found.largest)
-        described_: dict[str, Any] = {
+        max_low, max_high = self.ends(lambda found: found.largest)
+        document: dict[str, Any] = {
             "test": self.test,
             "recordings": len(self.thesis),
             "published": {
@@ -176,34 +177,34 @@ class TableRow:
                 "rms_low": lowest,
                 "rms_high": highest,
                 "maximum": self.thesis[0].maximum,
-                "maximum_low": least,
-                "maximum_high": most,
+                "maximum_low": max_low,
+                "maximum_high": max_high,
                 "recordings": [found.to_dict() for found in self.thesis],
             },
             "reproduced": self.reproduced,
             "ours": _figure_values(self.ours),
             "orders": {str(order): rms for order, rms in self.orders.items()},
         }
-        for name, way, exact in (
+        for name, method, exact in (
             ("registered", "ours", self.exact),
             ("as_it_lies", "lying", self.lying_exact),
-            ("as_it_lies_on_exact_way", "on_exact_way", self.lying_exact),
+            ("as_it_lies_on_exact_path", "on_exact_path", self.lying_exact),
         ):
-            described_[name] = (
+            document[name] = (
                 None
                 if not exact
                 else {
-                    "ours": _figure_values(getattr(self, way)),
+                    "ours": _figure_values(getattr(self, method)),
                     "exact": _figure_values(exact),
-                    "ratio": {one: self.ratio(one, way) for one in _FIGURES},
+                    "ratio": {one: self.ratio(one, method) for one in _FIGURES},
                 }
             )
-        described_["beside"] = self.beside
-        return described_
+        document["beside"] = self.beside
+        return document
 
 
 def pool_figures(found: Sequence[StaticResult | DynamicResult], figure: str) -> AccuracyFigure:
-    """A figure over several recordings of a test.
+    """Figure of the pooled errors of several recordings of a test.
 
     Parameters
     ----------
@@ -214,8 +215,8 @@ def pool_figures(found: Sequence[StaticResult | DynamicResult], figure: str) -> 
 
     Returns
     -------
-    Figure
-        Root mean square of all their errors, with its interval [m].
+    AccuracyFigure
+        Root mean square of all errors, with its interval [m].
 
     Raises
     ------
@@ -234,16 +235,16 @@ def pool_figures(found: Sequence[StaticResult | DynamicResult], figure: str) -> 
 
 
 def static_rows(run: Path, machined: xr.Dataset, screening: Screening) -> list[TableRow]:
-    """Rows one and two: a scanner that stands, without and with screening.
+    """Rows one and two of the table: a scanner at rest, without and with screening.
 
     Parameters
     ----------
     run : Path
-        Run of a scanner that stands above the plate.
+        Run of a scanner at rest above the plate.
     machined : xarray.Dataset
         Machined profile of the plate.
     screening : Screening
-        Of which intensities returns are left out in row two.
+        Bounds of intensity in row two.
 
     Returns
     -------
@@ -253,7 +254,7 @@ def static_rows(run: Path, machined: xr.Dataset, screening: Screening) -> list[T
     Raises
     ------
     CoverageError, SchemaError, ValueError
-        As by `static_test` and `thesis_static`.
+        See `static_test` and `thesis_static`.
     """
     ours = static_test(run, machined, StaticSettings(screening=screening))
     return [
@@ -269,36 +270,33 @@ def static_rows(run: Path, machined: xr.Dataset, screening: Screening) -> list[T
 def dynamic_row(
     test: str, runs: Sequence[Path], machined: xr.Dataset, begin: tuple[float, float]
 ) -> TableRow:
-    """Row three or four: runs over the plate.
+    """Row three or four of the table: runs over the plate.
 
     Parameters
     ----------
     test : str
         Name of the row.
     runs : sequence of Path
-        Simulated runs over the plate, whose exact motion is known.
+        Simulated runs over the plate.
     machined : xarray.Dataset
         Machined profile of the plate.
     begin : tuple of float
-        Easting and northing where it is known to begin [m].
+        Easting and northing of the start of the plate [m].
 
     Returns
     -------
     TableRow
-        The row. Ours is by the method rts with a window of 2 s for the way, since the speed is
-        steady, and registered with the stretch of the way; the thesis's by causal Butterworth
-        filters of order 2 at 10 Hz.
+        This package uses the method rts with a smoothing window of 2 s, as the speed is constant,
+        and registration with stretch; the thesis causal Butterworth filters of order 2 at 10 Hz.
 
     Raises
     ------
     CoverageError, SchemaError
-        As by `dynamic_test` and `thesis_dynamic`.
+        See `dynamic_test` and `thesis_dynamic`.
     """
-    from trueterrain.formats.run import open_run
-
     thesis: dict[int, list[ThesisResult]] = {order: [] for order in ORDERS}
-    names = ("ours", "exact", "lying", "lying_exact", "on_exact_way")
-    ways: dict[str, list[DynamicResult]] = {name: [] for name in names}
+    names = ("ours", "exact", "lying", "lying_exact", "on_exact_path")
+    results: dict[str, list[DynamicResult]] = {name: [] for name in names}
     for run in runs:
         tree = open_run(run)
         exact, smoothed = exact_trajectory(tree), _fuse_quietly(tree, _OURS)
@@ -307,13 +305,13 @@ def dynamic_row(
             found.append(
                 thesis_dynamic(tree, machined, path, _settings_around(path, begin), name=test)
             )
-        for way, path in (("ours", smoothed), ("exact", exact)):
+        for method, path in (("ours", smoothed), ("exact", exact)):
             free = replace(_settings_around(path, begin), stretch=True)
-            ways[way].append(dynamic_test(tree, machined, path, free, name=test))
-        mixed = _on_way(smoothed, exact)
-        for way, path in (("lying", smoothed), ("lying_exact", exact), ("on_exact_way", mixed)):
+            results[method].append(dynamic_test(tree, machined, path, free, name=test))
+        mixed = _with_exact_path(smoothed, exact)
+        for method, path in (("lying", smoothed), ("lying_exact", exact), ("on_exact_path", mixed)):
             fixed = replace(_settings_around(path, begin), search=0.0)
-            ways[way].append(dynamic_test(tree, machined, path, fixed, name=test))
+            results[method].append(dynamic_test(tree, machined, path, fixed, name=test))
     orders = {
         order: math.sqrt(np.mean([one.rms**2 for one in found])) for order, found in thesis.items()
     }
@@ -321,25 +319,25 @@ def dynamic_row(
         test=test,
         thesis=tuple(thesis[ORDER]),
         orders=orders,
-        **{way: tuple(found) for way, found in ways.items()},
+        **{method: tuple(found) for method, found in results.items()},
     )
 
 
 def _fuse_quietly(tree: xr.DataTree, settings: FusionSettings) -> Trajectory:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of short runs, whose noise is not measured well
+        warnings.simplefilter("ignore")  # short runs, whose noise is poorly determined
         return fuse_motion(tree, settings=settings).trajectory
 
 
 def _settings_around(path: Trajectory, begin: tuple[float, float]) -> DynamicSettings:
-    """Settings with the known place of the plate along the way from the first pose."""
-    way = path.position[-1, :2] - path.position[0, :2]
-    along = float((np.array(begin) - path.position[0, :2]) @ way / np.hypot(*way))
+    """Settings with the known place of the plate along the path from the first pose."""
+    chord = path.position[-1, :2] - path.position[0, :2]
+    along = float((np.array(begin) - path.position[0, :2]) @ chord / np.hypot(*chord))
     return DynamicSettings(assumed=along, search=_SEARCH)
 
 
-def _on_way(path: Trajectory, exact: Trajectory) -> Trajectory:
-    """Motion with the exact east and north."""
+def _with_exact_path(path: Trajectory, exact: Trajectory) -> Trajectory:
+    """Estimated motion with its east and north replaced by the exact ones."""
     part = path.between(float(exact.time[0]), float(exact.time[-1]))
     true = exact.at(part.time)
     position, velocity = part.position.copy(), part.velocity.copy()

@@ -1,11 +1,11 @@
-"""What the text of the page says in words, checked against each run before it is written."""
+"""Statements of the page, checked against the results before the page is written."""
 
 from collections.abc import Sequence
 
 from inject import Tested
 from page import looked_for
 
-#: Who must find what.
+#: Faults that each test must detect.
 FOUND = {
     "static": (
         "boresight, roll",
@@ -22,25 +22,26 @@ FOUND = {
         "scans dropped",
     ),
 }
-UNTOLD = {"dynamic": ("boresight, roll", "lever arm, up", "plate beside its place")}
+#: Faults that are not observable in a test.
+NOT_OBSERVABLE = {"dynamic": ("boresight, roll", "lever arm, up", "plate beside its place")}
 
-_SURE = 4.0  # standard deviations
-_NEAR = 0.25  # of what was injected, by which a value may be off besides
+_SIGNIFICANT = 4.0  # standard deviations
+_NEAR = 0.25  # further error, as a fraction of the injected value
 
 
-def require_claims(tested: Sequence[Tested]) -> None:
-    """Raise SystemExit with every sentence of the page that this run contradicts."""
-    wrong = [sentence for sentence, holds in claims(tested) if not holds]
+def require_statements(tested: Sequence[Tested]) -> None:
+    """Raise SystemExit with every statement of the page that the results contradict."""
+    wrong = [sentence for sentence, holds in check_statements(tested) if not holds]
     if wrong:
-        raise SystemExit("The page would say what was not found:\n- " + "\n- ".join(wrong))
+        raise SystemExit("The results contradict the page:\n- " + "\n- ".join(wrong))
 
 
-def claims(tested: Sequence[Tested]) -> list[tuple[str, bool]]:
-    """Sentences, and whether they hold."""
+def check_statements(tested: Sequence[Tested]) -> list[tuple[str, bool]]:
+    """Statements, and whether they hold."""
     moved = {
         one.fault.name
         for one in tested
-        if any(mode.moves_with and (mode.share or 0.0) > 0.05 for mode in one.dynamic.modes)
+        if any(mode.moves_with and (mode.fraction or 0.0) > 0.05 for mode in one.dynamic.modes)
     }
     found = [
         (
@@ -60,13 +61,13 @@ def claims(tested: Sequence[Tested]) -> list[tuple[str, bool]]:
                 found.append(
                     (f"{what}: is found", finding is not None and finding.detected is True)
                 )
-            elif fault.name in UNTOLD.get(test, ()):
+            elif fault.name in NOT_OBSERVABLE.get(test, ()):
                 found.append(
-                    (f"{what}: cannot be told", finding is None or finding.detected is None)
+                    (f"{what}: is not observable", finding is None or finding.detected is None)
                 )
             if finding is not None and finding.value is not None and fault.injected is not None:
                 off = abs(finding.value - fault.injected)
                 if finding.detected:
-                    near = off <= _SURE * (finding.sd or 0.0) + _NEAR * abs(fault.injected)
-                    found.append((f"{what}: the value is that which was injected", near))
+                    near = off <= _SIGNIFICANT * (finding.sd or 0.0) + _NEAR * abs(fault.injected)
+                    found.append((f"{what}: the value is the injected one", near))
     return found
