@@ -132,10 +132,11 @@ def test_what_two_passes_do_not_tell_is_said_with_the_cure(run, runs, tmp_path):
     assert re.search(r"^roll +0\.2\d+ +0\.0\d+ +0\.0000 deg$", finished.out, re.MULTILINE)
     assert re.search(r"^lever_z +1200\.0000 +held +1200\.0000 mm$", finished.out, re.MULTILINE)
     for line in (
-        r"lever_z is not told: sd \d+ mm, at most 3\.0 mm is asked for.*\. Measure lever_z with a "
-        r"tape: all passes see it alike\.",
+        r"lever_z is not observable: sd \d+ mm, at most 3\.0 mm is asked for.*\. Measure lever_z "
+        r"with a tape: all passes see it alike\.",
         r"condition number \d.*",
-        r"pitch leans on lever_x, which is held: if that is wrong by 10 mm, pitch is by 0\.28 deg",
+        r"pitch depends on lever_x, which is held: an error of 10 mm there changes pitch by "
+        r"0\.28 deg",
         r"boresight-back\.zarr lies 4\d\.\d mm \(sd 0\.\d+\) below boresight-there\.zarr",
     ):
         assert re.search(f"^{line}$", finished.out, re.MULTILINE), (line, finished.out)

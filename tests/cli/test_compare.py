@@ -84,7 +84,7 @@ def test_tables_of_profiles(run, profiles):
     lines = finished.out.splitlines()
     assert lines[0] == (
         "Agreement of 3 profiles, reference R.erd; "
-        "IRI filter (exact window 0.25 m), settled after 30 m."
+        "IRI filter (exact window 0.25 m), settling length 30 m."
     )
     assert lines[3].split() == ["R.erd", "one.erd", "two.erd"]
     row = next(line for line in lines if line.split()[:2] == ["R.erd", "two.erd"]).split()
@@ -101,9 +101,11 @@ def test_tables_of_profiles(run, profiles):
 
 def test_limits_and_filters_of_the_user(run, profiles):
     arguments = ("--repeatability", "0.5", "--accuracy", "0", "--filter", "butterworth")
-    finished = run("compare", *profiles[1:], *arguments, "--settle", "20", "--max-scale", "0")
+    finished = run(
+        "compare", *profiles[1:], *arguments, "--settling-length", "20", "--max-scale", "0"
+    )
     assert finished.code == 0
-    assert "Butterworth filter from 8 to 90 m, order 3 forth and back" in finished.out
+    assert "Butterworth filter from 8 to 90 m, order 3 forward and backward" in finished.out
     assert "at least 50.00 %: kept" in finished.out
     assert "accuracy: not judged, no reference is given" in finished.out
     assert "corrected" not in finished.out
@@ -151,7 +153,7 @@ def test_tables_of_surfaces(run, surfaces):
     assert "fast.crg   slow.crg" in text
     assert "Not compared by lane: no edges of lanes are given (--lanes)." in text
     assert "Not compared by speed: no speeds are given (--speed)." in text
-    assert "Root mean square change of the difference over a distance [mm]" in text
+    assert "RMS change of the difference over a distance [mm]" in text
 
 
 def test_levels_are_taken_off(run, surfaces):

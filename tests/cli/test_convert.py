@@ -142,7 +142,7 @@ def test_profile_at_equal_spacing(run, tmp_path):
     refused(run("psd", tmp_path / "uneven.csv", "--lowest", 0.1), "trueterrain convert --spacing")
     finished = run("convert", tmp_path / "uneven.csv", "-o", tmp_path / "p.erd", "--spacing", 0.05)
     assert finished.code == 0, finished.err
-    assert "waves shorter than 0.1 m pass for longer ones" in finished.err
+    assert "waves shorter than 0.1 m are aliased into longer ones" in finished.err
     even = formats.open(tmp_path / "p.erd")
     np.testing.assert_allclose(np.diff(even.s), 0.05, rtol=0, atol=1e-6)  # [m] as ERD iterations
     between = np.interp(even.s, s, height)

@@ -100,7 +100,7 @@ def test_nothing_is_left_when_it_is_stopped(tmp_path, sent, code):
     # whoever runs the tests in the background ignores SIGINT, and children inherit that
     heed = lambda: signal.signal(sent, signal.SIG_DFL)  # noqa: E731 - called in the child alone
     with subprocess.Popen(arguments, stderr=subprocess.PIPE, text=True, preexec_fn=heed) as program:
-        assert program.stderr.readline() == "driving over the road ...\n"
+        assert program.stderr.readline() == "simulating two recordings ...\n"
         program.send_signal(sent)
         program.stderr.read()
     assert program.returncode == code

@@ -82,7 +82,7 @@ def test_it_says_what_is_left_and_that_ends_are_uncertain(run, road, tmp_path):
     assert lines[0].endswith(
         "20,001 samples of 2 tracks from 0 to 1000 m, with waves from 8 to 90 m"
     )
-    assert "within 90 m of the ends depend on what is taken to lie beyond" in lines[1]
+    assert "within 90 m of the ends depend on the assumed profile beyond" in lines[1]
     mean = run("filter", road, "-o", tmp_path / "b.erd", "--kind", "250mm")
     assert "with waves longer than 0.25 m" in mean.err
     assert "within 0.125 m of the ends" in mean.err
@@ -96,7 +96,7 @@ def test_it_says_what_is_not_kept(run, tmp_path):
     data = make_profile(S, wave(20.0), easting=S, northing=0 * S, crs="EPSG:32632", sd=0 * S + 1e-3)
     formats.write(data, tmp_path / "in.zarr")
     finished = run("filter", tmp_path / "in.zarr", "-o", tmp_path / "out.zarr", "--shortest", 2)
-    assert finished.err.splitlines()[-1].endswith("since the heights are others now: sd")
+    assert finished.err.splitlines()[-1].endswith("since the heights have changed: sd")
     out = formats.open(tmp_path / "out.zarr")
     assert out.crs == "EPSG:32632"
     assert_allclose(out.easting, S, rtol=0, atol=0)
@@ -165,7 +165,7 @@ def test_bad_files_leave_nothing_behind(run, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((), "--shortest, --longest or both must say which waves are taken out"),
+        ((), "--shortest, --longest or both must be given: the waves to remove"),
         (("--kind", "250mm", "--longest", 5), "--kind 250mm is a moving average over 0.25 m"),
         (
             ("--kind", "moving-average", "--shortest", 5, "--order", 2),

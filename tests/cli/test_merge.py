@@ -67,7 +67,7 @@ def test_runs_are_merged_and_said_to_agree(run, runs, tmp_path):
     (datum,) = set(result["merge"]["network"]["datum_sd"].values())
     npt.assert_allclose(absolute, np.hypot(relative, datum), rtol=0.02)  # medians of both
     assert datum > 2 * relative  # what two passes of one kind of drift share
-    assert f"that all passes share: {1e3 * datum:.2f} mm" in finished.out
+    assert f"common to all passes: {1e3 * datum:.2f} mm" in finished.out
     page = (tmp_path / "out" / "report.html").read_text()
     assert f"has a standard deviation of {1e3 * datum:.3g} mm" in page
     road = tt.open(tmp_path / "out" / "merged.crg")
@@ -123,7 +123,7 @@ def test_what_is_known_of_the_datum_can_be_said(run, clouds, tmp_path):
     files = [clouds / "south.laz", clouds / "north.laz"]
     finished = run("merge", *files, "--datum-sd", 0.02, "-o", tmp_path / "out")
     assert finished.code == 0, finished.err
-    assert "that all passes share: 20.00 mm" in finished.out
+    assert "common to all passes: 20.00 mm" in finished.out
     surface = tt.open(tmp_path / "out" / "merged.tif")
     both = np.hypot(surface.sd_relative, 0.02)
     npt.assert_allclose(surface.sd, both, rtol=0, atol=1e-4)  # [m] medians of a cell, float32
@@ -250,7 +250,7 @@ def test_a_check_of_all_strips_finishes(run, data, together):
             )
         else:
             assert finished.code == 1, finished.err
-            assert "do NOT agree" in finished.out or "shares no ground" in finished.out
+            assert "do NOT agree" in finished.out or "overlaps no other pass" in finished.out
 
 
 def test_passes_that_agree_leave_the_exit_code_0(run, clouds):

@@ -71,7 +71,7 @@ def test_text_of_a_run(run, store):
     assert re.fullmatch(r"Run, run, [\d,]+ bytes", found["format"])
     assert found["name"] == "small-a"
     assert found["origin"] == "longitude 11 deg, latitude 48 deg, height 500.000 m"
-    assert found["time"] == "seconds since any moment"
+    assert found["time"] == "seconds since an arbitrary epoch"
     for part in (
         "800 scans of 20 beams, 1000 Hz, -0.001 to 0.798 s (0.799 s)",
         "angles -45.000 to 45.000 deg",
@@ -80,8 +80,10 @@ def test_text_of_a_run(run, store):
     ):
         assert part in found["scans"], part
     assert "200 epochs, 200 Hz, -0.100 to 0.895 s (0.995 s)" in found["navigation"]
-    way, fastest = re.search(r"way of ([\d.]+) m, up to ([\d.]+) m/s", found["navigation"]).groups()
-    assert abs(float(way) - 5 * 0.995) < 0.05  # [m] noise of 1 mm in each of some positions
+    distance, fastest = re.search(
+        r"distance ([\d.]+) m, up to ([\d.]+) m/s", found["navigation"]
+    ).groups()
+    assert abs(float(distance) - 5 * 0.995) < 0.05  # [m] noise of 1 mm in each of some positions
     assert abs(float(fastest) - 5.0) < 0.1
     assert "2,000 samples of 3 sensors, 2000 Hz" in found["accelerometers"]
     assert found["gaps"] == "none"

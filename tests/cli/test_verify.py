@@ -71,7 +71,7 @@ def test_static_speaks_in_a_table(run, static, tmp_path):
     assert re.search(r"test +RMS \[mm\] +off edges +distance +maximum", finished.out)
     assert "static: off_edges passed, limit 1 mm" in finished.out
     assert "static: noise FAILED, limit 0.1 mm" in finished.out
-    assert finished.err.endswith("the certificate; certificate.pdf is the same to print\n")
+    assert finished.err.endswith("the certificate; certificate.pdf is for printing\n")
 
 
 def test_dynamic_compares_methods_and_rejects_motion(run, tmp_path, machined, recorded):

@@ -147,7 +147,7 @@ def test_a_description_is_refused(run, tmp_path):
     finished = run("verify", "table", tmp_path / "static.toml", "-o", tmp_path / "out")
     assert finished.code == 2
     assert finished.err.count("\n") == 1
-    assert "verify table takes no description" in finished.err
+    assert "verify table takes no settings" in finished.err
 
 
 @pytest.mark.parametrize("test", ["static", "dynamic", "drift"])

@@ -1,4 +1,4 @@
-"""Motion of runs on the command line."""
+"""Trajectories of recorded runs on the command line."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -12,29 +12,29 @@ if TYPE_CHECKING:
 Method = Literal["navigation", "thesis", "zero-phase", "wiener", "rts"]
 
 
-def motion_of(
+def run_trajectory(
     run: Path, method: Method, begin: float | None = None, end: float | None = None
 ) -> "Trajectory":
-    """Motion of the body over a run; what is flagged about it or the scans goes to stderr.
+    """Trajectory of the body over a run; problems of motion and scans are noted on stderr.
 
     Parameters
     ----------
     run : Path
         Store of the run.
     method : str
-        How it is found.
+        Method of `trueterrain.motion.fuse_motion`.
     begin, end : float, optional
-        Times between which it is taken [s].
+        First and last time of the trajectory [s]; by default those of the navigation.
 
     Returns
     -------
     Trajectory
-        Over the time of the navigation, or between the times.
+        Position and attitude with covariance.
 
     Raises
     ------
     SchemaError
-        If navigation or scans break a rule, such as a clock that runs backward.
+        If navigation or scans are invalid, such as a clock that runs backward.
     CoverageError
         If there is too little navigation, or it covers no scan.
     """
@@ -46,7 +46,7 @@ def motion_of(
 
     tree = open_run(run)
     with name_file_in_errors(run), warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # what it warns of is among the problems as well
+        warnings.simplefilter("ignore")  # its warnings are among the problems as well
         motion = fuse_motion(tree, settings=FusionSettings(method=method))
         problems = (*motion.problems, *scan_problems(tree, motion.trajectory))
         trajectory = motion.trajectory.between(begin, end)
@@ -56,7 +56,7 @@ def motion_of(
 
 
 def require_run(path: Path) -> None:
-    """Raise SchemaError if a file is no run.
+    """Raise SchemaError if a file is not a recorded run.
 
     Parameters
     ----------
