@@ -23,8 +23,6 @@ GROUPS = {
 }
 COMMANDS = [command for commands in GROUPS.values() for command in commands]
 MAX_HELP_TIME = 0.3  # [s] of processor time, the budget of the project
-    0.3  # [s] of processor time on top of that of python itself, the budget of DESIGN.md
-)
 
 
 def test_help_lists_every_command_in_its_group(run):

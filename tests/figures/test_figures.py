@@ -215,7 +215,7 @@ def test_points_are_where_they_are():
 
 def test_many_points_are_thinned_and_say_so():
     points = surface_to_points(bend())
-    ax = figures.points_map(points, most=1000)
+    ax = figures.points_map(points, max_points=1000)
     every = -(-points.sizes["point"] // 1000)
     npt.assert_array_equal(ax.collections[0].get_array(), points.up[::every])
     assert notes(ax) == [f"equal scale, 1 of {every} points shown"]
@@ -465,8 +465,8 @@ def test_wrong_arguments_say_what_must_be():
     line, both = make_profile(s, s), make_profile(s, [s, s], tracks=["l", "r"])
     with pytest.raises(ValueError, match="frame must be 'grid' or 'ground', got 'map'"):
         figures.surface_map(bend(), frame="map")
-    with pytest.raises(ValueError, match="most must be at least 1 point, got 0"):
-        figures.points_map(make_points([0.0], [0.0], [0.0]), most=0)
+    with pytest.raises(ValueError, match="max_points must be at least 1 point, got 0"):
+        figures.points_map(make_points([0.0], [0.0], [0.0]), max_points=0)
     with pytest.raises(ValueError, match="lines must hold at least one"):
         figures.parallel_profiles({}, line)
     with pytest.raises(ValueError, match="index must hold segments"):

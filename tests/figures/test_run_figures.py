@@ -234,8 +234,8 @@ def test_lost_returns_are_marked_where_they_are(slope):
 
 
 def test_of_many_scans_one_of_every_n_is_shown(slope, monkeypatch):
-    monkeypatch.setattr("trueterrain.figures.run.ranges._ROWS", 30)
-    monkeypatch.setattr("trueterrain.figures.run.ranges._AT_ONCE", 7)
+    monkeypatch.setattr("trueterrain.figures.run.ranges._MAX_SCANS", 30)
+    monkeypatch.setattr("trueterrain.figures.run.ranges._BLOCK", 7)
     ax = figures.range_image(slope)
     npt.assert_array_equal(ax.images[0].get_array().filled(np.nan), slope.scans.range[::4].T)
     assert notes(ax) == ["1 of 4 scans shown"]
@@ -335,7 +335,7 @@ def test_errors_of_navigation_are_the_injected_ones(slope, wall):
     npt.assert_array_equal(drift, truth.drift_up)
     npt.assert_array_equal(ax.lines[1].get_ydata(), truth.error_up)
     npt.assert_array_equal(line(ax, "b: drift")[1], wall["truth/navigation"].drift_up)
-    assert legend_texts(ax) == ["a: drift", "and noise", "b: drift", "and noise"]
+    assert legend_texts(ax) == ["a: drift", "with noise", "b: drift", "with noise"]
     ax = figures.navigation_errors(slope, component="yaw")
     npt.assert_array_equal(line(ax, "slope-p")[1], truth.error_yaw)
     assert ax.get_ylabel() == "Error of yaw [deg]"
@@ -422,7 +422,7 @@ def test_a_spectrum_of_nothing():
         figures.spectrum(noise, 100.0, segment=11.0)
     with pytest.raises(ValueError, match="confidence must be between 0 and 1"):
         figures.spectrum(noise, 100.0, confidence=95)
-    with pytest.raises(ValueError, match="peak 'hop' must be sought where there is a frequency"):
+    with pytest.raises(ValueError, match="peak 'hop' must be searched where there is a frequency"):
         figures.spectrum(noise, 100.0, peaks={"hop": (80.0, 90.0)})
     with pytest.raises(ValueError, match="signal a must have one dimension and be finite"):
         figures.spectrum({"a": [1.0, np.nan]}, 100.0)
@@ -466,7 +466,7 @@ def test_navigation_from_above_and_its_heights():
         }
     )
     ax = figures.navigation_plan(drive)
-    npt.assert_array_equal(line(ax, "way"), [drive.east, drive.north])
+    npt.assert_array_equal(line(ax, "trajectory"), [drive.east, drive.north])
     assert notes(ax) == ["equal scale, 50 m driven"]
     ax = figures.navigation_heights(drive)
     npt.assert_allclose(line(ax, "height"), [time - 400_000.0, drive.up], **EXACT)

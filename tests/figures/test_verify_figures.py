@@ -6,7 +6,7 @@ import pytest
 import xarray as xr
 from matplotlib.patches import Rectangle
 
-from trueterrain.figures import place_spread, plate_errors
+from trueterrain.figures import position_sensitivity, plate_errors
 
 
 @pytest.fixture(autouse=True)
@@ -33,7 +33,7 @@ def test_what_is_published_is_a_line_or_a_band():
          "low": ("row", [1.1e-3, 1.8e-3]), "high": ("row", [1.1e-3, 1.95e-3])},
         {"row": ["static", "excited"], "beside": [-0.25, 0.25]},
     )  # fmt: skip
-    ax = place_spread(spread)
+    ax = position_sensitivity(spread)
     np.testing.assert_allclose(ax.lines[0].get_ydata(), [1.0, 2.0])
     dashed = [line for line in ax.lines if line.get_linestyle() == "--"]
     assert [line.get_ydata()[0] for line in dashed] == [pytest.approx(1.1)]

@@ -221,12 +221,12 @@ def _error_section(made: ThesisTable) -> Section:
 
 
 def _unknown_section(made: ThesisTable) -> Section:
-    from trueterrain.figures import place_spread
+    from trueterrain.figures import position_sensitivity
     from trueterrain.verify.thesis.table import ORDER
 
     blocks: list[Block] = [
         _axes_picture(
-            place_spread(_recording_rms(made)),
+            position_sensitivity(_recording_rms(made)),
             "RMS by the thesis's processing over the true start of the plate; the published value "
             "as a dashed line or a band.",
         )
