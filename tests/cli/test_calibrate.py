@@ -47,7 +47,7 @@ def drive(name, *, reverse=False, lane=0.0, speed=5.0):
 
 @pytest.fixture(scope="module")
 def scene():
-    """Both ways in one lane, and faster in the lanes beside; a navigation that hardly drifts."""
+    """Both directions in one lane, faster in the lanes next to it; navigation hardly drifts."""
     found, _ = read_scene("boresight")
     return replace(
         found,
@@ -125,7 +125,7 @@ def test_the_mounting_is_found_and_a_survey_takes_it(run, runs, scene, taped, tm
         npt.assert_allclose(getattr(mounting, field), value, rtol=0, atol=ROUNDED, err_msg=field)
 
 
-def test_what_two_passes_do_not_tell_is_said_with_the_cure(run, runs, tmp_path):
+def test_unobservable_parameters_are_reported_with_the_cure(run, runs, tmp_path):
     finished = run("calibrate", *runs[:2], "-o", tmp_path / "c.toml")
     assert finished.code == 0
     assert finished.err == f"{tmp_path / 'c.toml'}: the mounting for survey.toml\n"
@@ -144,7 +144,7 @@ def test_what_two_passes_do_not_tell_is_said_with_the_cure(run, runs, tmp_path):
     assert held["scanner_position"][2] == 1.2
 
 
-def test_what_is_asked_for_by_name_and_not_told_is_refused(run, runs, tmp_path):
+def test_an_unobservable_parameter_that_is_requested_is_refused(run, runs, tmp_path):
     asked = ("--parameter", "roll", "--parameter", "lever_z")
     finished = run("calibrate", *runs[:2], *asked, "-o", tmp_path / "c.toml")
     assert (finished.code, finished.out) == (2, "")
@@ -157,16 +157,21 @@ def test_what_is_asked_for_by_name_and_not_told_is_refused(run, runs, tmp_path):
 
 
 def test_errors_of_the_motion_are_named_where_they_alone_hide_a_parameter(run, runs, tmp_path):
-    """A roll that is wrong by 0.001 rad in each pass is told to 0.00005 rad by 400 of them.
+    """A roll error of 0.001 rad in each pass averages to 0.00005 rad over 400 of them.
 
     The body that rolls carries its scanner 1 mm aside, which tells nothing if passes are not known
-    to lie where they are claimed to.
+    to lie at their nominal positions.
     """
-    claims = {"sd_roll": 0.001, "sd_pitch": 0.001, "sd_east": 0.03, "sd_north": 0.03}  # [rad], [m]
+    reported = {
+        "sd_roll": 0.001,
+        "sd_pitch": 0.001,
+        "sd_east": 0.03,
+        "sd_north": 0.03,
+    }  # [rad], [m]
     for path in runs[:2]:
         shutil.copytree(path, tmp_path / path.name)
         group = zarr.open_group(tmp_path / path.name, mode="r+")["navigation"]
-        for name, sd in claims.items():
+        for name, sd in reported.items():
             group[name][:] = sd
     stores = sorted(tmp_path.iterdir())
     how = ("--method", "navigation", "--max-angle-sd", 5e-5)

@@ -96,7 +96,7 @@ def test_surface_to_surface(run, tmp_path):
     npt.assert_allclose(after.height, before.height, **FLOAT32)
 
 
-def test_holes_of_a_map_are_filled_on_the_way_to_crg(run, tmp_path):
+def test_holes_of_a_map_are_filled_in_crg(run, tmp_path):
     pytest.importorskip("rasterio")
     geotiff = pytest.importorskip("trueterrain.formats.geotiff")
     axis = 0.1 * np.arange(8)
@@ -175,7 +175,7 @@ def test_bad_arguments(run, profile, road, tmp_path):
     refused(run("convert", road, "-o", out, "--spacing", 0.1), "--spacing is for profiles")
     refused(run("convert", profile, "-o", out, "--spacing", 0), "spacing must be greater than 0")
     refused(run("convert", profile, "-o", out, "--spacing", 900), "profile.csv", "shorter than")
-    refused(run("convert", profile, "-o", out, "--crs", "nowhere"), "EPSG:25832")
+    refused(run("convert", profile, "-o", out, "--crs", "unknown"), "EPSG:25832")
     refused(run("convert", profile, "-o", profile, "--force"), "is an input as well")
     refused(run("convert", profile, "-o", road), "cannot become .crg")
     refused(run("convert", tmp_path / "none.csv", "-o", out), "none.csv")

@@ -37,7 +37,7 @@ FILES = (
     | {f"{NAME}-{profile}.{ending}" for profile in PROFILES for ending in ("erd", "csv")}
     | {f"{picture}.png" for picture in PICTURES}
 )
-NEAR = 0.05  # share of the IRI: paths that lie 40 mm aside, 2 sd of navigation, change it by 4 %
+NEAR = 0.05  # fraction of the IRI: a lateral error of 40 mm, 2 sd of navigation, changes it by 4 %
 SEAM = 0.0005  # [m] after merging 12 m of Belgian block
 
 

@@ -9,12 +9,12 @@ from trueterrain.core.provenance import provenance_steps
 from trueterrain.core.schemas import make_profile
 from trueterrain.roughness import FILTER_250_MM, Butterworth, MovingAverage
 
-SETTLED = 1e-7  # [m] 1e-5 of the wave: what is left of the mirrored ends in the middle of the road
+DECAYED = 1e-7  # [m] 1e-5 of the wave: effect of the mirrored ends at the centre of the road
 WRITTEN = 1e-9  # [m] to which heights are rounded in ERD files
 
 STEP = 0.05  # [m]
 S = STEP * np.arange(20_001)
-MIDDLE = slice(8_000, 12_000)  # [samples] 200 m: whole periods of all waves below
+CENTRE = slice(8_000, 12_000)  # [samples] 200 m: whole periods of all waves below
 SIZE = 0.01  # [m]
 
 
@@ -54,7 +54,7 @@ def test_waves_pass_by_the_gain(run, road, tmp_path, arguments, kind):
     hill = 0.02 * S if kind.longest is None else 0 * S
     for track, length in zip(out.height.values, (0.5, 20.0), strict=True):
         truth = hill + float(kind.gain(length, spacing=STEP)) * wave(length)
-        assert_allclose(track[MIDDLE], truth[MIDDLE], rtol=0, atol=SETTLED + WRITTEN)
+        assert_allclose(track[CENTRE], truth[CENTRE], rtol=0, atol=DECAYED + WRITTEN)
 
 
 @pytest.mark.parametrize("ending", ["erd", "csv", "parquet", "zarr"])

@@ -322,7 +322,7 @@ def warned(capsys, *arguments):
     return capsys.readouterr().err
 
 
-def test_a_window_that_averages_nothing_is_told(capsys, tmp_path):
+def test_a_window_that_averages_nothing_is_warned_of(capsys, tmp_path):
     erd.write(make_profile(0.25 * np.arange(500), rough(500, 3)), tmp_path / "coarse.erd")
     message = warned(capsys, tmp_path / "coarse.erd", "--json")
     assert message == (

@@ -15,7 +15,7 @@ from trueterrain.simulate.scene import read_scene, record_scene
 
 SEAM = 0.0002  # [m] asked of the network adjustment
 APART = 0.012  # [m] between two clouds
-TOLD = 0.0005  # [m] of the mean of thousands of points with 2 mm noise, and of LAZ
+MEAN_ERROR = 0.0005  # [m] of the mean of thousands of points with 2 mm noise, and of LAZ
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +66,7 @@ def test_runs_are_merged_and_said_to_agree(run, runs, tmp_path):
     absolute, relative = (lane["surface"][name]["median"] for name in ("sd", "sd_relative"))
     (datum,) = set(result["merge"]["network"]["datum_sd"].values())
     npt.assert_allclose(absolute, np.hypot(relative, datum), rtol=0.02)  # medians of both
-    assert datum > 2 * relative  # what two passes of one kind of drift share
+    assert datum > 2 * relative  # the part that is common to two passes with the same drift
     assert f"common to all passes: {1e3 * datum:.2f} mm" in finished.out
     page = (tmp_path / "out" / "report.html").read_text()
     assert f"has a standard deviation of {1e3 * datum:.3g} mm" in page
@@ -99,18 +99,18 @@ def test_clouds_are_merged(run, clouds, tmp_path, split):
     finished = run("merge", *files, "-o", tmp_path / "out", "--json")
     assert finished.code == 0, finished.err
     (pair,) = json.loads(finished.out)["merge"]["pairs"]
-    npt.assert_allclose(abs(pair["before"]["median"]), APART, rtol=0, atol=TOLD)
-    assert abs(pair["after"]["median"]) < TOLD
+    npt.assert_allclose(abs(pair["before"]["median"]), APART, rtol=0, atol=MEAN_ERROR)
+    assert abs(pair["after"]["median"]) < MEAN_ERROR
     moved = []
     for name, file in zip(names, ("south", "north"), strict=True):
         before, after = laspy.read(clouds / f"{file}.laz"), laspy.read(tmp_path / f"out/{name}.laz")
         assert len(before.points) == len(after.points)
         moved.append(np.mean(after.z) - np.mean(before.z))
-    # both share the difference
-    npt.assert_allclose(np.sort(moved), [-APART / 2, APART / 2], rtol=0, atol=TOLD)
+    # each is corrected by half of the difference
+    npt.assert_allclose(np.sort(moved), [-APART / 2, APART / 2], rtol=0, atol=MEAN_ERROR)
     surface = tt.open(tmp_path / "out" / "merged.tif")
     assert np.isfinite(surface.height).mean() > 0.9
-    # nothing tells what both flights share
+    # the common error of both flights is not observable
     assert ("sd" in surface, "sd_relative" in surface) == (False, True)
     written = laspy.read(tmp_path / f"out/{names[0]}.laz").point_format
     assert list(written.extra_dimension_names) == ["sd_relative"]

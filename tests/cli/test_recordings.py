@@ -206,12 +206,12 @@ def without_a_chunk(copy):
         (without_a_chunk, r"array scans/range: 1 of 1 chunks are missing"),
     ],
 )
-def test_bad_recordings_are_told_by_info(run, copy, damage, problem):
+def test_info_reports_invalid_recordings(run, copy, damage, problem):
     damage(copy)
     finished = run("info", copy)
     assert (finished.code, finished.err) == (0, "")
-    told = rows(finished.out)["problems"]
-    assert re.search(problem, told), told
+    reported = rows(finished.out)["problems"]
+    assert re.search(problem, reported), reported
     (entry,) = json.loads(run("info", copy, "--json").out)["files"]
     assert any(re.search(problem, text) for text in entry["problems"])
 

@@ -173,7 +173,7 @@ def test_a_missing_run_for_the_instruments_is_one_line_before_any_work(
     assert re.search(r"there is no run .*none\.zarr", message)
 
 
-def test_results_are_not_overwritten_unless_told(run, static, tmp_path):
+def test_results_are_overwritten_only_with_force(run, static, tmp_path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "mine.txt").write_text("mine")
     finished = run("verify", "static", static, "-o", tmp_path / "out")

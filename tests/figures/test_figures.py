@@ -594,6 +594,6 @@ def test_a_curved_path_over_the_grid_is_where_the_ground_says():
     npt.assert_allclose(drawn, np.stack([u, v], 1), rtol=0, atol=1e-9)
 
 
-def test_the_room_is_loaded_without_matplotlib():
+def test_figures_are_imported_without_matplotlib():
     code = "import sys, trueterrain.figures; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

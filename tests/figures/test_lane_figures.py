@@ -115,10 +115,10 @@ def test_times_count_from_the_begin_of_each_pass_and_stations_do_not(along, firs
     assert "[s]" in ax.get_xlabel() if along == "time" else ax.get_xlabel() == "Station [m]"
 
 
-def test_what_navigation_claims_is_drawn_to_both_sides_of_zero():
+def test_the_reported_sd_of_navigation_is_drawn_on_both_sides_of_zero():
     time = np.linspace(95.0, 115.0, 201)
-    claim = {"east": (time, 0.02 + 0 * time)}
-    ax = drawn(figures.lane_correction(correction(begin=100.0), navigation_sd=claim))
+    reported = {"east": (time, 0.02 + 0 * time)}
+    ax = drawn(figures.lane_correction(correction(begin=100.0), navigation_sd=reported))
     low, high = (one for one in ax.lines if np.size(one.get_ydata()) == 101)
     assert (low.get_ydata()[0], high.get_ydata()[0]) == (-0.02, 0.02)
     npt.assert_allclose(low.get_xdata()[[0, -1]], [0.0, 10.0], **EXACT)  # not beyond the pass
@@ -212,7 +212,7 @@ def test_speeds_that_have_no_meaning():
 
 @pytest.fixture(scope="module")
 def adjusted():
-    """Two passes over rough ground whose navigation wanders by millimetres."""
+    """Two passes over rough ground whose navigation drifts by millimetres."""
     rng = np.random.default_rng(2)
     x, y = (at.ravel() for at in np.meshgrid(np.arange(0.05, 60, 0.5), np.arange(0.05, 0.6, 0.1)))
     ground = rng.normal(0, 0.02, x.size)
@@ -266,7 +266,7 @@ def test_every_strength_is_drawn_at_what_it_predicts_at_best(adjusted):
     assert "too loose" in ax.get_xlabel()
 
 
-def test_components_spacings_and_processes_are_told_apart(adjusted):
+def test_components_spacings_and_processes_are_distinguished(adjusted):
     trials = [
         replace(adjusted.chosen, components=held, knot_spacing=spacing, order=order, strength=size)
         for held in (("height",), ("height", "east", "north"))
@@ -289,7 +289,7 @@ def test_components_spacings_and_processes_are_told_apart(adjusted):
     assert any(text.startswith("knots") and text.endswith(" m") for text in legend_texts(in_metres))
 
 
-def test_trials_of_other_rounds_do_not_compare(adjusted):
+def test_trials_of_different_iterations_do_not_compare(adjusted):
     other = replace(adjusted.chosen, round=adjusted.chosen.round + 1, held_out=0.5)
     ax = figures.strength_choice(replace(adjusted, trials=(*adjusted.trials, other)))
     assert 0.5 not in [y for found in lines_of(ax).values() for y in found.values()]
@@ -486,7 +486,7 @@ def test_ranges_are_drawn_where_the_cells_are():
     assert ax.child_axes[0].get_ylabel() == "Range [mm]"
 
 
-def test_maps_before_and_after_can_share_their_colours():
+def test_maps_before_and_after_can_have_the_same_colours():
     for when in ("before", "after"):
         ax = figures.discrepancy_map(ground(), when=when, largest=3e-4)
         assert ax.images[0].get_clim() == (0.0, 3e-4)
@@ -563,7 +563,7 @@ def test_maps_that_cannot_be_drawn(changes, message):
         figures.discrepancy_map(ground(), **changes)
 
 
-def test_both_lanes_and_what_they_share_are_told_apart():
+def test_both_passes_and_their_overlap_are_distinguished():
     lanes = {"left": lane(0.012, 1.0), "right": lane(0.0, 0.0)}
     pair = align_lanes(lanes).pairs[0]
     ax = drawn(figures.lane_overlap(pair.overlap, pair.path))
@@ -613,8 +613,8 @@ def test_of_a_long_path_the_middle_is_shown():
         for name, aside, height in (("left", 1.0, 0.012), ("right", 0.0, 0.0))
     }
     options = DiscontinuitySettings(cell=0.2, least=5)
-    way = waypoint_reference([0.2, 79.8], [1.5, 1.5])
-    pair = align_lanes(lanes, options, paths={("left", "right"): way}).pairs[0]
+    path = waypoint_reference([0.2, 79.8], [1.5, 1.5])
+    pair = align_lanes(lanes, options, paths={("left", "right"): path}).pairs[0]
     ax = drawn(figures.lane_overlap(pair.overlap, pair.path))
     npt.assert_allclose(ax.images[0].get_extent()[:2], (32.4, 47.6), rtol=0, atol=0.4)
     with pytest.raises(ValueError, match="two stations that ascend"):

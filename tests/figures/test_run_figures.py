@@ -395,7 +395,7 @@ def test_degrees_of_freedom_are_those_of_the_scatter():
     scatter = np.std(values) / np.mean(values)
     noted = notes(figures.spectrum(rng.standard_normal(500), 1.0, segment=200))[0]
     degrees = float(noted.split(", ")[2].split()[0])
-    assert scatter == pytest.approx(np.sqrt(2 / degrees), rel=0.07)  # 3000 values, some alike
+    assert scatter == pytest.approx(np.sqrt(2 / degrees), rel=0.07)  # 3000 values, some correlated
 
 
 def test_peaks_are_marked_where_they_are():

@@ -6,7 +6,7 @@ import pytest
 import xarray as xr
 from matplotlib.patches import Rectangle
 
-from trueterrain.figures import position_sensitivity, plate_errors
+from trueterrain.figures import plate_errors, position_sensitivity
 
 
 @pytest.fixture(autouse=True)
@@ -15,7 +15,7 @@ def closed():
     plt.close("all")
 
 
-def test_errors_of_several_ways_are_lines_broken_where_nothing_was_measured():
+def test_errors_of_several_methods_are_lines_broken_at_gaps():
     s = np.array([0.0, 0.01, 0.02, 0.5, 0.51])
     one = xr.Dataset({"error": ("s", 1e-3 * np.arange(5.0))}, {"s": s})
     ax = plate_errors({"thesis": one.isel(s=[2, 0, 1, 4, 3]), "ours": one})
