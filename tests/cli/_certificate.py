@@ -1,4 +1,4 @@
-"""A certificate as a third party reads it, and its figures as one computes them from the files.
+"""A certificate as read by a third party, and its figures recomputed from the files.
 
 Only the bootstrap of intervals is that of the package, with its seed; all else is numpy.
 """

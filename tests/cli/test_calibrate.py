@@ -196,7 +196,7 @@ def test_errors_of_the_motion_are_named_where_they_alone_hide_a_parameter(run, r
         (("A",), "RUN2"),
     ],
 )
-def test_what_has_no_sense_is_one_line(run, runs, tmp_path, arguments, message):
+def test_invalid_arguments_are_one_line(run, runs, tmp_path, arguments, message):
     places = {"A": runs[0], "B": runs[1], "TEXT": tmp_path / "profile.csv"}
     places["TEXT"].write_text("s,height\n0,0\n1,0\n")
     for name in ("MOVED", "AWAY"):

@@ -1,4 +1,4 @@
-"""Every figure of a certificate is recomputed from the files beside it, on the page and in the PDF.
+"""Every figure of a certificate, page and PDF, is recomputed from the files next to it.
 
 A figure that has no counterpart here fails the test, in a table as well as in a sentence. Findings
 and modes are compared with result.json; what they find is tested where the faults are known.
@@ -341,7 +341,7 @@ def compared(shown, expected, place):
     assert_allclose(value, expected, rtol=0, atol=half * (1 + 1e-6) + SUM, err_msg=str(place))
 
 
-def test_every_table_shows_what_follows_from_the_files(read):
+def test_every_table_agrees_with_the_files(read):
     expected = read.tables()
     for section, tables in read.page.sections.items():
         for _, heads, rows in tables:
@@ -425,7 +425,7 @@ def test_result_json_holds_the_same_figures(read):
     ]
 
 
-def test_files_are_as_large_as_is_said(read):
+def test_sizes_of_files_are_as_stated(read):
     ((_, _, rows),) = [
         table for table in read.page.sections["From what it is recomputed"] if table[1][0] == "File"
     ]

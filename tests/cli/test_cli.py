@@ -120,7 +120,7 @@ def test_a_closed_pipe_is_no_error():
 
 
 @pytest.mark.parametrize("terminal", [True, False])
-def test_compiling_is_said_once_and_on_terminals_only(monkeypatch, capsys, terminal):
+def test_compilation_is_noted_once_and_on_terminals_only(monkeypatch, capsys, terminal):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
     with note_compilation():
         for _ in range(2):

@@ -114,7 +114,7 @@ def test_limits_and_filters_of_the_user(run, profiles):
     assert json.loads(plain.out)["filter"] == "heights as they are"
 
 
-def test_wheel_paths_are_shown_each(run, tmp_path):
+def test_each_wheel_path_is_shown(run, tmp_path):
     both = make_profile(S, [road(S), road(S + 50)], tracks=["left", "right"])
     for name in "AB":
         erd.write(both, tmp_path / f"{name}.erd")
@@ -172,7 +172,7 @@ def test_pictures(run, profiles, surfaces, tmp_path):
         assert "--force" in refused.err
 
 
-def test_flags_are_said_on_stderr_and_kept_in_the_document(run, profiles, tmp_path):
+def test_flags_are_on_stderr_and_in_the_document(run, profiles, tmp_path):
     table.write(make_profile(S, road(S) / 0.3048), tmp_path / "feet.csv")
     finished = run("compare", tmp_path / "feet.csv", profiles[1], "--json")
     flags = json.loads(finished.out)["flags"]
@@ -189,7 +189,7 @@ def refused(run, *arguments):
     return finished.err
 
 
-def test_what_cannot_be_compared_is_one_line(run, profiles, surfaces, tmp_path):
+def test_files_that_cannot_be_compared_are_one_line(run, profiles, surfaces, tmp_path):
     assert "two files are needed" in refused(run, profiles[0])
     assert "R.crg: is a surface, but R.erd is a profile" in refused(run, profiles[0], surfaces[0])
     short = tmp_path / "short.erd"

@@ -22,7 +22,7 @@ def exit_code(*arguments: object) -> int:
 
 @pytest.mark.parametrize("columns", ["0", "1", "-3", "", "wide", "30"])
 @pytest.mark.parametrize("arguments", [["--help"], ["iri", "--help"], ["profil"]])
-def test_a_terminal_without_a_width_ends_nothing(run, monkeypatch, columns, arguments):
+def test_a_terminal_without_a_width_is_no_failure(run, monkeypatch, columns, arguments):
     monkeypatch.setenv("COLUMNS", columns)
     finished = run(*arguments)
     assert finished.code == (2 if arguments == ["profil"] else 0)
@@ -31,9 +31,7 @@ def test_a_terminal_without_a_width_ends_nothing(run, monkeypatch, columns, argu
 
 @pytest.mark.parametrize("closed", [["stdout"], ["stderr"], ["stdout", "stderr"]])
 @pytest.mark.parametrize(("arguments", "code"), [(["info", "p.csv"], 0), (["iri", "none.erd"], 2)])
-def test_closed_streams_swallow_what_is_written(
-    monkeypatch, tmp_path, capsys, closed, arguments, code
-):
+def test_closed_streams_discard_output(monkeypatch, tmp_path, capsys, closed, arguments, code):
     """As with `trueterrain info p.csv >&-`: python then has no stream at all."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "p.csv").write_text(PROFILE)

@@ -1,4 +1,4 @@
-"""The command convert: between formats of a kind, surfaces to points, and what is impossible."""
+"""The command convert: formats of one kind, surfaces to points, impossible conversions."""
 
 import json
 
@@ -150,7 +150,7 @@ def test_profile_at_equal_spacing(run, tmp_path):
     assert run("psd", tmp_path / "p.erd", "--lowest", 0.1).code == 0
 
 
-def test_what_is_impossible_says_why(run, profile, road, tmp_path):
+def test_impossible_conversions_state_the_reason(run, profile, road, tmp_path):
     formats.write(make_points([0], [0], [0]), tmp_path / "points.csv")
     (tmp_path / "path.csv").write_text("x,y\n0,0\n1,1\n")
     points, path = tmp_path / "points.csv", tmp_path / "path.csv"

@@ -1,4 +1,4 @@
-"""``trueterrain demo``: everything that it promises, and nothing left when it fails."""
+"""The command demo: its results, and no partial output after a failure."""
 
 import json
 import signal
@@ -41,7 +41,7 @@ NEAR = 0.05  # fraction of the IRI: a lateral error of 40 mm, 2 sd of navigation
 SEAM = 0.0005  # [m] after merging 12 m of Belgian block
 
 
-def test_the_demo_writes_what_it_says_and_says_what_is_true(run, tmp_path):
+def test_the_demo_writes_its_files_and_prints_correct_results(run, tmp_path):
     finished = run("demo", "-o", tmp_path / "demo", "--length", LENGTH, "--seed", 3, "--json")
     assert finished.code == 0, finished.err
     numbers = json.loads(finished.out)

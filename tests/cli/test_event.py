@@ -55,7 +55,7 @@ def test_numbers_are_those_of_the_library(run):
     assert document["design"]["tolerances"] == dict(design.tolerances)
 
 
-def test_what_is_given_replaces_what_the_vehicle_has(run):
+def test_given_values_replace_those_of_the_vehicle(run):
     document = json.loads(
         run(
             "event",

@@ -1,4 +1,4 @@
-"""The command filter: known gains, what is kept and recorded, and bad input."""
+"""The command filter: known gains, kept variables, provenance, and bad input."""
 
 import numpy as np
 import pytest
@@ -76,7 +76,7 @@ def test_every_format_of_profiles_can_be_written(run, road, tmp_path, ending):
         assert [step["inputs"][0]["name"] for step in provenance_steps(out)[:1]] == ["road.erd"]
 
 
-def test_it_says_what_is_left_and_that_ends_are_uncertain(run, road, tmp_path):
+def test_it_notes_the_band_and_the_uncertain_ends(run, road, tmp_path):
     band = run("filter", road, "-o", tmp_path / "a.erd", "--shortest", 8, "--longest", 90)
     lines = band.err.splitlines()
     assert lines[0].endswith(
@@ -92,7 +92,7 @@ def test_it_says_what_is_left_and_that_ends_are_uncertain(run, road, tmp_path):
     assert "no height is farther than 600 m from the ends" in long.err
 
 
-def test_it_says_what_is_not_kept(run, tmp_path):
+def test_it_notes_omitted_variables(run, tmp_path):
     data = make_profile(S, wave(20.0), easting=S, northing=0 * S, crs="EPSG:32632", sd=0 * S + 1e-3)
     formats.write(data, tmp_path / "in.zarr")
     finished = run("filter", tmp_path / "in.zarr", "-o", tmp_path / "out.zarr", "--shortest", 2)
@@ -128,7 +128,7 @@ def test_unequal_spacing_is_for_moving_averages(run, tmp_path):
     assert_allclose(formats.open(tmp_path / "o.csv").height, truth, rtol=0, atol=1e-15)
 
 
-def test_nothing_is_overwritten_unasked(run, road, tmp_path):
+def test_nothing_is_overwritten_without_force(run, road, tmp_path):
     output = tmp_path / "out.erd"
     assert run("filter", road, "-o", output, "--kind", "250mm").code == 0
     before = output.read_bytes()

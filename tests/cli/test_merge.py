@@ -1,4 +1,4 @@
-"""``trueterrain merge``: runs and clouds, their reports, and what is refused."""
+"""The command merge: runs and clouds, their reports, and refused input."""
 
 import json
 from dataclasses import replace
@@ -55,7 +55,7 @@ def clouds(tmp_path_factory):
     return folder
 
 
-def test_runs_are_merged_and_said_to_agree(run, runs, tmp_path):
+def test_runs_are_merged_and_reported_to_agree(run, runs, tmp_path):
     finished = run("merge", *runs, "-o", tmp_path / "out", "--spacing", 0.02)
     assert finished.code == 0, finished.err
     result = json.loads((tmp_path / "out" / "result.json").read_text())
@@ -78,7 +78,7 @@ def test_runs_are_merged_and_said_to_agree(run, runs, tmp_path):
     assert "is not empty" in finished.err
 
 
-def test_a_check_touches_nothing(run, runs, tmp_path):
+def test_a_check_writes_nothing(run, runs, tmp_path):
     finished = run("merge", *runs, "--check", "--json")
     assert finished.code == 1, finished.err
     found = json.loads(finished.out)
@@ -119,7 +119,7 @@ def test_clouds_are_merged(run, clouds, tmp_path, split):
     assert "The height error that all passes share is not known" in page
 
 
-def test_what_is_known_of_the_datum_can_be_said(run, clouds, tmp_path):
+def test_the_datum_sd_can_be_given(run, clouds, tmp_path):
     files = [clouds / "south.laz", clouds / "north.laz"]
     finished = run("merge", *files, "--datum-sd", 0.02, "-o", tmp_path / "out")
     assert finished.code == 0, finished.err
@@ -172,7 +172,7 @@ def test_control_points_tell_the_height(run, clouds, tmp_path):
         (("south.laz", "north.laz", "--path", "south.laz"), "path goes with"),
     ],
 )
-def test_what_makes_no_sense_is_one_line(run, clouds, tmp_path, arguments, part):
+def test_invalid_arguments_are_one_line(run, clouds, tmp_path, arguments, part):
     south = formats.open(clouds / "south.laz")
     formats.write(south.assign(easting=south.easting + 500), tmp_path / "far.laz")
     formats.write(south.assign_attrs(crs="EPSG:2154"), tmp_path / "other.laz")

@@ -1,4 +1,4 @@
-"""No command writes over, into or around what it reads, not even with --force."""
+"""No command writes to, into or around its inputs, not even with --force."""
 
 import os
 import shutil
@@ -101,7 +101,7 @@ def files_of(folder):
 
 
 @pytest.mark.parametrize(("words", "line"), REFUSED, ids=[line for _, line in REFUSED])
-def test_an_input_and_what_is_around_it_stay_as_they_are(run, project, monkeypatch, words, line):
+def test_an_input_and_its_folder_are_unchanged(run, project, monkeypatch, words, line):
     monkeypatch.chdir(project)
     before = files_of(project)
     finished = run(*line.split(), "--force")

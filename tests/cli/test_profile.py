@@ -1,4 +1,4 @@
-"""``trueterrain profile`` as its users meet it, and as they misuse it."""
+"""The command profile: correct use and misuse."""
 
 import json
 

@@ -130,7 +130,7 @@ def test_gaps_of_navigation_are_listed(run, sbet, tmp_path):
     assert "2 gaps in time, the longest 0.25" in found["problems"]
 
 
-def test_json_of_recordings_is_what_the_formats_say(run, store, sbet, smrmsg):
+def test_json_of_recordings_is_that_of_the_formats(run, store, sbet, smrmsg):
     files = json.loads(run("info", store, sbet, smrmsg, "--json").out)["files"]
     assert [entry["kind"] for entry in files] == ["run", "navigation", "accuracy"]
     for entry, path in zip(files, (store, sbet, smrmsg), strict=True):

@@ -13,7 +13,7 @@ def _finding(**parts):
     return Finding(**{"name": "clock", "unit": "s", "meaning": "It is late.", **parts})
 
 
-def test_what_was_found_is_said_in_words_too():
+def test_findings_are_also_stated_as_text():
     findings = [
         _finding(value=0.001, sd=1e-5, detected=True),
         _finding(value=1e-6, sd=1e-5, detected=False),

@@ -1,4 +1,4 @@
-"""``trueterrain verify table``: one run of all of it, against what the thesis published."""
+"""The command verify table: one complete run, compared with the published table."""
 
 import contextlib
 import html

@@ -1,4 +1,4 @@
-"""Figures of excitation events and calibration plates: what is drawn equals what was given."""
+"""Figures of excitation events and calibration plates: drawn values equal the given ones."""
 
 import matplotlib.pyplot as plt
 import numpy as np

@@ -1,4 +1,4 @@
-"""Figures of passes brought into agreement: what is drawn lies where it is."""
+"""Figures of adjusted passes: drawn values equal the given ones."""
 
 from dataclasses import replace
 
@@ -374,7 +374,7 @@ def test_a_cut_off_is_a_length(aligned):
         figures.discontinuity_vectors(aligned, cut_off=0.0)
 
 
-def test_histograms_hold_all_heights_and_the_means_are_where_they_are(aligned):
+def test_histograms_hold_all_heights_and_the_means_are_correct(aligned):
     found = aligned.discontinuity
     ax = drawn(figures.lane_histograms(found, station=4.05))
     k = 16  # at 4 m, the nearest one
@@ -399,7 +399,7 @@ def test_medians_are_called_so():
     assert sum(text.startswith("median of") for text in texts) == 2
 
 
-def test_a_gap_shows_what_there_is_and_says_so(aligned):
+def test_a_gap_is_noted_and_the_rest_is_drawn(aligned):
     ax = figures.lane_histograms(aligned.discontinuity, station=9.0)
     assert "a gap" in notes(ax)
     assert not any(text.startswith(("left", "reference")) for text in legend_texts(ax))
@@ -517,7 +517,7 @@ def test_holes_stay_holes():
 
 
 @pytest.mark.parametrize(("shape", "stretched"), [((300, 5), "northing"), ((5, 300), "easting")])
-def test_a_strip_is_stretched_across_and_says_so(shape, stretched):
+def test_a_strip_is_stretched_laterally_with_a_note(shape, stretched):
     ax = drawn(figures.discrepancy_map(ground(*shape)))
     assert f"{stretched} stretched 20 times" in notes(ax)
     assert ax.get_aspect() == (20.0 if stretched == "northing" else 1 / 20)
@@ -603,7 +603,7 @@ def test_some_search_areas_are_drawn_at_their_reference_points():
     )
 
 
-def test_of_a_long_path_the_middle_is_shown():
+def test_the_centre_of_a_long_path_is_shown():
     x = np.arange(0.0, 80.1, 0.1)
     lanes = {
         name: make_points(

@@ -1,4 +1,4 @@
-"""Surfaces as blocks: what is in front stands over its axes, what is far away is drawn first."""
+"""Surfaces as blocks: the front edge agrees with the axes, distant facets are drawn first."""
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
@@ -38,7 +38,7 @@ def facets(ax):
     return np.array([path.vertices[:4] for path in top.get_paths()])
 
 
-def test_facets_stand_where_the_projection_puts_them():
+def test_facets_agree_with_the_projection():
     height = step() + 0.001 * np.arange(5)
     ax = figures.surface_relief(road(height), exaggeration=5)
     ax.figure.canvas.draw()

@@ -1,4 +1,4 @@
-"""Figures of roughness: what is drawn equals what was given."""
+"""Figures of roughness: drawn values equal the given ones."""
 
 import matplotlib.pyplot as plt
 import numpy as np

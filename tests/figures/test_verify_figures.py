@@ -1,4 +1,4 @@
-"""Figures of tests of accuracy: what is drawn is what was found."""
+"""Figures of accuracy tests: drawn values equal the results."""
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -27,7 +27,7 @@ def test_errors_of_several_methods_are_lines_broken_at_gaps():
     assert ax.get_ylabel() == "Error [mm]"
 
 
-def test_what_is_published_is_a_line_or_a_band():
+def test_published_values_are_a_line_or_a_band():
     spread = xr.Dataset(
         {"rms": (("row", "beside"), [[1e-3, 2e-3], [2e-3, 3e-3]]),
          "low": ("row", [1.1e-3, 1.8e-3]), "high": ("row", [1.1e-3, 1.95e-3])},

@@ -192,7 +192,7 @@ def plate_view(
     shadows: Sequence[tuple[float, float]] = (),
     ax: "Axes | None" = None,
 ) -> "Axes":
-    """What a scanner sees of a calibration plate: its returns, and what lies in shadow.
+    """View of a calibration plate from the scanner: returns and shadows.
 
     Parameters
     ----------
