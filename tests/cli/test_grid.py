@@ -246,7 +246,7 @@ def test_inputs_that_do_not_fit_are_one_line(run, recorded, tmp_path):
     for arguments, words in (
         (
             ("grid", path, tmp_path / "c.csv", "-o", tmp_path / "a.crg"),
-            "Grid runs and points apart",
+            "Grid runs and points separately",
         ),
         (("grid", tmp_path / "p.csv", "-o", tmp_path / "a.crg"), "recorded run or points"),
         (("grid", path, "--line", 0, 0, 9, 0, "-o", tmp_path / "a.tif"), "write .crg"),
