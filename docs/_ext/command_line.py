@@ -1,4 +1,4 @@
-"""Directive ``command-line``: every command of the command line, from its own help."""
+"""Directive ``command-line``: reference of all commands, from their help."""
 
 import re
 from typing import Any
@@ -14,17 +14,18 @@ _EXAMPLE = re.compile(r"^Example: `?(.+?)`?$", re.MULTILINE)
 
 
 class CommandLine(CycloptsDirective):
-    """All commands; each one is loaded, so that it explains itself."""
+    """Reference of all commands; each is imported, for its own help."""
 
     required_arguments = 0
 
     def run(self) -> list[Any]:
         """Nodes of the documentation."""
         options = DirectiveOptions(heading_level=2, skip_preamble=True)
-        return self._create_nodes(_text(), options)
+        return self._create_nodes(_reference_text(), options)
 
 
-def _text() -> str:
+def _reference_text() -> str:
+    """Reference of all commands as reStructuredText."""
     app = cyclopts.App(name="trueterrain", default_parameter=cyclopts.Parameter(negative=()))
     for name in command_line():
         if not name.startswith("-"):
@@ -36,6 +37,6 @@ def _text() -> str:
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Make the directive known."""
+    """Register the directive."""
     app.add_directive("command-line", CommandLine)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

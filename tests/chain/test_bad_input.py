@@ -82,7 +82,7 @@ def uncovered(command, report):
 
 
 def bridged_scans(command, report, beams=60):
-    """Scans at times that navigation did not see; points are 60 a scan."""
+    """Scans in gaps of the navigation; points are 60 a scan."""
     return report["returns"]["bridged"] if command == "grid" else report["bridged"] / beams
 
 
@@ -95,7 +95,7 @@ def test_a_gap_in_navigation_is_bridged_flagged_and_counted(call, copy, command)
     assert f"{copy.path}: navigation: a gap is bridged, the longest 0.31 s" in finished.err
     npt.assert_allclose(bridged_scans(command, report), 310, rtol=0, atol=2)
     finished, _ = call(command, copy.path, json_out=False)
-    assert "at times that navigation did not see" in finished.err
+    assert "interpolated across gaps of the navigation" in finished.err
 
 
 @pytest.mark.parametrize("command", COMMANDS)

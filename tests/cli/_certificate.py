@@ -1,4 +1,4 @@
-"""A certificate as a third party reads it, and its figures as one computes them from the files.
+"""A certificate as read by a third party, and its figures recomputed from the files.
 
 Only the bootstrap of intervals is that of the package, with its seed; all else is numpy.
 """
@@ -15,7 +15,7 @@ from trueterrain.verify.statistics.uncertainty import mean_figure, rms_figure
 
 MILLI = 1e3
 MINUS, MISSING = "\N{MINUS SIGN}", "\N{EN DASH}"
-HUBER, CUT, NMAD, LEAST_SCALE, ROUNDS = 1.345, 3.0, 1.4826, 5e-5, 12  # of the registration
+HUBER, CUT, NMAD, MIN_SCALE, ITERATIONS = 1.345, 3.0, 1.4826, 5e-5, 12  # of the registration
 BOUND = 0.003  # [m] residual beyond which a point costs no more
 STEEP = 0.5  # [m/m] slope of an edge
 ENOUGH = 20.0  # independent errors from which an interval is trusted
@@ -115,7 +115,7 @@ def slug(name):
 def scale(residual):
     """Robust standard deviation."""
     apart = np.abs(residual - np.median(residual))
-    return max(NMAD * float(np.median(apart)), LEAST_SCALE)
+    return max(NMAD * float(np.median(apart)), MIN_SCALE)
 
 
 class Fit:
@@ -139,7 +139,7 @@ class Fit:
         y = self.z[on] - np.interp(t, self.s, self.h)
         shape = np.stack([np.ones_like(t), t - 0.5 * self.length], axis=1)
         weight = np.ones_like(t)
-        for _ in range(ROUNDS):
+        for _ in range(ITERATIONS):
             root = np.sqrt(weight)
             found = np.linalg.lstsq(shape * root[:, None], y * root, rcond=None)[0]
             residual = y - shape @ found
@@ -154,11 +154,11 @@ class Fit:
 def distances(plate, s, height):
     """Shortest distance of points from the line through the nodes."""
     nodes = np.stack([plate["s"] - plate["s"][0], plate["height"]], axis=1)
-    begin, way = nodes[:-1], np.diff(nodes, axis=0)
+    begin, segment = nodes[:-1], np.diff(nodes, axis=0)
     found = []
     for point in np.stack([s, height], axis=1):
-        share = ((point - begin) * way).sum(axis=1) / (way**2).sum(axis=1)
-        nearest = begin + np.clip(share, 0.0, 1.0)[:, None] * way
+        fraction = ((point - begin) * segment).sum(axis=1) / (segment**2).sum(axis=1)
+        nearest = begin + np.clip(fraction, 0.0, 1.0)[:, None] * segment
         found.append(np.hypot(*(point - nearest).T).min())
     return np.array(found)
 

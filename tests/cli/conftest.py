@@ -1,4 +1,4 @@
-"""How the tests of the command line call it."""
+"""Fixtures of the tests of the command line."""
 
 from collections.abc import Callable
 from typing import NamedTuple

@@ -47,7 +47,7 @@ def drive(name, *, reverse=False, lane=0.0, speed=5.0):
 
 @pytest.fixture(scope="module")
 def scene():
-    """Both ways in one lane, and faster in the lanes beside; a navigation that hardly drifts."""
+    """Both directions in one lane, faster in the lanes next to it; navigation hardly drifts."""
     found, _ = read_scene("boresight")
     return replace(
         found,
@@ -125,17 +125,18 @@ def test_the_mounting_is_found_and_a_survey_takes_it(run, runs, scene, taped, tm
         npt.assert_allclose(getattr(mounting, field), value, rtol=0, atol=ROUNDED, err_msg=field)
 
 
-def test_what_two_passes_do_not_tell_is_said_with_the_cure(run, runs, tmp_path):
+def test_unobservable_parameters_are_reported_with_the_cure(run, runs, tmp_path):
     finished = run("calibrate", *runs[:2], "-o", tmp_path / "c.toml")
     assert finished.code == 0
     assert finished.err == f"{tmp_path / 'c.toml'}: the mounting for survey.toml\n"
     assert re.search(r"^roll +0\.2\d+ +0\.0\d+ +0\.0000 deg$", finished.out, re.MULTILINE)
     assert re.search(r"^lever_z +1200\.0000 +held +1200\.0000 mm$", finished.out, re.MULTILINE)
     for line in (
-        r"lever_z is not told: sd \d+ mm, at most 3\.0 mm is asked for.*\. Measure lever_z with a "
-        r"tape: all passes see it alike\.",
+        r"lever_z is not observable: sd \d+ mm, at most 3\.0 mm is asked for.*\. Measure lever_z "
+        r"with a tape: all passes see it alike\.",
         r"condition number \d.*",
-        r"pitch leans on lever_x, which is held: if that is wrong by 10 mm, pitch is by 0\.28 deg",
+        r"pitch depends on lever_x, which is held: an error of 10 mm there changes pitch by "
+        r"0\.28 deg",
         r"boresight-back\.zarr lies 4\d\.\d mm \(sd 0\.\d+\) below boresight-there\.zarr",
     ):
         assert re.search(f"^{line}$", finished.out, re.MULTILINE), (line, finished.out)
@@ -143,7 +144,7 @@ def test_what_two_passes_do_not_tell_is_said_with_the_cure(run, runs, tmp_path):
     assert held["scanner_position"][2] == 1.2
 
 
-def test_what_is_asked_for_by_name_and_not_told_is_refused(run, runs, tmp_path):
+def test_an_unobservable_parameter_that_is_requested_is_refused(run, runs, tmp_path):
     asked = ("--parameter", "roll", "--parameter", "lever_z")
     finished = run("calibrate", *runs[:2], *asked, "-o", tmp_path / "c.toml")
     assert (finished.code, finished.out) == (2, "")
@@ -156,16 +157,21 @@ def test_what_is_asked_for_by_name_and_not_told_is_refused(run, runs, tmp_path):
 
 
 def test_errors_of_the_motion_are_named_where_they_alone_hide_a_parameter(run, runs, tmp_path):
-    """A roll that is wrong by 0.001 rad in each pass is told to 0.00005 rad by 400 of them.
+    """A roll error of 0.001 rad in each pass averages to 0.00005 rad over 400 of them.
 
     The body that rolls carries its scanner 1 mm aside, which tells nothing if passes are not known
-    to lie where they are claimed to.
+    to lie at their nominal positions.
     """
-    claims = {"sd_roll": 0.001, "sd_pitch": 0.001, "sd_east": 0.03, "sd_north": 0.03}  # [rad], [m]
+    reported = {
+        "sd_roll": 0.001,
+        "sd_pitch": 0.001,
+        "sd_east": 0.03,
+        "sd_north": 0.03,
+    }  # [rad], [m]
     for path in runs[:2]:
         shutil.copytree(path, tmp_path / path.name)
         group = zarr.open_group(tmp_path / path.name, mode="r+")["navigation"]
-        for name, sd in claims.items():
+        for name, sd in reported.items():
             group[name][:] = sd
     stores = sorted(tmp_path.iterdir())
     how = ("--method", "navigation", "--max-angle-sd", 5e-5)
@@ -190,7 +196,7 @@ def test_errors_of_the_motion_are_named_where_they_alone_hide_a_parameter(run, r
         (("A",), "RUN2"),
     ],
 )
-def test_what_has_no_sense_is_one_line(run, runs, tmp_path, arguments, message):
+def test_invalid_arguments_are_one_line(run, runs, tmp_path, arguments, message):
     places = {"A": runs[0], "B": runs[1], "TEXT": tmp_path / "profile.csv"}
     places["TEXT"].write_text("s,height\n0,0\n1,0\n")
     for name in ("MOVED", "AWAY"):

@@ -1,4 +1,4 @@
-"""Every figure of a certificate is recomputed from the files beside it, on the page and in the PDF.
+"""Every figure of a certificate, page and PDF, is recomputed from the files next to it.
 
 A figure that has no counterpart here fails the test, in a table as well as in a sentence. Findings
 and modes are compared with result.json; what they find is tested where the faults are known.
@@ -40,8 +40,8 @@ from ._certificate import (
 )
 
 SUM = 1e-12  # [m] rounding of sums of some thousand terms
-FLAT = 5e-3  # share by which costs of shifts 10 um around the least may be less: faces are upright
-SPECTRUM = 1e-9  # share
+FLAT = 5e-3  # fraction by which costs of shifts 10 um from the minimum may be less: upright faces
+SPECTRUM = 1e-9  # [1] relative
 DECIBEL = 1e-9  # [dB]
 ROWS = ("RMS", "off edges", "distance", "bias")
 INSTRUMENTS = {"s": MILLI, "rad": math.degrees(1.0), "m": MILLI}
@@ -112,10 +112,10 @@ class Certificate:
             if self.kind == "drift":
                 one["registration"] = None
                 continue
-            told = self.rows[row]["registration_found"]
+            registration = self.rows[row]["registration_found"]
             points = pd.read_csv(self.folder / f"registration-{slug(row)}.csv")
-            one["fit"] = Fit(points, self.plate, turned=told["reversed"])
-            one["shift"] = told["shift"]
+            one["fit"] = Fit(points, self.plate, turned=registration["reversed"])
+            one["shift"] = registration["shift"]
             one["offset"], one["tilt"], one["residuals"] = one["fit"].at(one["shift"])
             inside = np.abs(one["residuals"]) <= CUT * scale(one["residuals"])
             one["registration"] = np.sqrt(np.mean(one["residuals"][inside] ** 2))
@@ -341,7 +341,7 @@ def compared(shown, expected, place):
     assert_allclose(value, expected, rtol=0, atol=half * (1 + 1e-6) + SUM, err_msg=str(place))
 
 
-def test_every_table_shows_what_follows_from_the_files(read):
+def test_every_table_agrees_with_the_files(read):
     expected = read.tables()
     for section, tables in read.page.sections.items():
         for _, heads, rows in tables:
@@ -408,16 +408,16 @@ def test_the_pdf_shows_the_same_figures_and_no_others(read):
 
 def test_result_json_holds_the_same_figures(read):
     for row, one in read.found.items():
-        told = read.rows[row]
+        reported = read.rows[row]
         for name, value in one["values"].items():
             key = {"RMS": "rms"}.get(name, name.replace(" ", "_"))
-            assert_allclose(told[key]["value"], value, rtol=0, atol=SUM)
+            assert_allclose(reported[key]["value"], value, rtol=0, atol=SUM)
             for end in ("low", "high"):
-                assert_allclose(told[key][end], getattr(one["figures"][name], end), atol=SUM)
+                assert_allclose(reported[key][end], getattr(one["figures"][name], end), atol=SUM)
         for name in ("maximum", "noise"):
-            assert_allclose(told[name], one[name], rtol=0, atol=SUM)
-        assert told["count"] == one["n"]
-        assert told["verdicts"] == {
+            assert_allclose(reported[name], one[name], rtol=0, atol=SUM)
+        assert reported["count"] == one["n"]
+        assert reported["verdicts"] == {
             limit: read.kept(row, limit) for other, limit in read.limits if other == row
         }
     assert [one["sha256"] for one in read.document["inputs"]] == [
@@ -425,7 +425,7 @@ def test_result_json_holds_the_same_figures(read):
     ]
 
 
-def test_files_are_as_large_as_is_said(read):
+def test_sizes_of_files_are_as_stated(read):
     ((_, _, rows),) = [
         table for table in read.page.sections["Inputs and files"] if table[1][0] == "File"
     ]

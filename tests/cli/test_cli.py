@@ -7,39 +7,49 @@ import sys
 import pytest
 from numba.core.event import trigger_event
 
+import trueterrain
 from trueterrain import __version__
 from trueterrain.cli import command_line
-from trueterrain.cli._console import compiling_noted
+from trueterrain.cli._console import note_compilation
+from trueterrain.cli._options import RENAMED
 
-COMMANDS = (
-    "calibrate",
-    "compare",
-    "convert",
-    "demo",
-    "doctor",
-    "event",
-    "georeference",
-    "grid",
-    "info",
-    "init",
-    "iri",
-    "merge",
-    "plate",
-    "plot",
-    "profile",
-    "psd",
-    "rn",
-    "run",
-    "simulate",
-    "verify",
-)
+GROUPS = {
+    "Start": ("demo", "info", "init", "convert"),
+    "Survey": ("run", "georeference", "calibrate", "merge", "grid"),
+    "Profile": ("profile", "iri", "rn", "psd", "evenness", "filter", "compare"),
+    "Accuracy": ("event", "plate", "verify"),
+    "Simulate": ("simulate",),
+    "Other": ("plot", "doctor"),
+}
+COMMANDS = [command for commands in GROUPS.values() for command in commands]
+MAX_HELP_TIME = 0.3  # [s] of processor time, the budget of the project
 
 
-def test_help_lists_every_command(run):
+def test_help_lists_every_command_in_its_group(run):
     finished = run("--help")
     assert finished.code == 0
-    for command in COMMANDS:
-        assert re.search(rf"│ {command} +\w", finished.out), command
+    panels = re.split(r"╭─ (\w+) ─+╮\n", finished.out)
+    found = {
+        title: tuple(re.findall(r"^│ (\w+) +\w", text, re.MULTILINE))
+        for title, text in zip(panels[1::2], panels[2::2], strict=True)
+    }
+    assert found == GROUPS
+    assert list(found) == list(GROUPS)
+
+
+def test_help_imports_no_command():
+    """Help stays below 0.3 s only if it imports neither numpy nor the module of a command."""
+    code = (
+        "import sys, time; from trueterrain.cli import main\n"
+        "try: main(['--help'])\n"
+        "finally: sys.stderr.write(f'{time.process_time()} ' + ' '.join(sys.modules))"
+    )
+    finished = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    elapsed, *modules = finished.stderr.split()
+    assert float(elapsed) < MAX_HELP_TIME
+    assert not {"numpy", "xarray", *(f"trueterrain.cli.{name}" for name in COMMANDS)} & {*modules}
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -110,9 +120,9 @@ def test_a_closed_pipe_is_no_error():
 
 
 @pytest.mark.parametrize("terminal", [True, False])
-def test_compiling_is_said_once_and_on_terminals_only(monkeypatch, capsys, terminal):
+def test_compilation_is_noted_once_and_on_terminals_only(monkeypatch, capsys, terminal):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
-    with compiling_noted():
+    with note_compilation():
         for _ in range(2):
             with trigger_event("numba:compile"):
                 pass
@@ -141,3 +151,38 @@ def test_whole_numbers_are_not_rounded(run, command, option):
     finished = run(*command, option, "1.5")
     assert (finished.code, finished.out) == (2, "")
     assert f"{option}: must be a whole number, got '1.5'" in finished.err
+
+
+@pytest.mark.parametrize(
+    ("command", "old", "new"),
+    [(command, *pair) for command, renamed in RENAMED.items() for pair in renamed.items()],
+)
+def test_an_option_of_an_earlier_version_is_accepted_with_a_note(run, command, old, new):
+    """The value reaches the present option: it is refused under its present name."""
+    names = {one.name for one in command_line()[command].assemble_argument_collection()}
+    assert new in names
+    assert old not in names
+    inputs = {"calibrate": ("a", "b"), "compare": ("a", "b")}.get(command, ("a", "-o", "b.crg"))
+    for value in ([old, "nan"], [f"{old}=nan"]):
+        finished = run(command, *inputs, *value)
+        note, error = finished.err.splitlines()
+        assert note == (
+            f"trueterrain: note: {old} is now {new}; the old name goes with the next release"
+        )
+        assert finished.code == 2
+        assert new in error
+
+
+def test_an_option_of_an_earlier_version_has_the_same_effect(run, tmp_path):
+    road = tmp_path / "road.crg"
+    trueterrain.write(
+        trueterrain.sample_road(trueterrain.BelgianBlock(seed=1), length=1.0, width=0.5), road
+    )
+    texts = []
+    for option in ("--min-count", "--minimum-count"):
+        output = tmp_path / f"{option}.csv"
+        finished = run("profile", road, "--offset", 0, "--radius", 0.05, option, 2, "-o", output)
+        assert finished.code == 0
+        assert ("note" in finished.err) == (option == "--minimum-count")
+        texts.append(output.read_text())
+    assert texts[0] == texts[1]

@@ -84,7 +84,7 @@ def test_tables_of_profiles(run, profiles):
     lines = finished.out.splitlines()
     assert lines[0] == (
         "Agreement of 3 profiles, reference R.erd; "
-        "IRI filter (exact window 0.25 m), settled after 30 m."
+        "IRI filter (exact window 0.25 m), settling length 30 m."
     )
     assert lines[3].split() == ["R.erd", "one.erd", "two.erd"]
     row = next(line for line in lines if line.split()[:2] == ["R.erd", "two.erd"]).split()
@@ -101,9 +101,11 @@ def test_tables_of_profiles(run, profiles):
 
 def test_limits_and_filters_of_the_user(run, profiles):
     arguments = ("--repeatability", "0.5", "--accuracy", "0", "--filter", "butterworth")
-    finished = run("compare", *profiles[1:], *arguments, "--settle", "20", "--max-scale", "0")
+    finished = run(
+        "compare", *profiles[1:], *arguments, "--settling-length", "20", "--max-scale", "0"
+    )
     assert finished.code == 0
-    assert "Butterworth filter from 8 to 90 m, order 3 forth and back" in finished.out
+    assert "Butterworth filter from 8 to 90 m, order 3 forward and backward" in finished.out
     assert "at least 50.00 %: kept" in finished.out
     assert "accuracy: not judged, no reference is given" in finished.out
     assert "corrected" not in finished.out
@@ -112,7 +114,7 @@ def test_limits_and_filters_of_the_user(run, profiles):
     assert json.loads(plain.out)["filter"] == "heights as they are"
 
 
-def test_wheel_paths_are_shown_each(run, tmp_path):
+def test_each_wheel_path_is_shown(run, tmp_path):
     both = make_profile(S, [road(S), road(S + 50)], tracks=["left", "right"])
     for name in "AB":
         erd.write(both, tmp_path / f"{name}.erd")
@@ -151,7 +153,7 @@ def test_tables_of_surfaces(run, surfaces):
     assert "fast.crg   slow.crg" in text
     assert "Not compared by lane: no edges of lanes are given (--lanes)." in text
     assert "Not compared by speed: no speeds are given (--speed)." in text
-    assert "Root mean square change of the difference over a distance [mm]" in text
+    assert "RMS change of the difference over a distance [mm]" in text
 
 
 def test_levels_are_taken_off(run, surfaces):
@@ -170,7 +172,7 @@ def test_pictures(run, profiles, surfaces, tmp_path):
         assert "--force" in refused.err
 
 
-def test_flags_are_said_on_stderr_and_kept_in_the_document(run, profiles, tmp_path):
+def test_flags_are_on_stderr_and_in_the_document(run, profiles, tmp_path):
     table.write(make_profile(S, road(S) / 0.3048), tmp_path / "feet.csv")
     finished = run("compare", tmp_path / "feet.csv", profiles[1], "--json")
     flags = json.loads(finished.out)["flags"]
@@ -187,7 +189,7 @@ def refused(run, *arguments):
     return finished.err
 
 
-def test_what_cannot_be_compared_is_one_line(run, profiles, surfaces, tmp_path):
+def test_files_that_cannot_be_compared_are_one_line(run, profiles, surfaces, tmp_path):
     assert "two files are needed" in refused(run, profiles[0])
     assert "R.crg: is a surface, but R.erd is a profile" in refused(run, profiles[0], surfaces[0])
     short = tmp_path / "short.erd"

@@ -1,4 +1,4 @@
-"""Text on its way to a terminal, a pipe or nowhere: no command fails for where it is written."""
+"""Output to a terminal, a pipe or a closed stream: no command fails because of it."""
 
 import io
 import json
@@ -22,7 +22,7 @@ def exit_code(*arguments: object) -> int:
 
 @pytest.mark.parametrize("columns", ["0", "1", "-3", "", "wide", "30"])
 @pytest.mark.parametrize("arguments", [["--help"], ["iri", "--help"], ["profil"]])
-def test_a_terminal_without_a_width_ends_nothing(run, monkeypatch, columns, arguments):
+def test_a_terminal_without_a_width_is_no_failure(run, monkeypatch, columns, arguments):
     monkeypatch.setenv("COLUMNS", columns)
     finished = run(*arguments)
     assert finished.code == (2 if arguments == ["profil"] else 0)
@@ -31,9 +31,7 @@ def test_a_terminal_without_a_width_ends_nothing(run, monkeypatch, columns, argu
 
 @pytest.mark.parametrize("closed", [["stdout"], ["stderr"], ["stdout", "stderr"]])
 @pytest.mark.parametrize(("arguments", "code"), [(["info", "p.csv"], 0), (["iri", "none.erd"], 2)])
-def test_closed_streams_swallow_what_is_written(
-    monkeypatch, tmp_path, capsys, closed, arguments, code
-):
+def test_closed_streams_discard_output(monkeypatch, tmp_path, capsys, closed, arguments, code):
     """As with `trueterrain info p.csv >&-`: python then has no stream at all."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "p.csv").write_text(PROFILE)
@@ -61,7 +59,7 @@ def test_text_that_an_encoding_lacks_is_written_as_escapes(monkeypatch, encoding
     assert ("²" if encoding != "ascii" else r"\xb2") in text.replace("³", "²").replace("b3", "b2")
 
 
-def test_a_file_name_that_is_no_unicode_is_said(monkeypatch):
+def test_a_file_name_that_is_not_unicode_is_escaped(monkeypatch):
     stream = io.TextIOWrapper(io.BytesIO(), encoding="utf-8")
     monkeypatch.setattr(sys, "stderr", stream)
     assert exit_code("iri", "gr\udcfcn.erd") == 2
@@ -69,7 +67,7 @@ def test_a_file_name_that_is_no_unicode_is_said(monkeypatch):
 
 
 @pytest.mark.parametrize("stream", ["stdout", "stderr"])
-def test_a_full_disk_behind_a_stream_is_one_word_and_no_complaint_at_exit(stream):
+def test_a_full_disk_behind_a_stream_is_one_line_without_a_message_at_exit(stream):
     """As with `trueterrain --version > /dev/full`; python itself would exit with 120."""
     arguments = {"stdout": "--version", "stderr": "versio"}[stream]
     code = f"from trueterrain.cli import main; main(['{arguments}'])"
@@ -83,7 +81,7 @@ def test_a_full_disk_behind_a_stream_is_one_word_and_no_complaint_at_exit(stream
     )
 
 
-def test_nobody_listens_to_errors_any_more():
+def test_a_closed_pipe_of_errors_is_no_failure():
     """As with `trueterrain iri none.erd 2>&1 | head -0`."""
     code = "from trueterrain.cli import main; main(['iri', 'none.erd'])"
     program = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE)
@@ -96,8 +94,8 @@ def test_control_characters_are_written_as_escapes():
     assert printable_text("height [µm]\tsd\n°, é, 道路") == "height [µm]\tsd\n°, é, 道路"
 
 
-def test_no_name_of_a_file_commands_the_terminal(run, tmp_path):
-    """Names and headers are written by others: in results, errors and warnings."""
+def test_control_characters_of_file_names_do_not_reach_the_terminal(run, tmp_path):
+    """Names and headers are foreign text, in results, errors and warnings."""
     path = tmp_path / f"a{ESCAPE}.csv"
     path.write_text(PROFILE)
     for arguments in (

@@ -1,4 +1,4 @@
-"""The command convert: between formats of a kind, surfaces to points, and what is impossible."""
+"""The command convert: formats of one kind, surfaces to points, impossible conversions."""
 
 import json
 
@@ -96,7 +96,7 @@ def test_surface_to_surface(run, tmp_path):
     npt.assert_allclose(after.height, before.height, **FLOAT32)
 
 
-def test_holes_of_a_map_are_filled_on_the_way_to_crg(run, tmp_path):
+def test_holes_of_a_map_are_filled_in_crg(run, tmp_path):
     pytest.importorskip("rasterio")
     geotiff = pytest.importorskip("trueterrain.formats.geotiff")
     axis = 0.1 * np.arange(8)
@@ -142,7 +142,7 @@ def test_profile_at_equal_spacing(run, tmp_path):
     refused(run("psd", tmp_path / "uneven.csv", "--lowest", 0.1), "trueterrain convert --spacing")
     finished = run("convert", tmp_path / "uneven.csv", "-o", tmp_path / "p.erd", "--spacing", 0.05)
     assert finished.code == 0, finished.err
-    assert "waves shorter than 0.1 m pass for longer ones" in finished.err
+    assert "waves shorter than 0.1 m are aliased into longer ones" in finished.err
     even = formats.open(tmp_path / "p.erd")
     np.testing.assert_allclose(np.diff(even.s), 0.05, rtol=0, atol=1e-6)  # [m] as ERD iterations
     between = np.interp(even.s, s, height)
@@ -150,7 +150,7 @@ def test_profile_at_equal_spacing(run, tmp_path):
     assert run("psd", tmp_path / "p.erd", "--lowest", 0.1).code == 0
 
 
-def test_what_is_impossible_says_why(run, profile, road, tmp_path):
+def test_impossible_conversions_state_the_reason(run, profile, road, tmp_path):
     formats.write(make_points([0], [0], [0]), tmp_path / "points.csv")
     (tmp_path / "path.csv").write_text("x,y\n0,0\n1,1\n")
     points, path = tmp_path / "points.csv", tmp_path / "path.csv"
@@ -175,7 +175,7 @@ def test_bad_arguments(run, profile, road, tmp_path):
     refused(run("convert", road, "-o", out, "--spacing", 0.1), "--spacing is for profiles")
     refused(run("convert", profile, "-o", out, "--spacing", 0), "spacing must be greater than 0")
     refused(run("convert", profile, "-o", out, "--spacing", 900), "profile.csv", "shorter than")
-    refused(run("convert", profile, "-o", out, "--crs", "nowhere"), "EPSG:25832")
+    refused(run("convert", profile, "-o", out, "--crs", "unknown"), "EPSG:25832")
     refused(run("convert", profile, "-o", profile, "--force"), "is an input as well")
     refused(run("convert", profile, "-o", road), "cannot become .crg")
     refused(run("convert", tmp_path / "none.csv", "-o", out), "none.csv")

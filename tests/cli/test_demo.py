@@ -1,4 +1,4 @@
-"""``trueterrain demo``: everything that it promises, and nothing left when it fails."""
+"""The command demo: its results, and no partial output after a failure."""
 
 import json
 import signal
@@ -37,11 +37,11 @@ FILES = (
     | {f"{NAME}-{profile}.{ending}" for profile in PROFILES for ending in ("erd", "csv")}
     | {f"{picture}.png" for picture in PICTURES}
 )
-NEAR = 0.05  # share of the IRI: paths that lie 40 mm aside, 2 sd of navigation, change it by 4 %
+NEAR = 0.05  # fraction of the IRI: a lateral error of 40 mm, 2 sd of navigation, changes it by 4 %
 SEAM = 0.0005  # [m] after merging 12 m of Belgian block
 
 
-def test_the_demo_writes_what_it_says_and_says_what_is_true(run, tmp_path):
+def test_the_demo_writes_its_files_and_prints_correct_results(run, tmp_path):
     finished = run("demo", "-o", tmp_path / "demo", "--length", LENGTH, "--seed", 3, "--json")
     assert finished.code == 0, finished.err
     numbers = json.loads(finished.out)
@@ -100,7 +100,7 @@ def test_nothing_is_left_when_it_is_stopped(tmp_path, sent, code):
     # whoever runs the tests in the background ignores SIGINT, and children inherit that
     heed = lambda: signal.signal(sent, signal.SIG_DFL)  # noqa: E731 - called in the child alone
     with subprocess.Popen(arguments, stderr=subprocess.PIPE, text=True, preexec_fn=heed) as program:
-        assert program.stderr.readline() == "driving over the road ...\n"
+        assert program.stderr.readline() == "simulating two recordings ...\n"
         program.send_signal(sent)
         program.stderr.read()
     assert program.returncode == code

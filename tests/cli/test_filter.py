@@ -1,4 +1,4 @@
-"""The command filter: known gains, what is kept and recorded, and bad input."""
+"""The command filter: known gains, kept variables, provenance, and bad input."""
 
 import numpy as np
 import pytest
@@ -9,12 +9,12 @@ from trueterrain.core.provenance import provenance_steps
 from trueterrain.core.schemas import make_profile
 from trueterrain.roughness import FILTER_250_MM, Butterworth, MovingAverage
 
-SETTLED = 1e-7  # [m] 1e-5 of the wave: what is left of the mirrored ends in the middle of the road
+DECAYED = 1e-7  # [m] 1e-5 of the wave: effect of the mirrored ends at the centre of the road
 WRITTEN = 1e-9  # [m] to which heights are rounded in ERD files
 
 STEP = 0.05  # [m]
 S = STEP * np.arange(20_001)
-MIDDLE = slice(8_000, 12_000)  # [samples] 200 m: whole periods of all waves below
+CENTRE = slice(8_000, 12_000)  # [samples] 200 m: whole periods of all waves below
 SIZE = 0.01  # [m]
 
 
@@ -54,7 +54,7 @@ def test_waves_pass_by_the_gain(run, road, tmp_path, arguments, kind):
     hill = 0.02 * S if kind.longest is None else 0 * S
     for track, length in zip(out.height.values, (0.5, 20.0), strict=True):
         truth = hill + float(kind.gain(length, spacing=STEP)) * wave(length)
-        assert_allclose(track[MIDDLE], truth[MIDDLE], rtol=0, atol=SETTLED + WRITTEN)
+        assert_allclose(track[CENTRE], truth[CENTRE], rtol=0, atol=DECAYED + WRITTEN)
 
 
 @pytest.mark.parametrize("ending", ["erd", "csv", "parquet", "zarr"])
@@ -76,13 +76,13 @@ def test_every_format_of_profiles_can_be_written(run, road, tmp_path, ending):
         assert [step["inputs"][0]["name"] for step in provenance_steps(out)[:1]] == ["road.erd"]
 
 
-def test_it_says_what_is_left_and_that_ends_are_uncertain(run, road, tmp_path):
+def test_it_notes_the_band_and_the_uncertain_ends(run, road, tmp_path):
     band = run("filter", road, "-o", tmp_path / "a.erd", "--shortest", 8, "--longest", 90)
     lines = band.err.splitlines()
     assert lines[0].endswith(
         "20,001 samples of 2 tracks from 0 to 1000 m, with waves from 8 to 90 m"
     )
-    assert "within 90 m of the ends depend on what is taken to lie beyond" in lines[1]
+    assert "within 90 m of the ends depend on the assumed profile beyond" in lines[1]
     mean = run("filter", road, "-o", tmp_path / "b.erd", "--kind", "250mm")
     assert "with waves longer than 0.25 m" in mean.err
     assert "within 0.125 m of the ends" in mean.err
@@ -92,11 +92,11 @@ def test_it_says_what_is_left_and_that_ends_are_uncertain(run, road, tmp_path):
     assert "no height is farther than 600 m from the ends" in long.err
 
 
-def test_it_says_what_is_not_kept(run, tmp_path):
+def test_it_notes_omitted_variables(run, tmp_path):
     data = make_profile(S, wave(20.0), easting=S, northing=0 * S, crs="EPSG:32632", sd=0 * S + 1e-3)
     formats.write(data, tmp_path / "in.zarr")
     finished = run("filter", tmp_path / "in.zarr", "-o", tmp_path / "out.zarr", "--shortest", 2)
-    assert finished.err.splitlines()[-1].endswith("since the heights are others now: sd")
+    assert finished.err.splitlines()[-1].endswith("since the heights have changed: sd")
     out = formats.open(tmp_path / "out.zarr")
     assert out.crs == "EPSG:32632"
     assert_allclose(out.easting, S, rtol=0, atol=0)
@@ -128,7 +128,7 @@ def test_unequal_spacing_is_for_moving_averages(run, tmp_path):
     assert_allclose(formats.open(tmp_path / "o.csv").height, truth, rtol=0, atol=1e-15)
 
 
-def test_nothing_is_overwritten_unasked(run, road, tmp_path):
+def test_nothing_is_overwritten_without_force(run, road, tmp_path):
     output = tmp_path / "out.erd"
     assert run("filter", road, "-o", output, "--kind", "250mm").code == 0
     before = output.read_bytes()
@@ -165,7 +165,7 @@ def test_bad_files_leave_nothing_behind(run, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((), "--shortest, --longest or both must say which waves are taken out"),
+        ((), "--shortest, --longest or both must be given: the waves to remove"),
         (("--kind", "250mm", "--longest", 5), "--kind 250mm is a moving average over 0.25 m"),
         (
             ("--kind", "moving-average", "--shortest", 5, "--order", 2),

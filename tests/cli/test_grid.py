@@ -185,7 +185,7 @@ def test_a_line_without_points_is_one_line(run, tmp_path):
 def test_waypoints_lead_the_line(run, tmp_path):
     angle = np.linspace(0, 1, 60)
     x, y = 20 * np.sin(angle), 20 - 20 * np.cos(angle)
-    (tmp_path / "way.csv").write_text(
+    (tmp_path / "path.csv").write_text(
         "easting,northing\n" + "\n".join(f"{a},{b}" for a, b in zip(x, y, strict=True))
     )
     rng = np.random.default_rng(1)
@@ -196,7 +196,7 @@ def test_waypoints_lead_the_line(run, tmp_path):
         "grid",
         tmp_path / "cloud.csv",
         "--path",
-        tmp_path / "way.csv",
+        tmp_path / "path.csv",
         "--smoothing",
         0,
         "--right",
@@ -224,8 +224,8 @@ def test_waypoints_lead_the_line(run, tmp_path):
         (("--threads", "0"), "threads must be from 1 to 1024"),
         (("--min-count", "0"), "min_count must be at least 1"),
         (("--fill", "-1"), "largest must be at least 0"),
-        (("--statistic", "percentile"), "--percent belong together"),
-        (("--percent", "85"), "--percent belong together"),
+        (("--statistic", "percentile"), "--percent need each other"),
+        (("--percent", "85"), "--percent need each other"),
         (("--radius", "0.1", "--statistic", "minimum"), "radius goes with the mean"),
         (("--crs", "EPSG:0"), "crs must be an EPSG code"),
         (("--floor", "5", "--saturation", "4"), "less than saturation"),
@@ -246,7 +246,7 @@ def test_inputs_that_do_not_fit_are_one_line(run, recorded, tmp_path):
     for arguments, words in (
         (
             ("grid", path, tmp_path / "c.csv", "-o", tmp_path / "a.crg"),
-            "Grid runs and points apart",
+            "Grid runs and points separately",
         ),
         (("grid", tmp_path / "p.csv", "-o", tmp_path / "a.crg"), "recorded run or points"),
         (("grid", path, "--line", 0, 0, 9, 0, "-o", tmp_path / "a.tif"), "write .crg"),
@@ -314,7 +314,7 @@ def test_a_run_becomes_points_in_a_store_and_these_a_surface(run, recorded, tmp_
 
 
 def test_a_run_becomes_a_road_in_a_store(run, recorded, tmp_path):
-    """Along its way as in CRG, with count and standard deviation, which CRG cannot hold."""
+    """Along its trajectory as in CRG, with count and standard deviation, which CRG cannot hold."""
     path, _ = recorded
     for name in ("road.zarr", "road.crg"):
         finished = run("grid", path, "--spacing", 0.05, "-o", tmp_path / name)
@@ -355,14 +355,14 @@ def test_nothing_but_a_surface_is_replaced_by_one_in_a_store(run, recorded, tmp_
     assert formats.open(tmp_path / "s.zarr").height.size > 4
 
 
-def test_runs_are_told_to_be_gridded_first(run, recorded, tmp_path):
+def test_a_run_where_ground_is_required_names_grid_as_the_cure(run, recorded, tmp_path):
     path, _ = recorded
     finished = run("convert", path, "-o", tmp_path / "a.crg")
     assert finished.code == 2
     assert f"trueterrain grid {path} -o surface.crg" in finished.err
 
 
-# --- ways that come back over themselves ----------------------------------------------------------
+# --- trajectories that cross themselves -----------------------------------------------------------
 
 LAP = """
 name = "round"
@@ -385,7 +385,7 @@ def lap(tmp_path_factory):
     return record_scene(scene, folder, path=path)[0]
 
 
-def test_a_way_over_itself_says_how_to_take_one_lap(run, lap, tmp_path):
+def test_a_closed_trajectory_is_refused_with_the_options_for_one_lap(run, lap, tmp_path):
     options = ("--method", "navigation", "--spacing", 0.2, "-o", tmp_path / "a.crg")
     finished = run("grid", lap, *options)
     assert finished.code == 2
@@ -425,12 +425,12 @@ def test_waypoints_over_themselves(run, tmp_path, turn, over):
     rng = np.random.default_rng(1)
     x, y = rng.uniform(-9, 9, (2, 50_000))
     formats.write(make_points(x, y, 0.1 * x), tmp_path / "cloud.zarr")
-    way = waypoints(tmp_path / "way.csv", np.arange(0, turn + 1e-9, 2 * np.pi / 80))
+    path = waypoints(tmp_path / "path.csv", np.arange(0, turn + 1e-9, 2 * np.pi / 80))
     finished = run(
         "grid",
         tmp_path / "cloud.zarr",
         "--path",
-        way,
+        path,
         "--smoothing",
         0,
         "--spacing",
@@ -441,18 +441,18 @@ def test_waypoints_over_themselves(run, tmp_path, turn, over):
     assert finished.code == (2 if over else 0), finished.err
     if over:
         assert "comes back over itself" in finished.err
-        assert f"{way}: " in finished.err
+        assert f"{path}: " in finished.err
         assert float(re.search(r"at u = ([\d.]+) m over", finished.err).group(1)) < 38.3
 
 
 @pytest.mark.parametrize(("apart", "over"), [(3.8, True), (4.1, False)])
-def test_a_way_back_beside_the_way_there(run, tmp_path, apart, over):
-    """The grid is 4 m wide, half of it to either side, and the way turns round an island."""
+def test_a_path_that_returns_next_to_itself(run, tmp_path, apart, over):
+    """The grid is 4 m wide, half of it on each side, and the path turns around an island."""
     angle = np.linspace(-2.2, 2.2, 60)
     turn = np.stack([30 + 8 * np.cos(angle), 8 * np.sin(angle)])
     ends = [np.array([[0.0, 5.0], [side * apart / 2] * 2]) for side in (-1, 1)]
     x, y = np.concatenate([ends[0], turn, ends[1][:, ::-1]], axis=1)
-    (tmp_path / "way.csv").write_text("easting,northing\n" + "\n".join(map("{},{}".format, x, y)))
+    (tmp_path / "path.csv").write_text("easting,northing\n" + "\n".join(map("{},{}".format, x, y)))
     rng = np.random.default_rng(1)
     cloud = make_points(rng.uniform(-5, 42, 90_000), rng.uniform(-12, 12, 90_000), np.zeros(90_000))
     formats.write(cloud, tmp_path / "cloud.zarr")
@@ -460,7 +460,7 @@ def test_a_way_back_beside_the_way_there(run, tmp_path, apart, over):
         "grid",
         tmp_path / "cloud.zarr",
         "--path",
-        tmp_path / "way.csv",
+        tmp_path / "path.csv",
         "--spacing",
         0.2,
         "--smoothing",

@@ -1,4 +1,4 @@
-"""The command info: what it shows, what it prints as JSON, and files that cannot be read."""
+"""The command info: text, JSON, and files that cannot be read."""
 
 import json
 
@@ -57,7 +57,7 @@ def test_text_of_a_road(run, data):
         assert part in text, part
 
 
-def test_nothing_wrong_is_said_as_well(run, profile):
+def test_a_file_without_problems_states_this(run, profile):
     finished = run("info", profile)
     assert finished.code == 0
     assert "no problems found" in finished.out

@@ -1,4 +1,4 @@
-"""``trueterrain init`` for tests of accuracy: what is printed is used as it is."""
+"""The command init for accuracy tests: the output is a valid settings file."""
 
 import json
 import tomllib
@@ -26,7 +26,7 @@ def profiles(tmp_path):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_is_printed_is_read_back(run, kind, tmp_path):
+def test_the_output_can_be_read(run, kind, tmp_path):
     finished = run("init", kind)
     assert (finished.code, finished.err) == (0, "")
     (tmp_path / "test.toml").write_text(finished.out)
@@ -96,7 +96,7 @@ def test_settings_are_of_files_that_fit(run, tmp_path, monkeypatch, what, file):
         (["statics"], "static"),
     ],
 )
-def test_what_cannot_be_filled_in_is_said(run, arguments, problem):
+def test_missing_settings_are_reported(run, arguments, problem):
     finished = run("init", *arguments)
     assert finished.code == 2
     assert finished.out == ""

@@ -140,7 +140,7 @@ def test_table(capsys, erd_file, two):
 def test_short_profiles_are_rated_with_a_warning_word(capsys, tmp_path):
     erd.write(make_profile(0.1 * np.arange(101), rough(101, 3)), tmp_path / "short.erd")
     text = run(capsys, tmp_path / "short.erd", "--window", "none", "--restart")
-    assert "Only 10 m long: the index depends on how the car starts." in text
+    assert "Only 10 m long: the index depends on the initial state of the car." in text
     assert "window none; start first 11 m; a new car in every segment." in text
 
 
@@ -229,7 +229,7 @@ def test_unknown_wheel_paths(capsys, erd_file):
 
 
 def test_a_step_needs_sliding_windows(capsys, erd_file):
-    assert "--step belongs to --continuous" in refused(capsys, erd_file, "--step", 2)
+    assert "--step needs --continuous" in refused(capsys, erd_file, "--step", 2)
 
 
 def test_restart_and_sliding_windows_exclude_each_other(capsys, erd_file):
@@ -322,7 +322,7 @@ def warned(capsys, *arguments):
     return capsys.readouterr().err
 
 
-def test_a_window_that_averages_nothing_is_told(capsys, tmp_path):
+def test_a_window_that_averages_nothing_is_warned_of(capsys, tmp_path):
     erd.write(make_profile(0.25 * np.arange(500), rough(500, 3)), tmp_path / "coarse.erd")
     message = warned(capsys, tmp_path / "coarse.erd", "--json")
     assert message == (

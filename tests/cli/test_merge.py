@@ -1,4 +1,4 @@
-"""``trueterrain merge``: runs and clouds, their reports, and what is refused."""
+"""The command merge: runs and clouds, their reports, and refused input."""
 
 import json
 from dataclasses import replace
@@ -15,7 +15,7 @@ from trueterrain.simulate.scene import read_scene, record_scene
 
 SEAM = 0.0002  # [m] asked of the network adjustment
 APART = 0.012  # [m] between two clouds
-TOLD = 0.0005  # [m] of the mean of thousands of points with 2 mm noise, and of LAZ
+MEAN_ERROR = 0.0005  # [m] of the mean of thousands of points with 2 mm noise, and of LAZ
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,7 @@ def clouds(tmp_path_factory):
     return folder
 
 
-def test_runs_are_merged_and_said_to_agree(run, runs, tmp_path):
+def test_runs_are_merged_and_reported_to_agree(run, runs, tmp_path):
     finished = run("merge", *runs, "-o", tmp_path / "out", "--spacing", 0.02)
     assert finished.code == 0, finished.err
     result = json.loads((tmp_path / "out" / "result.json").read_text())
@@ -66,8 +66,8 @@ def test_runs_are_merged_and_said_to_agree(run, runs, tmp_path):
     absolute, relative = (lane["surface"][name]["median"] for name in ("sd", "sd_relative"))
     (datum,) = set(result["merge"]["network"]["datum_sd"].values())
     npt.assert_allclose(absolute, np.hypot(relative, datum), rtol=0.02)  # medians of both
-    assert datum > 2 * relative  # what two passes of one kind of drift share
-    assert f"that all passes share: {1e3 * datum:.2f} mm" in finished.out
+    assert datum > 2 * relative  # the part that is common to two passes with the same drift
+    assert f"common to all passes: {1e3 * datum:.2f} mm" in finished.out
     page = (tmp_path / "out" / "report.html").read_text()
     assert f"has a standard deviation of {1e3 * datum:.3g} mm" in page
     road = tt.open(tmp_path / "out" / "merged.crg")
@@ -78,7 +78,7 @@ def test_runs_are_merged_and_said_to_agree(run, runs, tmp_path):
     assert "is not empty" in finished.err
 
 
-def test_a_check_touches_nothing(run, runs, tmp_path):
+def test_a_check_writes_nothing(run, runs, tmp_path):
     finished = run("merge", *runs, "--check", "--json")
     assert finished.code == 1, finished.err
     found = json.loads(finished.out)
@@ -99,18 +99,18 @@ def test_clouds_are_merged(run, clouds, tmp_path, split):
     finished = run("merge", *files, "-o", tmp_path / "out", "--json")
     assert finished.code == 0, finished.err
     (pair,) = json.loads(finished.out)["merge"]["pairs"]
-    npt.assert_allclose(abs(pair["before"]["median"]), APART, rtol=0, atol=TOLD)
-    assert abs(pair["after"]["median"]) < TOLD
+    npt.assert_allclose(abs(pair["before"]["median"]), APART, rtol=0, atol=MEAN_ERROR)
+    assert abs(pair["after"]["median"]) < MEAN_ERROR
     moved = []
     for name, file in zip(names, ("south", "north"), strict=True):
         before, after = laspy.read(clouds / f"{file}.laz"), laspy.read(tmp_path / f"out/{name}.laz")
         assert len(before.points) == len(after.points)
         moved.append(np.mean(after.z) - np.mean(before.z))
-    # both share the difference
-    npt.assert_allclose(np.sort(moved), [-APART / 2, APART / 2], rtol=0, atol=TOLD)
+    # each is corrected by half of the difference
+    npt.assert_allclose(np.sort(moved), [-APART / 2, APART / 2], rtol=0, atol=MEAN_ERROR)
     surface = tt.open(tmp_path / "out" / "merged.tif")
     assert np.isfinite(surface.height).mean() > 0.9
-    # nothing tells what both flights share
+    # the common error of both flights is not observable
     assert ("sd" in surface, "sd_relative" in surface) == (False, True)
     written = laspy.read(tmp_path / f"out/{names[0]}.laz").point_format
     assert list(written.extra_dimension_names) == ["sd_relative"]
@@ -119,11 +119,11 @@ def test_clouds_are_merged(run, clouds, tmp_path, split):
     assert "The height error common to all passes is not known" in page
 
 
-def test_what_is_known_of_the_datum_can_be_said(run, clouds, tmp_path):
+def test_the_datum_sd_can_be_given(run, clouds, tmp_path):
     files = [clouds / "south.laz", clouds / "north.laz"]
     finished = run("merge", *files, "--datum-sd", 0.02, "-o", tmp_path / "out")
     assert finished.code == 0, finished.err
-    assert "that all passes share: 20.00 mm" in finished.out
+    assert "common to all passes: 20.00 mm" in finished.out
     surface = tt.open(tmp_path / "out" / "merged.tif")
     both = np.hypot(surface.sd_relative, 0.02)
     npt.assert_allclose(surface.sd, both, rtol=0, atol=1e-4)  # [m] medians of a cell, float32
@@ -172,7 +172,7 @@ def test_control_points_tell_the_height(run, clouds, tmp_path):
         (("south.laz", "north.laz", "--path", "south.laz"), "path goes with"),
     ],
 )
-def test_what_makes_no_sense_is_one_line(run, clouds, tmp_path, arguments, part):
+def test_invalid_arguments_are_one_line(run, clouds, tmp_path, arguments, part):
     south = formats.open(clouds / "south.laz")
     formats.write(south.assign(easting=south.easting + 500), tmp_path / "far.laz")
     formats.write(south.assign_attrs(crs="EPSG:2154"), tmp_path / "other.laz")
@@ -251,7 +251,7 @@ def test_a_check_of_all_strips_finishes(run, data, together):
             )
         else:
             assert finished.code == 1, finished.err
-            assert "do NOT agree" in finished.out or "shares no ground" in finished.out
+            assert "do NOT agree" in finished.out or "overlaps no other pass" in finished.out
 
 
 def test_passes_that_agree_leave_the_exit_code_0(run, clouds):

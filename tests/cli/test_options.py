@@ -1,4 +1,4 @@
-"""Every number that a command takes: what cannot be is one line and exit code 2, no traceback."""
+"""Numeric options of all commands: an invalid number is one line and exit code 2."""
 
 import types
 import typing

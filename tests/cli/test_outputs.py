@@ -1,4 +1,4 @@
-"""No command writes over, into or around what it reads, not even with --force."""
+"""No command writes to, into or around its inputs, not even with --force."""
 
 import os
 import shutil
@@ -25,7 +25,7 @@ REFUSED = [
     ("is a surface in a store", "convert cloud.csv -o surface.zarr"),
     ("is a recorded run", "convert cloud.csv -o one.zarr"),
     ("is an input as well", "filter p.csv --shortest 1 -o p.csv"),
-    ("is an input as well", "profile surface.zarr --path way.csv -o way.csv"),
+    ("is an input as well", "profile surface.zarr --path path.csv -o path.csv"),
     ("is an input as well", "grid one.zarr -o one.zarr"),
     ("lie within another store", "grid one.zarr -o one.zarr/road.crg"),
     ("is an input as well", "georeference one.zarr -o one.zarr"),
@@ -78,7 +78,7 @@ def project(recorded, machined, tmp_path_factory):
     )
     for name in ("p.csv", "q.csv"):
         formats.write(make_profile(np.arange(50.0), np.sin(np.arange(50.0))), folder / name)
-    (folder / "way.csv").write_text("easting,northing\n0,1\n8,1\n")
+    (folder / "path.csv").write_text("easting,northing\n0,1\n8,1\n")
     (folder / "linked.csv").symlink_to("p.csv")
     (folder / "linked.zarr").symlink_to("road.zarr")
     (folder / "linked-run.zarr").symlink_to(folder / "one.zarr")
@@ -101,7 +101,7 @@ def files_of(folder):
 
 
 @pytest.mark.parametrize(("words", "line"), REFUSED, ids=[line for _, line in REFUSED])
-def test_an_input_and_what_is_around_it_stay_as_they_are(run, project, monkeypatch, words, line):
+def test_an_input_and_its_folder_are_unchanged(run, project, monkeypatch, words, line):
     monkeypatch.chdir(project)
     before = files_of(project)
     finished = run(*line.split(), "--force")

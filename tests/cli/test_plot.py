@@ -94,8 +94,8 @@ def test_navigation_tables_are_recognised_by_their_columns(run, tmp_path):
     rows = np.column_stack([np.arange(5.0), np.arange(5.0), *np.zeros((5, 5))])
     header = "time,east,north,up,roll,pitch,yaw"
     np.savetxt(table, rows, delimiter=",", header=header, comments="")
-    assert run("plot", table, "-o", tmp_path / "way.svg").code == 0
-    assert "North of the origin" in texts(tmp_path / "way.svg")
+    assert run("plot", table, "-o", tmp_path / "path.svg").code == 0
+    assert "North of the origin" in texts(tmp_path / "path.svg")
 
 
 def test_an_sbet_and_boreas_poses(run, data, tmp_path):
@@ -111,8 +111,8 @@ def test_an_sbet_and_boreas_poses(run, data, tmp_path):
 
 
 def test_accuracies_and_paths_cannot_be_drawn(run, tmp_path):
-    path = tmp_path / "way.csv"
+    path = tmp_path / "path.csv"
     path.write_text("easting,northing\n0,0\n1,0\n")
     done = run("plot", path, "-o", tmp_path / "x.png")
     assert done.code == 2
-    assert "way.csv: holds a path without heights. Plot what it lies on" in done.err
+    assert "path.csv: holds a path without heights. Plot what it lies on" in done.err

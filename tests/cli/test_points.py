@@ -1,4 +1,4 @@
-"""Points on the command line: chosen by class and return, in feet, and no ground without a word."""
+"""Points on the command line: filters by class and return, feet, warnings of other classes."""
 
 import json
 
@@ -59,7 +59,7 @@ def test_a_profile_over_a_roof_is_warned_of(run, tile, tmp_path):
     assert np.ptp(formats.open(tmp_path / "g.csv").height.dropna("s").values) < GROUND_RISE
 
 
-def test_only_what_lies_along_the_path_is_warned_of(run, garden, tmp_path):
+def test_only_points_along_the_path_are_warned_of(run, garden, tmp_path):
     far = run("profile", garden, "--line", 6, 1, 9, 9, "--radius", 0.3, "-o", tmp_path / "p.csv")
     assert far.code == 0
     assert "no ground" not in far.err
@@ -114,7 +114,7 @@ def test_info_names_the_classes(run, garden):
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_feet_are_converted_and_said(run, tmp_path, command):
+def test_feet_are_converted_with_a_note(run, tmp_path, command):
     header = laspy.LasHeader(version="1.4", point_format=6)
     header.scales = [0.01] * 3
     header.add_crs(pyproj.CRS.from_epsg(2264))

@@ -1,4 +1,4 @@
-"""``trueterrain profile`` as its users meet it, and as they misuse it."""
+"""The command profile: correct use and misuse."""
 
 import json
 
@@ -49,13 +49,13 @@ def test_a_profile_of_a_road(run, road, tmp_path):
 
 
 def test_offset_line_and_waypoints_give_the_same_profile(run, road, tmp_path):
-    (tmp_path / "way.csv").write_text("easting,northing\n0,0.2\n1,0.2\n4,0.2\n")
-    for name, way in {
+    (tmp_path / "path.csv").write_text("easting,northing\n0,0.2\n1,0.2\n4,0.2\n")
+    for name, option in {
         "offset": ("--offset", 0.2),
         "line": ("--line", 0, 0.2, 4, 0.2),
-        "waypoints": ("--path", tmp_path / "way.csv"),
+        "waypoints": ("--path", tmp_path / "path.csv"),
     }.items():
-        finished = run("profile", road, *way, "-o", tmp_path / f"{name}.csv")
+        finished = run("profile", road, *option, "-o", tmp_path / f"{name}.csv")
         assert finished.code == 0, finished.err
     offset = tt.open(tmp_path / "offset.csv")
     for name in ("line", "waypoints"):
@@ -133,12 +133,12 @@ def test_nothing_is_overwritten_without_force(run, road, tmp_path):
 
 def test_no_input_is_replaced_even_by_force(run, road, tmp_path):
     """A CSV file can be the output, the path and the point cloud."""
-    (tmp_path / "way.csv").write_text("easting,northing\n1,0\n2,0\n")
+    (tmp_path / "path.csv").write_text("easting,northing\n1,0\n2,0\n")
     assert run("convert", road, "-o", tmp_path / "cloud.csv").code == 0
-    for ground, output in ((road, "way.csv"), (tmp_path / "cloud.csv", "cloud.csv")):
+    for ground, output in ((road, "path.csv"), (tmp_path / "cloud.csv", "cloud.csv")):
         before = (tmp_path / output).read_bytes()
         finished = run(
-            "profile", ground, "--path", tmp_path / "way.csv", "-o", tmp_path / output, "--force"
+            "profile", ground, "--path", tmp_path / "path.csv", "-o", tmp_path / output, "--force"
         )
         one_line(finished, output, "is an input as well", "Choose another name")
         assert (tmp_path / output).read_bytes() == before
@@ -229,7 +229,7 @@ def test_half_a_laz_is_one_line(run, road, tmp_path):
         (("--offset", 0, "--min-count", 0), ("min_count must be at least 1",)),
         (("--offset", 0, "--statistic", "point", "--radius", 1), ("no search area",)),
         (("--offset", 0, "--statistic", "point", "--thin", "nan"), ("no search area",)),
-        (("--offset", 0, "--crs", "nowhere"), ("EPSG:25832",)),
+        (("--offset", 0, "--crs", "unknown"), ("EPSG:25832",)),
         (("--offset", 0, "--radius", 0.02, "--patch", 1, 1), ("only one of radius",)),
         ((), ("exactly one of --offset, --line and --path",)),
         (("--offset", 0, "--line", 0, 0, 1, 0), ("exactly one of",)),
@@ -245,18 +245,20 @@ def test_bad_arguments_are_one_line(run, road, tmp_path, options, parts):
 @pytest.mark.parametrize(
     ("content", "parts"),
     [
-        ("easting,northing\n0,0\nnan,0\n2,0\n", ("way.csv", "line 3")),
-        ("easting,northing\n0,0\none,0\n2,0\n", ("way.csv", "line 3", "one")),
-        ("a,b\n0,0\n1,0\n", ("way.csv", "easting")),
-        ("", ("way.csv", "empty")),
-        ("easting,northing\n1,0\n", ("way.csv", "2 different waypoints")),
-        ("easting,northing\n1,0\n1,0\n", ("way.csv", "2 different waypoints")),
+        ("easting,northing\n0,0\nnan,0\n2,0\n", ("path.csv", "line 3")),
+        ("easting,northing\n0,0\none,0\n2,0\n", ("path.csv", "line 3", "one")),
+        ("a,b\n0,0\n1,0\n", ("path.csv", "easting")),
+        ("", ("path.csv", "empty")),
+        ("easting,northing\n1,0\n", ("path.csv", "2 different waypoints")),
+        ("easting,northing\n1,0\n1,0\n", ("path.csv", "2 different waypoints")),
     ],
     ids=["NaN", "text", "wrong columns", "empty", "one waypoint", "one waypoint twice"],
 )
 def test_bad_waypoints_are_one_line(run, road, tmp_path, content, parts):
-    (tmp_path / "way.csv").write_text(content)
-    one_line(run("profile", road, "--path", tmp_path / "way.csv", "-o", tmp_path / "p.erd"), *parts)
+    (tmp_path / "path.csv").write_text(content)
+    one_line(
+        run("profile", road, "--path", tmp_path / "path.csv", "-o", tmp_path / "p.erd"), *parts
+    )
     assert not (tmp_path / "p.erd").exists()
 
 

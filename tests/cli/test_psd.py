@@ -72,7 +72,7 @@ def test_table(run, erd_file, two):
     assert words[:3] == ["left", "whole", "B"]
     assert words[3] == f"{1e6 * truth.gd_n0.values[0]:.4g}"
     assert lines[-1] == (
-        "Fitted from 0.011 to 2.83 cycles/m; blocks of 1000 m; intervals hold with 95 % confidence."
+        "Fitted from 0.011 to 2.83 cycles/m; blocks of 1000 m; intervals of 95 % confidence."
     )
 
 

@@ -71,7 +71,7 @@ def test_text_of_a_run(run, store):
     assert re.fullmatch(r"Run, run, [\d,]+ bytes", found["format"])
     assert found["name"] == "small-a"
     assert found["origin"] == "longitude 11 deg, latitude 48 deg, height 500.000 m"
-    assert found["time"] == "seconds since any moment"
+    assert found["time"] == "seconds since an arbitrary epoch"
     for part in (
         "800 scans of 20 beams, 1000 Hz, -0.001 to 0.798 s (0.799 s)",
         "angles -45.000 to 45.000 deg",
@@ -80,8 +80,10 @@ def test_text_of_a_run(run, store):
     ):
         assert part in found["scans"], part
     assert "200 epochs, 200 Hz, -0.100 to 0.895 s (0.995 s)" in found["navigation"]
-    way, fastest = re.search(r"way of ([\d.]+) m, up to ([\d.]+) m/s", found["navigation"]).groups()
-    assert abs(float(way) - 5 * 0.995) < 0.05  # [m] noise of 1 mm in each of some positions
+    distance, fastest = re.search(
+        r"distance ([\d.]+) m, up to ([\d.]+) m/s", found["navigation"]
+    ).groups()
+    assert abs(float(distance) - 5 * 0.995) < 0.05  # [m] noise of 1 mm in each of some positions
     assert abs(float(fastest) - 5.0) < 0.1
     assert "2,000 samples of 3 sensors, 2000 Hz" in found["accelerometers"]
     assert found["gaps"] == "none"
@@ -128,7 +130,7 @@ def test_gaps_of_navigation_are_listed(run, sbet, tmp_path):
     assert "2 gaps in time, the longest 0.25" in found["problems"]
 
 
-def test_json_of_recordings_is_what_the_formats_say(run, store, sbet, smrmsg):
+def test_json_of_recordings_is_that_of_the_formats(run, store, sbet, smrmsg):
     files = json.loads(run("info", store, sbet, smrmsg, "--json").out)["files"]
     assert [entry["kind"] for entry in files] == ["run", "navigation", "accuracy"]
     for entry, path in zip(files, (store, sbet, smrmsg), strict=True):
@@ -204,12 +206,12 @@ def without_a_chunk(copy):
         (without_a_chunk, r"array scans/range: 1 of 1 chunks are missing"),
     ],
 )
-def test_bad_recordings_are_told_by_info(run, copy, damage, problem):
+def test_info_reports_invalid_recordings(run, copy, damage, problem):
     damage(copy)
     finished = run("info", copy)
     assert (finished.code, finished.err) == (0, "")
-    told = rows(finished.out)["problems"]
-    assert re.search(problem, told), told
+    reported = rows(finished.out)["problems"]
+    assert re.search(problem, reported), reported
     (entry,) = json.loads(run("info", copy, "--json").out)["files"]
     assert any(re.search(problem, text) for text in entry["problems"])
 

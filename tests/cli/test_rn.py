@@ -87,7 +87,7 @@ def test_picture(run, erd_file, tmp_path):
     assert run("rn", erd_file, "--plot", tmp_path / "rn.png", "--force").code == 0
 
 
-def test_a_window_that_averages_nothing_is_told(run, tmp_path):
+def test_a_window_that_averages_nothing_is_warned_of(run, tmp_path):
     erd.write(make_profile(0.15 * np.arange(500), np.zeros(500)), tmp_path / "coarse.erd")
     finished = run("rn", tmp_path / "coarse.erd", "--window", "centred")
     assert finished.code == 0

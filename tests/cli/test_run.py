@@ -1,4 +1,4 @@
-"""``trueterrain init survey`` and ``trueterrain run``, as a user calls them."""
+"""The commands init survey and run."""
 
 import json
 from dataclasses import replace

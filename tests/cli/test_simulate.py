@@ -1,4 +1,4 @@
-"""The commands simulate and init: runs on disk, what is said of them, and nothing half written."""
+"""The commands simulate and init: runs on disk, summaries, and no partial output."""
 
 import json
 import re
@@ -59,7 +59,7 @@ def test_each_pass_becomes_a_run(run, scene, runs):
         assert re.fullmatch(said, line)
 
 
-def test_json_says_the_same(run, scene, runs):
+def test_json_has_the_same_values(run, scene, runs):
     finished = run("simulate", scene, "-o", runs, "--json", "--seed", 9)
     document = json.loads(finished.out)
     assert document["scene"] == "small"
@@ -144,7 +144,7 @@ def test_ctrl_c_leaves_nothing_half_written(run, scene, runs, monkeypatch, stopp
     assert not runs.exists()
 
 
-def test_wheels_beside_the_ground_are_one_line(run, tmp_path, runs):
+def test_wheels_outside_of_the_ground_are_one_line(run, tmp_path, runs):
     flat = make_surface(
         np.zeros((21, 11)),
         u=np.linspace(0, 20, 21),
@@ -185,7 +185,7 @@ def test_bad_scenes_are_one_line_and_write_nothing(run, tmp_path, runs, text, me
     assert not runs.exists()
 
 
-def test_what_is_missing_is_named(run, scene, tmp_path, runs):
+def test_missing_arguments_are_named(run, scene, tmp_path, runs):
     for arguments, message in (
         ((), "name a scene"),
         ((scene,), "name the folder for the runs: --output DIR"),
@@ -225,7 +225,7 @@ def test_a_ready_scene_is_recorded_whole(run, runs):
 
 
 @pytest.mark.parametrize("name", [None, *scene_names()])
-def test_what_init_prints_is_that_scene(run, tmp_path, name):
+def test_init_prints_the_scene(run, tmp_path, name):
     finished = run("init", "scene", *([] if name is None else [name]))
     assert (finished.code, finished.err) == (0, "")
     path = tmp_path / "scene.toml"
@@ -241,14 +241,14 @@ def test_init_completes_a_scene_of_ones_own(run, scene, tmp_path):
     assert read_scene(tmp_path / "whole.toml")[0] == read_scene(scene)[0]
 
 
-def test_what_init_prints_can_be_driven(run, scene, tmp_path, runs):
+def test_a_printed_scene_can_be_simulated(run, scene, tmp_path, runs):
     text = run("init", "scene", scene).out
     (tmp_path / "whole.toml").write_text(text)
     assert run("simulate", tmp_path / "whole.toml", "-o", runs, "--pass", "there").code == 0
     assert np.isfinite(ranges(runs / "small-there.zarr")).mean() > 0.99
 
 
-def test_init_of_what_there_is_not(run):
+def test_init_of_an_unknown_scene(run):
     finished = run("init", "scenes")
     assert finished.code == 2
     assert "scene" in finished.err

@@ -71,7 +71,7 @@ def test_static_speaks_in_a_table(run, static, tmp_path):
     assert re.search(r"test +RMS \[mm\] +off edges +distance +maximum", finished.out)
     assert "static: off_edges passed, limit 1 mm" in finished.out
     assert "static: noise FAILED, limit 0.1 mm" in finished.out
-    assert finished.err.endswith("the certificate; certificate.pdf is the same to print\n")
+    assert finished.err.endswith("the certificate; certificate.pdf is for printing\n")
 
 
 def test_dynamic_compares_methods_and_rejects_motion(run, tmp_path, machined, recorded):
@@ -173,7 +173,7 @@ def test_a_missing_run_for_the_instruments_is_one_line_before_any_work(
     assert re.search(r"there is no run .*none\.zarr", message)
 
 
-def test_results_are_not_overwritten_unless_told(run, static, tmp_path):
+def test_results_are_overwritten_only_with_force(run, static, tmp_path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "mine.txt").write_text("mine")
     finished = run("verify", "static", static, "-o", tmp_path / "out")

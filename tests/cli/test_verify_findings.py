@@ -13,7 +13,7 @@ def _finding(**parts):
     return Finding(**{"name": "clock", "unit": "s", "meaning": "It is late.", **parts})
 
 
-def test_what_was_found_is_said_in_words_too():
+def test_findings_are_also_stated_as_text():
     findings = [
         _finding(value=0.001, sd=1e-5, detected=True),
         _finding(value=1e-6, sd=1e-5, detected=False),
@@ -27,7 +27,7 @@ def test_what_was_found_is_said_in_words_too():
     assert finding_text(findings[0]) == "clock: found, 1 ms (sd 0.01). It is late."
 
 
-def test_modes_are_a_row_each_and_their_shares_add_up():
+def test_modes_are_a_row_each_and_their_fractions_add_up():
     time = np.linspace(0, 3, 1500, endpoint=False)
     pitch = np.sin(2 * np.pi * 1.5 * time)
     error = 1e-3 * pitch + 1e-4 * np.sin(2 * np.pi * 11 * time)

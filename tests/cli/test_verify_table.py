@@ -1,4 +1,4 @@
-"""``trueterrain verify table``: one run of all of it, against what the thesis published."""
+"""The command verify table: one complete run, compared with the published table."""
 
 import contextlib
 import html
@@ -20,7 +20,7 @@ PUBLISHED = {
 }
 #: Published maxima [mm], as Table 3-1 prints them.
 MAXIMA = {"static": 5.0, "static, screened": 4.3, "dynamic": 4.0, "dynamic, excited": 5.0}
-WITHIN = 0.2  # share by which a figure that is reproduced may differ
+WITHIN = 0.2  # relative difference up to which a figure counts as reproduced
 AS_EXACT = 1.1  # times the RMS with the exact pose
 REFLECTIVITY = np.sqrt(1.1**2 - 0.92**2)  # [mm] of rows one and two
 ROUNDED = 0.005  # [mm] two decimals
@@ -35,7 +35,9 @@ def made(tmp_path_factory):
     make_table = _verify_table.make_table
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(printed):
         patch.setattr(
-            _verify_table, "make_table", lambda told: kept.append(make_table(told)) or kept[0]
+            _verify_table,
+            "make_table",
+            lambda progress: kept.append(make_table(progress)) or kept[0],
         )
         with pytest.raises(SystemExit) as ended:
             main(["verify", "table", "-o", str(folder)])
@@ -147,7 +149,7 @@ def test_a_description_is_refused(run, tmp_path):
     finished = run("verify", "table", tmp_path / "static.toml", "-o", tmp_path / "out")
     assert finished.code == 2
     assert finished.err.count("\n") == 1
-    assert "verify table takes no description" in finished.err
+    assert "verify table takes no settings" in finished.err
 
 
 @pytest.mark.parametrize("test", ["static", "dynamic", "drift"])

@@ -1,4 +1,4 @@
-"""Figures of excitation events and calibration plates: what is drawn equals what was given."""
+"""Figures of excitation events and calibration plates: drawn values equal the given ones."""
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -87,11 +87,11 @@ def test_curves_are_those_given():
             draw({"one": (x, y[1:])}, **extra)
 
 
-def test_shares_fill_the_bars():
-    ax = figures.mode_shares({"a": {"heave": 0.2, "hop": 0.8}, "b": {"heave": 0.5, "hop": 0.5}})
+def test_energy_fractions_fill_the_bars():
+    ax = figures.mode_energies({"a": {"heave": 0.2, "hop": 0.8}, "b": {"heave": 0.5, "hop": 0.5}})
     assert_allclose([bar.get_width() for bar in ax.patches], [20, 50, 80, 50], rtol=0, atol=1e-9)
     with pytest.raises(ValueError, match="at least one event"):
-        figures.mode_shares({})
+        figures.mode_energies({})
 
 
 def test_plate():

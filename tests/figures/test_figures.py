@@ -1,4 +1,4 @@
-"""Figures: what is drawn equals what was given, and says in which unit."""
+"""Figures: drawn values equal the given ones, with their units."""
 
 import dataclasses
 import subprocess
@@ -89,7 +89,7 @@ def boxes_apart(ax):
 # maps
 
 
-def test_a_surface_over_its_grid_shows_its_heights_where_they_are():
+def test_a_surface_over_its_grid_has_its_heights_at_the_nodes():
     road = bend()
     ax = figures.surface_map(road, path=offset_path(road, 0.1))
     image = ax.images[0]
@@ -155,7 +155,7 @@ def test_a_map_of_large_coordinates_writes_them_from_a_round_number_on():
     boxes_apart(ax)
 
 
-def test_unequal_offsets_are_drawn_where_they_are():
+def test_unequal_offsets_are_drawn_at_their_positions():
     u, v = np.arange(3.0), np.array([-1.0, 0.0, 0.5])
     road = make_surface(np.arange(9.0).reshape(3, 3), u=u, v=v, easting=u, northing=0 * u)
     ax = figures.surface_map(road)
@@ -164,7 +164,7 @@ def test_unequal_offsets_are_drawn_where_they_are():
 
 
 @pytest.mark.parametrize(("length", "stretch"), [(4.0, 1), (40.0, 5), (4000.0, 500)])
-def test_a_long_road_is_stretched_sideways_and_says_so(length, stretch):
+def test_a_long_road_is_stretched_laterally_with_a_note(length, stretch):
     u, v = np.linspace(0, length, 11), np.array([-0.5, 0.0, 0.5])
     road = make_surface(np.zeros((11, 3)), u=u, v=v, easting=u, northing=0 * u)
     ax = figures.surface_map(road)
@@ -195,7 +195,7 @@ def test_one_point_is_a_map():
     boxes_apart(figures.points_map(make_points([1.0], [2.0], [3.0])))
 
 
-def test_a_fine_surface_is_thinned_and_says_so():
+def test_a_fine_surface_is_thinned_with_a_note():
     u, v = 0.01 * np.arange(3001), np.array([-1.0, 0.0, 1.0])
     height = np.sin(u[:, None] + v)
     ax = figures.surface_map(make_surface(height, u=u, v=v, easting=u, northing=0 * u))
@@ -203,7 +203,7 @@ def test_a_fine_surface_is_thinned_and_says_so():
     assert notes(ax) == ["v stretched 2 times, 1 of 3 nodes shown"]
 
 
-def test_points_are_where_they_are():
+def test_points_are_drawn_at_their_positions():
     points = surface_to_points(bend())
     ax = figures.points_map(points, path=offset_path(bend(), 0.0))
     (dots,) = ax.collections
@@ -213,9 +213,9 @@ def test_points_are_where_they_are():
     boxes_apart(ax)
 
 
-def test_many_points_are_thinned_and_say_so():
+def test_many_points_are_thinned_with_a_note():
     points = surface_to_points(bend())
-    ax = figures.points_map(points, most=1000)
+    ax = figures.points_map(points, max_points=1000)
     every = -(-points.sizes["point"] // 1000)
     npt.assert_array_equal(ax.collections[0].get_array(), points.up[::every])
     assert notes(ax) == [f"equal scale, 1 of {every} points shown"]
@@ -460,13 +460,13 @@ def test_each_draws_on_given_axes():
         plt.close("all")
 
 
-def test_wrong_arguments_say_what_must_be():
+def test_invalid_arguments_state_the_rule():
     s = np.arange(3.0)
     line, both = make_profile(s, s), make_profile(s, [s, s], tracks=["l", "r"])
     with pytest.raises(ValueError, match="frame must be 'grid' or 'ground', got 'map'"):
         figures.surface_map(bend(), frame="map")
-    with pytest.raises(ValueError, match="most must be at least 1 point, got 0"):
-        figures.points_map(make_points([0.0], [0.0], [0.0]), most=0)
+    with pytest.raises(ValueError, match="max_points must be at least 1 point, got 0"):
+        figures.points_map(make_points([0.0], [0.0], [0.0]), max_points=0)
     with pytest.raises(ValueError, match="lines must hold at least one"):
         figures.parallel_profiles({}, line)
     with pytest.raises(ValueError, match="index must hold segments"):
@@ -594,6 +594,6 @@ def test_a_curved_path_over_the_grid_is_where_the_ground_says():
     npt.assert_allclose(drawn, np.stack([u, v], 1), rtol=0, atol=1e-9)
 
 
-def test_the_room_is_loaded_without_matplotlib():
+def test_figures_are_imported_without_matplotlib():
     code = "import sys, trueterrain.figures; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

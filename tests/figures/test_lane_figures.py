@@ -1,4 +1,4 @@
-"""Figures of passes brought into agreement: what is drawn lies where it is."""
+"""Figures of adjusted passes: drawn values equal the given ones."""
 
 from dataclasses import replace
 
@@ -115,10 +115,10 @@ def test_times_count_from_the_begin_of_each_pass_and_stations_do_not(along, firs
     assert "[s]" in ax.get_xlabel() if along == "time" else ax.get_xlabel() == "Station [m]"
 
 
-def test_what_navigation_claims_is_drawn_to_both_sides_of_zero():
+def test_the_reported_sd_of_navigation_is_drawn_on_both_sides_of_zero():
     time = np.linspace(95.0, 115.0, 201)
-    claim = {"east": (time, 0.02 + 0 * time)}
-    ax = drawn(figures.pass_correction(correction(begin=100.0), navigation_sd=claim))
+    reported = {"east": (time, 0.02 + 0 * time)}
+    ax = drawn(figures.lane_correction(correction(begin=100.0), navigation_sd=reported))
     low, high = (one for one in ax.lines if np.size(one.get_ydata()) == 101)
     assert (low.get_ydata()[0], high.get_ydata()[0]) == (-0.02, 0.02)
     npt.assert_allclose(low.get_xdata()[[0, -1]], [0.0, 10.0], **EXACT)  # not beyond the pass
@@ -212,7 +212,7 @@ def test_speeds_that_have_no_meaning():
 
 @pytest.fixture(scope="module")
 def adjusted():
-    """Two passes over rough ground whose navigation wanders by millimetres."""
+    """Two passes over rough ground whose navigation drifts by millimetres."""
     rng = np.random.default_rng(2)
     x, y = (at.ravel() for at in np.meshgrid(np.arange(0.05, 60, 0.5), np.arange(0.05, 0.6, 0.1)))
     ground = rng.normal(0, 0.02, x.size)
@@ -266,7 +266,7 @@ def test_every_strength_is_drawn_at_what_it_predicts_at_best(adjusted):
     assert "too flexible" in ax.get_xlabel()
 
 
-def test_components_spacings_and_processes_are_told_apart(adjusted):
+def test_components_spacings_and_processes_are_distinguished(adjusted):
     trials = [
         replace(adjusted.chosen, components=held, knot_spacing=spacing, order=order, strength=size)
         for held in (("height",), ("height", "east", "north"))
@@ -289,7 +289,7 @@ def test_components_spacings_and_processes_are_told_apart(adjusted):
     assert any(text.startswith("knots") and text.endswith(" m") for text in legend_texts(in_metres))
 
 
-def test_trials_of_other_rounds_do_not_compare(adjusted):
+def test_trials_of_different_iterations_do_not_compare(adjusted):
     other = replace(adjusted.chosen, round=adjusted.chosen.round + 1, held_out=0.5)
     ax = figures.strength_choice(replace(adjusted, trials=(*adjusted.trials, other)))
     assert 0.5 not in [y for found in lines_of(ax).values() for y in found.values()]
@@ -374,7 +374,7 @@ def test_a_cut_off_is_a_length(aligned):
         figures.discontinuity_vectors(aligned, cut_off=0.0)
 
 
-def test_histograms_hold_all_heights_and_the_means_are_where_they_are(aligned):
+def test_histograms_hold_all_heights_and_the_means_are_correct(aligned):
     found = aligned.discontinuity
     ax = drawn(figures.pass_histograms(found, station=4.05))
     k = 16  # at 4 m, the nearest one
@@ -401,8 +401,8 @@ def test_medians_are_called_so():
     assert sum(text.startswith("median of") for text in texts) == 2
 
 
-def test_a_gap_shows_what_there_is_and_says_so(aligned):
-    ax = figures.pass_histograms(aligned.discontinuity, station=9.0)
+def test_a_gap_is_noted_and_the_rest_is_drawn(aligned):
+    ax = figures.lane_histograms(aligned.discontinuity, station=9.0)
     assert "a gap" in notes(ax)
     assert not any(text.startswith(("left", "reference")) for text in legend_texts(ax))
 
@@ -488,7 +488,7 @@ def test_ranges_are_drawn_where_the_cells_are():
     assert ax.child_axes[0].get_ylabel() == "Range [mm]"
 
 
-def test_maps_before_and_after_can_share_their_colours():
+def test_maps_before_and_after_can_have_the_same_colours():
     for when in ("before", "after"):
         ax = figures.discrepancy_map(ground(), when=when, largest=3e-4)
         assert ax.images[0].get_clim() == (0.0, 3e-4)
@@ -519,7 +519,7 @@ def test_holes_stay_holes():
 
 
 @pytest.mark.parametrize(("shape", "stretched"), [((300, 5), "northing"), ((5, 300), "easting")])
-def test_a_strip_is_stretched_across_and_says_so(shape, stretched):
+def test_a_strip_is_stretched_laterally_with_a_note(shape, stretched):
     ax = drawn(figures.discrepancy_map(ground(*shape)))
     assert f"{stretched} stretched 20 times" in notes(ax)
     assert ax.get_aspect() == (20.0 if stretched == "northing" else 1 / 20)
@@ -565,7 +565,7 @@ def test_maps_that_cannot_be_drawn(changes, message):
         figures.discrepancy_map(ground(), **changes)
 
 
-def test_both_lanes_and_what_they_share_are_told_apart():
+def test_both_passes_and_their_overlap_are_distinguished():
     lanes = {"left": lane(0.012, 1.0), "right": lane(0.0, 0.0)}
     pair = align_along_paths(lanes).pairs[0]
     ax = drawn(figures.overlap_map(pair.overlap, pair.path))
@@ -605,7 +605,7 @@ def test_some_search_areas_are_drawn_at_their_reference_points():
     )
 
 
-def test_of_a_long_path_the_middle_is_shown():
+def test_the_centre_of_a_long_path_is_shown():
     x = np.arange(0.0, 80.1, 0.1)
     lanes = {
         name: make_points(
@@ -615,9 +615,9 @@ def test_of_a_long_path_the_middle_is_shown():
         for name, lateral, height in (("left", 1.0, 0.012), ("right", 0.0, 0.0))
     }
     options = DiscontinuitySettings(cell=0.2, least=5)
-    way = waypoint_reference([0.2, 79.8], [1.5, 1.5])
-    pair = align_along_paths(lanes, options, paths={("left", "right"): way}).pairs[0]
-    ax = drawn(figures.overlap_map(pair.overlap, pair.path))
+    path = waypoint_reference([0.2, 79.8], [1.5, 1.5])
+    pair = align_lanes(lanes, options, paths={("left", "right"): path}).pairs[0]
+    ax = drawn(figures.lane_overlap(pair.overlap, pair.path))
     npt.assert_allclose(ax.images[0].get_extent()[:2], (32.4, 47.6), rtol=0, atol=0.4)
     with pytest.raises(ValueError, match="two stations that ascend"):
         figures.overlap_map(pair.overlap, pair.path, part=(8.0, 5.0))

@@ -1,4 +1,4 @@
-"""Names in figures: what matplotlib would set as mathematics is drawn as it is written."""
+"""Names in figures: text that matplotlib would typeset as mathematics is drawn literally."""
 
 import matplotlib.figure
 import numpy as np

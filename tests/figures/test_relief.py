@@ -1,4 +1,4 @@
-"""Surfaces as blocks: what is in front stands over its axes, what is far away is drawn first."""
+"""Surfaces as blocks: the front edge agrees with the axes, distant facets are drawn first."""
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
@@ -38,7 +38,7 @@ def facets(ax):
     return np.array([path.vertices[:4] for path in top.get_paths()])
 
 
-def test_facets_stand_where_the_projection_puts_them():
+def test_facets_agree_with_the_projection():
     height = step() + 0.001 * np.arange(5)
     ax = figures.surface_relief(road(height), exaggeration=5)
     ax.figure.canvas.draw()
@@ -48,7 +48,7 @@ def test_facets_stand_where_the_projection_puts_them():
     npt.assert_allclose(front[:, 0, 0], 0.1 * np.arange(40), **EXACT)
     npt.assert_allclose(front[:, 0, 1], height[:-1, 0], **EXACT)
     behind = corners[:40]  # drawn first; its far edge is 0.4 m away
-    npt.assert_allclose(behind[:, 3, 0], 0.1 * np.arange(40) + 0.4 * relief._ASIDE, **EXACT)
+    npt.assert_allclose(behind[:, 3, 0], 0.1 * np.arange(40) + 0.4 * relief._RIGHT, **EXACT)
     npt.assert_allclose(behind[:, 3, 1], height[:-1, 4] + 0.4 * relief._UP / 5, **EXACT)
 
 
@@ -84,7 +84,7 @@ def test_maps_and_long_surfaces():
     cloud = make_surface(np.zeros((5, 1001)), easting=20_000 + axis, northing=axis[:5])
     ax = figures.surface_relief(cloud)
     assert ax.get_xlabel() == "Easting − 20000 m [m]"
-    assert len(facets(ax)) <= 4 * relief._FACETS
+    assert len(facets(ax)) <= 4 * relief._MAX_FACETS
 
 
 def test_walls_towards_the_eye_are_darker_than_the_floor():

@@ -1,4 +1,4 @@
-"""Figures of roughness: what is drawn equals what was given."""
+"""Figures of roughness: drawn values equal the given ones."""
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -67,10 +67,10 @@ def test_ride_number_is_drawn_from_0_to_5(two):
 
 
 def test_histogram_has_a_bar_for_each_track_and_class(two):
-    shares = roughness.iri_histogram(roughness.iri(two, segment=20.0), [2.0, 4.0])
-    ax = figures.roughness_histogram(shares)
+    histogram = roughness.iri_histogram(roughness.iri(two, segment=20.0), [2.0, 4.0])
+    ax = figures.roughness_histogram(histogram)
     heights = [[bar.get_height() for bar in bars] for bars in ax.containers]
-    assert_allclose(heights, 100 * shares.fraction, rtol=0, atol=1e-9)
+    assert_allclose(heights, 100 * histogram.share, rtol=0, atol=1e-9)
     assert legend(ax) == ["left", "right"]
 
 

@@ -1,4 +1,4 @@
-"""Figures of runs: what is drawn is what was recorded, or follows from it in closed form."""
+"""Figures of runs: drawn values equal the recorded ones, or follow in closed form."""
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -132,7 +132,7 @@ def test_along_and_across_are_seen_from_the_first_beam(slope):
     npt.assert_allclose(points.across.ravel(), expected[:, 1], **EXACT)
 
 
-def test_a_plan_shows_all_points_and_says_how_far_they_are_apart(wall):
+def test_a_plan_shows_all_points_and_their_spacing(wall):
     ax = figures.scan_plan(wall, at=0.3, scans=5, across=(-2.1, 0.3))
     points = groups.returns_of(wall, slice(30, 35))
     shown = points.across <= 0.3
@@ -151,7 +151,7 @@ def test_a_plan_of_one_scan_has_some_height(wall):
     assert high - low > 0.3
 
 
-def test_an_elevation_shows_points_true_ground_and_what_is_hidden(wall):
+def test_an_elevation_shows_points_true_ground_and_shadows(wall):
     ax = figures.scan_elevation(wall, at=0.4)
     across, up = line(ax, "returns")
     angle = wall.scans.angle.values
@@ -219,7 +219,7 @@ def test_ranges_below_the_scanner(wall):
     npt.assert_allclose(image[middle], 2.0, **QUANTUM)
 
 
-def test_lost_returns_are_marked_where_they_are(slope):
+def test_missing_returns_are_marked_at_their_positions(slope):
     lost = slope.scans.to_dataset().load()
     lost["range"][7, 20] = np.nan
     lost["range"][50:52, 100] = np.nan
@@ -234,8 +234,8 @@ def test_lost_returns_are_marked_where_they_are(slope):
 
 
 def test_of_many_scans_one_of_every_n_is_shown(slope, monkeypatch):
-    monkeypatch.setattr("trueterrain.figures.run.ranges._ROWS", 30)
-    monkeypatch.setattr("trueterrain.figures.run.ranges._AT_ONCE", 7)
+    monkeypatch.setattr("trueterrain.figures.run.ranges._MAX_SCANS", 30)
+    monkeypatch.setattr("trueterrain.figures.run.ranges._BLOCK", 7)
     ax = figures.range_image(slope)
     npt.assert_array_equal(ax.images[0].get_array().filled(np.nan), slope.scans.range[::4].T)
     assert notes(ax) == ["1 of 4 scans shown"]
@@ -301,7 +301,7 @@ def test_motion_by_navigation_and_of_navigation(slope):
     npt.assert_allclose(line(ax, "heave")[1], recorded_up - recorded_up[0], **EXACT)
 
 
-def test_motion_of_what_is_not_there(slope):
+def test_motion_of_a_missing_group(slope):
     with pytest.raises(ValueError, match="components must be some of up, pitch, roll"):
         figures.body_motion(slope, components=["yaw"])
     with pytest.raises(SchemaError, match=r"group truth/body: is missing"):
@@ -335,13 +335,13 @@ def test_errors_of_navigation_are_the_injected_ones(slope, wall):
     npt.assert_array_equal(drift, truth.drift_up)
     npt.assert_array_equal(ax.lines[1].get_ydata(), truth.error_up)
     npt.assert_array_equal(line(ax, "b: drift")[1], wall["truth/navigation"].drift_up)
-    assert legend_texts(ax) == ["a: drift", "and noise", "b: drift", "and noise"]
+    assert legend_texts(ax) == ["a: drift", "with noise", "b: drift", "with noise"]
     ax = figures.navigation_errors(slope, component="yaw")
     npt.assert_array_equal(line(ax, "slope-p")[1], truth.error_yaw)
     assert ax.get_ylabel() == "Error of yaw [deg]"
 
 
-def test_errors_of_what_has_none(slope):
+def test_errors_of_a_run_without_truth(slope):
     with pytest.raises(SchemaError, match=r"group truth/navigation: is missing\. Only simulated"):
         figures.navigation_errors(without_truth(slope))
     with pytest.raises(ValueError, match="component must be one of east"):
@@ -365,7 +365,7 @@ def test_the_spectrum_of_white_noise_is_level_and_holds_its_variance():
 
 
 @pytest.mark.parametrize("segments", [1, 4, 31])
-def test_the_confidence_band_holds_the_truth_as_often_as_it_says(segments):
+def test_the_confidence_band_has_its_stated_coverage(segments):
     rng = np.random.default_rng(segments)
     held, size = [], 200
     for _ in range(60):
@@ -395,10 +395,10 @@ def test_degrees_of_freedom_are_those_of_the_scatter():
     scatter = np.std(values) / np.mean(values)
     noted = notes(figures.spectrum(rng.standard_normal(500), 1.0, segment=200))[0]
     degrees = float(noted.split(", ")[2].split()[0])
-    assert scatter == pytest.approx(np.sqrt(2 / degrees), rel=0.07)  # 3000 values, some alike
+    assert scatter == pytest.approx(np.sqrt(2 / degrees), rel=0.07)  # 3000 values, some correlated
 
 
-def test_peaks_are_marked_where_they_are():
+def test_peaks_are_marked_at_their_frequencies():
     time = np.arange(20_000) / 500.0
     signal = np.sin(2 * np.pi * 1.25 * time) + 0.3 * np.sin(2 * np.pi * 10.75 * time)
     ax = figures.spectrum(
@@ -422,7 +422,7 @@ def test_a_spectrum_of_nothing():
         figures.spectrum(noise, 100.0, segment=11.0)
     with pytest.raises(ValueError, match="confidence must be between 0 and 1"):
         figures.spectrum(noise, 100.0, confidence=95)
-    with pytest.raises(ValueError, match="peak 'hop' must be sought where there is a frequency"):
+    with pytest.raises(ValueError, match="peak 'hop' must be searched where there is a frequency"):
         figures.spectrum(noise, 100.0, peaks={"hop": (80.0, 90.0)})
     with pytest.raises(ValueError, match="signal a must have one dimension and be finite"):
         figures.spectrum({"a": [1.0, np.nan]}, 100.0)
@@ -466,7 +466,7 @@ def test_navigation_from_above_and_its_heights():
         }
     )
     ax = figures.navigation_plan(drive)
-    npt.assert_array_equal(line(ax, "way"), [drive.east, drive.north])
+    npt.assert_array_equal(line(ax, "trajectory"), [drive.east, drive.north])
     assert notes(ax) == ["equal scale, 50 m driven"]
     ax = figures.navigation_heights(drive)
     npt.assert_allclose(line(ax, "height"), [time - 400_000.0, drive.up], **EXACT)

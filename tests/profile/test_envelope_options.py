@@ -120,8 +120,8 @@ def test_errors_of_the_command_are_one_line(run, road, tmp_path):
         (road, ("--offset", 0, "--envelope", "disc", "--radius", 0.1), "no option of a search"),
         (road, ("--offset", 0, "--envelope", "disc", "--load", 9), "load belongs to the envelope"),
         (road, ("--envelope", "disc"), "exactly one of --offset, --line and --path"),
-        (line, ("--offset", 0, "--envelope", "disc"), "a profile is a path of its own"),
-        (line, ("--offset", 0), "or roll a tyre along it with --envelope"),
+        (line, ("--offset", 0, "--envelope", "disc"), "a profile is its own path"),
+        (line, ("--offset", 0), "or roll a tyre along the profile with --envelope"),
         (cloud, ("--line", 0, 0, 1, 0, "--envelope", "disc"), "no height between them"),
         (road, ("--offset", 0.39, "--envelope", "disc"), "too little ground under the tyre"),
     ]:

@@ -1,6 +1,7 @@
-"""The command line: one small module per command, loaded when it is called.
+"""The command line: one module per command, imported when the command is called.
 
-Exit codes: 0 done, 2 bad input or arguments (one line on stderr; ``--debug`` adds the traceback).
+Exit codes: 0 done, 2 invalid input or arguments (one line on stderr; ``--debug`` adds the
+traceback). The page on the command line lists all of them.
 """
 
 import signal
@@ -12,37 +13,51 @@ from contextlib import suppress
 import cyclopts
 
 from trueterrain._version import __version__
-from trueterrain.cli._console import abandon_streams, in_words, prepare_streams, write_note
-from trueterrain.cli._numbers import require_usable
+from trueterrain.cli._console import abandon_streams, error_text, prepare_streams, write_note
+from trueterrain.cli._options import check_number, rename_options
 from trueterrain.core.errors import TrueTerrainError
 
-# exit codes by which shells name a program that nobody listened to any more, or that was ended
+# exit codes that shells give a program whose reader has closed the pipe, or that got SIGTERM
 _PIPE_CLOSED, _TERMINATED = 141, 143
 
-_COMMANDS = {
-    "calibrate": "Find how the scanner sits, and its clock, from passes over the same ground.",
-    "compare": "Say how well profiles, or surfaces, agree with each other and a reference.",
-    "convert": "Convert surfaces, points and profiles between file formats.",
-    "demo": "Survey a Belgian block road in two lanes, all the way to a report.",
-    "doctor": "Say what a bug report needs: versions, backends, cores.",
-    "evenness": "RMS of profiles in bands of wavelength, and under a straightedge.",
-    "event": "Design an excitation event: cleats that shake a vehicle in its modes.",
-    "filter": "Take waves out of profiles: low, high or band pass, moving average.",
-    "georeference": "Turn a recorded run into points: every return at its own time.",
-    "grid": "Grid recorded runs, or points, to a surface with its standard deviation.",
-    "info": "Say what a file is: kind, counts, extent, CRS, and what is wrong with it.",
-    "init": "Print complete settings to begin with, of a survey or a scene.",
-    "iri": "International Roughness Index of profiles.",
-    "merge": "Bring passes over the same ground into agreement: one ground of many lanes.",
-    "plate": "Design a calibration plate: cleats of known profile, the reference of tests.",
-    "plot": "Draw a surface, a point cloud, a profile, a recorded run or a navigation.",
-    "profile": "Extract the profile that a tyre feels along a path.",
-    "psd": "Power spectral density of profiles, with road class, Gd(n0) and waviness.",
-    "rn": "Ride Number of profiles.",
-    "run": "Take a whole survey from recorded runs to ground, profiles and a report.",
-    "simulate": "Drive a virtual profiler over known ground and record its runs.",
-    "verify": "Test how true a profiler is: standing, driving, over distance; certify it.",
+# groups in the order of --help, with their commands and one line on each
+_GROUPS = {
+    "Start": {
+        "demo": "Simulate a survey of two lanes, and process it up to the report.",
+        "info": "Show kind, counts, extent, CRS and problems of files.",
+        "init": "Print settings to start from: survey, scene or accuracy test.",
+        "convert": "Convert surfaces, points and profiles between file formats.",
+    },
+    "Survey": {
+        "run": "Process a survey: runs to surfaces, profiles and a report.",
+        "georeference": "Convert a recorded run to georeferenced points.",
+        "calibrate": "Estimate boresight, lever arm and clock of the scanner.",
+        "merge": "Bring passes over the same ground into agreement.",
+        "grid": "Grid runs or points to a surface with standard deviations.",
+    },
+    "Profile": {
+        "profile": "Extract the profile that a tyre feels along a path.",
+        "iri": "International Roughness Index of profiles.",
+        "rn": "Ride Number of profiles.",
+        "psd": "Power spectral density, road class, Gd(n0) and waviness.",
+        "evenness": "RMS in bands of wavelength, and rolling straightedge.",
+        "filter": "Filter profiles by wavelength: low, high or band pass.",
+        "compare": "Agreement of profiles or surfaces, also with a reference.",
+    },
+    "Accuracy": {
+        "event": "Design an excitation event that excites the modes of a vehicle.",
+        "plate": "Design a calibration plate with cleats of known profile.",
+        "verify": "Measure the accuracy of a profiler, and write a certificate.",
+    },
+    "Simulate": {
+        "simulate": "Simulate recorded runs whose true ground is known.",
+    },
+    "Other": {
+        "plot": "Draw a surface, points, profiles, a recorded run or navigation.",
+        "doctor": "Show versions, backends and cores for a bug report.",
+    },
 }
+_COMMANDS = {name: text for commands in _GROUPS.values() for name, text in commands.items()}
 
 
 def command_line(called: str | None = None) -> cyclopts.App:
@@ -51,8 +66,8 @@ def command_line(called: str | None = None) -> cyclopts.App:
     Parameters
     ----------
     called : str, optional
-        The command that is called. It explains itself; the others are listed with the words above,
-        since asking them would import all that they need.
+        The command that is called: its help comes from its own module. The others are listed with
+        the texts above, since their own would import their modules and make ``--help`` slow.
 
     Returns
     -------
@@ -62,15 +77,25 @@ def command_line(called: str | None = None) -> cyclopts.App:
     app = cyclopts.App(
         name="trueterrain",
         version=__version__,
-        default_parameter=cyclopts.Parameter(negative=(), validator=require_usable),
-        suppress_keyboard_interrupt=False,  # main says what became of the output
-        help="Ground you can trust: from measured terrain to the profile a tyre feels.",
+        default_parameter=cyclopts.Parameter(negative=(), validator=check_number),
+        suppress_keyboard_interrupt=False,  # main reports the state of the output
+        help="Terrain measurement: from recorded runs to surfaces, profiles and roughness.",
         help_epilogue="`trueterrain COMMAND --help` shows options, units and defaults. "
         "`--debug` adds tracebacks to errors.",
     )
-    for name, text in _COMMANDS.items():
-        listed = {} if name == called else {"help": text}
-        app.command(f"trueterrain.cli.{name}:{name}", name=name, **listed)
+    for number, (title, commands) in enumerate(_GROUPS.items()):
+        group = cyclopts.Group(title, sort_key=number)
+        for name, text in commands.items():
+            listed = {} if name == called else {"help": text}
+            app.command(
+                f"trueterrain.cli.{name}:{name}",
+                name=name,
+                group=group,
+                sort_key=list(commands).index(name),
+                **listed,
+            )
+    for flag in (*app.help_flags, *app.version_flags):
+        app[flag].group = group
     return app
 
 
@@ -89,23 +114,26 @@ def main(arguments: list[str] | None = None) -> None:
     called = next((argument for argument in arguments if argument in _COMMANDS), None)
     warnings.showwarning = _show_warning
     if threading.current_thread() is threading.main_thread():
-        # end as `timeout` and batch systems ask for it, but with half outputs taken away
+        # `timeout` and batch systems send SIGTERM: exit normally, so that partial output is removed
         signal.signal(signal.SIGTERM, lambda *_: sys.exit(_TERMINATED))
     try:
+        arguments, notes = rename_options(called or "", arguments)
+        for note in notes:
+            write_note(f"trueterrain: note: {note}")
         command_line(called)(arguments, exit_on_error=False, print_error=False)
         sys.stdout.flush()
-    except BrokenPipeError:  # whoever reads the output has seen enough, as `head` does
+    except BrokenPipeError:  # the reader has closed the pipe, as `head` does
         _exit_with(_PIPE_CLOSED)
     except (TrueTerrainError, ValueError, OSError, MemoryError, cyclopts.CycloptsError) as error:
         if debug:
             raise
-        _exit_with(2, f"trueterrain: error: {in_words(error)}")
+        _exit_with(2, f"trueterrain: error: {error_text(error)}")
     except KeyboardInterrupt:
         _exit_with(130, "trueterrain: stopped; nothing was left half written")
 
 
 def _exit_with(code: int, text: str = "") -> None:
-    """Exit with a last word, if anybody hears it."""
+    """Exit with a last line on stderr, if stderr is still open."""
     with suppress(OSError):
         if text:
             write_note(text)

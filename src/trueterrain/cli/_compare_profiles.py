@@ -1,4 +1,4 @@
-"""What ``trueterrain compare`` says of profiles."""
+"""Comparison of profiles for ``trueterrain compare``: document, tables and pictures."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
@@ -26,27 +26,27 @@ _PAIR = (
 _SCORES = ("repeatability", "accuracy", "corrected_repeatability", "corrected_accuracy")
 _ERRORS = ("best_shift", "scale", "mean", "rms", "nmad", "p95", "largest")
 _MM = 1000.0
-_MOST_LINES = 3  # of profiles in one panel
+_MAX_LINES = 3  # profiles in one panel, besides the reference
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ProfileComparison:
-    """Ratings, errors of heights and verdicts."""
+    """Ratings, height errors and verdicts on profiles."""
 
     data: "Mapping[str, xr.Dataset]"
     "Profiles by name."
 
     found: "xr.Dataset"
-    "Of `agreement`."
+    "Ratings of all pairs, by `profile_agreement`."
 
     errors: "xr.Dataset | None"
-    "Of `height_errors`; None without a reference."
+    "Height errors, by `height_errors`; None without a reference."
 
     checks: "list[LimitCheck]"
-    "Verdicts."
+    "Verdicts on the limits."
 
     options: "AgreementSettings"
-    "Filter and search."
+    "Filter and range of the search."
 
     @classmethod
     def of(
@@ -76,7 +76,7 @@ class ProfileComparison:
         )
 
     def document(self) -> dict[str, Any]:
-        """What is printed as JSON."""
+        """JSON document."""
         found = self.found
         return {
             "kind": "profiles",
@@ -131,9 +131,9 @@ class ProfileComparison:
         titles, panels = [], []
         for track in self.found["track"].values:
             column: list[Callable[[Any], object]] = []
-            for at in range(0, len(names), _MOST_LINES):
+            for at in range(0, len(names), _MAX_LINES):
                 shown = filtered_profiles(
-                    {name: self.data[name] for name in [*base, *names[at : at + _MOST_LINES]]},
+                    {name: self.data[name] for name in [*base, *names[at : at + _MAX_LINES]]},
                     reference=base[0],
                     track=str(track),
                     options=self.options,
@@ -152,7 +152,7 @@ class ProfileComparison:
         document["pairs"] = [
             {"first": str(first), "second": str(second)}
             | {name: float(one[name].sel(first=first, second=second)) for name in _PAIR}
-            for first, second in _in_order(one, self.found.attrs.get("reference"))
+            for first, second in _ordered_pairs(one, self.found.attrs.get("reference"))
         ]
         if self.errors is None:
             return document
@@ -167,17 +167,17 @@ class ProfileComparison:
 
 
 def bind_panel(draw: Callable[..., object], data: Any, **options: Any) -> Callable[[Any], object]:
-    """A panel: what draws data onto the axes that it is given."""
+    """Function that draws data into given axes."""
     return lambda ax: draw(data, ax=ax, **options)
 
 
 def format_millimetres(value: float) -> str:
-    """A length in millimetres; zero has no sign."""
+    """Length in millimetres; zero is written without a sign."""
     return f"{round(_MM * value, 3) + 0.0:.3f}"
 
 
 def _filter_text(options: "AgreementSettings") -> str:
-    """The filter in words."""
+    """Description of the filter."""
     from trueterrain.roughness import Butterworth
     from trueterrain.roughness.agreement import IRI_FILTER
 
@@ -185,16 +185,16 @@ def _filter_text(options: "AgreementSettings") -> str:
     if by is None:
         return "heights as they are"
     if by == IRI_FILTER:
-        return f"IRI filter (exact window 0.25 m), settled after {options.transient_length:g} m"
+        return f"IRI filter (exact window 0.25 m), settling length {options.settled:g} m"
     if isinstance(by, Butterworth):
         return (
-            f"Butterworth filter from {by.shortest:g} to {by.longest:g} m, order {by.order} forth "
-            f"and back, settled after {options.transient_length:g} m"
+            f"Butterworth filter from {by.shortest:g} to {by.longest:g} m, order {by.order} "
+            f"forward and backward, settling length {options.settled:g} m"
         )
     return f"filter {by}"
 
 
-def _in_order(one: "xr.Dataset", reference: str | None) -> Iterator[tuple[str, str]]:
+def _ordered_pairs(one: "xr.Dataset", reference: str | None) -> Iterator[tuple[str, str]]:
     """All pairs, those with the reference first."""
     import itertools
 
@@ -211,18 +211,18 @@ def _rating_matrix(one: "xr.Dataset") -> Iterator[list[str]]:
 
 
 def _pair_rows(one: "xr.Dataset", reference: str | None) -> Iterator[list[str]]:
-    """The reference with each, or each pair if there is none."""
-    sought = bool(one["distance_error"].notnull().any())
-    corrected = ["distance [%]", "corrected [%]"] if sought else []
+    """One row for each profile with the reference, or for each pair without a reference."""
+    with_distance = bool(one["distance_error"].notnull().any())
+    corrected = ["distance [%]", "corrected [%]"] if with_distance else []
     yield ["first", "second", "rating [%]", "shift [m]", "correlation", "sd ratio", *corrected]
-    for first, second in _in_order(one, reference):
+    for first, second in _ordered_pairs(one, reference):
         if reference is not None and first != reference:
             continue
         pair = one.sel(first=first, second=second)
         row = [first, second, f"{100 * float(pair['rating']):.2f}"]
         row += [f"{float(pair['best_shift']):+.4f}", f"{float(pair['correlation']):.4f}"]
         row.append(f"{float(pair['sd_ratio']):.4f}")
-        if sought:
+        if with_distance:
             row.append(f"{100 * float(pair['distance_error']):+.4f}")
             row.append(f"{100 * float(pair['corrected_rating']):.2f}")
         yield row
@@ -239,7 +239,7 @@ def _error_rows(errors: "xr.Dataset") -> Iterator[list[str]]:
 def _check_text(check: "LimitCheck", *, several: bool) -> str:
     where = f" of {check.track}" if several else ""
     value = _format_quantity(check.value, check.unit)
-    if check.value != check.value:  # not known
+    if check.value != check.value:  # NaN: unknown
         return f"{check.name}{where}: not judged, {check.reason}"
     if check.passed is None or check.limit is None:
         return f"{check.name}{where}: {value}, not judged: {check.reason}"

@@ -1,4 +1,4 @@
-"""What ``trueterrain compare`` says of surfaces."""
+"""Comparison of surfaces for ``trueterrain compare``: document, tables and pictures."""
 
 import itertools
 from collections.abc import Callable, Iterator, Mapping
@@ -16,47 +16,47 @@ if TYPE_CHECKING:
 
 _NUMBERS = ("mean", "median", "rms", "nmad", "p95", "largest")
 _AXES: tuple[Literal["along", "across"], ...] = ("along", "across")
-_SPOKEN = (0.1, 1.0, 10.0, 100.0)  # [m] distances for which the structure function is printed
+_PRINTED = (0.1, 1.0, 10.0, 100.0)  # [m] distances for which the structure function is printed
 
 
 @dataclass(frozen=True, kw_only=True)
 class DifferenceRow:
-    """Statistics of one surface, or of several together, in one lane or as a whole."""
+    """Difference statistics of one surface or several pooled, for one lane or the full width."""
 
     surface: str | None
-    "Its name; None for several together."
+    "Name of the surface; None for several pooled."
 
     reference: str | None
-    "What it was compared with."
+    "Name of the reference."
 
     lane: tuple[float, float] | None
     "Right and left edge of the lane [m]; None for the whole surface."
 
     speed: float | None
-    "Speed at which it was measured [km/h]; None if it is not known, or does not matter."
+    "Speed of the measurement [km/h]; None if unknown."
 
     found: "HeightDifferences"
-    "Statistics."
+    "Statistics of the difference."
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SurfaceComparison:
-    """Differences of surfaces, with their statistics and structure functions."""
+    """Differences of surfaces with their statistics and structure functions."""
 
     differences: "dict[tuple[str, str], xr.Dataset]"
-    "By names of the surface and of its reference."
+    "Differences by names of the surface and of its reference."
 
     rows: list[DifferenceRow]
-    "Each surface, as a whole and by lane."
+    "Statistics of each surface, as a whole and by lane."
 
     by_speed: list[DifferenceRow]
-    "All surfaces of one speed together."
+    "Statistics of all surfaces of the same speed, pooled."
 
     structure: "dict[tuple[str, str, str], xr.Dataset]"
     "Structure functions by surface, reference and axis."
 
     left_out: list[str]
-    "What was not compared, and why."
+    "Comparisons that were not made, and why."
 
     @classmethod
     def of(
@@ -93,7 +93,7 @@ class SurfaceComparison:
         )
 
     def document(self) -> dict[str, Any]:
-        """What is printed as JSON."""
+        """JSON document."""
         return {
             "kind": "surfaces",
             "differences": [_as_dict(row) for row in self.rows],
@@ -114,10 +114,12 @@ class SurfaceComparison:
         write_table(list(_table_rows(self.rows)))
         if self.by_speed:
             write_line()
-            write_line("All surfaces of one speed together [mm]")
+            write_line("All surfaces of the same speed, pooled [mm]")
             write_table(list(_table_rows(self.by_speed)))
         write_line()
-        write_line("Root mean square change of the difference over a distance [mm]")
+        write_line(
+            "Root of the structure function: RMS change of the difference over a distance [mm]"
+        )
         write_table(list(_structure_rows(self.structure)))
         for text in self.left_out:
             write_line(f"Not compared {text}.")
@@ -138,7 +140,7 @@ class SurfaceComparison:
 
 
 def _surface_pairs(names: list[str], reference: str | None) -> list[tuple[str, str]]:
-    """Each surface with its reference."""
+    """Pairs of a surface and its reference."""
     if reference is not None:
         return [(name, reference) for name in names if name != reference]
     return [(second, first) for first, second in itertools.combinations(names, 2)]
@@ -150,7 +152,7 @@ def _speeds_by_name(
     if not speed:
         return {}
     if reference is None:
-        message = "--speed needs --reference: else a difference has two speeds."
+        message = "--speed needs --reference: without it a difference has two speeds."
         raise ValueError(message)
     if len(speed) != len(names):
         message = f"--speed must name one speed for each of {len(names)} surfaces, got {len(speed)}"
@@ -231,15 +233,19 @@ def _table_rows(rows: list[DifferenceRow]) -> Iterator[list[str]]:
 
 
 def _structure_rows(structure: "Mapping[tuple[str, str, str], xr.Dataset]") -> Iterator[list[str]]:
-    """Structure functions at a few round distances, as far as they reach."""
+    """Structure functions at the printed distances; a dash beyond their range."""
     import numpy as np
 
-    yield ["surface", "reference", "axis", *(f"{distance:g} m" for distance in _SPOKEN)]
+    yield ["surface", "reference", "axis", *(f"{distance:g} m" for distance in _PRINTED)]
     for (surface, reference, axis), one in structure.items():
-        reach = one["distance"].values
+        distances = one["distance"].values
         texts = []
-        for distance in _SPOKEN:
-            known = reach.size > 0 and reach[0] <= 1.01 * distance and distance <= 1.01 * reach[-1]
-            value = np.interp(distance, reach, one["structure"].values) if known else 0.0
+        for distance in _PRINTED:
+            known = (
+                distances.size > 0
+                and distances[0] <= 1.01 * distance
+                and distance <= 1.01 * distances[-1]
+            )
+            value = np.interp(distance, distances, one["structure"].values) if known else 0.0
             texts.append(format_millimetres(value**0.5) if known else "-")
         yield [surface, reference, axis, *texts]

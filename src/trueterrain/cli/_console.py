@@ -1,17 +1,27 @@
-"""How commands speak: results on stdout, everything else on stderr."""
+"""Output of commands: results on stdout, everything else on stderr."""
 
 import json
 import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from trueterrain.core.json_values import json_values, printable_text
 from trueterrain.core.progress import Progress
 
-_MOST_THREADS = 1024  # no machine works with more at once
-_NARROWEST = 20  # [characters] of a terminal that help is set for
+if TYPE_CHECKING:
+    import xarray as xr
+
+_MAX_THREADS = 1024  # more than any machine has processors: a mistake
+_MIN_COLUMNS = 20  # [characters] narrowest terminal for which help is formatted
+
+# variables that a format can hold; formats that are not listed hold all
+_HELD = {
+    ".erd": ("height",),
+    ".crg": ("height", "easting", "northing", "heading", "elevation", "banking", "filled"),
+}
 
 
 def write_line(text: str = "") -> None:
@@ -19,13 +29,13 @@ def write_line(text: str = "") -> None:
     sys.stdout.write(printable_text(text) + "\n")
 
 
-def out_json(document: Any) -> None:
+def write_json(document: Any) -> None:
     """Write one JSON document to stdout; numbers that are not finite become null."""
     write_line(json.dumps(json_values(document), indent=2, allow_nan=False))
 
 
-def in_words(error: Exception) -> str:
-    """Say in one line what is wrong."""
+def error_text(error: Exception) -> str:
+    """Message of an error in one line, with what to do about it."""
     if isinstance(error, MemoryError):
         cure = "Choose a coarser spacing, a smaller search area or a part of the data."
         return " ".join(f"there is not enough memory ({error}). {cure}".split())
@@ -36,28 +46,43 @@ def in_words(error: Exception) -> str:
 
 
 def write_note(text: str) -> None:
-    """Tell the user something that is not the result, on stderr."""
+    """Write one line that is not part of the result to stderr."""
     sys.stderr.write(printable_text(text) + "\n")
 
 
-def prepare_streams() -> None:
-    """Make stdout and stderr take any text, whatever they are, and give help a width.
+def note_omissions(data: "xr.Dataset", output: Path) -> None:
+    """Note the variables and attributes that the format of the output cannot hold."""
+    held = _HELD.get(output.suffix.lower())
+    omitted = [str(name) for name in data.data_vars if held is not None and name not in held]
+    if data.attrs.get("crs") and output.suffix.lower() in (".csv", ".erd"):
+        omitted.append("CRS")
+    if data.attrs.get("not_read"):
+        write_note(f"{output}: not kept, since it is not read: {data.attrs['not_read']}")
+    if omitted:
+        write_note(f"{output}: not kept, since the format cannot hold it: {', '.join(omitted)}")
 
-    What is closed swallows what is written; what the encoding lacks is written as an escape.
+
+def prepare_streams() -> None:
+    """Make stdout and stderr accept any text, and give help a valid width.
+
+    A closed stream discards what is written; characters that the encoding lacks are escaped.
     """
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
-        if stream is None:  # closed by whoever started the program
+        if stream is None:  # closed by the calling program
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: PTH123, SIM115
         elif hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
     columns = os.environ.get("COLUMNS")
-    if columns is not None and (not columns.isdecimal() or int(columns) < _NARROWEST):
+    if columns is not None and (not columns.isdecimal() or int(columns) < _MIN_COLUMNS):
         del os.environ["COLUMNS"]
 
 
 def abandon_streams() -> None:
-    """Let stdout and stderr go nowhere: python would complain at exit of what they do not take."""
+    """Discard what stdout and stderr still hold if they cannot write it.
+
+    Python would report the failed write at exit, and change the exit code.
+    """
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
@@ -82,14 +107,14 @@ def progress_bar() -> Iterator[Progress]:
     from rich.text import Text
 
     class Rate(ProgressColumn):
-        """How much is done in a second."""
+        """Progress per second."""
 
         def render(self, task: Task) -> Text:
             return Text(f"{task.speed:,.0f}/s" if task.speed else "")
 
     console = Console(stderr=True)
     columns = (
-        TextColumn("{task.description}", markup=False),  # names of runs stand in it
+        TextColumn("{task.description}", markup=False),  # it may hold names of runs
         BarColumn(),
         TextColumn("{task.percentage:>3.0f} %"),
         Rate(),
@@ -107,43 +132,41 @@ def progress_bar() -> Iterator[Progress]:
         yield show
 
 
-def worker_threads(asked: int | None) -> int:
-    """How many threads work at once: as asked for, else one for each processor."""
-    if asked is None:
+def worker_threads(requested: int | None) -> int:
+    """Number of threads: as requested, by default one for each processor."""
+    if requested is None:
         return available_processors()
-    if not 1 <= asked <= _MOST_THREADS:
-        message = f"threads must be from 1 to {_MOST_THREADS}, got {asked}."
+    if not 1 <= requested <= _MAX_THREADS:
+        message = f"threads must be from 1 to {_MAX_THREADS}, got {requested}."
         raise ValueError(message)
-    return asked
+    return requested
 
 
 def available_processors() -> int:
-    """Processors that this process may use."""
-    import os
-
+    """Number of processors that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 @contextmanager
-def compiling_noted() -> Iterator[None]:
-    """Say on a terminal that kernels are compiled: the first call on a machine looks stuck else."""
+def note_compilation() -> Iterator[None]:
+    """Note on a terminal that kernels are compiled, which delays the first call on a machine."""
     if not sys.stderr.isatty():
         yield
         return
     from numba.core import event
 
-    class Tell(event.Listener):  # type: ignore[misc]  # numba has no types
-        told = False
+    class CompilationListener(event.Listener):  # type: ignore[misc]  # numba has no types
+        noted = False
 
-        def on_start(self, event: Any) -> None:  # noqa: ARG002 - as numba calls it
-            if not self.told:
+        def on_start(self, event: Any) -> None:  # noqa: ARG002 - numba passes it by name
+            if not self.noted:
                 write_note("compiling kernels, once on this machine ...")
-            self.told = True
+            self.noted = True
 
         def on_end(self, event: Any) -> None:
             pass
 
-    with event.install_listener("numba:compile", Tell()):
+    with event.install_listener("numba:compile", CompilationListener()):
         yield

@@ -1,4 +1,4 @@
-"""Motion of runs on the command line."""
+"""Trajectories of recorded runs on the command line."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -12,29 +12,29 @@ if TYPE_CHECKING:
 Method = Literal["navigation", "thesis", "zero-phase", "wiener", "rts"]
 
 
-def motion_of(
+def run_trajectory(
     run: Path, method: Method, begin: float | None = None, end: float | None = None
 ) -> "Trajectory":
-    """Motion of the body over a run; what is flagged about it or the scans goes to stderr.
+    """Trajectory of the body over a run; problems of motion and scans are noted on stderr.
 
     Parameters
     ----------
     run : Path
         Store of the run.
     method : str
-        How it is found.
+        Method of `trueterrain.motion.fuse_motion`.
     begin, end : float, optional
-        Times between which it is taken [s].
+        First and last time of the trajectory [s]; by default those of the navigation.
 
     Returns
     -------
     Trajectory
-        Over the time of the navigation, or between the times.
+        Position and attitude with covariance.
 
     Raises
     ------
     SchemaError
-        If navigation or scans break a rule, such as a clock that runs backward.
+        If navigation or scans are invalid, such as a clock that runs backward.
     CoverageError
         If there is too little navigation, or it covers no scan.
     """
@@ -48,7 +48,7 @@ def motion_of(
 
 
 def require_run(path: Path) -> None:
-    """Raise SchemaError if a file is no run.
+    """Raise SchemaError if a file is not a recorded run.
 
     Parameters
     ----------

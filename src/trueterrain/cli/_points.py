@@ -1,4 +1,4 @@
-"""Points on the command line: which are taken, and what is said of their units and classes."""
+"""Points on the command line: filters, extents, counters, and notes on units and classes."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -13,44 +13,48 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
+    from trueterrain.core import Progress
     from trueterrain.formats import PointFilter
     from trueterrain.profile import WheelPath
 
-_CELLS = 1024  # most cells per axis in which points near a path are looked for
+_MAX_CELLS = 1024  # cells per axis of the mask of points near a path
 
-#: Option of a command that reads points: their classes.
+#: West, south, east and north edge of an area [m].
+Bounds = tuple[float, float, float, float]
+
+#: Option ``--class`` of a command that reads points.
 Classes = Annotated[str | None, Parameter(name="--class")]
 
-#: Option of a command that reads points: their returns.
+#: Option ``--return`` of a command that reads points.
 Returns = Annotated[str | None, Parameter(name="--return")]
 
 
 def point_filter(classes: str | None, returns: str | None) -> "PointFilter | None":
-    """Filter that the options name.
+    """Filter of points by the options ``--class`` and ``--return``.
 
     Parameters
     ----------
     classes : str or None
-        Numbers of classes between commas.
+        Class numbers separated by commas.
     returns : str or None
-        first, last, or a number.
+        "first", "last", or the number of the return.
 
     Returns
     -------
     PointFilter or None
-        None if no option is given.
+        None if neither option is given.
 
     Raises
     ------
     ValueError
-        If an option means nothing.
+        If an option is neither of these.
     """
     if classes is None and returns is None:
         return None
     from trueterrain.formats import PointFilter
 
     try:
-        numbers = tuple(int(one) for one in (classes or "").split(",") if classes)
+        numbers = tuple(int(number) for number in (classes or "").split(",") if classes)
     except ValueError:
         message = f"--class takes numbers between commas, such as 2,11, got {classes!r}."
         raise ValueError(message) from None
@@ -60,20 +64,20 @@ def point_filter(classes: str | None, returns: str | None) -> "PointFilter | Non
             message = f"--return takes first, last or a number, got {returns!r}."
             raise ValueError(message)
         which = int(returns)
-    return PointFilter(classes=numbers, returns=which)  # type: ignore[arg-type]  # checked by itself
+    return PointFilter(classes=numbers, returns=which)  # type: ignore[arg-type]  # PointFilter checks it
 
 
 def require_points(only: "PointFilter | None", path: Path, kind: str) -> None:
-    """Raise ValueError if points are chosen in a file that holds something else.
+    """Raise ValueError if a filter of points is given for a file that holds no points.
 
     Parameters
     ----------
     only : PointFilter or None
-        What the options name.
+        Filter by the options.
     path : Path
         The file.
     kind : str
-        Its kind, as by `trueterrain.formats.kind_of_file`.
+        Kind of the file, as by `trueterrain.formats.kind_of_file`.
     """
     if only is not None and kind != "points":
         message = f"--class and --return choose points, got {path}, which holds a {kind}."
@@ -81,14 +85,14 @@ def require_points(only: "PointFilter | None", path: Path, kind: str) -> None:
 
 
 def note_conversion(files: Iterable[Path], crs: str | None = None) -> None:
-    """Say which files are in feet, and how they become metres.
+    """Note the files that are in feet, and how they are converted to metres.
 
     Parameters
     ----------
     files : iterable of Path
         Files of points.
     crs : str, optional
-        Coordinate reference system that is taken instead of what the files say.
+        Coordinate reference system that replaces those of the files.
     """
     from trueterrain import formats
 
@@ -97,17 +101,92 @@ def note_conversion(files: Iterable[Path], crs: str | None = None) -> None:
             write_note(f"{file}: {text}")
 
 
+def point_extent(file: Path, crs: str | None) -> Bounds:
+    """Bounds of the points in a file, from its header if that states them.
+
+    Parameters
+    ----------
+    file : Path
+        Points.
+    crs : str or None
+        Coordinate reference system, if the file names none or a wrong one.
+
+    Returns
+    -------
+    tuple of float
+        Minimum easting and northing, maximum easting and northing [m].
+    """
+    import numpy as np
+
+    from trueterrain import formats
+
+    module = formats.recognise_format(file).module
+    if module == "las":
+        from trueterrain.formats import las
+
+        _, (low, high) = las.header_of(file, crs)
+        if np.isfinite([*low, *high]).all() and (low[:2] <= high[:2]).all():
+            return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+    if module == "store":
+        extent = formats.info(file)["extent"]
+        if "easting" in extent and "northing" in extent:
+            (west, east), (south, north) = extent["easting"], extent["northing"]
+            return west, south, east, north
+    edges = [np.inf, np.inf, -np.inf, -np.inf]
+    for block in formats.point_blocks(file, crs=crs, variables=()):
+        for axis, name in enumerate(("easting", "northing")):
+            edges[axis] = min(edges[axis], float(block[name].min()))
+            edges[axis + 2] = max(edges[axis + 2], float(block[name].max()))
+    return edges[0], edges[1], edges[2], edges[3]
+
+
+class PointCounter:
+    """Iterator over blocks of points that counts them and shows progress.
+
+    Parameters
+    ----------
+    blocks : iterator of xarray.Dataset
+        Points.
+    progress : callable
+        Shows progress.
+    scans : int, optional
+        Number of scans of the run that the points come from; the attribute ``scans`` of each block
+        is then the number of scans done.
+    """
+
+    def __init__(
+        self, blocks: "Iterator[xr.Dataset]", progress: "Progress", scans: int | None = None
+    ) -> None:
+        self._blocks = blocks
+        self._progress = progress
+        self._scans = scans
+        self.points = 0
+        self.last: xr.Dataset | None = None
+
+    def __iter__(self) -> "Iterator[xr.Dataset]":
+        for block in self._blocks:
+            yield block
+            # counted after the yield: a block counts when its consumer asks for the next one
+            self.points += block.sizes["point"]
+            self.last = block
+            done = 0 if self._scans is None else block.attrs["scans"]
+            self._progress(f"{self.points:,} points", done, self._scans)
+
+
 class PointsAlong:
-    """Blocks of points, and what of them is no ground within reach of a path.
+    """Blocks of points near a path, with a count of the points in each class.
+
+    Points of classes above the ground, such as vegetation, are counted only within `reach` of the
+    path: elsewhere they do not affect the profile and need no warning.
 
     Parameters
     ----------
     blocks : iterator of xarray.Dataset
         Points.
     path : WheelPath
-        Path points.
+        Points of the path.
     reach : float
-        Largest distance from a path point [m].
+        Maximum distance from a point of the path [m].
     """
 
     def __init__(self, blocks: "Iterator[xr.Dataset]", path: "WheelPath", reach: float) -> None:
@@ -120,15 +199,16 @@ class PointsAlong:
         self._blocks = blocks
         self._reach = reach
         self._counts = ReturnCounts()
-        at = np.stack([path.easting, path.northing], axis=1)
-        self._tree = cKDTree(at)
-        self._low = at.min(axis=0) - reach
-        extent = np.ptp(at, axis=0) + 2 * reach
-        self._cell = max(reach, float(extent.max()) / _CELLS)
+        position = np.stack([path.easting, path.northing], axis=1)
+        self._tree = cKDTree(position)
+        self._corner = position.min(axis=0) - reach
+        extent = np.ptp(position, axis=0) + 2 * reach
+        # a coarse mask of cells near the path, at least `reach` wide, spares most points the tree
+        self._cell = max(reach, float(extent.max()) / _MAX_CELLS)
         shape = np.floor(extent / self._cell).astype(int) + 1
         touched = np.zeros(shape, bool)
-        touched[tuple(((at - self._low) / self._cell).astype(int).T)] = True
-        self._touched = binary_dilation(touched, np.ones((3, 3), bool))
+        touched[tuple(((position - self._corner) / self._cell).astype(int).T)] = True
+        self._near = binary_dilation(touched, np.ones((3, 3), bool))
 
     def __iter__(self) -> "Iterator[xr.Dataset]":
         for block in self._blocks:
@@ -138,7 +218,7 @@ class PointsAlong:
 
     @property
     def classes(self) -> dict[str, int]:
-        """Points by class; of those above the ground only the ones along the path."""
+        """Number of points by class; classes above the ground are counted near the path only."""
         return self._counts.classes
 
     def _count(self, block: "xr.Dataset") -> None:
@@ -147,12 +227,12 @@ class PointsAlong:
         from trueterrain.formats.point_filter import ABOVE_GROUND
 
         classes = block["classification"].values
-        other = np.isin(classes, ABOVE_GROUND)
-        self._counts.add({"classification": classes[~other]})
-        at = np.stack([block[name].values[other] for name in ("easting", "northing")], axis=1)
-        cell = np.floor((at - self._low) / self._cell)
-        inside = np.flatnonzero(((cell >= 0) & (cell < self._touched.shape)).all(axis=1))
-        inside = inside[self._touched[tuple(cell[inside].astype(int).T)]]
-        distance, _ = self._tree.query(at[inside], distance_upper_bound=self._reach)
+        above = np.isin(classes, ABOVE_GROUND)
+        self._counts.add({"classification": classes[~above]})
+        position = np.stack([block[name].values[above] for name in ("easting", "northing")], axis=1)
+        cell = np.floor((position - self._corner) / self._cell)
+        inside = np.flatnonzero(((cell >= 0) & (cell < self._near.shape)).all(axis=1))
+        inside = inside[self._near[tuple(cell[inside].astype(int).T)]]
+        distance, _ = self._tree.query(position[inside], distance_upper_bound=self._reach)
         near = inside[np.isfinite(distance)]
-        self._counts.add({"classification": classes[other][near]})
+        self._counts.add({"classification": classes[above][near]})

@@ -1,4 +1,4 @@
-"""What the commands that rate profiles share: reading, flags, tables, pictures."""
+"""Common parts of the commands that rate profiles: reading, warnings, tables, pictures."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 
 Window = Literal["sayers", "centred", "exact", "none"]
 
-_WIDTH, _HEIGHT, _TITLE = 8.0, 3.2, 0.3  # [inches] of a picture, a panel and a title
-_SHOWN = 20  # stretches that are printed of each track
+_WIDTH, _HEIGHT, _TITLE = 8.0, 3.2, 0.3  # [inches] width of a picture; height of panel, title
+_MAX_STRETCHES = 20  # printed for each track
 
 
 def read_profile(path: Path) -> "xr.Dataset":
-    """Profile from a file; warns of what is implausible about it."""
+    """Profile from a file, with a warning for each implausible property."""
     from trueterrain import formats
     from trueterrain.core.schemas import kind_of
     from trueterrain.roughness import flag_profile
@@ -42,7 +42,7 @@ def read_profile(path: Path) -> "xr.Dataset":
 
 
 def warn_of_rating(path: Path, profile: "xr.Dataset", options: "QuarterCarSettings") -> None:
-    """Say what makes an index of a profile inaccurate."""
+    """Warn of properties of a profile that make its index inaccurate."""
     from trueterrain.roughness.plausible import rating_flags
 
     for flag in rating_flags(profile, options):
@@ -50,12 +50,12 @@ def warn_of_rating(path: Path, profile: "xr.Dataset", options: "QuarterCarSettin
 
 
 def write_warning(text: str) -> None:
-    """Say on stderr what is to be flagged about a result."""
+    """Write a warning about a result to stderr."""
     write_note(f"trueterrain: warning: {text}")
 
 
 def write_table(rows: list[list[str]]) -> None:
-    """Right-aligned columns; remarks may stand behind them."""
+    """Write right-aligned columns; a row may end with remarks that belong to no column."""
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     for row in rows:
         cells = [cell.rjust(width) for cell, width in zip(row, widths, strict=False)]
@@ -63,8 +63,8 @@ def write_table(rows: list[list[str]]) -> None:
 
 
 def worst_stretches(found: Sequence[dict[str, float]]) -> tuple[list[dict[str, float]], str]:
-    """Stretches with the largest peaks in the order of the road, and a word on the others."""
-    largest = sorted(found, key=lambda one: -abs(one["peak"]))[:_SHOWN]
+    """Stretches with the largest peaks, in order of station, and a line on the others."""
+    largest = sorted(found, key=lambda one: -abs(one["peak"]))[:_MAX_STRETCHES]
     kept = sorted(largest, key=lambda one: one["start"])
     others = len(found) - len(kept)
     return kept, f"  and {others} others that are less; --json lists all" if others else ""
@@ -78,7 +78,7 @@ def draw_panels(
     force: bool,
     height: float = _HEIGHT,
 ) -> None:
-    """Draw the panels of all files below each other into one picture."""
+    """Draw the panels of all files below each other in one picture."""
     import matplotlib.pyplot as plt
 
     from trueterrain import figures
@@ -95,7 +95,7 @@ def draw_panels(
 
 
 def explain_run(options: "QuarterCarSettings", start: str) -> str:
-    """Conventions of a car in words, since they change the index."""
+    """Text on the conventions of a quarter car: they change the index."""
     length = "" if options.window == "none" else f" ({options.window_length:g} m)"
     run = "a new car in every segment" if options.restart else "one run over the whole profile"
     speed = 3.6 * options.speed

@@ -1,4 +1,4 @@
-"""Recordings on the command line: what ``info`` says of them, and who cannot use them."""
+"""Recordings on the command line: rows of ``info``, and errors where ground is required."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -9,26 +9,26 @@ from trueterrain.core.errors import SchemaError
 
 Rows = Iterator[tuple[str, str]]
 
-#: Kinds of files that hold what was recorded, not yet ground.
+#: Kinds of files that hold recorded data, not ground.
 RECORDED = {"run": "a run", "navigation": "navigation", "accuracy": "the accuracy of navigation"}
 
 _AXES = ("east", "north", "up")
-_TURNS = ("roll", "pitch", "yaw")
-_STEADY = 1e-6  # [s] of jitter that is not worth a word
-_TIMES = {"run": "seconds since any moment", "gps": "seconds of the GPS week"}
+_ROTATIONS = ("roll", "pitch", "yaw")
+_MIN_JITTER = 1e-6  # [s] below this, jitter is not shown
+_TIMES = {"run": "seconds since an arbitrary epoch", "gps": "seconds of the GPS week"}
 
 
-def refuse_recording(path: Path, kind: str, wanted: str) -> None:
-    """Raise if a file is a recording where ground is wanted.
+def refuse_recording(path: Path, kind: str, required: str) -> None:
+    """Raise SchemaError if a file is a recording and a command requires ground.
 
     Parameters
     ----------
     path : Path
         The file.
     kind : str
-        Its kind, as by `trueterrain.formats.kind_of_file`.
-    wanted : str
-        What it should be, in words.
+        Kind of the file, as by `trueterrain.formats.kind_of_file`.
+    required : str
+        Kind that is required, with its article, for the message.
 
     Raises
     ------
@@ -40,24 +40,24 @@ def refuse_recording(path: Path, kind: str, wanted: str) -> None:
         if kind == "run":
             cure = f"Grid it first: trueterrain grid {path} -o surface.crg. {cure}"
         raise SchemaError(
-            f"is {RECORDED[kind]}, not {wanted}; this needs georeferenced points",
+            f"is {RECORDED[kind]}, not {required}; this needs georeferenced points",
             path=path,
             cure=cure,
         )
 
 
 def rows_of_recording(summary: Mapping[str, Any]) -> Rows:
-    """What is said of a run, of navigation or of accuracy, as titles and texts.
+    """Rows of ``info`` for a run, for navigation or for its accuracy.
 
     Parameters
     ----------
     summary : mapping
-        Of `trueterrain.formats.info`.
+        Result of `trueterrain.formats.info`.
 
     Yields
     ------
     tuple of str
-        Title, empty where the last one goes on, and text.
+        Title, empty on a continued row, and text.
     """
     yield from {"run": _run_rows, "navigation": _navigation_rows, "accuracy": _accuracy_rows}[
         summary["kind"]
@@ -80,8 +80,8 @@ def _run_rows(summary: Mapping[str, Any]) -> Rows:
             continue
         sensors = part.get("beams") or part.get("sensors")
         of = {"scans": "beams", "accelerometers": "sensors"}.get(name)
-        many = f"{what} of {sensors:,} {of}" if sensors and of else what
-        yield name, _timing_text(part, many)
+        counted = f"{what} of {sensors:,} {of}" if sensors and of else what
+        yield name, _timing_text(part, counted)
         if name == "scans":
             yield from (("", text) for text in _scan_text(part))
         if name == "navigation":
@@ -118,20 +118,20 @@ def _accuracy_rows(summary: Mapping[str, Any]) -> Rows:
     for which in ("median", "largest"):
         sd = summary[which]
         position = ", ".join(f"{axis} {sd[f'sd_{axis}']:.3f}" for axis in _AXES)
-        turns = ", ".join(f"{axis} {math.degrees(sd[f'sd_{axis}']):.4f}" for axis in _TURNS)
-        yield f"{which} sd", f"{position} m; {turns} deg"
+        rotations = ", ".join(f"{axis} {math.degrees(sd[f'sd_{axis}']):.4f}" for axis in _ROTATIONS)
+        yield f"{which} sd", f"{position} m; {rotations} deg"
     yield from _listed_rows("gaps", list(_gap_text(summary)) or ["none"])
 
 
 def _timing_text(part: Mapping[str, Any], what: str) -> str:
-    """How many, how often, from when to when."""
+    """Count, rate, time span and jitter of a stream."""
     texts = [f"{part['count']:,} {what}".rstrip()]
     if part["rate"]:
         texts.append(f"{part['rate']:.6g} Hz")
     if part["time"]:
         start, end = part["time"]
         texts.append(f"{start:.3f} to {end:.3f} s ({end - start:.3f} s)")
-    if part["jitter"] and part["jitter"] > _STEADY:
+    if part["jitter"] and part["jitter"] > _MIN_JITTER:
         texts.append(f"jitter {1e3 * part['jitter']:.2g} ms (rms)")
     return ", ".join(texts)
 
@@ -147,15 +147,15 @@ def _scan_text(scans: Mapping[str, Any]) -> Iterator[str]:
         yield ", ".join(texts)
     if "returns" in scans:
         intensity = "with intensity" if scans["intensity"] else "without intensity"
-        lost = scans["dropouts"]
-        without = "" if lost is None else f", {lost:.3%} of the beams without a return"
+        dropouts = scans["dropouts"]
+        without = "" if dropouts is None else f", {dropouts:.3%} of the beams without a return"
         yield f"{scans['returns']:,} returns {intensity}{without}"
 
 
 def _trajectory_text(summary: Mapping[str, Any]) -> Iterator[str]:
     if "distance" in summary:
         speed = summary["navigation"]["speed"]
-        yield f"way of {summary['distance']:.2f} m, up to {speed:.2f} m/s"
+        yield f"distance {summary['distance']:.2f} m, up to {speed:.2f} m/s"
     if summary.get("extent"):
         spans = (
             f"{axis} {low:.3f} to {high:.3f} m" for axis, (low, high) in summary["extent"].items()
@@ -172,12 +172,15 @@ def _gap_text(part: Mapping[str, Any]) -> Iterator[str]:
 
 def _mounting_rows(mounting: Mapping[str, Any]) -> Rows:
     try:
-        place = ", ".join(f"{value:g}" for value in mounting["scanner_position"])
-        turns = ", ".join(f"{math.degrees(value):g}" for value in mounting["scanner_rotation"])
+        position = ", ".join(f"{value:g}" for value in mounting["scanner_position"])
+        rotation = ", ".join(f"{math.degrees(value):g}" for value in mounting["scanner_rotation"])
         clocks = [1e3 * mounting[f"{name}_clock"] for name in ("scanner", "accelerometer")]
     except (KeyError, TypeError, ValueError):
-        return  # the problems tell what is wrong with it
-    yield "scanner at", f"{place} m (forward, left, up), turned by {turns} deg (roll, pitch, yaw)"
+        return  # the problems state what is wrong with it
+    yield (
+        "scanner at",
+        f"{position} m (forward, left, up), turned by {rotation} deg (roll, pitch, yaw)",
+    )
     yield "clocks", f"scanner {clocks[0]:+g} ms, accelerometers {clocks[1]:+g} ms"
 
 
@@ -195,16 +198,16 @@ def _listed_rows(title: str, texts: list[str]) -> Rows:
 
 
 def kind_of_all(inputs: list[Path], *, other: str, mixed: str) -> str:
-    """Kind of several inputs, which are all runs or all points.
+    """Kind of several inputs: all runs or all points.
 
     Parameters
     ----------
     inputs : list of Path
         The files.
     other : str
-        What to do about something else.
+        Cure if an input is of another kind.
     mixed : str
-        What to do about a mixture.
+        Cure if runs and points are mixed.
 
     Returns
     -------
@@ -214,7 +217,7 @@ def kind_of_all(inputs: list[Path], *, other: str, mixed: str) -> str:
     Raises
     ------
     SchemaError
-        If one is of another kind.
+        If an input is neither, or not of the kind of the first.
     """
     from trueterrain import formats
 

@@ -1,4 +1,4 @@
-"""Table 3-1 of the thesis on the virtual profiler: recorded, evaluated, and shown."""
+"""Table 3-1 of the thesis reproduced with the virtual profiler: ``trueterrain verify table``."""
 
 import math
 import tempfile
@@ -15,37 +15,40 @@ if TYPE_CHECKING:
 
 _MILLI = 1e3
 
-#: Length of the plate at either end that is not compared: an upright face of its own [m].
+#: Length at each end of the plate that is not compared: the plate ends in an upright face [m].
 RIM = 0.05
 
-#: Scenes and the rows for which they are recorded; the first serves two rows.
+#: Scenes and the rows for which they are recorded; the first gives two rows.
 _SCENES = {
     "thesis-static": "static",
     "thesis-smooth": "dynamic",
     "thesis-excited": "dynamic, excited",
 }
 
-#: Ways in which ours stands beside the exact pose.
-WAYS = {
-    "ours": "registered: offset, tilt, shift and stretch taken off",
-    "on_exact_path": "as it lies, with the exact east and north",
-    "lying": "as it lies, with east and north of navigation",
+#: Position of the plate in a comparison with the exact pose, by attribute of `TableRow`.
+PLACEMENTS = {
+    "ours": "registered: offset, tilt, shift and stretch removed",
+    "on_exact_way": "not registered, with the exact east and north",
+    "lying": "not registered, with east and north of navigation",
 }
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ThesisTable:
-    """The table, and from which scenes."""
+    """Rows of the table, and the scenes from which they are computed."""
 
     rows: list["TableRow"]
     "The four rows."
 
     scenes: list["Scene"]
-    "What was recorded for them."
+    "Scenes that were recorded."
 
     @property
     def reflectivity(self) -> dict[str, float]:
-        """What screening takes away from row one: published, thesis's processing and ours [m]."""
+        """Error that screening removes from row one: published, thesis's processing and ours [m].
+
+        The root of the difference of the mean squares of rows one and two.
+        """
         from trueterrain.verify.thesis.table import pool_figures
 
         first, second = self.rows[:2]
@@ -57,7 +60,7 @@ class ThesisTable:
         return {name: math.sqrt(max(a**2 - b**2, 0.0)) for name, (a, b) in pairs.items()}
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as plain numbers and words, as for JSON; lengths in m."""
+        """Plain numbers and text, as for JSON; lengths in m."""
         from trueterrain._version import __version__
         from trueterrain.verify.thesis.table import ORDER, WITHIN
 
@@ -81,16 +84,16 @@ class ThesisTable:
 
 
 def make_table(progress: "Progress") -> ThesisTable:
-    """Record the scenes into a temporary folder, and evaluate them.
+    """Record the scenes in a temporary folder, and evaluate them.
 
     Parameters
     ----------
     progress : callable
-        Told what is recorded and evaluated.
+        Shows progress.
 
     Returns
     -------
-    Made
+    ThesisTable
         The table.
     """
     from trueterrain.georeference import Screening
@@ -104,9 +107,9 @@ def make_table(progress: "Progress") -> ThesisTable:
             progress("rows of the table", done, len(_SCENES))
             scene, path = read_scene(name)
             runs = record_scene(scene, folder, path=path, progress=progress)
-            plate = plate_of(scene)
+            plate = scene_plate(scene)
             if scene.passes[0].standing is not None:
-                # a receiver that is saturated shows no more than its saturation
+                # the intensity of a saturated receiver is its saturation
                 screening = Screening(saturation=scene.scanner.saturation - 1.0)
                 rows += static_rows(runs[0], _machined_profile(plate), screening)
             else:
@@ -117,7 +120,8 @@ def make_table(progress: "Progress") -> ThesisTable:
     return ThesisTable(rows=rows, scenes=scenes)
 
 
-def plate_of(scene: "Scene") -> "CalibrationPlate":
+def scene_plate(scene: "Scene") -> "CalibrationPlate":
+    """Calibration plate in the ground of a scene."""
     from trueterrain.simulate.scene import CalibrationPlate
 
     (layer,) = (one for one in scene.ground if one["kind"] == "plate")
@@ -137,8 +141,8 @@ def _machined_profile(plate: "CalibrationPlate") -> "xr.Dataset":
     return machined_profile(design)
 
 
-def lines_of(made: ThesisTable) -> list[list[str]]:
-    """Cells of the table, line by line."""
+def table_lines(made: ThesisTable) -> list[list[str]]:
+    """Cells of the table by row."""
     header = [
         "row",
         "published [mm]",
@@ -154,8 +158,8 @@ def lines_of(made: ThesisTable) -> list[list[str]]:
     return [header, *(_row_cells(row) for row in made.rows)]
 
 
-def remarks_on(made: ThesisTable) -> Iterator[str]:
-    """What the table does not show."""
+def table_remarks(made: ThesisTable) -> Iterator[str]:
+    """Remarks below the table: verdict, effect of reflectivity, ratios to the exact pose."""
     kept = all(row.reproduced for row in made.rows)
     yield (
         "The thesis's processing finds "
@@ -169,9 +173,12 @@ def remarks_on(made: ThesisTable) -> Iterator[str]:
     for row in made.rows:
         if row.exact:
             yield f"{row.test}, our RMS over that with the exact pose (off edges):"
-            for way, words in WAYS.items():
-                yield f"  {_format_ratio(row.ratio('rms', way))} ({_edge_ratio(row, way)}) {words}"
-            yield f"  navigation lies {beside_of(row)} mm beside the place of the plate"
+            for placement, text in PLACEMENTS.items():
+                rms, off_edges = (
+                    _format_ratio(row.ratio(figure, placement)) for figure in ("rms", "off_edges")
+                )
+                yield f"  {rms} ({off_edges}) {text}"
+            yield f"  navigation is off by {longitudinal_error_text(row)} mm along the plate"
 
 
 def _row_cells(row: "TableRow") -> list[str]:
@@ -180,14 +187,15 @@ def _row_cells(row: "TableRow") -> list[str]:
     rms, off_edges, distance = (
         pool_figures(row.ours, one) for one in ("rms", "off_edges", "distance")
     )
-    low, high = row.ends(lambda found: found.single)
-    least, most = row.ends(lambda found: found.largest)
+    low, high = map(_format_millimetres, row.ends(lambda found: found.single))
+    own_low, own_high = map(_format_millimetres, (rms.low, rms.high))
+    min_largest, max_largest = map(_format_millimetres, row.ends(lambda found: found.largest))
     return [
         row.test,
-        published_of(row),
-        f"{_format_millimetres(row.thesis_rms)} ({_format_millimetres(low)} to {_format_millimetres(high)})",
-        f"{_format_millimetres(least)} to {_format_millimetres(most)}",
-        f"{_format_millimetres(rms.value)} ({_format_millimetres(rms.low)} to {_format_millimetres(rms.high)})",
+        published_text(row),
+        f"{_format_millimetres(row.thesis_rms)} ({low} to {high})",
+        f"{min_largest} to {max_largest}",
+        f"{_format_millimetres(rms.value)} ({own_low} to {own_high})",
         _format_millimetres(off_edges.value),
         _format_millimetres(distance.value),
         _format_millimetres(max_error(row)),
@@ -196,22 +204,21 @@ def _row_cells(row: "TableRow") -> list[str]:
     ]
 
 
-def published_of(row: "TableRow") -> str:
+def published_text(row: "TableRow") -> str:
+    """RMS that the thesis published [mm]: a number or a range."""
     low, high = _MILLI * row.published.low, _MILLI * row.published.high
     return f"{low:g}" if low == high else f"{low:g} to {high:g}"
 
 
 def max_error(row: "TableRow") -> float:
+    """Maximum error of our processing over all recordings [m]."""
     return max(one.row.maximum for one in row.ours)
 
 
-def beside_of(row: "TableRow") -> str:
+def longitudinal_error_text(row: "TableRow") -> str:
+    """Range of the position error of navigation along the plate [mm]."""
     values = [_MILLI * abs(one) for one in row.beside]
     return f"{min(values):.0f} to {max(values):.0f}"
-
-
-def _edge_ratio(row: "TableRow", way: str) -> str:
-    return _format_ratio(row.ratio("off_edges", way))
 
 
 def _format_millimetres(value: float) -> str:

@@ -1,16 +1,16 @@
-"""Page of Table 3-1 of the thesis on the virtual profiler."""
+"""Report on Table 3-1 of the thesis reproduced with the virtual profiler."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from trueterrain.cli._verify_table import (
+    PLACEMENTS,
     RIM,
-    WAYS,
     ThesisTable,
-    beside_of,
+    longitudinal_error_text,
     max_error,
-    plate_of,
-    published_of,
+    published_text,
+    scene_plate,
 )
 from trueterrain.report import (
     Block,
@@ -31,28 +31,28 @@ if TYPE_CHECKING:
     from trueterrain.report.parts import Value, Verdict
 
 _MILLI = 1e3
-_LIMIT = 1.1  # times the RMS with the exact pose that ours may be
+_MAX_RATIO = 1.1  # of our RMS to that with the exact pose
 _DIGITS = 2
 
 
-def report_of(made: ThesisTable) -> Report:
-    """The table as a page.
+def table_report(made: ThesisTable) -> Report:
+    """Report on the table.
 
     Parameters
     ----------
-    made : Made
+    made : ThesisTable
         The table.
 
     Returns
     -------
     Report
-        To be written.
+        The report.
     """
     import matplotlib.pyplot as plt
 
     report = Report(
         title="Table 3-1 of the thesis on the virtual profiler",
-        subtitle="The thesis's processing and ours of the same recordings",
+        subtitle="The thesis's processing and ours, of the same recordings",
         headline=tuple(_headline_numbers(made)),
         sections=(
             _figure_section(made),
@@ -66,7 +66,7 @@ def report_of(made: ThesisTable) -> Report:
             ),
         ),
     )
-    plt.close("all")  # the report keeps the figures; pyplot need not
+    plt.close("all")  # the report holds the figures; pyplot must not as well
     return report
 
 
@@ -78,7 +78,7 @@ def _headline_numbers(made: ThesisTable) -> Iterator[Number]:
             unit="mm",
             digits=_DIGITS,
             verdict="good" if row.reproduced else "bad",
-            note=f"published {published_of(row)} mm",
+            note=f"published {published_text(row)} mm",
         )
     ratio = made.rows[-1].ratio("rms")
     assert ratio is not None
@@ -86,8 +86,8 @@ def _headline_numbers(made: ThesisTable) -> Iterator[Number]:
         label="Ours over exact pose, excited",
         value=ratio,
         digits=_DIGITS,
-        verdict="good" if ratio <= _LIMIT else "bad",
-        note=f"RMS; at most {_LIMIT:g}",
+        verdict="good" if ratio <= _MAX_RATIO else "bad",
+        note=f"RMS; at most {_MAX_RATIO:g}",
     )
 
 
@@ -101,15 +101,15 @@ def _figure_section(made: ThesisTable) -> Section:
     ours: list[list[Value]] = []
     for row in made.rows:
         published, (low, high) = row.published, row.ends(lambda found: found.single)
-        least, most = row.ends(lambda found: found.largest)
+        min_largest, max_largest = row.ends(lambda found: found.largest)
         thesis.append(
             [
                 row.test,
-                published_of(row),
+                published_text(row),
                 *(_MILLI * one for one in (row.thesis_rms, low, high)),
                 _MILLI * published.maximum,
-                _MILLI * least,
-                _MILLI * most,
+                _MILLI * min_largest,
+                _MILLI * max_largest,
             ]
         )
         rms, *others = (pool_figures(row.ours, one) for one in ("rms", "off_edges", "distance"))
@@ -126,24 +126,24 @@ def _figure_section(made: ThesisTable) -> Section:
                 rows=thesis,
                 verdicts=["good" if row.reproduced else "bad" for row in made.rows],
                 caption="The thesis's processing; good is an RMS within 20 % of the published one. "
-                "From and to: over the places that the plate may have beside a whole sample, and "
-                "over the recordings.",
+                "From and to: over the position of the plate between samples, and over the "
+                "recordings.",
             ),
             Table(
                 columns=columns("RMS", "from", "to", "Off edges", "Distance", "Maximum"),
                 rows=ours,
-                caption="Ours, from the same recordings. From and to: interval that holds the true "
-                "RMS in 95 % of repeats. Off edges: without what lies beside steep faces. "
-                "Distance: RMS of the shortest distance from the machined line.",
+                caption="Ours, from the same recordings. From and to: 95 % confidence interval of "
+                "the RMS. Off edges: without the samples next to steep faces. Distance: RMS of "
+                "the shortest distance from the machined profile.",
             ),
             Text(
-                paragraph="Reflectivity, as the root of the difference of the mean squares of rows "
-                f"one and two: published {reflectivity['published']}, by the thesis's processing "
-                f"{reflectivity['thesis']}, by ours {reflectivity['ours']}."
+                paragraph="Effect of reflectivity, the root of the difference of the mean squares "
+                f"of rows one and two: published {reflectivity['published']}, by the thesis's "
+                f"processing {reflectivity['thesis']}, by ours {reflectivity['ours']}."
             ),
         ],
         text="The thesis's processing: means of scans or of cells of 10 mm, offset and tilt by "
-        "least squares, the plate laid to the nearest whole sample, motion by causal filters at "
+        "least squares, the plate placed to the nearest sample, motion by causal filters at "
         "10 Hz. Ours: offset, tilt and shift by a robust fit, motion by a smoother. The machined "
         "profile and the recordings are the same.",
     )
@@ -155,12 +155,12 @@ def _pose_section(made: ThesisTable) -> Section:
     rows: list[list[Value]] = []
     verdicts: list[Verdict] = []
     for row in made.rows:
-        for way, words in WAYS.items() if row.exact else ():
-            exact = row.exact if way == "ours" else row.lying_exact
-            lengths = [pool_figures(one, "rms").value for one in (getattr(row, way), exact)]
-            ratios = [row.ratio(one, way) for one in ("rms", "off_edges", "distance")]
-            rows.append([f"{row.test}: {words}", *(_MILLI * one for one in lengths), *ratios])
-            verdicts.append("good" if ratios[0] is not None and ratios[0] <= _LIMIT else "bad")
+        for placement, text in PLACEMENTS.items() if row.exact else ():
+            exact = row.exact if placement == "ours" else row.lying_exact
+            lengths = [pool_figures(one, "rms").value for one in (getattr(row, placement), exact)]
+            ratios = [row.ratio(one, placement) for one in ("rms", "off_edges", "distance")]
+            rows.append([f"{row.test}: {text}", *(_MILLI * one for one in lengths), *ratios])
+            verdicts.append("good" if ratios[0] is not None and ratios[0] <= _MAX_RATIO else "bad")
     excited = made.rows[-1]
     return Section(
         title="Against the exact pose",
@@ -177,14 +177,15 @@ def _pose_section(made: ThesisTable) -> Section:
                 ),
                 rows=rows,
                 verdicts=verdicts,
-                caption=f"Good is at most {_LIMIT:g} times the RMS with the exact pose.",
+                caption=f"Good is at most {_MAX_RATIO:g} times the RMS with the exact pose.",
             ),
         ],
-        text="With the exact pose of the body what is left is scanner, spot and grid. Registered, "
-        "or as the plate lies but on the exact way, ours is about as good. As the plate lies, with "
-        "east and north of navigation too, it is not: navigation lies "
-        f"{beside_of(excited)} mm beside the place of the plate, within what is assumed of it, and "
-        "flanks turn that into height. No filter of heights can undo it; a registration does.",
+        text="With the exact pose of the body, the remaining errors are those of scanner, spot and "
+        "grid. Registered, or not registered but with the exact east and north, ours is about as "
+        "good. Not registered, with east and north of navigation, it is not: navigation is off by "
+        f"{longitudinal_error_text(excited)} mm along the plate, within its assumed standard "
+        "deviation, and on slopes this is an error of height. No filter of heights removes it; a "
+        "registration does.",
     )
 
 
@@ -196,7 +197,7 @@ def _error_section(made: ThesisTable) -> Section:
         (
             {"all returns": every.thesis[0], "screened": screened.thesis[0]},
             "The thesis's processing of a standing scanner, as in Figs 3-18 and 3-19: stripes that "
-            "saturate the receiver stand out by a step, and go with screening.",
+            "saturate the receiver appear as steps, which screening removes.",
         ),
         ({"all returns": every.ours[0], "screened": screened.ours[0]}, "The same by ours."),
         (
@@ -214,20 +215,20 @@ def _error_section(made: ThesisTable) -> Section:
             _axes_picture(plate_errors({name: one.errors for name, one in found.items()}), caption)
             for found, caption in pictures
         ],
-        text="Of the thesis's processing, at the place beside whole samples whose RMS is nearest "
-        "to that of all places.",
+        text="The thesis's processing is shown at the position between samples whose RMS is "
+        "nearest to that of all positions.",
     )
 
 
 def _unknown_section(made: ThesisTable) -> Section:
-    from trueterrain.figures import place_spread
+    from trueterrain.figures import position_sensitivity
     from trueterrain.verify.thesis.table import ORDER
 
     blocks: list[Block] = [
         _axes_picture(
-            place_spread(_recording_rms(made)),
-            "RMS by the thesis's processing against where the plate truly begins; dashed or banded "
-            "what is published.",
+            position_sensitivity(_recording_rms(made)),
+            "RMS by the thesis's processing over the true start of the plate; the published value "
+            "as a dashed line or a band.",
         )
     ]
     dynamic = [row for row in made.rows if row.orders]
@@ -240,10 +241,10 @@ def _unknown_section(made: ThesisTable) -> Section:
                 Column(label="published", unit="mm"),
             ),
             rows=[
-                [row.test, *(_MILLI * row.orders[one] for one in names), published_of(row)]
+                [row.test, *(_MILLI * row.orders[one] for one in names), published_text(row)]
                 for row in dynamic
             ],
-            caption=f"RMS by the order of the thesis's filters; the table takes order {ORDER}.",
+            caption=f"RMS by the order of the thesis's filters; the table uses order {ORDER}.",
         )
     )
     labels = [str(number + 1) for number in range(len(dynamic[0].thesis))]
@@ -262,20 +263,20 @@ def _unknown_section(made: ThesisTable) -> Section:
                     ("exact pose", [one.row.rms.value for one in row.exact]),
                 )
             ],
-            caption="RMS of each recording, which differ in noise and drift alone.",
+            caption="RMS of each recording; recordings differ only in noise and drift.",
         )
     )
     return Section(
-        title="How much depends on what the thesis does not tell",
+        title="Effect of parameters that the thesis does not state",
         blocks=blocks,
-        text="The thesis tells neither where its plate lay beside whole beams or cells, nor the "
-        "order of its filters. A single place or order could be picked to meet any one figure; "
-        "the table therefore states the mean square over all places, with one order for all rows.",
+        text="The thesis states neither the position of the plate between beams or cells, nor the "
+        "order of its filters. A single position or order could be chosen to match any one figure; "
+        "the table therefore uses the mean square over all positions, with one order for all rows.",
     )
 
 
 def _recording_rms(made: ThesisTable) -> "xr.Dataset":
-    """RMS over the recordings, by row and place beside a whole sample."""
+    """RMS over the recordings, by row and position of the plate between samples."""
     import numpy as np
     import xarray as xr
 
@@ -294,7 +295,7 @@ def _assumption_section(made: ThesisTable) -> Section:
     from trueterrain.verify.thesis.table import ORDER
 
     standing, smooth, _ = made.scenes
-    plate, scanner, paint = plate_of(standing), standing.scanner, standing.reflectivity
+    plate, scanner, paint = scene_plate(standing), standing.scanner, standing.reflectivity
     navigation = smooth.navigation
     speed = smooth.passes[0].speed["speed"]
     rows = [
@@ -316,9 +317,9 @@ def _assumption_section(made: ThesisTable) -> Section:
         ],
         ["Length that is compared", f"{plate.length - 2 * RIM:g} m", "assumed"],
         [
-            "Middle of the plate, beside that of the scan",
+            "Lateral offset of the centre of the plate from that of the scan",
             f"{plate.east:g} m",
-            "chosen: there beams are as far apart as swath over beams",
+            "chosen: there the spacing of the beams is swath over beams",
         ],
         [
             "Stripes",
@@ -327,8 +328,9 @@ def _assumption_section(made: ThesisTable) -> Section:
             "chosen: for the published effect",
         ],
         [
-            "Saturation, and how much too short ranges are",
-            f"{scanner.saturation:g} counts, {-_MILLI * scanner.saturation_bias:g} mm at twice",
+            "Saturation, and error of ranges",
+            f"{scanner.saturation:g} counts, {-_MILLI * scanner.saturation_bias:g} mm too short at "
+            "twice",
             "chosen: for the published effect",
         ],
         ["Noise of a range", f"{_MILLI * scanner.range_noise:g} mm", "assumed"],
@@ -342,18 +344,18 @@ def _assumption_section(made: ThesisTable) -> Section:
         ["Screening while driving", "none, and no stripes", "assumed"],
     ]
     return Section(
-        title="What is assumed and what is chosen",
+        title="Assumptions and choices",
         blocks=[
             Table(
-                columns=(Column(label="Parameter"), Column(label="Value"), Column(label="Whose")),
+                columns=(Column(label="Parameter"), Column(label="Value"), Column(label="Source")),
                 rows=rows,
             )
         ],
-        text="What is chosen was chosen so that the thesis's processing finds what the thesis "
-        "published: that it does shows that such parameters exist, not that they were the "
-        "thesis's. The order of the filters was chosen among three with the figures in sight, see "
-        "above. All else are the defaults of the virtual profiler, as trueterrain init scene "
-        "thesis-excited prints them.",
+        text="Chosen values make the thesis's processing reproduce the published figures: this "
+        "shows that such parameters exist, not that they were those of the thesis. The order of "
+        "the filters was chosen from three with knowledge of the figures, see above. All other "
+        "values are defaults of the virtual profiler, as trueterrain init scene thesis-excited "
+        "prints them.",
     )
 
 

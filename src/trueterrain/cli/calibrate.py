@@ -1,4 +1,4 @@
-"""The command ``trueterrain calibrate``: how the scanner sits, from passes over the same ground."""
+"""The command ``trueterrain calibrate``: boresight, lever arm and clock of the scanner."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import out_json, progress_bar, write_line, write_note
-from trueterrain.cli._extent import Four
-from trueterrain.cli._motion import Method, motion_of, require_run
-from trueterrain.cli._numbers import WHOLE
+from trueterrain.cli._console import progress_bar, write_json, write_line, write_note
+from trueterrain.cli._motion import Method, require_run, run_trajectory
+from trueterrain.cli._options import INTEGER
+from trueterrain.cli._points import Bounds
 from trueterrain.core.errors import SchemaError
 
 if TYPE_CHECKING:
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from trueterrain.survey import MountingOverride
 
 Name = Literal["roll", "pitch", "yaw", "lever_x", "lever_y", "lever_z", "clock"]
-Three = tuple[float, float, float]
+Vector = tuple[float, float, float]
 
 _FIELDS = {
     "scanner_position": (("lever_x", "lever_y", "lever_z"), "Forward, left, up", "m"),
     "scanner_rotation": (("roll", "pitch", "yaw"), "Roll, pitch, yaw", "rad"),
     "scanner_clock": (("clock",), "Clock", "s"),
 }
-_DIGITS = 9  # after the point that are written [rad, m, s]: far below any standard deviation
+_DIGITS = 9  # decimals that are written [rad, m, s]: far below any standard deviation
 
 
 def calibrate(
@@ -36,19 +36,19 @@ def calibrate(
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     parameter: Annotated[tuple[Name, ...] | None, Parameter(negative="")] = None,
     unobservable: Literal["refuse", "hold"] | None = None,
-    scanner_position: Three | None = None,
-    scanner_rotation: Three | None = None,
+    scanner_position: Vector | None = None,
+    scanner_rotation: Vector | None = None,
     scanner_clock: float | None = None,
     method: Method = "rts",
     spacing: float = 0.04,
-    area: Four | None = None,
+    area: Bounds | None = None,
     max_angle: float = 0.5,
     cluster: float = 0.5,
     height_noise: float = 1e-4,
     max_angle_sd: float = 5e-4,
     max_lever_sd: float = 3e-3,
     max_clock_sd: float = 2e-4,
-    max_iterations: Annotated[int, WHOLE] = 30,
+    max_iterations: Annotated[int, INTEGER] = 30,
     floor: float | None = None,
     saturation: float | None = None,
     nearest: float = 0.0,
@@ -57,11 +57,12 @@ def calibrate(
     json: Annotated[bool, Parameter(negative="")] = False,
     force: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
-    """Find how the scanner sits in the vehicle, and its clock, from passes over the same ground.
+    """Estimate boresight, lever arm and clock of the scanner from passes over the same ground.
 
-    Drive over the same steps both ways, at different speeds, and in lanes beside each other: passes
-    see the same ground, and where they do not, the mounting is to blame. Each parameter comes with
-    its standard deviation; of what these passes do not tell, it is said which passes would.
+    Record steps in the ground in both directions, at different speeds and at different lateral
+    offsets: an error of the mounting moves the ground by another amount in each pass. The mounting
+    is adjusted until the heights agree. Each parameter has a standard deviation; for one that
+    these passes do not determine, the output states which passes would.
 
     Example: `trueterrain calibrate there.zarr back.zarr -o calibration.toml`
 
@@ -70,55 +71,55 @@ def calibrate(
     first
         Recorded run, NAME.zarr.
     second
-        Another one over the same ground, in the other direction.
+        Another run over the same ground, in the opposite direction.
     more
-        More of them.
+        More runs.
     output
         File for the mounting as TOML, with standard deviations as comments: the table that the
         [[runs]] of survey.toml take.
     parameter
-        What is estimated, may be given several times: roll, pitch, yaw (of the scanner), lever_x,
-        lever_y, lever_z (forward, left, up), clock. By default all that the passes tell.
+        Parameter to estimate; may be given several times: roll, pitch, yaw (of the scanner),
+        lever_x, lever_y, lever_z (forward, left, up), clock. By default all that are observable.
     unobservable
-        What becomes of a parameter that the passes do not tell. refuse: an error; hold: it stays as
-        it is. By default refuse if --parameter names it, else hold.
+        Treatment of a parameter that the passes do not determine. refuse: an error; hold: it keeps
+        its value. By default refuse if --parameter names it, else hold.
     scanner_position
-        Position of the scanner that you measured: forward, left, up [m]; to start from, and for
-        what is held. By default as the runs say, and the same for the next two.
+        Measured position of the scanner: forward, left, up [m]; the start of the estimation, and
+        the value of what is held. By default that of the runs; so for the next two options.
     scanner_rotation
         Roll, pitch, yaw of the scanner in the body [rad].
     scanner_clock
-        What is added to the stamps of the scanner to make them true time [s].
+        Correction of the scanner's time stamps: true time less stamp [s].
     method
-        How the motion of runs is found: "rts" (the best), "wiener", "zero-phase", "thesis", or
-        "navigation" alone.
+        Method by which the motion is estimated: "rts" (most accurate), "wiener", "zero-phase",
+        "thesis", or "navigation" alone.
     spacing
-        Size of the cells of ground that are compared [m]; at least three scans should fall into it.
+        Size of the cells of ground that are compared [m]; at least three scans should hit a cell.
     area
-        Ground to use: smallest easting and northing, largest easting and northing [m]; by default
-        all that two passes share.
+        Ground to use: minimum easting and northing, maximum easting and northing [m]; by default
+        all ground that two passes have in common.
     max_angle
-        Largest angle of a beam from straight down that is used [rad].
+        Maximum angle from straight down of the beams that are used [rad].
     cluster
-        Size of the squares of ground within which errors may be alike [m].
+        Size of the squares of ground within which errors may be correlated [m].
     height_noise
-        Least standard deviation that the height of a cell is taken to have [m].
+        Minimum standard deviation of the height of a cell [m].
     max_angle_sd
-        Standard deviation beyond which an angle counts as not told [rad].
+        Standard deviation above which an angle counts as unobservable [rad].
     max_lever_sd
-        The same of a component of the lever arm [m].
+        The same for a component of the lever arm [m].
     max_clock_sd
-        The same of the clock [s].
+        The same for the clock [s].
     max_iterations
-        Rounds after which it gives up.
+        Iterations in which the estimation must converge.
     floor
-        Intensity under which a return is flagged [counts].
+        Intensity below which a return is flagged [counts].
     saturation
         Intensity above which a return is flagged [counts].
     nearest
-        Range under which a return is no ground [m].
+        Range below which a return is not ground [m].
     furthest
-        Range beyond which a return is no ground [m].
+        Range above which a return is not ground [m].
     weight
         Weight of a flagged return, from 0 (rejected) to 1.
     json
@@ -168,7 +169,7 @@ def calibrate(
     with progress_bar() as progress:
         found = calibrated(
             runs,
-            [motion_of(run, method) for run in runs],
+            [run_trajectory(run, method) for run in runs],
             mounting=start,
             settings=settings,
             progress=progress,
@@ -176,7 +177,7 @@ def calibrate(
     if output is not None:
         _write_mounting(output, found, runs, force=force)
     if json:
-        out_json(
+        write_json(
             {
                 "runs": [str(run) for run in runs],
                 "before": _estimable_values(start),
@@ -185,24 +186,24 @@ def calibrate(
             }
         )
         return
-    for text in _in_words(found, start, runs):
+    for text in _summary_lines(found, start, runs):
         write_line(text)
     if output is not None:
         write_note(f"{output}: the mounting for survey.toml")
 
 
 def _check_runs(runs: list[Path]) -> None:
-    seen: dict[Path, Path] = {}
+    seen: set[Path] = set()
     for run in runs:
         require_run(run)
         if run.resolve() in seen:
             message = f"{run} is named twice; name passes that differ."
             raise ValueError(message)
-        seen[run.resolve()] = run
+        seen.add(run.resolve())
 
 
 def _start_mounting(runs: list[Path], override: "MountingOverride") -> "Mounting":
-    """Mounting to start from, which must be the same for all runs."""
+    """Mounting from which the estimation starts; it must be the same for all runs."""
     from trueterrain.formats.run import open_run
     from trueterrain.georeference import mounting_of
 
@@ -219,7 +220,7 @@ def _start_mounting(runs: list[Path], override: "MountingOverride") -> "Mounting
 
 
 def _estimable_values(mounting: "Mounting") -> dict[str, float]:
-    """What can be estimated, by name [rad, m, s]."""
+    """Parameters that can be estimated, by name [rad, m, s]."""
     values: dict[str, float] = {}
     for field, (names, *_) in _FIELDS.items():
         given = getattr(mounting, field)
@@ -227,13 +228,13 @@ def _estimable_values(mounting: "Mounting") -> dict[str, float]:
     return values
 
 
-def _in_words(found: "Calibration", start: "Mounting", runs: list[Path]) -> Iterator[str]:
+def _summary_lines(found: "Calibration", start: "Mounting", runs: list[Path]) -> Iterator[str]:
     yield from _parameter_rows(found, start)
     yield f"condition number {found.condition:.3g}"
     yield from _correlated_pairs(found)
     yield from _held_influences(found)
     for name, reason in zip(found.not_observable, found.reasons, strict=True):
-        yield f"{name} is not told: {reason}"
+        yield f"{name} is not observable: {reason}"
     before, after = 1e3 * found.residual_before, 1e3 * found.residual_after
     yield (
         f"heights differ by {before:.3g} mm (rms) before, {after:.3g} mm after, at "
@@ -246,7 +247,7 @@ def _in_words(found: "Calibration", start: "Mounting", runs: list[Path]) -> Iter
 
 
 def _parameter_rows(found: "Calibration", start: "Mounting") -> Iterator[str]:
-    """Each parameter in the unit that people use, with where it started."""
+    """Each parameter with its standard deviation and its value before, in practical units."""
     from trueterrain.georeference._observable import unit_of
 
     sd = dict(zip(found.parameters, found.sd.tolist(), strict=True))
@@ -259,28 +260,28 @@ def _parameter_rows(found: "Calibration", start: "Mounting") -> Iterator[str]:
 
 
 def _correlated_pairs(found: "Calibration") -> Iterator[str]:
-    """Pairs of parameters that the passes hardly tell apart."""
+    """Pairs of parameters that these passes hardly separate."""
     from trueterrain.georeference._observable import TOGETHER
 
     for k, name in enumerate(found.parameters):
         for j in range(k):
-            alike = float(found.correlation[k, j])
-            if abs(alike) > TOGETHER:
-                yield f"{found.parameters[j]} and {name} go together: correlation {alike:+.2f}"
+            correlation = float(found.correlation[k, j])
+            if abs(correlation) > TOGETHER:
+                yield f"{found.parameters[j]} and {name}: correlation {correlation:+.2f}"
 
 
 def _held_influences(found: "Calibration") -> Iterator[str]:
-    """By how much what is found leans on what is held, where that is more than its sd."""
+    """Effect of errors of held parameters on the estimates, where it exceeds their sd."""
     from trueterrain.georeference._observable import in_units, measured_within
 
     for k, name in enumerate(found.parameters):
         for j, held in enumerate(found.held):
-            wrong = measured_within(held)
-            caused = float(found.sensitivity[k, j]) * wrong
+            error = measured_within(held)
+            caused = float(found.sensitivity[k, j]) * error
             if abs(caused) > found.sd[k]:
                 yield (
-                    f"{name} leans on {held}, which is held: if that is wrong by "
-                    f"{in_units(held, wrong)}, {name} is by {in_units(name, caused)}"
+                    f"{name} depends on {held}, which is held: an error of "
+                    f"{in_units(held, error)} there changes {name} by {in_units(name, caused)}"
                 )
 
 
@@ -292,7 +293,7 @@ def _write_mounting(output: Path, found: "Calibration", runs: list[Path], *, for
     lines = [
         f"# Mounting of the scanner by calibration (trueterrain {__version__}) from",
         *(f"#   {run.name}" for run in runs),
-        "# In survey.toml it stands below the [[runs]] that it holds for.",
+        "# In survey.toml it belongs below the [[runs]] to which it applies.",
         "[runs.mounting]",
     ]
     values = _estimable_values(found.mounting)

@@ -1,4 +1,4 @@
-"""``trueterrain compare``: how well profiles or surfaces agree."""
+"""The command ``trueterrain compare``: agreement of profiles or surfaces."""
 
 import warnings
 from collections.abc import Mapping
@@ -9,8 +9,8 @@ from cyclopts import Parameter
 
 from trueterrain.cli._compare_profiles import ProfileComparison
 from trueterrain.cli._compare_surfaces import SurfaceComparison
-from trueterrain.cli._console import compiling_noted, out_json
-from trueterrain.cli._numbers import WHOLE
+from trueterrain.cli._console import note_compilation, write_json
+from trueterrain.cli._options import INTEGER
 from trueterrain.cli._profiles import draw_panels, write_warning
 from trueterrain.cli._recordings import refuse_recording
 from trueterrain.core.errors import SchemaError
@@ -26,15 +26,15 @@ def compare(
     /,
     *more: Path,
     reference: Path | None = None,
-    filter: Literal["iri", "butterworth", "none"] = "iri",  # noqa: A002 - as the option is called
+    filter: Literal["iri", "butterworth", "none"] = "iri",  # noqa: A002 - the name of the option
     shortest: float = 8.0,
     longest: float = 90.0,
-    settle: float | None = None,
+    settling_length: float | None = None,
     max_shift: float = 10.0,
     max_scale: float = 0.005,
     align_starts: bool = False,
     registration: Literal["distance", "shift", "none"] = "distance",
-    trend: Annotated[int, WHOLE] = 1,
+    trend: Annotated[int, INTEGER] = 1,
     repeatability: float = 0.92,
     accuracy: float = 0.90,
     distance_error: float | None = None,
@@ -47,12 +47,12 @@ def compare(
     plot: Path | None = None,
     force: bool = False,
 ) -> None:
-    """How well profiles, or surfaces, agree with each other and with a reference.
+    """Agreement of profiles, or of surfaces, with each other and with a reference.
 
-    Profiles are rated by cross-correlation behind a filter, at the shift of their stations at which
-    they agree best: 100 % only if both shape and amplitude agree. Their distance-measuring error is
-    found, and their heights are compared with those of the reference. Surfaces are compared node by
-    node: where, how much, and over which distances their difference changes.
+    Profiles are filtered and rated by cross-correlation at the shift of stations that maximises it:
+    100 % only if both shape and amplitude agree. Their distance-measuring error is estimated, and
+    their heights are compared with those of the reference. Surfaces are compared node by node:
+    statistics and structure function of the difference.
 
     Example: trueterrain compare run1.erd run2.erd run3.erd --reference surveyed.erd --json
 
@@ -63,50 +63,50 @@ def compare(
     more
         More of the same kind. Without a reference every pair is compared.
     reference
-        What the others are held against; it does not count as a repeat.
+        File with which the others are compared; it does not count as a repeat.
     filter
-        Profiles: what they pass before they are rated. iri: 0.25 m moving average and golden car;
-        butterworth: band-pass of heights, forth and back; none: heights as they are.
+        Profiles: filter before the rating. iri: 0.25 m moving average and golden car; butterworth:
+        band pass of heights, forward and backward; none: unfiltered heights.
     shortest
         Shortest wavelength that the filter butterworth passes [m].
     longest
         Longest wavelength that it passes [m]. ASTM E950 names 8 m and 90 m for airfields.
-    settle
-        Length that is left out while the filter settles [m]: behind the start for iri (30 by
-        default), at both ends for butterworth (by default its longest wavelength).
+    settling_length
+        Length that is left out because the filter has not decayed [m]: after the start for iri (30
+        by default), at both ends for butterworth (by default its longest wavelength).
     max_shift
-        Profiles: largest shift of stations that is sought [m].
+        Profiles: maximum shift of stations in the search [m].
     max_scale
-        Profiles: largest distance-measuring error that is sought [m/m]; 0 for none.
+        Profiles: maximum distance-measuring error in the search [m/m]; 0 for none.
     align_starts
         Profiles: count stations from the start of each.
     registration
-        Profiles: by what the heights are registered before they are subtracted: distance (shift and
-        distance-measuring error), shift, or none.
+        Profiles: registration before heights are subtracted: distance (shift and distance-measuring
+        error), shift, or none.
     trend
-        Profiles: degree of the polynomial that is taken off errors of heights: 0 for an offset, 1
-        for a line; -1 for none.
+        Profiles: degree of the polynomial that is subtracted from errors of heights: 0 for an
+        offset, 1 for a line; -1 for none.
     repeatability
-        Limit: least mean rating of all pairs of repeats [1], 0 for none. The default is commonly
-        named for AASHTO R 56, and was not checked against its text.
+        Limit: minimum mean rating of all pairs of repeats [1], 0 for none. The default is the one
+        commonly quoted for AASHTO R 56; it was not checked against its text.
     accuracy
-        Limit: least mean rating of repeats against the reference [1], 0 for none; as above.
+        Limit: minimum mean rating of repeats against the reference [1], 0 for none; as above.
     distance_error
-        Limit: largest distance-measuring error against the reference [m/m].
+        Limit: maximum distance-measuring error against the reference [m/m].
     bias
-        Limit: largest mean magnitude of the mean error of repeats [m].
+        Limit: maximum mean magnitude of the mean error of repeats [m].
     precision
-        Limit: largest mean standard deviation of repeats [m].
+        Limit: maximum mean standard deviation of repeats [m].
     level
-        Surfaces: what is taken off their difference: none, its median, or a plane.
+        Surfaces: trend that is subtracted from their difference: none, its median, or a plane.
     lanes
         Surfaces: edges of lanes from right to left, as offsets from the reference line [m].
     speed
-        Surfaces: speed at which each was measured, in the order of the files, the reference left
-        out [km/h].
+        Surfaces: speed at which each was measured, in the order of the files without the reference
+        [km/h].
     json
-        Print one JSON document instead of tables; lengths and heights are in m, ratings and errors
-        of distance in shares of 1.
+        Print one JSON document instead of tables; lengths and heights are in m, ratings and
+        distance-measuring errors are fractions.
     plot
         Picture to write: .svg, .pdf or .png.
     force
@@ -122,30 +122,32 @@ def compare(
     if plot is not None:
         figures.require_picture(plot, force=force, inputs=every)
     data = _read_files(every)
-    named = None if reference is None else next(iter(data))
+    reference_name = None if reference is None else next(iter(data))
     kind = _common_kind(data)
     flags: list[str] = []
-    with compiling_noted(), warnings.catch_warnings(record=True) as caught:
+    with note_compilation(), warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         comparison: ProfileComparison | SurfaceComparison
         if kind == "surface":
-            comparison = SurfaceComparison.of(data, named, level=level, lanes=lanes, speed=speed)
+            comparison = SurfaceComparison.of(
+                data, reference_name, level=level, lanes=lanes, speed=speed
+            )
         else:
             if lanes or speed:
                 message = "--lanes and --speed belong to surfaces, and these are profiles."
                 raise ValueError(message)
             options = _agreement_settings(
-                filter, (shortest, longest), settle, (max_shift, max_scale), align_starts
+                filter, (shortest, longest), settling_length, (max_shift, max_scale), align_starts
             )
             limits = _agreement_limits(repeatability, accuracy, distance_error, bias, precision)
             comparison = ProfileComparison.of(
-                data, named, options, limits, registration, None if trend < 0 else trend
+                data, reference_name, options, limits, registration, None if trend < 0 else trend
             )
     flags += dict.fromkeys(str(one.message) for one in caught)
     for flag in flags:
         write_warning(flag)
     if json:
-        out_json(comparison.document() | {"flags": flags})
+        write_json(comparison.document() | {"flags": flags})
     else:
         comparison.show()
     if plot is not None:
@@ -153,7 +155,7 @@ def compare(
 
 
 def _read_files(paths: list[Path]) -> "dict[str, xr.Dataset]":
-    """Data of all files, by names that tell them apart."""
+    """Data of all files by name; by path where names are equal."""
     from trueterrain import formats
 
     data: dict[str, xr.Dataset] = {}
@@ -194,7 +196,7 @@ def _common_kind(data: "Mapping[str, xr.Dataset]") -> str:
 def _agreement_settings(
     name: str,
     waves: tuple[float, float],
-    settle: float | None,
+    settling_length: float | None,
     search: tuple[float, float],
     align_starts: bool,
 ) -> "AgreementSettings":
@@ -204,7 +206,7 @@ def _agreement_settings(
     by = {"iri": IRI_FILTER, "none": None}.get(name)
     return AgreementSettings(
         filter=Butterworth(shortest=waves[0], longest=waves[1]) if name == "butterworth" else by,
-        transient=settle,
+        transient=settling_length,
         max_shift=search[0],
         max_scale=search[1],
         align_starts=align_starts,

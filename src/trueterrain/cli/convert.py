@@ -1,15 +1,15 @@
-"""The command ``trueterrain convert``: the same data in another format."""
+"""The command ``trueterrain convert``: conversion between file formats."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import progress_bar, write_note
-from trueterrain.cli._lost import note_lost
+from trueterrain.cli._console import note_omissions, progress_bar, write_note
 from trueterrain.cli._points import (
     Classes,
+    PointCounter,
     Returns,
     note_conversion,
     point_filter,
@@ -22,7 +22,6 @@ from trueterrain.core.errors import name_file_in_errors
 if TYPE_CHECKING:
     import xarray as xr
 
-    from trueterrain.core import Progress
     from trueterrain.formats import PointFilter
 
 _SURFACES = (".crg", ".tif", ".tiff")
@@ -30,7 +29,7 @@ _PROFILES = (".erd",)
 _CLOUDS = (".laz", ".las")
 _TABLES = (".csv", ".parquet")
 _STORES = (".zarr",)
-_WIDER = 1.5  # times the usual spacing, from which on waves are lost
+_MAX_COARSENING = 1.5  # ratio of new to old spacing above which aliasing is warned of
 _KNOWN = (*_SURFACES, *_PROFILES, *_CLOUDS, *_TABLES, *_STORES)
 
 
@@ -49,35 +48,36 @@ def convert(
 ) -> None:
     """Convert surfaces, points and profiles between file formats.
 
-    Surfaces become surfaces (.crg, .tif, .zarr) or points (.laz, .las, .csv, .parquet: the nodes),
-    points become points (also .zarr), profiles become profiles (.erd, .csv, .parquet, .zarr).
-    Points of any number are converted block by block. A Zarr store (.zarr) keeps everything.
+    Surfaces are converted to surfaces (.crg, .tif, .zarr) or to points (.laz, .las, .csv,
+    .parquet: the nodes), points to points (also .zarr), profiles to profiles (.erd, .csv, .parquet,
+    .zarr). Points are converted block by block, whatever their number. A Zarr store (.zarr) keeps
+    all variables and attributes.
 
     Example: trueterrain convert belgian_block.crg -o belgian_block.laz
 
     Parameters
     ----------
     source
-        OpenCRG, GeoTIFF, LAS, LAZ, COPC, ERD, CSV or Parquet file, or NAME.zarr; recognised by
-        its content.
+        OpenCRG, GeoTIFF, LAS, LAZ, COPC, ERD, CSV or Parquet file, or NAME.zarr; the format
+        is recognised by the content.
     output
-        File or store to write; the format is that of its ending.
+        File or store to write; its ending determines the format.
     units
         Unit of the heights in an ERD file; by default m.
     crs
-        Coordinate reference system of the input, e.g. EPSG:25832, if its file does not say or is
-        wrong. Nothing is transformed, but feet of a point cloud become metres.
+        Coordinate reference system of the input, e.g. EPSG:25832, if its file names none or a
+        wrong one. Nothing is transformed, but feet of a point cloud are converted to metres.
     scale
-        Step that coordinates are rounded to in LAS and LAZ files [m], at most 0.1; by default
-        0.0001, or the steps of the input where these are finer or no multiple of it.
+        Step to which coordinates in LAS and LAZ files are rounded [m], at most 0.1; by default
+        0.0001, or the step of the input where that is finer or not a multiple of 0.0001.
     spacing
-        Profiles: distance of the samples to write, from the first one on, straight between those
-        of the input [m]; by default as they are. Waves shorter than twice of it should be taken out
-        first: trueterrain filter.
+        Profiles: sample spacing of the output, from the first sample on, by linear interpolation
+        [m]; by default that of the input. Remove waves shorter than twice the spacing first:
+        trueterrain filter.
     classes
-        Classes of the points to take, e.g. 2,11 (ground and road surface); by default all.
+        Classes of the points to use, e.g. 2,11 (ground and road surface); by default all.
     returns
-        Return of each pulse to take of the points: last, first or its number; by default all.
+        Return of each pulse to use: last, first or its number; by default all.
     force
         Replace the output if it exists: a file, or a store of the same kind of data.
     """
@@ -87,7 +87,7 @@ def convert(
     ending = output.suffix.lower()
     kind = formats.kind_of_file(source)
     refuse_recording(source, kind, "a surface, points or a profile")
-    _check_possible(source, kind, output, ending)
+    _check_conversion(source, kind, output, ending)
     options = _writer_options(ending, units, scale)
     if spacing is not None and kind != "profile":
         message = f"--spacing is for profiles, got {source}, which holds {kind}."
@@ -120,7 +120,7 @@ def convert(
         missing = int(data.height.size) - points.sizes["point"]
         without = f", {missing:,} nodes without height left out" if missing else ""
         write_note(f"{output}: {points.sizes['point']:,} points{without}")
-        note_lost(points, output)
+        note_omissions(points, output)
 
 
 def _convert_points(
@@ -134,11 +134,11 @@ def _convert_points(
 
     note_conversion([source], crs)
     with progress_bar() as progress:
-        counted = _PointCounter(formats.point_blocks(source, crs=crs, only=only), progress)
+        counted = PointCounter(formats.point_blocks(source, crs=crs, only=only), progress)
         write(iter(counted))
     write_note(f"{output}: {counted.points:,} points")
     if counted.last is not None:
-        note_lost(counted.last, output)
+        note_omissions(counted.last, output)
 
 
 def _convert_profile(profile: "xr.Dataset", output: Path, write: Callable[[Any], Any]) -> None:
@@ -151,7 +151,7 @@ def _convert_profile(profile: "xr.Dataset", output: Path, write: Callable[[Any],
     several = f" of {tracks} tracks" if tracks > 1 else ""
     s = profile.s.values
     write_note(f"{output}: {s.size:,} samples{several} from {s[0]:g} to {s[-1]:g} m")
-    note_lost(profile, output)
+    note_omissions(profile, output)
 
 
 def _resample_profile(profile: "xr.Dataset", spacing: float, source: Path) -> "xr.Dataset":
@@ -160,14 +160,15 @@ def _resample_profile(profile: "xr.Dataset", spacing: float, source: Path) -> "x
     from trueterrain.roughness import resample_profile
 
     with name_file_in_errors(source):
-        even = resample_profile(profile, spacing)
-    usual = float(np.median(np.diff(profile["s"].values)))
-    if spacing > _WIDER * usual:
+        resampled = resample_profile(profile, spacing)
+    old = float(np.median(np.diff(profile["s"].values)))
+    if spacing > _MAX_COARSENING * old:
         write_note(
-            f"{source}: samples are {usual:g} m apart; at {spacing:g} m waves shorter than "
-            f"{2 * spacing:g} m pass for longer ones, unless trueterrain filter took them out"
+            f"{source}: samples are {old:g} m apart; at {spacing:g} m, waves shorter than "
+            f"{2 * spacing:g} m are aliased into longer ones, unless trueterrain filter removed "
+            "them"
         )
-    return even
+    return resampled
 
 
 def _convert_surface(surface: "xr.Dataset", output: Path, write: Callable[[Any], Any]) -> None:
@@ -178,27 +179,10 @@ def _convert_surface(surface: "xr.Dataset", output: Path, write: Callable[[Any],
     if filled:
         text += f"; nodes filled between heights, as the format allows no holes: {filled:,}"
     write_note(text)
-    note_lost(surface, output)
+    note_omissions(surface, output)
 
 
-class _PointCounter:
-    """Counts the points that pass and shows them."""
-
-    def __init__(self, blocks: "Iterator[xr.Dataset]", progress: "Progress") -> None:
-        self._blocks = blocks
-        self._progress = progress
-        self.points = 0
-        self.last: xr.Dataset | None = None
-
-    def __iter__(self) -> "Iterator[xr.Dataset]":
-        for block in self._blocks:
-            yield block
-            self.points += block.sizes["point"]
-            self.last = block
-            self._progress(f"{self.points:,} points", 0, None)
-
-
-def _check_possible(source: Path, kind: str, output: Path, ending: str) -> None:
+def _check_conversion(source: Path, kind: str, output: Path, ending: str) -> None:
     if ending not in _KNOWN:
         message = f"{output}: the name must end with {', '.join(_KNOWN)}, got {ending!r}."
         raise ValueError(message)

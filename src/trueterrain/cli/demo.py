@@ -1,4 +1,4 @@
-"""The command ``trueterrain demo``: a survey made for the purpose, and the whole chain on it."""
+"""The command ``trueterrain demo``: a simulated survey, processed from runs to report."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -7,37 +7,38 @@ from cyclopts import Parameter
 
 from trueterrain.cli._console import (
     available_processors,
-    compiling_noted,
-    out_json,
+    note_compilation,
     progress_bar,
+    write_json,
     write_line,
     write_note,
 )
-from trueterrain.cli._numbers import WHOLE
+from trueterrain.cli._options import INTEGER
 
 if TYPE_CHECKING:
     from trueterrain.simulate.scene import Scene
     from trueterrain.survey import Survey
 
 _SCENE, _NAME = "belgian-two-lanes", "belgian-block"
-_SHORTEST, _LONGEST = 12.0, 500.0  # [m] of the road: what can be rated, and what takes minutes
-_WHEEL = 0.75  # [m] of a wheel from the middle of a lane
+# [m] length of the road: a shorter one cannot be rated, a longer one takes many minutes
+_MIN_LENGTH, _MAX_LENGTH = 12.0, 500.0
+_WHEEL = 0.75  # [m] lateral distance of a wheel path from the centre of the lane
 
 
 def demo(
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("demo"),
     length: float = 40.0,
-    seed: Annotated[int, WHOLE] = 2009,
+    seed: Annotated[int, INTEGER] = 2009,
     json: bool = False,
     force: bool = False,
 ) -> None:
-    """Survey a Belgian block road in two lanes, and take it all the way to a report.
+    """Simulate a survey of a Belgian block road in two lanes, and process it up to the report.
 
-    A virtual profiler drives twice over Belgian block and records what real instruments would, with
-    noise and drift. Both recordings are brought into agreement and become one surface, each height
-    with its standard deviation, and profiles that a tyre feels, rated, and compared with the ground
-    that is known. Needs no input.
+    A virtual profiler drives twice over Belgian block; its instruments have noise and drift. Both
+    recordings are brought into agreement and gridded to one surface with a standard deviation for
+    each height. Tyre profiles are extracted, rated, and compared with the true ground. No input is
+    needed.
 
     Example: `trueterrain demo -o demo`, then `trueterrain run demo/survey.toml -o again`
 
@@ -48,13 +49,13 @@ def demo(
     length
         Length of the road [m].
     seed
-        Seed of the road and of all noise: the same seed gives the same results.
+        Seed of the road and of all noise; the same seed gives the same results.
     json
         Print results/result.json instead of a summary, with "folder" and "files" added.
     force
         Replace an earlier result of the same command in the folder; other files in it stay.
     """
-    from trueterrain.cli.run import in_words
+    from trueterrain.cli.run import summary_lines
     from trueterrain.core import whole_folder
     from trueterrain.simulate.scene import record_scene
     from trueterrain.survey import read_survey, run_survey, survey_template
@@ -65,14 +66,14 @@ def demo(
         whole_folder(
             output, result="demo", force=force, names=("runs", "survey.toml", "results")
         ) as folder,
-        compiling_noted(),
+        note_compilation(),
         progress_bar() as progress,
     ):
-        write_note("driving over the road ...")
+        write_note("simulating two recordings ...")
         (folder / "runs").mkdir()
         runs = record_scene(scene, folder / "runs", progress=progress)
         (folder / "survey.toml").write_text(survey_template(_demo_survey(scene, runs)))
-        write_note("turning both recordings into one ground ...")
+        write_note("processing both recordings ...")
         found = run_survey(
             read_survey(folder / "survey.toml"),
             folder / "results",
@@ -82,21 +83,21 @@ def demo(
         )
     results = output / "results"
     if json:
-        out_json({**found.numbers, "folder": str(results), "files": list(found.files)})
+        write_json({**found.numbers, "folder": str(results), "files": list(found.files)})
         return
-    for line in in_words(found.numbers):
+    for line in summary_lines(found.numbers):
         write_line(line)
-    write_line(f"{results / 'report.html'}: everything, with pictures")
+    write_line(f"{results / 'report.html'}: the report, with pictures")
 
 
 def _demo_scene(length: float, seed: int) -> "Scene":
-    """Scene of two lanes, as long as asked for."""
+    """Scene of two lanes of a given length."""
     from dataclasses import replace
 
     from trueterrain.simulate.scene import read_scene
 
-    if not _SHORTEST <= length <= _LONGEST:
-        message = f"length must be from {_SHORTEST:g} m to {_LONGEST:g} m, got {length:g}."
+    if not _MIN_LENGTH <= length <= _MAX_LENGTH:
+        message = f"length must be from {_MIN_LENGTH:g} m to {_MAX_LENGTH:g} m, got {length:g}."
         raise ValueError(message)
     scene, _ = read_scene(_SCENE)
     block = {**scene.ground[0], "seed": seed}
@@ -104,7 +105,7 @@ def _demo_scene(length: float, seed: int) -> "Scene":
 
 
 def _demo_survey(scene: "Scene", runs: list[Path]) -> "Survey":
-    """Survey of both lanes as one, with tyres in either lane, on the seam, and a bare line."""
+    """Survey that merges both lanes, with tyre profiles in each lane and on the seam."""
     from trueterrain.alignment.merge import MergeSettings
     from trueterrain.profile import TyreProfileSettings
     from trueterrain.survey import ProfilePathSettings, RunSettings, Survey

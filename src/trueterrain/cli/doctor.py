@@ -1,4 +1,4 @@
-"""The command ``trueterrain doctor``: what a bug report needs."""
+"""The command ``trueterrain doctor``: versions and environment for a bug report."""
 
 import os
 import platform
@@ -6,7 +6,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from trueterrain._version import __version__
-from trueterrain.cli._console import out_json, write_line
+from trueterrain.cli._console import write_json, write_line
 
 _PACKAGES = (
     "numpy",
@@ -27,7 +27,7 @@ _PACKAGES = (
 
 
 def doctor(*, json: bool = False) -> None:
-    """Say what a bug report needs: versions, backends, cores.
+    """Show versions, backends and cores for a bug report.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def doctor(*, json: bool = False) -> None:
         "packages": {name: _package_version(name) for name in _PACKAGES},
     }
     if json:
-        out_json(found)
+        write_json(found)
         return
     packages = found.pop("packages")
     for name, value in {**found, **packages}.items():

@@ -1,4 +1,4 @@
-"""``trueterrain evenness``: profiles in bands of wavelength and under a rolling straightedge."""
+"""The command ``trueterrain evenness``: wavebands and rolling straightedge."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import out_json, write_line
+from trueterrain.cli._console import write_json, write_line
 from trueterrain.cli._profiles import (
     draw_panels,
     read_profile,
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from trueterrain.roughness import Filter
 
 _MM = 1000.0
-_MOST = 0.5  # [m] no road is as far from a beam; a larger threshold is meant in mm
+_MAX_THRESHOLD = 0.5  # [m] no road deviates as much; a larger value is probably in mm
 
 
 def evenness(
@@ -39,12 +39,12 @@ def evenness(
     plot: Path | None = None,
     force: bool = False,
 ) -> None:
-    """Evenness of profiles: RMS in bands of wavelength, deviation from a rolling straightedge.
+    """Evenness of profiles: RMS in bands of wavelength, and deviation from a rolling straightedge.
 
     Each track is rated as a whole and in fixed segments. The bands are short (0.707 to 2.828 m),
     medium (2.828 to 11.312 m) and long (11.312 to 45.248 m), in the style of EN 13036-5. The
-    straightedge is a beam on two wheels, one at either end; the deviation is that of the ground
-    from its middle. None of this was checked against the texts of the standards.
+    straightedge is a beam on two wheels, one at each end; the deviation is the height of the ground
+    above its midpoint. None of this was checked against the texts of the standards.
 
     Example: trueterrain evenness left_and_right.erd --threshold 0.004 --plot evenness.svg
 
@@ -57,22 +57,22 @@ def evenness(
     segment
         Length of the fixed segments [m]; the last one may be shorter.
     straightedge
-        Distance of the two wheels of the straightedge [m]. 3.048 m (10 ft) and 4.877 m (16 ft) are
-        in use as well.
+        Distance between the wheels of the straightedge [m]. 3.048 m (10 ft) and 4.877 m (16 ft) are
+        also in use.
     threshold
-        Deviation that shall not be exceeded, above or below the beam [m], e.g. 0.004: the stretches
-        beyond are listed.
+        Maximum allowed deviation above or below the beam [m], e.g. 0.004; stretches that exceed it
+        are listed.
     band
-        Name, shortest and longest wave [m] of a band, instead of the three above; can be given
-        several times.
+        Name, shortest and longest wavelength [m] of a band, instead of the three above; may be
+        given several times.
     json
         Print one JSON document instead of tables. One file gives {"file", "bands": [{"name",
         "shortest", "longest"}], "straightedge", "tracks": [{"name", "rms": {BAND: ...},
         "deviation": {"p95", "peak", "peak_at"}, "segments": [{"start", "end", "rms",
-        "deviation"}]}]}, several files a list of these; everything is in m. p95 is not exceeded at
-        95 % of the stations, peak is positive above the beam; null is what the profile is too short
-        or too coarse for. --threshold adds to each track "beyond", the length beyond it, and
-        "stretches": [{"start", "end", "peak", "peak_at"}].
+        "deviation"}]}]}, several files a list of these; all values are in m. p95 is the 95 %
+        quantile of the magnitude, peak is positive above the beam; a value is null if the profile
+        is too short or too coarse for it. --threshold adds to each track "beyond", the length
+        beyond it, and "stretches": [{"start", "end", "peak", "peak_at"}].
     plot
         Picture to write: .svg, .pdf or .png. Deviation along the road and RMS of the segments, of
         each file.
@@ -81,10 +81,10 @@ def evenness(
     """
     from trueterrain import figures
 
-    if threshold is not None and not 0 < threshold < _MOST:
-        message = f"--threshold must be greater than 0 and less than {_MOST:g} m, got {threshold:g}"
-        cure = f"; {threshold:g} mm are {threshold / _MM:g}" if threshold >= _MOST else ""
-        raise ValueError(f"{message}{cure}.")
+    if threshold is not None and not 0 < threshold < _MAX_THRESHOLD:
+        rule = f"greater than 0 and less than {_MAX_THRESHOLD:g} m"
+        cure = f"; {threshold:g} mm are {threshold / _MM:g}" if threshold >= _MAX_THRESHOLD else ""
+        raise ValueError(f"--threshold must be {rule}, got {threshold:g}{cure}.")
     files = (file, *more)
     if plot is not None:
         figures.require_picture(plot, force=force, inputs=files)
@@ -92,7 +92,7 @@ def evenness(
     rated = [_rate_file(path, wanted) for path in files]
     documents = [_json_document(one, wanted) for one in rated]
     if json:
-        out_json(documents if more else documents[0])
+        write_json(documents if more else documents[0])
     else:
         for one, document in zip(rated, documents, strict=True):
             _print_result(one, document, wanted)
@@ -104,7 +104,7 @@ def evenness(
 
 @dataclass(frozen=True)
 class _EvennessRequest:
-    """What is asked for; lengths in m."""
+    """Settings of the command; lengths in m."""
 
     bands: "Mapping[str, Filter]"
     segment: float
@@ -114,7 +114,7 @@ class _EvennessRequest:
 
 @dataclass(frozen=True)
 class _EvennessResult:
-    """What was found out about one file."""
+    """Results for one file."""
 
     path: Path
     waves: "xr.Dataset"
@@ -122,16 +122,16 @@ class _EvennessResult:
     beyond: "xr.Dataset | None"
 
 
-def _wavebands(asked: list[tuple[str, float, float]] | None) -> "Mapping[str, Filter]":
+def _wavebands(stated: list[tuple[str, float, float]] | None) -> "Mapping[str, Filter]":
     from trueterrain.roughness import WAVEBANDS, Butterworth
 
-    if not asked:
+    if not stated:
         return WAVEBANDS
-    names = [name for name, _, _ in asked]
+    names = [name for name, _, _ in stated]
     if len(set(names)) < len(names):
         message = f"--band must give each name once, got {', '.join(names)}."
         raise ValueError(message)
-    return {name: Butterworth(shortest=low, longest=high) for name, low, high in asked}
+    return {name: Butterworth(shortest=low, longest=high) for name, low, high in stated}
 
 
 def _rate_file(path: Path, wanted: _EvennessRequest) -> _EvennessResult:
@@ -140,7 +140,7 @@ def _rate_file(path: Path, wanted: _EvennessRequest) -> _EvennessResult:
     profile = read_profile(path)
     with name_file_in_errors(path):
         beam = roughness.rolling_straightedge(profile, wanted.straightedge)
-        bands = _that_fit(path, profile, wanted.bands)
+        bands = _resolved_bands(path, profile, wanted.bands)
         waves = roughness.waveband_rms(profile, bands=bands, segment=wanted.segment)
         beyond = None
         if wanted.threshold is not None:
@@ -148,24 +148,26 @@ def _rate_file(path: Path, wanted: _EvennessRequest) -> _EvennessResult:
     return _EvennessResult(path, waves, beam, beyond)
 
 
-def _that_fit(
+def _resolved_bands(
     path: Path, profile: "xr.Dataset", bands: "Mapping[str, Filter]"
 ) -> "Mapping[str, Filter]":
-    """Bands that the profile can show; says which it cannot, and leaves it at that if none."""
+    """Bands that the profile resolves, with a warning for each other band."""
     s = profile["s"].values
-    room = float(s[-1] - s[0])
-    spacing = room / (s.size - 1)
+    length = float(s[-1] - s[0])
+    spacing = length / (s.size - 1)
     flags = {}
     for name, band in bands.items():
-        if band.longest is not None and band.longest > room:
-            flags[name] = f"the profile is {room:g} m long, its waves are up to {band.longest:g} m"
+        if band.longest is not None and band.longest > length:
+            flags[name] = (
+                f"the profile is {length:g} m long, its waves are up to {band.longest:g} m"
+            )
         elif band.shortest is not None and band.shortest <= 2 * spacing:
             flags[name] = (
                 f"its waves of {band.shortest:g} m need a spacing below {0.5 * band.shortest:g} m, "
                 f"got {spacing:.4g} m"
             )
     if len(flags) == len(bands):
-        return bands  # refused where they are used
+        return bands  # waveband_rms raises the error
     for name, flag in flags.items():
         write_warning(f"{path}: band {name} is left out: {flag}.")
     return {name: band for name, band in bands.items() if name not in flags}
@@ -199,7 +201,7 @@ def _json_document(rated: _EvennessResult, wanted: _EvennessRequest) -> dict[str
 
 
 def _band_rms(values: "xr.DataArray", wanted: _EvennessRequest) -> dict[str, float]:
-    """RMS of each band that was asked for [m], NaN of those left out."""
+    """RMS of each requested band [m]; NaN for those left out."""
     known = dict(zip(values["band"].values.tolist(), values.values.tolist(), strict=True))
     return {name: known.get(name, math.nan) for name in wanted.bands}
 
@@ -210,10 +212,12 @@ def _segment_values(
     import numpy as np
 
     start, end = waves["start"].values, waves["end"].values
-    rounding = 1e-9 * float(end[-1] - start[0])  # [m] a sample at a joint begins the next segment
+    rounding = 1e-9 * float(
+        end[-1] - start[0]
+    )  # [m] a sample at a boundary belongs to the next segment
     first = np.searchsorted(deviation["s"].values, start - rounding)
-    behind = np.append(first[1:], deviation.size)
-    for at, (begin, stop) in enumerate(zip(first, behind, strict=True)):
+    stop_at = np.append(first[1:], deviation.size)
+    for at, (begin, stop) in enumerate(zip(first, stop_at, strict=True)):
         yield {
             "start": float(start[at]),
             "end": float(end[at]),
@@ -223,15 +227,15 @@ def _segment_values(
 
 
 def _deviation_values(deviation: "xr.DataArray") -> dict[str, float]:
-    """What 95 % of the deviations do not exceed, the largest and its place [m]; NaN of none."""
+    """95 % quantile of the magnitude, peak and its station [m]; NaN for an empty segment."""
     import numpy as np
 
     if deviation.size == 0:
         return {"p95": math.nan, "peak": math.nan, "peak_at": math.nan}
-    size = np.abs(deviation.values)
-    at = int(size.argmax())
+    magnitude = np.abs(deviation.values)
+    at = int(magnitude.argmax())
     return {
-        "p95": float(np.quantile(size, 0.95)),
+        "p95": float(np.quantile(magnitude, 0.95)),
         "peak": float(deviation[at]),
         "peak_at": float(deviation["s"][at]),
     }
@@ -240,9 +244,9 @@ def _deviation_values(deviation: "xr.DataArray") -> dict[str, float]:
 def _track_stretches(
     found: "xr.Dataset", track: str, deviation: "xr.DataArray"
 ) -> list[dict[str, float]]:
-    """Stretches of a track, the peaks with their sign."""
-    mine = found.isel(stretch=found["track"].values == track)
-    ends = zip(*(mine[name].values.tolist() for name in ("start", "end", "peak_at")), strict=True)
+    """Stretches of a track; peaks have their sign."""
+    own = found.isel(stretch=found["track"].values == track)
+    ends = zip(*(own[name].values.tolist() for name in ("start", "end", "peak_at")), strict=True)
     return [
         {"start": start, "end": end, "peak": deviation.sel(s=at).item(), "peak_at": at}
         for start, end, at in ends
@@ -296,16 +300,16 @@ def _show_stretches(track: dict[str, Any], threshold: float, length: float) -> N
 
 
 def _print_conventions(wanted: _EvennessRequest) -> None:
-    """Conventions in words, since they change the numbers."""
+    """Print the conventions: they change the numbers."""
     edges = [
         f"{name} {band.shortest:g} to {band.longest:g} m" for name, band in wanted.bands.items()
     ]
     write_line(f"RMS in bands: {', '.join(edges)}; Butterworth, half of the power at the edges.")
     write_line(
-        "Within the longest wave of a band from an end, RMS depends on how the road goes on there."
+        "Nearer to an end than the longest wave of a band, RMS depends on the road beyond that end."
     )
     write_line(
-        f"95 % and peak: ground above (+) or below (-) the middle of a beam of "
+        f"95 % and peak: ground above (+) or below (-) the midpoint of a beam of "
         f"{wanted.straightedge:g} m on two wheels."
     )
     write_line("Bands, filter and straightedge were not checked against the texts of EN 13036.")
@@ -314,7 +318,7 @@ def _print_conventions(wanted: _EvennessRequest) -> None:
 def _picture_panels(
     rated: _EvennessResult, wanted: _EvennessRequest
 ) -> list[Callable[[Any], object]]:
-    """Pictures of a file, each a function that draws into axes."""
+    """Panels of a file: functions that draw into given axes."""
     from trueterrain import figures
 
     return [

@@ -1,20 +1,20 @@
-"""``trueterrain event``: design an event that shakes a vehicle for accuracy tests."""
+"""The command ``trueterrain event``: design of excitation events for accuracy tests."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import out_json, write_line, write_note
-from trueterrain.cli._numbers import WHOLE
+from trueterrain.cli._console import write_json, write_line, write_note
+from trueterrain.cli._options import INTEGER
 
 if TYPE_CHECKING:
     from trueterrain.vehicle import FullCarParameters, Tyre
     from trueterrain.verify.event.design import EventDesign, EventInputs, EventResponse
 
-_LASER = (-2.25, 0.0)  # [m] as in scenes that say nothing else
-_ANOTHER = 0.1  # [1] by which a vehicle may depart from what the event is designed for
-_PATCH = 0.15  # [m] contact patch of a tyre, over which it averages the ground
+_LASER = (-2.25, 0.0)  # [m] forward, left: the default of scenes
+_MAX_DEVIATION = 0.1  # [1] of a vehicle from the one for which the event is designed
+_PATCH = 0.15  # [m] length of the contact patch, over which a tyre averages the ground
 
 
 def event(
@@ -38,18 +38,19 @@ def event(
     base: float = 0.0,
     width_ratio: float | None = None,
     placement: Literal["across", "staggered", "one side"] | None = None,
-    events: Annotated[int, WHOLE] = 1,
+    events: Annotated[int, INTEGER] = 1,
     band: tuple[float, float] | None = None,
     laser: tuple[float, float] | None = None,
     output: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None,
     json: bool = False,
     force: bool = False,
 ) -> None:
-    """Design an excitation event: cleats that shake a vehicle in its body modes and in wheel hop.
+    """Design an excitation event: cleats that excite body modes and wheel hop of a vehicle.
 
-    Half a wave of a mode of the body is as long as the event, and wheels meet its cleats at wheel
-    hop (Smith 2009, section 3.3). What of that comes true is simulated for the vehicle, a model of
-    seven freedoms: heave, pitch and roll of the body, and four wheels.
+    The length of the event is half a wavelength of the body mode, and the wheels cross its cleats
+    at the frequency of wheel hop (Smith 2009, section 3.3). The response of the vehicle is
+    simulated with a model of seven degrees of freedom: heave, pitch and roll of the body, and the
+    travel of four wheels.
 
     Example: trueterrain event design --vehicle van --target pitch -o pitch_event
 
@@ -58,51 +59,51 @@ def event(
     action
         design: sizes, drawing, cut list, driving instruction and predicted motion.
     vehicle
-        Vehicle that shall be shaken: compact, golden car, sedan, van, or a scene (.toml) with
-        parameters of your own. What is not given below is taken from it.
+        Vehicle to excite: compact, golden car, sedan, van, or a scene (.toml) with other
+        parameters. It provides the values that are not given below.
     model
-        Which oscillator gives the cleats' width. base-excited: damper between wheel and body, as
-        vehicles have it. thesis: as printed, damper between wheel and road.
+        Oscillator that determines the width of the cleats. base-excited: damper between wheel and
+        body, as in vehicles. thesis: as printed, damper between wheel and road.
     target
-        Mode of the body that the event as a whole shall excite.
+        Mode of the body that the event excites.
     ride
-        Frequency of that mode [Hz]; default that of the vehicle.
+        Frequency of that mode [Hz]; by default that of the vehicle.
     hop
-        Undamped frequency of wheel hop [Hz]; default that of the vehicle.
+        Undamped frequency of wheel hop [Hz]; by default that of the vehicle.
     damping
-        Damping ratio of wheel hop [1]; default that of the vehicle.
+        Damping ratio of wheel hop [1]; by default that of the vehicle.
     wheelbase
-        Distance between the axles [m]; default that of the vehicle.
+        Distance between the axles [m]; by default that of the vehicle.
     track
-        Greatest distance between the wheels of an axle [m]; default that of the vehicle.
+        Maximum distance between the wheels of an axle [m]; by default that of the vehicle.
     length
-        Length of the event, half a wave of the body [m]; default half the wheelbase for heave and
-        roll, the wheelbase for pitch, 2.44 with --model thesis.
+        Length of the event, half a wavelength of the body mode [m]; by default half the wheelbase
+        for heave and roll, the wheelbase for pitch, 2.44 with --model thesis.
     ride_tolerance
-        By how much ride may be off [Hz]; default 0.05.
+        Tolerance of ride [Hz]; by default 0.05.
     hop_tolerance
-        By how much hop may be off [Hz]; default 0.5.
+        Tolerance of hop [Hz]; by default 0.5.
     damping_tolerance
-        By how much damping may be off [1]; default 0.05.
+        Tolerance of damping [1]; by default 0.05.
     length_tolerance
-        By how much the length may be off as built [m]; default 0.005.
+        Tolerance of the length as built [m]; by default 0.005.
     rise
         Height of a cleat [m].
     base
-        Thickness of a board under the whole event, such as 0.019 [m].
+        Thickness of a board under the whole event, e.g. 0.019 [m].
     width_ratio
-        Width of a cleat over the spacing [1]; default from the model.
+        Ratio of cleat width to spacing [1]; by default from the model.
     placement
-        across: one cleat under both wheels. staggered: the right side half a wave behind the left
-        one. one side: under the left wheels only. Default staggered for roll, else across.
+        across: one cleat under both wheels. staggered: the right side half a wavelength behind the
+        left one. one side: under the left wheels only. By default staggered for roll, else across.
     events
-        How often the event is repeated, a wave of the body apart.
+        Number of repeats of the event, one wavelength of the body mode apart.
     band
-        Frequencies of hop to cover, lowest and highest [Hz]; lists the speeds that do it. Default
-        20 % below to 20 % above hop.
+        Lowest and highest frequency of hop to cover [Hz]; the speeds that cover them are listed. By
+        default 20 % below to 20 % above hop.
     laser
-        Place of the laser in the body from its centre of gravity: forward and left [m]; default
-        that of the scene, else 2.25 behind it.
+        Position of the laser from the centre of gravity of the body: forward and left [m]; by
+        default that of the scene, else 2.25 behind it.
     output
         Folder for event.pdf (one page), drawing.svg, event.html and event.json.
     json
@@ -116,7 +117,7 @@ def event(
 
     from trueterrain.verify.event.design import covering_speeds, cut_list, design_event
 
-    car, tyre, place = _named_vehicle(vehicle)
+    car, tyre, position = _named_vehicle(vehicle)
     given = {"ride": ride, "hop": hop, "damping": damping, "wheelbase": wheelbase, "track": track}
     tolerances = {
         "ride": ride_tolerance,
@@ -136,42 +137,42 @@ def event(
         placement=placement,
         events=events,
     )
-    moved = _predict_response(car, design, tyre, laser or place)
+    response = _predict_response(car, design, tyre, laser or position)
     pieces = cut_list(design)
     low, high = band or (0.8 * inputs.hop, 1.2 * inputs.hop)
     speeds = covering_speeds(low, high, number=design.number, spacing=design.spacing)
-    words = _page_texts(design, moved, vehicle, (low, high), speeds.tolist())
-    words["flags"] += _vehicle_notes(car, design, vehicle)
+    texts = _page_texts(design, response, vehicle, (low, high), speeds.tolist())
+    texts["flags"] += _vehicle_notes(car, design, vehicle)
     document: dict[str, Any] = {
         "design": design.to_dict(),
         "vehicle": vehicle,
         "predicted": {
-            "laser_span": moved.laser_span,
-            "laser_acceleration": float(abs(moved.laser_acceleration).max()),
-            "spans": {name: moved.span(name) for name in ("heave", "pitch", "roll")},
-            "energy": dict(moved.energy),
-            "strongest": moved.strongest,
+            "laser_span": response.laser_span,
+            "laser_acceleration": float(abs(response.laser_acceleration).max()),
+            "spans": {name: response.span(name) for name in ("heave", "pitch", "roll")},
+            "energy": dict(response.energy),
+            "strongest": response.strongest,
         },
         "cut_list": [asdict(piece) | {"mass": piece.mass} for piece in pieces],
         "speeds": {"band": [low, high], "speeds": speeds.tolist()},
-        "flags": words["flags"],
+        "flags": texts["flags"],
         "files": [],
     }
     if output is not None:
         read = [vehicle] if vehicle.lower().endswith(".toml") else []
         document["files"] = _write_event(
-            output, document, design, moved, car, words, inputs=read, force=force
+            output, document, design, response, car, texts, inputs=read, force=force
         )
     if json:
-        out_json(document)
+        write_json(document)
     else:
-        _print_event(design, words)
+        _print_event(design, texts)
     for name in document["files"]:
         write_note(f"{name}: written")
 
 
 def _named_vehicle(name: str) -> "tuple[FullCarParameters, Tyre, tuple[float, float]]":
-    """Vehicle by name or from a scene, its tyres, and where the laser is in it."""
+    """Vehicle by name or from a scene, its tyre, and the position of its laser [m]."""
     from trueterrain.vehicle import FullCarParameters, Tyre, named_vehicle
 
     if not name.lower().endswith(".toml"):
@@ -182,24 +183,24 @@ def _named_vehicle(name: str) -> "tuple[FullCarParameters, Tyre, tuple[float, fl
     car = scene.vehicle.car
     if not isinstance(car, FullCarParameters):
         message = f"{path}: vehicle must have four wheels, got the model {scene.vehicle.model!r}."
-        raise ValueError(message)  # noqa: TRY004 - the file holds what must not be, not the caller
+        raise ValueError(message)  # noqa: TRY004 - the content of the file is wrong, not an argument
     x, y, _ = scene.mounting.scanner_position
     return car, scene.vehicle.tyre, (x, y)
 
 
 def _vehicle_notes(car: "FullCarParameters", design: "EventDesign", vehicle: str) -> list[str]:
-    """Flags about a prediction for a vehicle other than the one that the event is made for."""
+    """Flags if the prediction is for another vehicle than the one the event is designed for."""
     from trueterrain.verify.event.design import event_inputs
 
-    own, out = event_inputs(car, design.target), []
+    own, flags = event_inputs(car, design.target), []
     for name, unit in (("ride", "Hz"), ("hop", "Hz"), ("wheelbase", "m")):
-        has, given = getattr(own, name), getattr(design.inputs, name)
-        if abs(given / has - 1) > _ANOTHER:
-            out.append(
-                f"The motion is predicted for {vehicle!r}, whose {name} is {has:.2f} {unit}, not "
-                f"{given:.2f}: give your vehicle with --vehicle SCENE.toml."
+        actual, given = getattr(own, name), getattr(design.inputs, name)
+        if abs(given / actual - 1) > _MAX_DEVIATION:
+            flags.append(
+                f"The motion is predicted for {vehicle!r}, whose {name} is {actual:.2f} {unit}, "
+                f"not {given:.2f}: give your vehicle with --vehicle SCENE.toml."
             )
-    return out
+    return flags
 
 
 def _event_inputs(
@@ -238,51 +239,53 @@ def _predict_response(
 
 def _page_texts(
     design: "EventDesign",
-    moved: "EventResponse",
+    response: "EventResponse",
     vehicle: str,
     band: tuple[float, float],
     speeds: list[float],
 ) -> dict[str, list[str]]:
-    """What a reader is told, by section of the page."""
+    """Sentences of the report by section."""
     import numpy as np
 
     from trueterrain.report.event import speed_text
 
     low, high = design.speed_band
-    shares = ", ".join(f"{name} {100 * share:.0f} %" for name, share in moved.energy.items())
+    energy = ", ".join(f"{name} {100 * part:.0f} %" for name, part in response.energy.items())
     driving = [
-        f"Drive at {speed_text(design.speed)}, steadily, from 20 m before the event to 20 m "
-        "behind it, without braking; the wheels in the middle of the cleats.",
-        f"From {low:.2f} to {high:.2f} m/s wheel hop gets at least half of the power.",
+        f"Drive at a constant speed of {speed_text(design.speed)} from 20 m before the event to "
+        "20 m behind it, without braking; the wheels at the centre of the cleats.",
+        f"From {low:.2f} to {high:.2f} m/s, wheel hop has at least half of its maximum power.",
         f"To cover hop from {band[0]:.1f} to {band[1]:.1f} Hz, drive at "
         f"{', '.join(f'{speed:.2f}' for speed in speeds)} m/s in turn.",
     ]
     excited = [
-        f"Predicted for {vehicle!r}: laser {1000 * moved.laser_span:.0f} mm from peak to peak, "
-        f"{abs(moved.laser_acceleration).max():.0f} m/s² at most; heave "
-        f"{1000 * moved.span('heave'):.0f} mm, pitch {np.rad2deg(moved.span('pitch')):.2f} deg, "
-        f"roll {np.rad2deg(moved.span('roll')):.2f} deg.",
-        f"Kinetic energy: {shares}. Of the body, {moved.strongest} gets most.",
+        f"Predicted for {vehicle!r}: laser {1000 * response.laser_span:.0f} mm from peak to peak, "
+        f"{abs(response.laser_acceleration).max():.0f} m/s² at most; heave "
+        f"{1000 * response.span('heave'):.0f} mm, "
+        f"pitch {np.rad2deg(response.span('pitch')):.2f} deg, "
+        f"roll {np.rad2deg(response.span('roll')):.2f} deg.",
+        f"Kinetic energy: {energy}. The strongest mode of the body is {response.strongest}.",
     ]
     if design.events > 1:
-        apart = f"{design.pitch:.2f} m from begin to begin"
+        apart = f"{design.pitch:.2f} m from start to start"
         driving.insert(0, f"Lay the event {design.events} times, {apart}.")
     flags = []
-    if moved.strongest != design.target:
+    if response.strongest != design.target:
         flags.append(
-            f"The event was to excite {design.target}, but {moved.strongest} gets more: choose "
-            "the length from the wheelbase (leave --length out), or repeat the event (--events)."
+            f"The event is designed for {design.target}, but excites {response.strongest} more: "
+            "choose the length from the wheelbase (leave --length out), or repeat the event "
+            "(--events)."
         )
     if design.spacing - design.width < _PATCH or design.width < 0.5 * _PATCH:
         flags.append(
             f"Cleats of {1000 * design.width:.0f} mm, {1000 * design.spacing:.0f} mm apart, are "
-            f"short for a contact patch of {1000 * _PATCH:.0f} mm, which averages them: hop is "
-            "excited less."
+            f"short compared with a contact patch of {1000 * _PATCH:.0f} mm, which averages them: "
+            "hop is excited less."
         )
     if design.width_rule == "most hop":
         flags.append(
             f"At a damping ratio of {design.inputs.damping:.2f} no wheel in hop touches both edges "
-            "of a cleat; half the spacing was taken as width, where hop is excited most."
+            "of a cleat; the width is half the spacing, which excites hop most."
         )
     return {
         "driving": driving,
@@ -304,25 +307,24 @@ def _model_notes(design: "EventDesign") -> list[str]:
     )
     sentences = [
         f"As printed, w/a is {printed:.3f} at a damping ratio of {inputs.damping:.2f}: the damper "
-        "of Eq. 3-7 is fixed to the road, the peak is taken for that of a force, and the width is "
-        "stretched by 1 / sqrt(1 - z²), as if a wheel on cleats oscillated by itself.",
+        "of Eq. 3-7 connects wheel and road, the resonance is that of a force on the wheel, and "
+        "the width is divided by sqrt(1 - z²), as for free oscillation.",
     ]
     if gain > 1:
-        right = cleat_ratio(
-            inputs.damping, tyre_stiffness_fraction=inputs.tyre_stiffness_fraction, ratio=1.0
-        )
+        ratio = cleat_ratio(inputs.damping, tyre_stiffness_fraction=inputs.tyre_stiffness_fraction, ratio=1.0)
         sentences.append(
-            f"With the damper between wheel and body, a wheel met at its resonance moves "
-            f"{gain:.2f} times as much as the ground, and w/a is {right:.3f}."
+            f"With the damper between wheel and body, a wheel excited at its resonance moves "
+            f"{gain:.2f} times as much as the ground, and w/a is {ratio:.3f}."
         )
     else:
         sentences.append(
-            f"With the damper between wheel and body, a wheel met at its resonance moves "
-            f"{gain:.2f} times as much as the ground, less than the cleats: the rule has no answer."
+            f"With the damper between wheel and body, a wheel excited at its resonance moves "
+            f"{gain:.2f} times as much as the ground, less than the cleats: the rule has no "
+            "solution."
         )
     sentences.append(
-        "Either is a rule of construction, not an optimum: hop grows with sin(pi w/a) up to a "
-        "width of half the spacing, the motion of the body with the mean height h w/a."
+        "Both are design rules, not optima: hop increases with sin(pi w/a) up to a width of half "
+        "the spacing, body motion with the mean height h w/a."
     )
     return sentences
 
@@ -331,9 +333,9 @@ def _write_event(
     folder: Path,
     document: dict[str, Any],
     design: "EventDesign",
-    moved: "EventResponse",
+    response: "EventResponse",
     car: "FullCarParameters",
-    words: dict[str, list[str]],
+    texts: dict[str, list[str]],
     *,
     inputs: list[str],
     force: bool,
@@ -345,34 +347,37 @@ def _write_event(
     from trueterrain.verify.event.design import cut_list
 
     with whole_folder(folder, result="event", force=force, inputs=inputs) as temporary:
-        names = write_event_page(temporary, design, cut_list(design), moved, car, words)
+        names = write_event_page(temporary, design, cut_list(design), response, car, texts)
         text = json.dumps(document, indent=2, allow_nan=False)
         (temporary / "event.json").write_text(text + "\n", encoding="utf-8")
     return [str(folder / name) for name in (*names, "event.json")]
 
 
-def _print_event(design: "EventDesign", words: dict[str, list[str]]) -> None:
+def _print_event(design: "EventDesign", texts: dict[str, list[str]]) -> None:
     from trueterrain.report.event import piece_text, speed_text
     from trueterrain.verify.event.design import cut_list
 
-    off = design.tolerances
+    tolerance = design.tolerances
     rows = (
-        ("speed V", f"{speed_text(design.speed)}, +- {off['speed']:.2f} m/s"),
+        ("speed V", f"{speed_text(design.speed)}, +- {tolerance['speed']:.2f} m/s"),
         ("cleats", f"{design.number}, {1000 * design.rise:.0f} mm high, {design.placement}"),
-        ("spacing a", f"{design.spacing:.3f} +- {off['spacing']:.3f} m"),
-        ("width w", f"{design.width:.3f} +- {off['width']:.3f} m"),
-        ("w / a", f"{design.cleat_ratio:.3f} +- {off['cleat_ratio']:.3f}, {design.width_rule}"),
-        ("length", f"{design.length:.2f} m asked for, {design.built_length:.2f} m as built"),
-        ("met", f"{design.target} at {design.ride_met:.2f} Hz, hop at {design.hop_met:.2f} Hz"),
+        ("spacing a", f"{design.spacing:.3f} +- {tolerance['spacing']:.3f} m"),
+        ("width w", f"{design.width:.3f} +- {tolerance['width']:.3f} m"),
+        (
+            "w / a",
+            f"{design.cleat_ratio:.3f} +- {tolerance['cleat_ratio']:.3f}, {design.width_rule}",
+        ),
+        ("length", f"{design.length:.2f} m requested, {design.built_length:.2f} m as built"),
+        ("excites", f"{design.target} at {design.ride_met:.2f} Hz, hop at {design.hop_met:.2f} Hz"),
     )
     write_line(f"Event for {design.target}, oscillator {design.model}")
     for name, value in rows:
         write_line(f"  {name:<10} {value}")
     for title, sentences in (
         ("Cut list", [piece_text(piece, design.spacing) for piece in cut_list(design)]),
-        ("Driving", words["driving"]),
-        ("What is excited", [*words["excited"], *words["flags"]]),
-        ("Two oscillators", words["models"]),
+        ("Driving", texts["driving"]),
+        ("What is excited", [*texts["excited"], *texts["flags"]]),
+        ("Two oscillators", texts["models"]),
     ):
         write_line(title)
         for sentence in sentences:

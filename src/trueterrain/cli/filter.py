@@ -1,13 +1,12 @@
-"""``trueterrain filter``: profiles without the waves that are too short, too long, or both."""
+"""The command ``trueterrain filter``: low, high and band pass of profiles by wavelength."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import compiling_noted, write_note
-from trueterrain.cli._lost import note_lost
-from trueterrain.cli._numbers import WHOLE
+from trueterrain.cli._console import note_compilation, note_omissions, write_note
+from trueterrain.cli._options import INTEGER
 from trueterrain.cli._profiles import read_profile, write_warning
 from trueterrain.core.errors import name_file_in_errors
 
@@ -27,14 +26,14 @@ def filter(  # noqa: A001 - the name of the command
     kind: Kind = "butterworth",
     shortest: float | None = None,
     longest: float | None = None,
-    order: Annotated[int | None, WHOLE] = None,
+    order: Annotated[int | None, INTEGER] = None,
     force: bool = False,
 ) -> None:
-    """Take waves out of profiles: low, high and band pass by wavelength, shifting nothing.
+    """Filter profiles by wavelength: low, high or band pass without phase shift.
 
-    --shortest alone is a low pass, --longest alone a high pass, both together a band pass. A grade
-    passes a low pass unchanged and leaves nothing of a high pass. Each track is filtered on its
-    own; stations stay.
+    --shortest alone is a low pass, --longest alone a high pass, both together a band pass. A low
+    pass leaves a constant grade unchanged, a high pass removes it. Each track is filtered
+    separately; stations do not change.
 
     Example: trueterrain filter road.erd --shortest 8 --longest 90 -o band.erd
 
@@ -45,17 +44,17 @@ def filter(  # noqa: A001 - the name of the command
     output
         Profile to write: .erd, .csv, .parquet or .zarr.
     kind
-        butterworth: half of the power of the wavelengths given, equal spacing only. moving-average:
-        the mean over --shortest around each sample, or the profile less its mean over --longest; a
-        mean passes half of the power of waves of 2.26 lengths. 250mm: the moving average over
-        0.25 m, without more options.
+        butterworth: half of the power at the given wavelengths, equal spacing only. moving-average:
+        the mean over --shortest around each sample, or the profile less its mean over --longest; it
+        passes half of the power of waves of 2.26 lengths. 250mm: the moving average over 0.25 m,
+        without further options.
     shortest
-        Waves shorter than this are taken out [m]; none by default.
+        Waves shorter than this are removed [m]; none by default.
     longest
-        Waves longer than this are taken out [m]; none by default.
+        Waves longer than this are removed [m]; none by default.
     order
-        Order of each of the two runs, forth and back, of butterworth; by default 3. Beyond the
-        wavelengths given, waves fall by 12 dB per octave and order.
+        Order of the Butterworth filter in each direction, forward and backward; by default 3.
+        Beyond the given wavelengths, waves decrease by 12 dB per octave and order.
     force
         Replace the output if it exists.
     """
@@ -66,12 +65,12 @@ def filter(  # noqa: A001 - the name of the command
     formats.writer_of("profile", output)
     formats.require_writable(output, force=force, inputs=[file], kind="profile")
     profile = read_profile(file)
-    with name_file_in_errors(file), compiling_noted():
+    with name_file_in_errors(file), note_compilation():
         result = filter_profile(profile, by)
     _warn_of_window(file, profile, by)
     formats.write(result, output, force=force)
     _print_summary(result, by, output)
-    _note_lost(profile, result, output)
+    _note_omissions(profile, result, output)
 
 
 def _chosen_filter(
@@ -91,7 +90,7 @@ def _chosen_filter(
             raise ValueError(message)
         return FILTER_250_MM
     if shortest is None and longest is None:
-        message = "--shortest, --longest or both must say which waves are taken out [m]."
+        message = "--shortest, --longest or both must be given: the waves to remove [m]."
         raise ValueError(message)
     if kind == "moving-average":
         return MovingAverage(shortest=shortest, longest=longest)
@@ -101,7 +100,7 @@ def _chosen_filter(
 
 
 def _warn_of_window(path: Path, profile: "xr.Dataset", by: "Filter") -> None:
-    """Say if a moving average has too few samples to average; a Butterworth filter refuses them."""
+    """Warn if a moving average has too few samples; a Butterworth filter raises an error."""
     s = profile["s"].values
     spacing = float(s[-1] - s[0]) / (s.size - 1)
     window = min(length for length in (by.shortest, by.longest) if length is not None)
@@ -115,17 +114,16 @@ def _print_summary(result: "xr.Dataset", by: "Filter", output: Path) -> None:
     tracks = result.sizes.get("track", 1)
     several = f" of {tracks} tracks" if tracks > 1 else ""
     s = result["s"].values
-    write_note(
-        f"{output}: {s.size:,} samples{several} from {s[0]:g} to {s[-1]:g} m, with {_passed_text(by)}"
-    )
+    ends = f"from {s[0]:g} to {s[-1]:g} m"
+    write_note(f"{output}: {s.size:,} samples{several} {ends}, with {_passed_text(by)}")
     reach = _filter_reach(by)
     if 2 * reach < s[-1] - s[0]:
-        beyond = "depend on what is taken to lie beyond: the profile's own image"
+        beyond = "depend on the assumed profile beyond: its mirror image"
         write_note(f"{output}: heights within {reach:g} m of the ends {beyond}")
     else:
         write_warning(
-            f"{output}: no height is farther than {reach:g} m from the ends, so all depend on what "
-            "is taken to lie beyond: the profile's own image."
+            f"{output}: no height is farther than {reach:g} m from the ends, so all depend on the "
+            "assumed profile beyond: its mirror image."
         )
 
 
@@ -138,16 +136,16 @@ def _passed_text(by: "Filter") -> str:
 
 
 def _filter_reach(by: "Filter") -> float:
-    """How far from an end a filter still feels it [m]: half of its windows, or a whole wave."""
+    """Distance over which an end affects a filter [m]: half of its windows, or one wavelength."""
     from trueterrain.roughness import MovingAverage
 
     lengths = by.shortest or 0.0, by.longest or 0.0
     return 0.5 * sum(lengths) if isinstance(by, MovingAverage) else max(lengths)
 
 
-def _note_lost(profile: "xr.Dataset", result: "xr.Dataset", output: Path) -> None:
-    """Say what is not in the output any more."""
-    of_heights = [str(name) for name in profile.data_vars if name not in result]
-    if of_heights:
-        write_note(f"{output}: not kept, since the heights are others now: {', '.join(of_heights)}")
-    note_lost(result, output)
+def _note_omissions(profile: "xr.Dataset", result: "xr.Dataset", output: Path) -> None:
+    """Note the variables that are not in the output."""
+    omitted = [str(name) for name in profile.data_vars if name not in result]
+    if omitted:
+        write_note(f"{output}: not kept, since the heights have changed: {', '.join(omitted)}")
+    note_omissions(result, output)

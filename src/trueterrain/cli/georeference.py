@@ -1,19 +1,17 @@
-"""The command ``trueterrain georeference``: from a recorded run to points."""
+"""The command ``trueterrain georeference``: recorded runs to georeferenced points."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import out_json, progress_bar, write_note
-from trueterrain.cli._motion import Method, motion_of, require_run
-from trueterrain.cli._numbers import WHOLE
+from trueterrain.cli._console import progress_bar, write_json, write_note
+from trueterrain.cli._motion import Method, require_run, run_trajectory
+from trueterrain.cli._options import INTEGER
+from trueterrain.cli._points import PointCounter
 
 if TYPE_CHECKING:
     import xarray as xr
-
-    from trueterrain.core import Progress
 
 
 def georeference(
@@ -29,15 +27,15 @@ def georeference(
     furthest: float | None = None,
     weight: float = 0.0,
     range_noise: float = 0.0005,
-    lane: Annotated[int | None, WHOLE] = None,
+    lane: Annotated[int | None, INTEGER] = None,
     json: Annotated[bool, Parameter(negative="")] = False,
     force: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
-    """Turn a recorded run into points: every return at its own time.
+    """Convert a recorded run to points, each return with the pose at its own time.
 
-    Pose, lever arm, boresight, beam and range together give each point, with its true time, its
-    intensity and the standard deviation of its height. Runs of any length are worked through block
-    by block.
+    Pose, lever arm, boresight, beam angle and range give the position of each return. Points carry
+    their true time, intensity and the standard deviation of their height. Runs of any length are
+    processed block by block.
 
     Example: `trueterrain georeference run.zarr -o points.laz --crs EPSG:32632`
 
@@ -46,29 +44,30 @@ def georeference(
     run
         Recorded run, NAME.zarr.
     output
-        Points to write: .laz, .las, .csv, .parquet, or .zarr, which keeps every bit and is read
-        and written fastest.
+        Points to write: .laz, .las, .csv, .parquet, or .zarr, which is lossless and fastest to
+        read and write.
     method
-        How the motion is found from navigation and accelerometers: "rts" (the best), "wiener",
-        "zero-phase", "thesis", or "navigation" alone.
+        Method by which the motion is estimated from navigation and accelerometers: "rts" (most
+        accurate), "wiener", "zero-phase", "thesis", or "navigation" alone.
     crs
-        Projected system of the points, e.g. EPSG:32632, with ellipsoidal heights; by default they
-        stay in the local frame of the run: east, north, up of its origin. One that changes lengths
-        by more than 0.35 % at the place is refused.
+        Projected coordinate reference system of the points, e.g. EPSG:32632, with ellipsoidal
+        heights; by default they stay in the local frame of the run: east, north, up from its
+        origin. One whose scale error at the site exceeds 0.35 % is refused.
     floor
-        Intensity under which a return is flagged [counts].
+        Intensity below which a return is flagged [counts].
     saturation
         Intensity above which a return is flagged [counts].
     nearest
-        Range under which a return is no ground [m].
+        Range below which a return is not ground [m].
     furthest
-        Range beyond which a return is no ground [m].
+        Range above which a return is not ground [m].
     weight
-        Weight of a flagged return, 0 (rejected) to 1: its standard deviation grows.
+        Weight of a flagged return, from 0 (rejected) to 1; a small weight increases its standard
+        deviation.
     range_noise
         Standard deviation of a range [m].
     lane
-        Number that all points get as their lane.
+        Number that is stored as the variable lane of all points.
     json
         Print one JSON document {"output", "points", "scans", "scans_uncovered", "missing",
         "flagged", "bridged"}.
@@ -96,51 +95,37 @@ def georeference(
     tree = open_run(run)
     if crs is not None:
         check_crs(crs, tree.attrs["origin"])
-    trajectory = motion_of(run, method)
+    trajectory = run_trajectory(run, method)
     blocks = points_of(run, trajectory, screening=screening, range_noise=range_noise, lane=lane)
     with progress_bar() as progress:
-        counted = _PointCounter(blocks, tree["scans"].sizes["scan"], progress)
+        counted = PointCounter(blocks, progress, tree["scans"].sizes["scan"])
         points = iter(counted)
         if crs is not None:
             origin, system = tree.attrs["origin"], crs
             points = (into_crs(block, origin, system) for block in iter(counted))
         formats.write(points, output, force=force)
-    report = {"output": str(output), **counted.report()}
+    report = {"output": str(output), **_point_counts(counted.last)}
     if json:
-        out_json(report)
+        write_json(report)
     else:
-        write_note(_in_words(report))
+        write_note(_summary_text(report))
 
 
-class _PointCounter:
-    """Counts the points that pass and shows them."""
-
-    def __init__(self, blocks: "Iterator[xr.Dataset]", scans: int, progress: "Progress") -> None:
-        self._blocks = blocks
-        self._scans = scans
-        self._progress = progress
-        self._attrs: dict[Any, Any] = {}
-
-    def __iter__(self) -> "Iterator[xr.Dataset]":
-        for block in self._blocks:
-            yield block
-            self._attrs = block.attrs
-            self._progress(f"{block.attrs['returns']:,} points", block.attrs["scans"], self._scans)
-
-    def report(self) -> dict[str, Any]:
-        """How many there were."""
-        names = ("scans", "scans_uncovered", "missing", "flagged", "bridged")
-        return {"points": self._attrs["returns"], **{name: self._attrs[name] for name in names}}
+def _point_counts(last: "xr.Dataset | None") -> dict[str, int]:
+    """Numbers of points and scans, from the attributes of the last block."""
+    assert last is not None  # a run without scans is refused
+    names = ("scans", "scans_uncovered", "missing", "flagged", "bridged")
+    return {"points": last.attrs["returns"], **{name: last.attrs[name] for name in names}}
 
 
-def _in_words(report: dict[str, Any]) -> str:
+def _summary_text(report: dict[str, Any]) -> str:
     text = f"{report['output']}: {report['points']:,} points of {report['scans']:,} scans"
-    for name, words in (
+    for name, what in (
         ("scans_uncovered", "scans without motion left out"),
         ("missing", "beams without return"),
         ("flagged", "returns flagged for their intensity"),
-        ("bridged", "points at times that navigation did not see"),
+        ("bridged", "points interpolated across gaps of the navigation"),
     ):
         if report[name]:
-            text += f"; {report[name]:,} {words}"
+            text += f"; {report[name]:,} {what}"
     return text

@@ -1,4 +1,4 @@
-"""The command ``trueterrain grid``: from recorded runs or points to a surface."""
+"""The command ``trueterrain grid``: recorded runs or points to a surface."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -6,11 +6,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import out_json, progress_bar, worker_threads, write_note
-from trueterrain.cli._extent import Four, extent_of
-from trueterrain.cli._motion import Method, motion_of
-from trueterrain.cli._numbers import WHOLE
-from trueterrain.cli._points import Classes, Returns, note_conversion, point_filter
+from trueterrain.cli._console import progress_bar, worker_threads, write_json, write_note
+from trueterrain.cli._motion import Method, run_trajectory
+from trueterrain.cli._options import INTEGER
+from trueterrain.cli._points import (
+    Bounds,
+    Classes,
+    Returns,
+    note_conversion,
+    point_extent,
+    point_filter,
+)
 from trueterrain.cli._recordings import kind_of_all
 from trueterrain.core.errors import SchemaError, name_file_in_errors
 
@@ -22,7 +28,7 @@ if TYPE_CHECKING:
     from trueterrain.surface.grid import GridSettings
     from trueterrain.surface.placement import GridPlacement
 
-_MAPS = (".tif", ".tiff")
+_MAPS = (".tif", ".tiff")  # endings of grids over easting and northing
 
 
 def grid(
@@ -34,9 +40,9 @@ def grid(
     across: float | None = None,
     right: float = -2.0,
     left: float = 2.0,
-    line: Four | None = None,
+    line: Bounds | None = None,
     path: Path | None = None,
-    bounds: Four | None = None,
+    bounds: Bounds | None = None,
     begin: float | None = None,
     end: float | None = None,
     smoothing: float = 1.0,
@@ -45,7 +51,7 @@ def grid(
     radius: float = 0.0,
     power: float = 0.0,
     plain: Annotated[bool, Parameter(negative="")] = False,
-    min_count: Annotated[int, WHOLE] = 1,
+    min_count: Annotated[int, INTEGER] = 1,
     fill: float = 0.1,
     down_sample: tuple[int, int] | None = None,
     method: Method = "rts",
@@ -55,7 +61,7 @@ def grid(
     furthest: float | None = None,
     weight: float = 0.0,
     range_noise: float = 0.0005,
-    threads: Annotated[int | None, WHOLE] = None,
+    threads: Annotated[int | None, INTEGER] = None,
     crs: str | None = None,
     classes: Classes = None,
     returns: Returns = None,
@@ -64,9 +70,10 @@ def grid(
 ) -> None:
     """Grid recorded runs, or points, to a surface with a standard deviation for each height.
 
-    Runs are gridded along the way of the first one, points over a map, unless --line, --path or
-    --bounds say otherwise. Surfaces along a line are OpenCRG (.crg), maps also GeoTIFF (.tif); a
-    Zarr store (.zarr) holds both, with count and standard deviation of every node.
+    By default runs are gridded along the trajectory of the first one, and points over easting and
+    northing; --line, --path and --bounds choose another grid. Surfaces along a line are written as
+    OpenCRG (.crg), maps also as GeoTIFF (.tif); a Zarr store (.zarr) holds both, with count and
+    standard deviation of each node.
 
     Example: `trueterrain grid run.zarr --spacing 0.01 -o road.crg`
 
@@ -75,71 +82,72 @@ def grid(
     file
         Recorded run (NAME.zarr), or points (LAS, LAZ, COPC, CSV, Parquet, NAME.zarr).
     more
-        More of the same kind. Errors of the motion of runs are taken as independent.
+        More of the same kind. Motion errors of different runs are assumed to be independent.
     output
         Surface to write: .crg, .zarr or .tif.
     spacing
-        Distance between nodes [m], along a line a multiple of 0.001.
+        Distance between nodes [m]; along a line a multiple of 0.001.
     across
-        Distance between nodes across the line, or along northing [m]; by default the same.
+        Distance between nodes across the line, or along northing [m]; by default --spacing.
     right
         Offset of the outermost nodes to the right of a line, left positive [m].
     left
         Offset of the outermost nodes to the left [m].
     line
-        Straight line to grid along: easting and northing of its two ends [m].
+        Straight reference line: easting and northing of its two ends [m].
     path
-        CSV file of waypoints to grid along, with the columns easting and northing [m].
+        Reference line: CSV file of waypoints with the columns easting and northing [m].
     bounds
-        Map to grid over: smallest easting and northing, largest easting and northing [m].
+        Bounds of a map: minimum easting and northing, maximum easting and northing [m].
     begin
-        Time of the navigation from which on a run is taken, e.g. the begin of a lap [s].
+        Navigation time from which a run is used, e.g. the start of a lap [s].
     end
-        Time up to which it is taken [s]; a way that comes back over itself makes no surface.
+        Navigation time up to which a run is used [s]; a trajectory that crosses itself cannot be
+        gridded.
     smoothing
-        Standard deviation of the Gaussian by which a way or a path is smoothed [m].
+        Standard deviation of the Gaussian that smooths the trajectory or path [m].
     statistic
-        What is taken of the heights in a cell.
+        Statistic of the heights in a cell.
     percent
-        Percentile to take, with --statistic percentile [%].
+        Percentile of --statistic percentile [%].
     radius
-        Radius of the disc around a node from whose cells the mean is taken [m]; 0 for the cell
-        of the node alone.
+        Radius of the disc around a node whose cells are averaged [m]; 0 for the cell of the node
+        alone.
     power
-        Power of the inverse distance by which returns in the disc are weighed; 0 weighs all alike.
+        Power of inverse-distance weights of returns in the disc; 0 for equal weights.
     plain
-        Take the mean as it is, and do not bring it along the slope to the node.
+        Do not correct the mean for the slope between the centroid of the returns and the node.
     min_count
-        Cells with fewer returns have no height.
+        Minimum number of returns; cells with fewer have no height.
     fill
-        Extent of the largest interior hole that is filled [m]; 0 for none.
+        Maximum extent of interior holes that are filled [m]; 0 for none.
     down_sample
-        Nodes that become one, along and across, for smooth terrain; the loss is reported.
+        Numbers of nodes along and across that are combined into one, for smooth terrain; the loss
+        of detail is reported.
     method
-        How the motion of runs is found: "rts" (the best), "wiener", "zero-phase", "thesis", or
-        "navigation" alone.
+        Method by which the motion is estimated: "rts" (most accurate), "wiener", "zero-phase",
+        "thesis", or "navigation" alone.
     floor
-        Intensity under which a return is flagged [counts].
+        Intensity below which a return is flagged [counts].
     saturation
         Intensity above which a return is flagged [counts].
     nearest
-        Range under which a return is no ground [m].
+        Range below which a return is not ground [m].
     furthest
-        Range beyond which a return is no ground [m].
+        Range above which a return is not ground [m].
     weight
         Weight of a flagged return, from 0 (rejected) to 1.
     range_noise
-        Standard deviation of a range, or of a point without that of its motion [m].
+        Standard deviation of a range, or of a point without its motion error [m].
     threads
-        Threads that work at once; by default one for each processor. The surface does not depend
-        on it.
+        Number of threads; by default one for each processor. The surface does not depend on it.
     crs
         Coordinate reference system of points whose files name none or a wrong one. Nothing is
-        transformed, but feet become metres.
+        transformed, but feet are converted to metres.
     classes
-        Classes of the points to take, e.g. 2,11 (ground and road surface); by default all.
+        Classes of the points to use, e.g. 2,11 (ground and road surface); by default all.
     returns
-        Return of each pulse to take of the points: last, first or its number; by default all.
+        Return of each pulse to use: last, first or its number; by default all.
     json
         Print one JSON document {"output", "size", "spacing", "nodes", "count", "sd", "sd_relative",
         "returns", "holes", "down_sample", "problems"}.
@@ -172,7 +180,7 @@ def grid(
         furthest=furthest or float("inf"),
         weight=weight,
     )
-    where = GridPlacement(
+    placement = GridPlacement(
         spacing=spacing,
         across=across,
         right=right,
@@ -186,7 +194,7 @@ def grid(
     kind = kind_of_all(
         inputs,
         other="Convert a surface to points first: `trueterrain convert`.",
-        mixed="Grid runs and points apart, or georeference the runs first.",
+        mixed="Grid runs and points separately, or georeference the runs first.",
     )
     _check_times(begin, end, kind, inputs)
     only = point_filter(classes, returns)
@@ -202,19 +210,19 @@ def grid(
             from trueterrain.surface.runs import PassRecord, grid_runs
 
             passes = [
-                PassRecord(path=run, trajectory=motion_of(run, method, begin, end))
+                PassRecord(path=run, trajectory=run_trajectory(run, method, begin, end))
                 for run in inputs
             ]
             surface, counts = grid_runs(
                 passes,
-                where.of_runs(passes),
+                placement.of_runs(passes),
                 options,
                 screening=screening,
                 threads=workers,
                 progress=progress,
             )
         else:
-            surface, counts = _grid_points(inputs, where, options, crs, only, workers, progress)
+            surface, counts = _grid_points(inputs, placement, options, crs, only, workers, progress)
     surface, completed = complete_surface(surface, HoleSettings(largest=fill), down_sample)
     holes, loss = completed["holes"], completed["down_sample"]
     files = [one for one in inputs if one.is_file()] + ([path] if path else [])
@@ -229,15 +237,15 @@ def grid(
     problems = counts.pop("problems", [])
     report = _json_report(output, surface, counts, holes, loss) | {"problems": problems}
     if json:
-        out_json(report)
+        write_json(report)
     else:
-        for text in _in_words(report):
+        for text in _summary_lines(report):
             write_note(text)
 
 
 def _grid_points(
     files: list[Path],
-    where: "GridPlacement",
+    placement: "GridPlacement",
     options: "GridSettings",
     crs: str | None,
     only: "PointFilter | None",
@@ -252,9 +260,8 @@ def _grid_points(
         parse_crs(crs)
     note_conversion(files, crs)
     blocks = _PointBlocks(files, crs, only, progress)
-    surface = grid_points(
-        blocks, where.of_points([extent_of(file, crs) for file in files]), options, threads=threads
-    )
+    extents = [point_extent(file, crs) for file in files]
+    surface = grid_points(blocks, placement.of_points(extents), options, threads=threads)
     outside = int(surface.attrs.pop("outside"))
     flag = flag_of_classes(blocks.counts.classes)
     counts = {"used": blocks.points - outside, "outside": outside}
@@ -270,7 +277,7 @@ def _check_times(begin: float | None, end: float | None, kind: str, inputs: list
 
 
 class _PointBlocks:
-    """Points of files, as often as they are wanted."""
+    """Blocks of points of files; can be iterated repeatedly."""
 
     def __init__(
         self, files: list[Path], crs: str | None, only: "PointFilter | None", progress: "Progress"
@@ -312,7 +319,7 @@ class _PointBlocks:
 
 def _percentile_fraction(statistic: str, percent: float | None) -> float:
     if (statistic == "percentile") != (percent is not None):
-        message = "--statistic percentile and --percent belong together, e.g. --percent 85."
+        message = "--statistic percentile and --percent need each other, e.g. --percent 85."
         raise ValueError(message)
     return 50.0 if percent is None else percent
 
@@ -335,7 +342,7 @@ def _json_report(
     }
 
 
-def _in_words(report: dict[str, Any]) -> "Iterator[str]":
+def _summary_lines(report: dict[str, Any]) -> "Iterator[str]":
     size = " x ".join(f"{n:,}" for n in report["size"].values())
     text = f"{report['output']}: {size} nodes, {report['nodes']:,} with height"
     text += f" of {report['count']['median']:.0f} returns each (median)"
@@ -343,14 +350,14 @@ def _in_words(report: dict[str, Any]) -> "Iterator[str]":
         if report[name]["median"] is not None:
             text += f", {what}standard deviation {report[name]['median'] * 1000:.3g} mm"
     yield text
-    words = {
-        "outside": "returns beside the grid",
+    texts = {
+        "outside": "returns outside the grid",
         "too_high": "returns without a height",
         "flagged": "returns flagged for their intensity",
         "scans_uncovered": "scans without motion, or at other times, left out",
-        "bridged": "scans at times that navigation did not see",
+        "bridged": "scans interpolated across gaps of the navigation",
     }
-    for name, what in words.items():
+    for name, what in texts.items():
         if report["returns"].get(name):
             yield f"{report['returns'][name]:,} {what}"
     holes = report["holes"]

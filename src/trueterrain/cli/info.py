@@ -1,14 +1,14 @@
-"""The command ``trueterrain info``: what a file is, and what is wrong with it."""
+"""The command ``trueterrain info``: summary and problems of files."""
 
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from trueterrain.cli._console import in_words, out_json, write_line
+from trueterrain.cli._console import error_text, write_json, write_line
 from trueterrain.cli._recordings import RECORDED, rows_of_recording
 from trueterrain.core.errors import FormatError, TrueTerrainError
 
-# units of numbers in a summary
+# units of the numbers of a summary
 _UNITS = {
     "spacing": "m",
     "scale": "m",
@@ -24,16 +24,16 @@ _TITLES = {
     "number_format": "number format",
     "missing": "without height",
 }
-_APART = ("file", "bytes", "format", "kind", "problems", "crs_name", "comment", "error")
-_LONG = 8  # entries of a list that are shown
-_WIDTH = 100  # characters of a text that are shown
+_OWN_ROWS = ("file", "bytes", "format", "kind", "problems", "crs_name", "comment", "error")
+_MAX_ENTRIES = 8  # of a list
+_MAX_LENGTH = 100  # [characters] of a text
 
 
 def info(file: Path, /, *more: Path, json: bool = False) -> None:
-    """Say what files are: kind, counts, extent, CRS, time, and what is wrong with them.
+    """Show kind, counts, extent, CRS, time span and problems of files.
 
-    Of runs and navigation also rates, gaps and the order of the clocks. Files are recognised by
-    their content. All files are looked at; the exit code is 2 if one of them cannot be read.
+    For runs and navigation also rates, gaps and the order of the clocks. Formats are recognised by
+    the content. All files are examined; the exit code is 2 if one of them cannot be read.
 
     Example: trueterrain info *.laz --json
 
@@ -46,8 +46,8 @@ def info(file: Path, /, *more: Path, json: bool = False) -> None:
         More files.
     json
         Print one JSON document {"files": [{"file", "bytes", "format", "kind", ..., "problems"}]};
-        of a file that cannot be read {"file", "error"}. Lengths are in m, times in s, angles in
-        rad, but longitude and latitude in deg.
+        {"file", "error"} for a file that cannot be read. Lengths are in m, times in s, angles in
+        rad, longitude and latitude in deg.
     """
     summaries, errors = [], []
     for path in (file, *more):
@@ -55,9 +55,9 @@ def info(file: Path, /, *more: Path, json: bool = False) -> None:
             summaries.append(_file_summary(path))
         except (TrueTerrainError, OSError) as error:
             errors.append(error)
-            summaries.append({"file": str(path), "error": in_words(error)})
+            summaries.append({"file": str(path), "error": error_text(error)})
     if json:
-        out_json({"files": summaries})
+        write_json({"files": summaries})
     elif more or not errors:
         for number, summary in enumerate(summaries):
             if number:
@@ -65,7 +65,7 @@ def info(file: Path, /, *more: Path, json: bool = False) -> None:
             _print_summary(summary)
     if len(errors) > 1:
         count = f"{len(errors)} of {len(summaries)} files"
-        raise FormatError(f"{count} cannot be read; the first: {in_words(errors[0])}")
+        raise FormatError(f"{count} cannot be read; the first: {error_text(errors[0])}")
     if errors:
         raise errors[0]
 
@@ -101,15 +101,13 @@ def _summary_rows(summary: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 def _rows_of_ground(summary: dict[str, Any]) -> Iterator[tuple[str, str]]:
     for key, value in summary.items():
-        if key in _APART or value is None or value in ("", [], {}):
+        if key in _OWN_ROWS or value is None or value in ("", [], {}):
             continue
         if key in ("extent", "range"):
             for axis, (low, high) in value.items():
-                # "range" holds the axes of the surface, "extent" what it covers on the ground
-                yield (
-                    axis,
-                    f"{_format_number(low)} to {_format_number(high)} m ({_format_number(high - low)} m)",
-                )
+                # "range" is along the axes of a surface, "extent" on the ground
+                length = f"({_format_number(high - low)} m)"
+                yield axis, f"{_format_number(low)} to {_format_number(high)} m {length}"
         elif key == "tracks":
             yield from _track_rows(value)
         elif key == "time":
@@ -141,11 +139,8 @@ def _value_text(key: str, value: Any, summary: dict[str, Any]) -> str:
     unit = f" {_UNITS[key]}" if key in _UNITS else ""
     if key == "crs":
         name = summary.get("crs_name", "")
-        return _cut_text(
-            f"{value} ({name})"
-            if name and not value.startswith(("PROJ", "COMPOUND"))
-            else name or value
-        )
+        named = name and not value.startswith(("PROJ", "COMPOUND"))
+        return _cut_text(f"{value} ({name})" if named else name or value)
     if key == "missing":
         return f"{100 * value:.3g} % of the nodes" if value else "none of the nodes"
     if key == "size":
@@ -175,9 +170,9 @@ def _class_text(number: str) -> str:
 
 
 def _shorten_list(texts: list[str]) -> list[str]:
-    if len(texts) <= _LONG:
+    if len(texts) <= _MAX_ENTRIES:
         return texts
-    return [*texts[:_LONG], f"and {len(texts) - _LONG} more"]
+    return [*texts[:_MAX_ENTRIES], f"and {len(texts) - _MAX_ENTRIES} more"]
 
 
 def _plain_text(value: Any) -> str:
@@ -189,7 +184,7 @@ def _plain_text(value: Any) -> str:
 
 
 def _format_number(value: float) -> str:
-    """Whole numbers with separators, others to the tenth of a millimetre or 6 digits."""
+    """Integers with separators; others to 4 decimals, below 1 to 6 significant digits."""
     if isinstance(value, int):
         return f"{value:,}"
     if abs(value) < 1:
@@ -198,4 +193,4 @@ def _format_number(value: float) -> str:
 
 
 def _cut_text(text: str) -> str:
-    return text if len(text) <= _WIDTH else text[: _WIDTH - 4] + " ..."
+    return text if len(text) <= _MAX_LENGTH else text[: _MAX_LENGTH - 4] + " ..."

@@ -1,4 +1,4 @@
-"""The command ``trueterrain init``: settings to begin with."""
+"""The command ``trueterrain init``: settings to start from."""
 
 from pathlib import Path
 from typing import Literal
@@ -8,26 +8,24 @@ from trueterrain.core.errors import SchemaError
 
 
 def init(what: Literal["survey", "scene", "static", "dynamic", "drift"], /, *names: str) -> None:
-    """Print complete settings, with a comment for each.
+    """Print complete settings with a comment for each.
 
-    What is printed can be used as it is. Every setting stands there with its help, unit and
-    default; what has no default, and everything else that there is to choose from, in comments.
-    Excitation events and calibration plates need no file: `trueterrain event design` and
-    `trueterrain plate design` take options.
+    The output is a valid settings file. Each setting has its help, unit and default; settings
+    without a default and alternatives are comments. Excitation events and calibration plates need
+    no file: `trueterrain event design` and `trueterrain plate design` take options.
 
     Example: `trueterrain init survey left.zarr right.zarr > survey.toml`
 
     Parameters
     ----------
     what
-        What the settings are for. survey: recorded runs and what shall become of them, for
-        `trueterrain run`. scene: ground, vehicle and instruments of the virtual profiler, for
-        `trueterrain simulate`. static, dynamic, drift: a test of how true a profiler is, for
-        `trueterrain verify`.
+        Kind of settings. survey: recorded runs and their processing, for `trueterrain run`. scene:
+        ground, vehicle and instruments of the virtual profiler, for `trueterrain simulate`. static,
+        dynamic, drift: a test of the accuracy of a profiler, for `trueterrain verify`.
     names
         survey: the recorded runs, NAME.zarr. scene: a ready scene (see `trueterrain simulate
-        --list`) or a .toml file to take the values from; by default one lane of Belgian block.
-        static: the run above the plate. dynamic: the runs over it. drift: the profiles of repeated
+        --list`) or a .toml file that provides the values; by default one lane of Belgian block.
+        static: the run above the plate. dynamic: the runs over it. drift: profiles of repeated
         runs.
     """
     if what == "survey":
@@ -45,7 +43,7 @@ def init(what: Literal["survey", "scene", "static", "dynamic", "drift"], /, *nam
 
 
 def _require_kind(path: Path, kind: str) -> None:
-    """Raise unless a file is there and holds what the settings are for."""
+    """Raise SchemaError unless a file exists and has the required kind."""
     from trueterrain import formats
 
     found = formats.kind_of_file(path)

@@ -1,4 +1,4 @@
-"""``trueterrain iri``: International Roughness Index of profiles."""
+"""The command ``trueterrain iri``: International Roughness Index of profiles."""
 
 import math
 from collections.abc import Callable
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from trueterrain.cli._console import compiling_noted, out_json, write_line
+from trueterrain.cli._console import note_compilation, write_json, write_line
 from trueterrain.cli._profiles import (
     Window,
     draw_panels,
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 
 Unit = Literal["m/km", "in/mi"]
 
-_MOST_CLASSES = 1000  # of a histogram; more is a mistake in the width
+_MAX_CLASSES = 1000  # of a histogram; more is a mistake in the width
 
-# [m] below, the start of the car is felt in the index (more than 10 % has been seen at 91 m)
-_SHORT = 100.0
+# [m] below this length the initial state of the car affects the index (10 % and more at 91 m)
+_MIN_LENGTH = 100.0
 
 
 def iri(
@@ -52,9 +52,9 @@ def iri(
 ) -> None:
     """International Roughness Index (IRI) of profiles, as by Sayers's program (ASTM E1926).
 
-    Each track is rated as a whole and in fixed segments. Of two wheel paths, MRI is the mean of
-    their IRI, HRI the IRI of their mean profile. With --continuous and --threshold, localised
-    roughness is listed: the stretches in which the sliding window is too rough.
+    Each track is rated as a whole and in fixed segments. For two wheel paths, MRI is the mean of
+    their IRI, HRI the IRI of their mean profile. --continuous with --threshold lists localised
+    roughness: the stretches in which the IRI of a sliding window exceeds the threshold.
 
     Example: trueterrain iri left_and_right.erd --continuous 7.62 --threshold 2.5 --json
 
@@ -68,27 +68,28 @@ def iri(
         Length of the fixed segments [m]; the last one may be shorter.
     continuous
         Length of a window that slides along each track [m]; none by default. 7.62 m (25 ft) and
-        160.93 m (528 ft) are in use.
+        160.93 m (528 ft) are common.
     step
         Distance from one sliding window to the next [m]; by default 1.
     threshold
-        IRI that shall not be exceeded, in --unit: segments above it are marked, and with
-        --continuous the stretches above it are listed.
+        Maximum allowed IRI, in --unit: segments above it are marked, and with --continuous the
+        stretches above it are listed.
     histogram
-        Width of classes of the IRI, in --unit, of which the share of the length is printed.
+        Width of the classes of a histogram of the IRI, in --unit; the fraction of the length in
+        each class is printed.
     unit
-        Unit of the IRI; 1 m/km is 63.36 in/mi. Lengths are in metres either way.
+        Unit of the IRI; 1 m/km is 63.36 in/mi. Lengths are in metres with either.
     window
         Moving average before the car. sayers: slope over the whole number of samples nearest to the
         length, equal spacing only; centred: mean of the samples within half a length; exact: mean
-        of the straight lines between the samples; none: for profiles that are smoothed already.
+        of the linearly interpolated profile; none: for profiles that are smoothed already.
     window_length
         Length of the moving average [m].
     start
-        Slope with which the car starts. 11m: chord of the first 11 m as in the program; 0.5s: chord
-        of the first half second (11.11 m); level: 0.
+        Initial slope of the car. 11m: chord of the first 11 m as in the program; 0.5s: chord of the
+        first half second (11.11 m); level: 0.
     restart
-        Start the car again in every segment, instead of one run over the whole profile.
+        Start the car anew in each segment, instead of one run over the whole profile.
     wheel_paths
         Names of the left and the right track; by default both of two tracks, or of more those that
         are named left and right.
@@ -110,7 +111,7 @@ def iri(
     from trueterrain.roughness import IriSettings
 
     if step is not None and continuous is None:
-        message = "--step belongs to --continuous, which is not given."
+        message = "--step needs --continuous, which is not given."
         raise ValueError(message)
     for name, value in (("--threshold", threshold), ("--histogram", histogram)):
         if value is not None and not (math.isfinite(value) and value > 0):
@@ -123,11 +124,11 @@ def iri(
     wanted = _IriRequest(
         unit, segment, continuous, 1.0 if step is None else step, threshold, histogram
     )
-    with compiling_noted():
+    with note_compilation():
         rated = [_rate_file(path, options, wanted, wheel_paths) for path in files]
     documents = [_json_document(one, wanted) for one in rated]
     if json:
-        out_json(documents if more else documents[0])
+        write_json(documents if more else documents[0])
     else:
         for one, document in zip(rated, documents, strict=True):
             _print_result(one, document, wanted)
@@ -140,7 +141,7 @@ def iri(
 
 @dataclass(frozen=True)
 class _IriRequest:
-    """What is asked for, beyond the conventions of the index."""
+    """Settings of the command, besides the conventions of the index."""
 
     unit: Unit
     segment: float
@@ -151,7 +152,7 @@ class _IriRequest:
 
     @property
     def factor(self) -> float:
-        """What 1 m/km is in the unit."""
+        """1 m/km in the unit."""
         from trueterrain.roughness import IN_PER_MI
 
         return 1.0 if self.unit == "m/km" else IN_PER_MI
@@ -164,13 +165,13 @@ class _IriRequest:
 
 @dataclass(frozen=True)
 class _IriResult:
-    """What was found out about one file."""
+    """Results for one file."""
 
     path: Path
     index: "xr.Dataset"
     sliding: "xr.Dataset | None"
     too_rough: "xr.Dataset | None"
-    shares: "xr.Dataset | None"
+    histogram: "xr.Dataset | None"
 
 
 def _rate_file(
@@ -180,7 +181,7 @@ def _rate_file(
 
     profile = read_profile(path)
     warn_of_rating(path, profile, options)
-    sliding = too_rough = shares = None
+    sliding = too_rough = histogram = None
     with name_file_in_errors(path):
         index = roughness.iri(
             profile, options=options, segment=wanted.segment, wheel_paths=wheel_paths
@@ -192,16 +193,16 @@ def _rate_file(
             if wanted.limit is not None:
                 too_rough = roughness.find_stretches(sliding["iri"], wanted.limit)
         if wanted.histogram is not None:
-            shares = _iri_histogram(index, wanted.histogram / wanted.factor)
-    return _IriResult(path, index, sliding, too_rough, shares)
+            histogram = _iri_histogram(index, wanted.histogram / wanted.factor)
+    return _IriResult(path, index, sliding, too_rough, histogram)
 
 
 def _iri_histogram(index: "xr.Dataset", width: float) -> "xr.Dataset":
     from trueterrain import roughness
 
     count = math.floor(float(index["segment_iri"].max()) / width) + 1
-    if count > _MOST_CLASSES:
-        message = f"--histogram must leave at most {_MOST_CLASSES} classes, got {count}."
+    if count > _MAX_CLASSES:
+        message = f"--histogram must leave at most {_MAX_CLASSES} classes, got {count}."
         raise ValueError(message)
     edges = [width * number for number in range(1, count + 1)]
     return roughness.iri_histogram(index, edges).isel({"class": slice(0, count)})
@@ -225,8 +226,8 @@ def _json_document(rated: _IriResult, wanted: _IriRequest) -> dict[str, Any]:
             track["too_rough"] = float((index["end"] - index["start"]).values[above].sum())
         if rated.too_rough is not None:
             track["stretches"] = _track_stretches(rated.too_rough, str(name), factor)
-        if rated.shares is not None:
-            track["histogram"] = _histogram_classes(rated.shares.sel(track=name), factor)
+        if rated.histogram is not None:
+            track["histogram"] = _histogram_classes(rated.histogram.sel(track=name), factor)
         tracks.append(track)
     return {
         "file": str(rated.path),
@@ -246,21 +247,21 @@ def _segment_values(index: "xr.Dataset", values: Any) -> list[dict[str, float]]:
 
 
 def _track_stretches(found: "xr.Dataset", track: str, factor: float) -> list[dict[str, float]]:
-    mine = found.isel(stretch=found["track"].values == track)
+    own = found.isel(stretch=found["track"].values == track)
     return [
         {"start": start, "end": end, "peak": factor * peak, "peak_at": at}
         for start, end, peak, at in zip(
-            *(mine[name].values.tolist() for name in ("start", "end", "peak", "peak_at")),
+            *(own[name].values.tolist() for name in ("start", "end", "peak", "peak_at")),
             strict=True,
         )
     ]
 
 
-def _histogram_classes(shares: "xr.Dataset", factor: float) -> list[dict[str, float]]:
-    columns = (shares[name].values.tolist() for name in ("above", "below", "length", "fraction"))
+def _histogram_classes(histogram: "xr.Dataset", factor: float) -> list[dict[str, float]]:
+    columns = (histogram[name].values.tolist() for name in ("above", "below", "length", "share"))
     return [
-        {"above": factor * above, "below": factor * below, "length": length, "share": share}
-        for above, below, length, share in zip(*columns, strict=True)
+        {"above": factor * above, "below": factor * below, "length": length, "share": fraction}
+        for above, below, length, fraction in zip(*columns, strict=True)
     ]
 
 
@@ -288,13 +289,13 @@ def _print_result(rated: _IriResult, document: dict[str, Any], wanted: _IriReque
         if not math.isnan(document[name]):
             value = f"{document[name]:.{digits}f} {unit}"
             write_line(f"{name.upper()} {value} ({meaning} of both wheel paths)")
-    if length < _SHORT:
-        write_line(f"Only {length:g} m long: the index depends on how the car starts.")
+    if length < _MIN_LENGTH:
+        write_line(f"Only {length:g} m long: the index depends on the initial state of the car.")
     write_line()
 
 
 def _show_track(track: dict[str, Any], wanted: _IriRequest, length: float, digits: int) -> None:
-    """What was found in one track beside its segments."""
+    """Print roughest window, rough segments and stretches of one track."""
     name, unit = track["name"], wanted.unit
     if windows := track.get("continuous"):
         worst = max(windows, key=lambda window: float(window["iri"]))
@@ -314,7 +315,7 @@ def _show_track(track: dict[str, Any], wanted: _IriRequest, length: float, digit
 
 
 def _show_histogram(tracks: list[dict[str, Any]], unit: Unit) -> None:
-    """Share of the length of all tracks in the classes of the index."""
+    """Print the fraction of the length of each track in the classes of the index."""
     rows = [[f"IRI [{unit}]", *(f"{track['name']} [%]" for track in tracks)]]
     for classes in zip(*(track["histogram"] for track in tracks), strict=True):
         name = f"{classes[0]['above']:.4g} to {classes[0]['below']:.4g}"
@@ -323,7 +324,7 @@ def _show_histogram(tracks: list[dict[str, Any]], unit: Unit) -> None:
 
 
 def _picture_panels(rated: _IriResult, wanted: _IriRequest) -> list[Callable[[Any], object]]:
-    """Pictures of a file, each a function that draws into axes."""
+    """Panels of a file: functions that draw into given axes."""
     from trueterrain import figures
 
     def segments(ax: Any) -> None:
@@ -337,6 +338,6 @@ def _picture_panels(rated: _IriResult, wanted: _IriRequest) -> list[Callable[[An
         panels.append(
             lambda ax: figures.continuous_roughness(sliding, threshold=wanted.limit, ax=ax)
         )
-    if (shares := rated.shares) is not None:
-        panels.append(lambda ax: figures.roughness_histogram(shares, ax=ax))
+    if (histogram := rated.histogram) is not None:
+        panels.append(lambda ax: figures.roughness_histogram(histogram, ax=ax))
     return panels

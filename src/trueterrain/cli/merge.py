@@ -1,4 +1,4 @@
-"""The command ``trueterrain merge``: passes over the same ground brought into agreement."""
+"""The command ``trueterrain merge``: adjustment of passes over the same ground."""
 
 import sys
 from pathlib import Path
@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from trueterrain.cli._console import (
-    compiling_noted,
-    out_json,
+    note_compilation,
     progress_bar,
     worker_threads,
+    write_json,
     write_line,
     write_note,
 )
-from trueterrain.cli._numbers import WHOLE
+from trueterrain.cli._options import INTEGER
 from trueterrain.cli._points import Classes, Returns, note_conversion, point_filter
 from trueterrain.cli._recordings import kind_of_all
 
@@ -43,21 +43,22 @@ def merge(
     limit: float = 0.002,
     cell: float | None = None,
     spacing: float | None = None,
-    max_iterations: Annotated[int | None, WHOLE] = None,
+    max_iterations: Annotated[int | None, INTEGER] = None,
     relative_tolerance: float | None = None,
     split: Annotated[bool, Parameter(negative="")] = False,
     check: Annotated[bool, Parameter(negative="")] = False,
-    threads: Annotated[int | None, WHOLE] = None,
+    threads: Annotated[int | None, INTEGER] = None,
     crs: str | None = None,
     classes: Classes = None,
     returns: Returns = None,
     json: Annotated[bool, Parameter(negative="")] = False,
     force: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
-    """Bring passes over the same ground into agreement, and say by how much they disagreed.
+    """Bring passes over the same ground into agreement, and report their differences.
 
-    Passes drift apart by millimetres to centimetres, since their navigation does. Recorded runs are
-    corrected in their motion, clouds by the time of their points. All passes become one surface.
+    The drift of navigation separates passes by millimetres to centimetres. For recorded runs the
+    trajectories are corrected, for point clouds the points by their time. All passes are gridded to
+    one surface.
 
     Example: `trueterrain merge left.zarr right.zarr -o merged`
 
@@ -65,66 +66,67 @@ def merge(
     ----------
     lane
         Recorded run (NAME.zarr), or points (LAS, LAZ, COPC, CSV, Parquet, .zarr): each file is a
-        pass, or one file of points is split by its point source ids. One run will do if it comes
-        back to the same ground, as around a closed course.
+        pass; a single file of points is split by point source ID. A single run is sufficient if it
+        returns to the same ground, as around a closed course.
     more
         More of the same kind.
     output
         Folder for report.html, result.json, the merged surface, and corrected clouds.
     method
-        network: one least-squares adjustment of all passes at once; discontinuity: discontinuity
-        vectors along reference paths, low-pass filtered (the thesis); grid: nothing but the mean,
+        network: one least-squares adjustment of all passes; discontinuity: low-pass filtered
+        discontinuity vectors along reference paths (the thesis); grid: the mean without correction,
         with a warning where passes disagree.
     fix
-        Pass that stays as it is; may be given several times. By default the mean of all stays.
+        Pass that is not corrected; may be given several times. By default the mean correction of
+        all passes is zero.
     control
         CSV file of control points: easting, northing, up and sd [m].
     datum_sd
         Standard deviation of the height error that all passes have in common [m], for network. By
-        default what navigation, a fixed pass or control says; clouds without sd say nothing.
+        default that of navigation, a fixed pass or control; unknown for clouds without sd.
     path
         CSV file of waypoints of the reference path, with the columns easting and northing [m], for
-        discontinuity. By default the middle of each overlap.
+        discontinuity. By default the centre line of each overlap.
     limit
-        Difference of height that passes may have, for grid and --check [m].
+        Maximum difference of height between passes, for grid and --check [m].
     cell
-        Size of the cells in which passes are compared [m]; by default 0.1 for runs, and for clouds
-        what their density allows.
+        Size of the cells in which passes are compared [m]; by default 0.1 for runs, for clouds
+        according to their density.
     spacing
-        Distance between the nodes of the merged surface [m]; by default 0.01 for runs, and the
-        cells for clouds.
+        Distance between the nodes of the merged surface [m]; by default 0.01 for runs, the size of
+        the cells for clouds.
     max_iterations
         Iterations in which the network adjustment must converge; by default 300.
     relative_tolerance
-        Change of the corrections, in their standard deviations, from which on they have converged;
-        by default 0.01.
+        Change of the corrections, relative to their standard deviations, below which the iteration
+        has converged; by default 0.01.
     split
-        Point source ids tell passes apart in several files as well, such as tiles of one survey.
+        Split several files by point source ID as well, e.g. tiles of one survey.
     check
-        Say whether the passes agree, and correct nothing; --output then is optional. The exit code
-        is 1 if two passes differ by more than the limit, or one shares no ground with another.
+        Test whether the passes agree, without correcting them; --output is then optional. The exit
+        code is 1 if two passes differ by more than the limit, or if a pass overlaps no other.
     threads
-        Threads that work at once; by default one for each processor. Results do not depend on it.
+        Number of threads; by default one for each processor. Results do not depend on it.
     crs
         Coordinate reference system of points whose files name none or a wrong one. Nothing is
-        transformed, but feet become metres.
+        transformed, but feet are converted to metres.
     classes
-        Classes of the points to take, e.g. 2,11 (ground and road surface); by default all.
+        Classes of the points to use, e.g. 2,11 (ground and road surface); by default all.
     returns
-        Return of each pulse to take of the points: last, first or its number; by default all.
+        Return of each pulse to use: last, first or its number; by default all.
     json
         Print result.json instead of a summary.
     force
         Replace an earlier result of the same command in the folder; other files in it stay.
     """
     if output is None and not check:
-        message = "name the folder for the results: --output DIR (only --check goes without)."
+        message = "name the folder for the results: --output DIR (optional only with --check)."
         raise ValueError(message)
     inputs = [lane, *more]
     kind = kind_of_all(
         inputs,
         other="Surfaces are compared with `trueterrain compare`.",
-        mixed="Merge runs and points apart, or georeference the runs first.",
+        mixed="Merge runs and points separately, or georeference the runs first.",
     )
     runs = kind == "run"
     only = point_filter(classes, returns)
@@ -146,7 +148,7 @@ def merge(
         )
         return
     assert output is not None
-    with compiling_noted(), progress_bar() as progress:
+    with note_compilation(), progress_bar() as progress:
         if runs:
             from trueterrain.survey import run_survey
             from trueterrain.verify import truth_of
@@ -176,20 +178,20 @@ def merge(
                 progress=progress,
             ).numbers
     if json:
-        out_json(numbers)
+        write_json(numbers)
         return
-    for line in in_words(numbers["merge"]):
+    for line in summary_lines(numbers["merge"]):
         write_line(line)
     write_note(f"{output / 'report.html'}: the report")
 
 
-def in_words(merged: dict[str, Any]) -> "Iterator[str]":
-    """Main numbers of a merging, line by line.
+def summary_lines(merged: dict[str, Any]) -> "Iterator[str]":
+    """Lines that summarise the adjustment of passes.
 
     Parameters
     ----------
     merged : dict
-        What stands in result.json under merge.
+        Entry "merge" of result.json.
 
     Yields
     ------
@@ -210,8 +212,8 @@ def in_words(merged: dict[str, Any]) -> "Iterator[str]":
             )
     if merged["network"]:
         datums = merged["network"]["datum_sd"].values()
-        known = [f"{1e3 * max(datums):.2f} mm"] if None not in datums else ["not known"]
-        yield f"standard deviation of the height error that all passes share: {known[0]}"
+        sd = "unknown" if None in datums else f"{1e3 * max(datums):.2f} mm"
+        yield f"standard deviation of the height error common to all passes: {sd}"
     for problem in merged["problems"]:
         yield f"flagged: {problem}"
 
@@ -278,7 +280,7 @@ def _check_agreement(
 
     if output is not None:
         require_writable(output, force=force, inputs=inputs, replaces="folder")
-    with compiling_noted(), progress_bar() as progress:
+    with note_compilation(), progress_bar() as progress:
         cells, size, problems = _pass_cells(
             inputs, settings, runs, split, crs, cell, only, progress
         )
@@ -288,26 +290,26 @@ def _check_agreement(
             names = ", ".join(path.name for path in inputs)
             write_report(check_report(found, title=names), folder / "report.html")
     if json:
-        out_json(found)
+        write_json(found)
     else:
-        for line in _check_in_words(found):
+        for line in _check_lines(found):
             write_line(line)
     if not found["agree"]:
-        sys.stdout.flush()  # while main still minds a reader that has gone
+        sys.stdout.flush()  # here main still handles a closed pipe
         sys.exit(1)
 
 
-def _check_in_words(found: dict[str, Any]) -> "Iterator[str]":
-    """What a check has found, line by line."""
+def _check_lines(found: dict[str, Any]) -> "Iterator[str]":
+    """Lines that summarise the test of agreement."""
     for pair in found["pairs"]:
-        word = "agree" if pair["agree"] else "do NOT agree"
+        verdict = "agree" if pair["agree"] else "do NOT agree"
         yield (
-            f"{pair['first']} and {pair['second']} {word}: 95 % of {pair['n']:,} cells differ by "
-            f"up to {1e3 * pair['p95']:.2f} mm (median {1e3 * pair['median']:+.2f} mm), limit "
+            f"{pair['first']} and {pair['second']} {verdict}: 95 % of {pair['n']:,} cells differ "
+            f"by up to {1e3 * pair['p95']:.2f} mm (median {1e3 * pair['median']:+.2f} mm), limit "
             f"{1e3 * found['limit']:g} mm"
         )
     for name in found["alone"]:
-        yield f"{name} shares no ground with another pass: nothing can be said"
+        yield f"{name} overlaps no other pass: its agreement is unknown"
     yield from found["problems"]
 
 

@@ -1,11 +1,11 @@
-"""``trueterrain plate``: design a calibration plate, the reference of accuracy tests."""
+"""The command ``trueterrain plate``: design of calibration plates for accuracy tests."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import out_json, write_line, write_note
+from trueterrain.cli._console import write_json, write_line, write_note
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,19 +42,19 @@ def plate(
 ) -> None:
     """Design a calibration plate: interchangeable cleats of known profile on a grid of holes.
 
-    The plate is looked at as the scanner will see it: what lies in shadow, which faces are too
-    steep, how many returns an edge has, which surfaces saturate the receiver (Smith 2009, section
-    3.4). Its machined profile is written as data, to which accuracy tests compare.
+    A simulated scan of the plate shows shadows, faces that are too steep, the number of returns at
+    each edge, and surfaces that saturate the receiver (Smith 2009, section 3.4). The machined
+    profile is written as data: the reference of accuracy tests.
 
     Example: trueterrain plate design --offset 0.8 -o plate
 
     Parameters
     ----------
     action
-        design: drawing, machined profile, masses, and what the scanner sees.
+        design: drawing, machined profile, masses, and view from the scanner.
     cleats
         Profiles from left to right: rectangle, semicircle, triangle, edge (a low bar with sharp
-        edges). They lie two holes apart.
+        edges), two holes apart.
     cleat_width
         Extent of a cleat along the profile [m].
     rise
@@ -68,21 +68,21 @@ def plate(
     thickness
         Thickness of the plate [m].
     pitch
-        From hole to hole [m].
+        Distance between holes [m].
     tolerance
-        By how much the machined profile may be off, either way [m].
+        Tolerance of the machined profile, plus or minus [m].
     reflectivity
-        Reflectivity of the surfaces side by side across the profile, 0 to 1.
+        Reflectivity of the bands of surface across the profile, from 0 to 1.
     carried
-        Largest mass of a panel that is carried [kg].
+        Maximum mass of a panel [kg], so that it can be carried.
     laser_height
         Height of the laser above the ground [m].
     offset
-        Offset of the middle of the plate from the laser, left positive [m].
+        Offset of the centre of the plate from the laser, left positive [m].
     lie
-        Which way the profile lies: along the scan, as in a static test, or along the lane.
+        Direction of the profile: along the scan, as in a static test, or along the lane.
     speed
-        Speed at which a plate along the lane is crossed [m/s].
+        Speed of the vehicle over a plate along the lane [m/s].
     output
         Folder for drawing.svg, drawing.pdf, profile.csv, plate.html and plate.json.
     json
@@ -141,7 +141,7 @@ def plate(
     if output is not None:
         document["files"] = _write_plate(output, document, design, view, setup, force=force)
     if json:
-        out_json(document)
+        write_json(document)
     else:
         _print_plate(design, view, shape)
     for name in document["files"]:
@@ -163,7 +163,7 @@ def _print_plate(design: "PlateDesign", view: "PlateView", shape: dict[str, Any]
     write_line("Cleats")
     for cleat in design.cleats:
         write_line(
-            f"  {cleat.shape:<10} {1000 * cleat.width:g} x {1000 * cleat.rise:g} mm, middle at "
+            f"  {cleat.shape:<10} {1000 * cleat.width:g} x {1000 * cleat.rise:g} mm, centre at "
             f"{design.foot(cleat) + cleat.width / 2:.3f} m"
         )
     write_line(f"Steep faces, of {view.s.size} returns in all")
@@ -220,13 +220,13 @@ def _write_plate(
 
 
 def _cleat_places(design: "PlateDesign") -> dict[str, tuple[float, float]]:
-    """Begin and end of each cleat by its name; the second of a kind is numbered."""
-    out: dict[str, tuple[float, float]] = {}
+    """Start and end of each cleat [m] by name; further cleats of a shape are numbered."""
+    places: dict[str, tuple[float, float]] = {}
     for cleat in design.cleats:
-        same = sum(name.split()[0] == cleat.shape for name in out)
+        same = sum(name.split()[0] == cleat.shape for name in places)
         name = f"{cleat.shape} {same + 1}" if same else cleat.shape
-        out[name] = (design.foot(cleat), design.foot(cleat) + cleat.width)
-    return out
+        places[name] = (design.foot(cleat), design.foot(cleat) + cleat.width)
+    return places
 
 
 def _plate_drawing(design: "PlateDesign") -> "Figure":
@@ -248,8 +248,8 @@ def _plate_drawing(design: "PlateDesign") -> "Figure":
         ax=above,
     )
     figures.plate_section(s, height, thickness=design.thickness, cleats=cleats, ax=below)
-    found: Figure = figure
-    return found
+    drawing: Figure = figure
+    return drawing
 
 
 def _plate_report(
@@ -293,7 +293,7 @@ def _plate_report(
     return Report(
         title="Calibration plate",
         subtitle=f"{len(design.cleats)} cleats {setup.lie}, laser {setup.height:g} m above the "
-        f"ground, plate {setup.offset:g} m beside it",
+        f"ground, lateral offset of the plate {setup.offset:g} m",
         headline=(
             Number(label="Length", value=design.length, unit="m", digits=2),
             Number(label="Width", value=design.width, unit="m", digits=2),
@@ -306,7 +306,7 @@ def _plate_report(
             Section(
                 title="Drawing",
                 blocks=(
-                    Picture(figure=drawing, alt="The plate from above and in section, dimensioned"),
+                    Picture(figure=drawing, alt="Dimensioned plan and section of the plate"),
                     Table(
                         columns=(
                             Column(label="Material"),
@@ -316,35 +316,35 @@ def _plate_report(
                             Column(label="Heaviest cleat", unit="kg", digits=1),
                         ),
                         rows=weights,
-                        caption="To be carried.",
+                        caption="Masses of plate and cleats.",
                     ),
                     Text(
-                        paragraph="Straight lines join the rows of profile.csv: s and height in "
-                        "metres, and the standard uncertainty of the tolerance."
+                        paragraph="The profile is linear between the rows of profile.csv: s and "
+                        "height in metres, and the standard uncertainty from the tolerance."
                     ),
                 ),
             ),
             Section(
-                title="What the scanner sees",
+                title="View from the scanner",
                 blocks=(
                     Warnings(items=view.flags),
-                    Picture(figure=seen, alt="Returns on the profile, and what lies in shadow"),
+                    Picture(figure=seen, alt="Returns on the profile, and shadows"),
                     Table(
                         columns=(
                             Column(label="Steep face"),
                             Column(label="Place", unit="mm", digits=0),
                             Column(label="Height", unit="mm", digits=0),
-                            Column(label="Wholly in view"),
+                            Column(label="Fully in view"),
                             Column(label="Returns on it"),
                             Column(label="Points apart", unit="mm", digits=1),
                             Column(label="Returns across the edge", digits=2),
-                            Column(label="Steepest seen there", unit="deg", digits=1),
+                            Column(label="Steepest visible slope", unit="deg", digits=1),
                         ),
                         rows=edges,
-                        caption="A return across an edge is a mean of both sides.",
+                        caption="The spot of a return across an edge averages both sides.",
                     ),
                     Picture(
-                        figure=slope, alt="Steepest face seen over the offset from the scanner"
+                        figure=slope, alt="Steepest visible face over the offset from the scanner"
                     ),
                     Table(
                         columns=(

@@ -1,4 +1,4 @@
-"""The command ``trueterrain plot``: a picture of a surface, points, profiles, runs, navigation."""
+"""The command ``trueterrain plot``: figures of surfaces, points, profiles, runs, navigation."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
     from trueterrain.formats import PointFilter
 
-_SECOND = 1.0  # [s] of ranges that are shown from a time on
+_DURATION = 1.0  # [s] of a range image that starts at a given time
 _SEGMENT = 4.0  # [s] of the segments of a spectrum: a resolution of 0.4 Hz
-_SHOWN = (0.25, 100.0)  # [Hz] of a spectrum
-_PEAKS = {"ride": (0.8, 3.0), "hop": (8.0, 16.0)}  # [Hz] between which vehicles have their modes
+_BAND = (0.25, 100.0)  # [Hz] of a spectrum
+_PEAKS = {"ride": (0.8, 3.0), "hop": (8.0, 16.0)}  # [Hz] bands of the modes of vehicles
 
 
 def plot(
@@ -49,25 +49,25 @@ def plot(
         Surface, point cloud, profile, run (.zarr) or navigation (SBET, CSV), in any format that is
         read.
     more
-        More profiles, drawn into the same picture, or more runs, of which the drift is drawn.
+        More profiles, drawn in the same picture, or more runs, whose drift is drawn.
     output
         Picture to write: .svg, .pdf or .png.
     show
-        What to show of a run. ranges: how far below the scanner all returns lie, as an image; scan:
-        one scan from behind, and 200 from above if the truth is known; motion: heave, pitch and
-        roll; drift: the errors of the navigation (simulated runs only); spectrum: that of the
-        accelerometers. By default ranges of one run, drift of several.
+        Figure of a run. ranges: image of the depth of all returns below the scanner; scan: one scan
+        from behind, and 200 from above if the truth is known; motion: heave, pitch and roll; drift:
+        errors of navigation (simulated runs only); spectrum: PSD of the accelerometers. By default
+        ranges for one run, drift for several.
     at
-        Time in a run [s]: that of the scan, or that from which on a second of ranges is shown.
+        Time in a run [s]: of the scan, or of the start of one second of ranges.
     frame
-        Whether a surface with a reference line is drawn over station and offset, which straightens
-        it, or over the ground.
+        Coordinates of a surface with a reference line. grid: station and offset, which straightens
+        the road; ground: easting and northing.
     resolution
         Resolution of a PNG picture [dots per inch].
     classes
         Classes of the points to draw, e.g. 2,11 (ground and road surface); by default all.
     returns
-        Return of each pulse to draw of the points: last, first or its number; by default all.
+        Return of each pulse to draw: last, first or its number; by default all.
     force
         Replace the output if it exists.
     """
@@ -76,7 +76,7 @@ def plot(
     files = (file, *more)
     figures.require_picture(output, force=force, inputs=files)
     kinds = {path: _plotted_kind(path) for path in files}
-    _check_together(kinds)
+    _check_kinds(kinds)
     kind = kinds[file]
     if kind != "run" and (show is not None or at is not None):
         message = f"{file}: --show and --at are for runs, this is {kind}."
@@ -120,8 +120,8 @@ def _is_parquet_of_navigation(path: Path) -> bool:
     return is_navigation(table_columns(path))
 
 
-def _check_together(kinds: dict[Path, str]) -> None:
-    """Only profiles with profiles, and runs with runs."""
+def _check_kinds(kinds: dict[Path, str]) -> None:
+    """Raise ValueError unless several files are all profiles or all runs."""
     first = next(iter(kinds.values()))
     if len(kinds) == 1:
         return
@@ -136,7 +136,7 @@ def _check_together(kinds: dict[Path, str]) -> None:
 def _plotted_data(
     files: tuple[Path, ...], frame: Literal["grid", "ground"], only: "PointFilter | None"
 ) -> Any:
-    """Surface, points or profiles."""
+    """Figure of a surface, of points or of profiles."""
     from trueterrain import figures, formats
     from trueterrain.core.schemas import kind_of
 
@@ -153,7 +153,7 @@ def _plotted_data(
 
 
 def _plot_navigation(path: Path) -> Any:
-    """Navigation from above, and its heights."""
+    """Figure of navigation: plan and heights."""
     import matplotlib.pyplot as plt
 
     from trueterrain import figures, formats
@@ -185,7 +185,7 @@ def _plot_run(files: tuple[Path, ...], show: str | None, at: float | None) -> An
     run = runs[files[0]]
     match show:
         case "ranges":
-            end = None if at is None else at + _SECOND
+            end = None if at is None else at + _DURATION
             drawn: Any = figures.range_image(run, begin=at, end=end, below=True)
         case "scan":
             drawn = _plot_scan(run, at)
@@ -202,7 +202,7 @@ def _plot_run(files: tuple[Path, ...], show: str | None, at: float | None) -> An
 
 
 def _plot_scan(run: "xr.DataTree", at: float | None) -> Any:
-    """Scans from above if that is known, and one from behind."""
+    """Figure of one scan from behind, and of scans from above if the truth is known."""
     import matplotlib.pyplot as plt
 
     from trueterrain import figures
@@ -216,7 +216,7 @@ def _plot_scan(run: "xr.DataTree", at: float | None) -> Any:
 
 
 def _plot_motion(run: "xr.DataTree") -> Any:
-    """Motion of the body, and that of the laser if it is known."""
+    """Figure of the motion of the body, and of the laser if the truth is known."""
     import matplotlib.pyplot as plt
 
     from trueterrain import figures
@@ -230,7 +230,7 @@ def _plot_motion(run: "xr.DataTree") -> Any:
 
 
 def _plot_spectrum(run: "xr.DataTree") -> Any:
-    """Spectra of all accelerometers."""
+    """Figure of the spectra of all accelerometers."""
     import numpy as np
 
     from trueterrain import figures
@@ -238,7 +238,7 @@ def _plot_spectrum(run: "xr.DataTree") -> Any:
 
     if "accelerometers" not in run.children:
         raise SchemaError(
-            "holds no accelerometers, whose spectrum would be drawn",
+            "holds no accelerometers, whose spectrum is to be drawn",
             place=f"run {run.attrs['name']}",
             cure="Choose another --show.",
         )
@@ -253,7 +253,7 @@ def _plot_spectrum(run: "xr.DataTree") -> Any:
         signals,
         rate,
         segment=min(_SEGMENT, span),
-        frequencies=_SHOWN,
+        frequencies=_BAND,
         peaks=_PEAKS,
         name="Specific force",
     )

@@ -1,12 +1,12 @@
-"""The command ``trueterrain profile``: from ground to the profile that a tyre feels."""
+"""The command ``trueterrain profile``: extraction of tyre profiles along a path."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import compiling_noted, progress_bar, write_note
-from trueterrain.cli._numbers import WHOLE
+from trueterrain.cli._console import note_compilation, progress_bar, write_note
+from trueterrain.cli._options import INTEGER
 from trueterrain.cli._points import (
     Classes,
     PointsAlong,
@@ -62,7 +62,7 @@ def profile(
     resolution: float | None = None,
     bandwidth: float | None = None,
     level: bool = False,
-    min_count: Annotated[int, WHOLE] = 3,
+    min_count: Annotated[int, INTEGER] = 3,
     envelope: EnvelopeName | None = None,
     tyre: Literal["passenger", "truck"] | None = None,
     load: float | None = None,
@@ -75,9 +75,9 @@ def profile(
 ) -> None:
     """Extract the profile that a tyre feels along a path.
 
-    Around each path point a statistic of the heights inside a search area is taken, or with
-    --envelope a tyre rolls along the path. Name the path with exactly one of --offset, --line and
-    --path; a tyre also rolls along a profile, which is a path of its own.
+    Each height is a statistic of the ground inside a search area around a path point, or, with
+    --envelope, the height of a tyre model that rolls along the path. Exactly one of --offset,
+    --line and --path gives the path; a tyre model also rolls along a profile, without any of them.
 
     Example: `trueterrain profile belgian_block.crg --offset 0.3 -o p.erd`
 
@@ -97,53 +97,53 @@ def profile(
     spacing
         Arc length between path points [m].
     radius
-        Radius of the disc that is searched around each path point [m]; by default 0.025, at most 1.
+        Radius of a disc as search area [m]; by default 0.025, at most 1.
     patch
-        Search a rectangle aligned with the path instead: length and width [m].
+        Rectangle aligned with the path as search area: length and width [m].
     ellipse
-        Search an ellipse aligned with the path instead: length and width [m].
+        Ellipse aligned with the path as search area: length and width [m].
     statistic
-        What is taken of the heights. "trimmed" leaves out --skip at either end; "bridge" leaves
-        out the highest --skip and averages the next --average; "steepest" is the most frequent
-        height; "point" is the bare line, without a search area.
+        Statistic of the heights. "trimmed" omits --skip at either end; "bridge" omits the highest
+        --skip and averages the next --average; "steepest" is the most frequent height; "point"
+        interpolates along the line, without a search area.
     percent
-        Percentile to take, with --statistic percentile [%].
+        Percentile of --statistic percentile [%].
     skip
-        Share of the heights that trimmed and bridge leave out [%]; by default 10 and 15.
+        Fraction of the heights that trimmed and bridge omit [%]; by default 10 and 15.
     average
-        Share of the heights that bridge averages [%]; by default 70.
+        Fraction of the heights that bridge averages [%]; by default 70.
     power
         Power of the inverse distance of idw-mean and idw-median; by default 2.
     resolution
-        Step of quantised heights [m], with median and percentile: continues the distribution
-        between the steps.
+        Quantisation step of the heights [m], for median and percentile: the distribution is
+        interpolated between the steps.
     bandwidth
         Half width of the kernel of steepest [m]; by default from the scatter of the heights.
     level
-        Take the slope of the ground inside each search area out first.
+        Remove the slope of the ground inside each search area first.
     min_count
-        Search areas with fewer heights are thin.
+        Minimum number of heights in a search area; one with fewer is thin.
     envelope
-        Roll a tyre along the path instead: "disc", a rigid wheel; "cams", tandem elliptical cams;
-        "springs", a deformable tyre at constant load; "laser", the bridge value of a line laser;
-        "patch", the mean under the contact patch.
+        Tyre model that rolls along the path instead: "disc", a rigid wheel; "cams", tandem
+        elliptical cams; "springs", a deformable tyre at constant load; "laser", the bridge value of
+        a line laser; "patch", the mean under the contact patch.
     tyre
-        Whose size and stiffness --envelope takes; by default passenger.
+        Tyre that gives size and stiffness for --envelope; by default passenger.
     load
-        Vertical load that --envelope springs carries [N]; by default 4000 for a passenger car's
-        tyre and 35000 for a truck's.
+        Vertical load for --envelope springs [N]; by default 4000 for a passenger car's tyre and
+        35000 for a truck's.
     thin
-        Whether thin search areas, or path points without ground under all of the tyre, are an
-        error or become NaN (CSV only).
+        Treatment of thin search areas, or of path points without ground under the whole tyre:
+        error, or NaN in the profile (CSV only).
     units
         Unit of the heights in an ERD file; by default m.
     crs
         Coordinate reference system of the ground, e.g. EPSG:25832, if its file names none or a
-        wrong one. Nothing is transformed, but feet of a point cloud become metres.
+        wrong one. Nothing is transformed, but feet of a point cloud are converted to metres.
     classes
-        Classes of the points to take, e.g. 2,11 (ground and road surface); by default all.
+        Classes of the points to use, e.g. 2,11 (ground and road surface); by default all.
     returns
-        Return of each pulse to take of the points: last, first or its number; by default all.
+        Return of each pulse to use: last, first or its number; by default all.
     force
         Replace the output if it exists.
     """
@@ -183,18 +183,18 @@ def profile(
     inputs = [surface, *([path] if path else [])]
     formats.require_writable(output, force=force, inputs=inputs, kind="profile")
     written = _writer_options(output, units)
-    ways = offset, line, path
+    path_options = offset, line, path
     flag = ""
-    with name_file_in_errors(surface), compiling_noted(), progress_bar() as progress:
+    with name_file_in_errors(surface), note_compilation(), progress_bar() as progress:
         kind = formats.kind_of_file(surface)
         require_points(only, surface, kind)
         if rolling is not None and kind == "profile":
-            on_line = _profile_as_ground(surface, ways, crs)
-            result = _extract_profile(on_line, None, options, rolling, progress)
+            profile_ground = _profile_as_ground(surface, path_options, crs)
+            result = _extract_profile(profile_ground, None, options, rolling, progress)
         else:
             area = options.search_area()
-            ground, travelled = _ground_and_path(surface, *ways, spacing, area, crs, only)
-            result = _extract_profile(ground, travelled, options, rolling, progress)
+            ground, wheel_path = _ground_and_path(surface, *path_options, spacing, area, crs, only)
+            result = _extract_profile(ground, wheel_path, options, rolling, progress)
             if isinstance(ground, PointsAlong):
                 flag = flag_of_classes(ground.classes)
     parameters = {} if only is None else {"only": only}
@@ -212,22 +212,22 @@ def _extract_profile(
     rolling: "EnvelopeSettings | None",
     progress: "Progress",
 ) -> "xr.Dataset":
-    """Profile by what was asked for."""
+    """Profile by a tyre envelope, by interpolation, or by a statistic of search areas."""
     from trueterrain.profile import point_profile, tyre_envelope, tyre_profile
 
     if rolling is not None:
         return tyre_envelope(
             ground, path, tyre=rolling.model(), thin=options.thin, progress=progress
         )
-    assert path is not None  # a profile is refused as ground of anything that does not roll
-    taken = options.estimator()
-    if taken is None:
+    assert path is not None  # only a tyre envelope accepts a profile as ground
+    chosen = options.estimator()
+    if chosen is None:
         return point_profile(ground, path)
     return tyre_profile(
         ground,
         path,
         area=options.search_area(),
-        statistic=taken,
+        statistic=chosen,
         level=options.level,
         min_count=options.min_count,
         thin=options.thin,
@@ -236,13 +236,13 @@ def _extract_profile(
 
 
 def _profile_as_ground(
-    path: Path, ways: tuple[object, object, object], crs: str | None
+    path: Path, path_options: tuple[object, object, object], crs: str | None
 ) -> "xr.Dataset":
-    """Read the profile that a tyre shall roll along."""
+    """Profile along which a tyre rolls."""
     from trueterrain.geometry.crs import parse_crs
 
-    if any(way is not None for way in ways):
-        message = "a profile is a path of its own: --offset, --line and --path are for surfaces."
+    if any(option is not None for option in path_options):
+        message = "--offset, --line and --path are for surfaces; a profile is its own path."
         raise ValueError(message)
     if crs is not None:
         parse_crs(crs)
@@ -250,7 +250,7 @@ def _profile_as_ground(
 
 
 def _writer_options(output: Path, units: str | None) -> dict[str, str]:
-    """Options of writing, if the output can be written at all."""
+    """Options of the writer; raises ValueError if the output cannot be written."""
     from trueterrain import formats
 
     if formats.writer_of("profile", output) == "erd":
@@ -271,7 +271,7 @@ def _ground_and_path(
     crs: str | None,
     only: "PointFilter | None",
 ) -> "tuple[Ground, WheelPath]":
-    """Read the ground and lay the path over it; a cloud stays on disk until it is needed."""
+    """Ground and path; a point cloud is read block by block, near the path only."""
     from trueterrain import formats
     from trueterrain.formats.point_filter import classes_needed
     from trueterrain.formats.table import read_waypoints
@@ -279,7 +279,7 @@ def _ground_and_path(
     from trueterrain.profile import offset_path, straight_path, waypoint_path
     from trueterrain.profile.area import area_reach
 
-    if sum(way is not None for way in (offset, line, path)) != 1:
+    if sum(option is not None for option in (offset, line, path)) != 1:
         message = "name the path with exactly one of --offset, --line and --path."
         raise ValueError(message)
     kind = formats.kind_of_file(surface)
@@ -288,8 +288,8 @@ def _ground_and_path(
         raise CoverageError(
             "is a profile already",
             path=surface,
-            cure="Give the surface or the point cloud that it shall be taken from, or roll a tyre "
-            "along it with --envelope.",
+            cure="Give a surface or a point cloud, or roll a tyre along the profile with "
+            "--envelope.",
         )
     if crs is not None:
         parse_crs(crs)
@@ -303,24 +303,24 @@ def _ground_and_path(
         ground = _open_surface(surface, crs)
         return ground, offset_path(ground, offset, spacing=spacing)
     if line is not None:
-        travelled = straight_path(line[:2], line[2:], spacing=spacing)
+        wheel_path = straight_path(line[:2], line[2:], spacing=spacing)
     else:
         assert path is not None
-        travelled = waypoint_path(*read_waypoints(path), spacing=spacing)
+        wheel_path = waypoint_path(*read_waypoints(path), spacing=spacing)
     if kind == "surface":
-        return _open_surface(surface, crs), travelled
+        return _open_surface(surface, crs), wheel_path
     margin = area_reach(area)
     bounds = (
-        travelled.easting.min() - margin,
-        travelled.northing.min() - margin,
-        travelled.easting.max() + margin,
-        travelled.northing.max() + margin,
+        wheel_path.easting.min() - margin,
+        wheel_path.northing.min() - margin,
+        wheel_path.easting.max() + margin,
+        wheel_path.northing.max() + margin,
     )
     note_conversion([surface], crs)
     blocks = formats.point_blocks(
         surface, bounds=bounds, crs=crs, variables=classes_needed(only), only=only
     )
-    return PointsAlong(blocks, travelled, margin), travelled
+    return PointsAlong(blocks, wheel_path, margin), wheel_path
 
 
 def _open_surface(path: Path, crs: str | None) -> "xr.Dataset":
@@ -337,8 +337,8 @@ def _print_summary(result: "xr.Dataset", output: Path) -> None:
         counts = result["count"]
         text += f", {int(counts.min())} to {int(counts.max())} heights each"
     if result.attrs.get("thin"):
-        rolled = "held" in result.attrs
-        what = "points with too little ground under the tyre" if rolled else "thin search areas"
+        envelope = "held" in result.attrs
+        what = "points with too little ground under the tyre" if envelope else "thin search areas"
         text += f"; {result.attrs['thin']} {what} are NaN"
     if result.attrs.get("held"):
         text += (

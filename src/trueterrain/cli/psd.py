@@ -1,9 +1,9 @@
-"""``trueterrain psd``: power spectral density and road class of profiles."""
+"""The command ``trueterrain psd``: power spectral density and road class of profiles."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from trueterrain.cli._console import out_json, write_line
+from trueterrain.cli._console import write_json, write_line
 from trueterrain.cli._profiles import draw_panels, read_profile, write_table
 from trueterrain.core.errors import name_file_in_errors
 
@@ -32,8 +32,8 @@ def psd(
 ) -> None:
     """Power spectral density (PSD) of profiles, smoothed and classed as in ISO 8608.
 
-    Gd(n0) is the displacement spectrum at 0.1 cycles/m, the waviness w the exponent with which it
-    falls. Both are given with their confidence interval.
+    Gd(n0) is the displacement PSD at 0.1 cycles/m, the waviness w the exponent of its decrease with
+    spatial frequency. Both are given with confidence intervals.
 
     Example: trueterrain psd road.erd --segment 500 --plot spectrum.svg
 
@@ -44,7 +44,7 @@ def psd(
     more
         More profiles.
     segment
-        Length of fixed segments that are rated on their own as well [m]; none by default.
+        Length of fixed segments that are also rated separately [m]; none by default.
     block
         Length of the blocks whose spectra are averaged [m]; the resolution is its inverse.
     lowest
@@ -52,9 +52,9 @@ def psd(
     highest
         Highest spatial frequency of the fit [cycles/m].
     waviness
-        Waviness to assume, which is 2 in the classes of the standard; fitted by default.
+        Assumed waviness, 2 in the classes of the standard; fitted by default.
     confidence
-        Share of repeats in which the intervals hold the truth.
+        Confidence level of the intervals [1].
     json
         Print one JSON document instead of tables. One file gives {"file", "tracks": [{"name",
         "road_class", "gd_n0", "waviness", "segments": [{"start", "end", "road_class", "gd_n0",
@@ -80,13 +80,13 @@ def psd(
         _json_document(path, one, options) for path, one in zip(files, spectra, strict=True)
     ]
     if json:
-        out_json(documents if more else documents[0])
+        write_json(documents if more else documents[0])
     else:
         for document in documents:
             _print_result(document)
         write_line(
             f"Fitted from {lowest:g} to {highest:g} cycles/m; blocks of {block:g} m; "
-            f"intervals hold with {100 * confidence:g} % confidence."
+            f"intervals of {100 * confidence:g} % confidence."
         )
     if plot is not None:
         panels = [[lambda ax, one=one: figures.road_spectrum(one, ax=ax)] for one in spectra]
@@ -155,7 +155,7 @@ def _print_result(document: dict[str, Any]) -> None:
 
 
 def _table_cells(fit: dict[str, Any]) -> list[str]:
-    """Class, Gd(n0) and waviness, or dashes where a segment was too short."""
+    """Class, Gd(n0) and waviness; dashes if the segment is too short."""
     gd, w = fit["gd_n0"], fit["waviness"]
     if not fit["road_class"]:
         return ["-", "too short", "-"]

@@ -1,10 +1,10 @@
-"""``trueterrain rn``: Ride Number of profiles."""
+"""The command ``trueterrain rn``: Ride Number of profiles."""
 
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from trueterrain.cli._console import compiling_noted, out_json, write_line
+from trueterrain.cli._console import note_compilation, write_json, write_line
 from trueterrain.cli._profiles import (
     Window,
     draw_panels,
@@ -52,19 +52,19 @@ def rn(
     window
         Moving average before the car. sayers: slope over the whole number of samples nearest to the
         length, equal spacing only; centred: mean of the samples within half a length; exact: mean
-        of the straight lines between the samples; none: for profiles that are smoothed already.
+        of the linearly interpolated profile; none: for profiles that are smoothed already.
     window_length
         Length of the moving average [m].
     restart
-        Start the car again in every segment, instead of one run over the whole profile.
+        Start the car anew in each segment, instead of one run over the whole profile.
     wheel_paths
         Names of the left and the right track; by default both of two tracks, or of more those that
         are named left and right.
     json
         Print one JSON document instead of tables. One file gives {"file", "tracks": [{"name", "rn",
         "pi", "segments": [{"start", "end", "rn", "pi"}]}], "rn", "segments": [{"start", "end",
-        "rn"}]}, several files a list of these; the last two are of both wheel paths, null and empty
-        without them. Stations are in m, the profile index pi in m/m.
+        "rn"}]}, several files a list of these; the last two are for both wheel paths together, null
+        and empty without them. Stations are in m, the profile index pi in m/m.
     plot
         Picture to write: .svg, .pdf or .png.
     force
@@ -77,11 +77,11 @@ def rn(
     if plot is not None:
         figures.require_picture(plot, force=force, inputs=files)
     options = RideNumberSettings(window=window, window_length=window_length, restart=restart)
-    with compiling_noted():
+    with note_compilation():
         rated = [_rate_file(path, options, segment, wheel_paths) for path in files]
     documents = [_json_document(path, one) for path, one in zip(files, rated, strict=True)]
     if json:
-        out_json(documents if more else documents[0])
+        write_json(documents if more else documents[0])
     else:
         for one, document in zip(rated, documents, strict=True):
             _print_result(one, document)

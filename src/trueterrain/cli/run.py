@@ -1,4 +1,4 @@
-"""The command ``trueterrain run``: the whole chain from one file of settings."""
+"""The command ``trueterrain run``: the whole chain from one settings file."""
 
 import sys
 from collections.abc import Iterator
@@ -8,14 +8,14 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from trueterrain.cli._console import (
-    compiling_noted,
-    out_json,
+    note_compilation,
     progress_bar,
     worker_threads,
+    write_json,
     write_line,
     write_note,
 )
-from trueterrain.cli._numbers import WHOLE
+from trueterrain.cli._options import INTEGER
 from trueterrain.cli._profiles import write_warning
 
 
@@ -24,16 +24,16 @@ def run(
     /,
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
-    threads: Annotated[int | None, WHOLE] = None,
+    threads: Annotated[int | None, INTEGER] = None,
     json: Annotated[bool, Parameter(negative="")] = False,
     force: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
-    """Turn the recorded runs of a survey into surfaces, profiles, roughness and a report.
+    """Process the recorded runs of a survey to surfaces, profiles, roughness and a report.
 
-    Each run becomes a lane: its motion is found, it is gridded with a standard deviation for each
-    height, profiles are taken and rated. Where lanes overlap, their heights are compared. All files
-    appear together at the end, or none does; a stopped run can be started again. The exit code is 1
-    if no lane has one of the profiles.
+    For each run the motion is estimated, the returns are gridded with a standard deviation for each
+    height, and profiles are extracted and rated. Heights of overlapping surfaces are compared. All
+    files appear together at the end, or none does; after a stop the command can be repeated. The
+    exit code is 1 if no surface contains one of the profiles.
 
     Example: `trueterrain init survey left.zarr right.zarr > survey.toml`, then
     `trueterrain run survey.toml -o out`
@@ -41,11 +41,11 @@ def run(
     Parameters
     ----------
     survey
-        Settings, a .toml file; `trueterrain init survey` prints one to begin with.
+        Settings, a .toml file; `trueterrain init survey` prints one to start from.
     output
         Folder for report.html, result.json, surfaces, profiles and pictures.
     threads
-        Threads that work at once; by default one for each processor. Results do not depend on it.
+        Number of threads; by default one for each processor. Results do not depend on it.
     json
         Print result.json instead of a summary, with "folder" and "files" added.
     force
@@ -57,7 +57,7 @@ def run(
 
     require_writable(output, force=force, inputs=[survey], replaces="folder")
     settings = read_survey(survey)
-    with compiling_noted(), progress_bar() as progress:
+    with note_compilation(), progress_bar() as progress:
         found = run_survey(
             settings,
             output,
@@ -67,9 +67,9 @@ def run(
             progress=progress,
         )
     if json:
-        out_json({**found.numbers, "folder": str(output), "files": list(found.files)})
+        write_json({**found.numbers, "folder": str(output), "files": list(found.files)})
     else:
-        for line in in_words(found.numbers):
+        for line in summary_lines(found.numbers):
             write_line(line)
         write_note(f"{output / 'report.html'}: the report")
     taken = {profile["name"] for lane in found.numbers["lanes"] for profile in lane["profiles"]}
@@ -81,42 +81,42 @@ def run(
         sys.exit(1)
 
 
-def describe_deviations(surface: dict[str, Any]) -> str:
-    """Standard deviations of a surface, to follow the numbers of its nodes.
+def deviation_text(surface: dict[str, Any]) -> str:
+    """Standard deviations of a surface as text, to follow its number of nodes.
 
     Parameters
     ----------
     surface : dict
-        Summary of the surface, as `summarise` makes it.
+        Summary by `trueterrain.surface.summary.summarise_surface`.
 
     Returns
     -------
     str
-        Empty if none is known.
+        Empty if no standard deviation is known.
 
     Examples
     --------
-    >>> describe_deviations({"sd": {"median": 0.02}, "sd_relative": {"median": 0.003}})
+    >>> deviation_text({"sd": {"median": 0.02}, "sd_relative": {"median": 0.003}})
     ', standard deviation 20.00 mm, relative 3.00 mm (median)'
     """
     known = {name: surface[name]["median"] for name in ("sd", "sd_relative")}
-    words = [
+    texts = [
         f"{what} {1000 * known[name]:.2f} mm"
         for name, what in (("sd", "standard deviation"), ("sd_relative", "relative"))
         if known[name] is not None
     ]
-    if known["sd"] is None and words:
-        words = [f"standard deviation {words[0]}, absolute not known"]
-    return f", {', '.join(words)} (median)" if words else ""
+    if known["sd"] is None and texts:
+        texts = [f"standard deviation {texts[0]}, absolute not known"]
+    return f", {', '.join(texts)} (median)" if texts else ""
 
 
-def in_words(numbers: dict[str, Any]) -> Iterator[str]:
-    """Main numbers of a survey, line by line.
+def summary_lines(numbers: dict[str, Any]) -> Iterator[str]:
+    """Lines that summarise a survey.
 
     Parameters
     ----------
     numbers : dict
-        What stands in result.json.
+        Content of result.json.
 
     Yields
     ------
@@ -124,15 +124,15 @@ def in_words(numbers: dict[str, Any]) -> Iterator[str]:
         Lines.
     """
     if numbers["merge"]:
-        from trueterrain.cli.merge import in_words as merged_in_words
+        from trueterrain.cli.merge import summary_lines as merge_lines
 
-        yield from merged_in_words(numbers["merge"])
+        yield from merge_lines(numbers["merge"])
     runs = {run["name"]: run for run in numbers["runs"]}
     for lane in numbers["lanes"]:
         surface = lane["surface"]
         driven = sum(runs[name]["driven"] for name in lane["runs"])
         text = f"{lane['name']}: {driven:,.1f} m, {surface['nodes']:,} nodes"
-        yield text + describe_deviations(surface)
+        yield text + deviation_text(surface)
         if lane["truth"]:
             truth = lane["truth"]["surface"]
             yield (
@@ -153,8 +153,8 @@ def in_words(numbers: dict[str, Any]) -> Iterator[str]:
         for problem in (*flags, *lane["problems"]):
             yield f"  flagged: {problem}"
     for compared in numbers["agreement"]:
-        one, other = compared["lanes"]
+        first, second = compared["lanes"]
         yield (
-            f"{other} lies {1000 * compared['median']:+.2f} mm above {one} where they overlap "
+            f"{second} lies {1000 * compared['median']:+.2f} mm above {first} where they overlap "
             f"(median; NMAD {1000 * compared['nmad']:.2f} mm)"
         )

@@ -1,12 +1,12 @@
-"""The command ``trueterrain simulate``: recorded runs whose truth is known."""
+"""The command ``trueterrain simulate``: recorded runs whose true ground is known."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import out_json, progress_bar, write_line
-from trueterrain.cli._numbers import WHOLE
+from trueterrain.cli._console import progress_bar, write_json, write_line
+from trueterrain.cli._options import INTEGER
 from trueterrain.core.errors import CoverageError
 
 if TYPE_CHECKING:
@@ -20,31 +20,31 @@ def simulate(
     *,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     passes: Annotated[list[str] | None, Parameter(name="--pass", negative="")] = None,
-    seed: Annotated[int | None, WHOLE] = None,
+    seed: Annotated[int | None, INTEGER] = None,
     show_scenes: Annotated[bool, Parameter(name="--list", negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
     force: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
-    """Drive a virtual profiler over known ground and record what its instruments see.
+    """Simulate the recordings of a virtual profiler on known ground.
 
-    Each pass of the scene becomes one run, SCENE-PASS.zarr: scans, navigation and accelerometers
-    with all their errors, and the truth. The same scene and seed give the same runs. They appear
-    together when the last is whole. `trueterrain init scene` prints a scene to begin with.
+    Each pass of the scene gives one run, SCENE-PASS.zarr: scans, navigation and accelerometers with
+    their errors, and the truth. The same scene and seed give the same runs. All runs appear
+    together when the last one is complete. `trueterrain init scene` prints a scene to start from.
 
     Example: `trueterrain simulate belgian-two-lanes -o runs`
 
     Parameters
     ----------
     scene
-        Scene: a .toml file, or a ready scene by its name.
+        Scene: a .toml file, or the name of a ready scene.
     output
-        Folder for the runs; it is made if it does not exist.
+        Folder for the runs; it is created if it does not exist.
     passes
         Record only the pass of this name; may be given several times. By default all.
     seed
         Seed of all noise; by default that of the scene.
     show_scenes
-        List the ready scenes and do nothing else.
+        List the ready scenes and exit.
     json
         Print one JSON document {"scene", "title", "seed", "runs": [{"pass", "path", "scans",
         "beams", "seconds", "bytes"}]}; with --list [{"name", "title", "passes"}].
@@ -76,10 +76,10 @@ def simulate(
             runs.append(_pass_summary(drive, motion, folder / name, output / name))
     if not json:
         for run in runs:
-            write_line(_in_words(run, max(len(run["path"]) for run in runs)))
+            write_line(_summary_text(run, max(len(run["path"]) for run in runs)))
     if json:
         settings = stage.scene
-        out_json(
+        write_json(
             {"scene": settings.name, "title": settings.title, "seed": settings.seed, "runs": runs}
         )
 
@@ -89,7 +89,7 @@ def _list_scenes(json: bool) -> None:
 
     scenes = [read_scene(name)[0] for name in scene_names()]
     if json:
-        out_json(
+        write_json(
             [
                 {"name": s.name, "title": s.title, "passes": [drive.name for drive in s.passes]}
                 for s in scenes
@@ -121,12 +121,12 @@ def _chosen_passes(scene: "Scene", name: str, passes: list[str]) -> "list[tuple[
         if wanted not in known:
             message = f"{name}: --pass must be one of {', '.join(known)}, got {wanted!r}."
             raise ValueError(message)
-    # the number of a pass is its place in the scene, so that it has the same noise alone
+    # numbered by position in the scene: a pass has the same noise if it is recorded alone
     return [(n, drive) for n, drive in enumerate(scene.passes) if drive.name in (passes or known)]
 
 
 def _scene_files(stage: "Stage") -> list[Path]:
-    """Files that a scene is made from: its own, and measured ground beside it."""
+    """Files of a scene: its settings and its files of measured ground."""
     if stage.path is None:
         return []
     grounds = [part["file"] for part in stage.scene.ground if "file" in part]
@@ -164,7 +164,7 @@ def _pass_summary(
     }
 
 
-def _in_words(run: dict[str, Any], width: int) -> str:
+def _summary_text(run: dict[str, Any], width: int) -> str:
     return (
         f"{run['path']:<{width}}  {run['scans']:>9,} scans of {run['beams']} beams in "
         f"{run['seconds']:.3f} s, {run['bytes'] / 1e6:.1f} MB"

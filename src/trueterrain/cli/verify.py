@@ -1,4 +1,4 @@
-"""``trueterrain verify``: how true a profiler is, and a certificate of it."""
+"""The command ``trueterrain verify``: accuracy tests of a profiler, and their certificate."""
 
 import json as _json
 from collections.abc import Iterator
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from trueterrain.cli._console import out_json, write_line, write_note
+from trueterrain.cli._console import write_json, write_line, write_note
 from trueterrain.cli._profiles import write_table
 
 if TYPE_CHECKING:
@@ -26,37 +26,37 @@ def verify(
     json: Annotated[bool, Parameter(negative="")] = False,
     force: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
-    """Test how true a profiler is, and write a certificate.
+    """Measure the accuracy of a profiler, and write a certificate.
 
     static compares the mean of many scans of a calibration plate with its machined profile, dynamic
     a profile over the plate from a moving vehicle, drift repeated runs along one path. Offset, tilt
-    and shift of the plate are found first and reported on their own. Figures come with the interval
-    that holds their true value, and pass or fail against the limits that the file gives.
+    and shift of the plate are estimated first and reported separately. Each figure has a confidence
+    interval, and is compared with the limits in the file.
 
-    table needs no file: it records the four rows of Table 3-1 of the thesis with the virtual
-    profiler, and shows the thesis's processing and this one side by side, in table.html.
+    table needs no file: it simulates the recordings for the four rows of Table 3-1 of the thesis,
+    and compares the thesis's processing with that of trueterrain in table.html.
 
     Example: `trueterrain verify static static.toml -o certified`
 
     Parameters
     ----------
     test
-        Which test: "static", "dynamic" or "drift"; or "table".
+        Test: "static", "dynamic" or "drift"; or "table".
     config
-        Description of the test, a .toml file: runs, machined profile, limits, what to state; see
-        `trueterrain init static`, and so on. None for "table".
+        Settings of the test, a .toml file: runs, machined profile, limits, statements of the
+        certificate; `trueterrain init static`, and so on, print one. None for "table".
     output
-        Folder for certificate.html, certificate.pdf, result.json and the single errors as CSV.
+        Folder for certificate.html, certificate.pdf, result.json, and the errors as CSV.
     json
         Print result.json instead of a table: {"version", "settings", "inputs": [{"name",
         "sha256"}], "rows": [{"test", "rms", "off_edges", "distance", "maximum", "bias", "noise",
         "registration", "count", "verdicts", "findings", "modes", "source", ...}], "recorded",
         "flags", "instruments": [{"name", "value", "sd", "unit", "detected", "meaning"}],
         "passed"}, lengths in m; rms, off_edges, distance and bias are {"value", "low", "high",
-        "confidence", "independent", "trusted"}, findings like instruments. "passed" is null without
-        limits. Of "table": {"version", "within", "order", "scenes", "rows": [{"test", "recordings",
-        "published", "thesis", "reproduced", "ours", "orders", "registered", "as_it_lies",
-        "as_it_lies_on_exact_path", "beside"}], "reflectivity", "reproduced"}.
+        "confidence", "independent", "trusted"}, findings have the keys of instruments. "passed" is
+        null without limits. Of "table": {"version", "within", "order", "scenes", "rows": [{"test",
+        "recordings", "published", "thesis", "reproduced", "ours", "orders", "registered",
+        "as_it_lies", ...}], "reflectivity", "reproduced"}.
     force
         Replace an earlier result of the same command in the folder; other files in it stay.
     """
@@ -64,7 +64,7 @@ def verify(
         _thesis_table(config, output, json=json, force=force)
         return
     if config is None:
-        message = f"name the description of the {test} test: verify {test} CONFIG."
+        message = f"name the settings of the {test} test: verify {test} CONFIG."
         raise ValueError(message)
     from trueterrain.core import whole_folder
     from trueterrain.report import write_report, write_report_pdf
@@ -84,26 +84,24 @@ def verify(
         write_report(certificate, folder / "certificate.html")
         write_report_pdf(certificate, folder / "certificate.pdf")
     if json:
-        out_json(document)
+        write_json(document)
         return
     for row in _result_rows(found):
         write_line(row)
     for flag in found.flags:
         write_note(f"trueterrain: warning: {flag}")
-    write_note(
-        f"{output / 'certificate.html'}: the certificate; certificate.pdf is the same to print"
-    )
+    write_note(f"{output / 'certificate.html'}: the certificate; certificate.pdf is for printing")
 
 
 def _thesis_table(config: Path | None, output: Path, *, json: bool, force: bool) -> None:
     from trueterrain.cli._console import progress_bar
-    from trueterrain.cli._verify_table import lines_of, make_table, remarks_on
-    from trueterrain.cli._verify_table_page import report_of
+    from trueterrain.cli._verify_table import make_table, table_lines, table_remarks
+    from trueterrain.cli._verify_table_page import table_report
     from trueterrain.core import whole_folder
     from trueterrain.report import write_report, write_report_pdf
 
     if config is not None:
-        message = f"verify table takes no description, got {config}."
+        message = f"verify table takes no settings, got {config}."
         raise ValueError(message)
     with whole_folder(output, result=_RESULT, force=force) as folder:
         with progress_bar() as progress:
@@ -111,25 +109,24 @@ def _thesis_table(config: Path | None, output: Path, *, json: bool, force: bool)
         document = made.to_dict()
         text = _json.dumps(document, indent=2, allow_nan=False)
         (folder / "result.json").write_text(text + "\n", encoding="utf-8", newline="\n")
-        report = report_of(made)
+        report = table_report(made)
         write_report(report, folder / "table.html")
         write_report_pdf(report, folder / "table.pdf")
     if json:
-        out_json(document)
+        write_json(document)
         return
-    write_table(lines_of(made))
-    for remark in remarks_on(made):
+    write_table(table_lines(made))
+    for remark in table_remarks(made):
         write_line(remark)
     write_note(
-        f"{output / 'table.html'}: the table, its pictures, and what is assumed; table.pdf is the "
-        "same to print"
+        f"{output / 'table.html'}: the table, figures and assumptions; table.pdf is for printing"
     )
 
 
 def _result_rows(found: "CertificateResult") -> Iterator[str]:
-    """Table as Table 3-1, then what keeps its limits and what does not."""
-    from trueterrain.report.findings import finding_text
-    from trueterrain.verify.statistics.uncertainty import TRUSTED_COUNT
+    """Print a table like Table 3-1; yield verdicts and findings."""
+    from trueterrain.report.findings import in_words
+    from trueterrain.verify.statistics.uncertainty import ENOUGH
 
     header = [
         "test",
@@ -160,15 +157,12 @@ def _result_rows(found: "CertificateResult") -> Iterator[str]:
         )
     write_table(rows)
     if any(cell.endswith("*") for row in rows for cell in row):
-        yield (
-            f"* of less than {TRUSTED_COUNT:g} independent errors: the interval is at least so "
-            "wide."
-        )
+        yield f"* fewer than {ENOUGH:g} independent errors: the interval is at least this wide."
     for name, verdicts in found.verdicts.items():
         for figure, kept in verdicts.items():
             limit = _MILLI * getattr(found.test.limits, figure)
-            word = "passed" if kept else "FAILED"
-            yield f"{name}: {figure} {word}, limit {limit:g} mm"
+            verdict = "passed" if kept else "FAILED"
+            yield f"{name}: {figure} {verdict}, limit {limit:g} mm"
     for name, result in found.results.items():
         if source := getattr(result, "source", None):
             yield f"{name}: {source}"
@@ -176,7 +170,7 @@ def _result_rows(found: "CertificateResult") -> Iterator[str]:
         yield from (f"{name}: {finding_text(one)}" for one in faults if one.detected)
     yield from (finding_text(one) for one in found.instruments if one.detected is not False)
     if found.passed is None:
-        yield "No limits were given: nothing is passed or failed."
+        yield "No limits were given: no verdict."
 
 
 def _format_millimetres(value: float | None) -> str:
@@ -187,5 +181,5 @@ def _with_interval(figure: Any) -> str:
     if figure is None:
         return "-"
     mark = "" if figure.trusted else "*"
-    value, low, high = (_format_millimetres(one) for one in (figure.value, figure.low, figure.high))
+    value, low, high = map(_format_millimetres, (figure.value, figure.low, figure.high))
     return f"{value} ({low} to {high}){mark}"

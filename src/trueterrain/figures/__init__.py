@@ -1,15 +1,15 @@
-"""Figures: ``f(data, ..., ax=None) -> Axes``, for paper, screen and documentation alike.
+"""Figures: ``f(data, ..., ax=None) -> Axes``, for paper, screen and documentation.
 
-Every figure names its quantities and units, prints its scale (equal, stretched, or the vertical
-exaggeration), uses colours that colour-blind people can tell apart, and keeps its legend off the
-data. Without ``ax`` a new figure is made; ``save`` writes it, whole or not at all.
+Each figure labels its quantities and units, prints its scale (equal, stretched, or the vertical
+exaggeration), uses colours that colour-blind people can distinguish, and has its legend outside of
+the data. Without ``ax`` a new figure is created; `save_figure` writes it, whole or not at all.
 """
 
 from trueterrain.figures.accuracy.event import cleat_crossing, event_plan, event_side, event_waves
 from trueterrain.figures.accuracy.event_curves import (
     cleat_ratios,
     hop_gain,
-    mode_shares,
+    mode_energies,
     passage_gains,
     vehicle_gain,
 )
@@ -18,10 +18,10 @@ from trueterrain.figures.accuracy.results import (
     drift_errors,
     drift_growth,
     motion_rejection,
-    place_spread,
     plate_error,
     plate_errors,
     plate_profile,
+    position_sensitivity,
 )
 from trueterrain.figures.alignment.correction import pass_correction
 from trueterrain.figures.alignment.discontinuity import discontinuity_vectors, pass_histograms
@@ -78,7 +78,7 @@ __all__ = [
     "iri_segments",
     "laser_displacement",
     "measurable_slope",
-    "mode_shares",
+    "mode_energies",
     "motion_rejection",
     "navigation_errors",
     "navigation_heights",
@@ -88,7 +88,6 @@ __all__ = [
     "pass_correction",
     "pass_histograms",
     "passage_gains",
-    "place_spread",
     "plate_error",
     "plate_errors",
     "plate_plan",
@@ -96,6 +95,7 @@ __all__ = [
     "plate_section",
     "plate_view",
     "points_map",
+    "position_sensitivity",
     "profile_difference",
     "profiles",
     "range_image",

@@ -1,4 +1,4 @@
-"""What all figures share: axes, colours, length scales, notes and legends outside of the data."""
+"""Common parts of figures: axes, colours, length scales, notes, and legends outside the data."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -11,55 +11,55 @@ from trueterrain.figures.names import draw_names
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Colours that colour-blind people can tell apart (Okabe and Ito 2008).
+#: Colours that colour-blind people can distinguish (Okabe and Ito 2008).
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 
-#: Heights from low to high: even in lightness, and readable without colour vision.
+#: Colour map of heights: perceptually uniform, and readable without colour vision.
 HEIGHT_MAP = "viridis"
 
-#: The path, on top of a map of heights.
+#: Colour of a path on a map of heights.
 PATH_COLOUR = "#D55E00"
 
-#: Where a surface has no height.
+#: Colour of nodes without a height.
 HOLE_COLOUR = "0.85"
 
-#: As typesetters set it.
+#: Typographic minus sign.
 MINUS = "−"
 
 _QUIET = "0.35"  # grey of notes
 _ROW = 17.0  # [points] height of the row of notes above the axes
 _GAP = 4.0  # [points] between the axes and a legend without notes
-_LOCAL = 10_000.0  # [m] coordinates beyond are shown from a round number on
-_TALL = 0.8  # ratio of width to length from which a figure is as high as its height allows
-_MILLIMETRES = 1.0  # [m] heights that range over less are shown in mm
+_MAX_LOCAL = 10_000.0  # [m] larger coordinates are shown relative to a round number
+_TALL = 0.8  # ratio of width to length above which the height of the figure is fixed
+_MAX_MILLIMETRES = 1.0  # [m] heights with a smaller range are shown in mm
 
 
 @dataclass(frozen=True, kw_only=True)
 class LengthScale:
-    """How lengths are written beside an axis; the data stay in metres."""
+    """Scale in which lengths are written at an axis; the data stay in metres."""
 
     base: float = 0.0
-    "What is taken off before writing [m]."
+    "Length that is subtracted before writing [m]."
 
     factor: float = 1.0
-    "How much of the unit a metre is."
+    "Number of units in a metre."
 
     unit: str = "m"
-    "Unit that is written."
+    "Name of the unit."
 
     def label(self, name: str) -> str:
         """Label of an axis: name, base and unit."""
-        above = "" if self.base == 0 else f" {MINUS} {self.base:.12g} m"
-        return f"{name}{above} [{self.unit}]"
+        base = "" if self.base == 0 else f" {MINUS} {self.base:.12g} m"
+        return f"{name}{base} [{self.unit}]"
 
     def text(self, value: float, digits: int = 9) -> str:
-        """A value in this scale."""
+        """Value in this scale."""
         number = f"{round((value - self.base) * self.factor, digits) + 0.0:g}"
         return number.replace("-", MINUS)
 
 
 def axes_or_new(ax: "Axes | None", width: float = 8.0, height: float = 3.4) -> "Axes":
-    """Return the axes, or new ones in a new figure of a size in inches."""
+    """Axes as given, or of a new figure whose size is in inches."""
     if ax is not None:
         return ax
     import matplotlib.pyplot as plt
@@ -69,34 +69,34 @@ def axes_or_new(ax: "Axes | None", width: float = 8.0, height: float = 3.4) -> "
 
 
 def map_height(length: float, width: float) -> float:
-    """Height of a figure [inches] 8 inches wide whose axes have this shape.
+    """Height [inches] of a figure that is 8 inches wide and whose axes have this shape.
 
-    Either the width or the height is left with room to spare: where both fit at once, the layout
-    engine does not settle and cuts labels off.
+    Either the width or the height has spare space: if both fit exactly, the layout engine does not
+    converge and cuts labels off.
     """
     shape = width / length if length > 0 else 1.0
     return max(6.5 * shape + 1.4, 2.2) if shape < _TALL else 5.6
 
 
 def height_scale(*heights: npt.ArrayLike) -> LengthScale:
-    """Millimetres above a round height if the heights range over less than a metre, else metres."""
+    """Millimetres above a round height if the range of heights is below a metre, else metres."""
     finite = [np.asarray(values)[np.isfinite(values)].ravel() for values in heights]
     known = np.concatenate(finite) if finite else np.empty(0)
-    if known.size == 0 or np.ptp(known) >= _MILLIMETRES:
+    if known.size == 0 or np.ptp(known) >= _MAX_MILLIMETRES:
         return LengthScale()
     low, high = float(known.min()), float(known.max())
-    if low > -1.0 and high < 1.0:  # heights about zero need no base
+    if low > -1.0 and high < 1.0:  # heights around zero need no base
         return LengthScale(factor=1000.0, unit="mm")
-    # a base of this step or a multiple leaves round ticks round, whatever the locator chooses
+    # with a base that is a multiple of this step, round ticks stay round
     step = 10.0 ** np.ceil(np.log10(max(high - low, 1e-3)))
     base = round(float(np.floor(low / step) * step), 3)
     return LengthScale(base=base, factor=1000.0, unit="mm")
 
 
 def coordinate_scale(values: npt.ArrayLike) -> LengthScale:
-    """Metres from a round number on if coordinates are large."""
+    """Metres relative to a round number if coordinates are large."""
     low = float(np.nanmin(values))
-    return LengthScale(base=float(np.floor(low / 1000) * 1000) if abs(low) > _LOCAL else 0.0)
+    return LengthScale(base=float(np.floor(low / 1000) * 1000) if abs(low) > _MAX_LOCAL else 0.0)
 
 
 def scale_axis(axis: Any, scale: LengthScale, name: str) -> None:
@@ -108,7 +108,7 @@ def scale_axis(axis: Any, scale: LengthScale, name: str) -> None:
 
 
 def colour_bar(image: Any, ax: "Axes", scale: LengthScale, name: str = "Height") -> None:
-    """Colour bar as high as the axes, however these are shaped."""
+    """Add a colour bar as high as the axes, whatever their aspect."""
     bar = ax.figure.colorbar(image, cax=ax.inset_axes((1.02, 0.0, 0.025, 1.0)))
     scale_axis(bar.ax.yaxis, scale, name)
 
@@ -127,7 +127,7 @@ def degree_axis(axis: Any, name: str) -> None:
 
 
 def annotate_axes(ax: "Axes", text: str) -> None:
-    """Short remark above the right end of the axes."""
+    """Write a short note above the right end of the axes."""
     remark = ax.annotate(
         text,
         (1, 1),
@@ -143,7 +143,7 @@ def annotate_axes(ax: "Axes", text: str) -> None:
 
 
 def note_exaggeration(ax: "Axes") -> None:
-    """Remark by how much heights are drawn larger than distances, true at every zoom."""
+    """Write the vertical exaggeration above the axes; it follows the zoom."""
     from matplotlib.text import Annotation
 
     class Exaggeration(Annotation):
@@ -166,13 +166,13 @@ def note_exaggeration(ax: "Axes") -> None:
 
 
 def vertical_exaggeration(ax: "Axes") -> float:
-    """How much larger a metre is drawn on the y axis than on the x axis."""
+    """Ratio of the scales of the y axis and the x axis."""
     (x0, y0), (x1, y1) = ax.transData.transform([(0.0, 0.0), (1.0, 1.0)])
     return abs(float((y1 - y0) / (x1 - x0)))
 
 
 def legend_above(ax: "Axes", columns: int = 4, *, notes: bool = True) -> None:
-    """Legend above the axes (and the row of notes there), so that it never covers data."""
+    """Draw the legend above the axes (and above the notes there), so that it never covers data."""
     from matplotlib.transforms import ScaledTranslation
 
     handles, labels = ax.get_legend_handles_labels()
@@ -196,11 +196,11 @@ def legend_above(ax: "Axes", columns: int = 4, *, notes: bool = True) -> None:
 
 
 def draw_path(ax: "Axes", x: npt.ArrayLike, y: npt.ArrayLike, label: str = "path") -> None:
-    """Path with a white casing, visible on every height, and a dot where it begins."""
+    """Draw a path with a white casing, visible on any height, and a dot at its start."""
     x, y = np.asarray(x), np.asarray(y)
     ax.plot(x, y, color="white", linewidth=3.5, solid_capstyle="butt")
     ax.plot(x, y, color=PATH_COLOUR, linewidth=1.8, label=label)
-    if np.isfinite([x[0], y[0]]).all():  # else it begins outside of what is drawn
+    if np.isfinite([x[0], y[0]]).all():  # otherwise the start is outside of the axes
         ax.plot(
             x[:1],
             y[:1],

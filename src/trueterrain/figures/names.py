@@ -1,4 +1,4 @@
-"""Names of files, runs and tracks in figures, as they are written."""
+"""Names of files, runs and tracks in figures, without mathematical typesetting."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
@@ -10,10 +10,10 @@ if TYPE_CHECKING:
 
 
 def draw_names(texts: "Iterable[Text]") -> None:
-    """Draw texts in which names stand as they are written: a dollar sign begins no formula.
+    """Draw texts literally: a dollar sign in a name does not start a formula.
 
-    Every text of a figure that holds a name of the user's goes through here, since matplotlib sets
-    what stands between two dollar signs as mathematics, and fails where it is none.
+    Every text of a figure that contains a name of the user passes through this function: matplotlib
+    typesets text between two dollar signs as mathematics, and fails if it is not.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def draw_names(texts: "Iterable[Text]") -> None:
 
 
 def head_figure(figure: Any, name: str) -> None:
-    """Head a figure, or a part of one, by the name of what it shows.
+    """Set the title of a figure or subfigure to the name of a file or run.
 
     Parameters
     ----------

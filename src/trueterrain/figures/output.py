@@ -1,4 +1,4 @@
-"""Figures into files, whole or not at all."""
+"""Output of figures to files, whole or not at all."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -10,37 +10,37 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Endings that can be written, and what keeps the date out of the file, so that the same figure
-#: gives the same file.
+#: Endings that can be written, with the metadata that omit the date: the same figure gives the
+#: same file.
 _METADATA: dict[str, dict[str, Any]] = {
     ".png": {},
     ".svg": {"Date": None},
     ".pdf": {"CreationDate": None},
 }
 
-_MOST_DOTS = 2400.0  # [1/inch] what printers can show
+_MAX_RESOLUTION = 2400.0  # [1/inch] resolution of printers
 
 
 def save_figure(
     figure: "Figure | Axes", path: str | Path, *, force: bool = False, resolution: float = 160.0
 ) -> None:
-    """Write a figure as SVG, PDF or PNG, by the ending of the name.
+    """Write a figure as SVG, PDF or PNG, according to the ending of the name.
 
     Parameters
     ----------
     figure : Figure or Axes
         The figure, or any axes of it.
     path : str or Path
-        Where the file shall be: .svg, .pdf or .png.
+        File to write: .svg, .pdf or .png.
     force : bool
-        Replace a file that is there already.
+        Replace an existing file.
     resolution : float
         Dots per inch of a PNG file and of images inside the others.
 
     Raises
     ------
     ValueError
-        If the ending is another one, or the resolution is not greater than 0 and at most 2400.
+        If the ending is not one of these, or the resolution is not greater than 0 and at most 2400.
     OutputError
         If the file exists and `force` is false, or its folder does not exist.
 
@@ -51,16 +51,16 @@ def save_figure(
     >>> from trueterrain.core.schemas import make_profile
     >>> ax = profiles(make_profile([0.0, 1.0, 2.0], [0.0, 0.01, 0.0]))
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     save(ax, Path(folder) / "bump.svg")
+    ...     save_figure(ax, Path(folder) / "bump.svg")
     ...     (Path(folder) / "bump.svg").stat().st_size > 1000
     True
     """
     import matplotlib as mpl
 
     ending = _figure_ending(path)
-    if not 0 < resolution <= _MOST_DOTS:
+    if not 0 < resolution <= _MAX_RESOLUTION:
         message = (
-            f"resolution must be greater than 0 and at most {_MOST_DOTS:g} dots per inch, "
+            f"resolution must be greater than 0 and at most {_MAX_RESOLUTION:g} dots per inch, "
             f"got {resolution:g}."
         )
         raise ValueError(message)
@@ -75,21 +75,21 @@ def save_figure(
 def require_picture(
     path: str | Path, *, force: bool = False, inputs: Iterable[str | Path] = ()
 ) -> None:
-    """Raise if a figure may not be written, before the work for it begins.
+    """Raise an error if a figure cannot be written, before the work for it begins.
 
     Parameters
     ----------
     path : str or Path
-        Where the figure shall be: .svg, .pdf or .png.
+        File to write: .svg, .pdf or .png.
     force : bool
-        Whether a file that is there already may be replaced.
+        Whether an existing file may be replaced.
     inputs : iterable of str or Path
-        Files that the work reads; none of them is replaced, not even with `force`.
+        Input files; none of them is replaced, not even with `force`.
 
     Raises
     ------
     ValueError
-        If the ending is another one.
+        If the ending is not one of these.
     OutputError
         As by `trueterrain.core.require_writable`.
 

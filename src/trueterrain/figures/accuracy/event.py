@@ -1,4 +1,4 @@
-"""Drawings of an excitation event: from above, from the side, and with the waves it is made for."""
+"""Drawings of an excitation event: plan, side view, and the waves for which it is designed."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -14,31 +14,31 @@ if TYPE_CHECKING:
 Floats = npt.NDArray[np.float64]
 
 _LUMBER, _BOARD, _GROUND = "#D9B382", "#EFE0C8", "0.35"
-_TYRE = 0.18  # [m] width of the tracks that are drawn
+_TYRE = 0.18  # [m] width of the tyre tracks
 _SIZES = ("number", "spacing", "width", "rise")
 
 
 def event_plan(
     event: Mapping[str, Any], *, across: float = 2.5, track: float = 1.6, ax: "Axes | None" = None
 ) -> "Axes":
-    """Dimensioned drawing of an event from above (in the manner of Fig. 3-10 of Smith 2009).
+    """Dimensioned plan of an excitation event (as Fig. 3-10 of Smith 2009).
 
     Parameters
     ----------
     event : mapping
-        ``number``, and ``spacing``, ``width``, ``rise`` [m] of the cleats; optional ``base`` and
-        ``stagger`` [m], ``placement``: as of `trueterrain.verify.event.design.EventDesign.to_dict`.
+        ``number``, ``spacing``, ``width`` and ``rise`` [m] of the cleats; optional ``base`` and
+        ``stagger`` [m], ``placement``: as by `trueterrain.verify.event.design.EventDesign.to_dict`.
     across : float
-        Length of a cleat that lies across the whole lane [m].
+        Length of a cleat across the whole lane [m].
     track : float
         Distance between the wheels of an axle [m].
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
     Axes
-        Along and across the lane [m], to one scale.
+        Along and across the lane [m], at equal scale.
 
     Raises
     ------
@@ -48,7 +48,7 @@ def event_plan(
     Examples
     --------
     >>> ax = event_plan({"number": 5, "spacing": 0.488, "width": 0.17, "rise": 0.038})
-    >>> len(ax.patches) - 2  # beside the tracks of the wheels
+    >>> len(ax.patches) - 2  # besides the tracks of the wheels
     5
     """
     number, spacing, width, _ = _event_sizes(event)
@@ -66,7 +66,7 @@ def event_plan(
             "0.92",
             zorder=0,
         )
-    # left and right part of the lane, and how far each lies along
+    # parts of the lane: right edge, width, and longitudinal shift of the cleats [m]
     parts = [(-half, across, 0.0)]
     if placement != "across" or stagger:
         parts = [(0.0, half, 0.0)]
@@ -105,14 +105,14 @@ def event_plan(
 
 
 def event_side(event: Mapping[str, Any], *, ax: "Axes | None" = None) -> "Axes":
-    """Dimensioned drawing of an event from the side (in the manner of Fig. 3-10 of Smith 2009).
+    """Dimensioned side view of an excitation event (as Fig. 3-10 of Smith 2009).
 
     Parameters
     ----------
     event : mapping
-        As of `event_plan`.
+        As for `event_plan`.
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
@@ -136,8 +136,8 @@ def event_side(event: Mapping[str, Any], *, ax: "Axes | None" = None) -> "Axes":
     ax = canvas.axes_or_new(ax, height=2.2)
     _draw_cleats(ax, event)
     centre = (number - 0.5) * spacing
-    beside = centre + 0.5 * width + 0.05 * length
-    _vertical_dimension(ax, base, base + rise, beside, f"h = {1000 * rise:.0f} mm", left=False)
+    x = centre + 0.5 * width + 0.05 * length
+    _vertical_dimension(ax, base, base + rise, x, f"h = {1000 * rise:.0f} mm", left=False)
     top = base + rise
     _horizontal_dimension(ax, 0.5 * spacing, 1.5 * spacing, top * 1.35, f"a = {spacing:.3f} m")
     _horizontal_dimension(ax, 1.5 * spacing, 2.5 * spacing, top * 1.35, f"a = {spacing:.3f} m")
@@ -152,17 +152,17 @@ def event_side(event: Mapping[str, Any], *, ax: "Axes | None" = None) -> "Axes":
 
 
 def event_waves(event: Mapping[str, Any], *, ax: "Axes | None" = None) -> "Axes":
-    """Event with the waves it is made for: half of one of the body, one of hop for each cleat.
+    """Event with its design waves: half a wave of the body mode, one wave of hop for each cleat.
 
-    In the manner of Figs. 3-3 and 3-4 of Smith (2009), where the crests of hop lie on the cleats;
-    in truth a wheel lags behind them by a quarter of a wave at its resonance.
+    As Figs. 3-3 and 3-4 of Smith (2009), where the crests of hop are at the cleats; at resonance
+    the response of a wheel actually lags by a quarter of a wave.
 
     Parameters
     ----------
     event : mapping
-        As of `event_plan`.
+        As for `event_plan`.
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
@@ -210,11 +210,11 @@ def event_waves(event: Mapping[str, Any], *, ax: "Axes | None" = None) -> "Axes"
 def cleat_crossing(
     width_ratio: float, gain: float, *, lag: float = 0.0, ax: "Axes | None" = None
 ) -> "Axes":
-    """Wheel in hop over two cleats: why a cleat has the width it has.
+    """Wheel in hop over two cleats: derivation of the width of a cleat.
 
-    The wheel goes up and down by the gain times half the height of a cleat, about half its height,
-    and meets both edges of the cleat if its width is acos(1 / gain) / pi of the spacing (the "line
-    of oscillation" in section 3.3 of Smith 2009); in truth it comes late.
+    The wheel moves by the gain times half the height of a cleat, around half that height. It
+    touches both edges of the cleat if the width is acos(1 / gain) / pi of the spacing (the "line of
+    oscillation" in section 3.3 of Smith 2009). At resonance the motion actually lags.
 
     Parameters
     ----------
@@ -223,14 +223,14 @@ def cleat_crossing(
     gain : float
         Amplitude of the wheel over that of the ground [1].
     lag : float
-        By how much of a wave the wheel is late; a quarter at its resonance [1].
+        Phase lag of the wheel in waves, a quarter at its resonance [1].
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
     Axes
-        Place over the spacing, and height over that of a cleat.
+        Position over the spacing, and height over that of a cleat [1].
 
     Raises
     ------
@@ -252,19 +252,19 @@ def cleat_crossing(
     ax = canvas.axes_or_new(ax, height=3.0)
     _draw_cleats(ax, {"number": 2, "spacing": 1.0, "width": width_ratio, "rise": 1.0})
     x = np.linspace(-0.1, 2.1, 800)
-    for number, (late, label) in enumerate(((0.0, "wheel in step"), (lag, "wheel as it lags"))):
+    for number, (delay, label) in enumerate(((0.0, "wheel in step"), (lag, "wheel as it lags"))):
         if number and not lag:
             continue
         ax.plot(
             x,
-            0.5 - 0.5 * gain * np.cos(2 * np.pi * (x - late)),
+            0.5 - 0.5 * gain * np.cos(2 * np.pi * (x - delay)),
             color=canvas.COLOURS[number],
             linestyle="-" if number == 0 else "--",
             label=label,
         )
     ax.axhline(1.0, color="0.6", linewidth=0.8, linestyle=":")
     ax.set_xlim(-0.1, 2.1)
-    ax.set_xlabel("Place over spacing, x / a [1]")
+    ax.set_xlabel("Position over spacing, x / a [1]")
     ax.set_ylabel("Height over that of a cleat [1]")
     canvas.annotate_axes(ax, f"w / a = {width_ratio:.3f}, amplified {gain:.2f} times")
     canvas.legend_above(ax)
@@ -313,17 +313,17 @@ def _draw_box(
 def _horizontal_dimension(
     ax: "Axes", begin: float, end: float, y: float, text: str, *, outside: bool = False
 ) -> None:
-    """Dimension along x; its text above it, or beside it where there is no room."""
+    """Dimension along x; its text above it, or next to it if there is no space."""
     ax.annotate(
         "",
         (begin, y),
         (end, y),
         arrowprops={"arrowstyle": "<->", "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0},
     )
-    where, align = ((end, y), "left") if outside else ((0.5 * (begin + end), y), "center")
+    anchor, align = ((end, y), "left") if outside else ((0.5 * (begin + end), y), "center")
     ax.annotate(
         text,
-        where,
+        anchor,
         (4 if outside else 0, -3 if outside else 2),
         textcoords="offset points",
         ha=align,
@@ -335,7 +335,7 @@ def _horizontal_dimension(
 def _vertical_dimension(
     ax: "Axes", begin: float, end: float, x: float, text: str, *, left: bool = True
 ) -> None:
-    """Dimension along y; its text beside it."""
+    """Dimension along y; its text next to it."""
     ax.annotate(
         "",
         (x, begin),

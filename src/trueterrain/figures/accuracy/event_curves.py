@@ -1,4 +1,4 @@
-"""What an excitation event is designed from, and what it excites, as curves."""
+"""Curves behind the design of excitation events: gains, cleat widths, energies of modes."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -20,7 +20,7 @@ _STYLES = ("-", "--", "-.", ":")
 def vehicle_gain(
     gains: Curves, *, modes: Mapping[str, float] | None = None, ax: "Axes | None" = None
 ) -> "Axes":
-    """Motion of body and wheel over that of the ground, against frequency.
+    """Gain from ground to body and wheel over frequency.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def vehicle_gain(
     modes : mapping of str to float, optional
         Frequencies of modes to mark [Hz].
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
@@ -39,7 +39,7 @@ def vehicle_gain(
     Raises
     ------
     ValueError
-        If there is no curve, or one has a shape of its own.
+        If there is no curve, or the arrays of a curve differ in shape.
 
     Examples
     --------
@@ -77,7 +77,7 @@ def hop_gain(
     peaks: Mapping[str, tuple[float, float]] | None = None,
     ax: "Axes | None" = None,
 ) -> "Axes":
-    """Motion of a wheel near hop over that of the ground (in the manner of Fig. 3-5 of Smith 2009).
+    """Gain from ground to wheel near wheel hop (as Fig. 3-5 of Smith 2009).
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def hop_gain(
     peaks : mapping of str to (ratio, gain), optional
         Points to mark [1].
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
@@ -96,7 +96,7 @@ def hop_gain(
     Raises
     ------
     ValueError
-        If there is no curve, or one has a shape of its own.
+        If there is no curve, or the arrays of a curve differ in shape.
 
     Examples
     --------
@@ -131,7 +131,7 @@ def cleat_ratios(
     used: Mapping[str, tuple[float, float]] | None = None,
     ax: "Axes | None" = None,
 ) -> "Axes":
-    """Width of a cleat over the spacing, by damping (in the manner of Fig. 3-6 of Smith 2009).
+    """Ratio of cleat width to spacing over damping (as Fig. 3-6 of Smith 2009).
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def cleat_ratios(
     used : mapping of str to (damping, ratio), optional
         Points to mark [1].
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
@@ -150,7 +150,7 @@ def cleat_ratios(
     Raises
     ------
     ValueError
-        If there is no curve, or one has a shape of its own.
+        If there is no curve, or the arrays of a curve differ in shape.
 
     Examples
     --------
@@ -183,18 +183,18 @@ def passage_gains(
     speed: float,
     ax: "Axes | None" = None,
 ) -> "Axes":
-    """What a vehicle makes of an event at a speed: heave, pitch and hop, and where the event is.
+    """Gains of heave, pitch and hop at a speed, and the spectrum of the event.
 
     Parameters
     ----------
     gains : mapping of str to (frequency, gain)
         Frequencies [Hz] and motion over that of the ground [m/m], by name.
     event : (frequency, spectrum), optional
-        Amplitude spectrum of the event [m s]; drawn as an area, to a scale of its own.
+        Amplitude spectrum of the event [m s]; drawn as an area at its own scale.
     speed : float
         Speed, for the note [m/s].
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
@@ -204,7 +204,7 @@ def passage_gains(
     Raises
     ------
     ValueError
-        If there is no curve, or one has a shape of its own.
+        If there is no curve, or the arrays of a curve differ in shape.
 
     Examples
     --------
@@ -236,20 +236,22 @@ def passage_gains(
     return ax
 
 
-def mode_shares(shares: Mapping[str, Mapping[str, float]], *, ax: "Axes | None" = None) -> "Axes":
-    """Share of the kinetic energy that each mode has, of one or several events.
+def mode_energies(
+    energies: Mapping[str, Mapping[str, float]], *, ax: "Axes | None" = None
+) -> "Axes":
+    """Fraction of the kinetic energy in each mode, for one or several events.
 
     Parameters
     ----------
-    shares : mapping of str to mapping of str to float
-        By event, the share of each mode from 0 to 1.
+    energies : mapping of str to mapping of str to float
+        By event, the fraction of each mode from 0 to 1.
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
     Axes
-        Share [%], a bar for each event.
+        Fraction [%], a bar for each event.
 
     Raises
     ------
@@ -258,20 +260,20 @@ def mode_shares(shares: Mapping[str, Mapping[str, float]], *, ax: "Axes | None" 
 
     Examples
     --------
-    >>> ax = mode_shares({"printed": {"heave": 0.03, "pitch": 0.05, "hop": 0.92}})
+    >>> ax = mode_energies({"printed": {"heave": 0.03, "pitch": 0.05, "hop": 0.92}})
     >>> len(ax.patches)
     3
     """
-    if not shares:
-        message = "shares must hold at least one event."
+    if not energies:
+        message = "energies must hold at least one event."
         raise ValueError(message)
-    ax = canvas.axes_or_new(ax, height=1.3 + 0.35 * len(shares))
-    names = list(dict.fromkeys(mode for each in shares.values() for mode in each))
-    left = np.zeros(len(shares))
+    ax = canvas.axes_or_new(ax, height=1.3 + 0.35 * len(energies))
+    names = list(dict.fromkeys(mode for each in energies.values() for mode in each))
+    left = np.zeros(len(energies))
     for number, name in enumerate(names):
-        width = 100 * np.array([each.get(name, 0.0) for each in shares.values()])
+        width = 100 * np.array([each.get(name, 0.0) for each in energies.values()])
         ax.barh(
-            list(shares),
+            list(energies),
             width,
             left=left,
             height=0.6,
@@ -292,7 +294,7 @@ def mode_shares(shares: Mapping[str, Mapping[str, float]], *, ax: "Axes | None" 
         left = left + width
     ax.invert_yaxis()
     ax.set_xlim(0, 100)
-    ax.set_xlabel("Share of the kinetic energy [%]")
+    ax.set_xlabel("Fraction of the kinetic energy [%]")
     canvas.legend_above(ax, columns=6, notes=False)
     return ax
 
@@ -323,7 +325,7 @@ def _draw_curves(curves: Curves, ax: "Axes | None", *, height: float) -> "Axes":
 
 
 def _plain_frequencies(ax: "Axes") -> None:
-    """Frequencies in plain numbers."""
+    """Format frequencies as plain numbers at 1, 2 and 5 of each decade."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))

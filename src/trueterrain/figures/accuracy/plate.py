@@ -1,4 +1,4 @@
-"""Drawings of a calibration plate, and what a scanner sees of it."""
+"""Drawings of a calibration plate, and its view from the scanner."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -23,25 +23,25 @@ def plate_plan(
     bands: Sequence[tuple[str, float]] = (),
     ax: "Axes | None" = None,
 ) -> "Axes":
-    """Dimensioned drawing of a calibration plate from above.
+    """Dimensioned plan of a calibration plate.
 
     Parameters
     ----------
     cleats : mapping of str to (begin, end)
-        Where each cleat lies along the profile, from the left end [m].
+        Start and end of each cleat along the profile, from the left end [m].
     length, width : float
         Extent of the plate along and across the profile [m].
     holes : (along, across)
-        Rows of holes, from the middle of the plate [m].
+        Rows of holes, from the centre of the plate [m].
     bands : sequence of (name, reflectivity)
-        Surfaces side by side across the profile; reflectivity from 0 to 1.
+        Bands of surface across the profile; reflectivity from 0 to 1.
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
     Axes
-        Along and across the profile [m], to one scale.
+        Along and across the profile [m], at equal scale.
 
     Raises
     ------
@@ -79,7 +79,8 @@ def plate_plan(
             )
     ax.add_patch(Rectangle((0, 0), length, width, fill=False, linewidth=1.2))
     along, across = (np.asarray(rows, dtype=float) for rows in holes)
-    beside = 0.5 * (across[1] - across[0]) if across.size > 1 else 0.0  # names off the holes
+    # names are centred between two rows of holes
+    shift = 0.5 * (across[1] - across[0]) if across.size > 1 else 0.0
     for name, (begin, end) in cleats.items():
         ax.add_patch(
             Rectangle(
@@ -94,7 +95,7 @@ def plate_plan(
         )
         ax.annotate(
             name,
-            (0.5 * (begin + end), 0.5 * width + beside),
+            (0.5 * (begin + end), 0.5 * width + shift),
             ha="center",
             va="center",
             rotation=90,
@@ -130,13 +131,13 @@ def plate_section(
     Parameters
     ----------
     s, height : array_like, shape (n,)
-        Machined profile: place from the left end, and height above the ground [m].
+        Machined profile: distance from the left end, and height above the ground [m].
     thickness : float
         Thickness of the plate [m].
     cleats : mapping of str to (begin, end)
-        Where each cleat lies along the profile [m].
+        Start and end of each cleat along the profile [m].
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
@@ -191,18 +192,18 @@ def plate_view(
     shadows: Sequence[tuple[float, float]] = (),
     ax: "Axes | None" = None,
 ) -> "Axes":
-    """What a scanner sees of a calibration plate: its returns, and what lies in shadow.
+    """View of a calibration plate from the scanner: returns and shadows.
 
     Parameters
     ----------
     s, height : array_like, shape (n,)
         Machined profile [m].
     returns : (s, height)
-        Where beams meet it [m].
+        Points at which beams hit it [m].
     shadows : sequence of (begin, end)
-        Stretches out of view [m].
+        Stretches in shadow [m].
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
@@ -222,20 +223,20 @@ def plate_view(
     ['machined profile', '2 returns']
     """
     x, z = _profile_arrays(s, height)
-    at, up = _profile_arrays(*returns)
+    return_s, return_height = _profile_arrays(*returns)
     ax = canvas.axes_or_new(ax, height=2.6)
     for number, (begin, end) in enumerate(shadows):
         label = "shadow" if number == 0 else None
         ax.axvspan(begin, end, color=canvas.HOLE_COLOUR, linewidth=0, label=label)
     ax.plot(x, z, color="0.45", linewidth=1.0, label="machined profile")
     ax.plot(
-        at,
-        up,
+        return_s,
+        return_height,
         ".",
         color=canvas.COLOURS[1],
         markersize=2.5,
         linestyle="none",
-        label=f"{at.size} returns",
+        label=f"{return_s.size} returns",
     )
     ax.set_ylim(0.0, 1.25 * float(z.max()))
     ax.margins(x=0.01)

@@ -1,4 +1,4 @@
-"""What tests of accuracy found: profiles over a plate, errors, rejection, and drift."""
+"""Results of accuracy tests: profiles over a plate, errors, motion rejection, drift."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -12,19 +12,19 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _MILLI = 1e3
-_GAP = 3.0  # times the usual step from which a line is broken
-_RIM = 4.0  # times the greatest error off edges at which the drawing ends
+_MAX_GAP = 3.0  # of a step to the median step; a line is broken at larger ones
+_RIM = 4.0  # ratio of the limits of the axes to the maximum error off edges
 
 
 def plate_profile(errors: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
-    """Measured profile over a calibration plate on the machined one (Fig. 3-18 of Smith 2009).
+    """Measured and machined profile of a calibration plate (Fig. 3-18 of Smith 2009).
 
     Parameters
     ----------
     errors : xarray.Dataset
         ``errors`` of a static or dynamic test: ``height`` and ``machined`` over s [m].
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
@@ -54,26 +54,26 @@ def plate_profile(errors: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
     )
     scale = canvas.height_scale(errors["machined"].values, errors["height"].values)
     canvas.scale_axis(ax.yaxis, scale, "Height")
-    return _finish_axes(ax, "Position on the plate [m]", exaggerated=True)
+    return _complete_axes(ax, "Position on the plate [m]", exaggerated=True)
 
 
 def plate_error(errors: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
-    """Error over a calibration plate, and its standard deviation (Figs 3-17, 3-19, 3-23).
+    """Error over a calibration plate with its standard deviation (Figs 3-17, 3-19, 3-23).
 
     Parameters
     ----------
     errors : xarray.Dataset
         ``errors`` of a static or dynamic test: ``error``, ``sd`` [m], ``edge`` over s [m], and
-        perhaps ``flagged``.
+        optionally ``flagged``.
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
     Axes
-        Position on the plate [m] and error [m]; errors beside edges and of flagged intensity are
-        marked. Errors at upright faces, which may be as large as these, stand at the rim as
-        triangles if they would hide the others.
+        Position on the plate [m] and error [m]; errors next to edges and of flagged intensity are
+        marked. Errors at upright faces can be as large as the face; those beyond the limits of the
+        axes are drawn as triangles at the rim.
 
     Examples
     --------
@@ -91,21 +91,21 @@ def plate_error(errors: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
     ax.axhline(0.0, color="0.5", linewidth=0.8)
     ax.fill_between(s, -sd, sd, color="0.85", linewidth=0, label="standard deviation")
     for number, (name, where) in enumerate(
-        (("error", ~edge & ~flagged), ("beside an edge", edge), ("flagged", flagged & ~edge))
+        (("error", ~edge & ~flagged), ("next to an edge", edge), ("flagged", flagged & ~edge))
     ):
         if where.any():
             colour = canvas.COLOURS[number]
             ax.plot(s[where], error[where], ".", color=colour, markersize=4, label=name)
-    most = _RIM * float(np.abs(error[~edge]).max(initial=0.0))
-    beyond = edge & (np.abs(error) > most)
-    noted = most > 0 and bool(beyond.any())
+    limit = _RIM * float(np.abs(error[~edge]).max(initial=0.0))
+    beyond = edge & (np.abs(error) > limit)
+    noted = limit > 0 and bool(beyond.any())
     if noted:
-        ax.set_ylim(-most, most)
+        ax.set_ylim(-limit, limit)
         for sign, marker in ((1, "^"), (-1, "v")):
             at = s[beyond & (np.sign(error) == sign)]
             ax.plot(
                 at,
-                np.full(at.size, 0.96 * sign * most),
+                np.full(at.size, 0.96 * sign * limit),
                 marker,
                 color=canvas.COLOURS[1],
                 markersize=5,
@@ -115,23 +115,23 @@ def plate_error(errors: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
         )
         error = error[~beyond]
     canvas.scale_axis(ax.yaxis, canvas.height_scale(error, sd), "Error")
-    return _finish_axes(ax, "Position on the plate [m]", noted=noted)
+    return _complete_axes(ax, "Position on the plate [m]", noted=noted)
 
 
 def plate_errors(errors: Mapping[str, xr.Dataset], *, ax: "Axes | None" = None) -> "Axes":
-    """Errors over a calibration plate as several ways of processing find them, on the same axes.
+    """Errors over a calibration plate by several methods of processing.
 
     Parameters
     ----------
     errors : mapping of str to xarray.Dataset
-        By name of the way, at most seven: ``error`` over s [m].
+        By name of the method, at most seven: ``error`` over s [m].
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
     Axes
-        Position on the plate and error [m]; lines are broken where nothing was measured.
+        Position on the plate and error [m]; lines are broken at gaps.
 
     Examples
     --------
@@ -145,7 +145,7 @@ def plate_errors(errors: Mapping[str, xr.Dataset], *, ax: "Axes | None" = None) 
         order = np.argsort(one["s"].values)
         s, error = (one[key].values[order] for key in ("s", "error"))
         step = np.diff(s)
-        after = np.flatnonzero(step > _GAP * np.median(step)) + 1
+        after = np.flatnonzero(step > _MAX_GAP * np.median(step)) + 1
         ax.plot(
             np.insert(s, after, np.nan),
             np.insert(error, after, np.nan),
@@ -157,40 +157,40 @@ def plate_errors(errors: Mapping[str, xr.Dataset], *, ax: "Axes | None" = None) 
         )
     every = np.concatenate([one["error"].values for one in errors.values()])
     canvas.scale_axis(ax.yaxis, canvas.height_scale(every), "Error")
-    return _finish_axes(ax, "Position on the plate [m]")
+    return _complete_axes(ax, "Position on the plate [m]")
 
 
-def place_spread(spread: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
-    """How figures depend on where a plate truly lies beside a whole sample.
+def position_sensitivity(errors: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
+    """Root mean square error over the position of a plate between samples.
 
     Parameters
     ----------
-    spread : xarray.Dataset
-        ``rms`` (row, beside) and ``low`` and ``high`` (row), what is published [m]; ``beside`` is
-        a share of the spacing of the samples.
+    errors : xarray.Dataset
+        ``rms`` (row, beside), and the published ``low`` and ``high`` (row) [m]; ``beside`` is a
+        fraction of the spacing of the samples.
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
     Axes
-        Place beside a whole sample [samples] and root mean square error [mm]; what is published is
-        a band or a dashed line of the same colour.
+        Start of the plate behind a sample [spacings] and root mean square error [mm]; published
+        values are a band or a dashed line of the same colour.
 
     Examples
     --------
     >>> found = xr.Dataset({"rms": (("row", "beside"), [[1e-3, 2e-3]]), "low": ("row", [1e-3]),
     ...                     "high": ("row", [2e-3])}, {"row": ["static"], "beside": [0.0, 0.4]})
-    >>> place_spread(found).get_ylabel()
+    >>> position_sensitivity(found).get_ylabel()
     'RMS error [mm]'
     """
     ax = canvas.axes_or_new(ax, height=3.4)
-    beside = spread["beside"].values
-    for number, row in enumerate(spread["row"].values):
-        one, colour = spread.sel(row=row), canvas.COLOURS[number % len(canvas.COLOURS)]
+    position = errors["beside"].values
+    for number, row in enumerate(errors["row"].values):
+        one, colour = errors.sel(row=row), canvas.COLOURS[number % len(canvas.COLOURS)]
         low, high = (_MILLI * float(one[name]) for name in ("low", "high"))
         ax.plot(
-            beside, _MILLI * one["rms"].values, ".-", color=colour, linewidth=1.3, label=str(row)
+            position, _MILLI * one["rms"].values, ".-", color=colour, linewidth=1.3, label=str(row)
         )
         if high > low:
             ax.axhspan(low, high, color=colour, alpha=0.2, linewidth=0)
@@ -198,18 +198,18 @@ def place_spread(spread: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
             ax.axhline(low, color=colour, linewidth=1.0, linestyle="--")
     ax.set_ylim(bottom=0.0)
     ax.set_ylabel("RMS error [mm]")
-    return _finish_axes(ax, "Begin of the plate behind a sample [spacings]")
+    return _complete_axes(ax, "Start of the plate behind a sample [spacings]")
 
 
 def motion_rejection(rejection: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
-    """Body-motion rejection of a profile by frequency, with its interval.
+    """Body-motion rejection of a profile over frequency, with its confidence interval.
 
     Parameters
     ----------
     rejection : xarray.Dataset
         ``rejection`` of a dynamic test: ``rejection``, ``low``, ``high`` [dB] over ``frequency``.
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
@@ -244,18 +244,18 @@ def motion_rejection(rejection: xr.Dataset, *, ax: "Axes | None" = None) -> "Axe
     )
     ax.set_xscale("log")
     ax.set_ylabel("Body-motion rejection [dB]")
-    return _finish_axes(ax, "Frequency [Hz]")
+    return _complete_axes(ax, "Frequency [Hz]")
 
 
 def drift_errors(errors: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
-    """Errors of repeated runs against distance (Fig. 2-2 of Smith 2009).
+    """Errors of repeated runs over distance (Fig. 2-2 of Smith 2009).
 
     Parameters
     ----------
     errors : xarray.Dataset
         ``errors`` of a drift test: ``error`` (run, s) and ``mean`` [m].
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
@@ -275,20 +275,20 @@ def drift_errors(errors: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
     for number, run in enumerate(errors["error"].values):
         label = "single runs" if number == 0 else None
         ax.plot(s, run, color=canvas.COLOURS[5], linewidth=0.8, label=label)
-    ax.plot(s, errors["mean"].values, color=canvas.COLOURS[1], linewidth=1.6, label="their mean")
+    ax.plot(s, errors["mean"].values, color=canvas.COLOURS[1], linewidth=1.6, label="mean")
     canvas.scale_axis(ax.yaxis, canvas.height_scale(errors["error"].values), "Error")
-    return _finish_axes(ax, "Distance [m]")
+    return _complete_axes(ax, "Distance [m]")
 
 
 def drift_growth(growth: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
-    """How much errors grow with distance: structure functions and Allan deviation.
+    """Growth of errors with distance: structure functions and Allan deviation.
 
     Parameters
     ----------
     growth : xarray.Dataset
         ``growth`` of a drift test: ``structure``, ``repeats``, ``allan`` [m] over ``distance``.
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
@@ -309,18 +309,18 @@ def drift_growth(growth: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
     """
     names = {
         "structure": "change over the distance",
-        "repeats": "of it, from run to run",
-        "allan": "Allan deviation of means over it",
+        "repeats": "repeatability of the change",
+        "allan": "Allan deviation of means over the distance",
     }
     if not any((growth[name].values > 0).any() for name in names):
-        message = "growth must not be zero everywhere: the errors are the same at all places."
+        message = "growth must not be zero everywhere: the errors are the same at all stations."
         raise ValueError(message)
     ax = canvas.axes_or_new(ax, height=3.4)
     for number, (name, label) in enumerate(names.items()):
-        seen = growth[name].values > 0
+        positive = growth[name].values > 0
         ax.plot(
-            growth["distance"].values[seen],
-            _MILLI * growth[name].values[seen],
+            growth["distance"].values[positive],
+            _MILLI * growth[name].values[positive],
             color=canvas.COLOURS[number],
             linewidth=1.3,
             marker="o",
@@ -330,10 +330,10 @@ def drift_growth(growth: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.set_ylabel("Change [mm]")
-    return _finish_axes(ax, "Distance [m]")
+    return _complete_axes(ax, "Distance [m]")
 
 
-def _finish_axes(
+def _complete_axes(
     ax: "Axes", label: str, *, exaggerated: bool = False, noted: bool = False
 ) -> "Axes":
     ax.set_xlabel(label)

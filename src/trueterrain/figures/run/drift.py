@@ -1,4 +1,4 @@
-"""Errors of the navigation that a simulation injected, over time."""
+"""Errors of simulated navigation over time."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Literal
@@ -11,7 +11,7 @@ from trueterrain.figures.run import groups
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_MOST = 200_000  # samples of a line
+_MAX_SAMPLES = 200_000  # of a line
 
 
 def navigation_errors(
@@ -20,21 +20,21 @@ def navigation_errors(
     component: Literal["east", "north", "up", "roll", "pitch", "yaw"] = "up",
     ax: "Axes | None" = None,
 ) -> "Axes":
-    """By how much the navigation of one or several runs is wrong: its drift, and its noise.
+    """Drift and noise of the navigation of one or several simulated runs.
 
     Parameters
     ----------
     runs : xarray.DataTree or mapping of str to xarray.DataTree
-        A simulated run, or several with their names.
+        A simulated run, or several by name.
     component : str
-        Component of the pose. Of the height the drift is drawn apart from the rest.
+        Component of the pose. For the height, drift and noise are drawn separately.
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
     Axes
-        Time since the begin of each run [s] and error, recorded less true value [m] or [rad].
+        Time since the start of each run [s] and error, recorded less true value [m] or [rad].
 
     Raises
     ------
@@ -55,7 +55,7 @@ def navigation_errors(
     drawn = []
     for number, (name, run) in enumerate(named.items()):
         truth = groups.run_group(run, "truth/navigation")
-        every = -(-truth.sizes["epoch"] // _MOST)
+        every = -(-truth.sizes["epoch"] // _MAX_SAMPLES)
         truth = truth.isel(epoch=slice(None, None, every)).load()
         time = truth["true_time"].values
         error = truth[f"error_{component}"].values
@@ -69,16 +69,16 @@ def navigation_errors(
                 linewidth=1.6,
                 label=f"{name}: drift",
             )
-            ax.plot([], [], color=colour, linewidth=0.8, alpha=0.5, label="and noise")
+            ax.plot([], [], color=colour, linewidth=0.8, alpha=0.5, label="with noise")
         else:
             ax.plot(time - time[0], error, color=colour, linewidth=0.8, label=name or None)
         drawn.append(error)
-    what = {"up": "height"}.get(component, component)
+    quantity = {"up": "height"}.get(component, component)
     if component in ("roll", "pitch", "yaw"):
-        canvas.degree_axis(ax.yaxis, f"Error of {what}")
+        canvas.degree_axis(ax.yaxis, f"Error of {quantity}")
     else:
-        canvas.scale_axis(ax.yaxis, canvas.height_scale(*drawn), f"Error of {what}")
-    ax.set_xlabel("Time since the begin of the run [s]")
+        canvas.scale_axis(ax.yaxis, canvas.height_scale(*drawn), f"Error of {quantity}")
+    ax.set_xlabel("Time since the start of the run [s]")
     ax.margins(x=0)
     ax.grid(color="0.9", linewidth=0.6)
     ax.set_axisbelow(True)

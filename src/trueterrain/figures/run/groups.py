@@ -1,4 +1,4 @@
-"""What the figures of runs share: groups, stretches of time, points on the ground."""
+"""Common parts of figures of runs: groups, ranges of scans, points on the ground."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,30 +14,30 @@ Floats = npt.NDArray[np.float64]
 
 POSE = ("east", "north", "up", "roll", "pitch", "yaw")
 
-_SLACK = 1e-6  # [s] by which a time may miss the scans
+_TIME_TOLERANCE = 1e-6  # [s] of a time outside of the scans
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScanReturns:
-    """Consecutive scans, seen from behind the scanner; each array has shape (scan, beam)."""
+    """Points of consecutive scans relative to the scanner; arrays of shape (scan, beam)."""
 
     time: Floats
     "Stamps of the scans, shape (scan,) [s]."
 
     along: Floats
-    "Distance ahead of the first scan [m]; of no meaning without truth."
+    "Longitudinal distance from the first scan [m]; meaningless without truth."
 
     across: Floats
-    "Distance to the left of the scanner [m]."
+    "Lateral distance from the scanner, to the left positive [m]."
 
     up: Floats
-    "Height [m]: on the ground, or above the scanner where its pose is not known."
+    "Height [m]: of the ground, or above the scanner if its pose is unknown."
 
     position: Floats | None
-    "Easting and northing of each return [m], shape (scan, beam, 2); None where not known."
+    "Easting and northing of each return [m], shape (scan, beam, 2); None if unknown."
 
     angle: Floats
-    "Of each beam from straight down, shape (beam,) [rad]."
+    "Angle of each beam from straight down, shape (beam,) [rad]."
 
 
 def run_group(run: xr.DataTree, name: str) -> xr.Dataset:
@@ -67,28 +67,28 @@ def run_title(run: xr.DataTree) -> str:
 
 
 def scans_from(run: xr.DataTree, at: float | None, count: int) -> slice:
-    """Scans from a time on; by default those in the middle of the run.
+    """Indices of scans from a time on; by default at the centre of the run.
 
     Parameters
     ----------
     run : xarray.DataTree
         The run.
     at : float, optional
-        Stamp of the first scan [s]; that of the nearest scan is taken.
+        Time stamp of the first scan [s]; the nearest scan is used.
     count : int
-        How many; fewer at the end of the run.
+        Number of scans; fewer at the end of the run.
 
     Returns
     -------
     slice
-        Their indices.
+        Indices of the scans.
 
     Raises
     ------
     ValueError
         If `count` is less than 1.
     CoverageError
-        If there is no scan, or the time lies outside of the scans.
+        If there is no scan, or the time is outside of the scans.
     """
     if count < 1:
         message = f"scans must be at least 1, got {count}."
@@ -98,7 +98,7 @@ def scans_from(run: xr.DataTree, at: float | None, count: int) -> slice:
         raise CoverageError("holds no scan", place="group scans")
     if at is None:
         first = max(min(time.size // 2, time.size - count), 0)
-    elif not time[0] - _SLACK <= at <= time[-1] + _SLACK:
+    elif not time[0] - _TIME_TOLERANCE <= at <= time[-1] + _TIME_TOLERANCE:
         raise CoverageError(
             f"there is no scan at {at:g} s",
             place="group scans",
@@ -110,58 +110,60 @@ def scans_from(run: xr.DataTree, at: float | None, count: int) -> slice:
 
 
 def returns_of(run: xr.DataTree, part: slice) -> ScanReturns:
-    """Where the returns of some scans lie: on the ground if the truth is known.
+    """Points of some scans: on the ground if the truth is known.
 
-    This is for looking only. It takes the exact poses of the scanner from the truth, and straight
-    lines between those of neighbouring scans.
+    For figures only: the poses are the exact ones from the truth, interpolated linearly between
+    scans. `trueterrain.georeference` is for measurements.
     """
     scans = run_group(run, "scans").isel(scan=part).load()
     angle = scans["angle"].values
     ranges = scans["range"].values
     beam = np.stack([np.zeros_like(angle), np.sin(angle), -np.cos(angle)], axis=1)
-    seen = ranges[:, :, None] * beam
-    shared = {"time": scans["time"].values, "angle": angle}
+    # vector from the scanner to the return, in the axes of the scanner
+    vector = ranges[:, :, None] * beam
+    common = {"time": scans["time"].values, "angle": angle}
     if not has_group(run, "truth/scanner"):
         return ScanReturns(
-            along=seen[..., 0], across=seen[..., 1], up=seen[..., 2], position=None, **shared
+            along=vector[..., 0], across=vector[..., 1], up=vector[..., 2], position=None, **common
         )
-    where = _pose_of_beams(run_group(run, "truth/scanner"), part, scans["delay"].values)
-    point = where[..., :3] + _rotate_vectors(seen, where[..., 3:])
-    first = where[0, 0]
-    ahead = np.array([np.cos(first[5]), np.sin(first[5])])
+    pose = _beam_poses(run_group(run, "truth/scanner"), part, scans["delay"].values)
+    # p_g = t_gs + R_gs v_s, the equation of a return in docs/explanation/notation.md
+    point = pose[..., :3] + _rotate_vectors(vector, pose[..., 3:])
+    first = pose[0, 0]
+    forward = np.array([np.cos(first[5]), np.sin(first[5])])
     east, north = np.moveaxis(point[..., :2] - first[:2], -1, 0)
     return ScanReturns(
-        along=east * ahead[0] + north * ahead[1],
-        across=north * ahead[0] - east * ahead[1],
+        along=east * forward[0] + north * forward[1],
+        across=north * forward[0] - east * forward[1],
         up=point[..., 2],
         position=point[..., :2],
-        **shared,
+        **common,
     )
 
 
-def _pose_of_beams(truth: xr.Dataset, part: slice, delay: Floats) -> Floats:
-    """Pose of the scanner at every beam, shape (scan, beam, 6)."""
+def _beam_poses(truth: xr.Dataset, part: slice, delay: Floats) -> Floats:
+    """Pose of the scanner at the time of each beam, shape (scan, beam, 6)."""
     around = slice(max(part.start - 1, 0), part.stop + 1)
     known = truth.isel(scan=around)
     time = known["time"].values
     pose = np.stack([known[name].values for name in POSE], axis=1)
     pose[:, 3:] = np.unwrap(pose[:, 3:], axis=0)
-    when = time[part.start - around.start :][: part.stop - part.start, None] + delay
+    beam_time = time[part.start - around.start :][: part.stop - part.start, None] + delay
     if time.size == 1:
-        return np.broadcast_to(pose[0], (*when.shape, len(POSE)))
-    piece = np.clip(np.searchsorted(time, when, side="right") - 1, 0, time.size - 2)
-    share = (when - time[piece]) / (time[piece + 1] - time[piece])
-    between: Floats = pose[piece] + share[..., None] * (pose[piece + 1] - pose[piece])
-    return between
+        return np.broadcast_to(pose[0], (*beam_time.shape, len(POSE)))
+    piece = np.clip(np.searchsorted(time, beam_time, side="right") - 1, 0, time.size - 2)
+    fraction = (beam_time - time[piece]) / (time[piece + 1] - time[piece])
+    interpolated: Floats = pose[piece] + fraction[..., None] * (pose[piece + 1] - pose[piece])
+    return interpolated
 
 
 def _rotate_vectors(vectors: Floats, angles: Floats) -> Floats:
-    """Vectors turned from the axes of the scanner to those of the ground."""
+    """Vectors rotated from the scanner frame to the ground frame: R_z(yaw) R_y(pitch) R_x(roll)."""
     from scipy.spatial.transform import Rotation
 
-    turn = Rotation.from_euler("ZYX", angles[..., ::-1].reshape(-1, 3))
-    turned: Floats = turn.apply(vectors.reshape(-1, 3)).reshape(vectors.shape)
-    return turned
+    rotation = Rotation.from_euler("ZYX", angles[..., ::-1].reshape(-1, 3))
+    rotated: Floats = rotation.apply(vectors.reshape(-1, 3)).reshape(vectors.shape)
+    return rotated
 
 
 def equal_columns(data: Any, names: tuple[str, ...], what: str) -> dict[str, Floats]:
@@ -170,21 +172,21 @@ def equal_columns(data: Any, names: tuple[str, ...], what: str) -> dict[str, Flo
     Parameters
     ----------
     data : xarray.Dataset or mapping of str to array_like
-        Where they are.
+        Source of the arrays.
     names : tuple of str
-        Which ones.
+        Names of the arrays.
     what : str
-        What the data are, for the message.
+        Name of the data, for the message.
 
     Returns
     -------
     dict of str to numpy.ndarray
-        By name.
+        Arrays by name.
 
     Raises
     ------
     SchemaError
-        If one is missing, or they differ in length.
+        If an array is missing, or the lengths differ.
     """
     found: dict[str, Floats] = {}
     for name in names:

@@ -17,8 +17,8 @@ Motion = xr.DataTree | xr.Dataset | Mapping[str, npt.ArrayLike]
 Component = Literal["up", "pitch", "roll"]
 
 _NAMES = {"up": "heave", "pitch": "pitch, nose down +", "roll": "roll"}
-_MOST = 200_000  # samples of a line
-_ROOM = 1.15  # of the span of a line, so that it stays off the frame
+_MAX_SAMPLES = 200_000  # of a line
+_MARGIN = 1.15  # ratio of the range of an axis to that of its line
 
 
 def body_motion(
@@ -35,21 +35,21 @@ def body_motion(
     motion : xarray.DataTree, xarray.Dataset or mapping of str to array_like
         A run, navigation, or arrays ``time`` [s] and the components [m], [rad].
     source : {"truth", "navigation"}, optional
-        What to take from a run; by default the truth if there is one.
+        Group of a run to draw; by default the truth if there is one.
     components : sequence of str
-        Which of ``"up"``, ``"pitch"`` and ``"roll"`` to draw.
+        Components to draw, of ``"up"``, ``"pitch"`` and ``"roll"``.
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
     Axes
-        Time [s] and height above that at the begin [m]; a second axis on the right has the angles.
+        Time [s] and height above that at the start [m]; a second axis on the right has the angles.
 
     Raises
     ------
     SchemaError
-        If the run holds no truth and truth is asked for, or an array is missing.
+        If `source` is "truth" and the run holds none, or an array is missing.
     ValueError
         If a component is unknown.
 
@@ -66,7 +66,7 @@ def body_motion(
         raise ValueError(message)
     table, what = _body_motion(motion, source)
     values = groups.equal_columns(table, ("time", *components), what)
-    every = -(-values["time"].size // _MOST)
+    every = -(-values["time"].size // _MAX_SAMPLES)
     time = values["time"][::every]
     ax = canvas.axes_or_new(ax)
     angles = [name for name in components if name != "up"]
@@ -74,18 +74,18 @@ def body_motion(
         up = values["up"][::every] - values["up"][0]
         ax.plot(time, up, color=canvas.COLOURS[0], linewidth=1.3, label=_NAMES["up"])
         canvas.scale_axis(ax.yaxis, canvas.height_scale(up), "Heave")
-    turned = ax.twinx() if angles and "up" in components else ax
+    angle_axes = ax.twinx() if angles and "up" in components else ax
     for number, name in enumerate(angles, start=1):
-        turned.plot(
+        angle_axes.plot(
             time, values[name][::every], color=canvas.COLOURS[number], linewidth=1.1, label=name
         )
         ax.plot([], [], color=canvas.COLOURS[number], linewidth=1.1, label=_NAMES[name])
     if angles:
-        canvas.degree_axis(turned.yaxis, " and ".join(angles).capitalize())
+        canvas.degree_axis(angle_axes.yaxis, " and ".join(angles).capitalize())
     ax.set_xlabel("Time [s]")
-    _finish_axes(ax)
-    if turned is not ax:
-        _same_zero(ax, turned)
+    _complete_axes(ax)
+    if angle_axes is not ax:
+        _align_zeros(ax, angle_axes)
     if isinstance(motion, xr.DataTree):
         canvas.annotate_axes(ax, what)
     canvas.legend_above(ax)
@@ -104,12 +104,12 @@ def laser_displacement(
     begin, end : float
         Times between which to draw [s].
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
     Axes
-        Time [s] and height above that at the begin [m]; the span from peak to peak is printed.
+        Time [s] and height above that at the start [m]; the span from peak to peak is printed.
 
     Raises
     ------
@@ -135,12 +135,12 @@ def laser_displacement(
         raise ValueError(message)
     time, up = values["time"][inside], values["up"][inside]
     up = up - up[0]
-    every = -(-time.size // _MOST)
+    every = -(-time.size // _MAX_SAMPLES)
     ax = canvas.axes_or_new(ax, height=2.8)
     ax.plot(time[::every], up[::every], color=canvas.COLOURS[0], linewidth=1.3)
     canvas.scale_axis(ax.yaxis, canvas.height_scale(up), "Displacement")
     ax.set_xlabel("Time [s]")
-    _finish_axes(ax)
+    _complete_axes(ax)
     canvas.annotate_axes(ax, f"laser, {1000 * np.ptp(up):.1f} mm from peak to peak")
     return ax
 
@@ -153,24 +153,24 @@ def _body_motion(motion: Motion, source: str | None) -> tuple[Any, str]:
     return (
         (groups.run_group(motion, "truth/body"), "true motion of the body")
         if source == "truth"
-        else (groups.run_group(motion, "navigation"), "motion by the navigation")
+        else (groups.run_group(motion, "navigation"), "motion by navigation")
     )
 
 
-def _finish_axes(ax: "Axes") -> None:
+def _complete_axes(ax: "Axes") -> None:
     ax.margins(x=0)
     ax.grid(color="0.9", linewidth=0.6)
     ax.set_axisbelow(True)
 
 
-def _same_zero(ax: "Axes", other: "Axes") -> None:
-    """Put the zeros of both axes side by side."""
+def _align_zeros(ax: "Axes", other: "Axes") -> None:
+    """Set the limits of both axes so that their zeros are at the same place."""
     spans = [np.array(each.dataLim.intervaly) for each in (ax, other)]
-    spans = [np.array([min(low, 0.0), max(high, 0.0)]) * _ROOM for low, high in spans]
+    spans = [np.array([min(low, 0.0), max(high, 0.0)]) * _MARGIN for low, high in spans]
     largest = [float(np.ptp(span)) or 1e-3 for span in spans]
     below = max(-span[0] / size for span, size in zip(spans, largest, strict=True))
     above = max(span[1] / size for span, size in zip(spans, largest, strict=True))
-    if below + above == 0.0:  # nothing moves
+    if below + above == 0.0:  # no motion
         below = above = 0.5
     for each, size in zip((ax, other), largest, strict=True):
         each.set_ylim(-below * size, above * size)

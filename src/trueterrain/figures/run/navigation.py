@@ -1,4 +1,4 @@
-"""Navigation: the way from above, and its heights."""
+"""Navigation: plan of the trajectory, and heights over time."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -11,18 +11,18 @@ from trueterrain.figures.run import groups
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_MOST = 100_000  # epochs of a line
+_MAX_EPOCHS = 100_000  # of a line
 
 
 def navigation_plan(navigation: xr.DataTree | xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
-    """The way that was driven, from above.
+    """Plan of the trajectory.
 
     Parameters
     ----------
     navigation : xarray.DataTree or xarray.Dataset
         A run, or navigation.
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
@@ -46,27 +46,27 @@ def navigation_plan(navigation: xr.DataTree | xr.Dataset, *, ax: "Axes | None" =
     x, y = values["east"], values["north"]
     height = canvas.map_height(float(np.ptp(x)), float(np.ptp(y)))
     ax = canvas.axes_or_new(ax, height=height)
-    canvas.draw_path(ax, x, y, label="way")
+    canvas.draw_path(ax, x, y, label="trajectory")
     ax.set_aspect("equal", adjustable="datalim")
     ax.set_xlabel("East of the origin [m]")
     ax.set_ylabel("North of the origin [m]")
     ax.grid(color="0.9", linewidth=0.6)
     ax.set_axisbelow(True)
-    way = float(np.hypot(np.diff(x), np.diff(y)).sum())
-    canvas.annotate_axes(ax, f"equal scale, {way:,.0f} m driven")
+    distance = float(np.hypot(np.diff(x), np.diff(y)).sum())
+    canvas.annotate_axes(ax, f"equal scale, {distance:,.0f} m driven")
     canvas.legend_above(ax)
     return ax
 
 
 def navigation_heights(navigation: xr.DataTree | xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
-    """Heights of the navigation over time, with a band of one standard deviation where known.
+    """Heights of navigation over time, with a band of one standard deviation if reported.
 
     Parameters
     ----------
     navigation : xarray.DataTree or xarray.Dataset
         A run, or navigation.
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
@@ -110,5 +110,5 @@ def _navigation_group(data: xr.DataTree | xr.Dataset) -> xr.Dataset:
 
 def _thin_epochs(data: xr.DataTree | xr.Dataset, names: tuple[str, ...]) -> dict[str, Any]:
     values = groups.equal_columns(_navigation_group(data), names, "navigation")
-    every = -(-values[names[0]].size // _MOST)
+    every = -(-values[names[0]].size // _MAX_EPOCHS)
     return {name: column[::every] for name, column in values.items()}

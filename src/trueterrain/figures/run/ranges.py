@@ -1,4 +1,4 @@
-"""Ranges as an image: scan by scan, beam by beam."""
+"""Ranges as an image over scans and beams."""
 
 from typing import TYPE_CHECKING
 
@@ -12,9 +12,9 @@ from trueterrain.figures.run import groups
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_ROWS = 1600  # scans in an image
-_AT_ONCE = 64  # scans to read at a time where only some are shown
-_MANY = 60_000  # missing returns, beyond which only some are marked
+_MAX_SCANS = 1600  # in an image
+_BLOCK = 64  # scans that are read at a time if only some are shown
+_MAX_MARKS = 60_000  # of missing returns; of more, one of every n is marked
 _LOST = "#D55E00"
 
 
@@ -26,20 +26,20 @@ def range_image(
     below: bool = False,
     ax: "Axes | None" = None,
 ) -> "Axes":
-    """Ranges of all beams over time, with the beams that did not return.
+    """Image of the ranges of all beams over time, with the beams without return marked.
 
     Parameters
     ----------
     run : xarray.DataTree
         The run.
     begin, end : float, optional
-        Stamps between which scans are shown [s]; by default all. Of many scans one of every n is
-        read; the figure says so.
+        Time stamps between which scans are shown [s]; by default all. Of many scans, one of every n
+        is read, and noted in the figure.
     below : bool
-        Show how far each return lies below the scanner (range times the cosine of the angle), which
-        makes level ground even, instead of the range itself.
+        Show the depth of each return below the scanner (range times the cosine of the angle), which
+        is constant on level ground, instead of the range.
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
@@ -63,7 +63,7 @@ def range_image(
             place="group scans",
             cure=f"The scans are {span}.",
         )
-    every = -(-inside.size // _ROWS)
+    every = -(-inside.size // _MAX_SCANS)
     chosen = inside[::every]
     image = _read_ranges(scans, chosen, every)
     angle = scans["angle"].values
@@ -97,13 +97,13 @@ def range_image(
 
 
 def _read_ranges(scans: xr.Dataset, chosen: np.ndarray, every: int) -> np.ndarray:
-    """Ranges of the chosen scans, so that never more than a chunk is held beside them."""
+    """Ranges of the chosen scans; besides them, only one block is held in memory."""
     if every == 1:
         ranges: np.ndarray = scans["range"].isel(scan=slice(chosen[0], chosen[-1] + 1)).values
         return ranges
     parts = []
-    for first in range(0, chosen.size, _AT_ONCE):
-        some = chosen[first : first + _AT_ONCE]
+    for first in range(0, chosen.size, _BLOCK):
+        some = chosen[first : first + _BLOCK]
         block = scans["range"].isel(scan=slice(some[0], some[-1] + 1, every)).values
         parts.append(block)
     return np.concatenate(parts)
@@ -115,7 +115,7 @@ def _angle_limits(degrees: np.ndarray) -> tuple[float, float]:
 
 
 def _colour_limits(shown: np.ndarray) -> tuple[float, float]:
-    """Colours from the lowest to the highest, but for few outliers."""
+    """Limits of the colours: minimum and maximum without 0.1 % of outliers at each end."""
     known = shown[np.isfinite(shown)]
     if known.size == 0:
         return 0.0, 1.0
@@ -124,18 +124,18 @@ def _colour_limits(shown: np.ndarray) -> tuple[float, float]:
 
 
 def _mark_lost(ax: "Axes", image: np.ndarray, time: np.ndarray, degrees: np.ndarray) -> None:
-    """A dot for every beam without return: as pixels of an image they would vanish."""
+    """Draw a dot for each beam without return: single pixels of the image would not be visible."""
     scan, beam = np.nonzero(~np.isfinite(image))
     if scan.size == 0:
         return
-    some = slice(None, None, -(-scan.size // _MANY))
-    share = f"no return, {100 * scan.size / image.size:.2g} %"
+    some = slice(None, None, -(-scan.size // _MAX_MARKS))
+    label = f"no return, {100 * scan.size / image.size:.2g} %"
     ax.scatter(
         time[scan[some]],
         degrees[beam[some]],
         s=4,
         color=_LOST,
         linewidths=0,
-        label=share,
+        label=label,
         rasterized=True,
     )

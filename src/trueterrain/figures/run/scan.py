@@ -1,4 +1,4 @@
-"""Scans: their points seen from above and from behind, with what the scanner could not see."""
+"""Points of scans in plan and elevation, with shadows."""
 
 from typing import TYPE_CHECKING
 
@@ -12,10 +12,10 @@ from trueterrain.figures.run import groups
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_SHADOW = 3.0  # times the distance of neighbours on level ground, from which a gap is a shadow
-_FLATTEST = 0.1  # height over width of what is shown from above
+_SHADOW = 3.0  # ratio of the distance of neighbours to that on level ground: more is a shadow
+_MIN_ASPECT = 0.1  # height over width of the plan
 _LINE = 2000  # points of the line of the true ground
-_AROUND = 3.0  # [m] of the true ground that is read, to either side along the way
+_AROUND = 3.0  # [m] of the true ground that is read on each side along the trajectory
 
 
 def scan_plan(
@@ -26,31 +26,30 @@ def scan_plan(
     across: tuple[float, float] | None = None,
     ax: "Axes | None" = None,
 ) -> "Axes":
-    """Points of consecutive scans from above, coloured by height.
+    """Plan of the points of consecutive scans, coloured by height.
 
-    They lie closest under the scanner and further apart to the sides, as in Fig. 2-3 of Smith,
-    "Improving the Quality of Terrain Measurement" (Virginia Tech, 2009); look at a narrow stretch
-    with few scans to see it.
+    Their spacing is smallest under the scanner and increases to the sides, as in Fig. 2-3 of Smith,
+    "Improving the Quality of Terrain Measurement" (Virginia Tech, 2009); a narrow stretch with few
+    scans shows it best.
 
     Parameters
     ----------
     run : xarray.DataTree
-        Simulated run: the exact poses come from its truth.
+        Simulated run; its truth gives the exact poses.
     at : float, optional
-        Stamp of the first scan [s]; by default scans in the middle of the run.
+        Time stamp of the first scan [s]; by default scans at the centre of the run.
     scans : int
-        How many scans.
+        Number of scans.
     across : tuple of float, optional
-        Only points from this to that distance to the left of the scanner [m].
+        Range of lateral distance from the scanner, to the left positive [m].
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
     Axes
-        Offset, left on the left, and distance ahead of the first scan [m], at equal scale; the
-        distance from point to point along a scan is printed, but for the 2 % of the closest and the
-        2 % of the widest.
+        Offset, left on the left, and longitudinal distance from the first scan [m], at equal scale;
+        the range of the point spacing along a scan is printed, from the 2 % to the 98 % quantile.
 
     Raises
     ------
@@ -70,12 +69,12 @@ def scan_plan(
     dots = ax.scatter(x, y, c=z, s=size, linewidths=0, cmap=canvas.HEIGHT_MAP, rasterized=True)
     canvas.colour_bar(dots, ax, canvas.height_scale(z))
     ax.set_aspect("equal")
-    room = _FLATTEST * float(np.ptp(x)) - float(np.ptp(y))
-    if room > 0:  # a scanner that hardly moved
-        ax.set_ylim(y.min() - 0.5 * room, y.max() + 0.5 * room)
+    margin = 0.5 * (_MIN_ASPECT * float(np.ptp(x)) - float(np.ptp(y)))
+    if margin > 0:  # the scanner hardly moved
+        ax.set_ylim(y.min() - margin, y.max() + margin)
     ax.invert_xaxis()
     ax.set_xlabel(f"Offset from the scanner at {returns.time[0]:.6g} s, left + [m]")
-    ax.set_ylabel("Ahead [m]")
+    ax.set_ylabel("Longitudinal distance [m]")
     gaps = 1000 * np.abs(np.diff(np.where(shown, returns.across, np.nan), axis=1))
     near, far = np.nanpercentile(gaps, [2, 98]) if np.isfinite(gaps).any() else (np.nan, np.nan)
     count = len(returns.time)
@@ -94,22 +93,22 @@ def scan_elevation(
     across: tuple[float, float] | None = None,
     ax: "Axes | None" = None,
 ) -> "Axes":
-    """One scan seen from behind the scanner: its points, the true ground, what lies in shadow.
+    """Elevation of one scan, seen from behind the scanner: points, true ground and shadows.
 
-    Where neighbouring beams meet points more than three times as far apart as on level ground, the
-    stretch between is marked: the upper one hides it, or it is steeper than the beam.
+    Where points of neighbouring beams are more than three times as far apart as on level ground,
+    the stretch between them is marked: a higher point hides it, or it is steeper than the beam.
 
     Parameters
     ----------
     run : xarray.DataTree
         The run. If it holds the truth, points are placed on the ground and the true ground is
-        drawn; else they are shown in the axes of the scanner.
+        drawn; otherwise they are shown in the axes of the scanner.
     at : float, optional
-        Stamp of the scan [s]; by default the one in the middle of the run.
+        Time stamp of the scan [s]; by default at the centre of the run.
     across : tuple of float, optional
-        Only the part from this to that distance to the left of the scanner [m].
+        Range of lateral distance from the scanner, to the left positive [m].
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
@@ -150,14 +149,14 @@ def scan_elevation(
 
 
 def _find_shadows(across: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    """Returns after which the next one is too far away; beams without return do not count."""
+    """Indices of returns that are followed by a shadow; beams without return do not count."""
     height = float(np.median(np.abs(across[angle != 0] / np.tan(angle[angle != 0]))))
     level = height * np.abs(np.diff(np.tan(angle)))
     return np.flatnonzero(np.abs(np.diff(across)) > _SHADOW * level)
 
 
 def _shown_beams(returns: groups.ScanReturns, across: tuple[float, float] | None) -> np.ndarray:
-    """Which beams returned from a part of the scan."""
+    """Mask of the beams with a return in a lateral range."""
     low, high = (-np.inf, np.inf) if across is None else across
     shown: np.ndarray = (returns.across >= low) & (returns.across <= high)
     if not shown.any():
@@ -169,14 +168,14 @@ def _shown_beams(returns: groups.ScanReturns, across: tuple[float, float] | None
 def _draw_true_ground(
     ax: "Axes", run: xr.DataTree, returns: groups.ScanReturns, offset: np.ndarray
 ) -> None:
-    """Line of the true ground below the points of a scan, if it is known."""
+    """Draw the line of the true ground below the points of a scan, if it is known."""
     position, across = returns.position, returns.across[0]
     inside = np.flatnonzero(np.isfinite(across))
     if position is None or inside.size < 2 or not groups.has_group(run, "truth/ground"):
         return
     from trueterrain.surface import heights_at
 
-    # Seen from above, the points of a scan lie on a line but for the times of the beams.
+    # In plan, the points of a scan are nearly on a line: the beams differ in time only slightly.
     line = np.linspace(offset.min(), offset.max(), _LINE)
     east, north = (
         np.polyval(np.polyfit(across[inside], position[0, inside, c], 1), line) for c in (0, 1)

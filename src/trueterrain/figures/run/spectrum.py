@@ -1,4 +1,4 @@
-"""Spectra of what was recorded, with how sure they are."""
+"""Power spectral densities of recorded signals, with confidence intervals."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
-_LEAST = 8  # samples of a segment
-_DECADES = 1e-7  # of the highest density, below which nothing is drawn
+_MIN_SAMPLES = 8  # of a segment
+_MIN_DENSITY = 1e-7  # ratio of the lowest density of the axis to the highest
 
 
 def spectrum(
@@ -35,23 +35,23 @@ def spectrum(
     Parameters
     ----------
     signal : array_like, shape (n,), or mapping of str to array_like
-        Samples at equal times, or several signals with their names.
+        Equally spaced samples, or several signals by name.
     rate : float
-        Samples per second [Hz].
+        Sampling rate [Hz].
     segment : float, optional
         Length of the segments, Hann windows that overlap by half and are levelled each [s]; by
         default a quarter of the signal. The resolution is about 1.5 / segment.
     confidence : float
-        Share of repeats in which the band holds the density; see Notes.
+        Confidence level of the band; see Notes.
     peaks : mapping of str to tuple of float, optional
-        Names of peaks, and the frequencies between which each is sought [Hz]. The highest value of
-        the first signal there is marked.
+        Names of peaks, and the frequencies between which each is searched [Hz]. The highest value
+        of the first signal there is marked.
     frequencies : tuple of float, optional
         Frequencies to draw [Hz].
     name, unit : str
-        What the signal is.
+        Name and unit of the signal.
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
@@ -61,14 +61,15 @@ def spectrum(
     Raises
     ------
     ValueError
-        If the rate, the segment or the confidence break their rule, or no frequency lies between
+        If the rate, the segment or the confidence is invalid, or there is no frequency between
         those of a peak.
 
     Notes
     -----
-    The estimate over the density is distributed as chi² of v degrees of freedom over v, for random
-    signals whose spectrum is even across the resolution; v counts overlapping segments as Welch
-    (1967) does. A single event is no such signal: for it the band shows the number of segments.
+    For random signals whose spectrum is flat across the resolution, the ratio of estimate and
+    density has a chi² distribution with v degrees of freedom, divided by v; v for overlapping
+    segments is that of Welch (1967). For a single event, which is not such a signal, the band only
+    shows the number of segments.
 
     Examples
     --------
@@ -86,7 +87,7 @@ def spectrum(
     named = signal if isinstance(signal, Mapping) else {"": signal}
     ax = canvas.axes_or_new(ax, height=3.8)
     notes: list[str] = []
-    tops: list[float] = []
+    peak_densities: list[float] = []
     for number, (label, values) in enumerate(named.items()):
         frequency, density, degrees, length = _signal_density(values, rate, segment, label)
         low, high = density_interval(degrees, confidence)
@@ -99,11 +100,11 @@ def spectrum(
         ax.plot(frequency, density, color=colour, linewidth=1.3, label=label or None)
         if number == 0:
             _mark_peaks(ax, frequency, density, peaks or {})
-        tops.append(float(density.max()))
+        peak_densities.append(float(density.max()))
         notes.append(f"Welch, {length:.3g} s, {degrees:.0f} degrees of freedom")
     ax.set_xscale("log")
     ax.set_yscale("log")
-    ax.set_ylim(bottom=max(ax.get_ylim()[0], _DECADES * max(tops)))
+    ax.set_ylim(bottom=max(ax.get_ylim()[0], _MIN_DENSITY * max(peak_densities)))
     _plain_ticks(ax)
     ax.set_xlabel("Frequency [Hz]")
     ax.set_ylabel(f"{name} [({unit})²/Hz]")
@@ -120,17 +121,17 @@ def spectrum(
 def _signal_density(
     values: npt.ArrayLike, rate: float, segment: float | None, label: str
 ) -> tuple[Floats, Floats, float, float]:
-    """Frequency, density, degrees of freedom and length of a segment [s]; zero left out."""
+    """Frequency, density, degrees of freedom and length of a segment [s]; without frequency 0."""
     samples = np.asarray(values, dtype=np.float64)
     place = f"signal {label}" if label else "signal"
     if samples.ndim != 1 or not np.isfinite(samples).all():
         message = f"{place} must have one dimension and be finite, got shape {samples.shape}."
         raise ValueError(message)
     size = samples.size // 4 if segment is None else round(segment * rate)
-    if not _LEAST <= size <= samples.size:
+    if not _MIN_SAMPLES <= size <= samples.size:
         message = (
-            f"segment must be from {_LEAST / rate:g} s to the {samples.size / rate:g} s of the "
-            f"{place}, got {size / rate:g} s."
+            f"segment must be from {_MIN_SAMPLES / rate:g} s to the {samples.size / rate:g} s of "
+            f"the {place}, got {size / rate:g} s."
         )
         raise ValueError(message)
     frequency, density, degrees = welch_density(samples, samples, rate, size)
@@ -155,7 +156,8 @@ def _mark_peaks(
         inside = np.flatnonzero((frequency >= low) & (frequency <= high))
         if inside.size == 0:
             message = (
-                f"peak {name!r} must be sought where there is a frequency, got {low} to {high} Hz."
+                f"peak {name!r} must be searched where there is a frequency, "
+                f"got {low} to {high} Hz."
             )
             raise ValueError(message)
         top = inside[np.argmax(density[inside])]
@@ -180,7 +182,7 @@ def _mark_peaks(
 
 
 def _plain_ticks(ax: "Axes") -> None:
-    """Frequencies in plain numbers."""
+    """Format frequencies as plain numbers at 1, 2 and 5 of each decade."""
     from matplotlib.ticker import FuncFormatter, LogLocator
 
     ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))

@@ -1,4 +1,4 @@
-"""How surfaces differ: where, and over which distances."""
+"""Differences of surfaces: maps and structure functions."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -12,33 +12,32 @@ from trueterrain.figures.surface.heights import Frame, surface_map
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_BELOW_TO_ABOVE = "RdBu_r"  # white at no difference, readable by colour-blind people
-_SHOWN = 99.0  # [%] of differences that the colours span
-_LEAST = 1e-6  # [m] that they span at least
-_DECADE = 10.0  # [1] range that heights of the axis have at least, so that it has ticks
-_MANY = 1e4  # [1] range of an axis from which on only powers of ten are written
+_DIVERGING_MAP = "RdBu_r"  # white at 0, readable by colour-blind people
+_QUANTILE = 99.0  # [%] of the magnitudes within the colours
+_MIN_SPAN = 1e-6  # [m] of the colours
+_MIN_RATIO = 10.0  # of the ends of an axis, so that it has ticks
+_MAX_RATIO = 1e4  # of the ends of an axis; above it only powers of ten are labelled
 
 
 def difference_map(
     difference: xr.Dataset,
     *,
-    largest: float | None = None,
+    max_difference: float | None = None,
     frame: Frame = "grid",
     ax: "Axes | None" = None,
 ) -> "Axes":
-    """Differences of height seen from above: blue where the surface lies lower, red where higher.
+    """Map of height differences: blue where the surface is lower, red where it is higher.
 
     Parameters
     ----------
     difference : xarray.Dataset
-        Of `trueterrain.surface.difference.surface_difference`.
-    largest : float, optional
-        Difference at the ends of the colours [m]; by default the magnitude that 99 % of the nodes
-        do not exceed.
+        As by `trueterrain.surface.difference.surface_difference`.
+    max_difference : float, optional
+        Difference at the ends of the colours [m]; by default the 99 % quantile of the magnitude.
     frame : {"grid", "ground"}
-        As by `surface_map`.
+        As for `surface_map`.
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
@@ -48,7 +47,7 @@ def difference_map(
     Raises
     ------
     ValueError
-        If `largest` is not greater than 0.
+        If `max_difference` is not greater than 0.
 
     Examples
     --------
@@ -57,18 +56,18 @@ def difference_map(
     >>> difference_map(apart).get_ylabel()
     'Northing [m]'
     """
-    if largest is not None and not largest > 0:
-        message = f"largest must be greater than 0 m, got {largest}"
+    if max_difference is not None and not max_difference > 0:
+        message = f"max_difference must be greater than 0 m, got {max_difference}"
         raise ValueError(message)
     import matplotlib as mpl
 
     height = difference["height"].values
-    if largest is None:
-        largest = max(float(np.nanpercentile(np.abs(height), _SHOWN)), _LEAST)
+    if max_difference is None:
+        max_difference = max(float(np.nanpercentile(np.abs(height), _QUANTILE)), _MIN_SPAN)
     ax = surface_map(difference, frame=frame, ax=ax)
     image = ax.images[0] if ax.images else ax.collections[0]
-    image.set_cmap(mpl.colormaps[_BELOW_TO_ABOVE].with_extremes(bad=canvas.HOLE_COLOUR))
-    image.set_clim(-largest, largest)
+    image.set_cmap(mpl.colormaps[_DIVERGING_MAP].with_extremes(bad=canvas.HOLE_COLOUR))
+    image.set_clim(-max_difference, max_difference)
     bar = next(child for child in ax.child_axes)
     canvas.scale_axis(bar.yaxis, canvas.LengthScale(factor=1000.0, unit="mm"), "Height difference")
     return ax
@@ -77,25 +76,25 @@ def difference_map(
 def structure_functions(
     structure: xr.Dataset | Mapping[str, xr.Dataset], *, ax: "Axes | None" = None
 ) -> "Axes":
-    """Structure functions of differences: how much they change over a distance.
+    """Structure functions of differences: mean square change over a distance.
 
     Parameters
     ----------
     structure : xarray.Dataset or mapping of str to xarray.Dataset
-        Of `trueterrain.surface.difference.structure_function`, or several with their names.
+        As by `trueterrain.surface.difference.structure_function`, or several by name.
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
     Axes
-        Distance [m] and mean square change [mm²], both logarithmic. White noise is a level line,
-        drift rises.
+        Distance [m] and mean square change [mm²], both logarithmic. White noise is constant,
+        drift increases.
 
     Raises
     ------
     ValueError
-        If nothing can be drawn: no difference changes anywhere.
+        If no difference changes anywhere.
 
     Examples
     --------
@@ -110,11 +109,11 @@ def structure_functions(
     ax = canvas.axes_or_new(ax, height=3.8)
     drawn = False
     for number, (name, one) in enumerate(named.items()):
-        seen = one["structure"].values > 0
-        drawn = drawn or bool(seen.any())
+        positive = one["structure"].values > 0
+        drawn = drawn or bool(positive.any())
         ax.plot(
-            one["distance"].values[seen],
-            1e6 * one["structure"].values[seen],
+            one["distance"].values[positive],
+            1e6 * one["structure"].values[positive],
             color=canvas.COLOURS[number % len(canvas.COLOURS)],
             linewidth=1.3,
             marker="o",
@@ -127,7 +126,7 @@ def structure_functions(
     ax.set_xscale("log")
     ax.set_yscale("log")
     low, high = ax.get_ylim()
-    widen = max(1.0, _DECADE / (high / low)) ** 0.5
+    widen = max(1.0, _MIN_RATIO / (high / low)) ** 0.5
     ax.set_ylim(low / widen, high * widen)
     _plain_ticks(ax)
     ax.set_xlabel("Distance [m]")
@@ -140,12 +139,12 @@ def structure_functions(
 
 
 def _plain_ticks(ax: "Axes") -> None:
-    """Plain numbers at 1, 2 and 5 of each decade; only at 1 where there are many decades."""
+    """Format ticks as plain numbers at 1, 2 and 5 of each decade; with many decades only at 1."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     for axis in (ax.xaxis, ax.yaxis):
         low, high = axis.get_view_interval()
-        steps = (1.0, 2.0, 5.0) if high / low < _MANY else (1.0,)
+        steps = (1.0, 2.0, 5.0) if high / low < _MAX_RATIO else (1.0,)
         axis.set_major_locator(LogLocator(subs=steps, numticks=20))
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axis.set_minor_formatter(NullFormatter())

@@ -1,4 +1,4 @@
-"""Surfaces seen from above."""
+"""Maps of surfaces."""
 
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -13,12 +13,12 @@ from trueterrain.surface import grid_frame, node_coordinates, xy_to_uv
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_MOST_NODES = 1500  # along an axis; finer than any page or screen shows
-_LONGEST = 8.0  # ratio of length to width up to which a grid is drawn at equal scale
+_MAX_NODES = 1500  # along an axis; more are not visible on a page or screen
+_MAX_ASPECT = 8.0  # ratio of length to width up to which a grid is drawn at equal scale
 _STRETCHES = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
-_EVEN = 1e-6  # deviation from equal spacing that is rounding, as a share of the spacing
+_ROUNDING = 1e-6  # deviation from equal spacing, as a fraction of the spacing
 
-#: What the axes of a surface map show.
+#: Coordinates of a surface map: (u, v), or easting and northing.
 Frame = Literal["grid", "ground"]
 
 
@@ -29,30 +29,30 @@ def surface_map(
     frame: Frame = "grid",
     ax: "Axes | None" = None,
 ) -> "Axes":
-    """Heights of a surface as an image, with a path over it.
+    """Map of the heights of a surface, with a path.
 
     Parameters
     ----------
     surface : xarray.Dataset
-        Surface along a reference line, or map.
+        Surface along a reference line, or over easting and northing.
     path : WheelPath, optional
-        Path to draw over it.
+        Path to draw.
     frame : {"grid", "ground"}
-        Whether a surface along a reference line is drawn over (u, v), which straightens it, or over
-        easting and northing. A map has the latter only.
+        Coordinates of a surface along a reference line: (u, v), which straightens the road, or
+        easting and northing. Other surfaces have only the latter.
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
     Axes
-        Both axes in metres, at equal scale; only a long road over (u, v) is stretched sideways, by
-        the factor that is printed. Nodes without height are grey.
+        Both axes in metres, at equal scale; only a long road over (u, v) is stretched laterally, by
+        the printed factor. Nodes without height are grey.
 
     Raises
     ------
     SchemaError
-        If the data are no surface.
+        If the data are not a surface.
     ValueError
         If `frame` is unknown.
 
@@ -79,8 +79,10 @@ def surface_map(
     canvas.colour_bar(image, ax, scale)
     if path is not None:
         along_grid = "u" in surface.dims and frame == "grid"
-        at = (path.easting, path.northing)
-        canvas.draw_path(ax, *(xy_to_uv(grid_frame(surface), *at) if along_grid else at))
+        position = (path.easting, path.northing)
+        canvas.draw_path(
+            ax, *(xy_to_uv(grid_frame(surface), *position) if along_grid else position)
+        )
     if np.isnan(shown.height).any():
         ax.fill_between([], [], [], color=canvas.HOLE_COLOUR, label="no height")
     equal = "equal scale" if stretch == 1 else f"v stretched {stretch:g} times"
@@ -117,7 +119,7 @@ def _over_ground(surface: xr.Dataset, ax: "Axes | None") -> "tuple[Axes, Any, fl
 
 
 def _cell_corners(nodes: np.ndarray) -> np.ndarray:
-    """Corners of the cells around nodes, shape (u + 1, v + 1): halfway to the neighbours."""
+    """Corners of the cells around nodes, shape (u + 1, v + 1): midpoints between neighbours."""
     for _ in range(2):  # along u, then along v
         half = np.diff(nodes, axis=0) / 2
         ends = nodes[:1] - half[:1], nodes[-1:] + half[-1:]
@@ -127,28 +129,28 @@ def _cell_corners(nodes: np.ndarray) -> np.ndarray:
 
 def _draw_image(ax: "Axes", x: np.ndarray, y: np.ndarray, height: np.ndarray) -> Any:
     """Image of nodes over two axes; each node fills the cell around it."""
-    if _is_even(x) and _is_even(y):
+    if _is_equally_spaced(x) and _is_equally_spaced(y):
         half_x, half_y = (x[1] - x[0]) / 2, (y[1] - y[0]) / 2
         extent = (x[0] - half_x, x[-1] + half_x, y[0] - half_y, y[-1] + half_y)
         return ax.imshow(height, origin="lower", extent=extent, interpolation="nearest")
     return ax.pcolormesh(x, y, height, shading="nearest", rasterized=True)
 
 
-def _is_even(axis: np.ndarray) -> bool:
+def _is_equally_spaced(axis: np.ndarray) -> bool:
     steps = np.diff(axis)
-    return bool(np.ptp(steps) <= 2 * _EVEN * steps.mean())
+    return bool(np.ptp(steps) <= 2 * _ROUNDING * steps.mean())
 
 
 def _thin_surface(surface: xr.Dataset) -> tuple[xr.Dataset, int]:
-    """Surface with at most `_MOST_NODES` along each axis, and the larger of the two strides."""
-    strides = {dim: -(-size // _MOST_NODES) for dim, size in surface.height.sizes.items()}
+    """Surface with at most `_MAX_NODES` along each axis, and the larger of the two strides."""
+    strides = {dim: -(-size // _MAX_NODES) for dim, size in surface.height.sizes.items()}
     cuts = {dim: slice(None, None, stride) for dim, stride in strides.items()}
     return surface.isel(cuts), max(strides.values())
 
 
 def _width_exaggeration(length: float, width: float) -> float:
-    """Smallest round factor by which the width must be drawn larger to be seen."""
-    needed = length / (_LONGEST * width)
+    """Minimum round factor by which the width is stretched to be visible."""
+    needed = length / (_MAX_ASPECT * width)
     return next((factor for factor in _STRETCHES if factor >= needed), _STRETCHES[-1])
 
 

@@ -1,4 +1,4 @@
-"""Points seen from above."""
+"""Maps of point clouds."""
 
 from typing import TYPE_CHECKING
 
@@ -17,21 +17,21 @@ def points_map(
     points: xr.Dataset,
     *,
     path: WheelPath | None = None,
-    most: int = 200_000,
+    max_points: int = 200_000,
     ax: "Axes | None" = None,
 ) -> "Axes":
-    """Points from above, coloured by height, with a path over them.
+    """Map of points, coloured by height, with a path.
 
     Parameters
     ----------
     points : xarray.Dataset
         The points.
     path : WheelPath, optional
-        Path to draw over them.
-    most : int
-        Of more points than this, one of every n is drawn; the figure says so.
+        Path to draw.
+    max_points : int
+        Of more points, one of every n is drawn, which the figure notes.
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
@@ -41,9 +41,9 @@ def points_map(
     Raises
     ------
     SchemaError
-        If the data are no points.
+        If the data are not points.
     ValueError
-        If `most` is less than 1.
+        If `max_points` is less than 1.
 
     Examples
     --------
@@ -51,10 +51,10 @@ def points_map(
     >>> points_map(make_points([0.0, 1.0], [0.0, 1.0], [0.1, 0.2])).get_xlabel()
     'Easting [m]'
     """
-    if most < 1:
-        message = f"most must be at least 1 point, got {most}."
+    if max_points < 1:
+        message = f"max_points must be at least 1 point, got {max_points}."
         raise ValueError(message)
-    every = -(-check_points(points).sizes["point"] // most)
+    every = -(-check_points(points).sizes["point"] // max_points)
     shown = points.isel(point=slice(None, None, max(every, 1)))
     length, width = (float(np.ptp(shown[axis].values)) for axis in ("easting", "northing"))
     ax = canvas.axes_or_new(ax, height=canvas.map_height(length, width))

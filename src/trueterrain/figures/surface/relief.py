@@ -1,4 +1,4 @@
-"""Surfaces as blocks of ground, seen from above and aside."""
+"""Surfaces as blocks of ground in oblique parallel projection."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 
 Floats = npt.NDArray[np.float64]
 
-_FACETS = 400  # along an axis; more than a page shows
-_TALL = 0.1  # ratio of heights to length up to which heights are drawn larger
+_MAX_FACETS = 400  # along an axis; more are not visible on a page
+_MAX_RELIEF = 0.1  # ratio of heights to length up to which heights are exaggerated
 _ROUND = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
-_ASIDE, _UP = 0.5, 0.35  # where a metre away from the eye goes on the page [m]
+_RIGHT, _UP = 0.5, 0.35  # [m] on the page for one metre away from the viewer
 _SUN = (300.0, 45.0)  # [deg] azimuth and altitude of the light
-_SHADE = 0.5  # share of the light that comes from the sun
+_SHADE = 0.5  # fraction of the light from the sun
 _FRONT, _END = "0.72", "0.6"  # greys of the sides of the block
-_BASE = 0.15  # of the range of heights that the block goes on below
+_BASE = 0.15  # depth of the block below the lowest height, as a fraction of the range
 
 
 def surface_relief(
@@ -32,35 +32,34 @@ def surface_relief(
     heights: tuple[float, float] | None = None,
     ax: "Axes | None" = None,
 ) -> "Axes":
-    """Surface as a block of ground in a parallel projection, lit from the left.
+    """Surface as a block of ground in oblique parallel projection, lit from the left.
 
     Parameters
     ----------
     surface : xarray.Dataset
-        Surface along a reference line, which is drawn straight, or map.
+        Surface along a reference line, which is straightened, or over easting and northing.
     exaggeration : float, optional
-        How much larger heights are drawn than distances; by default a round number that shows them.
+        Vertical exaggeration; by default a round number that makes heights visible.
     heights : tuple of float, optional
-        Lowest and highest height of axis and colours, so that surfaces can be compared [m]; by
-        default those of the surface.
+        Minimum and maximum height of axis and colours [m], to compare surfaces; by default those of
+        the surface.
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
     Axes
-        Stations and heights of the edge in front, in metres: that of the smallest offset (or
-        northing). The vertical exaggeration and the width are printed. Where a node has no height
-        there is a hole.
+        Stations and heights of the front edge [m], which has the minimum offset (or northing). The
+        vertical exaggeration and the width are printed. Nodes without a height are holes.
 
     Raises
     ------
     SchemaError
-        If the data are no surface.
+        If the data are not a surface.
     CoverageError
         If no node has a height.
     ValueError
-        If numbers make no sense.
+        If `exaggeration` is not greater than 0, or `heights` do not increase.
 
     Examples
     --------
@@ -83,7 +82,7 @@ def surface_relief(
     if not 0 < factor < np.inf:
         message = f"exaggeration must be greater than 0, got {factor}."
         raise ValueError(message)
-    right, up = float(np.ptp(y)) * _ASIDE, float(np.ptp(y)) * _UP / factor
+    right, up = float(np.ptp(y)) * _RIGHT, float(np.ptp(y)) * _UP / factor
     base = low - _BASE * (high - low)
     shape = (factor * (high + up - base)) / (np.ptp(x) + right)
     ax = canvas.axes_or_new(ax, height=canvas.map_height(1.0, float(shape)))
@@ -108,34 +107,36 @@ def _height_limits(height: Floats, heights: tuple[float, float] | None) -> tuple
 
 
 def _exaggeration_factor(length: float, relief: float) -> float:
-    """Round number by which heights are drawn larger, so that they are seen."""
-    return float(max((one for one in _ROUND if one * relief <= _TALL * length), default=1))
+    """Round vertical exaggeration that makes the relief visible."""
+    return float(max((one for one in _ROUND if one * relief <= _MAX_RELIEF * length), default=1))
 
 
 def _draw_top(
     ax: "Axes", x: Floats, y: Floats, height: Floats, limits: tuple[float, float], factor: float
 ) -> None:
-    """Facets between four nodes each, those that are further away first."""
+    """Draw facets between four nodes each, in order of decreasing distance from the viewer."""
     import matplotlib as mpl
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import LightSource
 
     low, high = limits
     away = (y - y[0])[None, :]
-    place = np.stack([x[:, None] + _ASIDE * away, height + _UP / factor * away], axis=-1)
-    corners = np.stack([place[:-1, :-1], place[1:, :-1], place[1:, 1:], place[:-1, 1:]], axis=2)
-    middle = 0.25 * (height[:-1, :-1] + height[1:, :-1] + height[1:, 1:] + height[:-1, 1:])
+    projected = np.stack([x[:, None] + _RIGHT * away, height + _UP / factor * away], axis=-1)
+    corners = np.stack(
+        [projected[:-1, :-1], projected[1:, :-1], projected[1:, 1:], projected[:-1, 1:]], axis=2
+    )
+    mean = 0.25 * (height[:-1, :-1] + height[1:, :-1] + height[1:, 1:] + height[:-1, 1:])
     steps = float(np.diff(x).mean()), float(np.diff(y).mean())
-    level = np.where(np.isnan(middle), low, middle)
-    # rows of an image run down from the north, its columns to the east
+    level = np.where(np.isnan(mean), low, mean)
+    # hillshade expects rows from north to south and columns from west to east
     sun = (
         LightSource(*_SUN)
         .hillshade(level.T[::-1], vert_exag=factor, dx=steps[0], dy=steps[1], fraction=1.0)[::-1]
         .T
     )
-    colours = mpl.colormaps[canvas.HEIGHT_MAP]((middle - low) / (high - low))
+    colours = mpl.colormaps[canvas.HEIGHT_MAP]((mean - low) / (high - low))
     colours[..., :3] *= (1 - _SHADE + _SHADE * sun)[..., None]
-    kept = np.isfinite(middle)[:, ::-1].T
+    kept = np.isfinite(mean)[:, ::-1].T
     polygons, colours = (np.moveaxis(each[:, ::-1], 0, 1)[kept] for each in (corners, colours))
     facets = PolyCollection(
         list(polygons), facecolors=colours, edgecolors=colours, linewidths=0.3, rasterized=True
@@ -146,12 +147,12 @@ def _draw_top(
 def _draw_sides(
     ax: "Axes", x: Floats, height: Floats, base: float, away: tuple[float, float]
 ) -> None:
-    """Front of the block, and its end on the right."""
+    """Draw the front of the block and its right end."""
     front = np.where(np.isnan(height[:, 0]), base, height[:, 0])
     ax.fill_between(x, base, front, color=_FRONT, linewidth=0)
     end = np.where(np.isnan(height[-1]), base, height[-1])
-    share = np.linspace(0.0, 1.0, end.size)
-    across, up = x[-1] + away[0] * share, away[1] * share
+    fraction = np.linspace(0.0, 1.0, end.size)
+    across, up = x[-1] + away[0] * fraction, away[1] * fraction
     ax.fill_between(across, base + up, end + up, color=_END, linewidth=0)
 
 
@@ -161,7 +162,7 @@ def _label_axes(ax: "Axes", along: str, x: Floats, limits: tuple[float, float]) 
     canvas.scale_axis(ax.yaxis, canvas.height_scale(limits), "Height in front")
     for side in ("top", "right"):
         ax.spines[side].set_visible(False)
-    # both axes belong to the edge in front only
+    # both axes are those of the front edge
     ax.spines["left"].set_bounds(*limits)
     ax.spines["bottom"].set_bounds(x[0], x[-1])
     ax.xaxis.set_major_locator(_ticks_within(float(x[0]), float(x[-1]), parts=8))
@@ -169,21 +170,21 @@ def _label_axes(ax: "Axes", along: str, x: Floats, limits: tuple[float, float]) 
 
 
 def _ticks_within(first: float, last: float, *, parts: int) -> Any:
-    """Round ticks from first to last only."""
+    """Locator of round ticks between two values."""
     from matplotlib.ticker import MaxNLocator
 
     class Within(MaxNLocator):
         def tick_values(self, vmin: float, vmax: float) -> list[float]:
             ticks = super().tick_values(max(vmin, first), min(vmax, last))
-            slack = 1e-9 * (last - first)
-            return [float(tick) for tick in ticks if first - slack <= tick <= last + slack]
+            rounding = 1e-9 * (last - first)
+            return [float(tick) for tick in ticks if first - rounding <= tick <= last + rounding]
 
     return Within(nbins=parts, steps=[1, 2, 5, 10])
 
 
 def _thin_surface(surface: xr.Dataset) -> xr.Dataset:
     cuts = {
-        dim: slice(None, None, max(-(-size // _FACETS), 1))
+        dim: slice(None, None, max(-(-size // _MAX_FACETS), 1))
         for dim, size in surface["height"].sizes.items()
     }
     return surface.isel(cuts)

@@ -1,4 +1,4 @@
-"""The steepest slope across a scan that can be seen."""
+"""Maximum slope of a face that a scanner sees."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -19,23 +19,23 @@ def measurable_slope(
     found: Mapping[str, tuple[npt.ArrayLike, npt.ArrayLike]] | None = None,
     ax: "Axes | None" = None,
 ) -> "Axes":
-    """Steepest face falling away from the scanner that it sees, over the offset from it.
+    """Maximum visible slope of a face that falls away from the scanner, over the offset.
 
-    A beam that comes down at an offset y from a laser at height h has the slope h / y: it glances
-    off a face of that slope, and a steeper one is in its own shadow (Figs. 3-13 and 3-14 of Smith,
+    A beam that hits the ground at an offset y from a laser at height h has the slope h / y. It
+    grazes a face of that slope; a steeper face is in its own shadow (Figs. 3-13 and 3-14 of Smith,
     "Improving the Quality of Terrain Measurement", Virginia Tech, 2009). Faces that rise away from
-    the scanner are seen up to the vertical and beyond.
+    the scanner are visible up to the vertical and beyond.
 
     Parameters
     ----------
     height : float
         Height of the laser above the ground [m].
     half_width : float
-        Largest offset [m].
+        Maximum offset [m].
     found : mapping of str to (offset, angle), optional
-        Limits found in measurements: offsets [m] and angles [rad], each an array.
+        Measured limits by name: arrays of offsets [m] and angles [rad].
     ax : Axes, optional
-        Where to draw; by default a new figure.
+        Axes to draw in; by default those of a new figure.
 
     Returns
     -------
@@ -45,7 +45,7 @@ def measurable_slope(
     Raises
     ------
     ValueError
-        If height or half width are not greater than 0.
+        If height or half width is not greater than 0.
 
     Examples
     --------
@@ -70,9 +70,9 @@ def measurable_slope(
         label="not seen",
         zorder=line[0].get_zorder() - 1,
     )
-    for number, (name, (where, angle)) in enumerate((found or {}).items(), start=1):
+    for number, (name, (position, angle)) in enumerate((found or {}).items(), start=1):
         ax.plot(
-            np.asarray(where),
+            np.asarray(position),
             np.rad2deg(np.asarray(angle)),
             "o",
             markersize=4,
@@ -81,7 +81,7 @@ def measurable_slope(
         )
     ax.set_ylim(min(40.0, float(limit.min()) - 5), 90.0)
     ax.set_xlabel("Offset from the scanner, left + [m]")
-    ax.set_ylabel("Steepest face seen [deg]")
+    ax.set_ylabel("Steepest visible face [deg]")
     ax.margins(x=0)
     ax.grid(color="0.9", linewidth=0.6)
     ax.set_axisbelow(True)
