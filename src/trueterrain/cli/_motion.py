@@ -42,13 +42,13 @@ def motion_of(
 
     from trueterrain.formats.run import open_run
     from trueterrain.motion import FusionSettings, fuse_motion
-    from trueterrain.motion._scans import scan_problems
+    from trueterrain.motion.scan_gaps import find_scan_problems
 
     tree = open_run(run)
     with name_file_in_errors(run), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # what it warns of is among the problems as well
         motion = fuse_motion(tree, settings=FusionSettings(method=method))
-        problems = (*motion.problems, *scan_problems(tree, motion.trajectory))
+        problems = (*motion.problems, *find_scan_problems(tree, motion.trajectory))
         trajectory = motion.trajectory.between(begin, end)
     for problem in problems:
         write_note(f"{run}: {problem}")

@@ -18,7 +18,7 @@ from trueterrain.formats.run import open_run
 from trueterrain.formats.table import read_waypoints
 from trueterrain.georeference import georeference, mounting_of
 from trueterrain.motion import FusedMotion, Trajectory, fuse_motion
-from trueterrain.motion._scans import scan_problems
+from trueterrain.motion.scan_gaps import find_scan_problems
 from trueterrain.profile import (
     WheelPath,
     offset_path,
@@ -112,7 +112,7 @@ def find_run(survey: Survey, run: RunSettings, progress: Progress) -> SurveyRun:
         tree = open_run(path)
         mounting = run.mounting.over(mounting_of(tree, path=path))
         motion = fuse_motion(tree, settings=survey.motion)
-        problems = [*motion.problems, *scan_problems(tree, motion.trajectory)]
+        problems = [*motion.problems, *find_scan_problems(tree, motion.trajectory)]
         trajectory = motion.trajectory.between(run.begin, run.end)
     numbers = {
         "name": name,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.motion.clocks import long_run
+from trueterrain.core.newey_west import newey_west_covariance
 from trueterrain.verify.findings.finding import CERTAIN
 
 Floats = npt.NDArray[np.float64]
@@ -93,7 +93,8 @@ def regress_signatures(
     residual = bare - clean @ value
     unknowns = marks.shape[1] + nuisance.shape[1]
     free = max(error.size - unknowns, 1)
-    robust = inverse @ long_run(clean * residual[:, None], lags) @ inverse * (error.size / free)
+    scores = newey_west_covariance(clean * residual[:, None], lags)
+    robust = inverse @ scores @ inverse * (error.size / free)
     white = inverse * float(residual @ residual) / free
     diagonal = np.maximum(np.diag(robust), 0.0)
     if not (diagonal > 0).all():
