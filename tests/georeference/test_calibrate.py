@@ -119,7 +119,9 @@ def test_finds_the_true_mounting_from_passes_without_noise(passes):
 
 def test_refuses_what_opposite_passes_do_not_tell(passes):
     runs, ways, _ = passes
-    words = r"do not tell .*lever_x .*goes with pitch.*lever_z .*Measure lever_x with a tape"
+    words = (
+        r"do not determine .*lever_x .*correlated with pitch.*lever_z .*Measure lever_x with a tape"
+    )
     with pytest.raises(CoverageError, match=words):
         calibrate_mounting(runs[:2], ways[:2])
 
@@ -209,7 +211,7 @@ def test_flat_ground_tells_the_roll_and_nothing_that_moves_it(record):
     ]
     runs, ways = [open_run(run).load() for run, _ in found], [way for _, way in found]
     for name in ("pitch", "yaw", "lever_x", "lever_y", "lever_z", "clock"):
-        with pytest.raises(CoverageError, match=f"do not tell {name}"):
+        with pytest.raises(CoverageError, match=f"do not determine {name}"):
             calibrate_mounting(
                 runs,
                 ways,
@@ -222,7 +224,7 @@ def test_flat_ground_tells_the_roll_and_nothing_that_moves_it(record):
 def test_passes_over_other_ground_are_refused(passes):
     runs, ways, _ = passes
     away = replace(ways[1], position=ways[1].position + np.array([100.0, 0.0, 0.0]))
-    with pytest.raises(CoverageError, match="share no ground"):
+    with pytest.raises(CoverageError, match="have no common ground"):
         calibrate_mounting(runs[:2], [ways[0], away])
 
 

@@ -170,7 +170,7 @@ def test_runs_that_share_no_ground_tell_nothing(passes, bounce):
     (found,) = boresight_findings([there, there], [way, moved])
     assert isinstance(found, Finding)
     assert (found.value, found.detected) == (None, None)
-    assert "share no ground" in found.meaning
+    assert "have no common ground" in found.meaning
 
 
 def test_a_certificate_holds_them_with_the_hashes_of_their_runs(certified):

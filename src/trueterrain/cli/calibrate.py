@@ -247,40 +247,40 @@ def _in_words(found: "Calibration", start: "Mounting", runs: list[Path]) -> Iter
 
 def _parameter_rows(found: "Calibration", start: "Mounting") -> Iterator[str]:
     """Each parameter in the unit that people use, with where it started."""
-    from trueterrain.georeference._observable import unit_of
+    from trueterrain.georeference.observability import parameter_unit
 
     sd = dict(zip(found.parameters, found.sd.tolist(), strict=True))
     old = _estimable_values(start)
     yield f"{'parameter':<10}{'found':>12} {'sd':>11}{'before':>13}"
     for name, value in _estimable_values(found.mounting).items():
-        unit, scale = unit_of(name)
+        unit, scale = parameter_unit(name)
         known = f"{scale * sd[name]:11.4f}" if name in sd else f"{'held':>11}"
         yield f"{name:<10}{scale * value:12.4f} {known}{scale * old[name]:13.4f} {unit}"
 
 
 def _correlated_pairs(found: "Calibration") -> Iterator[str]:
     """Pairs of parameters that the passes hardly tell apart."""
-    from trueterrain.georeference._observable import TOGETHER
+    from trueterrain.georeference.observability import MIN_CORRELATION
 
     for k, name in enumerate(found.parameters):
         for j in range(k):
             alike = float(found.correlation[k, j])
-            if abs(alike) > TOGETHER:
+            if abs(alike) > MIN_CORRELATION:
                 yield f"{found.parameters[j]} and {name} go together: correlation {alike:+.2f}"
 
 
 def _held_influences(found: "Calibration") -> Iterator[str]:
     """By how much what is found leans on what is held, where that is more than its sd."""
-    from trueterrain.georeference._observable import in_units, measured_within
+    from trueterrain.georeference.observability import format_parameter, survey_tolerance
 
     for k, name in enumerate(found.parameters):
         for j, held in enumerate(found.held):
-            wrong = measured_within(held)
+            wrong = survey_tolerance(held)
             caused = float(found.sensitivity[k, j]) * wrong
             if abs(caused) > found.sd[k]:
                 yield (
                     f"{name} leans on {held}, which is held: if that is wrong by "
-                    f"{in_units(held, wrong)}, {name} is by {in_units(name, caused)}"
+                    f"{format_parameter(held, wrong)}, {name} is by {format_parameter(name, caused)}"
                 )
 
 

@@ -5,8 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.motion import _kernels
-
 Float = npt.NDArray[np.float64]
 Int = npt.NDArray[np.intp]
 
@@ -102,6 +100,8 @@ def smooth_states(
     SmoothedStates
         States and covariances.
     """
+    from trueterrain.motion import _kernels  # here, as numba takes long to import
+
     # The backward recursion needs all filtered states and covariances. The forward recursion stores
     # its state at the begin of each piece; the pieces are filtered a second time, last one first.
     n = model.step.size + 1
@@ -181,6 +181,8 @@ def _filter_piece(
     m: StateSpaceModel, first: int, last: int, x: Float, p: Float, piece: _FilteredPiece | None
 ) -> None:
     """Filter from knot `first` to before knot `last`; x and p are updated in place."""
+    from trueterrain.motion import _kernels
+
     piece = _FilteredPiece.allocate(x.size, 0, 0) if piece is None else piece
     _kernels.filter_forward(
         first,

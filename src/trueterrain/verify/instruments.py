@@ -14,7 +14,7 @@ import xarray as xr
 from trueterrain.core.errors import CoverageError, SchemaError
 from trueterrain.formats.run import Mounting
 from trueterrain.georeference import Calibration, CalibrationSettings
-from trueterrain.georeference._observable import in_units, measured_within
+from trueterrain.georeference.observability import format_parameter, survey_tolerance
 from trueterrain.motion import Trajectory
 from trueterrain.verify.findings.finding import Finding, is_significant
 
@@ -196,7 +196,7 @@ def _mounting_finding(name: str, found: Calibration, declared: Mounting) -> Find
     off = float(found.value[at]) - _declared_value(declared, name)
     sd = float(found.sd[at])
     caused = {
-        held: abs(float(found.sensitivity[at, k])) * measured_within(held)
+        held: abs(float(found.sensitivity[at, k])) * survey_tolerance(held)
         for k, held in enumerate(found.held)
     }
     if is_significant(off, sd) and not is_significant(off, sd, least=sum(caused.values())):
@@ -218,7 +218,7 @@ def _mounting_finding(name: str, found: Calibration, declared: Mounting) -> Find
     ]
     words += [
         f"It leans on the {_NAMES[held][0]}, which is held: if that is wrong by "
-        f"{in_units(held, measured_within(held))}, this is by {in_units(name, by)}."
+        f"{format_parameter(held, survey_tolerance(held))}, this is by {format_parameter(name, by)}."
         for held, by in caused.items()
         if by > sd
     ]
