@@ -40,7 +40,7 @@ def drive(name, start, *, reverse=False, speed=5.0):
 
 @pytest.fixture(scope="module")
 def passes(record):
-    """Two passes both ways at two speeds without noise, their motion, and the true mounting."""
+    """Two opposite passes at two speeds without noise, their motion, and the true mounting."""
     scene, _ = read_scene("boresight")
     scanner = Scanner(
         beams=80,
@@ -57,12 +57,16 @@ def passes(record):
     )
     drives = drive("there", 11.0), drive("back", 14.0, reverse=True, speed=7.0)
     found = [record(replace(scene, passes=(one,))) for one in drives]
-    return [open_run(run).load() for run, _ in found], [way for _, way in found], scene.mounting
+    return (
+        [open_run(run).load() for run, _ in found],
+        [trajectory for _, trajectory in found],
+        scene.mounting,
+    )
 
 
-def drifting(way: Trajectory, seed: int, name: str) -> Trajectory:
-    """A motion that is wrong by a first-order Gauss-Markov process, and claims as much."""
-    rate = 1.0 / float(np.median(np.diff(way.time)))
+def drifting(trajectory: Trajectory, seed: int, name: str) -> Trajectory:
+    """A motion with the error of a first-order Gauss-Markov process, and its covariance."""
+    rate = 1.0 / float(np.median(np.diff(trajectory.time)))
     errors = np.concatenate(
         [
             GaussMarkov(
@@ -70,17 +74,17 @@ def drifting(way: Trajectory, seed: int, name: str) -> Trajectory:
                 sd=SD[time == TIME],
                 correlation_time=time,
                 rate=rate,
-            ).next(way.time.size)
+            ).next(trajectory.time.size)
             for time in (25.0, 60.0)
         ],
         axis=1,
     )
-    turned = Rotation.from_quat(way.quaternion) * Rotation.from_rotvec(errors[:, 3:])
+    turned = Rotation.from_quat(trajectory.quaternion) * Rotation.from_rotvec(errors[:, 3:])
     return replace(
-        way,
-        position=way.position + errors[:, :3],
+        trajectory,
+        position=trajectory.position + errors[:, :3],
         quaternion=turned.as_quat(),
-        covariance=np.broadcast_to(np.diag(SD**2), (way.time.size, 6, 6)),
+        covariance=np.broadcast_to(np.diag(SD**2), (trajectory.time.size, 6, 6)),
     )
 
 
@@ -92,10 +96,12 @@ def values(mounting: Mounting):
 
 def test_standard_deviations_hold_where_the_motion_drifts_within_a_pass(passes):
     """Squared errors over variances of some repeats follow a chi-square distribution."""
-    runs, ways, true = passes
+    runs, trajectories, true = passes
     ratios = []
     for seed in range(REPEATS):
-        moved = [drifting(way, seed, f"pass {p}") for p, way in enumerate(ways)]
+        moved = [
+            drifting(trajectory, seed, f"pass {p}") for p, trajectory in enumerate(trajectories)
+        ]
         found = calibrate_mounting(runs, moved, mounting=true, settings=EVERY)
         ratios.append((found.value - values(true)) / found.sd)
     rms = np.sqrt(np.mean(np.square(ratios), axis=0))
@@ -105,10 +111,11 @@ def test_standard_deviations_hold_where_the_motion_drifts_within_a_pass(passes):
 
 
 def test_a_motion_that_drifts_tells_less(passes):
-    runs, ways, true = passes
-    moved = [drifting(way, 1, f"pass {p}") for p, way in enumerate(ways)]
+    runs, trajectories, true = passes
+    moved = [drifting(trajectory, 1, f"pass {p}") for p, trajectory in enumerate(trajectories)]
     exact, found = (
-        calibrate_mounting(runs, them, mounting=true, settings=EVERY) for them in (ways, moved)
+        calibrate_mounting(runs, them, mounting=true, settings=EVERY)
+        for them in (trajectories, moved)
     )
     assert (found.sd > exact.sd).all()
 
