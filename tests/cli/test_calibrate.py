@@ -132,8 +132,8 @@ def test_unobservable_parameters_are_reported_with_the_cure(run, runs, tmp_path)
     assert re.search(r"^roll +0\.2\d+ +0\.0\d+ +0\.0000 deg$", finished.out, re.MULTILINE)
     assert re.search(r"^lever_z +1200\.0000 +held +1200\.0000 mm$", finished.out, re.MULTILINE)
     for line in (
-        r"lever_z is not observable: sd \d+ mm, at most 3\.0 mm is asked for.*\. Measure lever_z "
-        r"with a tape: all passes see it alike\.",
+        r"lever_z is not .*: sd \d+ mm, at most 3\.0 mm is required.*\. Measure lever_z with a "
+        r"tape: it shifts all passes equally\.",
         r"condition number \d.*",
         r"pitch depends on lever_x, which is held: an error of 10 mm there changes pitch by "
         r"0\.28 deg",
@@ -149,7 +149,7 @@ def test_an_unobservable_parameter_that_is_requested_is_refused(run, runs, tmp_p
     finished = run("calibrate", *runs[:2], *asked, "-o", tmp_path / "c.toml")
     assert (finished.code, finished.out) == (2, "")
     assert len(finished.err.splitlines()) == 1
-    assert "the passes do not tell lever_z" in finished.err
+    assert "the passes do not determine lever_z" in finished.err
     assert "Measure lever_z with a tape" in finished.err
     assert list(tmp_path.iterdir()) == []
     finished = run("calibrate", *runs[:2], *asked, "--unobservable", "hold", "--json")
@@ -192,7 +192,7 @@ def test_errors_of_the_motion_are_named_where_they_alone_hide_a_parameter(run, r
         (("A", "B", "-o", "TEXT"), "exists already"),
         (("A", "B", "--parameter", "rol"), "rol"),
         (("A", "B", "--spacing", 0), "spacing must be greater than 0"),
-        (("A", "B", "--area", 100, 100, 101, 101), "the passes share no ground"),
+        (("A", "B", "--area", 100, 100, 101, 101), "the passes have no common ground"),
         (("A",), "RUN2"),
     ],
 )

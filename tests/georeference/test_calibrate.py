@@ -67,7 +67,7 @@ def drive(name, *, reverse=False, lane=0.0, speed=5.0):
 
 @pytest.fixture(scope="module")
 def passes(record):
-    """Four passes: both ways in one lane, and faster in the lanes beside; the true mounting."""
+    """Four passes, in both directions and in adjacent lanes at other speeds; the true mounting."""
     scene, _ = read_scene("boresight")
     drives = (
         drive("there"),
@@ -79,7 +79,11 @@ def passes(record):
         scene, scanner=COARSE, truth=TruthSettings(returns=False, spacing=0.1), raster=0.01
     )
     found = [record(replace(scene, passes=(one,))) for one in drives]
-    return [open_run(run).load() for run, _ in found], [way for _, way in found], scene.mounting
+    return (
+        [open_run(run).load() for run, _ in found],
+        [trajectory for _, trajectory in found],
+        scene.mounting,
+    )
 
 
 def by_tape(true):
@@ -98,9 +102,9 @@ def thinned(run, first, rng, noise=NOISE):
 
 
 def test_finds_the_true_mounting_from_passes_without_noise(passes):
-    runs, ways, true = passes
+    runs, trajectories, true = passes
     found = calibrate_mounting(
-        runs, ways, mounting=by_tape(true), settings=CalibrationSettings(parameters=FIVE)
+        runs, trajectories, mounting=by_tape(true), settings=CalibrationSettings(parameters=FIVE)
     )
     error = dict(zip(found.parameters, found.value - values(true)[[0, 1, 2, 4, 6]], strict=True))
     for name in FIVE:
@@ -118,17 +122,21 @@ def test_finds_the_true_mounting_from_passes_without_noise(passes):
 
 
 def test_refuses_what_opposite_passes_do_not_tell(passes):
-    runs, ways, _ = passes
-    words = r"do not tell .*lever_x .*goes with pitch.*lever_z .*Measure lever_x with a tape"
+    runs, trajectories, _ = passes
+    words = (
+        r"do not determine .*lever_x .*correlated with pitch.*lever_z .*Measure lever_x with a tape"
+    )
     with pytest.raises(CoverageError, match=words):
-        calibrate_mounting(runs[:2], ways[:2])
+        calibrate_mounting(runs[:2], trajectories[:2])
 
 
 def test_holds_what_the_passes_do_not_tell_and_says_what_that_does(passes):
     """A held parameter that is wrong makes others wrong, by as much as `sensitivity` says."""
-    runs, ways, true = passes
+    runs, trajectories, true = passes
     start = Mounting.from_attrs(runs[0].attrs["mounting"])
-    found = calibrate_mounting(runs, ways, settings=CalibrationSettings(unobservable="hold"))
+    found = calibrate_mounting(
+        runs, trajectories, settings=CalibrationSettings(unobservable="hold")
+    )
     assert found.not_observable == ("lever_x", "lever_z")
     assert found.parameters == FIVE
     held = [NAMES.index(name) for name in found.held]
@@ -141,11 +149,13 @@ def test_holds_what_the_passes_do_not_tell_and_says_what_that_does(passes):
 
 
 def test_heights_that_one_pass_has_wrong_become_its_offset(passes):
-    runs, ways, true = passes
-    raised = replace(ways[1], position=ways[1].position + np.array([0.0, 0.0, 0.02]))
+    runs, trajectories, true = passes
+    raised = replace(
+        trajectories[1], position=trajectories[1].position + np.array([0.0, 0.0, 0.02])
+    )
     found = calibrate_mounting(
         runs,
-        [ways[0], raised, *ways[2:]],
+        [trajectories[0], raised, *trajectories[2:]],
         mounting=by_tape(true),
         settings=CalibrationSettings(parameters=FIVE),
     )
@@ -154,19 +164,19 @@ def test_heights_that_one_pass_has_wrong_become_its_offset(passes):
     assert (np.abs(error) < [CLOSE[name] for name in FIVE]).all()
 
 
-def test_passes_that_navigation_moved_aside_are_told_apart_from_the_mounting(passes):
+def test_horizontal_errors_of_navigation_are_separated_from_the_mounting(passes):
     """Centimetres, as satellites err: over these the ground around a step is no plane."""
-    runs, ways, true = passes
+    runs, trajectories, true = passes
     sd = 0.03  # [m]
     rng = np.random.default_rng(3)
-    claimed = np.diag([sd**2, sd**2, 0, 0, 0, 0])
+    reported = np.diag([sd**2, sd**2, 0, 0, 0, 0])
     moved = [
         replace(
-            way,
-            position=way.position + sd * np.append(rng.normal(size=2), 0.0),
-            covariance=np.broadcast_to(claimed, (way.time.size, 6, 6)),
+            trajectory,
+            position=trajectory.position + sd * np.append(rng.normal(size=2), 0.0),
+            covariance=np.broadcast_to(reported, (trajectory.time.size, 6, 6)),
         )
-        for way in ways
+        for trajectory in trajectories
     ]
     found = calibrate_mounting(
         runs, moved, mounting=by_tape(true), settings=CalibrationSettings(parameters=FIVE)
@@ -182,13 +192,16 @@ def test_standard_deviations_are_those_of_errors(passes):
     Where the beams fall across the road is the same in all of them. So the 20 ratios are worth 20
     if noise prevails and 5 if that does: 1/sqrt(2 n) is 0.16 to 0.32 of their root mean square.
     """
-    runs, ways, true = passes
+    runs, trajectories, true = passes
     rng = np.random.default_rng(7)
     ratios = []
     for _ in range(4):
         noisy = [thinned(run, int(rng.integers(2)), rng) for run in runs]
         found = calibrate_mounting(
-            noisy, ways, mounting=by_tape(true), settings=CalibrationSettings(parameters=FIVE)
+            noisy,
+            trajectories,
+            mounting=by_tape(true),
+            settings=CalibrationSettings(parameters=FIVE),
         )
         ratios.append((found.value - values(true)[[0, 1, 2, 4, 6]]) / found.sd)
     npt.assert_allclose(np.sqrt(np.mean(np.square(ratios))), 1.0, rtol=0, atol=HONEST)
@@ -207,56 +220,61 @@ def test_flat_ground_tells_the_roll_and_nothing_that_moves_it(record):
         record(replace(flat, passes=(one,)))
         for one in (drive("there"), drive("back", reverse=True))
     ]
-    runs, ways = [open_run(run).load() for run, _ in found], [way for _, way in found]
+    runs, trajectories = (
+        [open_run(run).load() for run, _ in found],
+        [trajectory for _, trajectory in found],
+    )
     for name in ("pitch", "yaw", "lever_x", "lever_y", "lever_z", "clock"):
-        with pytest.raises(CoverageError, match=f"do not tell {name}"):
+        with pytest.raises(CoverageError, match=f"do not determine {name}"):
             calibrate_mounting(
                 runs,
-                ways,
+                trajectories,
                 settings=CalibrationSettings(parameters=("roll", name), max_iterations=3),
             )
-    only = calibrate_mounting(runs, ways, settings=CalibrationSettings(parameters=("roll",)))
+    only = calibrate_mounting(
+        runs, trajectories, settings=CalibrationSettings(parameters=("roll",))
+    )
     npt.assert_allclose(only.value, 0.004, rtol=0, atol=CLOSE["roll"])
 
 
 def test_passes_over_other_ground_are_refused(passes):
-    runs, ways, _ = passes
-    away = replace(ways[1], position=ways[1].position + np.array([100.0, 0.0, 0.0]))
-    with pytest.raises(CoverageError, match="share no ground"):
-        calibrate_mounting(runs[:2], [ways[0], away])
+    runs, trajectories, _ = passes
+    away = replace(trajectories[1], position=trajectories[1].position + np.array([100.0, 0.0, 0.0]))
+    with pytest.raises(CoverageError, match="have no common ground"):
+        calibrate_mounting(runs[:2], [trajectories[0], away])
 
 
 def test_ground_that_needs_too_many_cells_is_refused(passes):
-    runs, ways, _ = passes
+    runs, trajectories, _ = passes
     settings = CalibrationSettings(area=(0.0, 0.0, 10_000.0, 10.0))
     with pytest.raises(CoverageError, match="Name an area"):
-        calibrate_mounting(runs[:2], ways[:2], settings=settings)
+        calibrate_mounting(runs[:2], trajectories[:2], settings=settings)
 
 
 def test_ground_in_too_few_squares_for_standard_deviations_is_refused(passes):
-    runs, ways, _ = passes
+    runs, trajectories, _ = passes
     settings = CalibrationSettings(parameters=("roll",), cluster=8.0)
     with pytest.raises(CoverageError, match=r"in \d squares .* smaller squares: cluster"):
-        calibrate_mounting(runs[:2], ways[:2], settings=settings)
+        calibrate_mounting(runs[:2], trajectories[:2], settings=settings)
 
 
 def test_passes_without_returns_are_refused(passes):
-    runs, ways, _ = passes
+    runs, trajectories, _ = passes
     blind = runs[1].copy()
     scans = blind["scans"].to_dataset()
     blind["scans"] = xr.DataTree(scans.assign(range=scans["range"] * np.nan))
     with pytest.raises(CoverageError, match="1 of 2 passes have returns"):
-        calibrate_mounting([runs[0], blind], ways[:2])
+        calibrate_mounting([runs[0], blind], trajectories[:2])
 
 
 def test_arguments_without_sense_are_refused(passes):
-    runs, ways, _ = passes
+    runs, trajectories, _ = passes
     with pytest.raises(ValueError, match="at least 2, with a trajectory each, got 1 and 1"):
-        calibrate_mounting(runs[:1], ways[:1])
+        calibrate_mounting(runs[:1], trajectories[:1])
     other = runs[1].copy()
     other.attrs = {**other.attrs, "mounting": Mounting(scanner_clock=0.1).to_attrs()}
     with pytest.raises(ValueError, match="one mounting"):
-        calibrate_mounting([runs[0], other], ways[:2])
+        calibrate_mounting([runs[0], other], trajectories[:2])
 
 
 @pytest.mark.parametrize(
@@ -278,9 +296,9 @@ def test_settings_without_sense_are_refused(settings, words):
         CalibrationSettings(**settings)
 
 
-def test_errors_of_the_motion_count_as_the_motion_claims_them(passes):
-    """Passes rolled and moved aside as a whole, by errors drawn from what they claim."""
-    runs, ways, true = passes
+def test_standard_deviations_include_reported_errors_of_the_motion(passes):
+    """Passes rolled and displaced as a whole, by errors drawn from the reported covariance."""
+    runs, trajectories, true = passes
     sd = {"aside": 0.010, "roll": 3e-4}  # [m], [rad]
     aside, tilt = sd["aside"] ** 2, sd["roll"] ** 2
     covariance = np.diag([aside, aside, 0, tilt, tilt, 0])
@@ -295,13 +313,18 @@ def test_errors_of_the_motion_count_as_the_motion_claims_them(passes):
     ratios = []
     for _ in range(12):
         moved = []
-        for way in ways:
+        for trajectory in trajectories:
             turn = Rotation.from_rotvec([sd["roll"] * rng.normal(), 0.0, 0.0])
-            quaternion = (Rotation.from_quat(way.quaternion) * turn).as_quat()
+            quaternion = (Rotation.from_quat(trajectory.quaternion) * turn).as_quat()
             aside = sd["aside"] * np.append(rng.normal(size=2), 0.0)
-            whole = np.broadcast_to(covariance, (way.time.size, 6, 6))
+            whole = np.broadcast_to(covariance, (trajectory.time.size, 6, 6))
             moved.append(
-                replace(way, position=way.position + aside, quaternion=quaternion, covariance=whole)
+                replace(
+                    trajectory,
+                    position=trajectory.position + aside,
+                    quaternion=quaternion,
+                    covariance=whole,
+                )
             )
         found = calibrate_mounting(runs, moved, mounting=start, settings=settings)
         ratios.append((found.value - values(true)[:2]) / found.sd)

@@ -19,7 +19,7 @@ ASKEW = Mounting(
 STEP = 1e-5  # [rad, m, s] to both sides; the rest goes with its square
 SLOPE = 1e-6  # [m/rad] or [1], of some metres
 SPEED = 5e-4  # [m/s] of 8: the knots of the motion have no common acceleration
-LEVEL = 1e-6  # [m] and [1] of planes that are told exactly but for the turn of the beam
+LEVEL = 1e-6  # [m] and [1] of planes that are exact but for the rotation of the beam
 
 
 def moving():
@@ -65,7 +65,7 @@ def moved(mounting, name, by):
 
 @pytest.mark.parametrize("span", [0.8e-3, 5e-3])
 def test_derivatives_are_those_of_georeferenced_points(span):
-    way = moving()
+    trajectory = moving()
     angle, delay = np.linspace(-0.6, 0.6, 31), np.linspace(0, span, 31)
     rng = np.random.default_rng(5)
     block = xr.Dataset(
@@ -78,11 +78,11 @@ def test_derivatives_are_those_of_georeferenced_points(span):
     )
 
     def points(mounting):
-        (found,) = georeference([block], way, mounting)
+        (found,) = georeference([block], trajectory, mounting)
         return np.stack([found[name].values for name in ("easting", "northing", "up")])
 
     where, by, weight, when = _georeference_returns(
-        ScanGeometry(way, ASKEW, angle, delay), block, Screening(), 1.0
+        ScanGeometry(trajectory, ASKEW, angle, delay), block, Screening(), 1.0
     )
     npt.assert_allclose(where, points(ASKEW), rtol=0, atol=1e-12)
     assert (weight == 1).all()
@@ -97,12 +97,12 @@ def test_derivatives_are_those_of_georeferenced_points(span):
         npt.assert_allclose(found, truth, rtol=0, atol=atol, err_msg=name)
 
 
-def test_a_plane_is_told_exactly_however_the_returns_lie():
+def test_a_plane_is_exact_for_any_distribution_of_returns():
     """Heights and slopes of a tilted plane from scattered returns of a scanner that walks on."""
     rng = np.random.default_rng(2)
     # the scanner is carried along easting, 1 mm per scan, by a trajectory
     t = np.array([0.0, 1.0])
-    way = Trajectory(
+    trajectory = Trajectory(
         time=t, position=np.array([[0.0, 0.0, 2.0], [1.0, 0.0, 2.0]]),
         velocity=np.array([[1.0, 0, 0], [1.0, 0, 0]]), angular_velocity=np.zeros((2, 3)),
         quaternion=np.tile([0, 0, 0, 1.0], (2, 1)), covariance=np.zeros((2, 6, 6)),
@@ -121,7 +121,7 @@ def test_a_plane_is_told_exactly_however_the_returns_lie():
         }
     )
     grid = PatchGrid.over((0.1, -0.25, 0.9, 0.25), 0.04)
-    found = fit_patches([block], way, Mounting(), grid, Screening(), 1.0)
+    found = fit_patches([block], trajectory, Mounting(), grid, Screening(), 1.0)
     good = np.isfinite(found.height)
     assert good[2:-2, 2:-2].mean() > 0.9
     north, east = np.meshgrid(

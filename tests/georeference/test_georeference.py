@@ -14,7 +14,7 @@ from trueterrain.core.errors import CoverageError
 from trueterrain.formats.run import Mounting, open_run, scan_blocks
 from trueterrain.georeference import ScanGeometry, Screening, georeference
 from trueterrain.motion import Trajectory
-from trueterrain.motion._scans import scan_problems
+from trueterrain.motion.scan_gaps import find_scan_problems
 from trueterrain.motion.trajectory import BRIDGED
 from trueterrain.simulate.raster import Raster
 from trueterrain.simulate.scene import set_stage
@@ -241,12 +241,12 @@ def test_one_scan_at_an_end_of_the_motion_is_no_problem(stamp):
     angle, delay = fan(beams=5, span=0.0)
     run = xr.DataTree.from_dict({"scans": scans([stamp], angle, delay)})
     run.attrs["mounting"] = Mounting().to_attrs()
-    assert scan_problems(run, moving()) == []
+    assert find_scan_problems(run, moving()) == []
     (points,) = georeference(run, moving())
     assert points.sizes["point"] == 5
     run["scans"]["time"][:] = 1.1
     with pytest.raises(CoverageError, match="covers none of the 1 scans"):
-        scan_problems(run, moving())
+        find_scan_problems(run, moving())
 
 
 def test_bridged_motion_is_counted():

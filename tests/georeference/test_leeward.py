@@ -23,7 +23,7 @@ MILLIMETRE = 1e-3  # [m] of what comes back after 5 km there and back
 RANGE = 1.0  # [m] to which the ranges were published
 PUBLISHED = 0.005  # [1] or [deg] to which slope, bias and rest were published
 ROUND_TRIP = 1e-5  # [m] PROJ there and back, over 6400 km of radius
-ORDER = 7  # every so manieth point goes forth again
+ORDER = 7  # every n-th point is transformed forward
 
 
 @pytest.fixture(scope="module")

@@ -34,7 +34,7 @@ def leeward(data: Path) -> tuple[Trajectory, np.ndarray, laspy.LasData, list[flo
     longitude, latitude, height = navigation.attrs["origin"]
     geocentric = pyproj.Transformer.from_crs(4979, 4978, always_xy=True)
     centre = np.array(geocentric.transform(longitude, latitude, height))
-    # rows of the matrix are east, north and up; by way of the rotation of the geocentric axes
+    # rows of the matrix are east, north and up; by the rotation of the geocentric axes
     axes = Rotation.from_euler("ZY", [90 + longitude, 0.0], degrees=True) * Rotation.from_euler(
         "X", 90 - latitude, degrees=True
     )

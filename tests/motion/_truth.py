@@ -1,12 +1,12 @@
 """Errors of a trajectory against the exact motion that a simulated run holds.
 
-The truth is composed here by scipy's rotations; nothing of the package's own geometry takes part.
+The truth is composed by scipy's rotations, without the package's own geometry.
 """
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-LASER = np.array([-2.25, 0.0, 1.2])  # [m] where the ready scenes have it
+LASER = np.array([-2.25, 0.0, 1.2])  # [m] in the body, as in the ready scenes
 
 
 def true_poses(run):
@@ -18,7 +18,7 @@ def true_poses(run):
 
 
 class Errors:
-    """What is wrong at the true knots within the trajectory, and what was claimed."""
+    """Errors of a trajectory at the true knots, and its standard deviations."""
 
     def __init__(self, run, trajectory, point=LASER):
         time, position, rotation = true_poses(run)
@@ -26,10 +26,10 @@ class Errors:
         self.time, position, rotation = time[inside], position[inside], rotation[inside]
         found = trajectory.at(self.time)
         arm = found.rotation.apply(point)
-        self.place = position + rotation.apply(point)
-        self.point = found.position + arm - self.place
+        self.true_point = position + rotation.apply(point)
+        self.point = found.position + arm - self.true_point
         self.origin = found.position - position
-        self.turn = (found.rotation * rotation.inv()).as_rotvec()
+        self.rotation = (found.rotation * rotation.inv()).as_rotvec()
         self.flag = found.flag
         by = np.zeros((self.time.size, 6))  # derivative of the point's height
         by[:, 2], by[:, 3], by[:, 4] = 1.0, arm[:, 1], -arm[:, 0]
@@ -48,6 +48,6 @@ def rms(values, axis=None):
 
 
 def less_line(time, values):
-    """Values less the straight line that fits them best."""
+    """Values less their regression line."""
     since = time - time.mean()
     return values - np.polyval(np.polyfit(since, values, 1), since)

@@ -1,4 +1,4 @@
-"""Runs for the tests of motion: simulated, without the scanner unless it is asked for."""
+"""Simulated runs for the tests of motion, mostly without scans."""
 
 from dataclasses import replace
 
@@ -13,11 +13,11 @@ from trueterrain.simulate.pose import COMPONENTS
 from trueterrain.simulate.scanner import Scanner
 from trueterrain.simulate.scene import TruthSettings, read_scene, record_scene, set_stage
 
-LEAD = 0.1  # [s] that navigation and accelerometers are on before and after the drive
+LEAD = 0.1  # [s] of navigation and accelerometers before and after the drive
 
 
 def run_of(knots, scene, *, seed=None, number=0):
-    """A run in memory of the motion of a pass: navigation, accelerometers, and the true knots."""
+    """A run in memory: navigation, accelerometers and the true knots of a pass."""
     seed = scene.seed if seed is None else seed
     begin, end = knots.time[0], knots.time[-1] - 1e-9
     seeded = {"seed": seed, "pass_number": number, "begin": begin}
@@ -51,7 +51,7 @@ def run_of(knots, scene, *, seed=None, number=0):
 
 
 def knots_of(scene, path=None):
-    """Exact motion of the first pass of a scene, its lead included."""
+    """Exact motion of the first pass of a scene, with lead."""
     motion = set_stage(scene, path=path).motion(scene.passes[0])
     end = motion.duration + LEAD
     ((_, _, knots),) = motion.blocks(-LEAD, end, end + LEAD, margin=0.0)
@@ -67,7 +67,7 @@ def excited():
 
 @pytest.fixture(scope="session")
 def bounce_run(tmp_path_factory):
-    """The scene `bounce` as it is recorded, with a coarse scanner; and the scene."""
+    """A recording of the scene `bounce` with a coarse scanner, and the scene."""
     scene, path = read_scene("bounce")
     scene = replace(
         scene,

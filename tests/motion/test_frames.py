@@ -1,4 +1,4 @@
-"""Every convention of angles gives the same attitude; grids and geoids are never ignored."""
+"""All attitude conventions agree; grid convergence and geoids are never ignored."""
 
 import numpy as np
 import pyproj
@@ -10,8 +10,8 @@ from trueterrain.core.errors import CoverageError
 from trueterrain.geometry import rotations
 
 EXACT = 1e-14  # [1] elements of matrices: round-off only
-ROUND_OFF = 1e-12  # [rad] angles that went there and back
-MICROMETRE = 1e-6  # [m] PROJ's geocentric coordinates are that exact near the ground
+ROUND_OFF = 1e-12  # [rad] angles converted and back
+MICROMETRE = 1e-6  # [m] accuracy of PROJ's geocentric coordinates near the ground
 
 RNG = np.random.default_rng(4)
 ROLL = RNG.uniform(-1.5, 1.5, 300)
@@ -37,7 +37,7 @@ def rz(a):
 
 
 def truth():
-    """Body to ground from first principles: north-east-down to east-north-up, body turned over."""
+    """Body to ground from first principles: north-east-down to east-north-up, body flipped."""
     swap = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])
     return swap @ rz(HEADING) @ ry(NOSE_UP) @ rx(ROLL) @ np.diag([1.0, -1, -1])
 
@@ -118,7 +118,7 @@ def test_golden_matrix():
 
 
 @pytest.mark.parametrize("name", ["iso8855", "sbet", "span", "opk"])
-def test_there_and_back(name):
+def test_round_trip(name):
     attitude = Rotation.from_matrix(truth())
     angles = getattr(rotations, f"to_{name}")(attitude)
     back = getattr(rotations, f"from_{name}")(*angles)
@@ -126,7 +126,7 @@ def test_there_and_back(name):
 
 
 @pytest.mark.parametrize("use", USES)
-def test_there_and_back_by_the_thesis(use):
+def test_round_trip_by_the_thesis(use):
     attitude = Rotation.from_matrix(truth())
     angles = rotations.to_thesis_eq_2_1(attitude, use=use)
     back = rotations.from_thesis_eq_2_1(*angles, use=use)
@@ -140,7 +140,7 @@ def test_sbet_angles_return():
     assert_allclose(heading, HEADING, rtol=0, atol=ROUND_OFF)
 
 
-def test_a_mixed_up_sign_of_roll_costs_as_much_as_is_published():
+def test_error_of_a_wrong_sign_of_roll_is_as_published():
     """A point 2 m right and 2 m below, roll 1 deg and nose up 0.5 deg: 70 mm."""
     point = [0.0, -2.0, -2.0]
     roll, nose_up = np.deg2rad([1.0, 0.5])
@@ -156,7 +156,7 @@ def test_an_unknown_use_of_equation_2_1():
         rotations.to_thesis_eq_2_1(Rotation.identity(), use="xyz")
 
 
-def test_the_local_frame_there_and_back():
+def test_round_trip_of_the_local_frame():
     position = RNG.uniform(-3000, 3000, (50, 3))
     place = rotations.geodetic_of_enu(position, (11.0, 48.0, 500.0))
     back = rotations.enu_of_geodetic(*place, (11.0, 48.0, 500.0))
@@ -164,7 +164,7 @@ def test_the_local_frame_there_and_back():
 
 
 @pytest.mark.parametrize(("longitude", "latitude"), [(11.0, 48.0), (7.0, 48.0), (10.5, -33.0)])
-def test_convergence_is_the_slant_of_a_step_to_true_north(longitude, latitude):
+def test_convergence_is_the_direction_of_a_step_to_true_north(longitude, latitude):
     to_grid = pyproj.Transformer.from_crs(4326, 32632, always_xy=True)
     east, north = to_grid.transform([longitude] * 2, [latitude, latitude + 1e-4])
     heading_of_true_north = np.arctan2(east[1] - east[0], north[1] - north[0])
@@ -189,7 +189,7 @@ def test_projected_positions_in_the_local_frame():
     assert_allclose(found, expected, rtol=0, atol=2e-4)  # [m] the series of UTM and its inverse
 
 
-def test_heights_must_say_over_what():
+def test_heights_need_a_vertical_reference():
     with pytest.raises(ValueError, match="compound system"):
         rotations.geodetic_of_projected([649187.0], [5318235.0], [500.0], "EPSG:32632")
     with pytest.raises(ValueError, match="compound system"):
@@ -203,7 +203,7 @@ def test_heights_must_say_over_what():
 
 
 def test_a_missing_geoid_is_refused_not_ignored(tmp_path):
-    """Whether or not grids are installed: a folder without any is looked into."""
+    """Whether or not grids are installed: PROJ is given a folder without any."""
     before = pyproj.datadir.get_data_dir()
     for file in ("proj.db", "proj.ini"):
         (tmp_path / file).symlink_to(f"{before}/{file}")

@@ -1,4 +1,4 @@
-"""The body as instruments record it, against the exact motion of the simulated run."""
+"""Fused motion of simulated instruments against the exact motion."""
 
 import json
 from dataclasses import replace
@@ -22,11 +22,11 @@ METHODS = ["navigation", "thesis", "zero-phase", "wiener", "rts"]
 PLATE = 13.54  # [m] easting of the plate of the scene
 EVENT = 4.88  # [m] length of an excitation event (thesis 3.4)
 
-ZERO_PHASE = 1.2e-3  # [m] asked for
-RTS = 0.3e-3  # [m] asked for
-THESIS_AT_LEAST = 2.5e-3  # [m] order 4 in the reference study: 3.0 to 3.1 mm
-HONEST = (0.9, 1.1)  # rms of error over claimed standard deviation
-NO_NOISE = 1e-4  # [m] of the surface from perfect instruments
+ZERO_PHASE = 1.2e-3  # [m] required
+RTS = 0.3e-3  # [m] required
+MIN_THESIS = 2.5e-3  # [m] order 4 in the reference study: 3.0 to 3.1 mm
+HONEST = (0.9, 1.1)  # rms of error over standard deviation
+NO_NOISE = 1e-4  # [m] with perfect instruments
 
 PERFECT = Navigation(
     drift=GaussMarkovDrift(height_sd=0.0, between_passes=0.0),
@@ -46,13 +46,13 @@ FLAWLESS = Accelerometers(
 
 
 def event_error(run, motion):
-    """Error of the laser's height over the event around the plate, less its straight line [m].
+    """Error of the laser's height over the event around the plate, less its regression line [m].
 
-    What is constant or a straight line over 0.9 s is the drift of navigation (17.7 mm, 25 s, like a
-    random walk of 5 mm in 1 s), which no accelerometer can tell; it is claimed in the covariance.
+    A straight line over 0.9 s is the drift of navigation (17.7 mm, 25 s, like a random walk of 5 mm
+    in 1 s), which accelerometers do not observe; the covariance includes it.
     """
     errors = Errors(run, motion.trajectory)
-    inside = np.abs(errors.place[:, 0] - PLATE) < EVENT / 2
+    inside = np.abs(errors.true_point[:, 0] - PLATE) < EVENT / 2
     return rms(less_line(errors.time[inside], errors.up[inside]))
 
 
@@ -64,12 +64,12 @@ def run(excited):
 
 @pytest.fixture(scope="module")
 def motions(run):
-    """All methods with all settings as they are: the delay of the filter is not told."""
+    """All methods with default settings: the delay of the filter is not stated."""
     return {name: fuse_motion(run, settings=FusionSettings(method=name)) for name in METHODS}
 
 
-def test_the_thesis_way_distorts_the_wheel_hop(run, motions):
-    assert event_error(run, motions["thesis"]) > THESIS_AT_LEAST
+def test_the_method_of_the_thesis_distorts_the_wheel_hop(run, motions):
+    assert event_error(run, motions["thesis"]) > MIN_THESIS
 
 
 def test_zero_phase_over_the_event(run, motions):
@@ -90,28 +90,28 @@ def test_rts_over_the_event_with_other_noise(excited, seed):
 
 
 def test_rts_over_the_whole_drive_less_a_parabola(run, motions):
-    """Three events, 4 s: what the accelerometers cannot tell is a parabola of drift and bias."""
+    """Three events, 4 s: drift and bias leave a parabola."""
     errors = Errors(run, motions["rts"].trajectory)
     since = errors.time - errors.time.mean()
     rest = errors.up - np.polyval(np.polyfit(since, errors.up, 2), since)
     assert rms(rest) < RTS
 
 
-def test_the_delay_of_the_filter_is_found(run, motions, excited):
+def test_the_delay_of_the_filter_is_estimated(run, motions, excited):
     scene, _ = excited
     found, sd = motions["rts"].delay
-    assert sd < 0.15e-3  # [s] far less than the 1 ms it was known to
+    assert sd < 0.15e-3  # [s] far less than its prior of 1 ms
     assert abs(found - scene.accelerometers.group_delay) < 3 * sd
 
 
-def test_noise_is_measured_and_reported(motions, excited):
+def test_noise_is_estimated_and_reported(motions, excited):
     scene, _ = excited
     noise = motions["rts"].noise
     navigation, sensors = scene.navigation, scene.accelerometers
-    share = np.array(noise.white) / navigation.noise[2:5]
-    assert_allclose(share, 1.0, rtol=0, atol=0.1)  # 850 epochs, half of the band: sd 0.04
-    share = np.array(noise.accelerometer) / sensors.noise_density
-    assert_allclose(share, 1.0, rtol=0, atol=0.1)  # 100 Hz, 4 s: sd 0.03
+    ratio = np.array(noise.white) / navigation.noise[2:5]
+    assert_allclose(ratio, 1.0, rtol=0, atol=0.1)  # 850 epochs, half of the band: sd 0.04
+    ratio = np.array(noise.accelerometer) / sensors.noise_density
+    assert_allclose(ratio, 1.0, rtol=0, atol=0.1)  # 100 Hz, 4 s: sd 0.03
     assert "white" in noise.estimated
     assert "accelerometer" in noise.estimated
     assert_allclose(
@@ -121,7 +121,7 @@ def test_noise_is_measured_and_reported(motions, excited):
     json.dumps(motions["navigation"].to_dict())
 
 
-def test_given_noise_is_used_as_it_is(run):
+def test_stated_noise_is_used(run):
     settings = FusionSettings(
         navigation_noise=(0.002, 1e-4, 1e-4),
         drift_time=(30.0, 40.0, 50.0),
@@ -134,11 +134,11 @@ def test_given_noise_is_used_as_it_is(run):
     assert noise.estimated == ()
 
 
-def test_claimed_standard_deviations_are_honest(excited):
-    """Drifts of 0.3 s, so that every drive of 4 s tells some 14 times; twelve drives.
+def test_standard_deviations_agree_with_errors(excited):
+    """Drift of 0.3 s correlation time: 14 independent values in each of twelve drives.
 
-    The way in a fixed window, which keeps all of that drift. What is known of the run takes most of
-    it away, which the way does not claim: see test_way.
+    A fixed window keeps all of the horizontal drift. Adaptive smoothing removes most of it, which
+    its standard deviations do not include: see test_adaptive.
     """
     scene, knots = excited
     quick = 0.3
@@ -151,32 +151,32 @@ def test_claimed_standard_deviations_are_honest(excited):
         errors = Errors(
             run, fuse_motion(run, settings=FusionSettings(smoothing_window=0.2)).trajectory
         )
-        each = np.hstack([errors.origin, errors.turn]) / errors.sd
-        share = np.column_stack([errors.up / errors.up_sd, each])
-        squares.append(np.mean(share**2, axis=0))
+        each = np.hstack([errors.origin, errors.rotation]) / errors.sd
+        ratio = np.column_stack([errors.up / errors.up_sd, each])
+        squares.append(np.mean(ratio**2, axis=0))
     laser, *each = np.sqrt(np.mean(squares, axis=0))
     assert HONEST[0] < laser < HONEST[1]
     assert HONEST[0] < rms(each) < HONEST[1]
     assert_allclose(each, 1.0, rtol=0, atol=0.2)  # 170 independent values: sd 0.06
 
 
-def test_the_drift_is_claimed_with_default_errors(excited):
-    """Constant over a drive, so that the drives together have to tell."""
+def test_standard_deviations_include_the_drift(excited):
+    """Drift is nearly constant over a drive, so errors are compared over several drives."""
     scene, knots = excited
-    shares = []
+    ratios = []
     for seed in range(12):
         run = run_of(knots, scene, seed=seed, number=seed % 2)
         errors = Errors(
             run, fuse_motion(run, settings=FusionSettings(method="zero-phase")).trajectory
         )
-        shares.append(np.mean((errors.up / errors.up_sd) ** 2))
-    assert 0.6 < np.sqrt(np.mean(shares)) < 1.5  # 12 independent values: sd 0.2
+        ratios.append(np.mean((errors.up / errors.up_sd) ** 2))
+    assert 0.6 < np.sqrt(np.mean(ratios)) < 1.5  # 12 independent values: sd 0.2
 
 
 @pytest.mark.parametrize("method", ["navigation", "zero-phase", "wiener", "rts"])
 @pytest.mark.parametrize("name", ["dynamic-plate-excited", "oval", "bounce"])
 def test_perfect_instruments_give_the_exact_motion(name, method):
-    """Straight, curved and leaning courses."""
+    """On straight, curved and banked courses."""
     run = perfect_run(name)
     settings = FusionSettings(method=method, gravity=9.80665)
     motion = fuse_motion(run, settings=settings)
@@ -199,7 +199,7 @@ def perfect_run(name):
 
 
 def test_perfect_accelerometers_elsewhere_in_the_body():
-    """Sensors ahead of and above the origin, tilted plane: lever arms and centripetal terms."""
+    """Sensors at other heights and distances: lever arms and centripetal terms."""
     scene, path = read_scene("bounce")
     places = ((1.0, 0.7, 0.2), (0.6, -0.8, 1.5), (-1.2, 0.1, 0.9), (0.3, 0.4, -0.5))
     scene = replace(
@@ -214,12 +214,12 @@ def test_perfect_accelerometers_elsewhere_in_the_body():
 
 
 @pytest.mark.parametrize("sensors", [[0], [1, 2]])
-def test_one_or_two_accelerometers_tell_the_height(run, sensors):
+def test_one_or_two_accelerometers_determine_the_height(run, sensors):
     few = run.copy()
     few["accelerometers"] = run["accelerometers"].to_dataset().isel(sensor=sensors)
     motion = fuse_motion(few)
     assert event_error(few, motion) < RTS
-    assert any("do not tell roll and pitch" in problem for problem in motion.problems)
+    assert any("do not determine roll and pitch" in problem for problem in motion.problems)
 
 
 def test_knots_and_flags(motions, run):
@@ -228,14 +228,14 @@ def test_knots_and_flags(motions, run):
     navigation = run["navigation"]["time"].values
     assert trajectory.time[0] == navigation[0]
     assert trajectory.time[-1] == navigation[-1]
-    middle = (trajectory.time > 0.5) & (trajectory.time < 3.5)
-    assert not trajectory.flag[middle].any()
+    interior = (trajectory.time > 0.5) & (trajectory.time < 3.5)
+    assert not trajectory.flag[interior].any()
     assert (trajectory.flag[[0, -1]] == EDGE).all()
     assert motions["rts"].drift.shape == (trajectory.time.size, 3)
 
 
 def test_velocity_is_the_derivative_of_the_position(motions):
-    """Knots carry both; a cubic through them must not wave."""
+    """Knots store both; the cubic through them must not oscillate."""
     for name in METHODS:
         trajectory = motions[name].trajectory
         between = 0.5 * (trajectory.time[:-1] + trajectory.time[1:])
@@ -255,7 +255,7 @@ def test_velocity_is_the_derivative_of_the_position(motions):
         ({"drift_time": (1.0, 0.0, 1.0)}, "drift_time must be greater than 0"),
     ],
 )
-def test_settings_that_make_no_sense(values, words):
+def test_invalid_settings(values, words):
     with pytest.raises(ValueError, match=words):
         FusionSettings(**values)
 

@@ -1,4 +1,4 @@
-"""Runs as users have them: gaps, jumps, values that are not finite, missing instruments."""
+"""Damaged runs: gaps, jumps, values that are not finite, missing instruments."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from trueterrain.motion.trajectory import BRIDGED
 from ._truth import Errors, rms
 from .conftest import run_of
 
-BRIDGED_ERROR = 0.005  # [m] over 0.7 s: the drift of navigation wanders by 4 mm
+BRIDGED_ERROR = 0.005  # [m] over 0.7 s, in which navigation drifts by 4 mm
 OVER_SD = 4.0  # standard deviations that no error may exceed
 
 
@@ -37,6 +37,7 @@ def with_group(run, group, data):
 
 
 def without(run, group, keep):
+    """The run with some records of a group only."""
     data = run[group].to_dataset()
     dim = "epoch" if group == "navigation" else "sample"
     return with_group(run, group, data.isel({dim: np.flatnonzero(keep)}))
@@ -63,7 +64,7 @@ def test_a_gap_in_navigation_is_bridged_and_flagged(run, method):
     assert any("navigation: a gap is bridged" in problem for problem in motion.problems)
 
 
-def test_rts_carries_the_height_over_a_gap_in_navigation(run):
+def test_rts_integrates_the_height_over_a_gap_in_navigation(run):
     time = times(run, "navigation")
     gappy = without(run, "navigation", (time < 1.5) | (time > 2.2))
     errors = Errors(gappy, fuse_motion(gappy).trajectory)
@@ -85,7 +86,7 @@ def test_a_gap_in_the_accelerometers(run):
     assert motion.gaps[0][0] == "accelerometers"
 
 
-def test_single_lost_samples_cost_next_to_nothing(run):
+def test_single_missing_samples_hardly_matter(run):
     count = times(run, "accelerometers").size
     lossy = without(run, "accelerometers", np.arange(count) % 500 != 200)
     motion = fuse_motion(lossy)
@@ -125,14 +126,14 @@ def test_values_that_are_not_finite_are_gaps(run):
     assert np.isfinite(motion.trajectory.covariance).all()
 
 
-def test_a_clock_that_jumps_ahead(run):
+def test_a_clock_that_jumps_forward(run):
     time = times(run, "navigation").copy()
     time[400:] += 0.25
     with pytest.raises(SchemaError, match=r"jumps by 0.250000 s at 1.895000 s"):
         fuse_motion(changed(run, "navigation", time=time))
 
 
-def test_an_accelerometer_clock_that_jumps_ahead_shows(run):
+def test_an_accelerometer_clock_that_jumps_forward_gives_warnings(run):
     """As a gap, and because navigation then disagrees."""
     time = times(run, "accelerometers").copy()
     time[4000:] += 0.05
@@ -142,10 +143,10 @@ def test_an_accelerometer_clock_that_jumps_ahead_shows(run):
     assert not any("disagree" in each for each in fuse_motion(run).problems)
 
 
-def test_accelerometers_much_later_than_was_said(run):
+def test_accelerometers_much_later_than_stated(run):
     settings = FusionSettings(accelerometer_delay=-0.01)
     assert any(
-        "ms later than was said" in each for each in fuse_motion(run, settings=settings).problems
+        "ms later than stated" in each for each in fuse_motion(run, settings=settings).problems
     )
 
 
@@ -169,7 +170,7 @@ def test_without_navigation(run):
         fuse_motion(with_group(run, "navigation", None))
 
 
-def test_with_next_to_no_navigation(run):
+def test_with_hardly_any_navigation(run):
     with pytest.raises(CoverageError, match="has 0 usable epochs, at least 4"):
         fuse_motion(without(run, "navigation", times(run, "navigation") < -0.09))
 
@@ -201,7 +202,7 @@ def test_navigation_without_standard_deviations(run):
 
 
 def test_uneven_epochs(run):
-    """Jitter of 1 ms in the epochs of navigation is no gap and does no harm."""
+    """Jitter of the epochs of navigation is no gap and hardly matters."""
     scene_time = times(run, "navigation")
     rng = np.random.default_rng(1)
     jitter = np.clip(1e-4 * rng.standard_normal(scene_time.size), -1e-3, 1e-3)

@@ -1,4 +1,4 @@
-"""Poses between knots against motions in closed form."""
+"""Poses between knots against closed-form motions."""
 
 import numpy as np
 import numpy.testing as npt
@@ -23,19 +23,19 @@ def tumbling(step=STEP, duration=1.0):
     def rates(t):
         h = 1e-6
         (_, r0), (_, r1) = pose(t - h), pose(t + h)
-        turn = (r0.inv() * r1).as_rotvec() / (2 * h)
-        return -2.0 * w * np.sin(w * np.atleast_1d(t)[:, None]), turn
+        rate = (r0.inv() * r1).as_rotvec() / (2 * h)
+        return -2.0 * w * np.sin(w * np.atleast_1d(t)[:, None]), rate
 
     time = np.arange(0, duration + step / 2, step)
     position, rotation = pose(time)
-    velocity, turning = rates(time)
+    velocity, angular_velocity = rates(time)
     n = time.size
     trajectory = Trajectory(
         time=time,
         position=position,
         velocity=velocity,
         quaternion=rotation.as_quat(),
-        angular_velocity=turning,
+        angular_velocity=angular_velocity,
         covariance=np.tile(np.eye(6), (n, 1, 1)),
         flag=np.zeros(n, np.uint8),
     )
@@ -59,9 +59,9 @@ def test_between_knots_the_error_is_that_of_a_cubic():
     npt.assert_allclose(found.position, pose(time)[0], rtol=0, atol=1.1 * bound)
     angle = (found.rotation.inv() * pose(time)[1]).magnitude()
     npt.assert_allclose(angle, 0, rtol=0, atol=2e-8)
-    velocity, turning = rates(time)
+    velocity, angular_velocity = rates(time)
     npt.assert_allclose(found.velocity, velocity, rtol=0, atol=1e-5)
-    npt.assert_allclose(found.angular_velocity, turning, rtol=0, atol=2e-5)
+    npt.assert_allclose(found.angular_velocity, angular_velocity, rtol=0, atol=2e-5)
 
 
 def test_halving_the_step_divides_the_error_by_sixteen():
@@ -84,7 +84,7 @@ def test_covariance_and_flags_between_knots():
 
 
 @pytest.mark.parametrize("time", [-0.1, 1.1, np.nan])
-def test_no_pose_outside_of_the_knots(time):
+def test_times_outside_the_knots_are_refused(time):
     with pytest.raises(ValueError, match=r"time must be from 0\.000000 s to 1\.000000 s"):
         tumbling()[0].at([0.5, time])
 

@@ -170,7 +170,7 @@ def test_runs_without_common_ground_determine_nothing(passes, bounce):
     (found,) = boresight_findings([there, there], [path, moved])
     assert isinstance(found, Finding)
     assert (found.value, found.detected) == (None, None)
-    assert "no ground" in found.meaning
+    assert "have no common ground" in found.meaning
 
 
 def test_a_certificate_holds_them_with_the_hashes_of_their_runs(certified):

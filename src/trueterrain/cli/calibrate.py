@@ -248,40 +248,40 @@ def _summary_lines(found: "Calibration", start: "Mounting", runs: list[Path]) ->
 
 def _parameter_rows(found: "Calibration", start: "Mounting") -> Iterator[str]:
     """Each parameter with its standard deviation and its value before, in practical units."""
-    from trueterrain.georeference._observable import unit_of
+    from trueterrain.georeference.observability import parameter_unit
 
     sd = dict(zip(found.parameters, found.sd.tolist(), strict=True))
     old = _estimable_values(start)
     yield f"{'parameter':<10}{'found':>12} {'sd':>11}{'before':>13}"
     for name, value in _estimable_values(found.mounting).items():
-        unit, scale = unit_of(name)
+        unit, scale = parameter_unit(name)
         known = f"{scale * sd[name]:11.4f}" if name in sd else f"{'held':>11}"
         yield f"{name:<10}{scale * value:12.4f} {known}{scale * old[name]:13.4f} {unit}"
 
 
 def _correlated_pairs(found: "Calibration") -> Iterator[str]:
     """Pairs of parameters that these passes hardly separate."""
-    from trueterrain.georeference._observable import TOGETHER
+    from trueterrain.georeference.observability import MIN_CORRELATION
 
     for k, name in enumerate(found.parameters):
         for j in range(k):
             correlation = float(found.correlation[k, j])
-            if abs(correlation) > TOGETHER:
+            if abs(correlation) > MIN_CORRELATION:
                 yield f"{found.parameters[j]} and {name}: correlation {correlation:+.2f}"
 
 
 def _held_influences(found: "Calibration") -> Iterator[str]:
     """Effect of errors of held parameters on the estimates, where it exceeds their sd."""
-    from trueterrain.georeference._observable import in_units, measured_within
+    from trueterrain.georeference.observability import format_parameter, survey_tolerance
 
     for k, name in enumerate(found.parameters):
         for j, held in enumerate(found.held):
-            error = measured_within(held)
+            error = survey_tolerance(held)
             caused = float(found.sensitivity[k, j]) * error
             if abs(caused) > found.sd[k]:
                 yield (
                     f"{name} depends on {held}, which is held: an error of "
-                    f"{in_units(held, error)} there changes {name} by {in_units(name, caused)}"
+                    f"{format_parameter(held, error)} there changes {name} by {format_parameter(name, caused)}"
                 )
 
 

@@ -1,1 +1,1 @@
-"""Geometry: plane curves with stations, grids along them, rotations, geodesy, coordinate reference systems."""
+"""Geometry: plane curves, grid frames, rotations, geodesy, coordinate reference systems."""

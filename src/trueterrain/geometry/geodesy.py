@@ -286,16 +286,16 @@ def _vertical_code(crs: str) -> str:
 
 
 def _transform_exactly(crs: str, x: Float, y: Float, z: Float) -> tuple[Float, Float, Float]:
-    """Longitude, latitude [deg] and ellipsoidal height on WGS 84, by exact ways only."""
+    """Longitude, latitude [deg] and ellipsoidal height on WGS 84, by exact transformations only."""
     import pyproj
     from pyproj.exceptions import ProjError
 
     # the one order of axes that PROJ cannot mistake: easting or longitude first
     try:
-        way = pyproj.Transformer.from_crs(
+        transformer = pyproj.Transformer.from_crs(
             parse_crs(crs), 4979, always_xy=True, allow_ballpark=False, only_best=True
         )
-        found = way.transform(x, y, z, errcheck=True)
+        found = transformer.transform(x, y, z, errcheck=True)
     except ProjError as error:
         raise CoverageError(
             f"heights in {crs} cannot be brought over the ellipsoid ({error})",

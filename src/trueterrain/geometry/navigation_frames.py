@@ -149,13 +149,13 @@ def iso8855_of_ned(
 
 
 class YawUnwrapper:
-    """Yaw without jumps of a turn, kept up from block to block.
+    """Continuous yaw without jumps of 2 pi, from block to block.
 
-    Whole turns are counted, so that the result is the same bit for bit for any size of block.
+    Whole turns are counted, so that the result is bit-identical for any size of block.
 
     Examples
     --------
-    >>> Turns().continued(np.array([3.0, -3.0]))
+    >>> YawUnwrapper().continued(np.array([3.0, -3.0]))
     array([3.        , 3.28318531])
     """
 

@@ -105,13 +105,13 @@ def straight_line(
     array([0.  , 0.01, 0.02, 0.03])
     """
     step = require_millimetres(spacing, "spacing")
-    begin, way = np.asarray(start, float), np.subtract(end, start).astype(float)
-    length = float(np.hypot(*way))
+    begin, chord = np.asarray(start, float), np.subtract(end, start).astype(float)
+    length = float(np.hypot(*chord))
     if not (np.isfinite(length) and length >= spacing):
         message = f"start and end must be at least {spacing:g} m apart, got {length:g} m."
         raise ValueError(message)
     u = np.round(np.arange(round(length / spacing) + 1) * step, 3)
-    at = begin + u[:, None] * way / length
+    at = begin + u[:, None] * chord / length
     return ReferenceLine(u=u, easting=at[:, 0], northing=at[:, 1], elevation=np.zeros(u.size))
 
 
@@ -134,7 +134,7 @@ def line_through(
     spacing : float
         Length of the chords [m], a multiple of 1 mm.
     half_width : float
-        How far the grid shall reach to either side [m].
+        Half width of the grid to either side [m].
     smoothing : float
         Standard deviation of the Gaussian that the path is smoothed with, along its length [m].
         Where a bend is too sharp for the width, the whole path is smoothed more.
@@ -197,7 +197,7 @@ def line_from_trajectory(
     begin: float | None = None,
     end: float | None = None,
 ) -> ReferenceLine:
-    """Reference line along the way of a body, smoothed.
+    """Reference line along the path of a body, smoothed.
 
     Parameters
     ----------
@@ -206,14 +206,14 @@ def line_from_trajectory(
     spacing : float
         Length of the chords [m], a multiple of 1 mm.
     half_width : float
-        How far the grid shall reach to either side [m].
+        Half width of the grid to either side [m].
     smoothing : float
         Standard deviation of the Gaussian that the path is smoothed with [m].
     lever : tuple of float
         Point of the body that the line follows: forward, left, up [m]; the scanner's position puts
         the line in the middle of its swath.
     begin, end : float, optional
-        True times between which the way is taken [s]; by default all of it.
+        True times between which the path is taken [s]; by default all of it.
 
     Returns
     -------
@@ -234,8 +234,8 @@ def line_from_trajectory(
         raise ValueError(message)
     inside = trajectory.time[(trajectory.time > begin) & (trajectory.time < end)]
     poses = trajectory.at(np.concatenate([[begin], inside, [end]]))
-    way = poses.position + poses.rotation.apply(np.array(lever))
-    x, y = _thin_points(way[:, 0], way[:, 1], max(spacing, _COARSE))
+    path = poses.position + poses.rotation.apply(np.array(lever))
+    x, y = _thin_points(path[:, 0], path[:, 1], max(spacing, _COARSE))
     if x.size < 2:
         raise CoverageError(
             "the body does not move far enough for a reference line",
@@ -290,7 +290,7 @@ def _check_waypoints(x: Floats, y: Floats, z: Floats, half_width: float, smoothi
 
 
 def _thin_points(x: Floats, y: Floats, least: float) -> tuple[Floats, Floats]:
-    """Points of a way at least so far apart that noise at rest makes no turns of it."""
+    """Points of a path, at least so far apart that noise at rest does not curve it."""
     s = np.append(0.0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))
     # some points on each stretch of that length are enough to choose from
     chosen = np.flatnonzero(np.diff(np.floor(s * (_FINE / least)), prepend=-1.0))

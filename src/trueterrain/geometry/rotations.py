@@ -1,4 +1,4 @@
-r"""Frames: every convention of angles, positions and heights, and the way into ours.
+r"""Frames: conventions of angles, positions and heights, and their conversion to ours.
 
 Ours is that of ISO 8855: body x forward, y left, z up; ground east, north, up; the attitude is the
 `scipy.spatial.transform.Rotation` that takes vectors from the body to the ground,

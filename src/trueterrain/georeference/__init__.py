@@ -1,4 +1,4 @@
-"""Georeferencing: from scans and motion to points (thesis 2.3)."""
+"""Georeferencing: points from scans and a trajectory; calibration of the mounting (thesis 2.3)."""
 
 from trueterrain.georeference.calibrate import Calibration, CalibrationSettings, calibrate_mounting
 from trueterrain.georeference.points import georeference, mounting_of

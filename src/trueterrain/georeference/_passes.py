@@ -1,4 +1,4 @@
-"""Passes over the same ground: what they see for a mounting, and how their motion may be wrong."""
+"""Passes over the same ground: their height differences for a mounting, and their motion errors."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -10,35 +10,35 @@ import xarray as xr
 
 from trueterrain.core.errors import CoverageError
 from trueterrain.core.progress import Progress
-from trueterrain.formats.run import Mounting
+from trueterrain.formats.run import Mounting, scan_blocks
 from trueterrain.georeference._differences import (
     PatchDifferences,
+    common_times,
     form_height_differences,
-    shared_times,
 )
+from trueterrain.georeference._motion_errors import MotionErrorModel
 from trueterrain.georeference._patches import BLOCK, PatchGrid, fit_patches, ground_extent
-from trueterrain.georeference._settings import CalibrationSettings
-from trueterrain.georeference._wander import MotionErrorModel
+from trueterrain.georeference.settings import CalibrationSettings
 from trueterrain.motion.trajectory import Trajectory
 
 Floats = npt.NDArray[np.float64]
 
-_LARGEST = 3_000_000  # cells
+_MAX_CELLS = 3_000_000  # cells
 
 
 class CalibrationPasses:
-    """Runs with their motion.
+    """Runs of a calibration with their trajectories.
 
     Parameters
     ----------
     runs : sequence of xarray.DataTree or path
         Passes over the same ground.
     trajectories : sequence of Trajectory
-        Motion of each.
+        Trajectory of each.
     settings : CalibrationSettings
-        Which returns are used, and how finely.
+        Selection of returns and size of cells.
     progress : callable
-        Called at each look.
+        Called at each evaluation of the ground.
     """
 
     def __init__(
@@ -51,27 +51,27 @@ class CalibrationPasses:
         self._passes = list(zip(runs, trajectories, strict=True))
         self._settings = settings
         self._progress = progress
-        self._looks = 0
-        self._motion_sd = np.stack([_motion_sd(way) for way in trajectories])
-        self.wander: MotionErrorModel | None = None
+        self._views = 0
+        self._motion_sd = np.stack([_motion_sd(trajectory) for trajectory in trajectories])
 
     @property
     def count(self) -> int:
-        """How many they are."""
+        """Number of passes."""
         return len(self._passes)
 
     def area(self, mounting: Mounting) -> tuple[float, float, float, float]:
-        """Ground that at least two passes may share."""
+        """West, south, east, north of the ground that at least two passes may see [m]."""
         used = (self._settings.screening, self._settings.max_angle)
         parts = [
-            ground_extent(_scan_blocks(run), way, mounting, *used) for run, way in self._passes
+            ground_extent(_scan_blocks(run), trajectory, mounting, *used)
+            for run, trajectory in self._passes
         ]
         seen = np.array([part for part in parts if part is not None])
         if len(seen) < 2:
             raise CoverageError(
                 f"{len(seen)} of {len(parts)} passes have returns, two are needed", place="scans"
             )
-        # what lies west of all eastern ends but one, and so on, is seen at least twice
+        # ground seen at least twice lies east of the second lowest western edge, and so on
         low, high = np.sort(seen[:, :2], axis=0)[1], np.sort(seen[:, 2:], axis=0)[-2]
         if not (low < high).all():
             raise _no_ground()
@@ -80,9 +80,9 @@ class CalibrationPasses:
     def first(
         self, mounting: Mounting, area: tuple[float, float, float, float]
     ) -> tuple[PatchDifferences, MotionErrorModel]:
-        """Differences between the passes as they are, and how their motion may be wrong."""
+        """Height differences of the uncorrected passes, and the model of their motion errors."""
         s = self._settings
-        found, times = self._look(mounting, area, s.spacing, list(self._passes))
+        found, times = self._view(mounting, area, s.spacing, list(self._passes))
         length = np.repeat(s.drift_time, 3)
         return found, MotionErrorModel.over(times, self._motion_sd, length, s.drift_step)
 
@@ -91,17 +91,17 @@ class CalibrationPasses:
         mounting: Mounting,
         area: tuple[float, float, float, float],
         spacing: float,
-        wander: MotionErrorModel,
+        errors: MotionErrorModel,
         moved: Floats,
     ) -> PatchDifferences:
-        """Differences between the passes, moved east and north, for a mounting."""
+        """Height differences for a mounting, of passes corrected by `moved` east and north."""
         passes = [
-            (run, _shift_horizontally(way, wander, p, moved))
-            for p, (run, way) in enumerate(self._passes)
+            (run, _shift_horizontally(trajectory, errors, p, moved))
+            for p, (run, trajectory) in enumerate(self._passes)
         ]
-        return self._look(mounting, area, spacing, passes)[0]
+        return self._view(mounting, area, spacing, passes)[0]
 
-    def _look(
+    def _view(
         self,
         mounting: Mounting,
         area: tuple[float, float, float, float],
@@ -109,46 +109,53 @@ class CalibrationPasses:
         passes: list[tuple[xr.DataTree | str | Path, Trajectory]],
     ) -> tuple[PatchDifferences, list[Floats]]:
         grid = PatchGrid.over(area, spacing)
-        if grid.shape[0] * grid.shape[1] > _LARGEST:
+        if grid.shape[0] * grid.shape[1] > _MAX_CELLS:
             raise CoverageError(
-                f"the ground needs {grid.shape[0]} x {grid.shape[1]} cells, at most {_LARGEST}",
+                f"the ground needs {grid.shape[0]} x {grid.shape[1]} cells, at most {_MAX_CELLS}",
                 cure="Name an area around some steps, or take larger cells.",
             )
-        self._looks += 1
-        self._progress(f"look {self._looks} at the ground", 0, None)
+        self._views += 1
+        self._progress(f"evaluation {self._views} of the ground", 0, None)
         used = (self._settings.screening, self._settings.max_angle)
-        parts = [fit_patches(_scan_blocks(run), way, mounting, grid, *used) for run, way in passes]
+        parts = [
+            fit_patches(_scan_blocks(run), trajectory, mounting, grid, *used)
+            for run, trajectory in passes
+        ]
         found = form_height_differences(parts, grid, self._settings.cluster, mounting)
         if found is None:
             raise _no_ground()
-        return found, shared_times(parts)
+        return found, common_times(parts)
 
 
-def _motion_sd(way: Trajectory) -> Floats:
-    """Standard deviations of east, north, up, roll, pitch and yaw over a pass."""
-    variance = np.einsum("nii->ni", way.covariance).mean(axis=0)
+def _motion_sd(trajectory: Trajectory) -> Floats:
+    """Standard deviations of east, north, up, roll, pitch and yaw, mean over a pass, shape (6,).
+
+    The covariance refers to rotations about east and north; roll and pitch each get their mean.
+    """
+    variance = np.einsum("nii->ni", trajectory.covariance).mean(axis=0)
     tilt = 0.5 * (variance[3] + variance[4])
     return np.sqrt([*variance[:3], tilt, tilt, variance[5]])
 
 
 def _shift_horizontally(
-    way: Trajectory, wander: MotionErrorModel, p: int, moved: Floats
+    trajectory: Trajectory, errors: MotionErrorModel, p: int, moved: Floats
 ) -> Trajectory:
-    """The motion of a pass, moved east and north."""
+    """Trajectory of a pass, displaced east and north by the estimated errors."""
     if not moved.any():
-        return way
-    by = [wander.line(p, moved, component, way.time) for component in (0, 1)]
-    return replace(way, position=way.position + np.stack([*by, np.zeros_like(by[0])], axis=1))
+        return trajectory
+    by = [errors.interpolate(p, moved, component, trajectory.time) for component in (0, 1)]
+    return replace(
+        trajectory, position=trajectory.position + np.stack([*by, np.zeros_like(by[0])], axis=1)
+    )
 
 
 def _no_ground() -> CoverageError:
+    """Error of passes without common cells."""
     return CoverageError(
-        "the passes share no ground in which returns lie closely enough",
+        "the passes have no common ground with enough returns",
         cure="Take passes over the same ground, or larger cells: spacing.",
     )
 
 
 def _scan_blocks(run: xr.DataTree | str | Path) -> Iterator[xr.Dataset]:
-    from trueterrain.formats.run import scan_blocks
-
     return scan_blocks(run, size=BLOCK)

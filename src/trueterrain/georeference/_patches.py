@@ -1,9 +1,9 @@
-"""Heights and slopes of the ground as passes see them, and what the mounting does to them.
+"""Ground patches of a pass: heights, slopes, and their derivatives by the mounting.
 
-The ground is told in patches, one around each cell of a map grid: the plane fitted to the returns
-of one pass under a kernel some cells wide. All passes are smoothed alike, so that their planes
-differ by errors alone, even over a step. With a Gaussian kernel the slope of the plane is exactly
-the derivative of its height, so that it tells what a shift of the returns does.
+There is one patch around each cell of a map grid: the plane fitted to the returns of one pass with
+a kernel some cells wide. The same kernel smooths all passes, so that their planes differ by errors
+alone, even over a step. With a Gaussian kernel the slope of the plane is exactly the derivative of
+its height, and therefore predicts the effect of a displacement of the returns.
 """
 
 import math
@@ -31,14 +31,15 @@ BLOCK = 500
 #: Binomial kernel: variance 1 cell².
 KERNEL = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
 
-#: Cells whose errors a patch has in common with others: the sum of exp(-distance²/4).
-SHARED = 4.0 * math.pi
+#: Cells with which the error of a patch is correlated: the sum of exp(-distance²/4), which is the
+#: correlation of two patches under a kernel of variance 1 cell².
+CORRELATED_CELLS = 4.0 * math.pi
 
 _PLANE = ("n", "x", "y", "xx", "xy", "yy", "z", "xz", "yz")
-_OFF = 0.4  # cells by which the returns of a patch may lie off its centre
-_SPREAD = (0.6, 1.6)  # cells² of their variance, which is 1.08 if they lie evenly
-_SLANT = 0.3  # cells² of their covariance
-_FEWEST = 0.3  # returns per cell under the kernel
+_MAX_OFFSET = 0.4  # cells of the centroid of the returns from the centre of the patch
+_VARIANCES = (0.6, 1.6)  # cells² of their positions; 1.08 if evenly distributed
+_MAX_COVARIANCE = 0.3  # cells² of their positions
+_MIN_RETURNS = 0.3  # per cell under the kernel
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,19 +69,19 @@ class PatchGrid:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GroundPatches:
-    """What one pass sees; all of shape (rows, columns) or with that in the end."""
+    """Planes of one pass in all cells of a grid."""
 
     height: Floats
-    "Height of the plane at the centre of the cell [m]; NaN where there are too few returns."
+    "Height at the centre of the cell, (rows, columns) [m]; NaN where there are too few returns."
 
     slope: Floats
-    "Its slopes to the east and to the north, (2, rows, columns) [1]."
+    "Slopes to the east and to the north, (2, rows, columns) [1]."
 
     shift: Floats
-    "Derivative of east, north, up of the returns by the parameters, (7, 3, rows, columns)."
+    "Mean derivatives of east, north, up of the returns by the parameters, (7, 3, rows, columns)."
 
     time: Floats
-    "Mean true time of the returns [s]."
+    "Mean true time of the returns, (rows, columns) [s]."
 
 
 def fit_patches(
@@ -89,9 +90,9 @@ def fit_patches(
     mounting: Mounting,
     grid: PatchGrid,
     screening: Screening,
-    fan: float,
+    max_angle: float,
 ) -> GroundPatches:
-    """Planes of one pass.
+    """Fit the planes of one pass.
 
     Parameters
     ----------
@@ -100,17 +101,17 @@ def fit_patches(
     trajectory : Trajectory
         Motion of the body.
     mounting : Mounting
-        Where the scanner is taken to sit.
-    grid : MapGrid
-        Where the patches shall be.
+        Assumed mounting.
+    grid : PatchGrid
+        Cells of the patches.
     screening : Screening
-        Which returns are good.
-    fan : float
-        Largest angle of a beam from straight down that is used [rad].
+        Selection of returns.
+    max_angle : float
+        Maximum angle of a beam from straight down [rad].
 
     Returns
     -------
-    Patches
+    GroundPatches
         One per cell.
     """
     cells = grid.shape[0] * grid.shape[1]
@@ -121,12 +122,13 @@ def fit_patches(
         if geometry is None:
             geometry = ScanGeometry(trajectory, mounting, block["angle"], block["delay"])
             level = float(trajectory.position[:, 2].mean())
-        found = _georeference_returns(geometry, block, screening, fan)
+        found = _georeference_returns(geometry, block, screening, max_angle)
         if found is not None:
             _add_returns(sums, *found, grid, level, begin)
     whole: Floats = sums.reshape(-1, *grid.shape)
     count = _convolve_kernel(whole[0])
-    # a fan is denser below the laser than beside it, which would shift what lies under the kernel
+    # returns are denser below the scanner than to its sides; each cell is divided by its own count,
+    # so that density does not displace the centroid
     even = _smooth_sums(whole / np.where(count > 0, count, 1.0), grid.spacing)
     return _fit_planes(even, count, grid.spacing, level, begin)
 
@@ -136,7 +138,7 @@ def ground_extent(
     trajectory: Trajectory,
     mounting: Mounting,
     screening: Screening,
-    fan: float,
+    max_angle: float,
 ) -> tuple[float, float, float, float] | None:
     """West, south, east, north of all returns [m]; None if there is none."""
     low, high = np.full(2, np.inf), np.full(2, -np.inf)
@@ -144,7 +146,7 @@ def ground_extent(
     for block in blocks:
         if geometry is None:
             geometry = ScanGeometry(trajectory, mounting, block["angle"], block["delay"])
-        found = _georeference_returns(geometry, block, screening, fan, derivatives=False)
+        found = _georeference_returns(geometry, block, screening, max_angle, derivatives=False)
         if found is not None:
             low = np.minimum(low, found[0][:2].min(axis=1))
             high = np.maximum(high, found[0][:2].max(axis=1))
@@ -157,17 +159,17 @@ def _georeference_returns(
     geometry: ScanGeometry,
     scans: xr.Dataset,
     screening: Screening,
-    fan: float,
+    max_angle: float,
     *,
     derivatives: bool = True,
 ) -> tuple[Floats, Floats, Floats, Floats] | None:
-    """Good returns (3, m), derivatives (7, 3, m), weights and true times (m,); None without any."""
+    """Returns (3, m), derivatives by parameters (7, 3, m), weights and true times (m,); or None."""
     time = np.asarray(scans["time"], dtype=np.float64)
     covered = np.flatnonzero(geometry.covers(time))
     ranges = np.asarray(scans["range"], dtype=np.float64)[covered]
     intensity = np.asarray(scans["intensity"])[covered] if "intensity" in scans else None
     weights = screening.weights(ranges, intensity)
-    good = (weights > 0) & (np.abs(geometry.angle) <= fan)
+    good = (weights > 0) & (np.abs(geometry.angle) <= max_angle)
     if not good.any():
         return None
     motion = geometry.expand(time[covered])
@@ -181,20 +183,22 @@ def _georeference_returns(
     when = (time[covered, None] + (geometry.mounting.scanner_clock + geometry.delay))[good]
     if not derivatives:
         return points, np.empty((7, 3, 0)), weights[good], when
+    # derivatives: an angle rotates the beam about its axis, a lever arm displaces it along an axis
+    # of the body, the clock displaces it by the velocity of the return
     forward = np.cross(left, upward, axis=0)
-    turned = Rotation.from_euler("ZYX", geometry.mounting.scanner_rotation[::-1]).as_matrix()
-    body = [row[0] * forward + row[1] * left + row[2] * upward for row in turned]
+    rotation = Rotation.from_euler("ZYX", geometry.mounting.scanner_rotation[::-1]).as_matrix()
+    body = [row[0] * forward + row[1] * left + row[2] * upward for row in rotation]
     yaw = geometry.mounting.scanner_rotation[2]
     pitch_axis = -math.sin(yaw) * body[0] + math.cos(yaw) * body[1]
-    turns = [np.cross(axis, beam, axis=0) for axis in (forward, pitch_axis, body[2])]
+    by_angles = [np.cross(axis, beam, axis=0) for axis in (forward, pitch_axis, body[2])]
     clock = speed + r * (sine * left_rate - cosine * upward_rate)
-    return points, np.stack([*turns, *body, clock]), weights[good], when
+    return points, np.stack([*by_angles, *body, clock]), weights[good], when
 
 
 def _beam_axes(
     geometry: ScanGeometry, coefficient: Floats, good: npt.NDArray[np.bool_]
 ) -> tuple[Floats, ...]:
-    """Scanner's place, left and upward axis at all good beams, each with its rate, (3, m)."""
+    """Position, left and upward axis of the scanner at good beams, each with its rate, (3, m)."""
     scans, beams = good.shape
     pieces = coefficient.reshape(scans, geometry.pieces, 3, 9)
     x = geometry.beam[1]
@@ -220,7 +224,7 @@ def _add_returns(
     level: float,
     begin: float,
 ) -> None:
-    """Add returns to the sums of their cells, about the centres of these."""
+    """Add returns to the moments of their cells, about the centres of the cells."""
     across = (points[0] - grid.west) / grid.spacing
     along = (points[1] - grid.south) / grid.spacing
     column, row = np.floor(across), np.floor(along)
@@ -239,25 +243,29 @@ def _add_returns(
 
 
 def _smooth_sums(sums: Floats, spacing: float) -> Floats:
-    """Sums under the kernel, about the centre of each cell."""
+    """Moments under the kernel, about the centre of each cell.
+
+    Moments of a neighbouring cell are shifted to the centre by the parallel axis theorem; the
+    kernel is separable.
+    """
     n, x, y, xx, xy, yy, z, xz, yz = range(len(_PLANE))
     for axis, (one, two, cross, rising) in ((2, (x, xx, y, xz)), (1, (y, yy, x, yz))):
         whole = np.zeros_like(sums)
         for step, weight in zip(range(-2, 3), KERNEL, strict=True):
             part = _shift_cells(sums, step, axis)
             far = step * spacing
-            about = part.copy()
-            about[two] += 2.0 * far * part[one] + far**2 * part[n]
-            about[one] += far * part[n]
-            about[xy] += far * part[cross]
-            about[rising] += far * part[z]
-            whole += weight * about
+            shifted = part.copy()
+            shifted[two] += 2.0 * far * part[one] + far**2 * part[n]
+            shifted[one] += far * part[n]
+            shifted[xy] += far * part[cross]
+            shifted[rising] += far * part[z]
+            whole += weight * shifted
         sums = whole
     return sums
 
 
 def _convolve_kernel(values: Floats) -> Floats:
-    """Values under the kernel."""
+    """Values convolved with the kernel."""
     for axis in (0, 1):
         values = np.sum(
             [
@@ -285,16 +293,22 @@ def _shift_cells(values: Floats, step: int, axis: int) -> Floats:
 def _fit_planes(
     sums: Floats, count: Floats, spacing: float, level: float, begin: float
 ) -> GroundPatches:
+    """Least-squares planes from moments, where the returns are well distributed."""
     shape = sums.shape[1:]
     height, slope = np.full(shape, np.nan), np.full((2, *shape), np.nan)
     shift, time = np.full((len(NAMES), 3, *shape), np.nan), np.full(shape, np.nan)
     n = np.where(sums[0] > 0, sums[0], np.nan)
     x, y = sums[1] / n, sums[2] / n
-    good = count >= _FEWEST
-    for middle, square in ((x, sums[3]), (y, sums[5])):
-        spread = (square / n - middle**2) / spacing**2
-        good &= (np.abs(middle) <= _OFF * spacing) & (spread > _SPREAD[0]) & (spread < _SPREAD[1])
-    good &= np.abs(sums[4] / n - x * y) <= _SLANT * spacing**2
+    # a plane is well determined if the returns lie around the centre, evenly in both directions
+    good = count >= _MIN_RETURNS
+    for mean, square in ((x, sums[3]), (y, sums[5])):
+        variance = (square / n - mean**2) / spacing**2
+        good &= (
+            (np.abs(mean) <= _MAX_OFFSET * spacing)
+            & (variance > _VARIANCES[0])
+            & (variance < _VARIANCES[1])
+        )
+    good &= np.abs(sums[4] / n - x * y) <= _MAX_COVARIANCE * spacing**2
     s = sums[: len(_PLANE), good]
     normal = np.stack([s[0], s[1], s[2], s[1], s[3], s[4], s[2], s[4], s[5]], axis=1)
     plane = np.linalg.solve(normal.reshape(-1, 3, 3), s[6:9].T[:, :, None])[:, :, 0]

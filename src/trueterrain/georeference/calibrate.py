@@ -1,15 +1,15 @@
-"""Calibration: where the scanner sits and looks, and its clock, from passes over the same ground.
+"""Calibration: lever arm, boresight angles and clock of the scanner from passes over one ground.
 
-Two passes over the same ground must see the same ground. What they see differently tells the
-mounting: a roll tilts the ground this way and that way in opposite passes, and everything else
-moves steps and slopes. Not everything can be told:
+Passes over the same ground must measure the same heights. Their differences determine the mounting:
+an error of roll tilts the ground to opposite sides in opposite passes; all other errors displace
+steps and slopes. Not everything is observable:
 
 ===========  =======================================================================================
-`lever_z`    moves all passes alike: never from passes on wheels
-`yaw`        turns opposite passes in one lane alike: needs lanes beside each other over relief
-`clock`      moves the ground by the speed, `pitch` by the height, `lever_x` by itself: needs passes
-             of different speeds; pitch and lever_x need heights that differ, and hardly ever can be
-             told apart on a road
+`lever_z`    shifts all passes equally: never observable from a vehicle
+`yaw`        rotates opposite passes in one lane equally: needs adjacent lanes over relief
+`clock`      displaces the ground by the speed, `pitch` by the height, `lever_x` by itself: needs
+             passes at different speeds; pitch and lever_x need different heights and can hardly be
+             separated on a road
 ===========  =======================================================================================
 
 Sources: Filin (2003) "Recovery of systematic biases in laser altimetry data using natural
@@ -28,96 +28,99 @@ import xarray as xr
 
 from trueterrain.core.errors import CoverageError
 from trueterrain.core.progress import Progress, no_progress
-from trueterrain.formats.run import Mounting
+from trueterrain.formats.run import Mounting, open_run
 from trueterrain.georeference._differences import (
     ParameterEstimate,
     PatchDifferences,
-    fit_parameters,
+    estimate_parameters,
     remove_pass_offsets,
     rms_difference,
 )
-from trueterrain.georeference._observable import (
+from trueterrain.georeference._motion_errors import MotionErrorModel
+from trueterrain.georeference._passes import CalibrationPasses
+from trueterrain.georeference._patches import NAMES
+from trueterrain.georeference.observability import (
     UnobservableParameter,
     find_uncertain,
     find_unobservable,
     unobservable_error,
 )
-from trueterrain.georeference._passes import CalibrationPasses
-from trueterrain.georeference._patches import NAMES
-from trueterrain.georeference._settings import CalibrationSettings
-from trueterrain.georeference._wander import MotionErrorModel
+from trueterrain.georeference.points import mounting_of
+from trueterrain.georeference.settings import CalibrationSettings
 from trueterrain.motion.trajectory import Trajectory
 
 __all__ = ["Calibration", "CalibrationSettings", "calibrate_mounting"]
 
 Floats = npt.NDArray[np.float64]
 
-_COARSE = (3.0, 1.0)  # cells of the iterations over the cells asked for
-_SETTLED = 0.1  # of its standard deviation by which a parameter may still move
-_FEWEST = 2.0  # squares of ground for each parameter and offset
-_LEAST = 1.25  # squares of ground for each unknown that is told, errors of the motion among them
-_BLIND = 10.0  # standard deviations asked for beyond which a direction is not followed
+_COARSE = (3.0, 1.0)  # cells of the iterations in multiples of the spacing
+_CONVERGED = 0.1  # standard deviations that the last correction of a parameter may have
+_MIN_SQUARES_PER_PARAMETER = 2.0  # squares of ground for each parameter and offset
+_MIN_SQUARES_PER_UNKNOWN = (
+    1.25  # squares of ground for each effective unknown, errors of the motion included
+)
+_REACH = 10.0  # required standard deviations; directions determined worse are not corrected
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Calibration:
-    """A mounting, and how surely it is known."""
+    """A calibrated mounting, with standard deviations, correlations and residuals."""
 
     mounting: Mounting
-    "What was found; what was not estimated is as it was."
+    "Calibrated mounting; parameters not estimated keep their start values."
 
     parameters: tuple[str, ...]
-    "What was estimated."
+    "Estimated parameters."
 
     value: Floats
-    "Values [rad, m, s]."
+    "Estimates [rad, m, s]."
 
     sd: Floats
     """Standard deviations [rad, m, s], from the scatter of the ground between the passes and from
-    what the trajectories claim of themselves, as errors that wander within a pass (first-order
-    Gauss-Markov, as slow as `CalibrationSettings.drift_time` says; of heights, as the passes see
-    it). They hold if these claims and what is held are right, and if scans lie so closely that it
-    does not matter where a step lies between two of them."""
+    the reported standard deviations of the trajectories, taken as first-order Gauss-Markov errors
+    within a pass (correlation times of `CalibrationSettings.drift_time`; that of heights is
+    estimated). They hold if the reported standard deviations and held parameters are right, and if
+    scans are so dense that the position of a step between two of them does not matter."""
 
     correlation: Floats
     "Correlations, shape (parameter, parameter)."
 
     condition: float
-    "Condition number of the normal matrix, each parameter in units of its own sd if alone."
+    "Condition number of the normal matrix, each parameter in units of its standard deviation."
 
     held: tuple[str, ...]
-    "Parameters that were not estimated."
+    "Parameters not estimated."
 
     sensitivity: Floats
-    """By how much an estimate is wrong if a held parameter is wrong by one, shape (parameter,
-    held): pitch stands in for lever_x, for instance."""
+    """Derivatives of the estimates by the held parameters, shape (parameter, held): an error of
+    lever_x, for instance, changes pitch."""
 
     not_observable: tuple[str, ...]
-    "What was asked for, and held, since the passes do not tell it."
+    "Requested parameters that were held, since the passes do not determine them."
 
     reasons: tuple[str, ...]
-    "Of each of these: how uncertain it would be, what goes with it, and what would tell it."
+    "For each of these: standard deviation, correlated parameters, and the cure."
 
     offset: Floats
-    "Height of each pass over the first, each in the middle of what it sees [m]."
+    "Height of each pass over the first, each at the centre of the ground that it sees [m]."
 
     offset_sd: Floats
-    "Standard deviations of these [m]."
+    "Standard deviations of the offsets [m]."
 
     residual_before: float
     "Root mean square difference of heights between the passes, less offsets [m]."
 
     residual_after: float
-    "The same with what was found [m]."
+    "The same with the calibrated mounting [m]."
 
     correspondences: int
-    "Independent pairs of heights that were compared."
+    "Number of independent height differences."
 
     iterations: int
-    "Rounds that it took."
+    "Number of iterations."
 
     def to_dict(self) -> dict[str, Any]:
-        """What was found, as JSON takes it."""
+        """Mounting, statistics and reasons, ready for JSON."""
         return {
             "mounting": self.mounting.to_attrs(),
             "value": dict(zip(self.parameters, self.value.tolist(), strict=True)),
@@ -150,19 +153,19 @@ def calibrate_mounting(
     runs : sequence of xarray.DataTree or path
         Two or more passes, in opposite directions; all in one local frame.
     trajectories : sequence of Trajectory
-        Motion of each.
+        Trajectory of each.
     mounting : Mounting, optional
-        Where to start; by default what the runs say. It may be wrong by some centimetres of what
-        it does to the ground.
+        Start values; by default those of the runs. They may displace the ground by some
+        centimetres.
     settings : CalibrationSettings
-        What is estimated, and how.
+        Parameters to estimate, and limits.
     progress : callable
-        Called in each round, see `trueterrain.core.Progress`.
+        Called in each iteration, see `trueterrain.core.Progress`.
 
     Returns
     -------
     Calibration
-        The mounting with standard deviations, correlations, and what could not be told.
+        Mounting with standard deviations, correlations and unobservable parameters.
 
     Raises
     ------
@@ -170,22 +173,22 @@ def calibrate_mounting(
         If there are fewer than two runs, not as many trajectories, or runs of different mountings
         and none is given.
     CoverageError
-        If the passes share no ground, a parameter cannot be told from it (named, with the cure), or
-        no solution is found.
+        If the passes have no common ground, a parameter is unobservable (named, with the cure), or
+        the iteration does not converge.
 
     Notes
     -----
-    Gauss-Newton least squares of the heights that the passes see in each cell, its own height being
-    an unknown, and an offset in height of each pass. Errors of its position and attitude are broken
-    lines in time, as large as its trajectory claims and as slow as `drift_time` says; how much its
-    height wanders is found. Cells weigh by the scatter that level and steep ground show; outliers
-    weigh less (Huber). Observable is what is known better than `CalibrationSettings` asks for, if
-    the errors of cells are what their scatter is.
+    Gauss-Newton least squares of the heights of all passes in each cell; the height of the cell and
+    a height offset of each pass are unknowns. Errors of position and attitude are piecewise linear
+    in time, with the reported standard deviations of the trajectory and the correlation times of
+    `drift_time`; the correlation time of heights is estimated. Cells are weighted by the scatter of
+    level and of steep ground, outliers are down-weighted (Huber). A parameter is observable if its
+    standard deviation is below the limit of `CalibrationSettings`.
 
     Examples
     --------
-    ``calibrate([there, back], [motion.trajectory for motion in (first, second)],
-    settings=CalibrationSettings(parameters=("roll", "pitch")))`` finds two angles:
+    ``calibrate_mounting([there, back], [motion.trajectory for motion in (first, second)],
+    settings=CalibrationSettings(parameters=("roll", "pitch")))`` estimates two angles:
 
     >>> CalibrationSettings(parameters=("roll", "pitch")).parameters
     ('roll', 'pitch')
@@ -200,23 +203,25 @@ def calibrate_mounting(
     passes = CalibrationPasses(runs, trajectories, settings, progress)
     chosen = [NAMES.index(name) for name in settings.parameters]
     area = settings.area or passes.area(start)
-    before, wander = passes.first(start, area)
+    before, errors = passes.first(start, area)
     iterations, held = 0, list[UnobservableParameter]()
     while True:
         found, last, result, more = _estimate_mounting(
-            passes, area, wander, start, chosen, settings
+            passes, area, errors, start, chosen, settings
         )
         iterations += more
-        judged = result, chosen, settings.limits, len(runs)
-        untold = find_unobservable(*judged) or find_uncertain(*judged)
-        if not untold:
+        arguments = result, chosen, settings.limits, len(runs)
+        unobservable = find_unobservable(*arguments) or find_uncertain(*arguments)
+        if not unobservable:
             break
-        held = sorted([*held, *untold], key=lambda one: one.index)
-        kept = [index for index in chosen if index not in [one.index for one in untold]]
+        held = sorted([*held, *unobservable], key=lambda one: one.index)
+        kept = [index for index in chosen if index not in [one.index for one in unobservable]]
         if settings.unobservable == "refuse" or not kept:
             raise unobservable_error(held)
         chosen = kept
-    if last.squares < max(_FEWEST * result.step.size, _LEAST * result.unknowns):
+    if last.squares < max(
+        _MIN_SQUARES_PER_PARAMETER * result.step.size, _MIN_SQUARES_PER_UNKNOWN * result.unknowns
+    ):
         raise CoverageError(
             f"the ground lies in {last.squares} squares of {settings.cluster:g} m, too few for the "
             "standard deviations",
@@ -236,10 +241,7 @@ def calibrate_mounting(
 
 
 def _common_mounting(runs: Sequence[xr.DataTree | str | Path]) -> Mounting:
-    """Mounting that all runs state."""
-    from trueterrain.formats.run import open_run
-    from trueterrain.georeference.points import mounting_of
-
+    """Mounting that all runs state; raises a ValueError if they differ."""
     stated = []
     for run in runs:
         if isinstance(run, xr.DataTree):
@@ -257,40 +259,42 @@ def _common_mounting(runs: Sequence[xr.DataTree | str | Path]) -> Mounting:
 def _estimate_mounting(
     passes: CalibrationPasses,
     area: tuple[float, float, float, float],
-    wander: MotionErrorModel,
+    errors: MotionErrorModel,
     mounting: Mounting,
     chosen: list[int],
     settings: CalibrationSettings,
 ) -> tuple[Mounting, PatchDifferences, ParameterEstimate, int]:
-    """Gauss-Newton from coarse to fine cells.
+    """Gauss-Newton iteration, from coarse to fine cells.
 
-    Passes move aside against errors of their motion as well: these are centimetres, over which the
-    ground around a step is no plane.
+    The passes are also displaced by the estimated horizontal errors of their motion: these are
+    centimetres, over which the ground around a step is not a plane, so that the linear model of a
+    single iteration does not hold.
     """
     iterations = 0
-    moved = np.zeros(wander.size)
+    moved = np.zeros(errors.size)
     for coarse in _COARSE:
         while True:
-            seen = passes.seen(mounting, area, coarse * settings.spacing, wander, moved)
-            reach = _BLIND * settings.limits
-            result = fit_parameters(
-                seen, chosen, wander, moved, height_noise=settings.height_noise, reach=reach
+            seen = passes.seen(mounting, area, coarse * settings.spacing, errors, moved)
+            reach = _REACH * settings.limits
+            result = estimate_parameters(
+                seen, chosen, errors, moved, height_noise=settings.height_noise, reach=reach
             )
-            wander = result.wander
+            errors = result.errors
             step, sd = result.step[: len(chosen)], result.sd[: len(chosen)]
-            if (np.abs(step) <= np.maximum(_SETTLED * sd, 1e-3 * settings.limits[chosen])).all():
+            if (np.abs(step) <= np.maximum(_CONVERGED * sd, 1e-3 * settings.limits[chosen])).all():
                 break
             iterations += 1
             if iterations > settings.max_iterations:
                 if find_unobservable(result, chosen, settings.limits, passes.count):
                     break
                 raise CoverageError(
-                    f"no mounting explains the passes within {settings.max_iterations} iterations; the "
-                    f"last moved {NAMES[chosen[int(np.argmax(np.abs(step) / sd))]]} still",
+                    f"the calibration does not converge within {settings.max_iterations} "
+                    "iterations; the last one changed "
+                    f"{NAMES[chosen[int(np.argmax(np.abs(step) / sd))]]}",
                     cure="Start from a better mounting, or take larger cells: spacing.",
                 )
             mounting = _update_mounting(mounting, chosen, step)
-            moved[wander.aside] += result.motion[wander.aside]
+            moved[errors.horizontal] += result.motion[errors.horizontal]
     return mounting, seen, result, iterations
 
 

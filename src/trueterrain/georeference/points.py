@@ -1,4 +1,7 @@
-"""Every return at its own time: pose x lever arm x boresight x beam x range (thesis 2.3)."""
+"""Georeferenced points: every return with the pose at its own time (thesis 2.3).
+
+``p_g = t_gb(t) + R_gb(t) (l_b + R_bs range (0, sin(angle), -cos(angle))), t = stamp + clock``
+"""
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -11,17 +14,17 @@ import xarray as xr
 from trueterrain.core import provenance
 from trueterrain.core.errors import CoverageError, SchemaError
 from trueterrain.core.schemas import make_points
-from trueterrain.formats.run import Mounting
+from trueterrain.formats.run import Mounting, open_run, scan_blocks
 from trueterrain.georeference.scans import ScanGeometry
 from trueterrain.georeference.screening import Screening
 from trueterrain.motion.trajectory import BRIDGED, Trajectory
 
 Floats = npt.NDArray[np.float64]
 
-#: Scans in a block, unless told otherwise.
+#: Scans in a block by default.
 BLOCK = 2000
 
-_LAST_LANE = 65535  # of a point source id, which is what a lane becomes in LAS
+_MAX_LANE = 65535  # maximum of a point source ID, which stores it in LAS
 _COUNTS = ("scans", "scans_uncovered", "returns", "missing", "flagged", "bridged")
 
 
@@ -43,29 +46,29 @@ def georeference(
     scans : xarray.DataTree, path, or iterable of xarray.Dataset
         A run, its store, or blocks as `trueterrain.formats.run.scan_blocks` yields them.
     trajectory : Trajectory
-        Motion of the body in the frame that the points shall be in.
+        Motion of the body, in the frame of the points.
     mounting : Mounting, optional
-        Where the scanner sits, and its clock; by default what the run says.
+        Lever arm, boresight angles and clock of the scanner; by default those of the run.
     screening : Screening
-        Which returns are flagged, and what becomes of them.
+        Flags of returns, and their treatment.
     range_noise : float
         Standard deviation of a range [m].
     lane : int, optional
-        Number that all points get as their lane.
+        Number of the pass, stored with all points as ``lane``.
     block : int
-        Scans in a block; the points do not depend on it.
+        Scans in a block; points do not depend on it.
     crs : str
         Coordinate reference system of the frame, if it has one.
 
     Yields
     ------
     xarray.Dataset
-        Points with ``time`` [s], true time, ``sd`` [m] of their heights, ``sd_relative`` [m] where
-        the motion was brought into agreement with other passes, and, where there are,
-        ``intensity`` and ``lane``, in the order of scans and beams. ``attrs`` count, from the first
-        block on: ``scans``, ``scans_uncovered`` (the trajectory does not cover them; they are left
-        out), ``returns``, ``missing`` (beams without return or out of range), ``flagged`` (by
-        intensity) and ``bridged`` (returns at times at which no instrument saw the motion).
+        Points in the order of scans and beams, with ``time`` (true time) [s], ``sd`` of their
+        heights [m], ``sd_relative`` [m] if the trajectory was adjusted with other passes, and, if
+        known, ``intensity`` and ``lane``. ``attrs`` count from the first block on: ``scans``,
+        ``scans_uncovered`` (not covered by the trajectory and left out), ``returns``, ``missing``
+        (beams without return or out of range), ``flagged`` (by intensity) and ``bridged`` (returns
+        at times at which no instrument observed the motion).
 
     Raises
     ------
@@ -79,9 +82,9 @@ def georeference(
 
     Notes
     -----
-    The standard deviation of a height is that of the range along the beam and that of the pose:
-    of its height, and of its turns times the distance from the body. Within a scan, errors of the
-    pose are the same for all returns, so averaging does not lessen them.
+    The variance of a height is that of the range along the beam plus that of the pose: of its
+    height, and of its rotations times the distance from the body. Within a scan, errors of the pose
+    are the same for all returns, so averaging does not reduce them.
 
     Examples
     --------
@@ -101,8 +104,8 @@ def georeference(
     if not range_noise >= 0:
         message = f"range_noise must be at least 0 m, got {range_noise}."
         raise ValueError(message)
-    if lane is not None and not 0 <= lane <= _LAST_LANE:
-        message = f"lane must be from 0 to {_LAST_LANE}, got {lane}."
+    if lane is not None and not 0 <= lane <= _MAX_LANE:
+        message = f"lane must be from 0 to {_MAX_LANE}, got {lane}."
         raise ValueError(message)
     mounting, blocks, source = _open_scans(scans, mounting, block)
     return _georeference_blocks(
@@ -151,8 +154,8 @@ def _georeference_block(
     range_noise: float,
     counts: dict[str, int],
 ) -> dict[str, Any]:
-    """Columns of the points of one block; adds to the counts."""
-    from trueterrain.georeference import _kernels
+    """Columns of the points of one block; updates the counts."""
+    from trueterrain.georeference import _kernels  # here, as numba takes long to import
 
     time = np.asarray(scans["time"], dtype=np.float64)
     covered = np.flatnonzero(geometry.covers(time))
@@ -192,7 +195,8 @@ def _georeference_block(
     datum = geometry.trajectory.datum_sd
     if datum is not None:
         columns["sd"] = sd[good]
-    if datum != 0.0:  # flagged returns of less weight have more variance in all parts
+    if datum != 0.0:
+        # a lower weight divides all parts of the variance, that of the datum included
         rest = sd[good] ** 2 - (datum or 0.0) ** 2 / weights[good]
         columns["sd_relative"] = np.sqrt(np.maximum(rest, 0.0))
     if intensity is not None:
@@ -238,9 +242,7 @@ def _require_points(counts: dict[str, int], trajectory: Trajectory, source: Path
 def _open_scans(
     scans: xr.DataTree | str | Path | Iterable[xr.Dataset], mounting: Mounting | None, block: int
 ) -> tuple[Mounting, Iterable[xr.Dataset], Path | None]:
-    """Mounting and blocks of what was given, and its file."""
-    from trueterrain.formats.run import open_run, scan_blocks
-
+    """Mounting, blocks of scans, and the file of a run, a store or blocks."""
     if isinstance(scans, str | Path | xr.DataTree):
         source = None if isinstance(scans, xr.DataTree) else Path(scans)
         tree = open_run(source) if source is not None else scans
@@ -249,7 +251,7 @@ def _open_scans(
             mounting = mounting_of(tree, path=source)
         return mounting, scan_blocks(tree if source is None else source, size=block), source
     if mounting is None:
-        message = "mounting must be given with blocks of scans, which do not know it."
+        message = "mounting must be given with blocks of scans, which do not contain it."
         raise ValueError(message)
     return mounting, scans, None
 
@@ -262,17 +264,17 @@ def mounting_of(run: xr.DataTree, *, path: Path | None = None) -> Mounting:
     run : xarray.DataTree
         The run.
     path : Path, optional
-        Its store, for the message.
+        Store of the run, for error messages.
 
     Returns
     -------
     Mounting
-        The same.
+        Lever arm, boresight angles and clocks.
 
     Raises
     ------
     SchemaError
-        If it states none, or a wrong one.
+        If the run states no mounting, or an invalid one.
     """
     if "mounting" not in run.attrs:
         raise SchemaError("is missing", path=path, place="attribute mounting")

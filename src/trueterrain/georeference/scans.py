@@ -1,8 +1,8 @@
-"""Motion during scans: the pose of the scanner at the time of every beam, at the cost of a few.
+"""Motion during scans: pose of the scanner at the time of every beam, from few poses per scan.
 
-The way and the turn of the body during a scan are quadratics of time through its poses at the
-begin, the middle and the end. Their error is at most 0.07 h³ times the jerk, h being half of the
-duration: with 0.4 ms and 1000 m/s³ that is 4 nm. Scans that last longer are cut into pieces.
+Position and rotation of the body during a scan are quadratics of time through its poses at begin,
+midpoint and end. Their error is at most 0.07 h³ times the jerk, with h half of the duration: 4 nm
+for 0.4 ms and 1000 m/s³. Longer scans are divided into pieces.
 """
 
 from dataclasses import dataclass
@@ -16,40 +16,41 @@ from trueterrain.motion.trajectory import Trajectory
 
 Floats = npt.NDArray[np.float64]
 
-#: Longest piece of a scan during which the motion is taken as a quadratic [s].
+#: Maximum duration of a piece of a scan whose motion is a quadratic of time [s].
 LONGEST = 2e-3
 
-_SHORTEST = 1e-6  # [s] half of the time over which rates are taken
+_SHORTEST = 1e-6  # [s] minimum half duration of a piece, over which rates are computed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PoseExpansion:
-    """Motion during the pieces of some scans; all pieces of a scan follow each other."""
+    """Motion during the pieces of some scans; the pieces of a scan are consecutive."""
 
     coefficient: Floats
-    """Of 1, x, x² of the scanner's position, then of its left and of its upward axis, x being the
-    time after the middle of the piece, shape (piece, 3, 9) [m], [m/s], ..."""
+    """Coefficients of 1, x, x² of the position of the scanner, then of its left and of its upward
+    axis in the ground frame; x is the time after the midpoint of the piece [s]. Shape
+    (piece, 3, 9) [m, m/s, m/s²; 1, 1/s, 1/s²]."""
 
     body: Floats
-    "East, north, up of the body in the middle of the piece, shape (piece, 3) [m]."
+    "East, north, up of the body at the midpoint of the piece, shape (piece, 3) [m]."
 
     variance: Floats
-    """Of up, and of turns about east and north: uu, ue, un, ee, en, nn; then the mean of those of
-    east and north, shape (piece, 7) [m²], [m rad], [rad²]."""
+    """Covariances of up and of rotations about east and north: uu, ue, un, ee, en, nn; then the
+    mean variance of the positions east and north. Shape (piece, 7) [m²], [m rad], [rad²]; [m²]."""
 
     flag: npt.NDArray[np.uint8]
-    "Flags of the trajectory during the piece, added up, shape (piece,)."
+    "Flags of the trajectory during the piece, combined, shape (piece,)."
 
 
 class ScanGeometry:
-    """Where the beams of a scanner start and where they point while a body moves.
+    """Origin and direction of the beams of a scanner on a moving body.
 
     Parameters
     ----------
     trajectory : Trajectory
         Motion of the body.
     mounting : Mounting
-        Where the scanner sits in the body, and its clock.
+        Lever arm, boresight angles and clock of the scanner.
     angle : array_like, shape (beam,)
         Angle of each beam from straight down, positive to the left [rad].
     delay : array_like, shape (beam,)
@@ -58,7 +59,7 @@ class ScanGeometry:
     Raises
     ------
     ValueError
-        If angles and delays do not fit together or are not finite.
+        If angles and delays differ in shape or are not finite.
     """
 
     def __init__(
@@ -68,7 +69,7 @@ class ScanGeometry:
         angle: npt.ArrayLike,
         delay: npt.ArrayLike,
     ) -> None:
-        from trueterrain.georeference import _kernels
+        from trueterrain.georeference import _kernels  # here, as numba takes long to import
 
         self.trajectory = trajectory
         self.mounting = mounting
@@ -81,29 +82,34 @@ class ScanGeometry:
         low = np.array([self.delay[a:b].min() for a, b in bounds])
         high = np.array([self.delay[a:b].max() for a, b in bounds])
         self._span = float(low.min()), float(high.max())
-        self._middle = 0.5 * (low + high)
+        self._midpoint = 0.5 * (low + high)
         self._half = np.maximum(0.5 * (high - low), _SHORTEST)
-        x = self.delay - np.repeat(self._middle, np.diff(self.first))
+        x = self.delay - np.repeat(self._midpoint, np.diff(self.first))
         powers = np.stack([np.ones_like(x), x, x * x])
         self.beam = np.concatenate(
             [powers, np.sin(self.angle) * powers, -np.cos(self.angle) * powers]
         )
-        "Per beam, the factors of the nine coefficients, shape (9, beam)."
-        turned = Rotation.from_euler("ZYX", mounting.scanner_rotation[::-1]).as_matrix()
-        self._left, self._upward = turned[:, 1].copy(), turned[:, 2].copy()
+        "Factors of the nine coefficients for each beam, shape (9, beam)."
+        rotation = Rotation.from_euler("ZYX", mounting.scanner_rotation[::-1]).as_matrix()
+        self._left, self._upward = rotation[:, 1].copy(), rotation[:, 2].copy()
         self._lever = np.array(mounting.scanner_position, dtype=np.float64)
         knots = trajectory.time.size
-        self._turn, self._rate = np.empty((knots - 1, 3)), np.empty((knots - 1, 3))
+        self._rotation_vector, self._rotation_rate = (
+            np.empty((knots - 1, 3)),
+            np.empty((knots - 1, 3)),
+        )
         self._motion = tuple(
             np.ascontiguousarray(getattr(trajectory, name), dtype=np.float64)
             for name in ("time", "position", "velocity", "quaternion", "angular_velocity")
         )
-        _kernels.rotation_steps(self._motion[3], self._motion[4], self._turn, self._rate)
+        _kernels.rotation_steps(
+            self._motion[3], self._motion[4], self._rotation_vector, self._rotation_rate
+        )
         self._covariance = np.ascontiguousarray(trajectory.covariance, dtype=np.float64)
 
     @property
     def pieces(self) -> int:
-        """Pieces of a scan."""
+        """Number of pieces of a scan."""
         return self.first.size - 1
 
     def covers(self, time: npt.ArrayLike) -> npt.NDArray[np.bool_]:
@@ -117,14 +123,14 @@ class ScanGeometry:
         Returns
         -------
         numpy.ndarray of bool, shape (scan,)
-            False too where a stamp is not finite.
+            False also where a stamp is not finite.
         """
         true = np.asarray(time, dtype=np.float64) + self.mounting.scanner_clock
         first, last = self._span
         return self.trajectory.covers(true + first, true + last)
 
     def expand(self, time: npt.ArrayLike) -> PoseExpansion:
-        """Motion during scans.
+        """Motion during some scans.
 
         Parameters
         ----------
@@ -133,7 +139,7 @@ class ScanGeometry:
 
         Returns
         -------
-        Expansion
+        PoseExpansion
             Of all pieces, scan by scan.
 
         Raises
@@ -152,8 +158,8 @@ class ScanGeometry:
                 f"and all delays, got {time[missing[0]]:.6f} s (scan {missing[0]})."
             )
             raise ValueError(message)
-        middle = (time[:, None] + self.mounting.scanner_clock + self._middle).ravel()
-        n = middle.size
+        midpoint = (time[:, None] + self.mounting.scanner_clock + self._midpoint).ravel()
+        n = midpoint.size
         found = PoseExpansion(
             coefficient=np.empty((n, 3, 9)),
             body=np.empty((n, 3)),
@@ -161,11 +167,11 @@ class ScanGeometry:
             flag=np.empty(n, np.uint8),
         )
         _kernels.expand_poses(
-            middle,
+            midpoint,
             self._half,
             *self._motion,
-            self._turn,
-            self._rate,
+            self._rotation_vector,
+            self._rotation_rate,
             self._covariance,
             self.trajectory.flag,
             self._lever,
@@ -192,7 +198,7 @@ def _check_fan(angle: Floats, delay: Floats) -> None:
 
 
 def _split_beams(delay: Floats) -> npt.NDArray[np.int64]:
-    """First beams of the fewest pieces of about equal length that are short enough."""
+    """First beams of pieces of about equal duration, as few as `LONGEST` allows."""
     wanted = max(1, int(np.ceil(np.ptp(delay) / LONGEST)))
     longest = np.ptp(delay) / wanted * (1 + 1e-9)
     starts, low, high = [0], delay[0], delay[0]

@@ -1,7 +1,7 @@
-"""Which returns are good, by their intensity and their range (thesis 3.6).
+"""Screening of returns by intensity and range (thesis 3.6).
 
-A receiver in saturation reads ranges that are wrong by millimetres, and a return near the floor is
-noisy. Such returns are flagged: they are rejected, or weigh less than good ones.
+Ranges of a saturated receiver are wrong by millimetres, and returns near its noise floor are noisy.
+Such returns are flagged: they are rejected, or weighted less than good ones.
 """
 
 import math
@@ -15,7 +15,7 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Screening:
-    """Which returns are flagged, and what becomes of them.
+    """Limits of intensity and range, and the weight of flagged returns.
 
     Examples
     --------
@@ -25,20 +25,20 @@ class Screening:
     """
 
     floor: float = 0.0
-    "Intensity under which a return is flagged [counts]."
+    "Intensity below which a return is flagged [counts]."
 
     saturation: float = math.inf
     "Intensity above which a return is flagged [counts]."
 
     nearest: float = 0.0
-    "Range under which a return is no ground [m]; it is always rejected."
+    "Range below which a return is not ground [m]; it is always rejected."
 
     furthest: float = math.inf
-    "Range beyond which a return is no ground [m]; it is always rejected."
+    "Range above which a return is not ground [m]; it is always rejected."
 
     weight: float = 0.0
-    """Weight of a flagged return beside a good one, from 0 (rejected) to 1 (as good); in surfaces
-    to the next sixteenth [1]."""
+    """Weight of a flagged return relative to a good one, from 0 (rejected) to 1 [1]; surfaces round
+    it to sixteenths."""
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -60,7 +60,7 @@ class Screening:
 
     @property
     def needs_intensity(self) -> bool:
-        """Whether intensities matter."""
+        """Whether the limits need intensities."""
         return self.floor > 0 or self.saturation < math.inf
 
     def flagged(self, intensity: npt.ArrayLike) -> npt.NDArray[np.bool_]:
@@ -74,7 +74,7 @@ class Screening:
         Returns
         -------
         numpy.ndarray of bool
-            Of the same shape; an intensity that is not known is flagged.
+            Of the same shape; an unknown intensity (NaN) is flagged.
         """
         values = np.asarray(intensity)
         return np.asarray(~((values >= self.floor) & (values <= self.saturation)))
@@ -92,12 +92,12 @@ class Screening:
         Returns
         -------
         numpy.ndarray
-            1 for good returns, `weight` for flagged ones, 0 where there is none.
+            1 for good returns, `weight` for flagged ones, 0 for missing or rejected ones.
 
         Raises
         ------
         ValueError
-            If intensities matter and are not given.
+            If intensities are needed and not given.
         """
         ranges = np.asarray(ranges)
         weights = ((ranges >= self.nearest) & (ranges <= self.furthest)).astype(np.float64)

@@ -1,4 +1,4 @@
-"""What the fusion takes from a run: navigation and accelerometers in true time, and their gaps."""
+"""Inputs of the fusion: navigation and accelerometers of a run in true time, and their gaps."""
 
 from dataclasses import dataclass
 
@@ -13,29 +13,29 @@ Span = tuple[float, float]
 
 COORDINATES = ("east", "north", "up", "roll", "pitch", "yaw")
 
-_GAP = 1.5  # usual steps from which on a step is a gap
-_FEWEST = 4  # epochs between two gaps that are of use
-_JUMP_SPEED = 1.0  # [m/s] from which on a jump of the clock shows in the positions
+_GAP = 1.5  # median steps above which a step is a gap
+_MIN_EPOCHS = 4  # between two gaps
+_JUMP_SPEED = 1.0  # [m/s] above which positions show a jump of the clock
 
 
 @dataclass(frozen=True, kw_only=True)
 class InstrumentClock:
-    """How stamps become true time.
+    """Conversion of the stamps of an instrument to true time: offset and linear drift.
 
     Examples
     --------
-    >>> Clock(offset=0.5, rate=0.001, begin=10.0).true(np.array([20.0]))
+    >>> InstrumentClock(offset=0.5, rate=0.001, begin=10.0).true(np.array([20.0]))
     array([20.51])
     """
 
     offset: float = 0.0
-    "What is added to stamps at `begin` [s]."
+    "True time less stamp, at `begin` [s]."
 
     rate: float = 0.0
-    "Growth of it per second [s/s]."
+    "Rate of change of the offset [s/s]."
 
     begin: float = 0.0
-    "Stamp from which on it grows [s]."
+    "Stamp at which the offset holds [s]."
 
     def true(self, stamp: Float) -> Float:
         """True times of stamps [s]."""
@@ -44,7 +44,7 @@ class InstrumentClock:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NavigationInput:
-    """Epochs that can be used."""
+    """Usable epochs of navigation."""
 
     time: Float
     "True times, ascending, shape (n,) [s]."
@@ -53,21 +53,21 @@ class NavigationInput:
     "East, north, up [m], roll, pitch, yaw [rad] (yaw without jumps), shape (n, 6)."
 
     sd: Float
-    "Standard deviations as reported, shape (n, 6) [m, rad]; NaN where none was."
+    "Reported standard deviations, shape (n, 6) [m, rad]; NaN where none is reported."
 
     step: float
-    "Usual time from epoch to epoch [s]."
+    "Median time from epoch to epoch [s]."
 
     gaps: tuple[Span, ...]
     "Last epoch before and first epoch after each gap [s]."
 
     dropped: int
-    "Epochs that were left out because a value was not finite or they stood alone between gaps."
+    "Number of epochs left out: not finite, or alone between gaps."
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AccelerometerInput:
-    """Samples that can be used."""
+    """Usable samples of the accelerometers."""
 
     time: Float
     "True times, ascending, shape (m,) [s]."
@@ -76,27 +76,27 @@ class AccelerometerInput:
     "Specific force along body z, shape (m, sensor) [m/s^2]."
 
     position: Float
-    "Of each sensor in the body, shape (sensor, 3) [m]."
+    "Position of each sensor in the body, shape (sensor, 3) [m]."
 
     step: float
-    "Usual time from sample to sample [s]."
+    "Median time from sample to sample [s]."
 
     gaps: tuple[Span, ...]
     "Last sample before and first sample after each gap [s]."
 
     dropped: int
-    "Samples that were left out because a value was not finite."
+    "Number of samples left out: not finite."
 
 
 def read_navigation(run: xr.DataTree) -> NavigationInput:
-    """Navigation of a run.
+    """Usable epochs of the navigation of a run, with continuous yaw.
 
     Raises
     ------
     SchemaError
-        If times are not finite, do not run forward, or jump.
+        If times are not finite, do not ascend, or jump.
     CoverageError
-        If less than 4 epochs can be used.
+        If fewer than 4 epochs are usable.
     """
     group = _require_group(run, "navigation")
     time = _group_times(group, "navigation")
@@ -104,10 +104,10 @@ def read_navigation(run: xr.DataTree) -> NavigationInput:
     sd = np.stack([_reported_sd(group, name, time.size) for name in COORDINATES], axis=1)
     usable = np.isfinite(pose).all(axis=1)
     step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
-    usable &= _in_company(time, usable, step)
-    if np.count_nonzero(usable) < _FEWEST:
+    usable &= _in_groups(time, usable, step)
+    if np.count_nonzero(usable) < _MIN_EPOCHS:
         raise CoverageError(
-            f"has {np.count_nonzero(usable)} usable epochs, at least {_FEWEST} are needed",
+            f"has {np.count_nonzero(usable)} usable epochs, at least {_MIN_EPOCHS} are needed",
             place="group navigation",
             cure="Record or export it again.",
         )
@@ -120,19 +120,19 @@ def read_navigation(run: xr.DataTree) -> NavigationInput:
 
 
 def read_accelerometers(run: xr.DataTree, clock: InstrumentClock) -> AccelerometerInput | None:
-    """Accelerometers of a run; None if there are none.
+    """Usable samples of the accelerometers of a run; None if there are none.
 
     Parameters
     ----------
     run : xarray.DataTree
         The run.
-    clock : Clock
-        Of the accelerometers, the delay of their filter included.
+    clock : InstrumentClock
+        Clock of the accelerometers, the delay of their anti-alias filter included.
 
     Raises
     ------
     SchemaError
-        If times are not finite or do not run forward.
+        If times are not finite or do not ascend.
     """
     if "accelerometers" not in run.children:
         return None
@@ -140,7 +140,7 @@ def read_accelerometers(run: xr.DataTree, clock: InstrumentClock) -> Acceleromet
     time = _group_times(group, "accelerometers")
     force = np.asarray(group["acceleration"].values, dtype=float)
     usable = np.isfinite(force).all(axis=1)
-    if np.count_nonzero(usable) < _FEWEST:
+    if np.count_nonzero(usable) < _MIN_EPOCHS:
         return None
     step = float(np.median(np.diff(time)))
     dropped = int(usable.size - np.count_nonzero(usable))
@@ -155,8 +155,32 @@ def read_accelerometers(run: xr.DataTree, clock: InstrumentClock) -> Acceleromet
     )
 
 
+def refuse_long_gaps(navigation: NavigationInput, max_gap: float) -> None:
+    """Raise a CoverageError if a gap of navigation is longer than `max_gap` [s]."""
+    for begin, end in navigation.gaps:
+        if end - begin > max_gap:
+            raise CoverageError(
+                f"has a gap of {end - begin:.3f} s at {begin:.6f} s, longer than max_gap, "
+                f"{max_gap:g} s",
+                place="group navigation",
+                cure="Cut the run there, or raise max_gap.",
+            )
+
+
+def describe_gaps(name: str, gaps: tuple[Span, ...]) -> list[str]:
+    """Warning about the gaps of an instrument, as a list of one sentence, or none."""
+    if not gaps:
+        return []
+    longest = max(gaps, key=lambda gap: gap[1] - gap[0])
+    several = f"{len(gaps)} gaps are" if len(gaps) > 1 else "a gap is"
+    return [
+        f"{name}: {several} bridged, the longest {longest[1] - longest[0]:.6g} s at "
+        f"{longest[0]:.6f} s"
+    ]
+
+
 def inside_spans(time: Float, spans: tuple[Span, ...]) -> npt.NDArray[np.bool_]:
-    """Whether each time lies strictly inside of a span."""
+    """Whether each time lies strictly inside one of the spans."""
     inside = np.zeros(time.size, dtype=bool)
     for begin, end in spans:
         inside |= (time > begin) & (time < end)
@@ -196,14 +220,14 @@ def _reported_sd(group: xr.Dataset, name: str, size: int) -> Float:
     return np.asarray(group[f"sd_{name}"].values, dtype=float)
 
 
-def _in_company(time: Float, usable: npt.NDArray[np.bool_], step: float) -> npt.NDArray[np.bool_]:
-    """Whether an epoch stands among at least 4 without a gap."""
+def _in_groups(time: Float, usable: npt.NDArray[np.bool_], step: float) -> npt.NDArray[np.bool_]:
+    """Whether an epoch belongs to at least 4 without a gap between them."""
     index = np.flatnonzero(usable)
-    company = np.zeros(usable.size, dtype=bool)
+    grouped = np.zeros(usable.size, dtype=bool)
     for part in np.split(index, np.flatnonzero(np.diff(time[index]) > _GAP * step) + 1):
-        if part.size >= _FEWEST:
-            company[part] = True
-    return company
+        if part.size >= _MIN_EPOCHS:
+            grouped[part] = True
+    return grouped
 
 
 def _find_gaps(time: Float, step: float) -> tuple[Span, ...]:
@@ -212,19 +236,20 @@ def _find_gaps(time: Float, step: float) -> tuple[Span, ...]:
 
 
 def _refuse_jumps(time: Float, pose: Float, step: float) -> None:
-    """Raise a SchemaError where time jumps but the body only moved as in one usual step."""
+    """Raise a SchemaError where time jumps but the body moves only as in one usual step."""
     speed = np.linalg.norm(np.diff(pose[:, :2], axis=0), axis=1) / np.diff(time)
     for k in np.flatnonzero(np.diff(time) > _GAP * step):
+        # a gap: distance = speed x gap; a jump of the clock: distance = speed x one step
         around = np.concatenate([speed[max(k - 20, 0) : k], speed[k + 1 : k + 21]])
         usual = float(np.median(around))
         length = time[k + 1] - time[k]
-        way = speed[k] * length
-        as_one_step = abs(way - usual * step)
-        as_a_gap = abs(way - usual * length)
+        distance = speed[k] * length
+        as_one_step = abs(distance - usual * step)
+        as_a_gap = abs(distance - usual * length)
         if usual > _JUMP_SPEED and 3 * as_one_step < as_a_gap and as_a_gap > 0.05:
             raise SchemaError(
                 f"jumps by {length - step:.6f} s at {time[k]:.6f} s, while the body went on "
-                f"{way:.3f} m, as in one step of {step:.6f} s",
+                f"{distance:.3f} m, as in one step of {step:.6f} s",
                 place="group navigation, variable time",
                 cure="Correct the jump of its clock, or cut the recording there.",
             )

@@ -1,8 +1,8 @@
-"""Trajectory: knots of the motion of the body, and its pose between them.
+"""Trajectory: position and attitude of the body over time, from knots.
 
-The position between two knots is the cubic through both positions and velocities. The attitude is a
-quaternion: between two knots it turns by the rotation vector that is a cubic through the turn from
-knot to knot and the angular velocities at both. What no instrument saw is flagged, never hidden.
+Between two knots the position is the cubic through both positions and velocities. The attitude is a
+quaternion; between two knots it rotates by a rotation vector, a cubic through the rotation from
+knot to knot and the angular velocities at both. Times that no instrument observed are flagged.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -13,68 +13,71 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from trueterrain.core.errors import CoverageError
+from trueterrain.motion._inertial import BodyCoordinates, lever_height
+from trueterrain.motion._inputs import Span, inside_spans
+from trueterrain.motion._series import CubicSeries
 
 Float = npt.NDArray[np.float64]
 
-#: Flags of knots; they add up.
+#: Flags of knots, combined bitwise: no instrument observed the motion; end of a filter.
 MEASURED, BRIDGED, EDGE = 0, 1, 2
 
-#: Time by which a stamp may lie beyond the first or the last knot [s]: sums of stamps, clocks and
-#: delays are rounded (by 0.1 µs for GPS seconds), and the cubic goes on that far without an error.
+#: Tolerance of times beyond the first or last knot [s]: sums of stamps, clocks and delays are
+#: rounded (by 0.1 µs for GPS seconds), and extrapolating the cubic that far is exact enough.
 ROUNDING = 1e-6
 
 
 class Poses(NamedTuple):
-    """Poses at some times."""
+    """Position and attitude of the body at some times."""
 
     position: Float
-    "East, north, up of the body, shape (m, 3) [m]."
+    "t_gb: east, north, up of the origin of the body, shape (m, 3) [m]."
 
     velocity: Float
-    "Its derivative, shape (m, 3) [m/s]."
+    "Derivative of the position, shape (m, 3) [m/s]."
 
     rotation: Rotation
-    "Body to ground, m rotations."
+    "R_gb: body to ground, m rotations."
 
     angular_velocity: Float
     "In body axes, shape (m, 3) [rad/s]."
 
     covariance: Float
-    "Of east, north, up [m] and of small turns about these axes [rad], shape (m, 6, 6)."
+    "Covariance of east, north, up [m] and of small rotations about them [rad], shape (m, 6, 6)."
 
     flag: npt.NDArray[np.uint8]
-    "0 where measured; `BRIDGED` and `EDGE` add up."
+    "0 where measured, else `BRIDGED`, `EDGE` or both."
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trajectory:
-    """Motion of the body over a stretch of true time."""
+    """Position and attitude of the body over a span of true time."""
 
     time: Float
     "True times of the knots, ascending, shape (n,) [s]."
 
     position: Float
-    "East, north, up of the body, shape (n, 3) [m]."
+    "t_gb: east, north, up of the origin of the body, shape (n, 3) [m]."
 
     velocity: Float
-    "Its derivative, shape (n, 3) [m/s]."
+    "Derivative of the position, shape (n, 3) [m/s]."
 
     quaternion: Float
-    "Body to ground, scalar last, shape (n, 4)."
+    "R_gb: body to ground, scalar last, shape (n, 4)."
 
     angular_velocity: Float
     "In body axes, shape (n, 3) [rad/s]."
 
     covariance: Float
-    "Of east, north, up [m] and of small turns about these axes [rad], shape (n, 6, 6)."
+    "Covariance of east, north, up [m] and of small rotations about them [rad], shape (n, 6, 6)."
 
     flag: npt.NDArray[np.uint8]
-    "0 where measured; `BRIDGED` (no instrument saw it) and `EDGE` (end of a filter) add up, (n,)."
+    "0 where measured, else `BRIDGED` (not observed), `EDGE` (end of a filter) or both, (n,)."
 
     datum_sd: float | None = 0.0
-    """Standard deviation of the height that all passes of an adjustment have in common [m], which
-    `covariance` contains. 0 for a pass on its own; None where it is not known, so that `covariance`
-    is relative to the datum of the adjustment."""
+    """Standard deviation of the height error that all passes of an adjustment have in common [m];
+    `covariance` includes it. 0 for a single pass; None where it is unknown, and `covariance` is
+    then relative to the datum of the adjustment."""
 
     def __post_init__(self) -> None:
         """Check shapes and order."""
@@ -100,17 +103,17 @@ class Trajectory:
             raise ValueError(message)
 
     def covers(self, begin: npt.ArrayLike, end: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-        """Whether the knots cover spans of time, but for `ROUNDING`.
+        """Whether the knots cover spans of time, within `ROUNDING`.
 
         Parameters
         ----------
         begin, end : array_like
-            True times of their begins and ends [s].
+            True times [s].
 
         Returns
         -------
         numpy.ndarray of bool
-            False too where a time is not finite.
+            False also where a time is not finite.
         """
         low, high = self.time[0] - ROUNDING, self.time[-1] + ROUNDING
         return np.asarray((np.asarray(begin) >= low) & (np.asarray(end) <= high))
@@ -127,22 +130,22 @@ class Trajectory:
         -------
         Poses
             Positions, rotations, their rates, covariances (linear between the knots) and flags
-            (those of both knots).
+            (those of both knots combined).
 
         Raises
         ------
         ValueError
-            If a time is not finite or lies outside of the knots.
+            If a time is not finite or lies outside the knots.
 
         Examples
         --------
         >>> rest = np.zeros((2, 3))
-        >>> ahead = Trajectory(
+        >>> straight = Trajectory(
         ...     time=np.array([0.0, 1.0]), position=np.array([[0, 0, 0], [2.0, 0, 0]]),
         ...     velocity=np.array([[2.0, 0, 0], [2.0, 0, 0]]), angular_velocity=rest,
         ...     quaternion=np.array([[0, 0, 0, 1.0], [0, 0, 0, 1.0]]),
         ...     covariance=np.zeros((2, 6, 6)), flag=np.zeros(2, np.uint8))
-        >>> ahead.at([0.25]).position[0]
+        >>> straight.at([0.25]).position[0]
         array([0.5, 0. , 0. ])
         """
         time = np.asarray(time, dtype=float)
@@ -159,10 +162,11 @@ class Trajectory:
             x, step, self.position[k], self.velocity[k], self.position[k + 1], self.velocity[k + 1]
         )
         begin = Rotation.from_quat(self.quaternion[k])
-        turn = (begin.inv() * Rotation.from_quat(self.quaternion[k + 1])).as_rotvec()
+        # rotation vector from the knot k, in its body axes
+        angle = (begin.inv() * Rotation.from_quat(self.quaternion[k + 1])).as_rotvec()
         w0, w1 = self.angular_velocity[k], self.angular_velocity[k + 1]
         vector, rate = _interpolate_hermite(
-            x, step, np.zeros_like(turn), w0, turn, _vector_rate(turn, w1)
+            x, step, np.zeros_like(angle), w0, angle, _vector_rate(angle, w1)
         )
         return Poses(
             position=position,
@@ -175,17 +179,17 @@ class Trajectory:
         )
 
     def between(self, begin: float | None = None, end: float | None = None) -> "Trajectory":
-        """Part of the motion, such as one lap.
+        """Part of the trajectory, such as one lap.
 
         Parameters
         ----------
         begin, end : float, optional
-            True times of its first and last knot at the earliest and latest [s].
+            True times between which knots are kept [s]; open where None.
 
         Returns
         -------
         Trajectory
-            The knots between them.
+            The knots within these times.
 
         Raises
         ------
@@ -217,7 +221,7 @@ class Trajectory:
 def _interpolate_hermite(
     x: Float, step: Float, p0: Float, v0: Float, p1: Float, v1: Float
 ) -> tuple[Float, Float]:
-    """Cubic on [0, 1] through values and derivatives at its ends, and its derivative in time."""
+    """Cubic Hermite polynomial at x in [0, 1] of a step, and its derivative by time."""
     d, a, b = p1 - p0, step * v0, step * v1
     value = p0 + x * (a + x * (3 * d - 2 * a - b + x * (a + b - 2 * d)))
     rate = (a + x * (2 * (3 * d - 2 * a - b) + x * 3 * (a + b - 2 * d))) / step
@@ -225,7 +229,8 @@ def _interpolate_hermite(
 
 
 def _vector_rate(vector: Float, body_rate: Float) -> Float:
-    """Derivative of a rotation vector whose rotation turns at a rate in its own (body) axes."""
+    """Derivative of a rotation vector from the angular velocity in body axes (Bortz 1971)."""
+    # (1 - a/2 cot(a/2)) / a^2, by its series near 0
     angle = np.linalg.norm(vector, axis=1, keepdims=True)
     half = 0.5 * angle
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -235,7 +240,8 @@ def _vector_rate(vector: Float, body_rate: Float) -> Float:
 
 
 def _body_rate(vector: Float, vector_rate: Float) -> Float:
-    """Rate in body axes of a rotation whose vector has a derivative."""
+    """Angular velocity in body axes from a rotation vector and its derivative."""
+    # (1 - cos a) / a^2 and (a - sin a) / a^3, by their series near 0
     angle = np.linalg.norm(vector, axis=1, keepdims=True)
     with np.errstate(invalid="ignore", divide="ignore"):
         small = angle <= 1e-4
@@ -243,3 +249,88 @@ def _body_rate(vector: Float, vector_rate: Float) -> Float:
         b = np.where(small, 1 / 6 - angle**2 / 120, (angle - np.sin(angle)) / angle**3)
     cross = np.cross(vector, vector_rate)
     return np.asarray(vector_rate - a * cross + b * np.cross(vector, cross))
+
+
+def assemble_trajectory(
+    time: Float,
+    coordinates: BodyCoordinates,
+    centre: Float,
+    horizontal: CubicSeries,
+    horizontal_variance: Float,
+    bridged: tuple[Span, ...],
+    edge: tuple[float, float],
+) -> Trajectory:
+    """Trajectory of the origin of the body from its horizontal and vertical coordinates.
+
+    Parameters
+    ----------
+    time : numpy.ndarray, shape (n,)
+        Knots [s].
+    coordinates : BodyCoordinates
+        Height of a point of the body, roll and pitch.
+    centre : numpy.ndarray, shape (3,)
+        That point in the body [m].
+    horizontal : CubicSeries
+        East, north [m] and yaw [rad].
+    horizontal_variance : numpy.ndarray, shape (n, 3)
+        Their variances [m^2, m^2, rad^2].
+    bridged : tuple
+        Spans that an instrument did not observe [s].
+    edge : tuple of float
+        Times at both ends in which transients of filters decay [s].
+    """
+    roll, pitch = coordinates.value[:, 1], coordinates.value[:, 2]
+    lever, by_roll, by_pitch = lever_height(roll, pitch, centre)
+    plan, plan_rate = horizontal.value(time), horizontal.rate(time)
+    up_rate = coordinates.rate[:, 0] - by_roll * coordinates.rate[:, 1]
+    up_rate -= by_pitch * coordinates.rate[:, 2]
+    rotation = Rotation.from_euler("ZYX", np.stack([plan[:, 2], pitch, roll], axis=1))
+    flag = np.where(inside_spans(time, bridged), BRIDGED, 0).astype(np.uint8)
+    flag[(time < time[0] + edge[0]) | (time > time[-1] - edge[1])] |= EDGE
+    return Trajectory(
+        time=time,
+        position=np.stack([plan[:, 0], plan[:, 1], coordinates.value[:, 0] - lever], axis=1),
+        velocity=np.stack([plan_rate[:, 0], plan_rate[:, 1], up_rate], axis=1),
+        quaternion=rotation.as_quat(),
+        angular_velocity=_euler_rates_to_body(
+            roll, pitch, coordinates.rate[:, 1], coordinates.rate[:, 2], plan_rate[:, 2]
+        ),
+        covariance=_pose_covariance(
+            coordinates, by_roll, by_pitch, plan[:, 2], horizontal_variance
+        ),
+        flag=flag,
+    )
+
+
+def _euler_rates_to_body(
+    roll: Float, pitch: Float, roll_rate: Float, pitch_rate: Float, yaw_rate: Float
+) -> Float:
+    """Angular velocity in body axes from the rates of roll, pitch and yaw, shape (n, 3)."""
+    a, b, c = roll_rate, pitch_rate, yaw_rate
+    sr, cr, sp, cp = np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch)
+    return np.stack([a - c * sp, b * cr + c * cp * sr, c * cp * cr - b * sr], axis=1)
+
+
+def _pose_covariance(
+    coordinates: BodyCoordinates,
+    by_roll: Float,
+    by_pitch: Float,
+    yaw: Float,
+    horizontal_variance: Float,
+) -> Float:
+    """Covariance of east, north, up and small rotations about them, shape (n, 6, 6)."""
+    n = yaw.size
+    pitch = coordinates.value[:, 2]
+    # derivatives of up and the rotations by (height of the point, roll, pitch): roll rotates about
+    # x of the body, pitch about the horizontal axis to its left
+    design = np.zeros((n, 4, 3))
+    design[:, 0, 0], design[:, 0, 1], design[:, 0, 2] = 1.0, -by_roll, -by_pitch
+    design[:, 1, 1], design[:, 1, 2] = np.cos(yaw) * np.cos(pitch), -np.sin(yaw)
+    design[:, 2, 1], design[:, 2, 2] = np.sin(yaw) * np.cos(pitch), np.cos(yaw)
+    design[:, 3, 1] = -np.sin(pitch)
+    covariance = np.zeros((n, 6, 6))
+    covariance[:, 2:, 2:] = design @ coordinates.covariance @ np.swapaxes(design, 1, 2)
+    covariance[:, 0, 0] = horizontal_variance[:, 0]
+    covariance[:, 1, 1] = horizontal_variance[:, 1]
+    covariance[:, 5, 5] += horizontal_variance[:, 2]
+    return covariance

@@ -16,7 +16,7 @@ from trueterrain.core.progress import Progress, no_progress
 from trueterrain.formats.run import open_run
 from trueterrain.georeference import Screening, georeference, mounting_of
 from trueterrain.motion import FusedMotion, FusionSettings, Trajectory, fuse_motion
-from trueterrain.motion._scans import scan_problems
+from trueterrain.motion.scan_gaps import find_scan_problems
 from trueterrain.surface.pass_record import PassRecord
 from trueterrain.survey._settings import MountingOverride, run_name
 
@@ -117,7 +117,7 @@ def process_run(
         tree = open_run(path)
         used = mounting.over(mounting_of(tree, path=path))
         fused = fuse_motion(tree, settings=motion)
-        problems = (*fused.problems, *scan_problems(tree, fused.trajectory))
+        problems = (*fused.problems, *find_scan_problems(tree, fused.trajectory))
         trajectory = fused.trajectory.between(begin, end)
     return ProcessedRun(
         name=name or run_name(path),

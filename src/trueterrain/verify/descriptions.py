@@ -7,7 +7,7 @@ from typing import ClassVar, get_args
 
 from trueterrain.formats.settings import settings_template
 from trueterrain.motion import FusionSettings
-from trueterrain.motion.fuse import Method
+from trueterrain.motion.settings import Method
 from trueterrain.verify.drift import DriftSettings
 from trueterrain.verify.dynamic import DynamicSettings
 from trueterrain.verify.results import AccuracyLimits

@@ -19,7 +19,7 @@ from trueterrain.georeference import (
     calibrate_mounting,
     mounting_of,
 )
-from trueterrain.georeference._observable import in_units, measured_within
+from trueterrain.georeference.observability import format_parameter, survey_tolerance
 from trueterrain.motion import Trajectory
 from trueterrain.motion.clocks import (
     accelerometer_clock_from_navigation,
@@ -199,7 +199,7 @@ def _mounting_finding(name: str, found: Calibration, declared: Mounting) -> Find
     sd = float(found.sd[at])
     # error of the parameter that each held parameter could cause
     caused = {
-        held: abs(float(found.sensitivity[at, k])) * measured_within(held)
+        held: abs(float(found.sensitivity[at, k])) * survey_tolerance(held)
         for k, held in enumerate(found.held)
     }
     if is_significant(off, sd) and not is_significant(off, sd, min_size=sum(caused.values())):
@@ -221,7 +221,7 @@ def _mounting_finding(name: str, found: Calibration, declared: Mounting) -> Find
     ]
     words += [
         f"It depends on the {_NAMES[held][0]}, which is held: an error of "
-        f"{in_units(held, measured_within(held))} there causes one of {in_units(name, by)} here."
+        f"{format_parameter(held, survey_tolerance(held))} there causes one of {format_parameter(name, by)} here."
         for held, by in caused.items()
         if by > sd
     ]

@@ -8,7 +8,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.georeference import Screening, mounting_of
-from trueterrain.motion._scans import missing_scans
+from trueterrain.motion.scan_gaps import count_missing_scans
 from trueterrain.verify.findings.finding import CERTAIN, Finding, is_significant
 from trueterrain.verify.registration.search import Registration
 from trueterrain.verify.statistics.regression import regress_signatures
@@ -250,7 +250,7 @@ def returned_fraction(
 
 def lost_scans(time: npt.ArrayLike) -> Finding:
     """Number of missing scans, from gaps in their time stamps."""
-    missing = missing_scans(time)
+    missing = count_missing_scans(time)
     if missing.count:
         meaning = (
             f"{missing.count} scans are missing in {missing.gaps} gaps, the longest from "

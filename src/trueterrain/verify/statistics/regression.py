@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.motion.clocks import long_run
+from trueterrain.core.newey_west import newey_west_covariance
 from trueterrain.verify.findings.finding import CERTAIN
 
 Floats = npt.NDArray[np.float64]
@@ -94,7 +94,7 @@ def regress_signatures(
     residual = cleaned_error - clean @ value
     unknowns = signatures.shape[1] + nuisance.shape[1]
     degrees = max(error.size - unknowns, 1)
-    robust = inverse @ long_run(clean * residual[:, None], lags) @ inverse * (error.size / degrees)
+    robust = inverse @ newey_west_covariance(clean * residual[:, None], lags) @ inverse * (error.size / degrees)
     white = inverse * float(residual @ residual) / degrees
     diagonal = np.maximum(np.diag(robust), 0.0)
     if not (diagonal > 0).all():

@@ -1,8 +1,7 @@
-"""Smooth motion from navigation alone: values and derivatives, bridges over gaps.
+"""Series of time from navigation: smoothed values and derivatives, and bridges over gaps.
 
-Between gaps a polynomial of third order is fitted in a window that moves along (Savitzky and Golay,
-1964): no delay, and no trouble at the ends. Over a gap goes the cubic through positions and
-velocities at both sides.
+Between gaps a cubic is fitted in a moving window (Savitzky and Golay, 1964), which has no delay and
+also smooths the ends. A gap is bridged by the cubic through positions and velocities at both sides.
 """
 
 import numpy as np
@@ -13,11 +12,14 @@ from trueterrain.motion._inputs import NavigationInput, Span
 Float = npt.NDArray[np.float64]
 
 _ORDER = 3
-_UNEVEN = 1e-3  # steps by which epochs may lie off an even grid
+_MAX_UNEVENNESS = 1e-3  # steps by which epochs may deviate from an even grid
+_KNOT_TOLERANCE = np.array([1e-5, 5e-6, 5e-6])  # [m, rad, rad] of cubics for up, roll, pitch
+_KNOT_TOLERANCE_HORIZONTAL = np.array([1e-4, 1e-4, 5e-5])  # [m, m, rad] for east, north, yaw
+_MAX_KNOTS = 2_000_000  # for fast navigation: 0.9 GB
 
 
 class CubicSeries:
-    """Series over time and their derivatives: cubics through values and rates at some times.
+    """Cubic Hermite splines over time through given values and rates.
 
     Parameters
     ----------
@@ -43,18 +45,18 @@ class CubicSeries:
 
 
 class SmoothedSeries(CubicSeries):
-    """Series smoothed in a window that moves along.
+    """Components of navigation smoothed in a moving window.
 
     Parameters
     ----------
     navigation : NavigationInput
         Epochs.
     columns : sequence of int
-        Which of its components.
+        Components to smooth.
     window : float
-        Window of the fit [s]; 0 for the values as they are.
+        Window of the fit [s]; 0 to keep the values.
     slow : float
-        Window for the second derivative, and for the velocity at the sides of gaps [s].
+        Window of the second derivative, and of the velocity at the sides of gaps [s].
     """
 
     def __init__(
@@ -68,6 +70,7 @@ class SmoothedSeries(CubicSeries):
             value, rate, _ = fit_polynomials(series, grid, window)
             _, slow_rate, second = fit_polynomials(series, grid, slow)
             if navigation.gaps:
+                # noise of the velocities at its sides would grow with the length of the gap
                 rate[[0, -1]] = slow_rate[[0, -1]]
             times.append(grid)
             values.append(value)
@@ -84,24 +87,24 @@ class SmoothedSeries(CubicSeries):
 
 
 def bridge_variance(time: Float, gaps: tuple[Span, ...], density: float) -> Float:
-    """Variance of what is bridged by a cubic over gaps.
+    """Variance of positions that a cubic bridges over gaps.
 
-    That of a body which white acceleration moves and whose position and velocity are known at both
-    sides: density T^3 x^3 (1 - x)^3 / 3 at the share x of a gap of length T.
+    A body that white acceleration moves, with known position and velocity at both sides, has the
+    variance density T^3 x^3 (1 - x)^3 / 3 at the fraction x of a gap of length T.
 
     Parameters
     ----------
     time : numpy.ndarray, shape (n,)
         Times [s].
     gaps : tuple
-        Their sides [s].
+        Begin and end of each gap [s].
     density : float
-        Two-sided density of the acceleration [m^2/s^3 or rad^2/s^3].
+        Two-sided spectral density of the acceleration [m^2/s^3 or rad^2/s^3].
 
     Returns
     -------
     numpy.ndarray, shape (n,)
-        Variance [m^2 or rad^2]; 0 outside of the gaps.
+        Variance [m^2 or rad^2]; 0 outside the gaps.
 
     Examples
     --------
@@ -116,10 +119,10 @@ def bridge_variance(time: Float, gaps: tuple[Span, ...], density: float) -> Floa
 
 
 def resample_evenly(time: Float, values: Float) -> tuple[Float, Float]:
-    """The same on an even grid."""
+    """Times and values on an even grid, as Savitzky-Golay filters need them."""
     grid = np.linspace(time[0], time[-1], time.size)
     step = grid[1] - grid[0]
-    if np.abs(grid - time).max() <= _UNEVEN * step:
+    if np.abs(grid - time).max() <= _MAX_UNEVENNESS * step:
         return time, values
     from scipy.interpolate import CubicSpline
 
@@ -127,7 +130,17 @@ def resample_evenly(time: Float, values: Float) -> tuple[Float, Float]:
 
 
 def fit_polynomials(values: Float, time: Float, window: float) -> tuple[Float, Float, Float]:
-    """Value, first and second derivative of the polynomial fitted around each epoch."""
+    """Value, first and second derivative of the polynomial fitted around each epoch.
+
+    Parameters
+    ----------
+    values : numpy.ndarray, shape (n, columns)
+        Values on an even grid.
+    time : numpy.ndarray, shape (n,)
+        Times [s].
+    window : float
+        Length of the fit [s]; up to two steps, the values are interpolated by a spline.
+    """
     step = (time[-1] - time[0]) / (time.size - 1)
     if window <= 2 * step:
         from scipy.interpolate import CubicSpline
@@ -145,3 +158,54 @@ def fit_polynomials(values: Float, time: Float, window: float) -> tuple[Float, F
         for d in range(3)
     ]
     return fits[0], fits[1], fits[2]
+
+
+def even_knots(navigation: NavigationInput, rate: float) -> Float:
+    """Equidistant knots over the navigation, `rate` of them per second at most."""
+    begin, end = navigation.time[[0, -1]]
+    count = max(int(np.floor((end - begin) * rate + 1e-9)), 1)
+    return np.asarray(np.linspace(begin, end, count + 1))
+
+
+def knots_of_navigation(
+    navigation: NavigationInput, vertical: CubicSeries, horizontal: CubicSeries, rate: float
+) -> tuple[Float, list[str]]:
+    """Knots between which cubics follow the navigation, and a warning where they do not.
+
+    The rates at the epochs of fast navigation contain its noise and the rounding of its numbers.
+    Cubics between knots that are far apart amplify these, so the knots are refined.
+
+    Parameters
+    ----------
+    navigation : NavigationInput
+        Epochs.
+    vertical, horizontal : CubicSeries
+        Up, roll, pitch; east, north, yaw.
+    rate : float
+        Knots per second to begin with [Hz].
+    """
+    from scipy.interpolate import CubicHermiteSpline
+
+    max_rate = 1.0 / navigation.step  # one knot for each epoch
+    series_and_tolerances = (
+        (vertical, _KNOT_TOLERANCE),
+        (horizontal, _KNOT_TOLERANCE_HORIZONTAL),
+    )
+    while True:
+        time = even_knots(navigation, rate)
+        errors = [
+            np.abs(series.value(navigation.time) - cubic(navigation.time)).max(axis=0) / tolerance
+            for series, tolerance in series_and_tolerances
+            for cubic in [CubicHermiteSpline(time, series.value(time), series.rate(time))]
+        ]
+        worst = float(np.max(errors))
+        if worst <= 1.0 or rate >= max_rate:
+            return time, []
+        rate = min(2.0 * rate, max_rate)
+        if rate * (time[-1] - time[0]) > _MAX_KNOTS:
+            break
+    return time, [
+        f"navigation: its {max_rate:.0f} epochs per second are followed to "
+        f"{1000 * worst * _KNOT_TOLERANCE[0]:.2g} mm only, with {time.size} knots: cut the run "
+        "into shorter ones, or thin the navigation out"
+    ]

@@ -1,4 +1,4 @@
-"""Settings of a calibration."""
+"""Settings of the calibration of a mounting."""
 
 import math
 from dataclasses import dataclass, field
@@ -17,7 +17,7 @@ Parameter = Literal["roll", "pitch", "yaw", "lever_x", "lever_y", "lever_z", "cl
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrationSettings:
-    """How a mounting is found."""
+    """Parameters, selection of returns and limits of a calibration."""
 
     parameters: tuple[Parameter, ...] = (
         "roll",
@@ -28,37 +28,37 @@ class CalibrationSettings:
         "lever_z",
         "clock",
     )
-    "What is estimated; the rest is held."
+    "Parameters to estimate; the others are held."
 
     unobservable: Literal["refuse", "hold"] = "refuse"
-    "What becomes of a parameter that the passes do not tell: an error, or it is held as it was."
+    "Treatment of a parameter that the passes do not determine: error, or hold its start value."
 
     spacing: float = 0.04
-    "Size of the cells of ground that are compared [m]; at least three scans should fall into it."
+    "Size of the cells of ground that are compared [m]; a cell should contain at least 3 scans."
 
     area: tuple[float, float, float, float] | None = None
-    "West, south, east, north of the ground to use [m]; by default all."
+    "West, south, east, north of the ground to use [m]; by default all of it."
 
     max_angle: float = 0.5
-    """Largest angle of the beams that are used, from straight down [rad]: beams that are more
-    oblique leave shadows beside steps, which shift these."""
+    """Maximum angle of the beams from straight down [rad]: more oblique beams leave shadows next to
+    steps, which displace these."""
 
     cluster: float = 0.5
-    "Size of the squares of ground within which errors may be alike [m]."
+    "Size of the squares of ground within which errors may be correlated [m]."
 
     drift_time: tuple[float, float] = (25.0, 60.0)
-    """Times after which errors of the motion, of positions and of angles, are others: the
-    autocorrelation is then 1/e [s]. That of heights is where it starts from; passes tell it."""
+    """Correlation times of the errors of the motion, of positions and of angles [s]: the
+    autocorrelation is then 1/e. That of heights is an initial value; the passes determine it."""
 
     drift_step: float = 0.15
-    """Time from knot to knot of the broken lines that follow these errors [s]; passes that see the
-    ground for longer than 24 of these have longer ones."""
+    """Time from knot to knot of the piecewise linear functions that model these errors [s]; passes
+    longer than 24 of these steps have longer ones."""
 
     height_noise: float = 1e-4
-    "Least standard deviation that the height of a cell is taken to have [m]."
+    "Minimum standard deviation of the height of a cell [m]."
 
     max_angle_sd: float = 5e-4
-    "Standard deviation beyond which an angle counts as not observable [rad]."
+    "Standard deviation above which an angle counts as unobservable [rad]."
 
     max_lever_sd: float = 3e-3
     "The same of a component of the lever arm [m]."
@@ -67,10 +67,10 @@ class CalibrationSettings:
     "The same of the clock [s]."
 
     max_iterations: int = 30
-    "Rounds after which it gives up."
+    "Maximum number of iterations."
 
     screening: Screening = field(default_factory=Screening)
-    "Which returns are used."
+    "Selection of returns."
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -106,5 +106,5 @@ class CalibrationSettings:
 
     @property
     def limits(self) -> Floats:
-        """Standard deviations up to which each parameter counts as observable."""
+        """Standard deviations up to which each parameter counts as observable, shape (7,)."""
         return np.array([self.max_angle_sd] * 3 + [self.max_lever_sd] * 3 + [self.max_clock_sd])

@@ -1,7 +1,7 @@
-"""East, north and yaw against exact drives, with the drift that navigation has by default.
+"""Adaptive smoothing of east, north and yaw against exact drives, with default drift.
 
-What counts is the error without what is slower than 0.3 Hz: nothing on board tells slow drift from
-the way. The window of 0.2 s follows all of it, so that its error is that of navigation.
+Errors are compared above 0.3 Hz, since no instrument on board observes slower drift. The fixed
+window of 0.2 s follows all of the drift, so its error is that of navigation.
 """
 
 from dataclasses import replace
@@ -15,7 +15,7 @@ from scipy.signal import butter, sosfiltfilt
 from trueterrain.motion import FusionSettings, fuse_motion
 from trueterrain.motion._adaptive import AdaptiveTrajectory
 from trueterrain.motion._inputs import NavigationInput
-from trueterrain.motion._way import SmoothedSeries
+from trueterrain.motion._series import SmoothedSeries
 from trueterrain.motion.trajectory import BRIDGED
 from trueterrain.simulate.course import Arc, Oval, Straight
 from trueterrain.simulate.navigation import Navigation, NavigationStream
@@ -24,11 +24,11 @@ from trueterrain.simulate.speed import Constant, Ramp, Standstill, StopAndGo
 
 from .conftest import run_of
 
-WAY = [0, 1, 5]
+HORIZONTAL = [0, 1, 5]
 SEEDS = (1, 2, 3, 4)
 SLOW = 0.3  # [Hz]
 FIXED = 0.2  # [s]
-CHANCE = 1.05  # times the error of the window of 0.2 s, where smoothing cannot help: few seeds
+CHANCE = 1.05  # times the error of the fixed window, where smoothing cannot help: few seeds
 FOLLOWED = 0.008  # [m] error at a step of 5 m/s^2: 5.5, drift included
 REPORTED = 0.02  # [m] standard deviation of the horizontal drift
 
@@ -37,7 +37,7 @@ STEADY = STRAIGHT, Constant(speed=10.0), 40.0
 
 
 def knots_of(course, speed, duration, sway=None):
-    """Exact motion; `sway` adds to the components of the pose, a function of time and speed."""
+    """Exact motion; `sway` is a function of time that adds to the components of the pose."""
     time = np.arange(0.0, duration + 0.001, 0.002)
     pose = np.zeros((time.size, 6))
     progress = speed.at(time)
@@ -50,7 +50,7 @@ def knots_of(course, speed, duration, sway=None):
 
 
 def navigation_of(knots, seed=1, keep=None, **errors):
-    """Navigation of a drive, and the exact way at its epochs."""
+    """Navigation of a drive, and exact east, north and yaw at its epochs."""
     stream = NavigationStream(Navigation(**errors), seed=seed)
     recorded = stream.record(knots, 0.0, knots.time[-1]).recorded
     kept = slice(None) if keep is None else keep(recorded["time"])
@@ -61,7 +61,7 @@ def navigation_of(knots, seed=1, keep=None, **errors):
     ends = np.flatnonzero(np.diff(time) > 1.5 * step)
     gaps = tuple((float(time[k]), float(time[k + 1])) for k in ends)
     navigation = NavigationInput(time=time, pose=pose, sd=sd, step=step, gaps=gaps, dropped=0)
-    return navigation, knots.at(time)[0][:, WAY]
+    return navigation, knots.at(time)[0][:, HORIZONTAL]
 
 
 def adaptive(navigation):
@@ -69,27 +69,27 @@ def adaptive(navigation):
 
 
 def fixed(navigation, window=FIXED):
-    return SmoothedSeries(navigation, WAY, window=window, slow=1.0).value(navigation.time)
+    return SmoothedSeries(navigation, HORIZONTAL, window=window, slow=1.0).value(navigation.time)
 
 
-def quick_error(navigation, found, true):
-    """What is left of errors above 0.3 Hz, shape (epoch, 3)."""
+def fast_error(navigation, found, true):
+    """Errors above 0.3 Hz, shape (epoch, 3)."""
     high = butter(2, SLOW, "high", fs=1.0 / navigation.step, output="sos")
     return sosfiltfilt(high, found - true, axis=0)
 
 
 def compared(knots, **errors):
-    """RMS of quick errors, adaptive over fixed: along the first heading, across it, and of yaw."""
+    """Ratio of RMS of fast errors, adaptive to fixed: along and across the first heading, yaw."""
     squares = np.zeros((2, 3))
     for seed in SEEDS:
         navigation, true = navigation_of(knots, seed, **errors)
         for row, method in enumerate((adaptive, fixed)):
-            squares[row] += np.mean(quick_error(navigation, method(navigation), true) ** 2, axis=0)
+            squares[row] += np.mean(fast_error(navigation, method(navigation), true) ** 2, axis=0)
     return np.sqrt(squares[0] / squares[1])
 
 
 def swaying(time):
-    """A body that rolls about an axis below: 8 mm to the side, 1.5 Hz, never the same."""
+    """A body that sways laterally by 8 mm at random, 1.5 Hz."""
     rng = np.random.default_rng(9)
     since = np.arange(0.0, 4.0, 0.002)
     ring = np.exp(-2.0 * since) * np.sin(3.0 * np.pi * since)
@@ -98,7 +98,7 @@ def swaying(time):
 
 
 def weaving(time):
-    """Steered within a lane, the heading along the way."""
+    """Steered within a lane, the heading tangential to the path."""
     out = np.zeros((time.size, 6))
     for size, frequency, phase in ((0.15, 0.12, 0.0), (0.04, 0.35, 1.0), (0.01, 0.8, 2.0)):
         angle = 2 * np.pi * frequency * time + phase
@@ -114,11 +114,11 @@ def full_braking(time):
     return np.outer(-2.5 * braked**2 - 10.0 * after, np.eye(6)[0])
 
 
-# ratios that were measured (along, across, yaw), and what they may be: room for other seeds
+# measured ratios (along, across, yaw) as comments, and their bounds, which allow for other seeds
 @pytest.mark.parametrize(
-    ("knots", "most"),
+    ("knots", "bounds"),
     [
-        # 0.03, 0.02, 0.07: 0.25 for a second in which chance looks like a jerk
+        # 0.03, 0.02, 0.07: 0.25 for a second in which noise resembles a jerk
         (knots_of(*STEADY), (0.25, 0.25, 0.25)),
         (knots_of(STRAIGHT, Standstill(), 40.0), (0.25, 0.25, 0.25)),
         # 0.02, 0.02, 0.07: in a circle at a steady speed neither jerk is needed
@@ -137,22 +137,22 @@ def full_braking(time):
         ),
         # 0.08, 0.93, 0.95
         (knots_of(*STEADY, weaving), (0.25, CHANCE, CHANCE)),
-        # 0.01, 1.02, 0.07: a body that sways as fast as navigation drifts cannot be told from it
+        # 0.01, 1.02, 0.07: swaying as fast as navigation drifts cannot be separated from it
         (knots_of(*STEADY, swaying), (0.25, CHANCE, 0.25)),
     ],
     ids=["steady", "standing", "circle", "stop-and-go", "ramp", "oval", "weaving", "swaying"],
 )
-def test_smoother_than_the_fixed_window_where_the_vehicle_allows_and_never_worse(knots, most):
-    assert (compared(knots) < most).all()
+def test_smoother_than_the_fixed_window_where_the_vehicle_allows_and_never_worse(knots, bounds):
+    assert (compared(knots) < bounds).all()
 
 
 def test_full_braking_is_followed():
-    """A step of 5 m/s^2; a window of 2 s, as good at a steady speed, is off by centimetres."""
+    """A step of 5 m/s^2; a window of 2 s, as good at a steady speed, errs by centimetres."""
     knots = knots_of(*STEADY, full_braking)
     for seed in SEEDS:
         navigation, true = navigation_of(knots, seed)
-        off = np.abs(quick_error(navigation, adaptive(navigation), true)[:, :2])
-        blurred = np.abs(quick_error(navigation, fixed(navigation, 2.0), true)[:, :2])
+        off = np.abs(fast_error(navigation, adaptive(navigation), true)[:, :2])
+        blurred = np.abs(fast_error(navigation, fixed(navigation, 2.0), true)[:, :2])
         assert off.max() < FOLLOWED
         assert blurred.max() > 5 * FOLLOWED
     assert (compared(knots) < (0.5, 0.25, 0.25)).all()  # 0.29, 0.03, 0.07
@@ -177,7 +177,7 @@ def test_never_worse_with_other_navigation(errors):
 
 @pytest.mark.parametrize("length", [0.1, 0.5, 0.9, 1.5, 3.0])
 def test_gaps_are_bridged_no_worse_than_before(length):
-    """One at a steady speed, and one in which the vehicle brakes."""
+    """One gap at a steady speed, and one in which the vehicle brakes."""
 
     def seen(time):
         return ~((time > 9.0) & (time < 9.0 + length)) & ~((time > 15.0) & (time < 15.0 + length))
@@ -185,13 +185,13 @@ def test_gaps_are_bridged_no_worse_than_before(length):
     knots = knots_of(STRAIGHT, StopAndGo(speed=5.0, drive=8.0, stand=4.0), 40.0)
     navigation, _ = navigation_of(knots, 1, seen)
     at = np.concatenate([np.arange(begin, begin + length, 0.005) for begin in (9.0, 15.0)])
-    true = knots.at(at)[0][:, WAY]
+    true = knots.at(at)[0][:, HORIZONTAL]
     bridges = (
         AdaptiveTrajectory(navigation, navigation.sd),
-        SmoothedSeries(navigation, WAY, window=0.2, slow=1.0),
+        SmoothedSeries(navigation, HORIZONTAL, window=0.2, slow=1.0),
     )
-    off = [np.abs(bridge.value(at) - true)[:, :2].max() for bridge in bridges]
-    assert off[0] < off[1] + 0.003  # [m] drift that the fixed window happens to follow
+    errors = [np.abs(bridge.value(at) - true)[:, :2].max() for bridge in bridges]
+    assert errors[0] < errors[1] + 0.003  # [m] drift that the fixed window happens to follow
 
 
 def test_gaps_are_flagged(excited):
@@ -247,7 +247,7 @@ def test_map_coordinates_lose_no_digits():
     far = np.array([6e5, 5e6, 0.0, 0.0, 0.0, 0.0])
     there = adaptive(replace(navigation, pose=navigation.pose + far))
     # [m] round-off of 5e6
-    assert_allclose(there - far[WAY], adaptive(navigation), rtol=0, atol=1e-8)
+    assert_allclose(there - far[HORIZONTAL], adaptive(navigation), rtol=0, atol=1e-8)
 
 
 def test_the_same_to_the_last_bit():
@@ -263,11 +263,11 @@ def test_the_same_to_the_last_bit():
     ],
     ids=["flickers", "by 20, slowly"],
 )
-def test_reports_of_quality_do_not_shake_the_way(report):
-    """Satellites come and go, inertial sensors carry on."""
+def test_varying_reported_quality_does_not_disturb_the_trajectory(report):
+    """Satellites are lost and regained; inertial sensors continue."""
     navigation, true = navigation_of(knots_of(*STEADY, weaving))
     navigation.sd[:] *= report(navigation.time)[:, None]
-    errors = [quick_error(navigation, way(navigation), true) for way in (adaptive, fixed)]
+    errors = [fast_error(navigation, method(navigation), true) for method in (adaptive, fixed)]
     ratio = np.sqrt(np.mean(errors[0] ** 2, axis=0) / np.mean(errors[1] ** 2, axis=0))
     assert (ratio < CHANCE).all()
 
@@ -275,41 +275,41 @@ def test_reports_of_quality_do_not_shake_the_way(report):
 def test_a_wrong_epoch_is_followed_no_more_than_by_the_fixed_window():
     navigation, true = navigation_of(knots_of(*STEADY))
     navigation.pose[2000, 0] += 5.0
-    off = [np.abs(method(navigation) - true)[:, 0].max() for method in (adaptive, fixed)]
-    assert off[0] < off[1]
+    errors = [np.abs(method(navigation) - true)[:, 0].max() for method in (adaptive, fixed)]
+    assert errors[0] < errors[1]
 
 
 @pytest.mark.parametrize("correlation", [25.0, 3.0, 0.3])
-def test_standard_deviations_claim_no_less_than_the_drift(correlation):
-    """Smooth is not certain: navigation's own are claimed. Quick drift goes, so that they hold."""
+def test_standard_deviations_are_at_least_those_of_the_drift(correlation):
+    """They are navigation's own; smoothing removes fast drift, so errors may be smaller."""
     drift = {"horizontal_time": correlation, "attitude_time": correlation}
     squares = []
     for seed in range(16):
         navigation, true = navigation_of(knots_of(STRAIGHT, STEADY[1], 12.0), seed, **drift)
-        squares.append(((adaptive(navigation) - true) / navigation.sd[:, WAY]) ** 2)
-    share = np.sqrt(np.mean(squares))
+        squares.append(((adaptive(navigation) - true) / navigation.sd[:, HORIZONTAL]) ** 2)
+    ratio = np.sqrt(np.mean(squares))
     if correlation == 25.0:  # as good as constant: 48 independent values, sd 0.1
-        assert 0.7 < share < 1.3
+        assert 0.7 < ratio < 1.3
     else:
-        assert share < 1.0
+        assert ratio < 1.0
 
 
-def test_rts_finds_the_way_and_a_given_window_fixes_it(excited):
+def test_rts_smooths_adaptively_unless_a_window_is_given(excited):
     scene, knots = excited
     run = run_of(knots, scene)
-    ways = {
+    motions = {
         (method, window): fuse_motion(
             run, settings=FusionSettings(method=method, smoothing_window=window)
         )
         for method in ("rts", "zero-phase")
         for window in (None, FIXED)
     }
-    plan = {key: motion.trajectory.position[:, :2] for key, motion in ways.items()}
+    plan = {key: motion.trajectory.position[:, :2] for key, motion in motions.items()}
     assert (plan["rts", FIXED] == plan["zero-phase", FIXED]).all()
     assert (plan["zero-phase", None] == plan["zero-phase", FIXED]).all()
     assert (plan["rts", None] != plan["rts", FIXED]).any()
-    claims = [ways["rts", window].trajectory.covariance[:, 0, 0] for window in (None, FIXED)]
-    assert (claims[0] == claims[1]).all()
+    variances = [motions["rts", window].trajectory.covariance[:, 0, 0] for window in (None, FIXED)]
+    assert (variances[0] == variances[1]).all()
     for wrong in (0.0, -1.0, np.nan):
         with pytest.raises(ValueError, match="smoothing_window must be greater than 0"):
             FusionSettings(smoothing_window=wrong)
