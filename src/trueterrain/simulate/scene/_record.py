@@ -31,14 +31,14 @@ Float = npt.NDArray[np.float64]
 #: Time recorded at once [s]: some 235,000 beams. What is recorded does not depend on it.
 BLOCK = 0.25
 
-_LEAD = 0.1  # [s] that navigation and accelerometers record before and after the scans
+_RUN_IN = 0.1  # [s] that navigation and accelerometers record before and after the scans
 _MARGIN = 0.1  # [s] of motion around a block
 _MICROMETRE = 1e-6  # [m] step in which the errors of ranges are kept
 _LOST = np.iinfo(np.int32).min
-_BESIDE = 0.5  # [m] by which the surface that shows the ground is wider than the swath, either side
-_BEYOND = 1.0  # [m] by which it is longer than the way of the laser, either end
-_LARGEST_TRUTH = 30_000_000  # nodes of that surface
-_ROWS = 50  # of it computed at a time, while the tiles of the raster are there
+_LATERAL_MARGIN = 0.5  # [m] by which the surface that shows the ground is wider than the swath, either side
+_END_MARGIN = 1.0  # [m] by which it is longer than the way of the laser, either end
+_MAX_TRUTH_NODES = 30_000_000  # nodes of that surface
+_ROWS = 50  # of it computed at a time, while the tiles of the raster are laser
 
 
 def record_scene(
@@ -60,7 +60,7 @@ def record_scene(
     path : Path, optional
         File of the scene, for messages.
     force : bool
-        Replace runs that are there already.
+        Replace runs that are laser already.
     progress : callable, optional
         Called with the name of the pass, and the seconds driven and to drive.
 
@@ -115,7 +115,7 @@ def record_pass(
     number : int
         Number of the pass, from 0: each has noise and drift of its own.
     force : bool
-        Replace a run that is there already.
+        Replace a run that is laser already.
     block : float
         Time recorded at once [s]; the run is the same, byte by byte, for any.
     progress : callable, optional
@@ -124,7 +124,7 @@ def record_pass(
     Raises
     ------
     CoverageError
-        If there is no ground under a wheel.
+        If laser is no ground under a wheel.
     OutputError
         If the run exists and `force` is false, or its folder does not exist.
     """
@@ -135,10 +135,10 @@ def record_pass(
     scanner = ScannerStream(
         scene.scanner, mounting, ground, reflectivity=scene.reflectivity, **seeded
     )
-    navigation = NavigationStream(scene.navigation, begin=-_LEAD, **seeded)
-    accelerometers = AccelerometerStream(scene.accelerometers, begin=-_LEAD, **seeded)
+    navigation = NavigationStream(scene.navigation, begin=-_RUN_IN, **seeded)
+    accelerometers = AccelerometerStream(scene.accelerometers, begin=-_RUN_IN, **seeded)
     duration = motion.duration
-    shown = _ground_under(scene, mounting, motion, ground)
+    true_surface = _start_true_surface(scene, mounting, motion, ground)
     with RunWriter(
         target,
         name=f"{scene.name}-{drive.name}",
@@ -152,20 +152,20 @@ def record_pass(
         history=_scene_provenance(stage, drive, number),
         force=force,
     ) as run:
-        for begin, end, knots in motion.blocks(-_LEAD, duration + _LEAD, block, margin=_MARGIN):
+        for begin, end, knots in motion.blocks(-_RUN_IN, duration + _RUN_IN, block, margin=_MARGIN):
             epochs = navigation.record(knots, begin, end)
             run.append_navigation(epochs.recorded)
             run.append_truth("navigation", _block_dataset(epochs.truth, "epoch"))
             samples = accelerometers.record(knots, begin, end)
             run.append_accelerometers(**samples.recorded)
-            felt = _block_dataset(samples.truth, "sample", "sensor").merge(
+            sensors = _block_dataset(samples.truth, "sample", "sensor").merge(
                 _constant_errors(accelerometers)
             )
-            run.append_truth("accelerometers", felt, dim="sample")
-            driven = _motion_knots(knots, begin, end, last=end == duration + _LEAD)
+            run.append_truth("accelerometers", sensors, dim="sample")
+            driven = _motion_knots(knots, begin, end, last=end == duration + _RUN_IN)
             run.append_truth("body", driven)
-            if drive.standing is None or begin == -_LEAD:
-                shown.append(driven)
+            if drive.standing is None or begin == -_RUN_IN:
+                true_surface.append(driven)
             first, last = max(begin, 0.0), min(end, duration)
             if last > first:
                 scans = scanner.record(knots, first, last)
@@ -174,7 +174,7 @@ def record_pass(
                 if scene.truth.returns:
                     run.append_truth("returns", _range_errors(scans), dim="scan")
                 progress(drive.name, last, duration)
-            for part in shown.rows(end=end == duration + _LEAD):
+            for part in true_surface.rows(end=end == duration + _RUN_IN):
                 run.append_truth("ground", part, dim="u")
 
 
@@ -191,21 +191,21 @@ def _scene_provenance(stage: Stage, drive: ScenePass, number: int) -> str:
     return str(step.attrs["provenance"])
 
 
-def _ground_under(scene: Scene, mounting: Mounting, motion: Motion, ground: Ground) -> "_Shown":
+def _start_true_surface(scene: Scene, mounting: Mounting, motion: Motion, ground: Ground) -> "_TrueSurface":
     """Surface wider than the swath, with wider spacing where the way is very long."""
-    half, spacing = 0.5 * scene.scanner.swath + _BESIDE, scene.truth.spacing
+    half, spacing = 0.5 * scene.scanner.swath + _LATERAL_MARGIN, scene.truth.spacing
     way = getattr(motion, "drive", None)  # what stands has none
     length = float(way.speed.at(motion.duration).distance[0]) if way else 0.0
     nodes = (length / spacing + 1.0) * (2.0 * half / spacing + 1.0)
-    times = math.ceil(nodes / _LARGEST_TRUTH)
-    return _Shown(ground, mounting, along=times * spacing, across=spacing, half=half)
+    times = math.ceil(nodes / _MAX_TRUTH_NODES)
+    return _TrueSurface(ground, mounting, along=times * spacing, across=spacing, half=half)
 
 
-class _Shown:
+class _TrueSurface:
     """Surface that shows the ground, row by row as the laser drives over it.
 
     Its reference line is the way of the laser in the plane, with nodes at whole multiples of a
-    spacing, and goes straight on beyond both ends. A cross-section lies on the bisector of the two
+    spacing, and following straight on beyond both ends. A cross-section lies on the bisector of the two
     chords that meet in its node.
     """
 
@@ -215,8 +215,8 @@ class _Shown:
         self._ground = ground
         self._lever = mounting.scanner_position[:2]
         self._spacing = along
-        most = math.ceil(half / across)
-        self._v = across * np.arange(-most, most + 1, dtype=float)
+        columns = math.ceil(half / across)
+        self._v = across * np.arange(-columns, columns + 1, dtype=float)
         self._next = 0  # number of the next node
         self._last = np.empty((0, 4))  # station, easting, northing and yaw where the way was last
         self._nodes = np.empty((0, 4))  # the same of nodes whose rows wait, and of the one before
@@ -228,8 +228,8 @@ class _Shown:
         x, y = self._lever
         east = knots["east"].values + x * np.cos(yaw) - y * np.sin(yaw)
         north = knots["north"].values + x * np.sin(yaw) + y * np.cos(yaw)
-        there = np.stack([np.zeros(yaw.size), east, north, yaw], axis=1)
-        way = np.concatenate([self._last if len(self._last) else there[:1], there])
+        laser = np.stack([np.zeros(yaw.size), east, north, yaw], axis=1)
+        way = np.concatenate([self._last if len(self._last) else laser[:1], laser])
         # one sum after the other, so that it does not matter where blocks end
         steps = np.hypot(*np.diff(way[:, 1:3], axis=0).T)
         way[:, 0] = np.cumsum(np.append(way[:1, 0], steps))
@@ -245,18 +245,18 @@ class _Shown:
         if len(self._nodes) < _ROWS and not end:
             return
         nodes = self._nodes
-        before = np.empty((0, 4)) if self._begun else self._beyond(self._nodes[:2], -1)
-        after = self._beyond(self._nodes[-2:], 1) if end else np.empty((0, 4))
+        before = np.empty((0, 4)) if self._begun else self._extrapolate(self._nodes[:2], -1)
+        after = self._extrapolate(self._nodes[-2:], 1) if end else np.empty((0, 4))
         nodes = np.concatenate([before, nodes, after])
         row = np.arange(1 if self._begun else 0, len(nodes) - (0 if end else 1))
         chords = np.diff(nodes[:, 1:3], axis=0)
         heading = np.arctan2(chords[:, 1], chords[:, 0])
         left = np.stack([-np.sin(heading), np.cos(heading)], axis=1)
-        came, goes = np.maximum(row - 1, 0), np.minimum(row, len(chords) - 1)
-        normal = left[came] + left[goes]
-        normal /= 1.0 + np.sum(left[came] * left[goes], axis=1)[:, None]
+        previous, following = np.maximum(row - 1, 0), np.minimum(row, len(chords) - 1)
+        normal = left[previous] + left[following]
+        normal /= 1.0 + np.sum(left[previous] * left[following], axis=1)[:, None]
         u, east, north, yaw = nodes[row].T
-        heading = heading[came] + 2 * np.pi * np.rint((yaw - heading[came]) / (2 * np.pi))
+        heading = heading[previous] + 2 * np.pi * np.rint((yaw - heading[previous]) / (2 * np.pi))
         self._nodes, self._begun = nodes[row[-1] :], True
         for part in np.array_split(np.arange(row.size), math.ceil(row.size / _ROWS)):
             x = east[part, None] + self._v * normal[part, :1]
@@ -270,13 +270,13 @@ class _Shown:
                 heading=heading[part],
             )
 
-    def _beyond(self, nodes: Float, side: int) -> Float:
+    def _extrapolate(self, nodes: Float, side: int) -> Float:
         """Nodes straight on before the first (side -1) or behind the last (1) of two nodes."""
         end = nodes[0 if side < 0 else -1]
         ahead = np.array([np.cos(end[3]), np.sin(end[3])])
         if len(nodes) > 1:
             ahead = (nodes[1, 1:3] - nodes[0, 1:3]) / np.hypot(*(nodes[1, 1:3] - nodes[0, 1:3]))
-        way = side * self._spacing * np.arange(1, math.ceil(_BEYOND / self._spacing) + 1)
+        way = side * self._spacing * np.arange(1, math.ceil(_END_MARGIN / self._spacing) + 1)
         return np.asarray(end + way[:, None] * np.array([1.0, *ahead, 0.0]))[::side]
 
 
@@ -310,11 +310,11 @@ def _scanner_poses(knots: PoseKnots, scans: SimulatedScans, mounting: Mounting) 
     pose, _, _ = knots.at(time)
     body = body_to_ground(pose[:, 3:])
     at = pose[:, :3] + body @ np.array(mounting.scanner_position)
-    turned = body @ body_to_ground(mounting.scanner_rotation)
+    rotation = body @ body_to_ground(mounting.scanner_rotation)
     angles = (
-        np.arctan2(turned[:, 2, 1], turned[:, 2, 2]),
-        -np.arcsin(np.clip(turned[:, 2, 0], -1, 1)),
-        np.arctan2(turned[:, 1, 0], turned[:, 0, 0]),
+        np.arctan2(rotation[:, 2, 1], rotation[:, 2, 2]),
+        -np.arcsin(np.clip(rotation[:, 2, 0], -1, 1)),
+        np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0]),
     )
     columns = dict(zip(COMPONENTS, [*at.T, *angles], strict=True))
     poses = _block_dataset({"time": time, **columns}, "scan")

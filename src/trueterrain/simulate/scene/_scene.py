@@ -331,7 +331,7 @@ def _lay_ground(ground: Ground, course: Course, road: RoadShape) -> Ground:
         return ground
     if road.superelevation:
         return AlongCourse.superelevated(
-            ground=ground, course=course, greatest=road.superelevation, slope=road.slope
+            ground=ground, course=course, max_banking=road.superelevation, slope=road.slope
         )
     return AlongCourse(ground=ground, course=course, slope=road.slope, banking=road.banking)
 
