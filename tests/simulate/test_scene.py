@@ -336,7 +336,7 @@ BAD = {
     'course = { kind = "oval" }': r"course: straight: is missing; radius: is missing",
     'course = { kind = "waypoints", points = [[0.0, 0.0]] }': r"course: points must be at least 2 pairs",
     'course = { kind = "waypoints", points = [[0.0, 0.0], [nan, 0.0]] }': r"course: points must be finite",
-    "ground = []": r"ground is missing: it must hold at least one layer",
+    "ground = []": r"ground is missing: it must have at least one layer",
     'ground = { kind = "plane" }': r"ground: must be a valid array, got a table",
     'ground = [{ kind = "plan" }]': r"ground 1: kind 'plan' is unknown \(did you mean 'plane'\?\)",
     'ground = [{ kind = "plane" }, { kind = "plane", slop = 1 }]': r"ground 2: slop: is unknown \(did you mean 'slope'\?\)",

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import prange
 
+from trueterrain.simulate.ground._ground import Floats
 from trueterrain.simulate.ground._noise import (
     MAX_NOISE,
-    Floats,
     cell_normal,
     noise_line,
     seed_key,
@@ -422,9 +422,7 @@ def _edge_distance(key: np.uint64, fraction: float, x: float, y: float) -> float
     for i in range(own_i - 2, own_i + 3):
         for j in range(own_j - 2, own_j + 3):
             # a number of the edge, the same for both cells
-            edge_number = own + unit_uniform(
-                key, _CRACK_OPEN, i, j
-            )
+            edge_number = own + unit_uniform(key, _CRACK_OPEN, i, j)
             if (i == own_i and j == own_j) or edge_number - math.floor(edge_number) >= fraction:
                 continue
             bx, by = _seed_point(key, i, j)

@@ -97,7 +97,9 @@ class CalibrationPlate(Ground):
             distance = longitudinal - (number - 0.5 * (len(self.cleats) - 1)) * self.pitch
             relief = np.maximum(relief, _cleat_relief(shape, distance / half))
         profile = self.thickness + self.rise * relief
-        on_plate = (np.abs(longitudinal) <= 0.5 * self.length) & (np.abs(lateral) <= 0.5 * self.width)
+        on_plate = (np.abs(longitudinal) <= 0.5 * self.length) & (
+            np.abs(lateral) <= 0.5 * self.width
+        )
         return np.where(on_plate, profile, 0.0)
 
 
