@@ -1,4 +1,4 @@
-# Every target works from a bare checkout: the first one makes its own environment in $(VENV).
+# Each target works in a bare checkout: the first one creates the environment in $(VENV).
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
@@ -7,17 +7,17 @@ INSTALLED := $(VENV)/.installed
 .PHONY: help demo test test-all lint types bench study study-faults study-coverage docs clean
 
 help:
-	@echo "make demo   two lanes of Belgian block, from the recordings to a report: demo/"
-	@echo "make test   tests, and the examples in the docstrings and the documentation"
-	@echo "make test-all  the same, then the slow ones: statistical campaigns, whole surveys"
-	@echo "make lint   style, formatting, import contracts, words of the notation"
-	@echo "make types  static types"
-	@echo "make bench  speed, beside the peer in the same run"
-	@echo "make study  vehicles judge which reduction of the ground serves which use (minutes)"
-	@echo "make study-faults    faults of a profiler, injected: what the tests of accuracy find"
-	@echo "make study-coverage  how often intervals of the tests of accuracy hold the truth"
-	@echo "make docs   documentation: docs/_build/html/index.html"
-	@echo "make clean  remove the environment and everything that was built"
+	@echo "make demo   simulate and process a survey of two lanes of Belgian block: demo/report.html"
+	@echo "make test   run the tests and the examples in docstrings and documentation"
+	@echo "make test-all  the same, then the slow tests: statistical campaigns, whole surveys"
+	@echo "make lint   check style, formatting, import contracts and words"
+	@echo "make types  check static types"
+	@echo "make bench  measure speed and memory, and those of the peer, in the same run"
+	@echo "make study  compare reductions of the ground by the response of vehicles (minutes)"
+	@echo "make study-faults    inject faults into a profiler and run the accuracy tests on it"
+	@echo "make study-coverage  measure the coverage of the intervals of the accuracy tests"
+	@echo "make docs   build the documentation: docs/_build/html/index.html"
+	@echo "make clean  remove the environment and all build products"
 
 $(INSTALLED): pyproject.toml uv.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \

@@ -1,4 +1,4 @@
-"""What tests and the examples in docstrings share."""
+"""Fixtures for the tests and for the examples in docstrings."""
 
 import sys
 from collections.abc import Iterator
@@ -7,8 +7,8 @@ import pytest
 
 
 @pytest.fixture(autouse=True)
-def _figures_are_closed() -> Iterator[None]:
-    """Close what a test or an example has drawn: nobody looks at it, and memory is finite."""
+def _close_figures() -> Iterator[None]:
+    """Close the figures of each test and example, since pyplot keeps them in memory."""
     yield
     pyplot = sys.modules.get("matplotlib.pyplot")
     if pyplot is not None:

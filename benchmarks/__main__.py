@@ -1,4 +1,4 @@
-"""Run every benchmark and print what it measured beside its peer and its budget."""
+"""Run all benchmarks and print a table of results, peers and budgets."""
 
 import json
 import subprocess
@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-_RUN = "import json, {module}; print(json.dumps({module}.bench(), default=lambda one: one.item()))"
+_COMMAND = "import json, {module}; print(json.dumps({module}.bench(), default=lambda x: x.item()))"
 
 
 def main() -> int:
@@ -17,15 +17,15 @@ def main() -> int:
     rows, failed = [], False
     for module in sorted(path.stem for path in here.glob("bench_*.py")):
         print(f"{module} ...", file=sys.stderr)
-        # each in a process of its own, so that none is charged with the memory of another
+        # one process for each module, so that peak memory is its own
         done = subprocess.run(
-            [sys.executable, "-c", _RUN.format(module=module)],
+            [sys.executable, "-c", _COMMAND.format(module=module)],
             cwd=here,
             stdout=subprocess.PIPE,
             text=True,
             check=False,
         )
-        if done.returncode:  # the others are worth their numbers still
+        if done.returncode:  # the other modules still run
             failed = True
         else:
             rows += json.loads(done.stdout.splitlines()[-1])

@@ -1,4 +1,4 @@
-"""The virtual scanner: beams per second on Belgian block, and memory over ten minutes."""
+"""The virtual scanner: beams per second on Belgian block, and peak memory over ten minutes."""
 
 import resource
 import subprocess
@@ -17,25 +17,25 @@ from trueterrain.simulate.scanner import Scanner, ScannerStream
 from trueterrain.simulate.speed import Constant
 
 MINUTES = 10  # of the run whose memory is measured
-EARLY = 5  # [min] when the cache of the ground is full, and memory must not grow any more
+EARLY = 5  # [min] the cache of the ground is full by then: memory must not grow after it
 _BLOCK = 0.25  # [s]
 
 
 def bench() -> list[dict[str, Any]]:
-    """Rows of name, ours, peer, unit, ratio and budget."""
+    """Table rows: name, ours, peer, unit, ratio and budget."""
     return [
-        beams("spot averaging off", Scanner(spot_rays=1), 5.0),
-        beams("spot averaging on (5 rays)", Scanner(spot_rays=5), 1.0),
-        memory(),
+        measure_beam_rate("spot averaging off", Scanner(spot_rays=1), 5.0),
+        measure_beam_rate("spot averaging on (5 rays)", Scanner(spot_rays=5), 1.0),
+        measure_memory(),
     ]
 
 
-def beams(name: str, scanner: Scanner, budget: float) -> dict[str, Any]:
-    """Recorded beams per second over a lane whose ground is there, noise and all."""
+def measure_beam_rate(name: str, scanner: Scanner, budget: float) -> dict[str, Any]:
+    """Recorded beams per second, noise included, over ground that is already computed."""
     ground = Raster(BelgianBlock(seed=1))
     drive = PassPlan(course=Straight(length=10.0), speed=Constant(speed=5.0))
     best = 0.0
-    for _ in range(3):  # the first drive makes the ground and compiles
+    for _ in range(3):  # the first drive computes the ground and compiles the kernels
         stream = ScannerStream(scanner, Mounting(), ground, seed=1)
         begin, count = time.perf_counter(), 0
         for early, late, knots in Follower(drive=drive, up=2.0).blocks(block=_BLOCK):
@@ -53,8 +53,8 @@ def beams(name: str, scanner: Scanner, budget: float) -> dict[str, Any]:
     }
 
 
-def memory() -> dict[str, Any]:
-    """Peak memory of recording a long run, in a process of its own."""
+def measure_memory() -> dict[str, Any]:
+    """Peak memory of recording a long run, in a separate process."""
     finished = subprocess.run(
         [sys.executable, __file__, "record"], check=True, capture_output=True, text=True
     )
@@ -72,17 +72,17 @@ def memory() -> dict[str, Any]:
     }
 
 
-def _peak() -> float:
-    """Largest memory of this process so far [GB]."""
+def _peak_memory() -> float:
+    """Peak memory of this process so far [GB]."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
 
 
-def _record() -> None:
-    """Record a run with all instruments; print memory early and at the end, time and scans."""
+def _record_run() -> None:
+    """Record a run with all instruments; print early and peak memory, time and scans."""
     from trueterrain.formats.run import open_run
     from trueterrain.simulate.scene import Scene, ScenePass, record_scene
 
-    speed = 1.0  # [m/s] so that most of the time goes into beams, and not into making stones
+    speed = 1.0  # [m/s] slow: beams take most of the time, stones little
     drive = ScenePass(
         name="run", length=60.0 * MINUTES * speed, speed={"kind": "constant", "speed": speed}
     )
@@ -91,22 +91,22 @@ def _record() -> None:
         ground=({"kind": "belgian-block"},),
         course={"kind": "oval", "straight": 200.0, "radius": 40.0, "transition": 30.0},
         passes=(drive,),
-        scanner=Scanner(spot_rays=1),  # the rays of a spot take time and no memory
+        scanner=Scanner(spot_rays=1),  # rays of a spot take time but no memory
         raster=0.01,
     )
     early = [0.0]
 
     def watch(_name: str, done: float, _total: float | None) -> None:
         if done <= 60.0 * EARLY:
-            early[0] = _peak()
+            early[0] = _peak_memory()
 
     with tempfile.TemporaryDirectory() as folder:
         begin = time.perf_counter()
         (path,) = record_scene(scene, Path(folder), progress=watch)
         seconds = time.perf_counter() - begin
         scans = open_run(path)["scans"].sizes["scan"]
-    print(early[0], _peak(), seconds, scans)
+    print(early[0], _peak_memory(), seconds, scans)
 
 
 if __name__ == "__main__":
-    _record()
+    _record_run()

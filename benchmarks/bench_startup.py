@@ -1,24 +1,25 @@
-"""Start-up: what a user waits for before anything happens."""
+"""Start-up time of the command line and of the import, beside the bare interpreter."""
 
 import subprocess
 import sys
 import time
 from typing import Any
 
-_RUNS = 7
+_REPEATS = 7
+_HELP = "from trueterrain.cli import main; main(['--help'])"
 
 
 def bench() -> list[dict[str, Any]]:
-    """Rows of name, ours, peer, unit, ratio and budget."""
-    bare = _seconds("pass")
+    """Table rows: name, ours, peer, unit, ratio and budget."""
+    bare = _measure_start("pass")
     return [
-        _row("trueterrain --help", "from trueterrain.cli import main; main(['--help'])", 0.3, bare),
-        _row("import trueterrain", "import trueterrain", 0.2, bare),
+        _table_row("trueterrain --help", _HELP, 0.3, bare),
+        _table_row("import trueterrain", "import trueterrain", 0.2, bare),
     ]
 
 
-def _row(name: str, code: str, budget: float, bare: float) -> dict[str, Any]:
-    seconds = _seconds(code)
+def _table_row(name: str, code: str, budget: float, bare: float) -> dict[str, Any]:
+    seconds = _measure_start(code)
     return {
         "name": name,
         "ours": seconds,
@@ -31,11 +32,14 @@ def _row(name: str, code: str, budget: float, bare: float) -> dict[str, Any]:
     }
 
 
-def _seconds(code: str) -> float:
-    """Shortest wall time of several fresh interpreters [s]."""
+def _measure_start(code: str) -> float:
+    """Minimum wall time over several new interpreters [s].
+
+    The minimum, since other processes only add to it.
+    """
     times = []
-    for _ in range(_RUNS):
-        begin = time.perf_counter()
+    for _ in range(_REPEATS):
+        start = time.perf_counter()
         subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL)
-        times.append(time.perf_counter() - begin)
+        times.append(time.perf_counter() - start)
     return min(times)

@@ -9,8 +9,8 @@ from hypothesis import settings
 
 mpl.use("Agg")
 
-# The first call of a kernel compiles it, which no deadline should count; derandomized, so that a
-# green suite stays green.
+# No deadline: the first call of a kernel includes its compilation. Derandomized: each run
+# tests the same examples.
 settings.register_profile("trueterrain", deadline=None, derandomize=True)
 settings.load_profile("trueterrain")
 
@@ -22,7 +22,7 @@ def _data_folder() -> Path:
 
 @pytest.fixture(scope="session")
 def data() -> Path:
-    """Folder of the measured data; the suite fails in CI if it is absent, elsewhere it skips."""
+    """Folder of the measured data. If it is absent, tests fail in CI and are skipped elsewhere."""
     folder = _data_folder()
     if not folder.is_dir():
         reason = f"no measured data in {folder}; set TRUETERRAIN_DATA to their folder"

@@ -1,4 +1,4 @@
-"""The road that the gallery shows: the measured Belgian block, or a simulated one."""
+"""Road of the gallery: the measured Belgian block, or a simulated one."""
 
 import os
 from pathlib import Path
@@ -13,7 +13,7 @@ _FILE = _DATA / "opencrg" / "asam" / "belgian_block.crg"
 
 
 def belgian_block() -> tuple[xr.Dataset, str]:
-    """Surface of a Belgian block road, 10 m by 3.4 m on a grid of 10 mm, and what it is."""
+    """Surface of a Belgian block road, 10 m by 3.4 m on a grid of 10 mm, and its name."""
     if _FILE.is_file():
         return tt.open(_FILE), "Belgian block, measured (ASAM OpenCRG sample belgian_block.crg)"
     road = tt.sample_road(tt.ground.BelgianBlock(seed=2009), length=10.0, width=3.4)

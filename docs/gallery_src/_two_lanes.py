@@ -1,4 +1,4 @@
-"""Two passes that the pages on merging share, so that they are recorded but once."""
+"""Two passes of the pages on merging, recorded once."""
 
 import tempfile
 from dataclasses import replace

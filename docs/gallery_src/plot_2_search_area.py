@@ -3,7 +3,7 @@ Which heights count for one path point?
 =======================================
 
 Those inside the search area around it: by default a disc of 25 mm radius, the thesis's choice.
-Neighbouring areas overlap, so the profile is smooth although each path point is on its own.
+Neighbouring areas overlap, so the profile is smooth although path points are independent.
 
 In the manner of thesis Fig. 5-3.
 """

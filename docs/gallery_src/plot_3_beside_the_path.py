@@ -3,8 +3,8 @@ How much of a joint does a tyre feel?
 =====================================
 
 A point laser follows each line down into each joint. Lines only 10 mm apart differ, because joints
-are rounded, skewed and uneven. The tyre lies over all of them: its profile is the median of the
-heights within 25 mm.
+are rounded, skewed and uneven. The tyre bridges them: its profile is the median of the heights
+within 25 mm.
 
 In the manner of thesis Fig. 5-6.
 """
@@ -20,8 +20,8 @@ road, name = belgian_block()
 offset = 0.3
 tyre = tt.tyre_profile(road, tt.offset_path(road, offset, spacing=0.01))
 lines = {
-    beside: tt.point_profile(road, tt.offset_path(road, offset + beside, spacing=0.01))
-    for beside in (-0.02, -0.01, 0.0, 0.01, 0.02)
+    shift: tt.point_profile(road, tt.offset_path(road, offset + shift, spacing=0.01))
+    for shift in (-0.02, -0.01, 0.0, 0.01, 0.02)
 }
 
 # %%
@@ -29,7 +29,7 @@ lines = {
 
 shown = {"s": slice(2.0, 3.5)}
 ax = figures.parallel_profiles(
-    {beside: line.sel(shown) for beside, line in lines.items()}, tyre.sel(shown)
+    {shift: line.sel(shown) for shift, line in lines.items()}, tyre.sel(shown)
 )
 ax.figure.suptitle(name, fontsize="medium")
 

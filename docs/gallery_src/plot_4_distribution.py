@@ -3,9 +3,9 @@ Which height stands for a search area?
 ======================================
 
 All heights inside a search area make a distribution, seen as its cumulative probability function
-(CPF). Heights recorded in steps of 1 mm make a staircase of it, and PCHIP continues it between the
-steps, so that the median does not jump by a whole step. The height where the CPF is steepest is the
-most frequent one: what most of the patch stands on, whatever lies in the joint beside.
+(CPF). Heights recorded in steps of 1 mm make it a staircase, and PCHIP interpolates between the
+steps, so that the median does not jump by a whole step. The height at which the CPF is steepest is
+the mode: the height of most of the patch, independent of the joint next to it.
 
 In the manner of thesis Fig. 5-7. The disc has a radius of 50 mm here, which on this grid of 10 mm
 gives about as many heights as the thesis had: 81.
@@ -23,9 +23,9 @@ path = tt.offset_path(road, 0.3, spacing=0.01)
 disc = tt.Disc(radius=0.05)
 
 # %%
-# A joint pulls the median down but not the most frequent height. So look at a path point where the
-# second lies well above the first: higher than at 95 % of the others. The CPF is smoothed over 4 mm
-# before its slope is taken, so that no handful of heights can be the steepest part of it.
+# A joint lowers the median but not the mode. So take a path point at which their difference is at
+# its 95 % quantile. The CPF is smoothed over 4 mm before its slope is taken, so that a few heights
+# cannot be the steepest part of it.
 
 statistics = [tt.Median(resolution=0.001), tt.statistics.SteepestCpf(bandwidth=0.004)]
 median, steepest = (
@@ -45,7 +45,7 @@ ax = figures.cpf(recorded, resolution=0.001, statistics=statistics)
 ax.figure.suptitle(f"{name}, s = {path.s[index]:.2f} m", fontsize="medium")
 
 # %%
-# One number: how far the two differ over the whole path.
+# One number: the RMS difference over the whole path.
 
 rms = np.sqrt(np.mean((steepest - median) ** 2))
 print(f"steepest height against median: {1000 * rms:.1f} mm RMS")

@@ -3,8 +3,8 @@ How much rougher do loose stones make a road?
 =============================================
 
 For a point laser, visibly; for a tyre, not at all. The ground is simulated, so the truth is known:
-a smooth road (ISO 8608 class A), bare and with stones of 8 to 30 mm on it. Line and tyre profile of
-both are rated by the International Roughness Index (IRI).
+a smooth road (ISO 8608 class A), bare and with stones of 8 to 30 mm on it. Line and tyre profile
+of both are rated by the International Roughness Index (IRI).
 """
 
 import matplotlib.pyplot as plt
@@ -26,8 +26,8 @@ line, line_bare = tt.point_profile(covered, path), tt.point_profile(bare, path)
 tyre, tyre_bare = tt.tyre_profile(covered, path), tt.tyre_profile(bare, path)
 
 # %%
-# One figure: half a metre around the highest stone on the path, and how far the tyre's profile of
-# the stony road lies from the bare road, everywhere.
+# One figure: half a metre around the highest stone on the path, and the difference of the
+# tyre's profile of the stony road from the bare road, everywhere.
 
 figure, (above, below) = plt.subplots(2, 1, figsize=(8, 5.2), layout="constrained")
 stone = path.s[np.argmax((line.height - line_bare.height).values)]
@@ -37,7 +37,7 @@ figures.profile_difference({"line": line, "tyre": tyre.drop_vars("sd")}, line_ba
 figure.suptitle("ISO 8608 class A road with stones, simulated", fontsize="medium")
 
 # %%
-# One number, twice: what the stones add to the index.
+# One number, twice: the increase of the index by the stones.
 
 for name, stony_profile, bare_profile in [("line", line, line_bare), ("tyre", tyre, tyre_bare)]:
     without, with_stones = (tt.iri(p).iri.item() for p in (bare_profile, stony_profile))

@@ -1,11 +1,11 @@
 """
-What does a tyre feel of a cleat, a gap and a stone beside the path?
-====================================================================
+What does a tyre feel of a cleat, a gap and a stone next to the path?
+=====================================================================
 
-A wheel on a point falls into every gap and knows nothing of what lies beside its line. Five ways to
-a profile pass a cleat 10 mm high and 20 mm long, a gap of the same length, and a stone of 40 mm
-whose top lies 50 mm beside the path: the line itself, the thesis's median within 25 mm, and three
-models of a passenger car's tyre, whose contact patch is 130 mm long and 140 mm wide.
+A wheel with point contact falls into every gap and does not feel the ground next to its line. Five
+methods extract the profile over a cleat 10 mm high and 20 mm long, a gap of the same length, and a
+stone of 40 mm whose top is 50 mm from the path: the line itself, the thesis's median within 25 mm,
+and three models of a passenger car's tyre, whose contact patch is 130 mm long and 140 mm wide.
 """
 
 import matplotlib.pyplot as plt
@@ -31,7 +31,7 @@ path = tt.straight_path((-0.25, 0.0), (0.25, 0.0), spacing=0.0025)
 
 
 def feel(ground):
-    """The bare line along the path, and what the others make of the ground."""
+    """Profile of the line itself, and those of the other methods."""
     surface = tt.sample_surface(ground, easting=along, northing=across)
     felt = {name: tyre_envelope(surface, path, tyre=tyre) for name, tyre in tyres.items()}
     felt["median, 25 mm"] = tt.tyre_profile(surface, path)
@@ -41,7 +41,7 @@ def feel(ground):
 roads = {name: feel(ground) for name, ground in obstacles.items()}
 
 # %%
-# One figure. Grey is what the bare line finds.
+# One figure. The profile of the line itself is grey.
 
 figure, axes = plt.subplots(3, 1, figsize=(8, 7.6), layout="constrained", sharex=True)
 for ax, (name, (line, felt)) in zip(axes, roads.items(), strict=True):
@@ -54,17 +54,17 @@ for ax, (name, (line, felt)) in zip(axes, roads.items(), strict=True):
 
 # %%
 # The cleat makes two bumps and a dip. As it enters the patch, only the front edge climbs while the
-# rear one rests on the road, and the hub rises to about half the height of the cleat; as it leaves,
-# the rear edge does the same. In between the cleat presses into the middle of the tread, where the
-# tyre gives way, and both edges are back on the road. Cams rise by exactly a half, half of their
-# distance, 55 mm, before and behind the cleat; springs share their load between it and the road
-# beside it. The rigid disc climbs all of it, as no tyre does.
+# rear one rests on the road, and the hub rises to about half the height of the cleat; as it
+# leaves, the rear edge does the same. In between the cleat is under the centre of the tread, which
+# deforms, and both edges are back on the road. Cams rise by exactly a half, half of their
+# distance, 55 mm, before and behind the cleat; springs divide the load between it and the road
+# around it. The rigid disc climbs its full height, unlike a tyre.
 #
-# The gap they bridge. The stone lies beside the line but under the patch: disc and tyres feel it,
-# line and median do not. The median misses the cleat as well, since 20 mm of it cover 49 % of the
-# disc; one that is 5 mm longer it feels whole.
+# They bridge the gap. The stone is next to the line but under the patch: disc and tyres feel it,
+# line and median do not. The median does not feel the cleat either, since 20 mm of it cover 49 %
+# of the disc; of one that is 5 mm longer it feels the full height.
 
-print("[mm] farthest from level, and amid:")
+print("[mm] maximum deviation from level, and at the centre:")
 for name, (line, felt) in roads.items():
     print(name)
     for tyre, profile in {"bare line": line, **felt}.items():

@@ -2,9 +2,9 @@
 How does a vehicle move that drives off a kerb?
 ===============================================
 
-The front wheels fall by 120 mm, then the rear wheels do, and the body swings on its springs, the
-scanner with it. What the scanner measures is the ground less this motion: navigation has to take it
-out, millimetre by millimetre.
+The front wheels fall by 120 mm, then the rear wheels, and body and scanner oscillate on the
+suspension. The scanner measures the ground less this motion, which must be known to a millimetre
+to remove it.
 
 In the manner of thesis Fig. 2-5. The van of the ready scene `kerb` drives at 3 m/s; its motion is
 computed, no instrument is needed for it.
@@ -28,8 +28,8 @@ ax = figures.body_motion(truth | {"roll": knots.pose[:, 3]})
 ax.figure.suptitle(scene.title + ", simulated", fontsize="medium")
 
 # %%
-# One number: how far the scanner, 1 m behind the rear axle, travels. It rises first, as the nose
-# falls, so its way is longer than the kerb is high.
+# One number: the vertical travel of the scanner, 1 m behind the rear axle. The scanner rises
+# first, as the nose falls, so it travels more than the height of the kerb.
 
 forward, _, above = scene.mounting.scanner_position
 pitch = truth["pitch"]

@@ -2,12 +2,12 @@
 What is the ground under a vehicle that bounces?
 ================================================
 
-Driving off a kerb, the body swings, and the scanner with it. If its ranges are taken as if it had
-been held level and still, the body's motion becomes a wave in the ground. With the motion that
-navigation and accelerometers tell together, the wave is gone and the kerb is there.
+When a vehicle drives off a kerb, body and scanner oscillate. If the ranges are processed as if the
+scanner were level and at a constant height, the motion becomes a wave in the ground. With the
+motion estimated from navigation and accelerometers, the wave disappears and the kerb appears.
 
-In the manner of thesis Fig. 2-5 (b) and (c). The ready scene `kerb`, with the default errors of all
-instruments; of the beams those over the middle metre and a half are recorded.
+In the manner of thesis Fig. 2-5 (b) and (c). The ready scene `kerb`, with the default errors of
+all instruments; only the central beams, over 1.5 m, are recorded.
 """
 
 import tempfile
@@ -30,7 +30,7 @@ folder = tempfile.TemporaryDirectory()
 (run,) = record_scene(scene, folder.name, path=path)
 
 # %%
-# The motion, and what is left of it for a body that rolls along level at its mean height.
+# The motion, and that of a level body at its mean height.
 
 motion = fuse_motion(open_run(run)).trajectory
 roll, pitch, yaw = rotations.to_iso8855(Rotation.from_quat(motion.quaternion))
@@ -48,7 +48,9 @@ still = replace(
 
 grid = grid_along(straight_line((6.0, 0.0), (14.0, 0.0), spacing=0.02), right=-0.8, left=0.8)
 ground = {
-    "(b) scanner taken as held still": grid_runs([PassRecord(path=run, trajectory=still)], grid)[0],
+    "(b) scanner assumed level and still": grid_runs(
+        [PassRecord(path=run, trajectory=still)], grid
+    )[0],
     "(c) body motion removed": grid_runs([PassRecord(path=run, trajectory=motion)], grid)[0],
 }
 heights = [float(f(s.height)) for s in ground.values() for f in (np.nanmin, np.nanmax)]
@@ -58,8 +60,8 @@ for ax, (name, surface) in zip(axes, ground.items(), strict=True):
     ax.set_title(name, loc="left", fontsize="medium")
 
 # %%
-# One number, for each: how far the ground in front of the kerb and behind it waves about level
-# ground, the 0.3 m around the kerb left out.
+# One number, for each: the peak-to-peak height of the ground in front of the kerb and behind it,
+# without the 0.3 m around the kerb.
 
 for name, surface in ground.items():
     line = surface.height.mean("v", skipna=True).values

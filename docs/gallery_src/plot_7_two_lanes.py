@@ -3,8 +3,8 @@ How far apart do two passes over the same ground lie?
 =====================================================
 
 Two passes side by side, with an overlap of half a metre, as over the Belgian block of thesis
-Fig. 4-2. The navigation of each drifts, and each drifts in its own way: where both measure the same
-stones, their heights differ.
+Fig. 4-2. The navigation of each drifts independently: where both measure the same stones, their
+heights differ.
 
 The drift is of the size that two drives over one road show with a post-processed Applanix POS LV
 (Boreas data set): the difference of two passes has a mean of -42 mm and a standard deviation of
@@ -23,8 +23,8 @@ scene, _ = read_scene("belgian-two-lanes")
 folder = Path(tempfile.mkdtemp())
 
 # %%
-# A minute of it. What navigation gets wrong does not depend on the stones, so a plane, a body on
-# rails and a few beams will do.
+# A minute of it. Errors of navigation do not depend on the ground, so a plane, a rigid body and a
+# few beams are enough.
 
 few = replace(scene.scanner, beams=20, rate=10.0, spot_rays=1)
 long = replace(
@@ -44,17 +44,17 @@ for number, drive in enumerate(long.passes):
 left, right = runs
 
 # %%
-# One figure: recorded less true height. The thick line is the drift, the thin one the white noise
-# on top of it.
+# One figure: recorded less true height. The thick line is the drift, the thin one the drift with
+# white noise.
 
 ax = figures.navigation_errors({"left lane": left, "right lane": right})
 ax.figure.suptitle("Two passes, 300 m at 5 m/s, simulated", fontsize="medium")
 
 # %%
-# One number: how far the right lane would lie below the left one.
+# One number: the difference in height of the two passes.
 
 apart = left["truth/navigation"].error_up.values - right["truth/navigation"].error_up.values
 print(
-    f"The lanes are {1000 * apart.mean():.0f} mm apart on average, "
+    f"The passes are {1000 * apart.mean():.0f} mm apart on average, "
     f"{1000 * apart.min():.0f} mm to {1000 * apart.max():.0f} mm in the course of a minute."
 )

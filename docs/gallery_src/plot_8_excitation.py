@@ -1,10 +1,10 @@
 """
-How much does an event of five cleats shake the laser?
-======================================================
+How much does an event of five cleats move the laser?
+=====================================================
 
 Lumber across the lane excites a vehicle in its ride mode and in wheel hop, so that a profiler can
-be tested in motion: five cleats of 38 mm, 0.488 m apart. Driven over at 5.4 m/s, wheels meet cleats
-at 11 Hz, and the event as a whole is half a period of 1.1 Hz.
+be tested in motion: five cleats of 38 mm, 0.488 m apart. Driven over at 5.4 m/s, wheels meet
+cleats at 11 Hz, and the event as a whole is half a period of 1.1 Hz.
 
 In the manner of thesis Fig. 3-11 (spectrum) and Fig. 3-20 (displacement of the laser).
 """
@@ -37,8 +37,8 @@ def laser(model, base=0.0, events=1):
 
 
 # %%
-# One figure. Above: spectrum of the acceleration of the golden quarter car, whose modes are those
-# that the index IRI listens to. Below: displacement of the laser of a car with four such corners,
+# One figure. Above: spectrum of the acceleration of the golden quarter car, the
+# model of the IRI. Below: displacement of the laser of a car with four such corners,
 # 0.9 m behind its rear axle.
 
 time, _, acceleration = laser("quarter car")
@@ -66,11 +66,11 @@ for name, frequency in zip(found.names, found.undamped_frequency, strict=True):
 
 # %%
 # One number, of several cars: the displacement of the laser from peak to peak. The thesis shows
-# nearly 200 mm. The event as printed does not come near: a vehicle answers to its mean height of
+# nearly 200 mm. The event as printed gives much less: a vehicle responds to its mean height of
 # 13 mm as a pulse, and to the 11 Hz of its cleats with a few millimetres. With plywood of 19 mm
-# under the cleats the pulse is more than twice as high. Repeated every 4.88 m, events swing the
-# body up further, but damping ends that soon. What is left may be a slope of the road that the
-# thesis's figure contains; which vehicle it shows is not known either.
+# under the cleats the pulse is more than twice as high. Repeated every 4.88 m, events excite
+# the body further, but damping limits that. The rest may be a slope of the road in the thesis's
+# figure; its vehicle is not known either.
 
 for model in ("golden car", "van", "sedan", "compact"):
     spans = [

@@ -2,12 +2,12 @@
 How steep a face can a scanner see?
 ===================================
 
-A beam cannot look behind an edge: a face that falls away from the scanner more steeply than the
-beam comes down lies in its own shadow. Straight below the laser every face is seen, 2 m to the side
-only those up to 45 degrees, and what is measured there of joints and potholes is not all of them.
+A beam cannot reach behind an edge: a face that falls away from the scanner more steeply than the
+beam is in its own shadow. Straight below the laser every face is visible, 2 m to the side only
+those up to 45 degrees, so that joints and potholes are measured incompletely there.
 
-In the manner of thesis Fig. 3-14. The limit follows from geometry; a virtual scanner, which knows
-nothing of it, finds the same.
+In the manner of thesis Fig. 3-14. The limit follows from geometry; the virtual scanner, which
+does not use it, gives the same.
 """
 
 import numpy as np
@@ -31,11 +31,11 @@ def is_seen(angle, offset, fall=0.3):
 
 
 def limit(offset):
-    """Steepest face that is seen, to 0.1 degrees, by halving."""
+    """Steepest visible face, to 0.1 degrees, by bisection."""
     low, high = np.deg2rad([30.0, 89.9])
     while high - low > np.deg2rad(0.1):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if is_seen(middle, offset) else (low, middle)
+        mean = 0.5 * (low + high)
+        low, high = (mean, high) if is_seen(mean, offset) else (low, mean)
     return low
 
 
@@ -47,8 +47,8 @@ limits = np.array([limit(offset) for offset in offsets])
 figures.measurable_slope(2.0, 2.0, found={"found by the virtual scanner": (offsets, limits)})
 
 # %%
-# One number: how far the limits found are from those of geometry. Beams are 0.1 degrees apart, and
+# One number: the maximum difference from the limits by geometry. Beams are 0.1 degrees apart, and
 # one of them has to meet the face.
 
 difference = np.rad2deg(np.abs(limits - np.arctan2(2.0, offsets)).max())
-print(f"{difference:.2f} degrees at most")
+print(f"{difference:.2f} degrees (maximum)")

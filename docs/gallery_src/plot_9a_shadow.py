@@ -1,11 +1,10 @@
 """
-Which ground does a scan not see?
-=================================
+Which ground is in the shadow of a scan?
+========================================
 
-What lies behind a kerb, a stone or the edge of a pothole is hidden from a laser that looks down at
-an angle. A virtual scanner passes a kerb of 150 mm on a stony road, and the truth shows what its
-points leave out. The points lie closest below the laser and further apart to the sides, as in
-thesis Fig. 2-3.
+Ground behind a kerb, a stone or the edge of a pothole is hidden from an oblique laser beam. A
+virtual scanner passes a kerb of 150 mm on a stony road, and the truth shows the hidden ground.
+Points are closest below the laser and further apart to the sides, as in thesis Fig. 2-3.
 """
 
 import tempfile
@@ -40,8 +39,8 @@ figures.scan_elevation(run, at=0.1, ax=below)
 figure.suptitle("A kerb of 150 mm and stones, simulated", fontsize="medium")
 
 # %%
-# One number: how much of the scan nobody sees. A beam over the edge of the kerb, 0.9 m to the side,
-# comes down 0.9 m / 2 m times 150 mm further out, if no stone is in its way.
+# One number: the width of the hidden ground. A beam over the edge of the kerb, 0.9 m to the side,
+# meets the ground 0.9 m / 2 m times 150 mm further out, if no stone blocks it.
 
 (hidden,) = (patch.get_width() for patch in below.patches)
 print(f"{1000 * hidden:.0f} mm beside the kerb")

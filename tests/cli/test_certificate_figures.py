@@ -209,9 +209,7 @@ class Certificate:
                 if self.kind == "drift"
                 else (self._over_plate(section, one, self.rows[row]))
             )
-        expected["Inputs and files", "Input"] = [
-            [path.name, sha256(path)] for path in self.inputs
-        ]
+        expected["Inputs and files", "Input"] = [[path.name, sha256(path)] for path in self.inputs]
         return expected
 
     def _over_plate(self, section, one, row):

@@ -80,7 +80,9 @@ def folder(tmp_path_factory):
     (folder / "run2.zarr").symlink_to(folder / "run.zarr")
     (folder / "survey.toml").write_text('[[runs]]\npath = "run.zarr"\n')
     rng = np.random.default_rng(5)
-    tt.write(tt.sample_road(tt.ground.BelgianBlock(seed=1), length=1.0, width=0.5), folder / "road.crg")
+    tt.write(
+        tt.sample_road(tt.ground.BelgianBlock(seed=1), length=1.0, width=0.5), folder / "road.crg"
+    )
     s = 0.1 * np.arange(300.0)
     height = 0.001 * np.cumsum(rng.normal(size=s.size))
     for name in ("a", "b"):

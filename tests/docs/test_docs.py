@@ -29,7 +29,7 @@ FENCE = re.compile(
     r"^(?P<fence>`{3,})(?P<language>[^`\n]*)\n(?P<code>.*?)^(?P=fence) *$",
     re.MULTILINE | re.DOTALL,
 )
-ALIKE = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+OUTPUT_OPTIONS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
 
 def blocks(text):
@@ -43,7 +43,7 @@ def blocks(text):
 
 def check_output(shown, printed, place):
     """Compare what a page shows with what was printed."""
-    if not doctest.OutputChecker().check_output(shown, printed, ALIKE):
+    if not doctest.OutputChecker().check_output(shown, printed, OUTPUT_OPTIONS):
         pytest.fail(f"{place} shows\n{shown}\nbut printed was\n{printed}", pytrace=False)
 
 

@@ -118,7 +118,7 @@ def test_times_count_from_the_begin_of_each_pass_and_stations_do_not(along, firs
 def test_the_reported_sd_of_navigation_is_drawn_on_both_sides_of_zero():
     time = np.linspace(95.0, 115.0, 201)
     reported = {"east": (time, 0.02 + 0 * time)}
-    ax = drawn(figures.lane_correction(correction(begin=100.0), navigation_sd=reported))
+    ax = drawn(figures.pass_correction(correction(begin=100.0), navigation_sd=reported))
     low, high = (one for one in ax.lines if np.size(one.get_ydata()) == 101)
     assert (low.get_ydata()[0], high.get_ydata()[0]) == (-0.02, 0.02)
     npt.assert_allclose(low.get_xdata()[[0, -1]], [0.0, 10.0], **EXACT)  # not beyond the pass
@@ -402,7 +402,7 @@ def test_medians_are_called_so():
 
 
 def test_a_gap_is_noted_and_the_rest_is_drawn(aligned):
-    ax = figures.lane_histograms(aligned.discontinuity, station=9.0)
+    ax = figures.pass_histograms(aligned.discontinuity, station=9.0)
     assert "a gap" in notes(ax)
     assert not any(text.startswith(("left", "reference")) for text in legend_texts(ax))
 
@@ -616,8 +616,8 @@ def test_the_centre_of_a_long_path_is_shown():
     }
     options = DiscontinuitySettings(cell=0.2, least=5)
     path = waypoint_reference([0.2, 79.8], [1.5, 1.5])
-    pair = align_lanes(lanes, options, paths={("left", "right"): path}).pairs[0]
-    ax = drawn(figures.lane_overlap(pair.overlap, pair.path))
+    pair = align_along_paths(lanes, options, paths={("left", "right"): path}).pairs[0]
+    ax = drawn(figures.overlap_map(pair.overlap, pair.path))
     npt.assert_allclose(ax.images[0].get_extent()[:2], (32.4, 47.6), rtol=0, atol=0.4)
     with pytest.raises(ValueError, match="two stations that ascend"):
         figures.overlap_map(pair.overlap, pair.path, part=(8.0, 5.0))

@@ -439,9 +439,9 @@ def test_a_triangle_is_level_and_even():
 
 def test_blocks_must_follow_each_other_and_lie_within_the_knots():
     instrument = stream()
-    with pytest.raises(ValueError, match=r"begin must be where the last block ended, 0.0 s"):
+    with pytest.raises(ValueError, match=r"begin must be the end of the last block, 0.0 s"):
         instrument.record(moving(1.0), 0.5, 1.0)
-    with pytest.raises(ValueError, match=r"knots must reach from 0.0 s to .* got 0.0 s to 1.0 s"):
+    with pytest.raises(ValueError, match=r"knots must cover 0.0 s to .* got 0.0 s to 1.0 s"):
         instrument.record(moving(1.0), 0.0, 2.0)
     first = instrument.record(moving(1.0), 0.0, 1.0).recorded["acceleration"]
     npt.assert_array_equal(first, stream().record(moving(1.0), 0.0, 1.0).recorded["acceleration"])

@@ -382,7 +382,10 @@ def test_motions_describe_themselves():
             "length must be at most 9",
         ),
         (lambda: drive(Straight(length=9), Constant(speed=1), length=0), "greater than 0 m"),
-        (lambda: drive(Straight(length=9), Constant(speed=1), start=9.0), "nothing is left of it"),
+        (
+            lambda: drive(Straight(length=9), Constant(speed=1), start=9.0),
+            "start must be before the end of the course",
+        ),
         (
             lambda: drive(Arc(radius=3, angle=1), Constant(speed=1), lane=3.0),
             "offset must lie on the road side",
@@ -413,7 +416,7 @@ def test_motions_describe_themselves():
         (lambda: Prescribed.from_arrays(np.arange(9), np.full((9, 6), np.nan)), "must be finite"),
         (
             lambda: Prescribed.from_arrays(np.arange(9), np.arange(54).reshape(9, 6)),
-            "must not jump by a turn",
+            "must not jump by 2 pi",
         ),
     ],
 )

@@ -56,7 +56,7 @@ def test_bad_clocks_are_refused(values, message):
 
 def test_blocks_must_follow_each_other():
     check_next(1.0, 1.0, 1.0)
-    with pytest.raises(ValueError, match=r"begin must be where the last block ended, 1.0 s, got 2"):
+    with pytest.raises(ValueError, match=r"begin must be the end of the last block, 1.0 s, got 2"):
         check_next(1.0, 2.0, 3.0)
     with pytest.raises(ValueError, match=r"end must be at least the begin, 1.0 s, got 0.5 s"):
         check_next(1.0, 1.0, 0.5)

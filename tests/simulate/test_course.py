@@ -251,7 +251,7 @@ def test_a_lane_goes_straight_on_beyond_the_ends():
         (lambda: Stretches(parts=()), "parts must hold at least one stretch"),
         (
             lambda: Stretches(parts=(Stretch(length=5.0),), close=True),
-            "must end where it begins, in the same direction; it ends 5 m away after 0 turns",
+            "must end at its start, in the same direction; it ends 5 m away after 0 revolutions",
         ),
         (lambda: Stretch(length=-1.0), "length must be greater than 0 m"),
         (lambda: Stretch(length=1.0, end=np.inf), "end must be finite"),

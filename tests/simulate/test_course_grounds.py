@@ -89,18 +89,18 @@ def test_elevation_is_smooth_where_a_course_closes():
 
 def test_superelevation_leans_inwards_with_curvature():
     for course in (OVAL, Oval(straight=50, radius=20, transition=12, turn_to="right")):
-        ground = AlongCourse.superelevated(ground=Plane(), course=course, greatest=0.08)
+        ground = AlongCourse.superelevated(ground=Plane(), course=course, max_banking=0.08)
         u = RNG.uniform(0.0, course.length, 2000)
         v = RNG.uniform(-5.0, 5.0, 2000)
         lean = -0.08 * course.at(u).curvature * course.radius
         npt.assert_allclose(ground.height(*on(course, u, v)), lean * v, **EXACT)
-    level = AlongCourse.superelevated(ground=Plane(), course=Straight(length=5.0), greatest=0.1)
+    level = AlongCourse.superelevated(ground=Plane(), course=Straight(length=5.0), max_banking=0.1)
     npt.assert_allclose(level.height([1.0, 2.0], 3.0), 0.0, **EXACT)
 
 
 def test_a_height_does_not_depend_on_the_other_points():
     ground = AlongCourse.superelevated(
-        ground=BelgianBlock(seed=1), course=OVAL, greatest=0.1, seam=50.0
+        ground=BelgianBlock(seed=1), course=OVAL, max_banking=0.1, seam=50.0
     )
     x, y = RNG.uniform(-100.0, 200.0, (2, 3000))
     whole = ground.height(x, y)
@@ -213,14 +213,14 @@ def test_grounds_of_a_course_can_be_added():
                 course=OVAL,
                 elevation=StationTable(station=(0, OVAL.length), value=(0, 1)),
             ),
-            "value must end as it begins",
+            "value must be the same at both ends",
         ),
         (
-            lambda: AlongCourse.superelevated(ground=Plane(), course=OVAL, greatest=-0.1),
-            "greatest must be at least 0",
+            lambda: AlongCourse.superelevated(ground=Plane(), course=OVAL, max_banking=-0.1),
+            "max_banking must be at least 0",
         ),
         (
-            lambda: AlongCourse.superelevated(ground=Plane(), course=BROKEN, greatest=0.1),
+            lambda: AlongCourse.superelevated(ground=Plane(), course=BROKEN, max_banking=0.1),
             "course must have clothoids",
         ),
         (lambda: StationTable(station=(0,), value=(1,)), "of the same length of at least 2"),
@@ -247,7 +247,7 @@ def test_impossible_grounds_are_refused(make, message):
 
 def test_superelevation_follows_waypoints():
     ways = Waypoints(points=((0, 0), (40, 5), (70, 30), (75, 70)))
-    ground = AlongCourse.superelevated(ground=Plane(), course=ways, greatest=0.05)
+    ground = AlongCourse.superelevated(ground=Plane(), course=ways, max_banking=0.05)
     u = np.linspace(0.0, ways.length, 50)
     curvature = ways.at(u).curvature
     largest = max(abs(k) for _, k in ways.borders)

@@ -208,9 +208,9 @@ def test_standing_poses_are_left_out(tmp_path):
     [
         ("", "is no table of poses"),
         ("a,b\n1,2\n", "is no table of poses.*with the columns GPSTime"),
-        (HEADER + "1,2,3,4,5,6,7\n", "must hold at least 2 poses, holds 1"),
+        (HEADER + "1,2,3,4,5,6,7\n", "must have at least 2 poses, has 1"),
         (HEADER + "1,2,3,4,5,6,7\n2,2,x,4,5,6,7\n", "is no table of poses"),
-        (HEADER + "1,2,3,4,5,6,7\n2,2,,4,5,6,7\n", "line 3: must hold a number in each column"),
+        (HEADER + "1,2,3,4,5,6,7\n2,2,,4,5,6,7\n", "line 3: must have a number in each column"),
         (HEADER + "2,2,3,4,5,6,7\n1,2,3,4,5,6,7\n", "line 3: time must ascend"),
     ],
 )

@@ -220,7 +220,7 @@ def test_two_passes_differ_by_a_series():
 
 def test_blocks_must_follow_each_other_and_lie_within_the_knots():
     stream = NavigationStream(Navigation(), seed=1)
-    with pytest.raises(ValueError, match=r"begin must be where the last block ended, 0.0 s"):
+    with pytest.raises(ValueError, match=r"begin must be the end of the last block, 0.0 s"):
         stream.record(still(2.0), 1.0, 2.0)
     with pytest.raises(ValueError, match=r"time must be from 0.0 s to 2.0 s"):
         stream.record(still(2.0), 0.0, 3.0)

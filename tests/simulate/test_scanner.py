@@ -181,7 +181,7 @@ def test_the_first_intersection_is_met():
     direction[:, 2] = -np.abs(direction[:, 2]) - 0.2
     direction /= np.linalg.norm(direction, axis=1)[:, None]
     origin = np.array([0.3, -0.4, 0.3]) + rng.uniform(-1, 1, (100, 3)) * [1, 1, 0.1]
-    distance, _ = cast_beams(raster, origin, direction, furthest=2.0)
+    distance, _ = cast_beams(raster, origin, direction, max_distance=2.0)
     at = np.arange(0, 2.0, 2e-4)
     for n in range(len(origin)):
         point = origin[n] + at[:, None] * direction[n]
@@ -198,7 +198,7 @@ def test_the_first_intersection_is_met():
 def test_a_beam_into_the_sky_meets_nothing():
     up = np.array([[0.6, 0.0, 0.8]])
     for ground in (Raster(Plane()), Plane()):
-        assert np.isnan(cast_beams(ground, np.array([[0.0, 0.0, 1.0]]), up, furthest=3.0)[0][0])
+        assert np.isnan(cast_beams(ground, np.array([[0.0, 0.0, 1.0]]), up, max_distance=3.0)[0][0])
 
 
 def test_range_noise_quantum_and_dropouts_have_their_size():
@@ -340,11 +340,11 @@ def test_a_spot_is_the_mean_of_its_rays(rays):
     spot = 0.02 * rng.normal(size=(rays, 2))
     spot[rays // 2] = 0.0
     distance, slope = cast_beams(
-        raster, origin, direction, furthest=6.0, forward=forward, spot=spot
+        raster, origin, direction, max_distance=6.0, forward=forward, spot=spot
     )
     beside = np.cross(forward, direction)
     each = [
-        cast_beams(raster, origin, direction + a * forward + b * beside, furthest=6.0)
+        cast_beams(raster, origin, direction + a * forward + b * beside, max_distance=6.0)
         for a, b in spot
     ]
     truth = np.mean([one for one, _ in each], axis=0)
@@ -356,14 +356,14 @@ def test_a_spot_is_the_mean_of_its_rays(rays):
     assert np.count_nonzero(down) > 100
     beams = origin[down], direction[down]
     on_plane = [
-        cast_beams(ground, *beams, furthest=2.5, forward=forward[down], spot=spot)[0]
+        cast_beams(ground, *beams, max_distance=2.5, forward=forward[down], spot=spot)[0]
         for ground in (Plane(slope=0.1), Raster(Plane(slope=0.1)))
     ]
     npt.assert_allclose(on_plane[0], on_plane[1], rtol=0, atol=ON_RASTER)
 
 
-def test_tiles_that_are_wanted_at_once_are_made_once(monkeypatch):
-    monkeypatch.setattr("trueterrain.simulate.raster._MOST_TILES", 3)
+def test_tiles_of_one_request_are_computed_once(monkeypatch):
+    monkeypatch.setattr("trueterrain.simulate.raster._MAX_TILES", 3)
     made = []
 
     class Counted(Plane):
@@ -372,12 +372,12 @@ def test_tiles_that_are_wanted_at_once_are_made_once(monkeypatch):
             return super()._height(x, y)
 
     raster = Raster(Counted())
-    wanted = [(column, row) for column in range(3) for row in range(3)]
-    for tiles in (wanted, [*wanted, (3, 3)]):
+    requested = [(column, row) for column in range(3) for row in range(3)]
+    for tiles in (requested, [*requested, (3, 3)]):
         assert raster.tiles(tiles).height.shape[0] == len(tiles)
-    assert len(made) == len(wanted) + 1
+    assert len(made) == len(requested) + 1
     raster.tiles([(5, 5)])  # only three are kept from now on, this one and the last two
     raster.tiles([(5, 5), (3, 3)])
-    assert len(made) == len(wanted) + 2
-    raster.tiles(wanted[:1])
-    assert len(made) == len(wanted) + 3
+    assert len(made) == len(requested) + 2
+    raster.tiles(requested[:1])
+    assert len(made) == len(requested) + 3

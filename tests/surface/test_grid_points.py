@@ -209,9 +209,7 @@ def test_points_along_a_road_are_those_over_the_map():
     over = grid_points(points, grid_over(0, 0, 10, 4, spacing=0.5), PLAIN)
     whole = road["count"].values.T
     assert whole.shape == (9, 21)
-    near = (
-        whole == over["count"].values
-    )  # points on an edge may fall to either side
+    near = whole == over["count"].values  # points on an edge may fall to either side
     assert near.mean() > 0.9
     npt.assert_allclose(
         road.height.values.T[near], over.height.values[near], rtol=0, atol=2 * ROUNDED

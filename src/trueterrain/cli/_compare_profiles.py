@@ -185,11 +185,11 @@ def _filter_text(options: "AgreementSettings") -> str:
     if by is None:
         return "heights as they are"
     if by == IRI_FILTER:
-        return f"IRI filter (exact window 0.25 m), settling length {options.settled:g} m"
+        return f"IRI filter (exact window 0.25 m), settling length {options.transient_length:g} m"
     if isinstance(by, Butterworth):
         return (
             f"Butterworth filter from {by.shortest:g} to {by.longest:g} m, order {by.order} "
-            f"forward and backward, settling length {options.settled:g} m"
+            f"forward and backward, settling length {options.transient_length:g} m"
         )
     return f"filter {by}"
 

@@ -311,7 +311,9 @@ def _model_notes(design: "EventDesign") -> list[str]:
         "the width is divided by sqrt(1 - z²), as for free oscillation.",
     ]
     if gain > 1:
-        ratio = cleat_ratio(inputs.damping, tyre_stiffness_fraction=inputs.tyre_stiffness_fraction, ratio=1.0)
+        ratio = cleat_ratio(
+            inputs.damping, tyre_stiffness_fraction=inputs.tyre_stiffness_fraction, ratio=1.0
+        )
         sentences.append(
             f"With the damper between wheel and body, a wheel excited at its resonance moves "
             f"{gain:.2f} times as much as the ground, and w/a is {ratio:.3f}."

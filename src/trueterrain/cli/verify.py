@@ -125,8 +125,8 @@ def _thesis_table(config: Path | None, output: Path, *, json: bool, force: bool)
 
 def _result_rows(found: "CertificateResult") -> Iterator[str]:
     """Print a table like Table 3-1; yield verdicts and findings."""
-    from trueterrain.report.findings import in_words
-    from trueterrain.verify.statistics.uncertainty import ENOUGH
+    from trueterrain.report.findings import finding_text
+    from trueterrain.verify.statistics.uncertainty import TRUSTED_COUNT
 
     header = [
         "test",
@@ -157,7 +157,7 @@ def _result_rows(found: "CertificateResult") -> Iterator[str]:
         )
     write_table(rows)
     if any(cell.endswith("*") for row in rows for cell in row):
-        yield f"* fewer than {ENOUGH:g} independent errors: the interval is at least this wide."
+        yield f"* fewer than {TRUSTED_COUNT:g} independent errors: the interval is at least this wide."
     for name, verdicts in found.verdicts.items():
         for figure, kept in verdicts.items():
             limit = _MILLI * getattr(found.test.limits, figure)

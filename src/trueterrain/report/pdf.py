@@ -29,9 +29,7 @@ from trueterrain.report.parts import (
 
 _MARGIN = 51.0  # [pt] 18 mm
 _TILES = 3  # in a row
-_MAX_HEIGHT = (
-    0.75  # of a picture over that of the page, which leaves space for a caption
-)
+_MAX_HEIGHT = 0.75  # of a picture over that of the page, which leaves space for a caption
 _MIN_SPACE = 120.0  # [pt] below a heading, so that it does not end a page
 _CODE_LINE = 112  # characters of a line of parameters
 

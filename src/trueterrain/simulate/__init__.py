@@ -1,1 +1,1 @@
-"""Simulation: ground that the package makes itself, whose truth is known."""
+"""Virtual profiler: recorded runs over simulated ground whose true heights and motion are known."""

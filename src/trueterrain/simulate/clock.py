@@ -8,26 +8,26 @@ import numpy.typing as npt
 
 Float = npt.NDArray[np.float64]
 
-#: Largest rate of a clock; real ones stay below 1e-4, and a stamp must never stand still.
-_FASTEST = 0.1
+#: Maximum rate of a clock [s/s]: real ones are below 1e-4, and stamps must increase.
+_MAX_RATE = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
 class SimulatedClock:
-    """A clock that is wrong by an offset and a rate: true time = stamp + clock.
+    """Clock with an offset and a rate: true time = stamp + clock.
 
-    What happens at the true time T gets the stamp ``T - clock``: a clock of +1 ms stamps all 1 ms
-    too early.
+    An event at the true time T has the stamp ``T - clock``: with a clock of +1 ms all stamps are
+    1 ms too early.
 
     Examples
     --------
-    >>> slow = Clock(offset=0.001)
+    >>> slow = SimulatedClock(offset=0.001)
     >>> slow.true(np.array([9.999]))
     array([10.])
     """
 
     offset: float = 0.0
-    "True time less stamp, at the begin [s]."
+    "True time less stamp, at `begin` [s]."
 
     rate: float = 0.0
     "Growth of the clock per second of the stamps [s/s]."
@@ -41,12 +41,12 @@ class SimulatedClock:
             if not math.isfinite(getattr(self, name)):
                 message = f"clock {name} must be finite, got {getattr(self, name)}."
                 raise ValueError(message)
-        if not abs(self.rate) < _FASTEST:
-            message = f"clock rate must be from -{_FASTEST} to {_FASTEST} s/s, got {self.rate}."
+        if not abs(self.rate) < _MAX_RATE:
+            message = f"clock rate must be from -{_MAX_RATE} to {_MAX_RATE} s/s, got {self.rate}."
             raise ValueError(message)
 
     def true(self, stamp: Float) -> Float:
-        """True time at which something got a stamp.
+        """True time of stamps.
 
         Parameters
         ----------
@@ -73,20 +73,21 @@ class SimulatedClock:
         Returns
         -------
         numpy.ndarray of int64
-            Each number belongs to exactly one of two intervals that follow each other.
+            Each number is in exactly one of two consecutive intervals.
 
         Examples
         --------
-        >>> Clock().ticks(0.0, 0.01, 200.0)
+        >>> SimulatedClock().ticks(0.0, 0.01, 200.0)
         array([0, 1])
         """
         first, last = self._tick(begin, frequency), self._tick(end, frequency)
         return np.arange(first, last, dtype=np.int64)
 
     def _tick(self, time: float, frequency: float) -> int:
-        """Least k whose true time is at least `time`, as `true` iterations it."""
+        """Minimum k whose true time, with the rounding of `true`, is at least `time`."""
         stamp = (time - self.offset + self.rate * self.begin) / (1.0 + self.rate)
         k = math.ceil(stamp * frequency)
+        # rounding may move the result by one tick: compare with `true` itself
         while self._true_tick(k - 1, frequency) >= time:
             k -= 1
         while self._true_tick(k, frequency) < time:
@@ -98,12 +99,12 @@ class SimulatedClock:
 
 
 def check_next(expected: float, begin: float, end: float) -> None:
-    """Raise ValueError unless a block begins where the last one ended, and does not run backwards.
+    """Raise ValueError unless a block starts at the end of the last one and does not end before.
 
     Parameters
     ----------
     expected, begin, end : float
-        Where the last block ended, and where this one begins and ends [s].
+        End of the last block, begin and end of this one [s].
 
     Raises
     ------
@@ -111,7 +112,7 @@ def check_next(expected: float, begin: float, end: float) -> None:
         If the blocks do not follow each other.
     """
     if begin != expected:
-        message = f"begin must be where the last block ended, {expected} s, got {begin} s."
+        message = f"begin must be the end of the last block, {expected} s, got {begin} s."
         raise ValueError(message)
     if not (math.isfinite(end) and end >= begin):
         message = f"end must be at least the begin, {begin} s, got {end} s."

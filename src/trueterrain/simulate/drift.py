@@ -1,12 +1,12 @@
-"""Drift of the height that navigation reports, pass by pass.
+"""Drift of the height of navigation, pass by pass.
 
-Two passes over one road never agree: the height drifts. How much was measured on two drives over
-the same 8 km of road with a post-processed Applanix POS LV (Boreas data set, University of Toronto,
-CC BY 4.0). Where both move and their tracks are within 1 m, the second is 42 mm lower in the
-median, with a standard deviation of 25 mm and an autocorrelation that falls to 1/e after 25 s. Its
-spectrum is that of a first-order Gauss-Markov process from 0.01 Hz to 4 Hz within a factor of 2.5,
-so the default drift is one, without any file. (The difference holds whatever differs between two
-days: the ride height too, and the crossfall of the road times the distance of the tracks.)
+The heights of two passes over one road differ, since navigation drifts. The difference was measured
+between two drives over the same 8 km of road with a post-processed Applanix POS LV (Boreas data
+set, University of Toronto, CC BY 4.0). Where both move and their tracks are within 1 m, the second
+is 42 mm lower in the median, with a standard deviation of 25 mm and an autocorrelation of 1/e at
+25 s. Its spectrum is within a factor of 2.5 of that of a first-order Gauss-Markov process from
+0.01 Hz to 4 Hz; so the default drift is such a process and needs no file. (The difference includes
+all changes between the days: the ride height, and the crossfall times the distance of the tracks.)
 """
 
 from dataclasses import dataclass
@@ -32,17 +32,17 @@ Order = Literal["first", "second"]
 
 @dataclass(frozen=True, kw_only=True)
 class GaussMarkovDrift:
-    """Drift that wanders, with the statistics of the two Boreas drives.
+    """Drift as a Gauss-Markov process, with the statistics of the two Boreas drives.
 
-    Each pass has a drift of its own, and a constant part that alternates from pass to pass. The
-    difference of two neighbouring passes then has the mean and the standard deviation measured.
+    Each pass has its own drift, and a constant part that alternates from pass to pass. So the
+    difference of two consecutive passes has the measured mean and standard deviation.
     """
 
     height_sd: float = 0.025 / 2**0.5
-    "Standard deviation of one pass [m]; the difference of two is sqrt(2) times as large."
+    "Standard deviation of one pass [m]; that of the difference of two is sqrt(2) times as large."
 
     correlation_time: float = 25.0
-    "Time after which the autocorrelation is 1/e [s]."
+    "Time at which the autocorrelation is 1/e [s]."
 
     between_passes: float = -0.042
     "Mean height of an odd pass (1, 3, ...) less that of an even pass (0, 2, ...) [m]."
@@ -64,11 +64,11 @@ class GaussMarkovDrift:
 
 @dataclass(frozen=True, kw_only=True)
 class DriftSeries:
-    """Difference of two passes as a time series; each pass gets half of it.
+    """Drift from a time series of the difference of two passes; each pass gets half of it.
 
-    An odd pass drifts by half of the series, the even pass before by half of it with the sign
-    turned, so that their difference is the series. Each further pair of passes begins `stretch`
-    later in the series. At its ends the series runs backwards.
+    An odd pass drifts by half of the series, the even pass before it by minus half, so that their
+    difference is the series. Each further pair of passes starts `stretch` later in the series. The
+    series is reflected at its ends.
 
     Examples
     --------
@@ -81,16 +81,16 @@ class DriftSeries:
     "Times since the first, ascending [s]."
 
     height: tuple[float, ...]
-    "Height of the odd pass less that of the even one [m]; straight lines between the times."
+    "Height of the odd pass less that of the even one [m]; linear between the times."
 
     stretch: float = 300.0
-    "Time in the series by which each further pair of passes begins later [s]."
+    "Time in the series by which each further pair of passes starts later [s]."
 
     def __post_init__(self) -> None:
         """Check the values."""
         if len(self.time) < 2 or len(self.time) != len(self.height):
             message = (
-                "time and height must hold as many values as each other, at least 2, "
+                "time and height must have the same number of values, at least 2, "
                 f"got {len(self.time)} and {len(self.height)}."
             )
             raise ValueError(message)
@@ -110,9 +110,9 @@ class DriftSeries:
 
 @dataclass(frozen=True, kw_only=True)
 class MeasuredDrift:
-    """The measured difference of two drives over one road, read from their files.
+    """Drift from the height difference of two drives over one road, read from their files.
 
-    See `height_difference` for the files and `DriftSeries` for who gets which part.
+    See `height_difference` for the files and `DriftSeries` for the parts of the passes.
     """
 
     first: Path
@@ -122,7 +122,7 @@ class MeasuredDrift:
     "CSV file of the poses of the second drive."
 
     stretch: float = 300.0
-    "Time in the series by which each further pair of passes begins later [s]."
+    "Time in the series by which each further pair of passes starts later [s]."
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -141,7 +141,7 @@ class MeasuredDrift:
         FormatError
             If a file cannot be read.
         CoverageError
-            If the drives do not share a road.
+            If the drives have no road in common.
         """
         time, height = height_difference(self.first, self.second)
         return DriftSeries(time=tuple(time), height=tuple(height), stretch=self.stretch)
@@ -152,7 +152,7 @@ HeightDrift = GaussMarkovDrift | DriftSeries | MeasuredDrift
 
 @dataclass(kw_only=True, eq=False)
 class Drift:
-    """Drift of the height of one pass, in blocks; made by `start_drift`."""
+    """Drift of the height of one pass, in blocks; from `start_drift`."""
 
     sd: float
     "Root mean square of the drift over time and over all passes of its parity [m]."
@@ -161,13 +161,13 @@ class Drift:
     "Constant part [m]."
 
     process: GaussMarkov | SecondOrderGaussMarkov | None
-    "What wanders; None if a series does."
+    "Random process; None for a series."
 
     series: tuple[Float, Float]
     "Times [s] and heights [m] of the series, the sign of the pass included."
 
     begin: float
-    "Where in the series the pass begins [s]."
+    "Time in the series at which the pass starts [s]."
 
     def next(self, time: Float) -> Float:
         """Drift of the next epochs.
@@ -175,7 +175,7 @@ class Drift:
         Parameters
         ----------
         time : numpy.ndarray, shape (n,)
-            Times since the begin of the pass [s].
+            Times since the beginning of the pass [s].
 
         Returns
         -------
@@ -186,22 +186,23 @@ class Drift:
             return self.process.next(time.size)[:, 0] + self.offset
         times, heights = self.series
         span = times[-1] - times[0]
+        # reflect times at both ends of the series
         folded = np.mod(self.begin + time, 2.0 * span)
         place = times[0] + np.minimum(folded, 2.0 * span - folded)
         return np.asarray(np.interp(place, times, heights), dtype=np.float64)
 
 
 def start_drift(drift: HeightDrift, *, seed: int, pass_number: int, rate: float) -> Drift:
-    """Drift of one pass from its begin.
+    """Drift of one pass from its beginning.
 
     Parameters
     ----------
     drift : GaussMarkovDrift, DriftSeries or MeasuredDrift
         Parameters; the files of a measured drift are read here.
     seed : int
-        Seed of all that is random.
+        Seed of all random numbers.
     pass_number : int
-        Which pass over the road, from 0.
+        Number of the pass, from 0.
     rate : float
         Epochs per second [Hz].
 
@@ -241,7 +242,7 @@ def start_drift(drift: HeightDrift, *, seed: int, pass_number: int, rate: float)
         return Drift(sd=sd, offset=offset, process=process, series=none, begin=0.0)
     series = drift.series() if isinstance(drift, MeasuredDrift) else drift
     times, heights = np.array(series.time), sign * np.array(series.height)
-    # Mean square of straight lines between the values, each weighted by its time.
+    # mean square of the piecewise linear series
     left, right = heights[:-1], heights[1:]
     square = np.average((left**2 + left * right + right**2) / 3.0, weights=np.diff(times))
     return Drift(
@@ -256,9 +257,9 @@ def start_drift(drift: HeightDrift, *, seed: int, pass_number: int, rate: float)
 def height_difference(
     first: str | Path, second: str | Path, *, within: float = 1.0, moving: float = 1.0
 ) -> tuple[Float, Float]:
-    """Difference in height of two drives over one road, along the time of the second.
+    """Height difference of two drives over one road, over the time of the second.
 
-    Each pose of the second drive is compared with the nearest of the first, moved along its
+    Each pose of the second drive is compared with the nearest one of the first, shifted along its
     velocity to the foot of the perpendicular. Both must move, and the perpendicular must be short.
 
     Parameters
@@ -268,9 +269,9 @@ def height_difference(
         ``altitude`` [m], ``vel_east``, ``vel_north``, ``vel_up`` [m/s], such as the
         ``lidar_poses.csv`` of the Boreas data set.
     within : float
-        Greatest distance of the tracks [m].
+        Maximum distance of the tracks [m].
     moving : float
-        Least speed of both drives [m/s].
+        Minimum speed of both drives [m/s].
 
     Returns
     -------
@@ -284,25 +285,26 @@ def height_difference(
     OSError
         If a file cannot be opened.
     FormatError
-        If a file lacks a column, holds no number where one must be, or its time runs backwards.
+        If a file lacks a column, has a value that is not a number, or times that do not ascend.
     CoverageError
         If fewer than two poses of the drives are near each other.
     """
     check_positive(within=within, moving=moving)
     from scipy.spatial import cKDTree
 
-    one, two = _read_poses(Path(first)), _read_poses(Path(second))
-    _, nearest = cKDTree(one.position[:, :2]).query(two.position[:, :2])
-    position, velocity = one.position[nearest], one.velocity[nearest]
+    first_drive, second_drive = _read_poses(Path(first)), _read_poses(Path(second))
+    _, nearest = cKDTree(first_drive.position[:, :2]).query(second_drive.position[:, :2])
+    position, velocity = first_drive.position[nearest], first_drive.velocity[nearest]
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
-    both_move = (speed > moving) & (np.hypot(two.velocity[:, 0], two.velocity[:, 1]) > moving)
+    second_speed = np.hypot(second_drive.velocity[:, 0], second_drive.velocity[:, 1])
+    both_move = (speed > moving) & (second_speed > moving)
     scale = np.where(both_move, speed, 1.0)
-    apart = two.position - position
-    along = (apart[:, 0] * velocity[:, 0] + apart[:, 1] * velocity[:, 1]) / scale
-    across = (apart[:, 1] * velocity[:, 0] - apart[:, 0] * velocity[:, 1]) / scale
-    # The distance along must be that of neighbouring poses, or the first drive had ended there.
-    spacing = np.gradient(one.time)[nearest] * speed
-    usable = both_move & (np.abs(across) < within) & (np.abs(along) < spacing)
+    separation = second_drive.position - position
+    longitudinal = (separation[:, 0] * velocity[:, 0] + separation[:, 1] * velocity[:, 1]) / scale
+    lateral = (separation[:, 1] * velocity[:, 0] - separation[:, 0] * velocity[:, 1]) / scale
+    # a longitudinal distance beyond one spacing means that the first drive has a gap or ends there
+    spacing = np.gradient(first_drive.time)[nearest] * speed
+    usable = both_move & (np.abs(lateral) < within) & (np.abs(longitudinal) < spacing)
     if np.count_nonzero(usable) < 2:
         raise CoverageError(
             f"comes within {within} m of {Path(first).name} at {np.count_nonzero(usable)} poses, "
@@ -310,8 +312,8 @@ def height_difference(
             path=second,
             cure="Give two drives over the same road.",
         )
-    height = apart[:, 2] - along * velocity[:, 2] / scale
-    time = two.time[usable]
+    height = separation[:, 2] - longitudinal * velocity[:, 2] / scale
+    time = second_drive.time[usable]
     return time - time[0], height[usable]
 
 
@@ -337,13 +339,15 @@ def _read_poses(path: Path) -> _Poses:
             cure=f"It must be a CSV file with the columns {', '.join(_COLUMNS)}.",
         ) from error
     values = table[list(_COLUMNS)].to_numpy()
-    bad = ~np.isfinite(values).all(axis=1)
+    invalid = ~np.isfinite(values).all(axis=1)
     time = values[:, 0] * 1e-6
     if len(values) < 2:
-        raise FormatError(f"must hold at least 2 poses, holds {len(values)}", path=path)
-    if bad.any():
+        raise FormatError(f"must have at least 2 poses, has {len(values)}", path=path)
+    if invalid.any():
         raise FormatError(
-            "must hold a number in each column", path=path, place=f"line {int(np.argmax(bad)) + 2}"
+            "must have a number in each column",
+            path=path,
+            place=f"line {int(np.argmax(invalid)) + 2}",
         )
     steps = np.diff(time)
     if not (steps > 0).all():

@@ -1,4 +1,4 @@
-"""The virtual navigation: the exact pose of the body, and all that a real INS gets wrong."""
+"""Virtual navigation: the exact pose of the body with the errors of an INS."""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -23,38 +23,38 @@ Block = dict[str, npt.NDArray[np.float64] | npt.NDArray[np.int8]]
 
 _DEGREE = float(np.pi / 180.0)
 
-#: Epochs whose poses are computed at a time; large blocks fall out of the cache.
+#: Epochs whose poses are computed at a time, so that they stay in the cache.
 _CHUNK = 4096
 
 
 @dataclass(frozen=True, kw_only=True)
 class Navigation:
-    """An INS with satellites, post-processed, whose point of navigation is the origin of the body.
+    """Settings of a post-processed GNSS/INS whose navigation point is the origin of the body.
 
     The defaults are those of the class of an Applanix POS LV 220: 0.02 m horizontally, 0.015
-    degrees in roll and pitch, 0.025 degrees in heading (as the PPC data set, taroz/PPC-Dataset,
-    cites them for its reference system); its heights as two drives over one road show them, see
-    `trueterrain.simulate.drift`. The times of correlation of horizontal drift and attitude, and the
-    white noise, are assumptions.
+    degrees in roll and pitch, 0.025 degrees in heading (cited by the PPC data set,
+    taroz/PPC-Dataset, for its reference system). Errors of the height are from two drives over one
+    road, see `trueterrain.simulate.drift`. The correlation times of horizontal drift and attitude,
+    and the white noise, are assumptions.
     """
 
     rate: float = 200.0
     "Epochs per second [Hz]."
 
     drift: HeightDrift = field(default_factory=GaussMarkovDrift)
-    "Drift of the height: Gauss-Markov, a series of one's own, or that of two measured drives."
+    "Drift of the height: Gauss-Markov process, a given series, or that of two measured drives."
 
     horizontal_sd: float = 0.02
-    "Standard deviation of the drift (Gauss-Markov) of east and of north [m]."
+    "Standard deviation of the drift (Gauss-Markov) of east and north [m]."
 
     horizontal_time: float = 25.0
-    "Time after which the autocorrelation of that drift is 1/e [s]."
+    "Time at which the autocorrelation of that drift is 1/e [s]."
 
     attitude_sd: tuple[float, float, float] = (0.014 * _DEGREE, 0.014 * _DEGREE, 0.0245 * _DEGREE)
     "Standard deviations of the drift (Gauss-Markov) of roll, pitch and yaw [rad]."
 
     attitude_time: float = 60.0
-    "Time after which the autocorrelation of that drift is 1/e [s]."
+    "Time at which the autocorrelation of that drift is 1/e [s]."
 
     noise: tuple[float, float, float, float, float, float] = (
         0.001,
@@ -67,19 +67,19 @@ class Navigation:
     "Standard deviations of the white noise of east, north, up [m], roll, pitch and yaw [rad]."
 
     clock_offset: float = 0.0
-    "True time less stamp at the begin [s]."
+    "True time less stamp, at the beginning [s]."
 
     clock_rate: float = 0.0
     "Growth of the clock, true time less stamp, per second [s/s]."
 
     quality: tuple[Quality, ...] = ()
-    "States of the satellite positions in order of time; before the first there is a base station."
+    "States of satellite positioning in order of time; before the first it has a base station."
 
     accuracy: PositionAccuracy = field(default_factory=PositionAccuracy)
-    "How wrong positions are in each state."
+    "Errors of positions in each state."
 
     optimism: float = 1.0
-    "Reported standard deviations over true ones; less than 1 promises too much."
+    "Reported standard deviations over true ones; less than 1 is too optimistic."
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -102,7 +102,7 @@ class Navigation:
 
 
 class NavigationBlock(NamedTuple):
-    """What navigation recorded over a stretch of time, and the truth about it."""
+    """Epochs of navigation over an interval of time, and the truth."""
 
     recorded: Block
     """``time`` [s], ``east``, ``north``, ``up`` [m], ``roll``, ``pitch``, ``yaw`` [rad], and
@@ -110,24 +110,24 @@ class NavigationBlock(NamedTuple):
 
     truth: Block
     """``true_time`` [s], ``error_east`` to ``error_yaw`` (recorded less true), ``drift_up`` [m],
-    the part of the error in height that the drift is, and ``quality``, an index of
+    the drift in the error of the height, and ``quality``, an index of
     `trueterrain.simulate.quality.STATES`, each of shape (epoch,)."""
 
 
 class NavigationStream:
-    """The navigation of one pass, recorded block by block.
+    """Simulator of the navigation of one pass, recorded block by block.
 
-    What is recorded is the same bit for bit, however the pass is cut into blocks.
+    The epochs are the same to the last bit for any division of the pass into blocks.
 
     Parameters
     ----------
     parameters : Navigation
         The instrument.
     seed : int
-        Seed of all that is random.
+        Seed of all random numbers.
     pass_number : int
-        Which pass over the road, from 0: each has random numbers of its own, and odd and even
-        passes differ by a mean in height (see `GaussMarkovDrift`).
+        Number of the pass, from 0: each has its own random numbers, and odd and even passes
+        differ by a mean height (see `GaussMarkovDrift`).
     begin : float
         True time at which the pass begins [s].
 
@@ -169,24 +169,24 @@ class NavigationStream:
         self._variance = np.square(slow) + np.square(p.noise)
 
     def record(self, knots: PoseKnots, begin: float, end: float) -> NavigationBlock:
-        """The epochs whose true times lie in [begin, end).
+        """Epochs with true times in [begin, end).
 
         Parameters
         ----------
         knots : PoseKnots
             True motion, from `begin` to `end` at least.
         begin, end : float
-            True times [s]; the begin must be the end of the last block.
+            True times [s]; `begin` must be the end of the last block.
 
         Returns
         -------
         NavigationBlock
-            What was recorded, and the truth about it. Stamps are whole multiples of 1 / rate.
+            Epochs and truth. Stamps are whole multiples of 1 / rate.
 
         Raises
         ------
         ValueError
-            If the block does not follow the last one, or the knots do not reach as far.
+            If the block does not follow the last one, or the knots do not cover it.
         """
         check_next(self._end, begin, end)
         rate = self.parameters.rate

@@ -1,10 +1,10 @@
-"""Noise that comes in blocks: each generator goes on where its last block ended.
+"""Random processes in blocks: each block continues the last one.
 
-A generator is made from an explicit seed and a name. Its samples are the same bit for bit however
-they are cut into blocks, and do not depend on what other generators were asked for.
+A process has an explicit seed and a name. Its samples are the same to the last bit for any division
+into blocks, and independent of all other processes.
 
-All processes are stationary from their first sample (but the random walk, which cannot be), and
-exact at the times of their samples: no step size enters but through the sampling itself.
+All processes but the random walk are stationary from their first sample. Their covariances are
+exact at the sampled times, for any sampling rate.
 """
 
 import math
@@ -20,19 +20,19 @@ _SECOND_ORDER = 2.146193220620583
 
 
 def named_generator(seed: int, *names: str) -> np.random.Generator:
-    """Random generator of its own for each name: Philox, counter-based (Salmon et al. 2011).
+    """Independent random generator for each name: Philox, counter-based (Salmon et al. 2011).
 
     Parameters
     ----------
     seed : int
-        Seed of all that is random.
+        Seed of all random numbers.
     *names : str
-        What the random numbers are used for.
+        Purpose of the random numbers.
 
     Returns
     -------
     numpy.random.Generator
-        Independent of that of any other seed or name.
+        Independent of those of other seeds and names.
 
     Raises
     ------
@@ -41,10 +41,10 @@ def named_generator(seed: int, *names: str) -> np.random.Generator:
 
     Examples
     --------
-    >>> first = generator(1, "navigation", "drift").standard_normal()
-    >>> bool(first == generator(1, "navigation", "drift").standard_normal())
+    >>> first = named_generator(1, "navigation", "drift").standard_normal()
+    >>> bool(first == named_generator(1, "navigation", "drift").standard_normal())
     True
-    >>> bool(first == generator(1, "navigation", "attitude").standard_normal())
+    >>> bool(first == named_generator(1, "navigation", "attitude").standard_normal())
     False
     """
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
@@ -56,16 +56,16 @@ def named_generator(seed: int, *names: str) -> np.random.Generator:
 
 @dataclass(kw_only=True, eq=False)
 class White:
-    """White noise: every sample on its own.
+    """White noise: independent normal samples.
 
     Examples
     --------
-    >>> White(rng=generator(1, "range"), sd=0.001).next(2).shape
+    >>> White(rng=named_generator(1, "range"), sd=0.001).next(2).shape
     (2, 1)
     """
 
     rng: np.random.Generator
-    "Where the random numbers come from."
+    "Random numbers."
 
     sd: npt.ArrayLike
     "Standard deviation of each component."
@@ -75,7 +75,7 @@ class White:
         self._sd = _component_arrays(sd=self.sd)[0]
 
     def next(self, n: int) -> Float:
-        """The next samples.
+        """Next samples of the process.
 
         Parameters
         ----------
@@ -96,13 +96,13 @@ class RandomWalk:
 
     Examples
     --------
-    >>> walk = RandomWalk(rng=generator(1, "bias"), density=0.01, rate=100.0)
+    >>> walk = RandomWalk(rng=named_generator(1, "bias"), density=0.01, rate=100.0)
     >>> walk.next(3)[0]
     array([0.])
     """
 
     rng: np.random.Generator
-    "Where the random numbers come from."
+    "Random numbers."
 
     density: npt.ArrayLike
     "Standard deviation of each component after 1 s [unit/sqrt(s)]."
@@ -117,7 +117,7 @@ class RandomWalk:
         self._last: Float | None = None
 
     def next(self, n: int) -> Float:
-        """The next samples.
+        """Next samples of the process.
 
         Parameters
         ----------
@@ -144,24 +144,25 @@ class RandomWalk:
 class GaussMarkov:
     """First-order Gauss-Markov process: autocorrelation ``sd^2 exp(-|t| / correlation_time)``.
 
-    Its one-sided spectrum is ``4 sd^2 T / (1 + (2 pi f T)^2)``: a random walk for short, white
-    noise for long times (Gelb 1974, "Applied Optimal Estimation", section 3.8).
+    Its one-sided spectrum is ``4 sd^2 T / (1 + (2 pi f T)^2)``: a random walk at high frequencies,
+    white noise at low ones (Gelb 1974, "Applied Optimal Estimation", section 3.8).
 
     Examples
     --------
-    >>> drift = GaussMarkov(rng=generator(1, "drift"), sd=0.025, correlation_time=25.0, rate=200.0)
+    >>> rng = named_generator(1, "drift")
+    >>> drift = GaussMarkov(rng=rng, sd=0.025, correlation_time=25.0, rate=200.0)
     >>> drift.next(3).shape
     (3, 1)
     """
 
     rng: np.random.Generator
-    "Where the random numbers come from."
+    "Random numbers."
 
     sd: npt.ArrayLike
     "Standard deviation of each component."
 
     correlation_time: float
-    "Time after which the autocorrelation is 1/e [s]."
+    "Time at which the autocorrelation is 1/e [s]."
 
     rate: float
     "Samples per second [Hz]."
@@ -176,7 +177,7 @@ class GaussMarkov:
         self._last: Float | None = None
 
     def next(self, n: int) -> Float:
-        """The next samples.
+        """Next samples of the process.
 
         Parameters
         ----------
@@ -204,27 +205,27 @@ class GaussMarkov:
 
 @dataclass(kw_only=True, eq=False)
 class SecondOrderGaussMarkov:
-    """Second-order Gauss-Markov process: smooth, as its rate is a process of first order.
+    """Second-order Gauss-Markov process: differentiable, with a rate of finite variance.
 
-    Autocorrelation ``sd^2 (1 + b |t|) exp(-b |t|)``, with b such that it is 1/e after the
-    correlation time; standard deviation of the rate ``b sd`` (Gelb 1974, section 3.8).
+    Its autocorrelation is ``sd^2 (1 + b |t|) exp(-b |t|)``, with b such that it is 1/e at the
+    correlation time; the standard deviation of the rate is ``b sd`` (Gelb 1974, section 3.8).
 
     Examples
     --------
     >>> drift = SecondOrderGaussMarkov(
-    ...     rng=generator(1, "drift"), sd=0.025, correlation_time=25.0, rate=200.0)
+    ...     rng=named_generator(1, "drift"), sd=0.025, correlation_time=25.0, rate=200.0)
     >>> drift.next(3).shape
     (3, 1)
     """
 
     rng: np.random.Generator
-    "Where the random numbers come from."
+    "Random numbers."
 
     sd: npt.ArrayLike
     "Standard deviation of each component."
 
     correlation_time: float
-    "Time after which the autocorrelation is 1/e [s]."
+    "Time at which the autocorrelation is 1/e [s]."
 
     rate: float
     "Samples per second [Hz]."
@@ -235,8 +236,8 @@ class SecondOrderGaussMarkov:
         self._sd = _component_arrays(sd=self.sd)[0]
         beta = _SECOND_ORDER / self.correlation_time
         step = beta / self.rate
-        # The states x / sd and y = x / sd + (dx/dt) / (b sd) form a cascade of two processes of
-        # first order; both have the same decay, so the drive of x contains step * y.
+        # The states x / sd and y = x / sd + (dx/dt) / (b sd) are a cascade of two first-order
+        # processes with the same decay, so that the input of x contains step * y.
         keep = np.exp(-step)
         self._keep, self._feed = float(keep), float(step * keep)
         self._start = _cholesky_factor(np.array([[2.0, 1.0], [1.0, 1.0]]))
@@ -244,7 +245,7 @@ class SecondOrderGaussMarkov:
         self._last: Float | None = None
 
     def next(self, n: int) -> Float:
-        """The next samples.
+        """Next samples of the process.
 
         Parameters
         ----------
@@ -276,16 +277,16 @@ class SecondOrderGaussMarkov:
 
 
 def accumulate_samples(keep: float, drive: Float, last: Float) -> Float:
-    """Samples ``x[i] = keep x[i - 1] + drive[i]``, one after the other, however many there are.
+    """Samples of the recursion ``x[i] = keep x[i - 1] + drive[i]``.
 
     Parameters
     ----------
     keep : float
-        Share of the last sample that is kept, up to 1.
+        Factor of the last sample, at most 1.
     drive : numpy.ndarray, shape (n, component)
-        What is added.
+        Input of the recursion.
     last : numpy.ndarray, shape (component,)
-        Sample before the first.
+        Sample before the first one.
 
     Returns
     -------
@@ -294,7 +295,7 @@ def accumulate_samples(keep: float, drive: Float, last: Float) -> Float:
 
     Examples
     --------
-    >>> accumulate(0.5, np.array([[1.0], [0.0]]), np.array([4.0])).ravel()
+    >>> accumulate_samples(0.5, np.array([[1.0], [0.0]]), np.array([4.0])).ravel()
     array([3. , 1.5])
     """
     if not drive.size:
@@ -335,7 +336,7 @@ def _component_arrays(**values: npt.ArrayLike) -> tuple[Float, ...]:
 
 
 def _second_order_covariance(step: float) -> Float:
-    """Covariance of what drives (y, x) over a step, in closed form; ``step = b / rate``.
+    """Covariance of the process noise of (y, x) over a step, in closed form; ``step = b / rate``.
 
     With y' = -b y + w, x' = b (y - x) and var(w) = 4 b (so that var(x) = 1):
 
@@ -343,7 +344,7 @@ def _second_order_covariance(step: float) -> Float:
         var(x) = 4 b int (b t)^2 exp(-2 b t) dt,  each from 0 to the length of the step.
     """
     s = step
-    if s < 0.1:  # the closed form cancels; these series are exact to round-off
+    if s < 0.1:  # the closed form cancels; the series is exact to round-off
         powers = [
             sum(
                 4.0 * (-2.0) ** k / math.factorial(k) * s ** (k + p + 1) / (k + p + 1)

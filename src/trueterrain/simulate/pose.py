@@ -1,8 +1,8 @@
-"""True motion of the body: knots with derivatives, and the polynomial between them.
+"""True motion of the body: knots with derivatives, and quintic polynomials between them.
 
-The pose at any time *is* the quintic through value, rate and acceleration of the two knots around
-it, so every instrument of the virtual profiler can ask for the exact truth at its own time, and a
-test can do so with ``scipy.interpolate.BPoly.from_derivatives`` alone.
+The pose at any time is *defined* as the quintic Hermite polynomial through value, rate and
+acceleration of the two knots around it. So each virtual instrument evaluates the exact pose at its
+own times, and tests do the same with ``scipy.interpolate.BPoly.from_derivatives``.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ COMPONENTS = ("east", "north", "up", "roll", "pitch", "yaw")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PoseKnots:
-    """Motion of the body over a stretch of time; angles are unwrapped."""
+    """Motion of the body over an interval of time; angles are unwrapped."""
 
     time: Float
     "Times of the knots, equally spaced, shape (n,) [s]."
@@ -48,7 +48,7 @@ class PoseKnots:
         Raises
         ------
         ValueError
-            If a time lies outside of the knots.
+            If a time lies outside the knots.
 
         Examples
         --------

@@ -1,10 +1,10 @@
-"""Quality of the satellite positions: what they lose without a base station or without satellites.
+"""Quality of satellite positioning: errors without a base station or without satellites.
 
-The error of each component of the position is a first-order Gauss-Markov process on top of the
-drift, with the standard deviation and the correlation time of the state it is in. A change of state
-so shows gradually: the error approaches its new size within the correlation time of the new state.
-In an outage the error keeps its last value and grows from there: as a random walk, and with the
-square of the time, since an accelerometer of the INS has an unknown bias.
+In addition to the drift, the error of each component of the position is a first-order Gauss-Markov
+process with the standard deviation and the correlation time of the current state. A change of state
+takes effect gradually: the error reaches its new size within the correlation time of the new state.
+In an outage the error starts at its last value and grows: as a random walk, and with the square of
+time, since an accelerometer of the INS has an unknown bias.
 """
 
 from dataclasses import dataclass
@@ -31,10 +31,10 @@ STATES: tuple[State, ...] = get_args(State)
 
 @dataclass(frozen=True, kw_only=True)
 class Quality:
-    """A state of the satellite positions that holds from a time on."""
+    """State of satellite positioning from a time on."""
 
     begin: float
-    "When the state begins, since the begin of the run [s]."
+    "Start of the state, since the beginning of the run [s]."
 
     state: State
     "``base station`` (2 cm), ``decimetre``, ``standalone`` (0.8 m to 1.2 m) or ``outage``."
@@ -51,26 +51,26 @@ class Quality:
 
 @dataclass(frozen=True, kw_only=True)
 class PositionAccuracy:
-    """How wrong positions are in each state, beyond the drift that a base station leaves (2 cm).
+    """Errors of positions in each state, in addition to the drift with a base station (2 cm).
 
-    Standard deviations are those that the thesis (chapter 2) gives for its receiver; the times
-    and the growth in an outage are assumptions, of the size that tactical-grade systems show.
+    Standard deviations are those of the receiver of the thesis (chapter 2). The times and the
+    growth in an outage are assumptions, typical of tactical-grade systems.
     """
 
     base_station_time: float = 5.0
-    "Time within which positions come back to those of a base station [s]."
+    "Correlation time with which errors decay to those with a base station [s]."
 
     decimetre_sd: float = 0.1
     "Standard deviation of each component with decimetre corrections [m]."
 
     decimetre_time: float = 30.0
-    "Time after which its autocorrelation is 1/e [s]."
+    "Time at which its autocorrelation is 1/e [s]."
 
     standalone_sd: tuple[float, float] = (0.8, 1.2)
-    "Least and greatest standard deviation stand-alone [m]; each period draws its own."
+    "Lowest and highest standard deviation stand-alone [m]; each period has a random one."
 
     standalone_time: float = 60.0
-    "Time after which its autocorrelation is 1/e [s]."
+    "Time at which its autocorrelation is 1/e [s]."
 
     outage_walk: float = 0.005
     "Standard deviation of the random walk after 1 s of outage [m/sqrt(s)]."
@@ -90,14 +90,14 @@ class PositionAccuracy:
             outage_walk=self.outage_walk,
             outage_acceleration=self.outage_acceleration,
         )
-        least, greatest = self.standalone_sd
-        if not 0 <= least <= greatest < np.inf:
+        lowest, highest = self.standalone_sd
+        if not 0 <= lowest <= highest < np.inf:
             message = f"standalone_sd must be two ascending numbers, got {self.standalone_sd}."
             raise ValueError(message)
 
 
 def check_quality(quality: tuple[Quality, ...]) -> None:
-    """Raise ValueError unless the states follow each other.
+    """Raise ValueError unless the states are in order of time.
 
     Parameters
     ----------
@@ -107,10 +107,10 @@ def check_quality(quality: tuple[Quality, ...]) -> None:
     Raises
     ------
     ValueError
-        If a state begins before the one before.
+        If a state starts before the previous one.
     """
-    begins = [state.begin for state in quality]
-    for place, (before, after) in enumerate(pairwise(begins), start=1):
+    starts = [state.begin for state in quality]
+    for place, (before, after) in enumerate(pairwise(starts), start=1):
         if not before < after:
             message = (
                 f"quality must be in order of time, got a begin of {after} s after {before} s "
@@ -121,7 +121,7 @@ def check_quality(quality: tuple[Quality, ...]) -> None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Period:
-    """One state with all that is drawn once for it."""
+    """One period in a state, with its random constants."""
 
     code: int
     begin: float
@@ -133,24 +133,25 @@ class _Period:
 
 
 class PositionErrors:
-    """Errors of the position by its quality, in blocks.
+    """Errors of the position by the quality of positioning, in blocks.
 
     Parameters
     ----------
     quality : tuple of Quality
-        States in order; before the first there is a base station.
-    accuracy : Accuracy
-        How wrong positions are in each state.
+        States in order; before the first it has a base station.
+    accuracy : PositionAccuracy
+        Errors of positions in each state.
     seed : int
-        Seed of all that is random.
+        Seed of all random numbers.
     name : str
-        Name of the run, for random numbers of its own.
+        Name of the run, for independent random numbers.
     rate : float
         Epochs per second [Hz].
 
     Examples
     --------
-    >>> lost = PositionErrors((Quality(begin=1.0, state="outage"),), Accuracy(), 1, "", rate=1.0)
+    >>> outage = Quality(begin=1.0, state="outage")
+    >>> lost = PositionErrors((outage,), PositionAccuracy(), 1, "", rate=1.0)
     >>> error, variance, code = lost.next(np.array([0.0, 1.0, 2.0]))
     >>> code
     array([0, 3, 3], dtype=int8)
@@ -173,9 +174,9 @@ class PositionErrors:
         draws = named_generator(seed, "navigation", name, "quality of periods")
         first = Quality(begin=-np.finfo(np.float64).max, state="base station")
         self._periods = [self._period(q, accuracy, draws) for q in (first, *quality)]
-        self._begins = np.array([period.begin for period in self._periods])
+        self._starts = np.array([period.begin for period in self._periods])
         self._drive = named_generator(seed, "navigation", name, "quality")
-        self._now = -1
+        self._current = -1
         self._epoch = 0
         self._variance = self._variance_before = 0.0
         self._last = np.zeros(3)
@@ -208,7 +209,7 @@ class PositionErrors:
         Parameters
         ----------
         time : numpy.ndarray, shape (n,)
-            Times since the begin of the run, ascending [s].
+            Times since the beginning of the run, ascending [s].
 
         Returns
         -------
@@ -223,37 +224,39 @@ class PositionErrors:
         variance = np.zeros(time.size)
         if len(self._periods) == 1:
             return error, variance, np.zeros(time.size, dtype=np.int8)
-        which = np.searchsorted(self._begins, time, side="right") - 1
-        code = np.array([period.code for period in self._periods], dtype=np.int8)[which]
-        edges = np.flatnonzero(np.diff(which)) + 1
+        state_index = np.searchsorted(self._starts, time, side="right") - 1
+        code = np.array([period.code for period in self._periods], dtype=np.int8)[state_index]
+        edges = np.flatnonzero(np.diff(state_index)) + 1
         for part in np.split(np.arange(time.size), edges):
             if part.size:
-                error[part], variance[part] = self._go_on(int(which[part[0]]), part.size)
+                error[part], variance[part] = self._next_errors(
+                    int(state_index[part[0]]), part.size
+                )
         return error, variance, code
 
-    def _go_on(self, which: int, n: int) -> tuple[Float, Float]:
-        """Errors and variance of `n` more epochs in the period `which`."""
-        period = self._periods[which]
-        if which != self._now:
-            if self._now < 0 and period.sd:  # the very first epoch finds a process long under way
+    def _next_errors(self, state_index: int, n: int) -> tuple[Float, Float]:
+        """Errors and variance of the next `n` epochs, in period `state_index`."""
+        period = self._periods[state_index]
+        if state_index != self._current:
+            if self._current < 0 and period.sd:  # stationary at the first epoch
                 self._last = self._drive.standard_normal(3) * period.sd
                 self._variance = period.sd**2
-            self._now, self._epoch, self._variance_before = which, 0, self._variance
+            self._current, self._epoch, self._variance_before = state_index, 0, self._variance
         epoch = self._epoch + np.arange(1, n + 1, dtype=np.float64)
-        passed = epoch * self._step
+        elapsed = epoch * self._step
         scale = np.hypot(
             period.sd * np.sqrt(1.0 - period.keep**2), period.walk * np.sqrt(self._step)
         )
         drive = self._drive.standard_normal((n, 3)) * scale
-        # Each step of a constant acceleration adds a (t[m]^2 - t[m - 1]^2) / 2.
+        # a constant acceleration a adds a (t[m]^2 - t[m - 1]^2) / 2 in each step
         drive += ((epoch - 0.5) * self._step**2)[:, None] * period.acceleration
         error = accumulate_samples(period.keep, drive, self._last)
         kept = period.keep ** (2.0 * epoch)
         variance = (
             kept * self._variance_before
             + (1.0 - kept) * period.sd**2
-            + period.walk**2 * passed
-            + (0.5 * period.acceleration_sd * passed**2) ** 2
+            + period.walk**2 * elapsed
+            + (0.5 * period.acceleration_sd * elapsed**2) ** 2
         )
         self._epoch += n
         self._last, self._variance = error[-1], float(variance[-1])

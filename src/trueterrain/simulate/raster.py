@@ -1,8 +1,8 @@
-"""Ground as a fine raster: what the virtual laser is cast on, fast enough for millions of beams.
+"""Ground as a fine raster, on which millions of beams a second can be cast.
 
-The raster *is* the true ground of a simulated run: its nodes take the height of the ground that it
-is made from, between them it is bilinear, and a beam meets exactly that. Tiles are made where
-beams go and dropped behind the vehicle.
+The raster *is* the true ground of a simulated run: its nodes have the heights of the ground from
+which it is sampled, it is bilinear between them, and the intersection of a beam with it is exact.
+Tiles are computed where beams arrive, and dropped behind the vehicle.
 """
 
 from collections import OrderedDict
@@ -22,12 +22,12 @@ Integer = npt.NDArray[np.int64]
 TILE_CELLS = 200
 BLOCK_CELLS = 10
 
-_MOST_TILES = 400  # kept unless more are wanted at once, 323 kB each; a lane has 5 a metre at 5 mm
+_MAX_TILES = 400  # [1] kept, 323 kB each, unless more are requested; 5 per metre at 5 mm
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tiles:
-    """Tiles of a raster side by side, as the ray caster takes them."""
+    """Tiles of a raster in contiguous arrays, for the kernel that casts rays."""
 
     spacing: float
     "Distance of the nodes [m]."
@@ -39,7 +39,7 @@ class Tiles:
     "Slot of each tile, -1 where there is none, shape (row, column)."
 
     height: Float
-    "Heights of the nodes, shape (slot, row, column) [m]; edges are shared by neighbours."
+    "Heights of the nodes, shape (slot, row, column) [m]; neighbours repeat the nodes of an edge."
 
     block_top: Float
     "Highest node of each block, shape (slot, row, column) [m]."
@@ -63,7 +63,7 @@ class Raster(Ground):
     >>> from trueterrain.simulate.ground import Sine
     >>> wave = Sine(amplitude=0.01, wavelength=1.0)
     >>> raster = Raster(wave, spacing=0.25)
-    >>> raster.height(0.125, 0.0)  # half way up to the crest, along a straight line
+    >>> raster.height(0.125, 0.0)  # linear between trough and crest
     array(0.005)
     """
 
@@ -74,11 +74,11 @@ class Raster(Ground):
         self.ground = ground
         self.spacing = spacing
         self._tiles: OrderedDict[tuple[int, int], tuple[Float, Float]] = OrderedDict()
-        self._most = _MOST_TILES
+        self._max_tiles = _MAX_TILES
         self._last: tuple[list[tuple[int, int]], Tiles] | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """Kind and parameters, for the provenance of what is cast on it."""
+        """Kind and parameters, for provenance."""
         return {"kind": "Raster", "spacing": self.spacing, "ground": self.ground.to_dict()}
 
     def tile_of(self, x: npt.ArrayLike, y: npt.ArrayLike) -> Integer:
@@ -97,28 +97,28 @@ class Raster(Ground):
         at = np.stack([np.asarray(x, dtype=float), np.asarray(y, dtype=float)], axis=-1)
         return np.floor(at / (TILE_CELLS * self.spacing)).astype(np.int64)
 
-    def tiles(self, wanted: Iterable[tuple[int, int]]) -> Tiles:
-        """Tiles side by side, made where they are not there yet.
+    def tiles(self, requested: Iterable[tuple[int, int]]) -> Tiles:
+        """Requested tiles in contiguous arrays; missing ones are computed.
 
         Parameters
         ----------
-        wanted : iterable of (column, row)
+        requested : iterable of (column, row)
             The tiles.
 
         Returns
         -------
         Tiles
-            For the ray caster.
+            Arguments of the kernel.
         """
-        wanted = sorted(set(wanted))
-        if self._last is not None and self._last[0] == wanted:
+        requested = sorted(set(requested))
+        if self._last is not None and self._last[0] == requested:
             return self._last[1]
-        self._most = max(_MOST_TILES, len(wanted))
-        height, tops = (np.stack(part) for part in zip(*map(self._tile, wanted), strict=True))
-        columns, rows = np.array(wanted).T
+        self._max_tiles = max(_MAX_TILES, len(requested))
+        height, tops = (np.stack(part) for part in zip(*map(self._tile, requested), strict=True))
+        columns, rows = np.array(requested).T
         first = np.array([columns.min(), rows.min()])
         index = np.full((np.ptp(rows) + 1, np.ptp(columns) + 1), -1, np.int64)
-        index[rows - first[1], columns - first[0]] = np.arange(len(wanted))
+        index[rows - first[1], columns - first[0]] = np.arange(len(requested))
         tiles = Tiles(
             spacing=self.spacing,
             first=first,
@@ -127,18 +127,18 @@ class Raster(Ground):
             block_top=tops,
             tile_top=tops.max(axis=(1, 2)),
         )
-        self._last = wanted, tiles
+        self._last = requested, tiles
         return tiles
 
     def _tile(self, tile: tuple[int, int]) -> tuple[Float, Float]:
-        """Nodes and block tops of one tile; the oldest unused tiles are forgotten."""
+        """Nodes and block tops of one tile; the least recently used tiles are dropped."""
         if tile not in self._tiles:
             nodes = np.arange(TILE_CELLS + 1)
             x, y = ((number * TILE_CELLS + nodes) * self.spacing for number in tile)
             height = self.ground.height(x[None, :], y[:, None])
             self._tiles[tile] = height, _block_tops(np.where(np.isnan(height), -np.inf, height))
         self._tiles.move_to_end(tile)
-        while len(self._tiles) > self._most:
+        while len(self._tiles) > self._max_tiles:
             self._tiles.popitem(last=False)
         return self._tiles[tile]
 
@@ -149,12 +149,12 @@ class Raster(Ground):
         for di, wx in ((0, 1 - fx), (1, fx)):
             for dj, wy in ((0, 1 - fy), (1, fy)):
                 weight = wx * wy
-                needed = np.flatnonzero(weight != 0)  # a point on a node needs that node alone
+                needed = np.flatnonzero(weight != 0)  # a point on a node needs only that node
                 total[needed] += weight[needed] * self._nodes(i[needed] + di, j[needed] + dj)
         return total
 
     def _nodes(self, i: Float, j: Float) -> Float:
-        """Heights of nodes, from the last tiles if they are there."""
+        """Heights of nodes, from the tiles of the last request if they contain them."""
         if self._last is None:
             return self.ground.height(i * self.spacing, j * self.spacing)
         tiles, height = self._last[1], np.empty(i.size)
@@ -171,7 +171,7 @@ class Raster(Ground):
 
 
 def _block_tops(height: Float) -> Float:
-    """Highest node of each block of a tile; a block holds the nodes on all of its edges."""
+    """Highest node of each block of a tile; a block includes the nodes on all its edges."""
     blocks = TILE_CELLS // BLOCK_CELLS
     starts = np.arange(blocks) * BLOCK_CELLS
     nodes = starts[:, None] + np.arange(BLOCK_CELLS + 1)

@@ -1,11 +1,11 @@
-"""Rotation of the body, written for the simulator alone.
+"""Rotations of the body, for the simulator only.
 
 Axes are those of ISO 8855: body x forward, y left, z up; ground east, north, up. The angles are
-roll, pitch (nose-down positive) and yaw (counter-clockwise from east), each a right-handed turn;
-body to ground is ``Rz(yaw) Ry(pitch) Rx(roll)``.
+roll, pitch (nose-down positive) and yaw (counter-clockwise from east), each a right-handed
+rotation; from body to ground, ``R_gb = Rz(yaw) Ry(pitch) Rx(roll)``.
 
-Nothing else in the package may use these functions, and they use nothing else of the package: the
-processing that turns a recorded run into ground has its own, so that a wrong sign cannot cancel.
+No other package may use these functions, and they use nothing of the package: the processing of
+recorded runs has its own (`trueterrain.geometry.rotations`), so that a sign error cannot cancel.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ Float = npt.NDArray[np.float64]
 
 
 def body_to_ground(angles: npt.ArrayLike) -> Float:
-    """Matrix that turns vectors from body to ground axes.
+    """Rotation matrix R_gb from body to ground axes.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def body_to_ground(angles: npt.ArrayLike) -> Float:
 
     Examples
     --------
-    Nose down by 0.1 rad, what lies ahead of the body lies below.
+    With the nose down by 0.1 rad, the forward axis points below the horizon.
 
     >>> body_to_ground([0.0, 0.1, 0.0]) @ [1.0, 0.0, 0.0]
     array([ 0.995,  0.   , -0.0998])
@@ -84,7 +84,7 @@ def angular_velocity(angles: npt.ArrayLike, rates: npt.ArrayLike) -> Float:
 
     Examples
     --------
-    A body that has rolled by a quarter turn yaws about its y axis.
+    A body rolled by 90 degrees yaws about its y axis.
 
     >>> angular_velocity([np.pi / 2, 0.0, 0.0], [0.0, 0.0, 1.0]).round(12) + 0.0
     array([0., 1., 0.])

@@ -1,8 +1,8 @@
-"""The virtual scanning laser: what it is, what it sees, and how wrong it is.
+"""Virtual scanning laser: geometry of the beams, returns, and errors of ranges and intensities.
 
-A mirror sweeps a beam across the road. Every beam starts at its own time from where the laser is at
-that time, and ends where it first meets the ground: shadows, the largest slope that can be seen,
-and the uneven spacing of the points arise by themselves.
+A mirror sweeps a beam across the road. Each beam starts at its own time from the position of the
+laser at that time, and ends at its first intersection with the ground. Shadows, the steepest
+visible slope and the uneven spacing of the points follow from that.
 """
 
 from dataclasses import dataclass
@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trueterrain.formats.run import Mounting
+from trueterrain.simulate._kernels import beam_rays, receive_beams
 from trueterrain.simulate.casting import cast_beams
 from trueterrain.simulate.clock import SimulatedClock, check_next
 from trueterrain.simulate.ground import Ground
@@ -21,12 +22,12 @@ from trueterrain.simulate.rotation import body_to_ground
 
 Float = npt.NDArray[np.float64]
 
-_SPARSE = 97  # every so manieth beam tells which tiles are needed; no divisor of 940
+_BEAM_STRIDE = 97  # [1] every 97th beam finds the tiles that are needed; no divisor of 940
 
 
 @dataclass(frozen=True, kw_only=True)
 class Reflectivity:
-    """How bright the ground is: plain, or with painted stripes."""
+    """Reflectivity of the ground: uniform, or with painted stripes."""
 
     ground: float = 0.3
     "Reflectivity of the ground, 0 to 1."
@@ -35,13 +36,13 @@ class Reflectivity:
     "Reflectivity of the stripes, 0 to 1."
 
     period: float = 0.0
-    "Distance from stripe to stripe [m]; 0 for none."
+    "Distance between stripes [m]; 0 for none."
 
     width: float = 0.1
     "Width of a stripe [m]."
 
     direction: float = 0.0
-    "Direction in which the stripes follow each other, counter-clockwise from east [rad]."
+    "Direction across the stripes, counter-clockwise from east [rad]."
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -74,7 +75,7 @@ class Reflectivity:
 
 @dataclass(frozen=True, kw_only=True)
 class Scanner:
-    """A scanning laser; the defaults are those of the thesis's system (section 2.2)."""
+    """Settings of a scanning laser; the defaults are those of the thesis's system (section 2.2)."""
 
     beams: int = 940
     "Beams per scan."
@@ -89,10 +90,10 @@ class Scanner:
     "Height of the laser above level ground for which the swath holds [m]."
 
     duty: float = 0.8
-    "Share of the time from scan to scan in which the mirror sweeps across the ground."
+    "Fraction of the time between scans in which the mirror sweeps across the ground."
 
     furthest: float = 6.0
-    "Largest range [m]; nothing beyond it returns."
+    "Maximum range [m]; beyond it there is no return."
 
     range_noise: float = 0.0005
     "Standard deviation of a range [m]."
@@ -110,7 +111,7 @@ class Scanner:
     "Rays over the spot whose ranges are averaged, an odd number; 1 for a point."
 
     gain: float = 30000.0
-    "Intensity of a white surface, met at right angles at the nominal height [counts]."
+    "Intensity of a white surface at normal incidence at the nominal height [counts]."
 
     intensity_noise: float = 50.0
     "Standard deviation of an intensity [counts]."
@@ -122,10 +123,10 @@ class Scanner:
     "Intensity above which the receiver saturates [counts]."
 
     saturation_bias: float = -0.002
-    "Error of a range at twice the saturation [m]; grows from 0 at the saturation."
+    "Error of a range at twice the saturation [m]; it grows linearly from 0 at the saturation."
 
     dropouts: float = 0.0005
-    "Share of returns lost at random."
+    "Fraction of returns lost at random."
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -155,7 +156,7 @@ class Scanner:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SimulatedScans:
-    """Consecutive scans: what was recorded, and what is true."""
+    """Consecutive scans: recorded values and the truth."""
 
     time: Float
     "Stamp of each scan's first beam, shape (scan,) [s]."
@@ -167,29 +168,30 @@ class SimulatedScans:
     "Recorded intensities, shape (scan, beam) [counts]."
 
     true_range: Float
-    "Exact ranges, NaN where a beam meets nothing, shape (scan, beam) [m]."
+    "Exact ranges, NaN without an intersection, shape (scan, beam) [m]."
 
     bias: Float
     "Error of each range by saturation, shape (scan, beam) [m]."
 
 
 class ScannerStream:
-    """Records scans block by block.
+    """Simulator of the scans of one pass, recorded block by block.
 
     Parameters
     ----------
     scanner : Scanner
         The scanner.
     mounting : Mounting
-        Where it truly sits in the body, and its clock.
+        True pose in the body frame, and the clock.
     ground : Ground
-        True ground. A `Raster` is fast and exact; any other ground is met within 1e-9 m, slowly.
+        True ground. A `Raster` is fast and exact; for other ground, ranges are exact to 1e-9 m
+        and slow.
     reflectivity : Reflectivity
-        Brightness of the ground.
+        Reflectivity of the ground.
     seed : int
-        Seed of noise and drop-outs.
+        Seed of noise and lost returns.
     pass_number : int
-        Which pass over the road, from 0: each has noise of its own.
+        Number of the pass, from 0: each has its own noise.
     begin : float
         True time at which the pass begins [s].
     """
@@ -216,27 +218,27 @@ class ScannerStream:
             for name in ("range", "intensity", "loss")
         )
         self._tiles: set[tuple[int, int]] = set()
-        self._usual = 0.0  # range of the last block [m]
+        self._typical_range = 0.0  # [m] median range of the last block
 
     def record(self, knots: PoseKnots, begin: float, end: float) -> SimulatedScans:
-        """Scans whose first beam truly falls into [begin, end).
+        """Scans whose first beam has a true time in [begin, end).
 
         Parameters
         ----------
         knots : PoseKnots
             Motion of the body, from `begin` to one scan beyond `end`.
         begin, end : float
-            True times [s]; the begin must be the end of the last block.
+            True times [s]; `begin` must be the end of the last block.
 
         Returns
         -------
-        Scans
-            Recorded and true ranges. Stamps are whole multiples of the time from scan to scan.
+        SimulatedScans
+            Recorded and true ranges. Stamps are whole multiples of the time between scans.
 
         Raises
         ------
         ValueError
-            If the block does not follow the last one, or the knots do not reach as far.
+            If the block does not follow the last one, or the knots do not cover it.
         """
         scanner = self.scanner
         check_next(self._end, begin, end)
@@ -257,8 +259,6 @@ class ScannerStream:
 
     def _beams(self, knots: PoseKnots, time: Float) -> tuple[Float, Float, Float]:
         """Origin and direction of every beam, and the scanner's forward axis."""
-        from trueterrain.simulate._kernels import beam_rays
-
         scanner = self.scanner
         step = float(knots.time[1] - knots.time[0])
         if time.size and time[-1] + scanner.delay[-1] > knots.time[-1]:
@@ -292,46 +292,46 @@ class ScannerStream:
         return origin, direction, forward
 
     def _cast(self, origin: Float, direction: Float, forward: Float) -> tuple[Float, Float]:
-        """Ranges averaged over the spot, and the slope of the ground in its middle."""
+        """Ranges averaged over the spot, and the slope of the ground at its centre."""
         scanner = self.scanner
-        self._expect(origin, direction)
+        self._request_tiles(origin, direction)
         distance, slope = cast_beams(
             self.ground,
             origin,
             direction,
-            furthest=scanner.furthest,
+            max_distance=scanner.furthest,
             known=self._tiles,
             forward=forward,
             spot=_spot_directions(scanner),
         )
-        usual = distance[::_SPARSE]
-        self._usual = float(np.median(usual[np.isfinite(usual)])) if np.isfinite(usual).any() else 0
+        sampled = distance[::_BEAM_STRIDE]
+        self._typical_range = (
+            float(np.median(sampled[np.isfinite(sampled)])) if np.isfinite(sampled).any() else 0
+        )
         return distance, slope
 
-    def _expect(self, origin: Float, direction: Float) -> None:
-        """Ask for the tiles that beams of the usual range will meet, before they miss them."""
-        if isinstance(self.ground, Raster) and self._usual:
-            point = origin[::_SPARSE, :2] + self._usual * direction[::_SPARSE, :2]
+    def _request_tiles(self, origin: Float, direction: Float) -> None:
+        """Request the tiles that beams of the typical range will enter, to avoid a second cast."""
+        if isinstance(self.ground, Raster) and self._typical_range:
+            point = origin[::_BEAM_STRIDE, :2] + self._typical_range * direction[::_BEAM_STRIDE, :2]
             self._tiles |= {tuple(tile) for tile in self.ground.tile_of(*point.T).tolist()}
 
     def _receive(
         self, true_range: Float, origin: Float, direction: Float, slope: Float
     ) -> tuple[Float, npt.NDArray[np.uint16], Float]:
         """Recorded ranges and intensities, and the bias by saturation."""
-        from trueterrain.simulate._kernels import receive_beams
-
         scanner, size = self.scanner, true_range.size
         if self.reflectivity.period:
             point = (origin[:, c] + true_range * direction[:, c] for c in (0, 1))
-            bright = self.reflectivity.at(*point)
+            reflectivity = self.reflectivity.at(*point)
         else:
-            bright = np.array([self.reflectivity.ground])
+            reflectivity = np.array([self.reflectivity.ground])
         ranges, counts, bias = np.empty(size), np.empty(size, np.uint16), np.empty(size)
         receive_beams(
             true_range,
             direction,
             slope,
-            bright,
+            reflectivity,
             self._speckle.standard_normal(size),
             self._noise.standard_normal(size),
             self._loss.random(size),
@@ -352,16 +352,16 @@ class ScannerStream:
 
 
 def _spot_directions(scanner: Scanner) -> Float:
-    """By how much the rays that fill the spot are turned, along and across the lane [rad].
+    """Rotations of the rays of the spot along and across the direction of travel [rad].
 
-    The rays are a lattice over the spot: spread evenly over its length and over its width.
+    The rays form a rank-1 lattice: equally spaced over both length and width of the spot.
     """
     half = scanner.spot_rays // 2
-    along = np.arange(-half, half + 1)
-    across = np.mod(2 * along + half, scanner.spot_rays) - half
+    longitudinal = np.arange(-half, half + 1)
+    lateral = np.mod(2 * longitudinal + half, scanner.spot_rays) - half
     extent = np.array([scanner.spot_length, scanner.spot_width])
-    turn = extent / (scanner.spot_rays * scanner.nominal_height)
-    return np.stack([along, across], axis=1) * turn
+    rotation = extent / (scanner.spot_rays * scanner.nominal_height)
+    return np.stack([longitudinal, lateral], axis=1) * rotation
 
 
 def _require_parameter(holds: bool, name: str, rule: str, value: object) -> None:

@@ -1,7 +1,7 @@
-"""How fast a virtual vehicle drives: distance, speed and acceleration in closed form.
+"""Speed of a virtual vehicle: distance, speed and acceleration in closed form.
 
-Each is a chain of polynomials in time, so distances are exact integrals of speeds. Acceleration is
-continuous throughout. Before time 0 the vehicle drives at its first speed.
+They are piecewise polynomials of time, so that distances are exact integrals of speeds. The
+acceleration is continuous. Before time 0 the vehicle drives at its first speed.
 """
 
 from abc import ABC, abstractmethod
@@ -16,7 +16,7 @@ Float = npt.NDArray[np.float64]
 
 
 class TravelState(NamedTuple):
-    """How far and how fast a vehicle is at each of n times."""
+    """Distance, speed and acceleration of a vehicle at n times."""
 
     distance: Float
     "Distance driven since time 0, shape (n,) [m]."
@@ -27,18 +27,18 @@ class TravelState(NamedTuple):
 
 
 class _Pieces(NamedTuple):
-    """Distance as polynomials; after the last piece comes the first again, or nothing new."""
+    """Distance as piecewise polynomials, periodic or with a last piece without end."""
 
     begin: Float
-    "Time at which each piece begins, shape (n,) [s]."
+    "Start time of each piece, shape (n,) [s]."
     powers: Float
-    "Distance in powers 0 to 4 of the time since then, shape (n, 5) [m, m/s, ...]."
+    "Coefficients of the powers 0 to 4 of the time since then, shape (n, 5) [m, m/s, ...]."
     period: float
-    "Time after which all repeats, infinite if it does not [s]."
+    "Period [s]; infinite if not periodic."
 
 
 class Speed(ABC):
-    """Speed of a vehicle in time."""
+    """Speed of a vehicle as a function of time."""
 
     @cached_property
     @abstractmethod
@@ -55,7 +55,7 @@ class Speed(ABC):
 
         Returns
         -------
-        Progress
+        TravelState
             At these times.
 
         Examples
@@ -78,7 +78,7 @@ class Speed(ABC):
         return TravelState(distance + laps * self._per_period, speed, acceleration)
 
     def duration(self, length: float) -> float:
-        """Time at which a vehicle that begins at time 0 has driven a length.
+        """Time at which a vehicle that starts at time 0 has driven a length.
 
         Parameters
         ----------
@@ -99,7 +99,7 @@ class Speed(ABC):
         --------
         >>> Constant(speed=5.0).duration(40.0)
         8.0
-        >>> Standing().duration(40.0)
+        >>> Standstill().duration(40.0)
         Traceback (most recent call last):
         ValueError: speed must lead to the end of the path: the vehicle never arrives, it comes to
         rest after 0 m of 40 m.
@@ -107,25 +107,27 @@ class Speed(ABC):
         if not (np.isfinite(length) and length > 0):
             raise ValueError(f"length must be greater than 0 m, got {length}.")
         begin, powers, period = self._pieces
-        laps, rest = 0.0, float(length)
+        laps, remaining = 0.0, float(length)
         if np.isfinite(period):
             laps = np.ceil(length / self._per_period) - 1.0
-            rest = length - laps * self._per_period
+            remaining = length - laps * self._per_period
             ends = np.append(powers[1:, 0], self._per_period)
         else:
             ends = np.append(powers[1:, 0], np.inf)
-        j = min(int(np.searchsorted(ends, rest)), begin.size - 1)
+        j = min(int(np.searchsorted(ends, remaining)), begin.size - 1)
         if np.isinf(period) and j == begin.size - 1 and not powers[j, 1:].any():
             raise ValueError(
                 "speed must lead to the end of the path: the vehicle never arrives, it comes to "
                 f"rest after {powers[j, 0]:g} m of {length:g} m."
             )
         last = np.append(begin[1:], period)[j]
-        longest = last - begin[j] if np.isfinite(last) else (rest - powers[j, 0]) / powers[j, 1]
+        max_time = (
+            last - begin[j] if np.isfinite(last) else (remaining - powers[j, 0]) / powers[j, 1]
+        )
         return (
             float(laps * period if laps else 0.0)
             + float(begin[j])
-            + _reach_distance(powers[j], rest, float(longest))
+            + _reach_distance(powers[j], remaining, float(max_time))
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -143,7 +145,7 @@ class Speed(ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class Constant(Speed):
-    """The same speed at all times.
+    """Constant speed.
 
     Examples
     --------
@@ -158,7 +160,7 @@ class Constant(Speed):
         if not (np.isfinite(self.speed) and self.speed > 0):
             raise ValueError(
                 "speed must be greater than 0 m/s, or the vehicle never arrives (let it stand "
-                f"with Standing), got {self.speed}."
+                f"with Standstill), got {self.speed}."
             )
 
     @cached_property
@@ -168,11 +170,11 @@ class Constant(Speed):
 
 @dataclass(frozen=True, kw_only=True)
 class Standstill(Speed):
-    """No motion at all.
+    """Standstill at the start of the path.
 
     Examples
     --------
-    >>> Standing().at([0.0, 9.0]).distance
+    >>> Standstill().at([0.0, 9.0]).distance
     array([0., 0.])
     """
 
@@ -183,10 +185,10 @@ class Standstill(Speed):
 
 @dataclass(frozen=True, kw_only=True)
 class Ramp(Speed):
-    """From one speed to another, then on at that.
+    """Change from one constant speed to another.
 
     Over the time T of the ramp the speed follows 3 x^2 - 2 x^3, x = t / T: the acceleration is a
-    parabola from 0 to 0, at most 1.5 times its mean.
+    parabola with zeros at both ends, at most 1.5 times its mean.
 
     Examples
     --------
@@ -202,13 +204,13 @@ class Ramp(Speed):
     "Speed after it [m/s]."
 
     time: float | None = None
-    "Time that the ramp takes [s]; this or `distance` must be given."
+    "Duration of the ramp [s]; this or `distance` must be given."
 
     distance: float | None = None
     "Distance driven during the ramp [m]."
 
     hold: float = 0.0
-    "Time driven at the first speed, from time 0 to the begin of the ramp [s]."
+    "Time driven at the first speed, from time 0 to the start of the ramp [s]."
 
     def __post_init__(self) -> None:
         for name in ("begin", "end", "hold"):
@@ -232,19 +234,19 @@ class Ramp(Speed):
     @cached_property
     def _pieces(self) -> _Pieces:
         mean = 0.5 * (self.begin + self.end)
-        span = self.time if self.time is not None else (self.distance or 0.0) / mean
-        gain, before = self.end - self.begin, self.begin * self.hold
+        phase_time = self.time if self.time is not None else (self.distance or 0.0) / mean
+        change, before = self.end - self.begin, self.begin * self.hold
         powers = [
             [0.0, self.begin, 0.0, 0.0, 0.0],
-            [before, self.begin, 0.0, gain / span**2, -0.5 * gain / span**3],
-            [before + mean * span, self.end, 0.0, 0.0, 0.0],
+            [before, self.begin, 0.0, change / phase_time**2, -0.5 * change / phase_time**3],
+            [before + mean * phase_time, self.end, 0.0, 0.0, 0.0],
         ]
-        return _Pieces(np.array([0.0, self.hold, self.hold + span]), np.array(powers), np.inf)
+        return _Pieces(np.array([0.0, self.hold, self.hold + phase_time]), np.array(powers), np.inf)
 
 
 @dataclass(frozen=True, kw_only=True)
 class StopAndGo(Speed):
-    """Stand, speed up, drive, brake, and again: trapezoids of limited jerk.
+    """Periodic stop-and-go: stand, accelerate, drive, brake, with limited jerk.
 
     Examples
     --------
@@ -260,13 +262,13 @@ class StopAndGo(Speed):
     "Time driven at that speed [s]."
 
     stand: float
-    "Time stood before each start, the first one included [s]."
+    "Time at rest before each start, the first one included [s]."
 
     acceleration: float = 1.5
-    "Largest acceleration [m/s^2]."
+    "Maximum acceleration [m/s^2]."
 
     deceleration: float = 2.0
-    "Largest deceleration [m/s^2]."
+    "Maximum deceleration [m/s^2]."
 
     jerk: float = 3.0
     "Change of the acceleration per time [m/s^3]."
@@ -288,34 +290,40 @@ class StopAndGo(Speed):
             (time, -jerk) for time, jerk in _eased_phases(self.speed, self.deceleration, self.jerk)
         ]
         phases = [(self.stand, 0.0), *up, (self.drive, 0.0), *down]
-        begins, powers = [], []
+        starts, powers = [], []
         time, distance, speed, acceleration = 0.0, 0.0, 0.0, 0.0
-        for index, (span, jerk) in enumerate(phases):
-            if index == len(up) + 1:  # driving: speed and acceleration are these, not rounded sums
+        for index, (phase_time, jerk) in enumerate(phases):
+            if index == len(up) + 1:  # constant speed: exact values instead of rounded sums
                 speed, acceleration = self.speed, 0.0
-            if span > 0:
-                begins.append(time)
+            if phase_time > 0:
+                starts.append(time)
                 powers.append([distance, speed, acceleration / 2, jerk / 6, 0.0])
-            distance += span * (speed + span * (acceleration / 2 + span * jerk / 6))
-            speed += span * (acceleration + span * jerk / 2)
-            acceleration += span * jerk
-            time += span
-        return _Pieces(np.array(begins), np.array(powers), time)
+            distance += phase_time * (
+                speed + phase_time * (acceleration / 2 + phase_time * jerk / 6)
+            )
+            speed += phase_time * (acceleration + phase_time * jerk / 2)
+            acceleration += phase_time * jerk
+            time += phase_time
+        return _Pieces(np.array(starts), np.array(powers), time)
 
 
-def _eased_phases(gain: float, acceleration: float, jerk: float) -> list[tuple[float, float]]:
-    """Time and jerk of the phases that change the speed by `gain`."""
-    ease = min(acceleration / jerk, float(np.sqrt(gain / jerk)))
-    return [(ease, jerk), (max(gain / (jerk * ease) - ease, 0.0), 0.0), (ease, -jerk)]
+def _eased_phases(change: float, acceleration: float, jerk: float) -> list[tuple[float, float]]:
+    """Time and jerk of the phases that change the speed by `change`."""
+    jerk_time = min(acceleration / jerk, float(np.sqrt(change / jerk)))
+    return [
+        (jerk_time, jerk),
+        (max(change / (jerk * jerk_time) - jerk_time, 0.0), 0.0),
+        (jerk_time, -jerk),
+    ]
 
 
-def _reach_distance(powers: Float, distance: float, longest: float) -> float:
-    """Time, from 0 to `longest`, at which a polynomial reaches a distance."""
+def _reach_distance(powers: Float, distance: float, max_time: float) -> float:
+    """Time, from 0 to `max_time`, at which a polynomial reaches a distance."""
     from scipy.optimize import brentq
 
-    def missing(x: float) -> float:
+    def shortfall(x: float) -> float:
         return float(np.polyval(powers[::-1], x)) - distance
 
-    if missing(longest) <= 0.0:
-        return longest
-    return 0.0 if missing(0.0) >= 0.0 else float(brentq(missing, 0.0, longest, xtol=1e-13))
+    if shortfall(max_time) <= 0.0:
+        return max_time
+    return 0.0 if shortfall(0.0) >= 0.0 else float(brentq(shortfall, 0.0, max_time, xtol=1e-13))

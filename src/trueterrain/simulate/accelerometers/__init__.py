@@ -1,13 +1,14 @@
-"""The virtual accelerometers: specific force along the z axis of the body, and what is wrong in it.
+"""Virtual accelerometers: specific force along the z axis of the body, with instrument errors.
 
-An accelerometer does not feel gravity, but what holds it against gravity: standing upright it reads
-+g. In general it reads the component along its own axis n of
+An accelerometer measures specific force, acceleration less gravity: upright and at rest it reads
++g. It reads the component along its axis n of
 
-    R' (p'' - g) + w' x r + w x (w x r),
+    f_b = R_gb^T (p'' - g) + w' x r + w x (w x r),
 
-with the acceleration p'' of the origin of the body and the gravity g on the ground, the rotation R
-of the body, its angular velocity w and acceleration w' in body axes, and the sensor's position r in
-the body. Tilt of the road (g cos(roll) cos(pitch)) and centripetal terms are contained.
+with the acceleration p'' of the origin of the body and the gravity g in the ground frame, the
+rotation R_gb from body to ground, the angular velocity w and acceleration w' of the body in body
+axes, and the position r of the sensor in the body. So the tilt of the road, g cos(roll) cos(pitch),
+and centripetal terms are included.
 """
 
 from trueterrain.simulate.accelerometers._parameters import Accelerometers, sensor_triangle

@@ -10,7 +10,7 @@ from trueterrain.core.kernels import compile_kernel
 
 @compile_kernel
 def _find_interval(knots, time, guess):
-    """Last knot at or before a time, and never the last of all."""
+    """Index of the knot interval that contains a time, searched from a guess."""
     last = knots.size - 2
     k = min(max(guess, 0), last)
     while k > 0 and knots[k] > time:
@@ -22,7 +22,10 @@ def _find_interval(knots, time, guess):
 
 @compile_kernel
 def _evaluate_quintic(x, step, per_step, k, c, pose, rate, acceleration):
-    """Value, first and second derivative of component c after knot k, at the share x of a step."""
+    """Value, first and second derivative of component c in interval k, at the fraction x of it.
+
+    The quintic Hermite polynomial through value, rate and acceleration at both knots.
+    """
     p0, p1 = pose[k, c], pose[k + 1, c]
     v0, v1 = rate[k, c] * step, rate[k + 1, c] * step
     a0, a1 = acceleration[k, c] * step * step, acceleration[k + 1, c] * step * step
@@ -40,7 +43,17 @@ def _evaluate_quintic(x, step, per_step, k, c, pose, rate, acceleration):
 
 @compile_kernel(parallel=True)
 def specific_force(times, knots, pose, rate, acceleration, positions, axes, gravity):
-    """Specific force [m/s^2] of each sensor at each time, shape (time, sensor)."""
+    """Specific force of each sensor at each time, shape (n, sensors) [m/s^2].
+
+    Parameters
+    ----------
+    times : (n,) true times [s]
+    knots : (m,) times of the knots [s]
+    pose, rate, acceleration : (m, 6) pose at the knots and its derivatives [m], [rad], [s]
+    positions : (sensors, 3) positions in the body [m]
+    axes : (sensors, 3) unit vectors of the sensitive axes in the body
+    gravity : gravity, straight down [m/s^2]
+    """
     n, sensors = times.size, positions.shape[0]
     force = np.empty((n, sensors))
     per_second = (knots.size - 1) / (knots[-1] - knots[0])
@@ -59,12 +72,12 @@ def specific_force(times, knots, pose, rate, acceleration, positions, axes, grav
         sr, cr = math.sin(roll), math.cos(roll)
         sp, cp = math.sin(pitch), math.cos(pitch)
         sy, cy = math.sin(yaw), math.cos(yaw)
-        # Acceleration less gravity, on the ground and then in the body: its transposed rotation.
+        # R_gb^T (p'' - g): first by yaw, then by pitch, then by roll
         up += gravity
-        ahead, left = cy * east + sy * north, cy * north - sy * east
-        upright = sp * ahead + cp * up
-        fx, fy, fz = cp * ahead - sp * up, cr * left + sr * upright, cr * upright - sr * left
-        # Angular velocity and acceleration in body axes.
+        forward, left = cy * east + sy * north, cy * north - sy * east
+        upright = sp * forward + cp * up
+        fx, fy, fz = cp * forward - sp * up, cr * left + sr * upright, cr * upright - sr * left
+        # angular velocity and acceleration in body axes, from the rates of the Euler angles
         wx, wy, wz = p - r * sp, q * cr + r * cp * sr, r * cp * cr - q * sr
         ax = dp - dr * sp - r * cp * q
         ay = dq * cr - q * sr * p + dr * cp * sr + r * (cp * cr * p - sp * sr * q)
@@ -72,6 +85,7 @@ def specific_force(times, knots, pose, rate, acceleration, positions, axes, grav
         for s in range(sensors):
             rx, ry, rz = positions[s, 0], positions[s, 1], positions[s, 2]
             vx, vy, vz = wy * rz - wz * ry, wz * rx - wx * rz, wx * ry - wy * rx
+            # axis . (f + w' x r + w x (w x r)), with v = w x r
             force[i, s] = (
                 axes[s, 0] * (fx + ay * rz - az * ry + wy * vz - wz * vy)
                 + axes[s, 1] * (fy + az * rx - ax * rz + wz * vx - wx * vz)

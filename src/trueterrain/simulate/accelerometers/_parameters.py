@@ -1,4 +1,4 @@
-"""What the virtual accelerometers are."""
+"""Settings of the virtual accelerometers."""
 
 import math
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ STANDARD_GRAVITY = 9.80665
 
 
 def sensor_triangle(centre: Position, radius: float = 0.5) -> tuple[Position, Position, Position]:
-    """Positions of three coplanar sensors: one ahead of a centre, two behind, left and right.
+    """Positions of three coplanar sensors: one in front of a centre, two behind it, left and right.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def sensor_triangle(centre: Position, radius: float = 0.5) -> tuple[Position, Po
 
     Examples
     --------
-    >>> triangle((-2.0, 0.0, 1.0))[0]
+    >>> sensor_triangle((-2.0, 0.0, 1.0))[0]
     (-1.5, 0.0, 1.0)
     """
     check_positive(radius=radius)
@@ -51,12 +51,11 @@ def sensor_triangle(centre: Position, radius: float = 0.5) -> tuple[Position, Po
 class Accelerometers:
     """Accelerometers with their sensitive axes along z of the body, and their errors.
 
-    Noise, bias and scale are those of the sensors for which the fusion of INS and accelerometers
-    was studied: 50 ug/sqrt(Hz), 5 mg, 0.1 % (industrial MEMS). The bias walk, the tilt of the
-    axes, the range and the filter are assumptions of the same class.
+    Noise, bias and scale are those of industrial MEMS sensors: 50 ug/sqrt(Hz), 5 mg, 0.1 %. The
+    bias walk, the tilt of the axes, the range and the filter are assumptions for the same class.
 
-    A constant error of a sensor is what is given for it (``bias``, ``scale``, ``tilt``) and what is
-    drawn for it from the seed (``bias_sd``, ``scale_sd``, ``tilt_sd``), the same in all passes.
+    A constant error of a sensor is the sum of a given value (``bias``, ``scale``, ``tilt``) and a
+    random one from the seed (``bias_sd``, ``scale_sd``, ``tilt_sd``), the same in all passes.
     """
 
     positions: tuple[Position, ...] = sensor_triangle((0.0, 0.0, 0.0))
@@ -87,11 +86,11 @@ class Accelerometers:
     "Standard deviation of each of the two tilts of an axis over sensors [rad]."
 
     tilt: tuple[tuple[float, float], ...] = ()
-    """Given tilt of each axis [rad], empty for none: the z axis of the body, turned by the second
-    angle about y, and then by the first about x."""
+    """Given tilt of each axis [rad], empty for none: the z axis of the body, rotated by the second
+    angle about y, then by the first about x."""
 
     clock_offset: float = 0.0
-    "True time less stamp at the begin [s]."
+    "True time less stamp, at the beginning [s]."
 
     clock_rate: float = 0.0
     "Growth of the clock, true time less stamp, per second [s/s]."
@@ -100,13 +99,13 @@ class Accelerometers:
     "Order of the anti-alias filter, a causal Butterworth filter; 0 for none."
 
     filter_cutoff: float = 500.0
-    "Frequency at which it passes half of the power [Hz]."
+    "Cut-off frequency, at half power [Hz]."
 
     oversampling: int = 4
     "Inner samples, before the filter, per recorded sample."
 
     full_scale: float = 10.0 * STANDARD_GRAVITY
-    "Largest reading, either way [m/s^2]; infinite for no limit."
+    "Maximum magnitude of a reading [m/s^2]; infinite for no limit."
 
     quantum: float = 0.0
     "Step of the readings [m/s^2]; 0 for none."
@@ -149,10 +148,10 @@ class Accelerometers:
         self._check_filter()
 
     def _check_filter(self) -> None:
-        for name, least in (("filter_order", 0), ("oversampling", 1)):
+        for name, minimum in (("filter_order", 0), ("oversampling", 1)):
             value = getattr(self, name)
-            if isinstance(value, bool) or value != int(value) or value < least:
-                message = f"{name} must be a whole number of at least {least}, got {value}."
+            if isinstance(value, bool) or value != int(value) or value < minimum:
+                message = f"{name} must be a whole number of at least {minimum}, got {value}."
                 raise ValueError(message)
         if self.filter_order:
             check_positive(filter_cutoff=self.filter_cutoff)
@@ -165,10 +164,10 @@ class Accelerometers:
 
     @property
     def group_delay(self) -> float:
-        """By how much the filter delays slow motion [s].
+        """Group delay of the filter at 0 Hz [s].
 
-        The group delay at 0 Hz; what is recorded with the stamp of t happened this much before.
-        It grows towards the cut-off.
+        A reading with the stamp t shows motion at t less this delay. The delay grows towards the
+        cut-off.
 
         Examples
         --------
@@ -178,8 +177,8 @@ class Accelerometers:
         if not self.filter_order:
             return 0.0
         step = 1.0 / (self.rate * self.oversampling)
-        # The delay of a pole p at 0 Hz is Re(-1 / p); the bilinear transform keeps it at 0 Hz, but
-        # moves the cut-off, which therefore is moved beforehand.
+        # The delay of a pole p at 0 Hz is Re(-1 / p). The bilinear transform preserves it, but
+        # shifts the cut-off, which is pre-warped for that reason.
         cutoff = 2.0 / step * math.tan(math.pi * self.filter_cutoff * step)
         order = self.filter_order
         angles = [math.pi * (2 * k + 1) / (2 * order) for k in range(order)]

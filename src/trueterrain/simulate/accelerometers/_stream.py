@@ -1,4 +1,4 @@
-"""What the virtual accelerometers record, block by block."""
+"""Readings of the virtual accelerometers, block by block."""
 
 from typing import NamedTuple
 
@@ -14,11 +14,11 @@ from trueterrain.simulate.pose import PoseKnots
 Float = npt.NDArray[np.float64]
 Block = dict[str, Float]
 
-#: Inner samples that are computed at a time, which bounds memory; the result does not depend on it.
+#: Inner samples computed at a time, which bounds memory; results do not depend on it.
 _CHUNK = 32768
 
-#: Periods of the cut-off after which a filter has forgotten how it began.
-_SETTLED = 20.0
+#: Periods of the cut-off after which the transient of the filter has decayed.
+_DECAY_PERIODS = 20.0
 
 
 def specific_force(
@@ -29,7 +29,7 @@ def specific_force(
     axes: npt.ArrayLike = (0.0, 0.0, 1.0),
     gravity: float = STANDARD_GRAVITY,
 ) -> Float:
-    """Specific force that perfect accelerometers feel.
+    """Specific force at positions in the body, as error-free accelerometers measure it.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def specific_force(
     Raises
     ------
     ValueError
-        If a time lies outside of the knots, or shapes do not fit.
+        If a time lies outside the knots, or shapes do not match.
 
     Examples
     --------
@@ -84,7 +84,7 @@ def specific_force(
 
 
 class AccelerometerBlock(NamedTuple):
-    """What the accelerometers recorded over a stretch of time, and the truth about it."""
+    """Readings of the accelerometers over an interval of time, and the truth."""
 
     recorded: Block
     "``time`` (sample,) [s] and ``acceleration`` (sample, sensor) [m/s^2]."
@@ -96,20 +96,20 @@ class AccelerometerBlock(NamedTuple):
 
 
 class AccelerometerStream:
-    """The accelerometers in one pass, recorded block by block.
+    """Simulator of the accelerometers in one pass, recorded block by block.
 
-    A reading is the specific force along the tilted axis, scaled, with white noise, through the
-    filter, plus the bias, limited and rounded. The filter begins at rest at the first force. What
-    is recorded is the same bit for bit, however the pass is cut into blocks.
+    A reading is the specific force along the tilted axis, scaled, with white noise, filtered, plus
+    the bias, limited and rounded. The filter starts in its steady state at the first force. The
+    readings are the same to the last bit for any division of the pass into blocks.
 
     Parameters
     ----------
     parameters : Accelerometers
         The instrument.
     seed : int
-        Seed of all that is random.
+        Seed of all random numbers.
     pass_number : int
-        Which pass over the road, from 0: each has noise of its own, and the same constant errors.
+        Number of the pass, from 0: each has its own noise, and the same constant errors.
     begin : float
         True time at which the pass begins [s].
 
@@ -122,7 +122,7 @@ class AccelerometerStream:
     axes : numpy.ndarray, shape (sensor, 3)
         Unit vector of each axis in the body.
     group_delay : float
-        By how much the filter delays slow motion [s].
+        Group delay of the filter at 0 Hz [s].
 
     Examples
     --------
@@ -150,7 +150,7 @@ class AccelerometerStream:
         self.axes = _tilted_axes(self.tilt)
         self._clock = SimulatedClock(offset=p.clock_offset, rate=p.clock_rate, begin=begin)
         self._end = begin
-        # Without a filter there is nothing between two samples that could reach a reading.
+        # without a filter no inner sample affects a reading
         self._inner = int(p.oversampling) if p.filter_order else 1
         name = f"pass {pass_number}"
         frequency = p.rate * self._inner
@@ -166,24 +166,24 @@ class AccelerometerStream:
         self._filter = _Filter(p, frequency, self._noise) if p.filter_order else None
 
     def record(self, knots: PoseKnots, begin: float, end: float) -> AccelerometerBlock:
-        """The samples whose true times lie in [begin, end).
+        """Samples with true times in [begin, end).
 
         Parameters
         ----------
         knots : PoseKnots
             True motion, from `begin` to `end` at least.
         begin, end : float
-            True times [s]; the begin must be the end of the last block.
+            True times [s]; `begin` must be the end of the last block.
 
         Returns
         -------
         AccelerometerBlock
-            What was recorded, and the truth about it. Stamps are whole multiples of 1 / rate.
+            Readings and truth. Stamps are whole multiples of 1 / rate.
 
         Raises
         ------
         ValueError
-            If the block does not follow the last one, or the knots do not reach as far.
+            If the block does not follow the last one, or the knots do not cover it.
         """
         check_next(self._end, begin, end)
         p = self.parameters
@@ -191,7 +191,7 @@ class AccelerometerStream:
         inner_time = self._clock.true(ticks / (p.rate * self._inner))
         if ticks.size and not (knots.time[0] <= inner_time[0] and inner_time[-1] <= knots.time[-1]):
             message = (
-                f"knots must reach from {inner_time[0]} s to {inner_time[-1]} s, "
+                f"knots must cover {inner_time[0]} s to {inner_time[-1]} s, "
                 f"got {knots.time[0]} s to {knots.time[-1]} s."
             )
             raise ValueError(message)
@@ -229,7 +229,7 @@ class AccelerometerStream:
 
 
 class _Filter:
-    """Causal Butterworth filter that begins at rest at the first force, with noise under way."""
+    """Causal Butterworth filter that starts in the steady state of force and noise."""
 
     def __init__(self, parameters: Accelerometers, frequency: float, noise: White) -> None:
         from scipy.signal import butter, sosfilt, sosfilt_zi
@@ -237,18 +237,18 @@ class _Filter:
         p = parameters
         self._sections = butter(p.filter_order, p.filter_cutoff, fs=frequency, output="sos")
         self._rest = sosfilt_zi(self._sections)[:, :, None]
-        before = noise.next(int(np.ceil(_SETTLED * frequency / p.filter_cutoff)))
+        before = noise.next(int(np.ceil(_DECAY_PERIODS * frequency / p.filter_cutoff)))
         none = np.zeros((len(self._sections), 2, before.shape[1]))
         _, self._state = sosfilt(self._sections, before, axis=0, zi=none)
-        self._begun = False
+        self._started = False
 
     def next(self, samples: Float, rest: Float) -> Float:
-        """Filtered samples; `rest` is what the filter was fed for ever before the first of all."""
+        """Filtered samples; `rest` is the constant input before the first sample."""
         from scipy.signal import sosfilt
 
-        if not self._begun:
+        if not self._started:
             self._state = self._state + self._rest * rest
-            self._begun = True
+            self._started = True
         filtered, self._state = sosfilt(self._sections, samples, axis=0, zi=self._state)
         return np.asarray(filtered)
 
@@ -260,7 +260,7 @@ def _constant_error(
     seed: int,
     name: str,
 ) -> Float:
-    """Constant error of each sensor: what is given and what is drawn."""
+    """Constant error of each sensor: the sum of the given and the random value."""
     drawn = sd * named_generator(seed, "accelerometers", name).standard_normal(shape)
     return drawn + np.array(given, dtype=np.float64) if len(given) else drawn
 

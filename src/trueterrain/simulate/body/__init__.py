@@ -1,4 +1,4 @@
-"""How the body of a virtual vehicle moves: on springs over the ground, parked, or as prescribed."""
+"""Motion of the body of a virtual vehicle: on its suspension, parked, or prescribed."""
 
 from trueterrain.simulate.body._motion import Motion
 from trueterrain.simulate.body._pass import PassPlan

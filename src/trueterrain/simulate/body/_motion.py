@@ -1,4 +1,4 @@
-"""What all motions have in common: knots, block by block."""
+"""Base classes of motions, which yield knots block by block."""
 
 import math
 from abc import ABC, abstractmethod
@@ -13,12 +13,12 @@ from trueterrain.simulate.pose import PoseKnots
 
 Float = npt.NDArray[np.float64]
 
-#: Time over which a motion is computed at once, whatever blocks are asked for [s].
+#: Time over which a motion is computed at once, independent of the requested blocks [s].
 CHUNK = 5.0
 
-_LEAST_RATE = 1000.0  # [Hz]
-_WHOLE = 1e-6  # [1] of a knot, by which a time may miss it
-_ENDLESS = 2**62  # [1] knots
+_MIN_RATE = 1000.0  # [Hz]
+_TOLERANCE = 1e-6  # [1] of the time between knots, for times at a knot
+_MAX_KNOTS = 2**62  # [1] knots
 
 
 class MotionChunk(NamedTuple):
@@ -31,11 +31,11 @@ class MotionChunk(NamedTuple):
 
 
 class Motion(ABC):
-    """Motion of the body of a vehicle, from which the instruments take their exact poses.
+    """Exact motion of the body of a vehicle, evaluated by the virtual instruments.
 
     Components are easting, northing and height of the origin of the body [m], roll, pitch (nose
     down positive) and yaw (counter-clockwise from east, not wrapped) [rad]: ISO 8855. Knot k is at
-    time k / rate and is the same bit for bit, however the motion is cut into blocks.
+    time k / rate and is the same to the last bit for any division of the motion into blocks.
     """
 
     rate: float
@@ -43,16 +43,16 @@ class Motion(ABC):
     @property
     @abstractmethod
     def duration(self) -> float:
-        """Time at which the motion ends [s]; it begins at 0."""
+        """Time at which the motion ends [s]; it starts at 0."""
 
     @property
     def span(self) -> tuple[float, float]:
-        """First and last time at which the motion is known, beyond its begin and end [s]."""
+        """First and last time at which the motion is known, run-in and run-out included [s]."""
         return -math.inf, math.inf
 
     @abstractmethod
     def _chunks(self, first: int) -> Iterator[MotionChunk]:
-        """Chunks that follow each other; the first one begins at knot `first` or before."""
+        """Consecutive chunks; the first one starts at knot `first` or before."""
 
     def blocks(
         self,
@@ -67,13 +67,13 @@ class Motion(ABC):
         Parameters
         ----------
         begin : float
-            Where the first block begins [s].
+            Start of the first block [s].
         end : float, optional
-            Where the last block ends [s]; by default the duration of the motion.
+            End of the last block [s]; by default the duration of the motion.
         block : float
             Length of the blocks [s]; the last one may be shorter.
         margin : float
-            Time that the knots of a block reach beyond it on either side [s].
+            Time by which the knots extend beyond a block on either side [s].
 
         Yields
         ------
@@ -85,7 +85,7 @@ class Motion(ABC):
         Raises
         ------
         ValueError
-            If the block or the stretch of time is empty, or the motion is not known all the way.
+            If the block or the interval is empty, or the motion is not known over all of it.
 
         Examples
         --------
@@ -103,41 +103,41 @@ class Motion(ABC):
         earliest, latest = self.span
         if begin - margin < earliest or end + margin > latest:
             raise ValueError(
-                f"begin, end and margin must keep to the motion, which is known from "
+                f"begin, end and margin must lie within the motion, which is known from "
                 f"{earliest:.6g} s to {latest:.6g} s, got {begin - margin:.6g} s to "
                 f"{end + margin:.6g} s."
             )
-        return self._blocks(begin, end, block, margin)
+        return self._iterate_blocks(begin, end, block, margin)
 
-    def _blocks(
+    def _iterate_blocks(
         self, begin: float, end: float, block: float, margin: float
     ) -> Iterator[tuple[float, float, PoseKnots]]:
-        number = max(math.ceil((end - begin) / block - _WHOLE), 1)
+        number = max(math.ceil((end - begin) / block - _TOLERANCE), 1)
         edges = [*(begin + n * block for n in range(number)), end]
-        first = math.floor((begin - margin) * self.rate + _WHOLE)
+        first = math.floor((begin - margin) * self.rate + _TOLERANCE)
         source = self._chunks(first)
-        held: list[MotionChunk] = []
+        buffered: list[MotionChunk] = []
         for early, late in pairwise(edges):
-            first = math.floor((early - margin) * self.rate + _WHOLE)
-            last = math.ceil((late + margin) * self.rate - _WHOLE)
-            while not held or held[-1].first + held[-1].values.shape[1] <= last:
-                held.append(next(source))
-            held = [chunk for chunk in held if chunk.first + chunk.values.shape[1] > first]
-            values = np.concatenate([chunk.values for chunk in held], axis=1)
-            part = slice(first - held[0].first, last + 1 - held[0].first)
+            first = math.floor((early - margin) * self.rate + _TOLERANCE)
+            last = math.ceil((late + margin) * self.rate - _TOLERANCE)
+            while not buffered or buffered[-1].first + buffered[-1].values.shape[1] <= last:
+                buffered.append(next(source))
+            buffered = [chunk for chunk in buffered if chunk.first + chunk.values.shape[1] > first]
+            values = np.concatenate([chunk.values for chunk in buffered], axis=1)
+            part = slice(first - buffered[0].first, last + 1 - buffered[0].first)
             pose, rate, acceleration = np.ascontiguousarray(values[:, part])
             time = np.arange(first, last + 1) / self.rate
             yield early, late, PoseKnots(time=time, pose=pose, rate=rate, acceleration=acceleration)
 
     def knots(self, begin: float, end: float, *, margin: float = 0.1) -> PoseKnots:
-        """Knots of one stretch of time.
+        """Knots of one interval of time.
 
         Parameters
         ----------
         begin, end : float
-            The stretch [s].
+            The interval [s].
         margin : float
-            Time that the knots reach beyond it on either side [s].
+            Time by which the knots extend beyond it on either side [s].
 
         Returns
         -------
@@ -153,14 +153,14 @@ class Motion(ABC):
         return {
             "kind": type(self).__name__,
             **{
-                name: value.to_dict() if hasattr(value, "describe") else value
+                name: value.to_dict() if hasattr(value, "to_dict") else value
                 for name, value in fields.items()
             },
         }
 
 
 class FormulaMotion(Motion):
-    """A motion that can be computed at any time without what went before."""
+    """Motion that can be computed at any time, independent of the time before."""
 
     @abstractmethod
     def _values(self, time: Float) -> Float:
@@ -168,27 +168,27 @@ class FormulaMotion(Motion):
 
     def _chunks(self, first: int) -> Iterator[MotionChunk]:
         size = round(CHUNK * self.rate)
-        lowest, highest = self._known()
+        first_known, last_known = self._known_range()
         for number in count(first // size):
-            begin = max(number * size, lowest)
-            end = min((number + 1) * size, highest + 1)
+            begin = max(number * size, first_known)
+            end = min((number + 1) * size, last_known + 1)
             if begin >= end:
                 return
             yield MotionChunk(begin, self._values(np.arange(begin, end) / self.rate))
 
-    def _known(self) -> tuple[int, int]:
+    def _known_range(self) -> tuple[int, int]:
         """Numbers of the first and the last knot at which the motion is known."""
         earliest, latest = self.span
         return (
-            -_ENDLESS if math.isinf(earliest) else math.ceil(earliest * self.rate - _WHOLE),
-            _ENDLESS if math.isinf(latest) else math.floor(latest * self.rate + _WHOLE),
+            -_MAX_KNOTS if math.isinf(earliest) else math.ceil(earliest * self.rate - _TOLERANCE),
+            _MAX_KNOTS if math.isinf(latest) else math.floor(latest * self.rate + _TOLERANCE),
         )
 
 
 def check_rate(rate: float) -> None:
     """Raise ValueError unless the rate of the knots is high enough."""
-    if not (np.isfinite(rate) and rate >= _LEAST_RATE):
-        raise ValueError(f"rate must be at least {_LEAST_RATE:g} Hz, got {rate}.")
+    if not (np.isfinite(rate) and rate >= _MIN_RATE):
+        raise ValueError(f"rate must be at least {_MIN_RATE:g} Hz, got {rate}.")
 
 
 def check_at_least_0(unit: str, **values: float) -> None:

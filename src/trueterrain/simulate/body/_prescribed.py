@@ -1,4 +1,4 @@
-"""Motions that are prescribed: a body that stands, follows a lane rigidly, or obeys a function."""
+"""Prescribed motions: a parked body, a rigid body along a line, a function of time."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -16,7 +16,7 @@ from trueterrain.vehicle import FullCarParameters, linear_model, start_state
 
 Float = npt.NDArray[np.float64]
 
-_DEGREE = 5  # of the splines through poses: their acceleration is smooth
+_DEGREE = 5  # of the splines through poses: the acceleration is differentiable
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,10 +54,9 @@ class Wave:
 
 @dataclass(frozen=True, kw_only=True)
 class Parked(FormulaMotion):
-    """Vehicle that stands, still or bounced by hand.
+    """Parked vehicle, at rest or bounced by hand.
 
-    Bounced by 20 mm at 1.3 Hz over a flat floor, it shows how far the clocks of its instruments
-    are apart.
+    Bounced by 20 mm at 1.3 Hz on a flat floor, it shows the clock offsets between its instruments.
 
     Examples
     --------
@@ -67,7 +66,7 @@ class Parked(FormulaMotion):
     """
 
     duration: float = field(default=40.0)
-    "How long it stands [s]."
+    "Duration [s]."
 
     east: float = 0.0
     "Easting of the origin of the body [m]."
@@ -88,7 +87,7 @@ class Parked(FormulaMotion):
     "Yaw, counter-clockwise from east [rad]."
 
     waves: tuple[Wave, ...] = ()
-    "What moves it."
+    "Sines added to its pose."
 
     rate: float = 2000.0
     "Knots per second, at least 1000 [Hz]."
@@ -112,23 +111,23 @@ class Parked(FormulaMotion):
         yaw: float = 0.0,
         **others: Any,
     ) -> "Parked":
-        """Vehicle that stands on its springs on the ground.
+        """Vehicle at rest on its suspension on the ground.
 
         Parameters
         ----------
         ground : Ground
-            The ground, on which the wheels stand in one point each.
+            The ground, on which each wheel stands at one point.
         vehicle : FullCarParameters
             The vehicle, whose centre of gravity is the origin of the body.
         east, north, yaw : float
-            Where it stands [m], and in which direction [rad].
+            Position [m] and direction [rad].
         **others : Any
             Further parameters of the class.
 
         Returns
         -------
         Parked
-            At the height, roll and pitch at which it comes to rest.
+            With the height, roll and pitch of static equilibrium.
 
         Raises
         ------
@@ -167,19 +166,19 @@ class Parked(FormulaMotion):
 
 @dataclass(frozen=True, kw_only=True)
 class Follower(FormulaMotion):
-    """Body that follows a lane at a constant height, as if it were on rails.
+    """Rigid body that follows a line at a constant height.
 
     Examples
     --------
     >>> from trueterrain.simulate.course import Straight
     >>> from trueterrain.simulate.speed import Constant
-    >>> rails = Follower(drive=Pass(course=Straight(length=20.0), speed=Constant(speed=5.0)))
+    >>> rails = Follower(drive=PassPlan(course=Straight(length=20.0), speed=Constant(speed=5.0)))
     >>> print(rails.knots(0.0, 4.0).at([1.0])[0])
     [[5. 0. 2. 0. 0. 0.]]
     """
 
     drive: PassPlan
-    "Course, lane and speed."
+    "Course, offset and speed."
 
     up: float = 2.0
     "Height of the origin of the body [m]."
@@ -229,8 +228,8 @@ class Prescribed(FormulaMotion):
     """
 
     function: Callable[[Float], tuple[Float, Float, Float]]
-    """Gives pose, rate and acceleration, each of shape (n, 6), at times of shape (n,); they must be
-    each other's derivatives."""
+    """Returns pose, rate and acceleration, each of shape (n, 6), at times of shape (n,); each is
+    the derivative of the previous one."""
 
     end: float
     "Time at which the motion ends [s]."
@@ -255,7 +254,7 @@ class Prescribed(FormulaMotion):
         end: float | None = None,
         rate: float = 2000.0,
     ) -> "Prescribed":
-        """Motion through poses: splines of degree 5.
+        """Motion that interpolates poses by splines of degree 5.
 
         Parameters
         ----------
@@ -278,7 +277,7 @@ class Prescribed(FormulaMotion):
         ------
         ValueError
             If a shape is wrong, a value is not finite, times do not ascend, or an angle jumps by
-            more than half a turn.
+            more than pi.
 
         Examples
         --------
@@ -302,7 +301,7 @@ class Prescribed(FormulaMotion):
         if not (np.diff(t) > 0).all():
             raise ValueError("time must ascend.")
         if np.abs(np.diff(p[:, 3:], axis=0)).max() > np.pi:
-            raise ValueError("roll, pitch and yaw must not jump by a turn; unwrap them.")
+            raise ValueError("roll, pitch and yaw must not jump by 2 pi; unwrap them.")
         splines = [make_interp_spline(t, p, k=_DEGREE)]
         splines += [splines[0].derivative(n) for n in (1, 2)]
 

@@ -1,4 +1,4 @@
-"""The motion of a body on its wheels over the ground."""
+"""Motion of the body of a vehicle on its suspension over the ground."""
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
@@ -32,29 +32,28 @@ from trueterrain.vehicle import (
 
 Float = npt.NDArray[np.float64]
 
-_AHEAD = 2.5  # [m] of the start, to where the slope of the ground is taken
+_SLOPE_LENGTH = 2.5  # [m] over which the initial slope of the ground is taken
 _UP, _ROLL, _PITCH = 2, 3, 4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BodyMotion(Motion):
-    """Vehicle on springs that drives a pass over the ground.
+    """Motion of a vehicle on its suspension that drives a pass over the ground.
 
-    In the plane the origin of the body follows the lane exactly. Vertically the wheels follow the
-    ground under their contact patches, wherever yaw puts them, and the body answers as the linear
-    model of the vehicle does, integrated exactly for wheel heights that are linear from knot to
-    knot. Heights are absolute: a road that climbs by a slope of i has the body at a pitch of -i,
-    one whose left side is higher by i has it at a roll of i. A model in which angles are small
-    leaves out that i is a tangent, that lateral and longitudinal acceleration tilt the body, and
-    that a tilted body moves its wheels sideways.
+    In the plane the origin of the body follows the line exactly. Vertically the wheels follow the
+    ground under their contact patches, at their positions by the yaw, and the body responds as the
+    linear model of the vehicle, integrated exactly for wheel heights that are linear between knots.
+    Heights are absolute: on a road with a slope of i the body has a pitch of -i, on one whose left
+    side is higher by i a roll of i. The small-angle model neglects that i is a tangent, that
+    lateral and longitudinal acceleration tilt the body, and that a tilted body moves its wheels.
 
-    A full car has its origin at the centre of gravity of the body, which is `cg_height` of its
-    parameters above level ground at rest. A quarter car has no pitch and roll: the heave of the one
-    that runs under `wheel` is that of the whole body, whose origin is `origin_height` above level
-    ground (the motion of the laser in Smith 2009, Fig. 3-11 and 3-20).
+    The origin of a full car is the centre of gravity of the body, at rest `cg_height` of its
+    parameters above level ground. A quarter car has no pitch and roll: the heave of the one at
+    `wheel` is that of the whole body, whose origin is `origin_height` above level ground (the
+    motion of the laser in Smith 2009, Fig. 3-11 and 3-20).
 
-    The vehicle begins `run_in` seconds before time 0 at rest on its springs there, or steadily
-    climbing if the ground does; so there must be ground before the start and behind the end.
+    The vehicle starts `run_in` seconds before time 0, in static equilibrium on the slope of the
+    ground; so there must be ground before the start and after the end.
 
     Examples
     --------
@@ -62,14 +61,14 @@ class BodyMotion(Motion):
     >>> from trueterrain.simulate.ground import Plane
     >>> from trueterrain.simulate.speed import Constant
     >>> from trueterrain.vehicle import named_vehicle
-    >>> climb = BodyMotion(drive=Pass(course=Straight(length=50.0), speed=Constant(speed=10.0)),
+    >>> climb = BodyMotion(drive=PassPlan(course=Straight(length=50.0), speed=Constant(speed=10.0)),
     ...                    ground=Plane(slope=0.05), vehicle=named_vehicle("van"))
     >>> print(climb.knots(0.0, 5.0).at([4.0])[0].round(4))
     [[40.      0.      2.8045  0.     -0.05    0.    ]]
     """
 
     drive: PassPlan
-    "Course, lane and speed."
+    "Course, offset and speed."
 
     ground: Ground
     "The ground."
@@ -81,7 +80,7 @@ class BodyMotion(Motion):
     "Contact patch of its tyres."
 
     wheel: tuple[float, float] = (0.0, 0.0)
-    "Place of the wheel of a quarter car in the body: x forward, y left [m]."
+    "Position of the wheel of a quarter car in the body: x forward, y left [m]."
 
     origin_height: float = 0.6
     "Height of the origin of a quarter car above level ground at rest [m]."
@@ -90,13 +89,13 @@ class BodyMotion(Motion):
     "Knots per second, at least 1000 [Hz]."
 
     run_in: float = 2.0
-    "Time driven before time 0, for the vehicle to settle [s]."
+    "Time driven before time 0, in which transients decay [s]."
 
     run_out: float = 0.5
     "Time driven after the end [s]."
 
     spacing: float = 0.005
-    "Distance from height to height along the paths of the wheels [m]."
+    "Sampling distance of the heights along the wheel paths [m]."
 
     def __post_init__(self) -> None:
         check_rate(self.rate)
@@ -125,7 +124,7 @@ class BodyMotion(Motion):
         return self.vehicle.cg_height
 
     def wheel_heights(self, time: npt.ArrayLike) -> Float:
-        """Height of the ground that each wheel feels.
+        """Input of each wheel: mean height of the ground under its contact patch.
 
         Parameters
         ----------
@@ -135,7 +134,7 @@ class BodyMotion(Motion):
         Returns
         -------
         numpy.ndarray, shape (n, wheels)
-            Mean height under the contact patch [m]; front left, front right, rear left, rear right.
+            Heights [m]: front left, front right, rear left, rear right.
 
         Raises
         ------
@@ -150,7 +149,7 @@ class BodyMotion(Motion):
         return super().to_dict() | {"vehicle": vehicle, "tyre": asdict(self.tyre)}
 
     def _chunks(self, first: int) -> Iterator[MotionChunk]:
-        """From the start of the vehicle on: what it does depends on all that went before."""
+        """Chunks from the start of the run-in, since the state depends on all earlier inputs."""
         del first
         begin, last = self._knots_known
         size = round(CHUNK * self.rate)
@@ -174,10 +173,10 @@ class BodyMotion(Motion):
             else:
                 response, state = advance_response(discrete, state, heights)
                 parts = list(response)
-            yield MotionChunk(knot, self._assembled(time, np.stack(parts)))
+            yield MotionChunk(knot, self._pose_derivatives(time, np.stack(parts)))
 
-    def _assembled(self, time: Float, response: Float) -> Float:
-        """All components from the freedoms of the model, shape (3, n, freedoms)."""
+    def _pose_derivatives(self, time: Float, response: Float) -> Float:
+        """All components of the pose from the response of the model, shape (3, n, coordinates)."""
         out = np.zeros((3, time.size, 6))
         out[:, :, [0, 1, 5]] = self.drive.plan(time)
         names = self._model.freedoms
@@ -189,10 +188,10 @@ class BodyMotion(Motion):
         return out
 
     def _start(self, time: float, heights: Float) -> VehicleState:
-        """At rest on the ground, or climbing with its slope."""
+        """Static equilibrium on the ground, moving with its slope."""
         distance, speed, _ = self.drive.speed.at(time)
-        ends = self._paths.heights(distance[0] + np.array([0.0, _AHEAD]))
-        slope = (ends[1] - ends[0]).mean() / _AHEAD
+        ends = self._paths.heights(distance[0] + np.array([0.0, _SLOPE_LENGTH]))
+        slope = (ends[1] - ends[0]).mean() / _SLOPE_LENGTH
         return start_state(self._model, heights, wheel_rates=speed[0] * slope)
 
     @cached_property
@@ -209,16 +208,16 @@ class BodyMotion(Motion):
     @cached_property
     def _paths(self) -> WheelPaths:
         if isinstance(self.vehicle, QuarterCarParameters):
-            places = np.array([self.wheel])
+            positions = np.array([self.wheel])
         else:
-            places = self.vehicle.wheel_positions
+            positions = self.vehicle.wheel_positions
         wheels = tuple(
             (name, float(x), float(y))
-            for name, (x, y) in zip(self._model.wheels, places, strict=True)
+            for name, (x, y) in zip(self._model.wheels, positions, strict=True)
         )
         return WheelPaths(
             ground=self.ground,
-            lane=self.drive._lane,
+            line=self.drive.offset_line,
             wheels=wheels,
             tyre=self.tyre,
             spacing=self.spacing,

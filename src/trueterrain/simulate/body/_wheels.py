@@ -1,4 +1,4 @@
-"""The ground that the wheels feel along a lane."""
+"""Input of the wheels of a vehicle along its path."""
 
 from dataclasses import dataclass
 
@@ -15,26 +15,26 @@ Float = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class WheelPaths:
-    """Heights on which the wheels stand when the body is at a distance along the lane.
+    """Mean heights under the wheels as functions of the distance of the body along its line.
 
-    They are computed where the distance is a whole multiple of `spacing`, so that they do not
-    depend on when the body is there, and joined by straight lines.
+    They are computed at whole multiples of `spacing`, so that they are independent of the speed,
+    and interpolated linearly.
     """
 
     ground: Ground
     "The ground."
 
-    lane: OffsetLine
-    "The lane."
+    line: OffsetLine
+    "Line that the origin of the body follows."
 
     wheels: tuple[tuple[str, float, float], ...]
-    "Name of each wheel, and its place in the body: x forward, y left [m]."
+    "Name of each wheel, and its position in the body: x forward, y left [m]."
 
     tyre: Tyre
     "The contact patch."
 
     spacing: float
-    "Distance along the lane from height to height [m]."
+    "Sampling distance along the line [m]."
 
     def heights(self, distance: Float) -> Float:
         """Height of each wheel, shape (n, wheels) [m].
@@ -48,28 +48,28 @@ class WheelPaths:
         last = int(np.floor(distance.max() / self.spacing)) + 1
         node = distance / self.spacing - first
         before = np.minimum(node.astype(np.int64), last - first - 1)
-        share = (node - before)[:, None]
+        fraction = (node - before)[:, None]
         table = self._table(first, last)
-        return np.asarray((1.0 - share) * table[before] + share * table[before + 1])
+        return np.asarray((1.0 - fraction) * table[before] + fraction * table[before + 1])
 
     def _table(self, first: int, last: int) -> Float:
-        """Heights where the body is at `first` to `last` times the spacing."""
+        """Heights for the body at `first` to `last` times the spacing."""
         margin = contact_margin(self.spacing, self.tyre.patch_length)
-        place = self.lane.at(np.arange(first - margin, last + margin + 1) * self.spacing)
-        c, s = np.cos(place.heading)[:, None], np.sin(place.heading)[:, None]
-        east, north = place.position[:, :1], place.position[:, 1:]
+        placement = self.line.at(np.arange(first - margin, last + margin + 1) * self.spacing)
+        c, s = np.cos(placement.heading)[:, None], np.sin(placement.heading)[:, None]
+        east, north = placement.position[:, :1], placement.position[:, 1:]
         out = np.empty((last - first + 1, len(self.wheels)))
         for n, (name, x, y) in enumerate(self.wheels):
             v = y + self.tyre.offsets
             px, py = east + x * c - v * s, north + x * s + v * c
-            strip = self.ground.height(px, py)
-            if not np.isfinite(strip).all():
-                i, j = np.argwhere(~np.isfinite(strip))[0]
+            heights = self.ground.height(px, py)
+            if not np.isfinite(heights).all():
+                i, j = np.argwhere(~np.isfinite(heights))[0]
                 raise CoverageError(
                     f"there is no ground under the wheel {name}",
                     place=f"easting {px[i, j]:.3f} m, northing {py[i, j]:.3f} m",
-                    cure="Drive where there is ground, begin later or end sooner, or let a "
-                    "measured surface be repeated",
+                    cure="Drive where there is ground, start later or end earlier, or repeat the "
+                    "measured surface",
                 )
-            out[:, n] = contact_heights(strip, self.spacing, self.tyre.patch_length)
+            out[:, n] = contact_heights(heights, self.spacing, self.tyre.patch_length)
         return out

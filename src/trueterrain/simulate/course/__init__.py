@@ -1,4 +1,4 @@
-"""Where a virtual vehicle drives: reference lines of exact geometry, and lanes beside them."""
+"""Courses of a virtual vehicle: reference lines of exact geometry, and lines parallel to them."""
 
 from trueterrain.simulate.course._course import Course, LinePlacement, OffsetLine
 from trueterrain.simulate.course._line import Stretch

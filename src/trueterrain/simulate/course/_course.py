@@ -1,4 +1,4 @@
-"""Reference lines and the lanes beside them."""
+"""Reference lines, and lines at a constant offset from them."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from trueterrain.simulate.course._line import (
 
 
 class LinePlacement(NamedTuple):
-    """Where a line is at each of n stations, and how it turns there."""
+    """Position, direction and curvature of a line at n stations."""
 
     position: Float
     "Easting and northing, shape (n, 2) [m]."
@@ -34,10 +34,10 @@ class LinePlacement(NamedTuple):
 
 
 class Course(ABC):
-    """Reference line made of straights, arcs and clothoids; v counts to its left.
+    """Reference line of straights, arcs and clothoids; offsets v are positive to its left.
 
-    Position, heading and curvature are exact to round-off at any station. A course that is open
-    goes straight on beyond its ends; one that is closed begins anew, its heading counting on.
+    Position, heading and curvature are exact to round-off at any station. An open course continues
+    straight beyond its ends; a closed one repeats, with a heading that is not wrapped.
     """
 
     @abstractmethod
@@ -46,11 +46,11 @@ class Course(ABC):
 
     @abstractmethod
     def _stretches(self) -> tuple[Stretch, ...]:
-        """Parts of the course in their order."""
+        """Parts of the course in order."""
 
     @property
     def closed(self) -> bool:
-        """Whether the end of the course is its begin."""
+        """Whether the course ends at its start."""
         return False
 
     @cached_property
@@ -60,12 +60,12 @@ class Course(ABC):
 
     @cached_property
     def turn(self) -> float:
-        """Change of the heading from begin to end [rad]; 2 pi around a closed left turn."""
+        """Change of the heading from start to end [rad]; 2 pi for a closed left turn."""
         return float(self._line.heading[-1] - self._line.heading[0])
 
     @cached_property
     def borders(self) -> tuple[tuple[float, float], ...]:
-        """Station [m] and curvature [1/m] where stretches meet, begin and end included."""
+        """Stations [m] and curvatures [1/m] at the ends of the stretches."""
         stretches = self._stretches()
         stations = np.concatenate([[0.0], np.cumsum([part.length for part in stretches])])
         curvatures = [stretches[0].begin, *(part.end for part in stretches)]
@@ -83,8 +83,8 @@ class Course(ABC):
 
         Returns
         -------
-        Placement
-            Of the line through these points at a constant offset.
+        LinePlacement
+            Of the line at a constant offset through these points.
 
         Raises
         ------
@@ -108,16 +108,18 @@ class Course(ABC):
         out = place_on_line(self._line, stations - laps * self.length, open_ended=not self.closed)
         x, y, heading, curvature, slope = out.T
         heading = heading + laps * self.turn
-        stretch = 1.0 - curvature * offsets  # [m/m] length of the parallel line
-        if stretch.size and stretch.min() <= 0.0:
-            worst = int(stretch.argmin())
+        scale = (
+            1.0 - curvature * offsets
+        )  # [m/m] length of the parallel line over that of the course
+        if scale.size and scale.min() <= 0.0:
+            worst = int(scale.argmin())
             raise ValueError(
                 f"offset must lie on the road side of the centre of the curve, which is at v = "
                 f"{1 / curvature[worst]:.6g} m at station {stations[worst]:.6g} m, "
                 f"got {offsets[worst]} m."
             )
         position = np.column_stack([x - offsets * np.sin(heading), y + offsets * np.cos(heading)])
-        return LinePlacement(position, heading, curvature / stretch, slope / stretch**3)
+        return LinePlacement(position, heading, curvature / scale, slope / scale**3)
 
     def project(self, x: npt.ArrayLike, y: npt.ArrayLike) -> tuple[Float, Float]:
         """Station and offset of points: the inverse of `at`.
@@ -130,8 +132,8 @@ class Course(ABC):
         Returns
         -------
         station, offset : numpy.ndarray, shape (n,)
-            Of the point of the reference line that is nearest [m]. Stations of a closed course
-            lie in [0, length), those before and after an open one beyond its ends.
+            Of the nearest point of the reference line [m]. Stations of a closed course are in
+            [0, length); those of an open one continue beyond its ends.
 
         Examples
         --------
@@ -163,15 +165,15 @@ class Course(ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class OffsetLine:
-    """A line at a constant offset from a course, driven in either direction.
+    """Line at a constant offset from a course, driven in either direction.
 
-    Distances are those along the lane itself, from where a vehicle begins. In a curve they differ
-    from stations: along the lane, a piece of the course that turns by dh is longer by -offset dh.
+    Distances are along the line itself, from the start of the vehicle. In a curve they differ from
+    stations: a piece of the course that turns by dh is longer by -offset dh along the line.
 
     Examples
     --------
     >>> from trueterrain.simulate.course import Straight
-    >>> back = Lane(course=Straight(length=100.0), offset=-2.0, reverse=True)
+    >>> back = OffsetLine(course=Straight(length=100.0), offset=-2.0, reverse=True)
     >>> there = back.at([0.0, 30.0])
     >>> there.position.round(9), there.heading[0] == np.pi
     (array([[100., -2.], [ 70., -2.]]), np.True_)
@@ -181,13 +183,13 @@ class OffsetLine:
     "The course."
 
     offset: float = 0.0
-    "Offset v of the lane to the left of the course, whichever way it is driven [m]."
+    "Offset v of the line to the left of the course, in either direction of travel [m]."
 
     reverse: bool = False
-    "Whether it is driven against the direction of the course."
+    "Whether the direction of travel is against that of the course."
 
     start: float | None = None
-    "Station at distance 0 [m]; by default the begin, or the end if it is driven in reverse."
+    "Station at distance 0 [m]; by default the start, or the end if driven in reverse."
 
     def __post_init__(self) -> None:
         if not np.isfinite(self.offset):
@@ -200,75 +202,79 @@ class OffsetLine:
                     f"start must be from 0 to {self.course.length:.6g} m, the length of the "
                     f"course, got {self.start} m."
                 )
-        self.course.at([s for s, _ in self.course.borders], self.offset)  # curvature is extreme
+        self.course.at(
+            [s for s, _ in self.course.borders], self.offset
+        )  # the extremes of curvature are at the borders
 
     @cached_property
     def length(self) -> float:
-        """Length of the lane from its start to the end of the course, or once around [m]."""
+        """Length from the start to the end of the course, or once around [m]."""
         ends = self._borders[[0, -1]]
         if self.course.closed:
             return float(ends[1] - ends[0])
-        return float(self._zero - ends[0] if self.reverse else ends[1] - self._zero)
+        return float(
+            self._start_distance - ends[0] if self.reverse else ends[1] - self._start_distance
+        )
 
     def station(self, distance: npt.ArrayLike) -> Float:
-        """Station of the course beside which the lane is at a distance.
+        """Station of the course at a distance along the line.
 
         Parameters
         ----------
         distance : array_like
-            Distances along the lane [m]; flattened.
+            Distances along the line [m]; flattened.
 
         Returns
         -------
         numpy.ndarray, shape (n,)
-            Stations, on a closed course counting on from lap to lap [m].
+            Stations [m]; on a closed course they increase from lap to lap.
         """
         d = np.asarray(distance, dtype=float).ravel()
-        along = self._zero - d if self.reverse else self._zero + d
+        travelled = self._start_distance - d if self.reverse else self._start_distance + d
         line, borders = self.course._line, self._borders
-        laps = np.zeros(along.size)
+        laps = np.zeros(travelled.size)
         if self.course.closed:
-            laps = np.floor(along / borders[-1])
-            along = along - laps * borders[-1]
-        j = np.clip(np.searchsorted(borders, along, side="right") - 1, 0, line.length.size - 1)
-        rest = along - borders[j]
-        # rest = s (1 - v bend) - s^2 v twist / 2, solved for s without cancellation
+            laps = np.floor(travelled / borders[-1])
+            travelled = travelled - laps * borders[-1]
+        j = np.clip(np.searchsorted(borders, travelled, side="right") - 1, 0, line.length.size - 1)
+        remaining = travelled - borders[j]
+        # solve remaining = s (1 - v bend) - s^2 v twist / 2 for s without cancellation
         square, linear = -0.5 * self.offset * line.twist[j], 1.0 - self.offset * line.bend[j]
-        root = np.sqrt(np.maximum(linear**2 + 4.0 * square * rest, 0.0))
-        station = line.begin[j] + 2.0 * rest / (linear + root)
-        if not self.course.closed:  # straight on beyond the ends
-            before, after = along < borders[0], along > borders[-1]
-            station[before] = along[before]
-            station[after] = line.begin[-1] + along[after] - borders[-1]
+        root = np.sqrt(np.maximum(linear**2 + 4.0 * square * remaining, 0.0))
+        station = line.begin[j] + 2.0 * remaining / (linear + root)
+        if not self.course.closed:  # straight beyond the ends
+            before, after = travelled < borders[0], travelled > borders[-1]
+            station[before] = travelled[before]
+            station[after] = line.begin[-1] + travelled[after] - borders[-1]
         return np.asarray(station + laps * self.course.length)
 
     def at(self, distance: npt.ArrayLike) -> LinePlacement:
-        """Position, heading and curvature as a vehicle in the lane meets them.
+        """Position, heading and curvature of the line in the direction of travel.
 
         Parameters
         ----------
         distance : array_like
-            Distances along the lane [m]; flattened.
+            Distances along the line [m]; flattened.
 
         Returns
         -------
-        Placement
-            Heading in the direction of driving, curvature per length of the lane.
+        LinePlacement
+            Heading in the direction of travel, curvature per length of the line.
         """
-        ahead = self.course.at(self.station(distance), self.offset)
+        placement = self.course.at(self.station(distance), self.offset)
         if not self.reverse:
-            return ahead
-        return ahead._replace(heading=ahead.heading + np.pi, curvature=-ahead.curvature)
+            return placement
+        return placement._replace(heading=placement.heading + np.pi, curvature=-placement.curvature)
 
     @cached_property
     def _borders(self) -> Float:
-        """Distance along the lane from station 0 at the borders of the pieces [m]."""
+        """Distance along the line from station 0 at the borders of the pieces [m]."""
         line = self.course._line
         return np.asarray(line.begin - self.offset * (line.heading - line.heading[0]))
 
     @cached_property
-    def _zero(self) -> float:
-        """Distance along the lane from station 0 to the start [m]."""
+    def _start_distance(self) -> float:
+        """Distance along the line from station 0 to the start [m]."""
         line = self.course._line
         start = self.start
         if start is None:

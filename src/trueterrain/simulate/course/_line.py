@@ -1,4 +1,4 @@
-"""Stretches of linear curvature, chained into a line that can be evaluated anywhere."""
+"""Chains of stretches of linear curvature (straights, arcs, clothoids), evaluated by series."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -12,15 +12,15 @@ from trueterrain.simulate.course import _kernels
 
 Float = npt.NDArray[np.float64]
 
-#: Largest turn within a piece [rad], for which the series below are exact to round-off.
-_TURN = 0.2
+#: Maximum change of heading within a piece [rad]: the series below are exact to round-off.
+_MAX_TURN = 0.2
 _POWERS = 22  # 0.2 ** 11 / 11! = 5e-16, and a clothoid turns with the square of its length
-_GROUP = 12  # [1] pieces that a search rules out at a time
+_GROUP_SIZE = 12  # [1] pieces that the projection excludes at a time
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stretch:
-    """Part of a course along which the curvature changes evenly: straight, arc or clothoid.
+    """Part of a course with linear curvature: straight, arc or clothoid.
 
     Examples
     --------
@@ -32,7 +32,7 @@ class Stretch:
     "Length [m]."
 
     begin: float = 0.0
-    "Curvature at its begin, left positive [1/m]."
+    "Curvature at its start, left positive [1/m]."
 
     end: float = 0.0
     "Curvature at its end, left positive [1/m]."
@@ -51,7 +51,7 @@ class Stretch:
 
 
 class Line(NamedTuple):
-    """Pieces of a line, none of which turns far; (n + 1) values are those at the borders."""
+    """Pieces of a line with small changes of heading; arrays of n + 1 are for the borders."""
 
     begin: Float
     "Station, shape (n + 1,) [m]."
@@ -64,7 +64,7 @@ class Line(NamedTuple):
     heading: Float
     "Heading, shape (n + 1,) [rad]."
     bend: Float
-    "Curvature at the begin, shape (n,) [1/m]."
+    "Curvature at the start, shape (n,) [1/m]."
     twist: Float
     "Change of the curvature per length, shape (n,) [1/m^2]."
     a: Float
@@ -74,26 +74,26 @@ class Line(NamedTuple):
 
 
 class Groups(NamedTuple):
-    """Where pieces and groups of pieces lie, to rule out those that are far from a point."""
+    """Bounding circles of pieces and of groups, to exclude those that are far from a point."""
 
-    middle_x: Float
-    "Easting of the middle of a piece, shape (n,) [m]."
-    middle_y: Float
-    "Northing of the middle of a piece, shape (n,) [m]."
+    centre_x: Float
+    "Easting of the centre of each piece, shape (n,) [m]."
+    centre_y: Float
+    "Northing of the centre of a piece, shape (n,) [m]."
     first: npt.NDArray[np.int64]
     "First piece of each group, and the number of pieces, shape (groups + 1,)."
     x: Float
-    "Easting of the middle of a group, shape (groups,) [m]."
+    "Easting of the centre of a group, shape (groups,) [m]."
     y: Float
-    "Northing of the middle of a group, shape (groups,) [m]."
-    reach: Float
-    "Distance from it that no point of the group exceeds, shape (groups,) [m]."
+    "Northing of the centre of a group, shape (groups,) [m]."
+    radius: Float
+    "Radius of the bounding circle of each group, shape (groups,) [m]."
 
 
 def chain_stretches(
     stretches: Iterable[Stretch], east: float, north: float, heading: float
 ) -> Line:
-    """Line of stretches, one after the other, from a point and a heading.
+    """Line of consecutive stretches from a point and a heading.
 
     Notes
     -----
@@ -128,15 +128,15 @@ def chain_stretches(
 
 
 def group_pieces(line: Line) -> Groups:
-    """Middles and reaches of the pieces of a line and of groups of them."""
-    middle = place_on_line(line, line.begin[:-1] + 0.5 * line.length, open_ended=False)
-    first = np.append(np.arange(0, line.length.size, _GROUP), line.length.size)
-    x, y, reach = (np.empty(first.size - 1) for _ in range(3))
+    """Bounding circles of the pieces of a line and of groups of them."""
+    centre = place_on_line(line, line.begin[:-1] + 0.5 * line.length, open_ended=False)
+    first = np.append(np.arange(0, line.length.size, _GROUP_SIZE), line.length.size)
+    x, y, radius = (np.empty(first.size - 1) for _ in range(3))
     for n, (begin, end) in enumerate(pairwise(first)):
-        x[n], y[n] = middle[begin:end, 0].mean(), middle[begin:end, 1].mean()
-        away = np.hypot(middle[begin:end, 0] - x[n], middle[begin:end, 1] - y[n])
-        reach[n] = (away + 0.5 * line.length[begin:end]).max()
-    return Groups(middle[:, 0].copy(), middle[:, 1].copy(), first, x, y, reach)
+        x[n], y[n] = centre[begin:end, 0].mean(), centre[begin:end, 1].mean()
+        distance = np.hypot(centre[begin:end, 0] - x[n], centre[begin:end, 1] - y[n])
+        radius[n] = (distance + 0.5 * line.length[begin:end]).max()
+    return Groups(centre[:, 0].copy(), centre[:, 1].copy(), first, x, y, radius)
 
 
 def place_on_line(line: Line, station: Float, *, open_ended: bool) -> Float:
@@ -147,10 +147,10 @@ def place_on_line(line: Line, station: Float, *, open_ended: bool) -> Float:
 
 
 def _cut_stretch(stretch: Stretch) -> list[tuple[float, float, float]]:
-    """Length, first curvature and its slope of equal pieces of a stretch that turn little."""
+    """Length, first curvature and its slope of equal pieces with small changes of heading."""
     twist = (stretch.end - stretch.begin) / stretch.length
     turn = max(abs(stretch.begin), abs(stretch.end)) * stretch.length
-    number = max(int(np.ceil(turn / _TURN)), 1)
+    number = max(int(np.ceil(turn / _MAX_TURN)), 1)
     step = stretch.length / number
     return [(step, stretch.begin + twist * step * n, twist) for n in range(number)]
 

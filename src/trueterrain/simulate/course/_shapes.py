@@ -1,4 +1,4 @@
-"""Courses: straight, arc, oval, any stretches, and through waypoints."""
+"""Courses: straight, arc, oval, stretches, waypoints."""
 
 import dataclasses
 from dataclasses import dataclass
@@ -12,12 +12,12 @@ from trueterrain.simulate.course._line import Stretch, chain_stretches
 
 Turn = Literal["left", "right"]
 
-_CLOSED = 1e-6  # [m] and [rad] within which the end of a closed course must meet its begin
+_CLOSURE = 1e-6  # [m], [rad] tolerance of the closure of a closed course
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Placed(Course):
-    """A course that is put somewhere."""
+class _PlacedCourse(Course):
+    """Course with a position and a direction at station 0."""
 
     east: float = 0.0
     "Easting at station 0 [m]."
@@ -38,7 +38,7 @@ class _Placed(Course):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Straight(_Placed):
+class Straight(_PlacedCourse):
     """Straight course.
 
     Examples
@@ -59,7 +59,7 @@ class Straight(_Placed):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arc(_Placed):
+class Arc(_PlacedCourse):
     """Circular arc, between clothoids if there are transitions.
 
     Examples
@@ -72,13 +72,13 @@ class Arc(_Placed):
     "Radius [m]."
 
     angle: float
-    "Change of the heading from begin to end, transitions included [rad]."
+    "Change of the heading from start to end, transitions included [rad]."
 
     turn_to: Turn = "left"
     '``"left"`` or ``"right"``.'
 
     transition: float = 0.0
-    "Length of the clothoid between straight and arc, at either end [m]."
+    "Length of the clothoid at each end of the arc [m]."
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -91,11 +91,11 @@ class Arc(_Placed):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Oval(_Placed):
+class Oval(_PlacedCourse):
     """Closed course: two straights and two half circles, joined by clothoids.
 
-    Curvature is continuous, and so is the yaw rate of a vehicle. Station 0 is where a straight
-    begins.
+    Curvature is continuous, and so is the yaw rate of a vehicle. Station 0 is at the start of a
+    straight.
 
     Examples
     --------
@@ -127,7 +127,7 @@ class Oval(_Placed):
 
     @property
     def closed(self) -> bool:
-        """Always."""
+        """True."""
         return True
 
     def _stretches(self) -> tuple[Stretch, ...]:
@@ -139,8 +139,8 @@ class Oval(_Placed):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stretches(_Placed):
-    """Course of any stretches, one after the other.
+class Stretches(_PlacedCourse):
+    """Course of consecutive stretches.
 
     Examples
     --------
@@ -150,10 +150,10 @@ class Stretches(_Placed):
     """
 
     parts: tuple[Stretch, ...]
-    "The stretches; curvature and yaw rate are continuous where one begins as the last one ends."
+    "The stretches; the yaw rate is continuous if each starts with the last curvature."
 
     close: bool = False
-    "Whether the course is closed; then its end must be its begin."
+    "Whether the course is closed; then it must end at its start."
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -163,15 +163,15 @@ class Stretches(_Placed):
             line = chain_stretches(self.parts, *self._start())
             gap = np.hypot(line.x[-1] - line.x[0], line.y[-1] - line.y[0])
             laps = (line.heading[-1] - line.heading[0]) / (2 * np.pi)
-            if gap > _CLOSED or abs(laps - round(laps)) * 2 * np.pi > _CLOSED:
+            if gap > _CLOSURE or abs(laps - round(laps)) * 2 * np.pi > _CLOSURE:
                 raise ValueError(
-                    "a closed course must end where it begins, in the same direction; it ends "
-                    f"{gap:.6g} m away after {laps:.6g} turns."
+                    "a closed course must end at its start, in the same direction; it ends "
+                    f"{gap:.6g} m away after {laps:.6g} revolutions."
                 )
 
     @property
     def closed(self) -> bool:
-        """Whether the end of the course is its begin."""
+        """Whether the course ends at its start."""
         return self.close
 
     def _stretches(self) -> tuple[Stretch, ...]:
@@ -180,9 +180,9 @@ class Stretches(_Placed):
 
 @dataclass(frozen=True, kw_only=True)
 class Waypoints(Course):
-    """Course through points: one clothoid from each to the next, of continuous curvature.
+    """Course through points: one clothoid between each two, of continuous curvature.
 
-    An open course begins and ends without curvature.
+    The curvature is zero at both ends of an open course.
 
     Examples
     --------
@@ -196,14 +196,14 @@ class Waypoints(Course):
     "Easting and northing of each point [m]."
 
     close: bool = False
-    "Whether the course goes on from the last point to the first one."
+    "Whether the course continues from the last point to the first one."
 
     def __post_init__(self) -> None:
         array = np.asarray(self.points, dtype=float)
-        least = 3 if self.close else 2
-        if array.ndim != 2 or array.shape[1] != 2 or len(array) < least:
+        minimum = 3 if self.close else 2
+        if array.ndim != 2 or array.shape[1] != 2 or len(array) < minimum:
             raise ValueError(
-                f"points must be at least {least} pairs of easting and northing, "
+                f"points must be at least {minimum} pairs of easting and northing, "
                 f"got an array of shape {array.shape}."
             )
         if not np.isfinite(array).all():
@@ -215,11 +215,11 @@ class Waypoints(Course):
                 f"points must differ from their neighbours, but point {int(apart.argmin())} "
                 f"is the same as the next one."
             )
-        _ = self._solution  # an impossible course is refused when it is made
+        _ = self._solution  # refuses an impossible course at once
 
     @property
     def closed(self) -> bool:
-        """Whether the course goes on from the last point to the first one."""
+        """Whether the course continues from the last point to the first one."""
         return self.close
 
     @cached_property
@@ -240,7 +240,7 @@ def _curve_stretches(
     turn_to: Turn, radius: float, angle: float, transition: float
 ) -> tuple[Stretch, ...]:
     curvature = (1.0 if turn_to == "left" else -1.0) / radius
-    arc = radius * angle - transition  # each clothoid turns half as far as an arc of its length
+    arc = radius * angle - transition  # a clothoid turns half as far as an arc of its length
     parts = [
         (transition, 0.0, curvature),
         (arc, curvature, curvature),

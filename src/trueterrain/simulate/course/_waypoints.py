@@ -1,9 +1,10 @@
 """Clothoids through points, of continuous heading and curvature.
 
-Unknown are heading and curvature at each point and the length between each two. Each clothoid must
-end in the next point, in the heading there: as many conditions as unknowns but for two, the
-curvatures at the ends of an open course. Newton's method solves them all at once; no condition
-reaches beyond one clothoid, so the matrix is sparse.
+The unknowns are heading and curvature at each point and the length of each clothoid. Each clothoid
+must end at the next point with the heading there: three conditions each. On an open course the
+curvatures at both ends are zero. Newton's method solves all conditions at once; each one involves a
+single clothoid, so the matrix is sparse (Bertolazzi and Frego 2018,
+"Interpolating clothoid splines with curvature continuity").
 """
 
 import numpy as np
@@ -11,11 +12,11 @@ import numpy.typing as npt
 
 from trueterrain.simulate.course._line import Float, Stretch
 
-_NODES = 32  # of Gauss and Legendre: to round-off for a clothoid that turns by less than pi
-_ROUNDS = 60
-_EXACT = 1e-12  # [1] of a chord
-_SHARPEST = np.pi  # [rad] largest turn from a point to the next
-_LONGEST = 3.0  # [1] longest way from a point to the next, as a multiple of the chord
+_NODES = 32  # [1] of Gauss-Legendre quadrature: exact to round-off for a turn of less than pi
+_MAX_ITERATIONS = 60
+_CONVERGED = 1e-12  # [1] error over the chord
+_MAX_TURN = np.pi  # [rad] from a point to the next
+_MAX_LENGTH = 3.0  # [1] of a clothoid over its chord
 
 
 def clothoids_through(points: Float, *, closed: bool) -> tuple[float, tuple[Stretch, ...]]:
@@ -38,7 +39,7 @@ def clothoids_through(points: Float, *, closed: bool) -> tuple[float, tuple[Stre
     Raises
     ------
     ValueError
-        If the points turn too sharply for such a course.
+        If the bends of the points are too sharp for such a course.
     """
     position = points[:, 0] + 1j * points[:, 1]
     chord = np.diff(np.append(position, position[0])) if closed else np.diff(position)
@@ -46,7 +47,7 @@ def clothoids_through(points: Float, *, closed: bool) -> tuple[float, tuple[Stre
     direction = np.unwrap(np.angle(chord))
     heading, laps = _first_headings(direction, np.abs(chord), closed)
     begin, end = np.arange(n), (np.arange(n) + 1) % heading.size
-    # A closed course that comes around has turned by whole turns when it meets its first heading.
+    # on a closed course the heading differs by whole revolutions after one lap
     extra = np.where(end == 0, 2.0 * np.pi * laps, 0.0) if closed else np.zeros(n)
     length = np.abs(chord)
     curvature = np.zeros(heading.size)
@@ -54,22 +55,27 @@ def clothoids_through(points: Float, *, closed: bool) -> tuple[float, tuple[Stre
     np.add.at(curvature, end, (heading[end] + extra - heading[begin]) / length / 2.0)
     if not closed:
         curvature[[0, -1]] = 0.0
-    worst = np.inf
-    for _ in range(_ROUNDS):
+    max_error = np.inf
+    for _ in range(_MAX_ITERATIONS):
         error, matrix = _continuity_conditions(
             chord, heading, curvature, length, begin, end, extra, closed
         )
-        worst = np.abs(error).max()
-        if worst < _EXACT or not np.isfinite(worst):
+        max_error = np.abs(error).max()
+        if max_error < _CONVERGED or not np.isfinite(max_error):
             break
         step = _solve_sparse(matrix, -error)
         turn, bend, longer = np.split(step, [heading.size, 2 * heading.size])
-        share = min(1.0, 0.5 / max(np.abs(turn).max(), np.abs(longer).max(), 1e-300))
-        heading = heading + share * turn
-        curvature = curvature + share * bend / np.abs(chord).mean()
-        length = length * (1.0 + share * longer)
+        # damped step: at most 0.5 rad, and half of a length
+        damping = min(1.0, 0.5 / max(np.abs(turn).max(), np.abs(longer).max(), 1e-300))
+        heading = heading + damping * turn
+        curvature = curvature + damping * bend / np.abs(chord).mean()
+        length = length * (1.0 + damping * longer)
     turned = 0.5 * np.abs(curvature[begin] + curvature[end]) * length
-    if not (worst < _EXACT and turned.max() < _SHARPEST and (length < _LONGEST * abs(chord)).all()):
+    if not (
+        max_error < _CONVERGED
+        and turned.max() < _MAX_TURN
+        and (length < _MAX_LENGTH * abs(chord)).all()
+    ):
         raise ValueError(
             "points must lie on a course without sharp bends; there is none of continuous "
             "curvature through these. Give more points where the course turns."
@@ -81,7 +87,7 @@ def clothoids_through(points: Float, *, closed: bool) -> tuple[float, tuple[Stre
 
 
 def _first_headings(direction: Float, chord: Float, closed: bool) -> tuple[Float, int]:
-    """Headings in the points, as circles through three neighbours have them, and whole turns."""
+    """Headings of circles through three neighbouring points, and the revolutions of a lap."""
     turn = np.diff(direction)
     laps = 0
     if closed:
@@ -103,7 +109,7 @@ def _continuity_conditions(
     chord: npt.NDArray[np.complex128], heading: Float, curvature: Float, length: Float,
     begin: npt.NDArray[np.int64], end: npt.NDArray[np.int64], extra: Float, closed: bool,
 ) -> tuple[Float, tuple[Float, Float, Float, int]]:  # fmt: skip
-    """What is left to be met, and its derivatives as values, rows, columns and size.
+    """Residuals of the conditions, and their Jacobian as values, rows, columns and size.
 
     Unknowns are headings, curvatures times the mean chord, and logarithms of the lengths.
     """
@@ -113,15 +119,15 @@ def _continuity_conditions(
     bend, change = curvature[begin], curvature[end] - curvature[begin]
     turn = length[:, None] * (np.outer(bend, t) + 0.5 * np.outer(change, t**2))
     tangent = np.exp(1j * (heading[begin][:, None] + turn)) * weight
-    # Share of the chord: the way of each clothoid, and what moves its end.
-    way = length * tangent.sum(axis=1) / chord
-    of_heading = 1j * way
+    # end of each clothoid relative to its chord, and the derivatives by the unknowns
+    displacement = length * tangent.sum(axis=1) / chord
+    of_heading = 1j * displacement
     of_bend = 1j * length**2 * (tangent @ (t - 0.5 * t**2)) / chord
     of_end = 1j * length**2 * (tangent @ (0.5 * t**2)) / chord
-    of_length = way + 1j * length * (tangent * turn).sum(axis=1) / chord
-    gap = way - 1.0
-    swing = heading[begin] + 0.5 * length * (bend + curvature[end]) - heading[end] - extra
-    error = np.concatenate([gap.real, gap.imag, swing])
+    of_length = displacement + 1j * length * (tangent * turn).sum(axis=1) / chord
+    gap = displacement - 1.0
+    heading_gap = heading[begin] + 0.5 * length * (bend + curvature[end]) - heading[end] - extra
+    error = np.concatenate([gap.real, gap.imag, heading_gap])
     one, row = np.ones(n), np.arange(n)
     entries = []
     for part, of in ((0, np.real), (1, np.imag)):

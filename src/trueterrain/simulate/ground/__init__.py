@@ -1,4 +1,4 @@
-"""Ground that the package makes itself: heights at any point, from parameters and a seed."""
+"""Simulated ground: heights at any point, from parameters and a seed."""
 
 from trueterrain.simulate.ground._belgian_block import BelgianBlock
 from trueterrain.simulate.ground._courses import AlongCourse, Repeated, StationTable

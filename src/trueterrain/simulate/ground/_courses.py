@@ -1,4 +1,4 @@
-"""Grounds that follow a course, and measured ground that goes on for ever."""
+"""Grounds along a course, and measured ground repeated periodically."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,14 +14,14 @@ from trueterrain.core.schemas import check_surface
 from trueterrain.simulate.course import Course
 from trueterrain.simulate.ground._ground import Floats, Ground, check_finite, check_not_negative
 
-_SAME = 1e-9  # [1/m], [m] round-off between values that should be equal
+_ROUND_OFF = 1e-9  # [1/m], [m] between equal values
 
 
 @dataclass(frozen=True, kw_only=True)
 class StationTable:
-    """A value that changes along a course, between the stations where it is given.
+    """Table of a value along a course, interpolated between stations.
 
-    Beyond the first and the last station it stays what it is there.
+    Beyond the first and the last station the value is constant.
 
     Examples
     --------
@@ -34,8 +34,8 @@ class StationTable:
     value: tuple[float, ...]
     "Value at each of them."
     smooth: bool = True
-    """Whether the slope is continuous too (cubics without overshoot, Fritsch and Butland 1984), or
-    straight lines join the values."""
+    """Whether the slope is continuous (cubics without overshoot, Fritsch and Butland 1984) or the
+    interpolation linear."""
 
     def __post_init__(self) -> None:
         if len(self.station) < 2 or len(self.station) != len(self.value):
@@ -56,22 +56,23 @@ class StationTable:
         return np.asarray(self._cubics(s))
 
     def around(self, length: float) -> "StationTable":
-        """The same table for a closed course: one lap before and one after.
+        """Table for a closed course, with one lap before and one after.
 
         Raises
         ------
         ValueError
-            If it does not begin at 0, end at `length`, and end as it begins.
+            If it does not start at 0 and end at `length`, with the same value at both.
         """
         station, value = np.array(self.station), np.array(self.value)
-        if abs(station[0]) > _SAME or abs(station[-1] - length) > _SAME * length:
+        if abs(station[0]) > _ROUND_OFF or abs(station[-1] - length) > _ROUND_OFF * length:
             raise ValueError(
                 f"station must be from 0 to {length:.9g} m, the length of the closed course, "
                 f"got {station[0]} to {station[-1]} m."
             )
-        if abs(value[-1] - value[0]) > _SAME:
+        if abs(value[-1] - value[0]) > _ROUND_OFF:
             raise ValueError(
-                f"value must end as it begins on a closed course, got {value[0]} and {value[-1]}."
+                "value must be the same at both ends of a closed course, "
+                f"got {value[0]} and {value[-1]}."
             )
         station[-1] = length
         stations = np.concatenate([station[:-1] - length, station, station[1:] + length])
@@ -89,10 +90,10 @@ class StationTable:
 
 @dataclass(frozen=True, kw_only=True)
 class AlongCourse(Ground):
-    """Ground that follows a course: its x is the station u, its y the offset v.
+    """Ground along a course: x of a ground becomes the station u, y the offset v.
 
-    The height is ``ground(u, v) + elevation(u) + slope u + banking(u) v`` at the point of the
-    course that is nearest. Where two parts of a course are equally near, the ground has a fault.
+    The height is ``ground(u, v) + elevation(u) + slope u + banking(u) v`` at the nearest point of
+    the course. It is discontinuous where two parts of a course are equally near.
 
     Examples
     --------
@@ -106,18 +107,18 @@ class AlongCourse(Ground):
     """
 
     ground: Ground
-    "Ground as if the course were straight, along x."
+    "Ground of a straight course along x."
     course: Course
     "The course."
     elevation: StationTable | float = 0.0
     "Height added along the course [m]."
     slope: float = 0.0
-    "Rise of the course per length [m/m]; of an open course only."
+    "Slope of the course [m/m]; only for an open one."
     banking: StationTable | float = 0.0
-    "Rise to the left [m/m]; a left turn that leans inwards has a negative one."
+    "Rise to the left [m/m]; a left turn that leans inwards is negative."
     seam: float = 5.0
-    """Length before the end of a closed course over which the ground goes over into that of the
-    begin [m]; 0 leaves a step there unless `ground` repeats itself."""
+    """Length before the end of a closed course over which the ground is blended into that of the
+    start [m]; 0 leaves a step there unless `ground` is periodic."""
 
     def __post_init__(self) -> None:
         check_finite(self, "slope")
@@ -127,7 +128,7 @@ class AlongCourse(Ground):
                 check_finite(self, name)
         if self.course.closed and self.slope != 0.0:
             raise ValueError(
-                f"slope must be 0 on a closed course, which ends as high as it begins, "
+                f"slope must be 0 on a closed course, which ends at the height of its start, "
                 f"got {self.slope} m/m."
             )
         if self.course.closed and self.seam > self.course.length:
@@ -135,55 +136,56 @@ class AlongCourse(Ground):
                 f"seam must be at most the length of the course {self.course.length:.6g} m, "
                 f"got {self.seam} m."
             )
-        _ = self._tables  # a table that does not fit is refused when the ground is made
+        _ = self._tables  # refuses at once a table that does not fit
 
     @classmethod
     def superelevated(
-        cls, *, ground: Ground, course: Course, greatest: float, **others: Any
+        cls, *, ground: Ground, course: Course, max_banking: float, **others: Any
     ) -> "AlongCourse":
-        """Ground that leans inwards in all curves, in proportion to their curvature.
+        """Ground with superelevation: banked inwards in proportion to the curvature.
 
         Parameters
         ----------
         ground, course : Ground, Course
             As for the class.
-        greatest : float
-            Banking where the course is curved most, at least 0 [m/m].
+        max_banking : float
+            Banking at the maximum curvature, at least 0 [m/m].
         **others : Any
             Further parameters of the class.
 
         Returns
         -------
         AlongCourse
-            With a banking that changes evenly along the clothoids.
+            With a banking that is linear along the clothoids.
 
         Raises
         ------
         ValueError
-            If the curvature of the course jumps, or `greatest` is negative.
+            If the curvature of the course is discontinuous, or `max_banking` is negative.
 
         Examples
         --------
         >>> from trueterrain.simulate.course import Oval
         >>> from trueterrain.simulate.ground import Plane
         >>> oval = Oval(straight=100.0, radius=50.0, transition=30.0)
-        >>> track = AlongCourse.superelevated(ground=Plane(), course=oval, greatest=0.1)
+        >>> track = AlongCourse.superelevated(ground=Plane(), course=oval, max_banking=0.1)
         >>> outside = oval.at([50.0, 200.0], -3.0).position  # in a straight and in a half circle
         >>> track.height(*outside.T).round(9)
         array([0. , 0.3])
         """
-        if not (np.isfinite(greatest) and greatest >= 0):
-            raise ValueError(f"greatest must be at least 0 m/m, got {greatest}.")
+        if not (np.isfinite(max_banking) and max_banking >= 0):
+            raise ValueError(f"max_banking must be at least 0 m/m, got {max_banking}.")
         parts = course._stretches()
         following = [*pairwise(parts), *([(parts[-1], parts[0])] if course.closed else [])]
-        if any(abs(before.end - after.begin) > _SAME for before, after in following):
+        if any(abs(before.end - after.begin) > _ROUND_OFF for before, after in following):
             raise ValueError(
                 "course must have clothoids between straights and arcs, so that its banking is "
                 "continuous."
             )
         station, curvature = np.array(course.borders).T
-        largest = np.abs(curvature).max()
-        banking = -greatest * curvature / largest if largest > 0 else np.zeros(curvature.size)
+        max_curvature = np.abs(curvature).max()
+        level = np.zeros(curvature.size)
+        banking = -max_banking * curvature / max_curvature if max_curvature > 0 else level
         table = StationTable(
             station=tuple(station.tolist()), value=tuple(banking.tolist()), smooth=False
         )
@@ -199,12 +201,12 @@ class AlongCourse(Ground):
         height = self.ground._height(u, v)
         if self.course.closed and self.seam > 0:
             begin = self.course.length - self.seam
-            late = np.flatnonzero(u > begin)
-            if late.size:
-                share = (u[late] - begin) / self.seam
-                share = share**2 * (3.0 - 2.0 * share)
-                first = self.ground._height(u[late] - self.course.length, v[late])
-                height[late] = (1.0 - share) * height[late] + share * first
+            in_seam = np.flatnonzero(u > begin)
+            if in_seam.size:
+                weight = (u[in_seam] - begin) / self.seam
+                weight = weight**2 * (3.0 - 2.0 * weight)
+                first = self.ground._height(u[in_seam] - self.course.length, v[in_seam])
+                height[in_seam] = (1.0 - weight) * height[in_seam] + weight * first
         elevation, banking = self._tables
         return height + (_table_value(elevation, u) + self.slope * u) + _table_value(banking, u) * v
 
@@ -214,17 +216,18 @@ class AlongCourse(Ground):
         if not self.course.closed:
             return both
         elevation, banking = (
-            one.around(self.course.length) if isinstance(one, StationTable) else one for one in both
+            part.around(self.course.length) if isinstance(part, StationTable) else part
+            for part in both
         )
         return elevation, banking
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Repeated(Ground):
-    """Measured surface that goes on for ever: x is u from its begin, y is v.
+    """Measured surface repeated periodically: x is u from its start, y is v.
 
-    Mirrored, each copy runs against the last one, so that there is no step between them; otherwise
-    all copies run the same way, and there is a step where the surface does not end as it begins.
+    Mirrored, every other copy is reversed, so that there is no step between them. Otherwise all
+    copies have the same direction, with a step if the heights at both ends differ.
 
     Examples
     --------
@@ -238,15 +241,15 @@ class Repeated(Ground):
     """
 
     surface: xr.Dataset
-    "Surface along a reference line; that line is straightened."
+    "Surface along a reference line, which is straightened."
     mirrored: bool = True
-    "Whether every other copy runs backwards."
+    "Whether every other copy is reversed."
     across: bool = False
-    "Whether it is repeated across too, mirrored; otherwise there is no ground beside it."
+    "Whether it is repeated laterally too, mirrored; otherwise there is no ground beyond it."
     part_u: tuple[float, float] | None = None
-    "Stations between which it is used [m]; all of it by default."
+    "Range of stations to use [m]; all by default."
     part_v: tuple[float, float] | None = None
-    "Offsets between which it is used, so as to leave out ragged edges [m]; all by default."
+    "Range of offsets to use, for example without ragged edges [m]; all by default."
 
     def __post_init__(self) -> None:
         check_surface(self.surface)
@@ -274,14 +277,14 @@ class Repeated(Ground):
         Raises
         ------
         FormatError
-            If it is damaged or no OpenCRG file.
+            If it is damaged or not an OpenCRG file.
         """
         from trueterrain.formats import opencrg
 
         return cls(surface=opencrg.read(path), **others)
 
     def to_dict(self) -> dict[str, Any]:
-        """Kind and parameters, and the steps that led to the surface."""
+        """Kind and parameters, and the provenance of the surface."""
         whole = super().to_dict()
         del whole["surface"]
         return whole | {"steps": provenance.provenance_steps(self.surface)}
@@ -312,6 +315,6 @@ def _table_value(table: StationTable | float, station: Floats) -> Floats | float
 
 
 def _fold_station(x: Floats, length: float) -> Floats:
-    """Place from 0 to `length` of a point that goes to and fro between them."""
-    there_and_back = np.remainder(x, 2.0 * length)
-    return np.asarray(np.minimum(there_and_back, 2.0 * length - there_and_back))
+    """Reflect stations into the range from 0 to `length` (triangle wave)."""
+    folded = np.remainder(x, 2.0 * length)
+    return np.asarray(np.minimum(folded, 2.0 * length - folded))

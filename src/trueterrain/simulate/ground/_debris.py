@@ -1,4 +1,4 @@
-"""What lies on a road, and what opens in it: stones and cracks."""
+"""Debris and distress of a road: stones and cracks."""
 
 from dataclasses import dataclass
 from typing import Literal, get_args
@@ -9,18 +9,18 @@ from trueterrain.simulate.ground import _kernels
 from trueterrain.simulate.ground._ground import (
     Floats,
     Ground,
-    along_across,
     check_finite,
+    check_fraction,
     check_not_negative,
     check_positive,
     check_seed,
-    check_share,
+    rotate_axes,
 )
 
 CrackPattern = Literal["transverse", "alligator"]
 
-_GOLDEN_SHARE = 0.6180339887498949  # multiples of it, less their whole part, lie evenly
-_WIDEST_MEANDER = 0.2  # [1] of the spacing, so that neighbouring cracks cannot cross
+_GOLDEN_FRACTION = 0.6180339887498949  # fractional parts of its multiples are equidistributed
+_MAX_MEANDER = 0.2  # [1] of the spacing, so that neighbouring cracks cannot cross
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,9 +34,9 @@ class Stone(Ground):
     """
 
     x: float = 0.0
-    "Easting of its middle [m]."
+    "Easting of its centre [m]."
     y: float = 0.0
-    "Northing of its middle [m]."
+    "Northing of its centre [m]."
     diameter: float = 0.025
     "Diameter of the circle that it covers [m]."
     rise: float = 0.0125
@@ -54,11 +54,11 @@ class Stone(Ground):
 
 @dataclass(frozen=True, kw_only=True)
 class Stones(Ground):
-    """Stones scattered without end: half-ellipsoids that do not overlap.
+    """Unbounded field of stones: half-ellipsoids that do not overlap.
 
-    The ground is divided into square cells of area ``1 / density``; each holds one stone, wholly
-    within it. The cells are turned by an angle that follows from the seed, so that a line along the
-    road does not run between them. Diameters are spread evenly on a logarithmic scale.
+    The ground is divided into square cells of area ``1 / density``, with one stone inside each. The
+    cells are rotated by an angle from the seed, so that no line along the road lies between them.
+    Diameters are uniform on a logarithmic scale.
 
     Examples
     --------
@@ -74,9 +74,9 @@ class Stones(Ground):
     diameter_max: float = 0.03
     "Diameter of the largest stones [m]."
     height_ratio: float = 0.5
-    "Height of a stone as a share of its diameter [1]; 0.5 is half a sphere."
+    "Height of a stone over its diameter [1]; 0.5 is half a sphere."
     seed: int = 0
-    "Seed of all that is random."
+    "Seed of all random numbers."
 
     def __post_init__(self) -> None:
         check_positive(self, "density", "diameter_min", "diameter_max", "height_ratio")
@@ -88,7 +88,7 @@ class Stones(Ground):
         if self.diameter_max > self._cell:
             raise ValueError(
                 f"diameter_max must be at most {self._cell:.4g} m, so that {self.density:g} stones "
-                f"per square metre find room, got {self.diameter_max} m."
+                f"per square metre fit, got {self.diameter_max} m."
             )
         check_seed(self.seed)
 
@@ -98,8 +98,8 @@ class Stones(Ground):
 
     @property
     def _turn(self) -> float:
-        """Angle of the cells [rad], from 10 to 35 degrees: never along or across a road's axes."""
-        return float(np.deg2rad(10.0 + 25.0 * ((self.seed * _GOLDEN_SHARE) % 1.0)))
+        """Angle of the cells [rad], from 10 to 35 degrees: oblique to the axes of the road."""
+        return float(np.deg2rad(10.0 + 25.0 * ((self.seed * _GOLDEN_FRACTION) % 1.0)))
 
     def _height(self, x: Floats, y: Floats) -> Floats:
         sizes = (self._cell, self.diameter_min, self.diameter_max, self.height_ratio)
@@ -111,11 +111,11 @@ class Stones(Ground):
 
 @dataclass(frozen=True, kw_only=True)
 class Cracks(Ground):
-    """Narrow cracks without end in level ground.
+    """Unbounded pattern of narrow cracks in level ground.
 
-    Transverse cracks follow each other along the road and meander; alligator cracks part the
-    ground into cells (the Voronoi cells of one random point per square of side `spacing`). Across
-    a crack the depth is a parabola of the given width and depth.
+    Transverse cracks meander across the road; alligator cracks divide the ground into cells (the
+    Voronoi cells of one random point per square of side `spacing`). The cross-section of a crack
+    is a parabola of the given width and depth.
 
     Examples
     --------
@@ -131,17 +131,17 @@ class Cracks(Ground):
     width: float = 0.006
     "Width of a crack [m]."
     depth: float = 0.01
-    "Depth of a crack in its middle [m]."
+    "Depth of a crack at its centre [m]."
     meander: float = 0.1
-    "Largest distance by which a crack wanders from its straight course [m]."
+    "Maximum lateral deviation of a crack from a straight line [m]."
     share: float = 1.0
-    "Share of the lengths of transverse cracks, or of the edges of cells, that are open [1]."
+    "Fraction of the length of transverse cracks, or of the edges of cells, that is open [1]."
     piece: float = 1.0
     "Length of the pieces of a transverse crack that are open or closed [m]."
     direction: float = 0.0
     "Direction of the road, which transverse cracks cross, counter-clockwise from east [rad]."
     seed: int = 0
-    "Seed of all that is random."
+    "Seed of all random numbers."
 
     def __post_init__(self) -> None:
         if self.pattern not in get_args(CrackPattern):
@@ -150,26 +150,26 @@ class Cracks(Ground):
             )
         check_positive(self, "spacing", "width", "piece")
         check_not_negative(self, "depth", "meander")
-        check_share(self, "share")
+        check_fraction(self, "share")
         check_finite(self, "direction")
         if self.width > 0.1 * self.spacing:
             raise ValueError(
                 f"width must be at most a tenth of the spacing {self.spacing} m, "
                 f"got {self.width} m."
             )
-        if self.meander > _WIDEST_MEANDER * self.spacing:
+        if self.meander > _MAX_MEANDER * self.spacing:
             raise ValueError(
-                f"meander must be at most {_WIDEST_MEANDER:g} of the spacing {self.spacing} m, "
+                f"meander must be at most {_MAX_MEANDER:g} of the spacing {self.spacing} m, "
                 f"got {self.meander} m."
             )
         check_seed(self.seed)
 
     def _height(self, x: Floats, y: Floats) -> Floats:
-        u, v = along_across(x, y, self.direction)
+        u, v = rotate_axes(x, y, self.direction)
         if self.pattern == "transverse":
             sizes = (self.spacing, self.meander, self.share, self.piece, self.width)
             opened = _kernels.transverse_cracks(self.seed, *sizes, u, v)
         else:
             shape = (self.spacing, self.meander, self.share, self.width)
             opened = _kernels.alligator_cracks(self.seed, *shape, u, v)
-        return np.asarray(0.0 - self.depth * opened)  # not -0.0 where there is no crack
+        return np.asarray(0.0 - self.depth * opened)  # 0.0 instead of -0.0 beside cracks

@@ -1,4 +1,4 @@
-"""The excitation event: lumber cleats that shake a vehicle in its body modes and in wheel hop."""
+"""Excitation event: lumber cleats that excite the body modes and wheel hop of a vehicle."""
 
 from dataclasses import dataclass
 
@@ -7,21 +7,21 @@ import numpy as np
 from trueterrain.simulate.ground._ground import (
     Floats,
     Ground,
-    along_across,
     check_finite,
     check_not_negative,
     check_positive,
+    rotate_axes,
 )
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExcitationEvent(Ground):
-    """Cleats across a level road, in groups that follow each other.
+    """Cleats across a level road, in one or several groups.
 
     The defaults are the event of Smith, "Improving the Quality of Terrain Measurement" (Virginia
     Tech, 2009), section 3.5.2: five cleats 38 mm high and 0.17 m wide, one every 0.488 m, so that
     the event is 2.44 m long. At 5.4 m/s wheels meet the cleats at 11 Hz, and the event as a whole
-    is half a period of 1.1 Hz. Each cleat lies in the middle of its 0.488 m.
+    is half a period of 1.1 Hz. Each cleat is at the centre of its 0.488 m.
 
     Examples
     --------
@@ -33,11 +33,11 @@ class ExcitationEvent(Ground):
     """
 
     begin: float = 0.0
-    "Where the first event begins, along `direction` [m]."
+    "Start of the first event along `direction` [m]."
     number: int = 5
-    "Cleats of an event."
+    "Number of cleats of an event."
     spacing: float = 0.488
-    "From the middle of a cleat to that of the next: a of the thesis [m]."
+    "Distance between the centres of cleats: a of the thesis [m]."
     width: float = 0.17
     "Length of a cleat along `direction`: w of the thesis [m]."
     rise: float = 0.038
@@ -45,13 +45,13 @@ class ExcitationEvent(Ground):
     base: float = 0.0
     "Thickness of a board under each event [m]; 0.019 for plywood of 3/4 inch."
     events: int = 1
-    "How many events there are."
+    "Number of events."
     pitch: float = 4.88
-    "From the begin of an event to that of the next [m]."
+    "Distance between the starts of events [m]."
     stagger: float = 0.0
-    "By how much all lies further along to the right of the line `direction` through 0, 0 [m]."
+    "Distance by which cleats are further along to the right of the line through 0, 0 [m]."
     direction: float = 0.0
-    "Direction in which the cleats follow each other, counter-clockwise from east [rad]."
+    "Direction across the cleats, counter-clockwise from east [rad]."
 
     def __post_init__(self) -> None:
         check_finite(self, "begin", "rise", "stagger", "direction")
@@ -77,7 +77,7 @@ class ExcitationEvent(Ground):
         return self.number * self.spacing
 
     def _height(self, x: Floats, y: Floats) -> Floats:
-        along, across = along_across(x, y, self.direction)
+        along, across = rotate_axes(x, y, self.direction)
         if self.stagger:
             along = along - np.where(across < 0.0, self.stagger, 0.0)
         since = along - self.begin

@@ -1,4 +1,4 @@
-"""What all grounds have in common: a height at any point, and a sum."""
+"""Base class of grounds, and their sum."""
 
 import dataclasses
 from abc import ABC, abstractmethod
@@ -9,14 +9,14 @@ import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
 
-_LARGEST_SEED = 2**63
+_SEED_LIMIT = 2**63
 
 
 class Ground(ABC):
-    """Ground with a height at any point; ``a + b`` lays ground `b` on top of ground `a`.
+    """Ground with a height at any point; ``a + b`` is the sum of the heights of two grounds.
 
-    The height at a point depends on the parameters of the ground and on nothing else: not on the
-    other points asked for, their order, or the shape of the arrays. It is the same to the last bit.
+    The height at a point depends only on the parameters of the ground: it is the same to the last
+    bit for any other points, any order of them, and any shape of the arrays.
 
     Examples
     --------
@@ -37,8 +37,8 @@ class Ground(ABC):
         Returns
         -------
         ndarray of float64
-            Height [m], of the common shape; NaN where `x` or `y` is not finite, or where a
-            measured ground ends.
+            Height [m], of the common shape; NaN where `x` or `y` is not finite, or
+            outside a measured ground.
         """
         east, north = np.broadcast_arrays(
             np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
@@ -57,7 +57,7 @@ class Ground(ABC):
         """Height at finite points in contiguous arrays of one dimension."""
 
     def to_dict(self) -> dict[str, Any]:
-        """Kind and parameters of the ground, for the provenance of what is sampled from it."""
+        """Kind and parameters of the ground, for provenance."""
         names = getattr(self, "__dataclass_fields__", {})
         return {"kind": type(self).__name__, **{name: getattr(self, name) for name in names}}
 
@@ -69,7 +69,7 @@ class Ground(ABC):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Sum(Ground):
-    """Grounds on top of each other: their heights added in the order given.
+    """Sum of the heights of several grounds, added in the order given.
 
     Examples
     --------
@@ -79,7 +79,7 @@ class Sum(Ground):
     """
 
     parts: tuple[Ground, ...]
-    "The grounds, from the lowest to the topmost."
+    "The grounds, from bottom to top."
 
     def __post_init__(self) -> None:
         if not self.parts:
@@ -96,8 +96,8 @@ class Sum(Ground):
         return {"kind": "Sum", "parts": [part.to_dict() for part in self.parts]}
 
 
-def along_across(x: Floats, y: Floats, direction: float) -> tuple[Floats, Floats]:
-    """Coordinates along a direction and to the left of it [m].
+def rotate_axes(x: Floats, y: Floats, direction: float) -> tuple[Floats, Floats]:
+    """Coordinates along a direction and to its left [m].
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def check_not_negative(ground: object, *names: str) -> None:
             raise ValueError(f"{name} must be at least 0, got {value}.")
 
 
-def check_share(ground: object, *names: str) -> None:
+def check_fraction(ground: object, *names: str) -> None:
     """Raise ValueError unless the named fields are from 0 to 1."""
     for name in names:
         value = getattr(ground, name)
@@ -148,7 +148,7 @@ def check_seed(seed: int) -> None:
     """Raise ValueError unless the seed is a whole number that fits 63 bits."""
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer):
         raise ValueError(f"seed must be a whole number, got {seed!r}.")  # noqa: TRY004 - one rule
-    if not 0 <= seed < _LARGEST_SEED:
+    if not 0 <= seed < _SEED_LIMIT:
         raise ValueError(f"seed must be at least 0 and less than 2**63, got {seed}.")
 
 

@@ -1,4 +1,4 @@
-"""Random roads of a given displacement spectrum: ISO 8608."""
+"""Random roads with a given displacement PSD: ISO 8608."""
 
 import math
 from dataclasses import dataclass
@@ -16,6 +16,7 @@ from trueterrain.simulate.ground._ground import (
     check_positive,
     check_seed,
 )
+from trueterrain.simulate.ground._noise import uniform_numbers
 
 #: Reference spatial frequency of ISO 8608 [1/m].
 N0 = 0.1
@@ -25,22 +26,22 @@ GD_N0 = {name: 16e-6 * 4**k for k, name in enumerate("ABCDEFGH")}
 
 Coherence = Literal["isotropic", "full"]
 
-_PHASE, _RING, _ANGLE = 40, 41, 42  # salts: what a random number is used for
+_PHASE, _RING, _ANGLE = 40, 41, 42  # salts of the hash: purpose of a random number
 _GOLDEN_RATIO = (math.sqrt(5.0) - 1.0) / 2.0
 _QUADRATURE = 64  # nodes; relative error below 1e-12 for wavinesses from 0 to 5
 
 
 @dataclass(frozen=True, kw_only=True)
 class Road(Ground):
-    """Random road with a one-sided displacement spectrum ``Gd(n) = Gd(n0) (n / n0) ** -waviness``.
+    """Random road with a one-sided displacement PSD ``Gd(n) = Gd(n0) (n / n0) ** -waviness``.
 
-    The road is a sum of plane waves. With isotropic coherence their wave vectors point in all
-    directions, and along *any* straight line the spectrum is Gd(n) between `lowest` and `highest`
-    and zero above. Below `lowest` there remains what the waves that run obliquely to the line
-    show there, at most half of Gd(lowest) for a waviness of 2. Of a power-law spectrum and its
-    isotropy follows how two parallel tracks cohere, see `track_coherence`.
+    The road is a sum of plane waves. With isotropic coherence their wave vectors have all
+    directions, and along *any* straight line the PSD is Gd(n) between `lowest` and `highest` and
+    zero above. Below `lowest` it is that of waves oblique to the line, at most half of Gd(lowest)
+    for a waviness of 2. The coherence of parallel tracks follows from isotropy, see
+    `track_coherence`.
 
-    A random isotropic surface has along any line the spectrum
+    Along any line an isotropic random surface has the spectrum
 
         Gd(n) = 4 * integral from n to infinity of S(k) k dk / sqrt(k^2 - n^2)
 
@@ -75,15 +76,15 @@ class Road(Ground):
     highest: float = 10.0
     "Highest spatial frequency [1/m]: tyres envelop shorter waves (ISO 8608)."
     coherence: Coherence = "isotropic"
-    """How the road goes on across: ``"isotropic"``, alike along any line, or ``"full"``, the same
-    profile in all tracks."""
+    """Coherence of parallel tracks: ``"isotropic"``, the same statistics along any line, or
+    ``"full"``, the same profile in all tracks."""
     direction: float = 0.0
     "Direction of the road where coherence is full, counter-clockwise from east [rad]."
     waves: int = 8192
-    """Number of plane waves. By default their lines in the spectrum stand about 0.001 1/m apart at
-    1 1/m and 0.004 1/m at 10 1/m; average a spectrum of a finer resolution over bands."""
+    """Number of plane waves. By default they are about 0.001 1/m apart in the spectrum at 1 1/m and
+    0.004 1/m at 10 1/m; average a spectrum of a finer resolution over bands."""
     seed: int = 0
-    "Seed of all that is random."
+    "Seed of all random numbers."
 
     def __post_init__(self) -> None:
         if (self.road_class is None) == (self.gd_n0 is None):
@@ -141,22 +142,22 @@ class Road(Ground):
     def _waves(self) -> Floats:
         """Amplitude [m], wave vector [1/m, 1/m] and phase [turns] of each wave."""
         number = int(self.waves)
-        # Even steps in the fourth root of the frequency serve the octaves of the long waves and
-        # the fine resolution that a long road has for the short ones alike.
+        # equal steps of the fourth root of the frequency: a compromise of logarithmic steps, for
+        # long waves, and equal ones, for the resolution of short waves on long roads
         edges = np.linspace(self.lowest**0.25, self.highest**0.25, number + 1) ** 4
         edges[[0, -1]] = self.lowest, self.highest
-        place = _kernels.uniform_numbers(self.seed, _RING, number)
+        place = uniform_numbers(self.seed, _RING, number)
         k = edges[:-1] + place * np.diff(edges)
         if self.coherence == "isotropic":
             variance = -np.diff(self._variance_beyond(edges))
-            # Steps of the golden ratio keep the directions of neighbouring rings far apart, so that
-            # every line sees each band of frequencies from all sides.
-            start = _kernels.uniform_numbers(self.seed, _ANGLE, 1)[0]
+            # Steps of the golden ratio separate the directions of neighbouring rings, so that the
+            # waves of each band of frequencies have all directions.
+            start = uniform_numbers(self.seed, _ANGLE, 1)[0]
             angle = math.pi * np.remainder(start + _GOLDEN_RATIO * np.arange(number), 1.0)
         else:
             variance = np.diff(self._variance_up_to(edges))
             angle = np.full(number, self.direction)
-        phase = _kernels.uniform_numbers(self.seed, _PHASE, number)
+        phase = uniform_numbers(self.seed, _PHASE, number)
         amplitude = np.sqrt(2.0 * variance)
         return np.column_stack([amplitude, k * np.cos(angle), k * np.sin(angle), phase])
 

@@ -1,4 +1,4 @@
-"""Ground read from a measured surface."""
+"""Ground from a measured surface."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +14,7 @@ from trueterrain.simulate.ground._ground import Floats, Ground
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Measured(Ground):
-    """Ground that is a surface: bilinear between its nodes, NaN where it ends or has holes.
+    """Measured surface as ground: bilinear between its nodes, NaN outside and in holes.
 
     Examples
     --------
@@ -42,7 +42,7 @@ class Measured(Ground):
         Raises
         ------
         FormatError
-            If it is damaged or no OpenCRG file.
+            If it is damaged or not an OpenCRG file.
         """
         from trueterrain.formats import opencrg
 
@@ -54,5 +54,5 @@ class Measured(Ground):
         return np.asarray(heights_at(self.surface, x, y))
 
     def to_dict(self) -> dict[str, Any]:
-        """Kind of the ground and the steps that led to its surface."""
+        """Kind of the ground and the provenance of its surface."""
         return {"kind": "Measured", "steps": provenance.provenance_steps(self.surface)}

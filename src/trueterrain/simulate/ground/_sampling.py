@@ -1,4 +1,4 @@
-"""Surfaces and points taken from a ground."""
+"""Surfaces and points sampled from a ground."""
 
 from typing import Any
 
@@ -10,13 +10,13 @@ from trueterrain.core.provenance import add_step
 from trueterrain.core.schemas import make_points, make_surface
 from trueterrain.simulate.ground._ground import Floats, Ground, check_seed
 
-_WHOLE = 1e-6  # [1] how far a length may miss a whole number of spacings
+_TOLERANCE = 1e-6  # [1] of a length over its spacing, from a whole number
 
 
 def sample_surface(
     ground: Ground, *, easting: npt.ArrayLike, northing: npt.ArrayLike
 ) -> xr.Dataset:
-    """Map of a ground.
+    """Surface of a ground over a map.
 
     Parameters
     ----------
@@ -60,8 +60,8 @@ def sample_road(
 ) -> xr.Dataset:
     """Surface of a ground along a straight or circular reference line.
 
-    The nodes of the reference line are joined by equal chords, and each cross-section runs along
-    the bisector of the two chords that meet in its node, as in OpenCRG.
+    The reference line has equal chords between its nodes, and each cross-section is on the
+    bisector of the two chords at its node, as in OpenCRG.
 
     Parameters
     ----------
@@ -90,8 +90,8 @@ def sample_road(
     Raises
     ------
     ValueError
-        If a length is not positive or no whole multiple of its spacing, or if the centre of the
-        curve lies on the road.
+        If a length is not positive or not a whole multiple of its spacing, or if the centre of
+        the curve is on the road.
 
     Examples
     --------
@@ -103,25 +103,25 @@ def sample_road(
     from trueterrain.surface.evaluate import node_coordinates
 
     chords = _whole_number("length", length, "spacing_u", spacing_u)
-    strips = _whole_number("width", width, "spacing_v", spacing_v)
+    columns = _whole_number("width", width, "spacing_v", spacing_v)
     if not np.isfinite([*start, heading, curvature]).all():
         raise ValueError("start, heading and curvature must be finite.")
     if not abs(curvature) * max(0.5 * width, 0.5 * spacing_u) < 1:
         raise ValueError(
             f"curvature must be less than {1 / max(0.5 * width, 0.5 * spacing_u):g} 1/m, so that "
-            f"the centre of the curve does not lie on the road, got {curvature} 1/m."
+            f"the centre of the curve is not on the road, got {curvature} 1/m."
         )
-    turn = 2.0 * np.arcsin(0.5 * curvature * spacing_u)  # [rad] between chords of a circle
-    direction = heading + turn * (np.arange(chords) + 0.5)
+    chord_angle = 2.0 * np.arcsin(0.5 * curvature * spacing_u)  # [rad] between chords of a circle
+    direction = heading + chord_angle * (np.arange(chords) + 0.5)
     line: dict[str, Any] = {
         "u": spacing_u * np.arange(chords + 1),
-        "v": spacing_v * (np.arange(strips + 1) - 0.5 * strips),
+        "v": spacing_v * (np.arange(columns + 1) - 0.5 * columns),
         "easting": start[0] + _running_sum(spacing_u * np.cos(direction)),
         "northing": start[1] + _running_sum(spacing_u * np.sin(direction)),
         "heading": np.concatenate([direction[:1], direction]),
     }
-    bare = make_surface(np.zeros((chords + 1, strips + 1)), **line)
-    surface = make_surface(ground.height(*node_coordinates(bare)), **line)
+    level = make_surface(np.zeros((chords + 1, columns + 1)), **line)
+    surface = make_surface(ground.height(*node_coordinates(level)), **line)
     parameters = {
         "ground": ground.to_dict(),
         "start": start,
@@ -139,16 +139,16 @@ def sample_points(
     seed: int = 0,
     noise_sd: float = 0.0,
 ) -> xr.Dataset:
-    """Points of a ground at random positions, evenly spread.
+    """Points of a ground at uniform random positions.
 
     Parameters
     ----------
     ground : Ground
         The ground.
     number : int
-        How many points.
+        Number of points.
     extent : tuple of float
-        Least easting, least northing, greatest easting, greatest northing [m].
+        Minimum easting and northing, maximum easting and northing [m].
     seed : int
         Seed of the positions and of the noise.
     noise_sd : float
@@ -176,7 +176,7 @@ def sample_points(
     west, south, east, north = extent
     if not (np.isfinite(extent).all() and west < east and south < north):
         raise ValueError(
-            "extent must be (least easting, least northing, greatest easting, greatest northing) "
+            "extent must be (min easting, min northing, max easting, max northing) "
             f"of an area, got {extent}."
         )
     if not (np.isfinite(noise_sd) and noise_sd >= 0):
@@ -196,11 +196,11 @@ def sample_points(
 
 
 def _whole_number(name: str, length: float, name_of_spacing: str, spacing: float) -> int:
-    for which, value in ((name, length), (name_of_spacing, spacing)):
+    for argument, value in ((name, length), (name_of_spacing, spacing)):
         if not (np.isfinite(value) and value > 0):
-            raise ValueError(f"{which} must be greater than 0 m, got {value}.")
+            raise ValueError(f"{argument} must be greater than 0 m, got {value}.")
     number = round(length / spacing)
-    if number < 1 or abs(length / spacing - number) > _WHOLE:
+    if number < 1 or abs(length / spacing - number) > _TOLERANCE:
         raise ValueError(
             f"{name} must be a whole multiple of {name_of_spacing} {spacing} m, got {length} m."
         )

@@ -1,4 +1,4 @@
-"""Grounds that one formula describes: plane, sine, step, cleats."""
+"""Grounds in closed form: plane, sine, step, cleats."""
 
 from dataclasses import dataclass
 from typing import Literal, get_args
@@ -8,10 +8,10 @@ import numpy as np
 from trueterrain.simulate.ground._ground import (
     Floats,
     Ground,
-    along_across,
     check_finite,
     check_not_negative,
     check_positive,
+    rotate_axes,
 )
 
 CleatShape = Literal["rectangle", "triangle", "semicircle"]
@@ -43,7 +43,7 @@ class Plane(Ground):
 
 @dataclass(frozen=True, kw_only=True)
 class Sine(Ground):
-    """Endless waves: ``amplitude * sin(2 pi d / wavelength + phase)``, d the distance along.
+    """Sine wave: ``amplitude * sin(2 pi d / wavelength + phase)``, d the distance along.
 
     Examples
     --------
@@ -58,16 +58,16 @@ class Sine(Ground):
     phase: float = 0.0
     "Phase at x = y = 0 [rad]."
     direction: float = 0.0
-    "Direction in which the waves follow each other, counter-clockwise from east [rad]."
+    "Direction of the wave vector, counter-clockwise from east [rad]."
 
     def __post_init__(self) -> None:
         check_finite(self, "amplitude", "phase", "direction")
         check_positive(self, "wavelength")
 
     def _height(self, x: Floats, y: Floats) -> Floats:
-        along, _ = along_across(x, y, self.direction)
-        turns: Floats = 2.0 * np.pi * np.remainder(along / self.wavelength, 1.0)
-        return np.asarray(self.amplitude * np.sin(turns + self.phase))
+        along, _ = rotate_axes(x, y, self.direction)
+        argument: Floats = 2.0 * np.pi * np.remainder(along / self.wavelength, 1.0)
+        return np.asarray(self.amplitude * np.sin(argument + self.phase))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,20 +81,20 @@ class Step(Ground):
     """
 
     position: float = 0.0
-    "Where the rise begins, along `direction` [m]."
+    "Start of the rise along `direction` [m]."
     rise: float = 0.1
     "Rise [m]; negative is a step down."
     width: float = 0.0
-    "Length of the ramp [m]; 0 is a vertical face, whose foot is already at the top."
+    "Length of the ramp [m]; 0 for a vertical face, with the upper height at `position`."
     direction: float = 0.0
-    "Direction in which the step is climbed, counter-clockwise from east [rad]."
+    "Direction of the rise, counter-clockwise from east [rad]."
 
     def __post_init__(self) -> None:
         check_finite(self, "position", "rise", "direction")
         check_not_negative(self, "width")
 
     def _height(self, x: Floats, y: Floats) -> Floats:
-        along, _ = along_across(x, y, self.direction)
+        along, _ = rotate_axes(x, y, self.direction)
         beyond = along - self.position
         if self.width == 0.0:
             return np.where(beyond >= 0.0, self.rise, 0.0)
@@ -113,17 +113,17 @@ class Cleats(Ground):
     """
 
     first: float = 0.0
-    "Where the middle of the first cleat lies, along `direction` [m]."
+    "Centre of the first cleat along `direction` [m]."
     spacing: float = 1.0
-    "From the middle of a cleat to that of the next [m]."
+    "Distance between the centres of cleats [m]."
     number: int = 1
-    "How many cleats there are."
+    "Number of cleats."
     width: float = 0.05
     "Length of a cleat along `direction` [m]."
     rise: float = 0.025
     "Height of the top of a cleat [m]; negative is a groove."
     direction: float = 0.0
-    "Direction in which the cleats follow each other, counter-clockwise from east [rad]."
+    "Direction across the cleats, counter-clockwise from east [rad]."
     shape: CleatShape = "rectangle"
     """Cross-section: ``"rectangle"``, ``"triangle"`` or ``"semicircle"`` (half an ellipse where
     `rise` is not half of `width`)."""
@@ -143,7 +143,7 @@ class Cleats(Ground):
             )
 
     def _height(self, x: Floats, y: Floats) -> Floats:
-        along, _ = along_across(x, y, self.direction)
+        along, _ = rotate_axes(x, y, self.direction)
         cleat = np.clip(np.rint((along - self.first) / self.spacing), 0, self.number - 1)
         t = np.abs(2.0 * (along - (self.first + self.spacing * cleat)) / self.width)
         if self.shape == "rectangle":

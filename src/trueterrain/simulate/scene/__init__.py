@@ -1,4 +1,4 @@
-"""Scenes: the virtual profiler on known ground, recorded as runs whose truth is known."""
+"""Scenes: recorded runs of the virtual profiler over known ground, with the truth."""
 
 from trueterrain.simulate.scene._parts import RoadShape, ScenePass, Standing, TruthSettings, Vehicle
 from trueterrain.simulate.scene._plate import CalibrationPlate

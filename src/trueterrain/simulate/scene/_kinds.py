@@ -1,4 +1,4 @@
-"""What a scene can be made of: grounds, courses and speeds by the names they have in TOML."""
+"""Kinds of grounds, courses and speeds, by their names in TOML."""
 
 import difflib
 from collections.abc import Mapping
@@ -52,32 +52,32 @@ COURSES: dict[str, type] = {
 
 SPEEDS: dict[str, type] = {"constant": Constant, "ramp": Ramp, "stop-and-go": StopAndGo}
 
-#: A measured surface is no dataclass of numbers: it is read from its file.
+#: Kind of a measured surface, which is read from its file.
 MEASURED = "crg"
 
 
 @dataclass(frozen=True, kw_only=True)
 class MeasuredFile:
-    """A measured surface from an OpenCRG file, repeated without end."""
+    """Measured surface from an OpenCRG file, repeated periodically."""
 
     file: str
-    "OpenCRG file, beside the scene."
+    "OpenCRG file, relative to the folder of the scene."
 
     mirrored: bool = True
-    "Whether every other copy runs backwards, so that there is no step between them."
+    "Whether every other copy is reversed, so that there is no step between them."
 
     across: bool = False
-    "Whether it is repeated across too, mirrored; otherwise there is no ground beside it."
+    "Whether it is repeated laterally too, mirrored; otherwise there is no ground beyond it."
 
     part_u: tuple[float, float] | None = None
-    "Stations between which it is used [m]; all of it by default."
+    "Range of stations to use [m]; all by default."
 
     part_v: tuple[float, float] | None = None
-    "Offsets between which it is used, so as to leave out ragged edges [m]; all by default."
+    "Range of offsets to use, for example without ragged edges [m]; all by default."
 
 
 def build_kind(kinds: Mapping[str, type], table: Table, place: str, *, path: Path | None) -> Any:
-    """Object that a table with a key ``kind`` describes.
+    """Instance of the class that a table with a key ``kind`` describes.
 
     Parameters
     ----------
@@ -86,9 +86,9 @@ def build_kind(kinds: Mapping[str, type], table: Table, place: str, *, path: Pat
     table : mapping
         ``kind`` and the parameters of the class.
     place : str
-        Where the table stands, for the message.
+        Position of the table in the file, for messages.
     path : Path, optional
-        File that it came from, for the message; CRG files are looked for beside it.
+        File of the scene, for messages; paths of CRG files are relative to its folder.
 
     Returns
     -------
@@ -102,7 +102,7 @@ def build_kind(kinds: Mapping[str, type], table: Table, place: str, *, path: Pat
 
     Examples
     --------
-    >>> build(SPEEDS, {"kind": "constant", "speed": 5.0}, "speed", path=None)
+    >>> build_kind(SPEEDS, {"kind": "constant", "speed": 5.0}, "speed", path=None)
     Constant(speed=5.0)
     """
     values = dict(table)
@@ -128,12 +128,12 @@ def kind_catalogue() -> str:
     Returns
     -------
     str
-        Lines that begin with ``#``.
+        Lines that start with ``#``.
     """
     lines = []
     for what, kinds in {
         "[course]": COURSES,
-        "[[ground]] (several lie on top of each other)": {**GROUNDS, MEASURED: MeasuredFile},
+        "[[ground]] (the heights of several are added)": {**GROUNDS, MEASURED: MeasuredFile},
         "speed of a pass": SPEEDS,
     }.items():
         lines += ["", f"Kinds for {what}", ""]

@@ -1,4 +1,4 @@
-"""What a scene is made of: roads, passes, vehicles and what is kept of the truth."""
+"""Parts of a scene: shape of the road, passes, vehicle and settings of the truth."""
 
 import dataclasses
 import difflib
@@ -22,21 +22,21 @@ _QUARTER, _RIGID = "quarter car", "rigid"
 
 @dataclass(frozen=True, kw_only=True)
 class RoadShape:
-    """How the ground lies along the course."""
+    """Shape of the road: whether the ground follows the course, slope and banking."""
 
     along_course: bool = False
-    """Whether the ground follows the course, its x the station and its y the offset; with a slope,
-    banking or superelevation it always does."""
+    """Whether the ground follows the course, with x the station and y the offset; always with a
+    slope, banking or superelevation."""
 
     slope: float = 0.0
-    "Climb of the course [m/m]."
+    "Slope of the course [m/m]."
 
     banking: float = 0.0
     "Cross slope of the whole course, left side up [m/m]."
 
     superelevation: float = 0.0
-    """Greatest inward lean, in the tightest curve; in proportion to the curvature elsewhere, which
-    must not jump: courses need transitions [m/m]."""
+    """Maximum inward banking, at the maximum curvature; proportional to the curvature elsewhere.
+    Curvature must be continuous: courses need transitions [m/m]."""
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -54,10 +54,10 @@ class RoadShape:
 
 @dataclass(frozen=True, kw_only=True)
 class Standing:
-    """Instead of driving: how the vehicle stands."""
+    """Position and duration of a vehicle that stands instead of driving."""
 
     duration: float = 4.0
-    "How long it stands [s]."
+    "Duration [s]."
 
     east: float = 0.0
     "Easting of the body [m]."
@@ -66,10 +66,10 @@ class Standing:
     "Northing of the body [m]."
 
     yaw: float = 0.0
-    "Direction in which it stands, counter-clockwise from east [rad]."
+    "Heading, counter-clockwise from east [rad]."
 
     waves: tuple[Wave, ...] = ()
-    "What bounces it: sines in east, north, up, roll, pitch, yaw."
+    "Sines added to its pose, in east, north, up, roll, pitch or yaw."
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -81,19 +81,19 @@ class Standing:
 
 @dataclass(frozen=True, kw_only=True)
 class ScenePass:
-    """One pass over the ground: one recorded run."""
+    """One pass over the ground, recorded as one run."""
 
     name: str
-    "Name of the pass; the run is called after the scene and it."
+    "Name of the pass; the run is called SCENE-PASS."
 
     lane: float = 0.0
-    "Offset of the lane to the left of the course [m]."
+    "Lateral offset of the pass to the left of the course [m]."
 
     reverse: bool = False
-    "Whether the lane is driven against the course."
+    "Whether the direction of travel is against that of the course."
 
     start: float | None = None
-    "Station at which it begins [m]; by default where the course does."
+    "Station of the start [m]; by default the start of the course."
 
     length: float | None = None
     "Length driven [m]; by default to the end of the course, or once around."
@@ -105,12 +105,12 @@ class ScenePass:
     "Stand instead of driving."
 
     def __post_init__(self) -> None:
-        """Check the name, and that a vehicle that stands does not drive."""
+        """Check the name, and that `standing` excludes the settings of a drive."""
         check_name(self.name)
         check_finite(self, "lane", "start", "length")
         driven = self.lane or self.reverse or self.start is not None or self.length is not None
         if self.standing is not None and driven:
-            message = "standing excludes lane, reverse, start and length; standing has a place."
+            message = "standing excludes lane, reverse, start and length; it has its own position."
             raise ValueError(message)
 
 
@@ -120,14 +120,14 @@ class Vehicle:
 
     model: str = "van"
     """Full car "compact", "golden car", "sedan" or "van"; "quarter car", the golden one; or
-    "rigid", without springs."""
+    "rigid", without suspension."""
 
     parameters: dict[str, float] = field(default_factory=dict)
-    "Parameters of the car that are not those of the model; all are listed at the end."
+    "Parameters of the car that differ from those of the model; all are listed at the end."
 
     height: float = 0.8
-    """Height of the origin of a rigid body or a quarter car over level ground [m]; of a full car it
-    is its parameter cg_height."""
+    """Height of the origin of a rigid body or a quarter car above level ground [m]; for a full car
+    its parameter cg_height."""
 
     roll: float = 0.0
     "Roll of a rigid body [rad]."
@@ -136,7 +136,7 @@ class Vehicle:
     "Pitch of a rigid body, nose down positive [rad]."
 
     waves: tuple[Wave, ...] = ()
-    "What moves a rigid body besides: sines in its components."
+    "Sines added to the pose of a rigid body."
 
     tyre: Tyre = field(default_factory=Tyre)
     "Contact patch of the tyres."
@@ -151,7 +151,7 @@ class Vehicle:
         if self.model != _RIGID and (self.roll or self.pitch or self.waves):
             message = f"roll, pitch and waves are for a rigid body, got the model {self.model!r}."
             raise ValueError(message)
-        _ = self.car  # parameters that break a rule are refused at once
+        _ = self.car  # refuses invalid parameters at once
 
     @property
     def car(self) -> FullCarParameters | QuarterCarParameters | None:
@@ -164,7 +164,7 @@ class Vehicle:
         """
         if self.model == _RIGID:
             if self.parameters:
-                message = "parameters are for a car on springs, got the model 'rigid'."
+                message = "parameters are for a car with suspension, got the model 'rigid'."
                 raise ValueError(message)
             return None
         car = GOLDEN_QUARTER_CAR if self.model == _QUARTER else named_vehicle(self.model)
@@ -183,13 +183,13 @@ class Vehicle:
 
 @dataclass(frozen=True, kw_only=True)
 class TruthSettings:
-    """What the truth of a run shall hold besides the exact motion and the injected errors."""
+    """Settings of the truth of a run, in addition to the exact motion and the errors."""
 
     spacing: float = 0.02
-    "Spacing of the surface that shows the ground [m]."
+    "Spacing of the surface of the true ground, for display [m]."
 
     returns: bool = True
-    "Whether to keep the error of every range (2 bytes each)."
+    "Whether to store the error of every range (2 bytes each)."
 
     def __post_init__(self) -> None:
         """Check the spacing."""
@@ -199,7 +199,7 @@ class TruthSettings:
 
 
 def suggest_name(name: str, known: list[str]) -> str:
-    """Known name that is nearest, or all of them."""
+    """Hint with the most similar known name, or with all of them."""
     near = difflib.get_close_matches(name.lower(), known, n=1)
     return f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
 

@@ -1,4 +1,4 @@
-"""A calibration plate: cleats of known profile on a level plate (thesis 3.4)."""
+"""Calibration plate: cleats of known profile on a level plate (thesis 3.4)."""
 
 import math
 from dataclasses import dataclass
@@ -16,11 +16,11 @@ Shape = Literal["rectangle", "semicircle", "triangle"]
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrationPlate(Ground):
-    """A level plate with cleats across the lane: by default a rectangle, a semicircle, a triangle.
+    """Level plate with cleats across the lane: by default a rectangle, a semicircle, a triangle.
 
-    The thesis's calibration surface (section 3.4) carries interchangeable cleats on a plate with a
-    grid of holes of 152 mm; here they lie two holes apart about the middle. The cleats run along
-    `y`, so that a vehicle that drives along `x` crosses them.
+    The thesis's calibration surface (section 3.4) has interchangeable cleats on a plate with a grid
+    of holes of 152 mm; here their distance is two holes, symmetric about the centre. The cleats are
+    along `y`, so that a vehicle that drives along `x` crosses them.
 
     Examples
     --------
@@ -35,22 +35,22 @@ class CalibrationPlate(Ground):
     "Profiles of the cleats, from west to east: rectangle, semicircle, triangle."
 
     east: float = 0.0
-    "Easting of the middle of the plate [m]."
+    "Easting of the centre of the plate [m]."
 
     north: float = 0.0
-    "Northing of the middle of the plate [m]."
+    "Northing of the centre of the plate [m]."
 
     length: float = 1.2
-    "Extent along the lane [m]."
+    "Extent along x [m]."
 
     width: float = 1.2
-    "Extent across the lane [m]."
+    "Extent along y [m]."
 
     thickness: float = 0.012
     "Height of the plate above the ground [m]."
 
     pitch: float = 0.304
-    "Distance from cleat to cleat, two holes of 152 mm [m]."
+    "Distance between the centres of cleats, two holes of 152 mm [m]."
 
     cleat: float = 0.076
     "Width of a cleat at its foot [m]; the round one is half a circle."
@@ -81,30 +81,32 @@ class CalibrationPlate(Ground):
         if self.pitch < self.cleat:
             message = f"pitch must be at least the cleat of {self.cleat} m, got {self.pitch} m."
             raise ValueError(message)
-        needed = (len(self.cleats) - 1) * self.pitch + self.cleat
-        if self.length < needed:
+        min_length = (len(self.cleats) - 1) * self.pitch + self.cleat
+        if self.length < min_length:
             message = (
-                f"length must leave room for the {len(self.cleats)} cleats, which need "
-                f"{needed:g} m, got {self.length} m."
+                f"length must fit the {len(self.cleats)} cleats, which need "
+                f"{min_length:g} m, got {self.length} m."
             )
             raise ValueError(message)
 
     def _height(self, x: Float, y: Float) -> Float:
-        along, across = x - self.east, y - self.north
+        longitudinal, lateral = x - self.east, y - self.north
         half = 0.5 * self.cleat
-        relief = np.zeros_like(along)
+        relief = np.zeros_like(longitudinal)
         for number, shape in enumerate(self.cleats):
-            apart = along - (number - 0.5 * (len(self.cleats) - 1)) * self.pitch
-            relief = np.maximum(relief, _cleat_relief(shape, apart / half))
+            distance = longitudinal - (number - 0.5 * (len(self.cleats) - 1)) * self.pitch
+            relief = np.maximum(relief, _cleat_relief(shape, distance / half))
         profile = self.thickness + self.rise * relief
-        on_plate = (np.abs(along) <= 0.5 * self.length) & (np.abs(across) <= 0.5 * self.width)
+        on_plate = (np.abs(longitudinal) <= 0.5 * self.length) & (
+            np.abs(lateral) <= 0.5 * self.width
+        )
         return np.where(on_plate, profile, 0.0)
 
 
-def _cleat_relief(shape: Shape, place: Float) -> Float:
-    """Share of the rise of a cleat at places from -1 at one foot to 1 at the other."""
+def _cleat_relief(shape: Shape, position: Float) -> Float:
+    """Height of a cleat over its rise, at positions from -1 to 1 between its edges."""
     if shape == "rectangle":
-        return np.where(np.abs(place) <= 1.0, 1.0, 0.0)
+        return np.where(np.abs(position) <= 1.0, 1.0, 0.0)
     if shape == "triangle":
-        return np.asarray(np.maximum(1.0 - np.abs(place), 0.0))
-    return np.asarray(np.sqrt(np.maximum(1.0 - place**2, 0.0)))
+        return np.asarray(np.maximum(1.0 - np.abs(position), 0.0))
+    return np.asarray(np.sqrt(np.maximum(1.0 - position**2, 0.0)))

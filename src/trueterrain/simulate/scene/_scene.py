@@ -1,4 +1,4 @@
-"""A scene: which ground is driven over, how, and with which instruments."""
+"""Scene: ground, course, passes, vehicle and instruments of a simulated survey."""
 
 import math
 from dataclasses import dataclass, field, fields
@@ -27,21 +27,21 @@ from trueterrain.simulate.scene._parts import (
 )
 from trueterrain.vehicle import FullCarParameters
 
-#: Where the laser sits: 0.93 m behind the rear axle of the van, 2 m above level ground.
+#: Position of the laser in the body [m]: 0.93 m behind the rear axle of the van, 2 m above ground.
 LASER = (-2.25, 0.0, 1.2)
 
-_APART = 0.09  # [s] clocks may be: navigation is recorded 0.1 s before and after the scans
+_MAX_CLOCK_DIFFERENCE = 0.09  # [s] navigation is recorded 0.1 s before and after the scans
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """A scene of the virtual profiler."""
+    """Scene of the virtual profiler: everything that determines its recorded runs."""
 
     name: str
     "Name of the scene; runs are called NAME-PASS.zarr."
 
     title: str = ""
-    "What it shows."
+    "Title of the scene."
 
     seed: int = 1
     "Seed of all noise: the same seed gives the same runs."
@@ -59,7 +59,7 @@ class Scene:
     "Layers of the ground, each with its kind and parameters; their heights add up."
 
     road: RoadShape = field(default_factory=RoadShape)
-    "How the ground lies along the course."
+    "Shape of the road along the course."
 
     passes: tuple[ScenePass, ...] = (ScenePass(name="pass"),)
     "The passes."
@@ -71,15 +71,15 @@ class Scene:
     "The scanner."
 
     reflectivity: Reflectivity = field(default_factory=Reflectivity)
-    "Brightness of the ground."
+    "Reflectivity of the ground."
 
     mounting: Mounting = field(default_factory=lambda: Mounting(scanner_position=LASER))
-    "Where the scanner truly sits; the clock of the accelerometers is theirs."
+    "True pose of the scanner in the body, and its clock."
 
     declared: Mounting | None = field(
         default=None, metadata={"table": Mounting(scanner_position=LASER)}
     )
-    "Mounting that the run claims instead of the true one, to be found out by calibration."
+    "Mounting that the run declares instead of the true one, for calibration to correct."
 
     navigation: Navigation = field(default_factory=Navigation)
     "The navigation."
@@ -90,10 +90,10 @@ class Scene:
     "The accelerometers."
 
     truth: TruthSettings = field(default_factory=TruthSettings)
-    "What the truth holds."
+    "Contents of the truth."
 
     def __post_init__(self) -> None:
-        """Check what can be checked without driving."""
+        """Check the settings that do not need a drive."""
         check_name(self.name)
         if self.seed < 0:
             message = f"seed must be at least 0, got {self.seed}."
@@ -111,21 +111,23 @@ class Scene:
                     )
                     raise ValueError(message)
         if not self.ground:
-            message = "ground is missing: it must hold at least one layer."
+            message = "ground is missing: it must have at least one layer."
             raise ValueError(message)
         names = [drive.name for drive in self.passes]
         if not names:
             message = "passes are missing: there must be at least one."
             raise ValueError(message)
-        twice = [name for name in names if names.count(name) > 1]
-        if twice:
-            message = f"passes must have names that differ, got {twice[0]!r} {len(twice)} times."
+        repeated = [name for name in names if names.count(name) > 1]
+        if repeated:
+            message = (
+                f"passes must have names that differ, got {repeated[0]!r} {len(repeated)} times."
+            )
             raise ValueError(message)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stage:
-    """A scene with its ground and its course made."""
+    """Scene with the objects of its ground and course."""
 
     scene: Scene
     "The scene."
@@ -134,17 +136,17 @@ class Stage:
     "The course."
 
     ground: Ground
-    "The ground, before it is made a raster."
+    "The ground, before it is sampled on a raster."
 
     path: Path | None
     "File of the scene, for messages."
 
     def motion(self, drive: ScenePass) -> Motion:
-        """How the body moves in a pass.
+        """Motion of the body in a pass.
 
         Parameters
         ----------
-        drive : Drive
+        drive : ScenePass
             A pass of the scene.
 
         Returns
@@ -155,7 +157,7 @@ class Stage:
         Raises
         ------
         FormatError
-            If the pass is impossible: never arrives, begins behind the end of the course, ...
+            If the pass is impossible: it never arrives, starts after the end of the course, ...
         """
         place = f"pass {drive.name}"
         try:
@@ -166,15 +168,15 @@ class Stage:
         return motion
 
     def _check_clocks(self, duration: float) -> None:
-        """Raise ValueError if scans would lie outside of the navigation, as the run claims."""
+        """Raise ValueError if scans lie outside the navigation by the declared clock."""
         true, navigation = self.scene.mounting.scanner_clock, self.scene.navigation
-        claimed = (self.scene.declared or self.scene.mounting).scanner_clock
-        begin = claimed - true + navigation.clock_offset
-        apart = max(abs(begin), abs(begin + navigation.clock_rate * duration))
-        if apart > _APART:
+        declared = (self.scene.declared or self.scene.mounting).scanner_clock
+        begin = declared - true + navigation.clock_offset
+        difference = max(abs(begin), abs(begin + navigation.clock_rate * duration))
+        if difference > _MAX_CLOCK_DIFFERENCE:
             message = (
                 "the clocks of scanner (less the one declared) and navigation must be at most "
-                f"{_APART} s apart, got {apart:.6g} s."
+                f"{_MAX_CLOCK_DIFFERENCE} s apart, got {difference:.6g} s."
             )
             raise ValueError(message)
 
@@ -182,7 +184,7 @@ class Stage:
         vehicle = self.scene.vehicle
         if drive.standing is not None:
             return self._parked(drive.standing)
-        way = PassPlan(
+        plan = PassPlan(
             course=self.course,
             speed=build_kind(SPEEDS, drive.speed, f"{place}, speed", path=self.path),
             lane=drive.lane,
@@ -192,14 +194,14 @@ class Stage:
         )
         if vehicle.car is None:
             return Follower(
-                drive=way,
+                drive=plan,
                 up=vehicle.height,
                 roll=vehicle.roll,
                 pitch=vehicle.pitch,
                 waves=vehicle.waves,
             )
         return BodyMotion(
-            drive=way,
+            drive=plan,
             ground=self.ground,
             vehicle=vehicle.car,
             tyre=vehicle.tyre,
@@ -209,12 +211,12 @@ class Stage:
 
     def _parked(self, standing: Standing) -> Motion:
         vehicle = self.scene.vehicle
-        how = {name: getattr(standing, name) for name in ("east", "north", "yaw", "duration")}
+        pose = {name: getattr(standing, name) for name in ("east", "north", "yaw", "duration")}
         waves = (*vehicle.waves, *standing.waves)
         if isinstance(vehicle.car, FullCarParameters):
-            return Parked.on_ground(ground=self.ground, vehicle=vehicle.car, waves=waves, **how)
+            return Parked.on_ground(ground=self.ground, vehicle=vehicle.car, waves=waves, **pose)
         up = vehicle.height + float(self.ground.height(standing.east, standing.north))
-        return Parked(up=up, roll=vehicle.roll, pitch=vehicle.pitch, waves=waves, **how)
+        return Parked(up=up, roll=vehicle.roll, pitch=vehicle.pitch, waves=waves, **pose)
 
 
 def scene_names() -> list[str]:
@@ -223,7 +225,7 @@ def scene_names() -> list[str]:
     Returns
     -------
     list of str
-        In alphabetic order.
+        Names in alphabetical order.
 
     Examples
     --------
@@ -238,7 +240,7 @@ def scene_names() -> list[str]:
 
 
 def read_scene(scene: str | Path) -> tuple[Scene, Path]:
-    """Scene from a TOML file, or a ready one by its name.
+    """Read a scene from a TOML file, or a ready one by its name.
 
     Parameters
     ----------
@@ -255,7 +257,7 @@ def read_scene(scene: str | Path) -> tuple[Scene, Path]:
     Raises
     ------
     FormatError
-        If the file is no scene.
+        If the file is not a scene.
     ValueError
         If there is no ready scene of that name.
 
@@ -277,19 +279,19 @@ def read_scene(scene: str | Path) -> tuple[Scene, Path]:
 
 
 def set_stage(scene: Scene, *, path: Path | None = None) -> Stage:
-    """Make the course and the ground of a scene.
+    """Create the course and the ground of a scene.
 
     Parameters
     ----------
     scene : Scene
         The scene.
     path : Path, optional
-        Its file, for messages; CRG files are looked for beside it.
+        Its file, for messages; paths of CRG files are relative to its folder.
 
     Returns
     -------
     Stage
-        From which motions come.
+        Stage, which gives the motions of the passes.
 
     Raises
     ------
@@ -303,19 +305,19 @@ def set_stage(scene: Scene, *, path: Path | None = None) -> Stage:
     ]
     ground: Ground = layers[0] if len(layers) == 1 else Sum(parts=tuple(layers))
     try:
-        ground = _lay_ground(ground, course, scene.road)
+        ground = _shape_ground(ground, course, scene.road)
     except ValueError as error:
         raise FormatError(str(error), path=path, place="road") from None
     return Stage(scene=scene, course=course, ground=ground, path=path)
 
 
 def scene_template(scene: Scene | None = None) -> str:
-    """Complete TOML text of a scene with all helps, and of everything that it can be made of.
+    """Complete TOML text of a scene with help, and of all kinds of its parts.
 
     Parameters
     ----------
     scene : Scene, optional
-        By default one Belgian block lane.
+        By default a pass over Belgian block.
 
     Returns
     -------
@@ -326,12 +328,12 @@ def scene_template(scene: Scene | None = None) -> str:
     return settings_template(scene, title="A scene of the virtual profiler.") + kind_catalogue()
 
 
-def _lay_ground(ground: Ground, course: Course, road: RoadShape) -> Ground:
+def _shape_ground(ground: Ground, course: Course, road: RoadShape) -> Ground:
     if not (road.along_course or road.slope or road.banking or road.superelevation):
         return ground
     if road.superelevation:
         return AlongCourse.superelevated(
-            ground=ground, course=course, greatest=road.superelevation, slope=road.slope
+            ground=ground, course=course, max_banking=road.superelevation, slope=road.slope
         )
     return AlongCourse(ground=ground, course=course, slope=road.slope, banking=road.banking)
 

@@ -94,7 +94,12 @@ def regress_signatures(
     residual = cleaned_error - clean @ value
     unknowns = signatures.shape[1] + nuisance.shape[1]
     degrees = max(error.size - unknowns, 1)
-    robust = inverse @ newey_west_covariance(clean * residual[:, None], lags) @ inverse * (error.size / degrees)
+    robust = (
+        inverse
+        @ newey_west_covariance(clean * residual[:, None], lags)
+        @ inverse
+        * (error.size / degrees)
+    )
     white = inverse * float(residual @ residual) / degrees
     diagonal = np.maximum(np.diag(robust), 0.0)
     if not (diagonal > 0).all():
