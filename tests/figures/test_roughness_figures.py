@@ -70,7 +70,7 @@ def test_histogram_has_a_bar_for_each_track_and_class(two):
     histogram = roughness.iri_histogram(roughness.iri(two, segment=20.0), [2.0, 4.0])
     ax = figures.roughness_histogram(histogram)
     heights = [[bar.get_height() for bar in bars] for bars in ax.containers]
-    assert_allclose(heights, 100 * histogram.share, rtol=0, atol=1e-9)
+    assert_allclose(heights, 100 * histogram.fraction, rtol=0, atol=1e-9)
     assert legend(ax) == ["left", "right"]
 
 

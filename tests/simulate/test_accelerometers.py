@@ -271,7 +271,7 @@ def test_noise_has_the_density_asked_for(order):
     f, psd = welch(noise, 2000.0, nperseg=2048, axis=0)
     for low, high in [(1, 20), (20, 100), (100, 250), (600, 900)]:
         band = (f > low) & (f < high)
-        # As many squares are averaged as samples x share of the band: 3 x 200,000 x share.
+        # As many squares are averaged as samples x fraction of the band: 3 x 200,000 x fraction.
         bound = 4 * np.sqrt(2 / (600_000 * (high - low) / 1000))
         gain = np.ones(band.sum())
         if order:
@@ -281,7 +281,7 @@ def test_noise_has_the_density_asked_for(order):
             gain = sum(response(b, a, f_in, 8000.0) ** 2 for f_in in folded)
         ratio = psd[band].mean(axis=1) / ((50e-6 * G) ** 2 * gain)
         npt.assert_allclose(ratio.mean(), 1, rtol=0, atol=bound, err_msg=f"{low} Hz")
-    if order:  # under way from the first sample on
+    if order:  # at the steady state from the first sample on
         first = [
             stream(seed, **values).record(moving(0.001), 0.0, 0.001)[0]["acceleration"][0] - G
             for seed in range(300)
@@ -314,8 +314,8 @@ def test_filter_has_the_response_of_a_butterworth_filter(frequency, atol):
     amplitude = 1 / (2 * np.pi * frequency) ** 2
     knots = moving(0.6, spacing=2.5e-5, up=sine(amplitude, frequency))
     recorded, _ = stream(**FILTER).record(knots, 0.0, 0.6)
-    settled = recorded["time"] >= 0.1
-    t, reading = recorded["time"][settled], recorded["acceleration"][settled, 0] - G
+    steady = recorded["time"] >= 0.1
+    t, reading = recorded["time"][steady], recorded["acceleration"][steady, 0] - G
     # Half a second: whole periods. The acceleration is -sin; stamps see its alias by themselves.
     phasor = 2 * np.mean(reading * np.exp(-2j * np.pi * frequency * t)) / 1j
     b, a = butter(4, 2 * np.pi * 500.0, analog=True)

@@ -35,7 +35,7 @@ OVAL = Oval(straight=40.0, radius=25.0, transition=20.0)
 EAST, NORTH, UP, ROLL, PITCH, YAW = range(6)
 
 EXACT = {"rtol": 0, "atol": 1e-9}  # [m], [rad] round-off
-SETTLED = {"rtol": 0, "atol": 1e-6}  # [m], [rad] what is left of the transient after some seconds
+STEADY = {"rtol": 0, "atol": 1e-6}  # [m], [rad] what is left of the transient after some seconds
 RESPONSE = 5e-4  # [1] of the amplitude; straight lines between heights cost 2e-4 at 11 Hz
 ROUGH = Road(road_class="C", waves=512, seed=3)
 
@@ -140,10 +140,10 @@ def test_knots_can_be_evaluated_over_the_whole_block(make):
 
 def test_a_climb_lifts_the_nose():
     knots = motion(Plane(elevation=300.0, slope=0.06), run_in=4.0).knots(0.0, 5.0)
-    npt.assert_allclose(knots.pose[:, PITCH], -0.06, **SETTLED)
+    npt.assert_allclose(knots.pose[:, PITCH], -0.06, **STEADY)
     npt.assert_allclose(knots.pose[:, ROLL], 0.0, **EXACT)
-    npt.assert_allclose(knots.pose[:, UP], 300 + 0.06 * 10 * knots.time + VAN.cg_height, **SETTLED)
-    npt.assert_allclose(knots.rate[:, UP], 0.6, **SETTLED)
+    npt.assert_allclose(knots.pose[:, UP], 300 + 0.06 * 10 * knots.time + VAN.cg_height, **STEADY)
+    npt.assert_allclose(knots.rate[:, UP], 0.6, **STEADY)
 
 
 def test_a_higher_left_side_is_a_positive_roll():
@@ -156,11 +156,9 @@ def test_a_higher_left_side_is_a_positive_roll():
         vehicle=VAN,
         run_in=5.0,
     ).knots(0.0, 5.0)
-    npt.assert_allclose(back.pose[:, ROLL], -0.05, **SETTLED)
-    npt.assert_allclose(back.pose[:, PITCH], 0.02, **SETTLED)
-    npt.assert_allclose(
-        back.pose[0, UP], 0.1 + 0.02 * back.pose[0, EAST] + VAN.cg_height, **SETTLED
-    )
+    npt.assert_allclose(back.pose[:, ROLL], -0.05, **STEADY)
+    npt.assert_allclose(back.pose[:, PITCH], 0.02, **STEADY)
+    npt.assert_allclose(back.pose[0, UP], 0.1 + 0.02 * back.pose[0, EAST] + VAN.cg_height, **STEADY)
 
 
 def test_a_climb_is_level_crosswise_and_a_slope_crossed_is_level_lengthwise():
@@ -193,7 +191,7 @@ def test_yaw_follows_the_lane_and_counts_on():
     assert np.abs(np.diff(knots.pose[:, YAW])).max() < 1e-3
 
 
-def test_no_roll_on_ground_alike_on_both_sides():
+def test_no_roll_on_ground_equal_on_both_sides():
     for ground in (Sine(amplitude=0.03, wavelength=3.0), ExcitationEvent(begin=30.0)):
         knots = motion(ground, vehicle=named_vehicle("sedan")).knots(0.0, 8.0)
         npt.assert_allclose(knots.pose[:, ROLL], 0.0, **EXACT)
@@ -215,10 +213,10 @@ def test_a_sine_road_is_answered_by_the_frequency_response(name, wavelength, dir
     wheels = amplitude * patch * np.exp(1j * (car.wheel_positions @ k))
     gain = frequency_response(linear_model(car), frequency) @ wheels
     turning = np.exp(2j * np.pi * frequency * knots.time)
-    for component, freedom in ((UP, 0), (PITCH, 1), (ROLL, 2)):
-        truth = gain[freedom] * turning
+    for component, index in ((UP, 0), (PITCH, 1), (ROLL, 2)):
+        truth = gain[index] * turning
         level = car.cg_height if component == UP else 0.0
-        atol = max(RESPONSE * abs(gain[freedom]), 1e-12)
+        atol = max(RESPONSE * abs(gain[index]), 1e-12)
         npt.assert_allclose(knots.pose[:, component] - level, truth.imag, rtol=0, atol=atol)
         omega = 2 * np.pi * frequency
         npt.assert_allclose(
@@ -246,9 +244,12 @@ def test_a_quarter_car_heaves_the_whole_body():
 
 def test_a_curve_changes_nothing_for_a_wheel_on_the_lane():
     # one narrow wheel at the origin: the profile along the oval is that along the straight
-    alike = {"vehicle": GOLDEN_QUARTER_CAR, "tyre": Tyre(patch_width=0.0, samples_across=1)}
-    curved = motion(AlongCourse(ground=ROUGH, course=OVAL, seam=0.0), OVAL, **alike)
-    straight = motion(ROUGH, Straight(length=300.0), **alike)
+    vehicle_settings = {
+        "vehicle": GOLDEN_QUARTER_CAR,
+        "tyre": Tyre(patch_width=0.0, samples_across=1),
+    }
+    curved = motion(AlongCourse(ground=ROUGH, course=OVAL, seam=0.0), OVAL, **vehicle_settings)
+    straight = motion(ROUGH, Straight(length=300.0), **vehicle_settings)
     npt.assert_allclose(
         curved.knots(2.0, 10.0, margin=0.0).pose[:, UP],
         straight.knots(2.0, 10.0, margin=0.0).pose[:, UP],
@@ -258,7 +259,7 @@ def test_a_curve_changes_nothing_for_a_wheel_on_the_lane():
     npt.assert_allclose(
         curved.knots(9.0, 12.0, margin=0.0).pose[:, UP],
         straight.knots(9.0, 12.0, margin=0.0).pose[:, UP],
-        **SETTLED,
+        **STEADY,
     )
 
 

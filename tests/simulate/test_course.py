@@ -18,7 +18,7 @@ from trueterrain.simulate.course import (
     Waypoints,
 )
 
-EXACT = {"rtol": 0, "atol": 1e-9}  # [m], [rad] round-off over a kilometre, with room
+EXACT = {"rtol": 0, "atol": 1e-9}  # [m], [rad] round-off over a kilometre, with a margin
 SECOND_DIFFERENCE = 1e-5  # [1/m] round-off of a second difference over 10 mm, and its own error
 
 OVAL = Oval(straight=120.0, radius=40.0, transition=25.0, east=30.0, north=-7.0, heading=0.4)
@@ -171,8 +171,8 @@ def test_waypoints_lie_on_the_course(course):
 def test_gentle_waypoints_always_have_a_course(legs):
     length, turn = np.array(legs).T
     direction = np.cumsum(turn)
-    way = np.cumsum(length * np.exp(1j * direction))
-    points = tuple((z.real, z.imag) for z in [0j, *way])
+    travelled = np.cumsum(length * np.exp(1j * direction))
+    points = tuple((z.real, z.imag) for z in [0j, *travelled])
     course = Waypoints(points=points)
     starts = [s for s, _ in course.borders]
     npt.assert_allclose(course.at(starts).position, points, rtol=0, atol=1e-8)  # [m] over 1 km

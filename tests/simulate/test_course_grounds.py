@@ -246,11 +246,11 @@ def test_impossible_grounds_are_refused(make, message):
 
 
 def test_superelevation_follows_waypoints():
-    ways = Waypoints(points=((0, 0), (40, 5), (70, 30), (75, 70)))
-    ground = AlongCourse.superelevated(ground=Plane(), course=ways, max_banking=0.05)
-    u = np.linspace(0.0, ways.length, 50)
-    curvature = ways.at(u).curvature
-    largest = max(abs(k) for _, k in ways.borders)
+    course = Waypoints(points=((0, 0), (40, 5), (70, 30), (75, 70)))
+    ground = AlongCourse.superelevated(ground=Plane(), course=course, max_banking=0.05)
+    u = np.linspace(0.0, course.length, 50)
+    curvature = course.at(u).curvature
+    largest = max(abs(k) for _, k in course.borders)
     npt.assert_allclose(
-        ground.height(*on(ways, u, 2.0)), -0.05 * curvature / largest * 2.0, **EXACT
+        ground.height(*on(course, u, 2.0)), -0.05 * curvature / largest * 2.0, **EXACT
     )

@@ -54,14 +54,14 @@ def test_stones_have_the_diameters_and_heights_asked_for(scattered):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_line_along_or_across_the_road_meets_its_share_of_stones(seed):
-    """Even a line between the cells of an unturned lattice: share covered is density x area."""
+def test_a_line_along_or_across_the_road_meets_its_fraction_of_stones(seed):
+    """Even a line between the cells of an unturned lattice: fraction covered is density x area."""
     stones = Stones(density=100.0, diameter_min=0.03, diameter_max=0.03, seed=seed)
     s = np.linspace(0, 200, 200_001)
-    share = 100.0 * np.pi * 0.015**2
+    fraction = 100.0 * np.pi * 0.015**2
     for x, y in ((s, 0.0), (s, 0.3), (0.0, s)):
         # some 600 stones are met; they lie in a lattice, so that they scatter less than by chance
-        npt.assert_allclose((stones.height(x, y) > 0).mean(), share, rtol=0.15, atol=0)
+        npt.assert_allclose((stones.height(x, y) > 0).mean(), fraction, rtol=0.15, atol=0)
 
 
 def test_stones_lie_on_the_ground_below():
@@ -71,7 +71,7 @@ def test_stones_lie_on_the_ground_below():
     npt.assert_allclose(together, 3.0 + 0.1 * x + stones.height(x, y), rtol=0, atol=0)
 
 
-def test_stones_need_room():
+def test_stones_need_space():
     with pytest.raises(ValueError, match=r"diameter_max must be at most 0\.1 m"):
         Stones(density=100.0, diameter_max=0.11)
 
@@ -94,7 +94,7 @@ def test_straight_cracks_have_the_section_and_number_asked_for():
     assert 0.1 < middle < 0.4
 
 
-def test_a_share_of_the_length_is_open():
+def test_a_fraction_of_the_length_is_open():
     cracks = Cracks(spacing=1.0, width=0.008, meander=0.0, share=0.4, piece=0.5, seed=2)
     x = np.arange(0.0, 1.0, 1e-3)
     middle_of_piece = 0.25 + 0.5 * np.arange(3000)

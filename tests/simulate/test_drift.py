@@ -95,8 +95,8 @@ def test_short_passes_differ_from_seed_to_seed_as_the_measured_ones_do_from_plac
     difference = up[:, 1] - up[:, 0]
     npt.assert_allclose(difference[:, 80].mean(), MEDIAN, rtol=0, atol=0.0038)
     npt.assert_allclose(difference[:, 80].std(), SD, rtol=0, atol=0.0027)
-    share = 8.0 / 25.0
-    over_all = SD * np.sqrt(2.0 / share**2 * (share - 1.0 + np.exp(-share)))
+    fraction = 8.0 / 25.0
+    over_all = SD * np.sqrt(2.0 / fraction**2 * (fraction - 1.0 + np.exp(-fraction)))
     npt.assert_allclose(difference.mean(axis=1).std(), over_all, rtol=0, atol=0.0027)
 
 

@@ -60,11 +60,11 @@ def test_white_noise_is_flat_and_normal():
     npt.assert_allclose(samples.mean(), 0, rtol=0, atol=4 * sd / np.sqrt(samples.size))
     npt.assert_allclose(np.mean(samples**4) / sd**4, 3, rtol=0, atol=4 * np.sqrt(96 / samples.size))
     f, psd = welch(samples, rate, nperseg=256)
-    # A band of Welch's spectrum averages as many squares as there are samples times its share.
+    # A band of Welch's spectrum averages as many squares as there are samples times its fraction.
     for low, high in [(1, 10), (10, 40), (40, 49)]:
         band = (f > low) & (f < high)
-        share = (high - low) / (rate / 2)
-        bound = 4 * np.sqrt(2 / (samples.size * share))
+        fraction = (high - low) / (rate / 2)
+        bound = 4 * np.sqrt(2 / (samples.size * fraction))
         npt.assert_allclose(psd[band].mean() / (2 * sd**2 / rate), 1, rtol=0, atol=bound)
 
 

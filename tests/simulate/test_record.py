@@ -312,15 +312,15 @@ def test_without_noise_only_rounding_is_wrong_with_a_range(passes):
         error = recorded.run["truth/returns/range_error"].values
         quantum = NOISE_FREE.quantum
         assert np.abs(error).max() <= 0.5 * quantum + 1e-6
-        # uniform over a step, but beams that lie close together have errors that are alike
+        # uniform over a step, but beams that lie close together have correlated errors
         npt.assert_allclose(error.std(), quantum / np.sqrt(12), rtol=0, atol=0.05 * quantum)
 
 
-def test_a_run_claims_the_declared_mounting_while_the_truth_has_the_true_one(passes):
+def test_a_run_states_the_declared_mounting_while_the_truth_has_the_true_one(passes):
     for recorded in passes:
         scene = recorded.stage.scene
         true = replace(scene.mounting, accelerometer_clock=ACCELEROMETERS.clock_offset)
-        claimed = Mounting.from_attrs(recorded.run.attrs["mounting"])
-        assert claimed == (scene.declared or true)
+        stated = Mounting.from_attrs(recorded.run.attrs["mounting"])
+        assert stated == (scene.declared or true)
         assert Mounting.from_attrs(recorded.run["truth/scanner"].attrs["mounting"]) == true
-        assert (claimed != true) == (scene.name in ("boresight", "bounce"))
+        assert (stated != true) == (scene.name in ("boresight", "bounce"))

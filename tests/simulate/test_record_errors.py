@@ -68,7 +68,7 @@ def test_accelerometers_have_the_noise_density_asked_for(runs):
         noise = group["acceleration"].values - exact - truth["bias"].values
         frequency, density = welch(noise, 2000.0, nperseg=2000, axis=0)
         band = (frequency >= 10) & (frequency <= 200)  # where the filter passes all, within 0.1 %
-        # as many squares are averaged as 3 sensors x 20,000 samples x the share of the band
+        # as many squares are averaged as 3 sensors x 20,000 samples x the fraction of the band
         bound = 4 * np.sqrt(2 / (3 * len(noise) * 0.19))
         found = density[band].mean() / ACCELEROMETERS.noise_density**2
         npt.assert_allclose(found, 1.0, rtol=0, atol=bound)

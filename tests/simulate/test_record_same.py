@@ -130,7 +130,7 @@ def test_a_run_says_how_it_was_made(tmp_path):
     assert (step["parameters"]["pass"], step["parameters"]["pass_number"]) == ("only", 1)
 
 
-def test_the_true_ground_of_a_long_way_has_wider_spacing(tmp_path, monkeypatch):
+def test_the_true_ground_of_a_long_path_has_wider_spacing(tmp_path, monkeypatch):
     from trueterrain.simulate.scene import _record
 
     fine = open_run(recorded(scene(), tmp_path / "fine"))["truth/ground"].to_dataset().load()
@@ -190,8 +190,8 @@ def test_an_existing_run_is_refused_before_any_pass_is_driven(tmp_path):
 
 
 def test_a_missing_folder_is_refused_before_any_pass_is_driven(tmp_path):
-    with pytest.raises(OutputError, match=r"folder .*nowhere does not exist"):
-        record_scene(scene(), tmp_path / "nowhere", progress=refuse)
+    with pytest.raises(OutputError, match=r"folder .*missing does not exist"):
+        record_scene(scene(), tmp_path / "missing", progress=refuse)
 
 
 def test_an_impossible_pass_is_refused_before_any_pass_is_driven(tmp_path):

@@ -110,7 +110,7 @@ def test_points_lie_on_the_ground_and_fill_the_extent_evenly():
     npt.assert_allclose(count, 2000, rtol=0, atol=5 * np.sqrt(2000))  # 5 sd of a count
 
 
-def test_noise_has_the_sd_that_is_claimed():
+def test_noise_has_the_sd_that_is_requested():
     points = sample_points(ramp, 20_000, (0.0, 0.0, 9.0, 9.0), seed=3, noise_sd=0.002)
     error = points.up - ramp.height(points.easting, points.northing)
     normalised = float(np.sqrt(np.mean((error / points.sd) ** 2)))

@@ -214,7 +214,7 @@ def test_range_noise_quantum_and_dropouts_have_their_size():
     scans = stream.record(standing(0.2), 0, 0.1)
     lost = np.isnan(scans.range)
     n = lost.size
-    # 94,000 returns: a share of 1 % is known within sqrt(p (1 - p) / n), a sd within 1 / sqrt(2 n)
+    # 94,000 returns: 1 % of them is known within sqrt(p (1 - p) / n), a sd within 1 / sqrt(2 n)
     assert abs(lost.mean() - 0.01) < 4 * np.sqrt(0.01 * 0.99 / n)
     error = (scans.range - scans.true_range)[~lost]
     sd = np.hypot(0.0005, 0.0001 / np.sqrt(12))
@@ -351,7 +351,7 @@ def test_a_spot_is_the_mean_of_its_rays(rays):
     npt.assert_allclose(distance, truth, rtol=0, atol=1e-12)
     npt.assert_array_equal(slope, each[rays // 2][1])
     assert np.ptp([one for one, _ in each], axis=0).max() > 0.01  # the rays differ
-    # ground that is no raster is averaged over in the same way
+    # ground that is no raster is averaged over likewise
     down = direction[:, 2] < -0.8
     assert np.count_nonzero(down) > 100
     beams = origin[down], direction[down]

@@ -28,7 +28,7 @@ _SCENES = {
 #: Position of the plate in a comparison with the exact pose, by attribute of `TableRow`.
 PLACEMENTS = {
     "ours": "registered: offset, tilt, shift and stretch removed",
-    "on_exact_way": "not registered, with the exact east and north",
+    "on_exact_path": "not registered, with the exact east and north",
     "lying": "not registered, with east and north of navigation",
 }
 

@@ -281,7 +281,8 @@ def _held_influences(found: "Calibration") -> Iterator[str]:
             if abs(caused) > found.sd[k]:
                 yield (
                     f"{name} depends on {held}, which is held: an error of "
-                    f"{format_parameter(held, error)} there changes {name} by {format_parameter(name, caused)}"
+                    f"{format_parameter(held, error)} there changes {name} by "
+                    f"{format_parameter(name, caused)}"
                 )
 
 

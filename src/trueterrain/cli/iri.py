@@ -258,7 +258,7 @@ def _track_stretches(found: "xr.Dataset", track: str, factor: float) -> list[dic
 
 
 def _histogram_classes(histogram: "xr.Dataset", factor: float) -> list[dict[str, float]]:
-    columns = (histogram[name].values.tolist() for name in ("above", "below", "length", "share"))
+    columns = (histogram[name].values.tolist() for name in ("above", "below", "length", "fraction"))
     return [
         {"above": factor * above, "below": factor * below, "length": length, "share": fraction}
         for above, below, length, fraction in zip(*columns, strict=True)

@@ -157,7 +157,8 @@ def _result_rows(found: "CertificateResult") -> Iterator[str]:
         )
     write_table(rows)
     if any(cell.endswith("*") for row in rows for cell in row):
-        yield f"* fewer than {TRUSTED_COUNT:g} independent errors: the interval is at least this wide."
+        few = f"fewer than {TRUSTED_COUNT:g} independent errors"
+        yield f"* {few}: the interval is at least this wide."
     for name, verdicts in found.verdicts.items():
         for figure, kept in verdicts.items():
             limit = _MILLI * getattr(found.test.limits, figure)

@@ -221,7 +221,8 @@ def _mounting_finding(name: str, found: Calibration, declared: Mounting) -> Find
     ]
     words += [
         f"It depends on the {_NAMES[held][0]}, which is held: an error of "
-        f"{format_parameter(held, survey_tolerance(held))} there causes one of {format_parameter(name, by)} here."
+        f"{format_parameter(held, survey_tolerance(held))} there causes one of "
+        f"{format_parameter(name, by)} here."
         for held, by in caused.items()
         if by > sd
     ]
