@@ -8,7 +8,7 @@ import xarray as xr
 
 from trueterrain.core.errors import CoverageError
 from trueterrain.formats.run import Mounting
-from trueterrain.formats.run._rules import check_scans
+from trueterrain.formats.run.rules import check_scans
 from trueterrain.motion.trajectory import Trajectory
 
 _GAP = 1.5  # median steps above which a step between two scans is a gap

@@ -20,11 +20,11 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from trueterrain.formats.navigation._schema import check_navigation, make_navigation
     from trueterrain.formats.navigation.boreas import read as read_boreas
     from trueterrain.formats.navigation.columns import NavigationColumns
     from trueterrain.formats.navigation.columns import read as read_columns
     from trueterrain.formats.navigation.sbet import read as read_sbet
+    from trueterrain.formats.navigation.schema import check_navigation, make_navigation
     from trueterrain.formats.navigation.smrmsg import add_accuracy
     from trueterrain.formats.navigation.smrmsg import read as read_smrmsg
 
@@ -43,8 +43,8 @@ __all__ = [
 _SOURCES = {
     "NavigationColumns": ("columns", "NavigationColumns"),
     "add_accuracy": ("smrmsg", "add_accuracy"),
-    "check_navigation": ("_schema", "check_navigation"),
-    "make_navigation": ("_schema", "make_navigation"),
+    "check_navigation": ("schema", "check_navigation"),
+    "make_navigation": ("schema", "make_navigation"),
     "read_boreas": ("boreas", "read"),
     "read_columns": ("columns", "read"),
     "read_sbet": ("sbet", "read"),

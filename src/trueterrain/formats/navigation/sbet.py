@@ -24,7 +24,7 @@ from trueterrain.core import provenance
 from trueterrain.core.errors import FormatError
 from trueterrain.formats._text_head import Head, find_head
 from trueterrain.formats.navigation import smrmsg
-from trueterrain.formats.navigation._records import (
+from trueterrain.formats.navigation.records import (
     BLOCK,
     WEEK,
     Floats,
@@ -33,7 +33,7 @@ from trueterrain.formats.navigation._records import (
     file_records,
     refuse_value,
 )
-from trueterrain.formats.navigation._schema import EpochRules, check_length, navigation_of
+from trueterrain.formats.navigation.schema import EpochRules, check_length, navigation_of
 from trueterrain.formats.navigation_signature import is_sbet_text
 from trueterrain.formats.number_table import table_blocks
 from trueterrain.formats.signature import open_regular

@@ -36,9 +36,9 @@ from trueterrain.formats.run._import import (
     import_run,
 )
 from trueterrain.formats.run._open import open_run, scan_blocks
-from trueterrain.formats.run._rules import check_run
 from trueterrain.formats.run._schema import Mounting
 from trueterrain.formats.run._write import RunWriter
+from trueterrain.formats.run.rules import check_run
 
 __all__ = [
     "AccelerometerTable",

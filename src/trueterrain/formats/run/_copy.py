@@ -7,9 +7,9 @@ import xarray as xr
 
 from trueterrain.core import Progress, no_progress
 from trueterrain.formats.run._open import BLOCK, scan_blocks
-from trueterrain.formats.run._rules import check_run, group_of
 from trueterrain.formats.run._schema import QUANTUM, ROW_CHUNK, Mounting
 from trueterrain.formats.run._write import RunWriter
+from trueterrain.formats.run.rules import check_run, group_of
 
 _ALONG_TIME = ("scan", "epoch", "sample")
 

@@ -11,10 +11,10 @@ import xarray as xr
 
 from trueterrain.core.errors import SchemaError, TrueTerrainError
 from trueterrain.formats._zarr import find_damaged_chunks, open_arrays
-from trueterrain.formats.navigation._records import IntervalStatistics
+from trueterrain.formats.navigation.records import IntervalStatistics
 from trueterrain.formats.run._open import open_tree, scan_blocks
-from trueterrain.formats.run._rules import group_of, row_blocks, rules_of, span_of
 from trueterrain.formats.run._schema import QUANTUM, Mounting
+from trueterrain.formats.run.rules import group_of, row_blocks, rules_of, span_of
 
 Floats = npt.NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from trueterrain.formats._zarr import (
     read_group_attrs,
     require_whole,
 )
-from trueterrain.formats.run._rules import check_layout, group_of
+from trueterrain.formats.run.rules import check_layout, group_of
 
 #: Scans in a block by default.
 BLOCK = 2000

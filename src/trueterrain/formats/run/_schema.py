@@ -8,7 +8,7 @@ from typing import Any
 
 from trueterrain.core.errors import SchemaError
 from trueterrain.formats._suggestions import suggest_name
-from trueterrain.formats.navigation._schema import NAVIGATION, SchemaVariable
+from trueterrain.formats.navigation.schema import NAVIGATION, SchemaVariable
 
 KIND = "trueterrain/run"
 

@@ -12,7 +12,7 @@ import xarray as xr
 
 from trueterrain.core import require_writable, whole_store
 from trueterrain.core.errors import FormatError, SchemaError
-from trueterrain.formats.navigation._schema import (
+from trueterrain.formats.navigation.schema import (
     NAVIGATION,
     EpochRules,
     TimeChecker,
@@ -20,7 +20,6 @@ from trueterrain.formats.navigation._schema import (
     navigation_of,
 )
 from trueterrain.formats.run._open import open_tree
-from trueterrain.formats.run._rules import check_run
 from trueterrain.formats.run._schema import (
     GROUPS,
     KIND,
@@ -41,6 +40,7 @@ from trueterrain.formats.run._values import (
     require_shape,
     whole_intensity,
 )
+from trueterrain.formats.run.rules import check_run
 from trueterrain.geometry.navigation_frames import check_origin
 
 Array = npt.NDArray[Any]

@@ -8,7 +8,7 @@ import numpy as np
 from trueterrain.formats._zarr import find_damaged_chunks
 from trueterrain.formats.store._layout import OpenedStore, Values, open_store
 from trueterrain.formats.store._read import read
-from trueterrain.formats.table._describe import describe_profile
+from trueterrain.formats.table.description import describe_profile
 
 _EVEN = 1e-6  # [m] tolerance of equal spacing
 

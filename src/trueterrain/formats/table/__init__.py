@@ -35,10 +35,10 @@ from trueterrain.formats._bounds import Bounds, clip_points
 from trueterrain.formats.signature import open_regular
 from trueterrain.formats.table._build import build_points, build_profile
 from trueterrain.formats.table._columns import TableColumn, TableLayout
-from trueterrain.formats.table._describe import describe_points, describe_profile
 from trueterrain.formats.table._parquet import open_parquet, parquet_blocks
 from trueterrain.formats.table._text import Values, line_of_row, open_text, text_blocks
 from trueterrain.formats.table._write import write
+from trueterrain.formats.table.description import describe_points, describe_profile
 
 __all__ = ["blocks", "describe", "kind", "point_variables", "read", "read_waypoints", "write"]
 

@@ -13,7 +13,7 @@ import xarray as xr
 from trueterrain.geometry.grid_frame import GridFrame, grid_frame, xy_to_uv
 from trueterrain.geometry.path import WheelPath
 from trueterrain.profile.area import SearchArea, area_reach
-from trueterrain.profile.search._gather import COUNT_ONLY, Fill, Gatherer, kernel_area, path_arrays
+from trueterrain.profile.search.gather import COUNT_ONLY, Fill, Gatherer, kernel_area, path_arrays
 from trueterrain.profile.search.scattered import ScatteredHeights
 
 Float = npt.NDArray[np.float64]

@@ -11,7 +11,7 @@ import xarray as xr
 
 from trueterrain.geometry.path import WheelPath
 from trueterrain.profile.area import SearchArea, area_reach
-from trueterrain.profile.search._gather import COUNT_ONLY, Fill, Gatherer, kernel_area, path_arrays
+from trueterrain.profile.search.gather import COUNT_ONLY, Fill, Gatherer, kernel_area, path_arrays
 
 Float = npt.NDArray[np.float64]
 Integer = npt.NDArray[np.int64]

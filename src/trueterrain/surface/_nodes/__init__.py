@@ -8,9 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from trueterrain.surface._nodes import _kernels
-from trueterrain.surface.accumulate import PARTS, STEP, CellSums
-from trueterrain.surface.accumulate._kernels import HEIGHT_OFFSET
-from trueterrain.surface.accumulate._pose import VARIANCE_STEP
+from trueterrain.surface.accumulate import HEIGHT_OFFSET, PARTS, STEP, CellSums
+from trueterrain.surface.accumulate.pose_variance import VARIANCE_STEP
 from trueterrain.surface.cells import Grid
 from trueterrain.surface.settings import GridSettings
 

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from trueterrain.surface.accumulate import _kernels
-from trueterrain.surface.accumulate._pose import PoseVariance
 from trueterrain.surface.accumulate._totals import KeptSums, ReturnTotals
+from trueterrain.surface.accumulate.pose_variance import PoseVariance
 from trueterrain.surface.cells import Grid
 
 

@@ -9,9 +9,9 @@ import xarray as xr
 
 from trueterrain.georeference import Screening, mounting_of
 from trueterrain.motion.scan_gaps import count_missing_scans
-from trueterrain.verify.findings.finding import CERTAIN, Finding, is_significant
+from trueterrain.verify.findings.finding import Finding, is_significant
 from trueterrain.verify.registration.search import Registration
-from trueterrain.verify.statistics.regression import regress_signatures
+from trueterrain.verify.statistics.regression import CERTAIN, regress_signatures
 
 Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]

@@ -29,9 +29,10 @@ from trueterrain.verify.findings.common import (
     returned_fraction,
     unknown_finding,
 )
-from trueterrain.verify.findings.finding import CERTAIN, Finding, is_significant
+from trueterrain.verify.findings.finding import Finding, is_significant
 from trueterrain.verify.registration.search import Registration
 from trueterrain.verify.statistics.regression import (
+    CERTAIN,
     RegressionEstimate,
     project_out,
     regress_signatures,

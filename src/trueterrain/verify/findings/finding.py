@@ -9,9 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from trueterrain.core.json_values import json_values
-
-#: Standard deviations from zero beyond which a fault is detected: a false alarm in 16,000 cases.
-CERTAIN = 4.0
+from trueterrain.verify.statistics.regression import CERTAIN
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,9 +8,9 @@ import numpy.typing as npt
 
 from trueterrain.georeference import PoseExpansion, ScanGeometry
 from trueterrain.motion.trajectory import BRIDGED
-from trueterrain.surface.accumulate._pose import PoseVariance
 from trueterrain.surface.accumulate._reach import _kernels
 from trueterrain.surface.accumulate._totals import ReturnTotals
+from trueterrain.surface.accumulate.pose_variance import PoseVariance
 from trueterrain.surface.cells import Grid
 
 Index = slice | npt.NDArray[np.intp]

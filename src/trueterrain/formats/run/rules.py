@@ -11,7 +11,7 @@ import xarray as xr
 from trueterrain.core.errors import SchemaError
 from trueterrain.formats._suggestions import suggest_name
 from trueterrain.formats._zarr import open_arrays, require_whole
-from trueterrain.formats.navigation._schema import (
+from trueterrain.formats.navigation.schema import (
     TimeChecker,
     check_length,
     check_navigation,
