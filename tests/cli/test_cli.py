@@ -176,7 +176,8 @@ def test_an_option_of_an_earlier_version_is_accepted_with_a_note(run, command, o
 def test_an_option_of_an_earlier_version_has_the_same_effect(run, tmp_path):
     road = tmp_path / "road.crg"
     trueterrain.write(
-        trueterrain.sample_road(trueterrain.BelgianBlock(seed=1), length=1.0, width=0.5), road
+        trueterrain.sample_road(trueterrain.ground.BelgianBlock(seed=1), length=1.0, width=0.5),
+        road,
     )
     texts = []
     for option in ("--min-count", "--minimum-count"):
