@@ -18,7 +18,7 @@ class DifferenceSummary:
     "Their median [m]."
 
     nmad: float
-    "Normalised median absolute deviation: 1.4826 median(|x - median(x)|) [m]."
+    "Normalised median absolute deviation: ``1.4826 median(|x - median(x)|)`` [m]."
 
     rmse: float
     "Their root mean square [m]."
