@@ -28,7 +28,7 @@ merging, _ = merge_runs(two_lanes(), MergeSettings(method="discontinuity"))
 
 figure, (above, below) = plt.subplots(2, 1, figsize=(8, 6.8), layout="constrained")
 figures.pass_histograms(pair.discontinuity, station=10.0, ax=above)
-figures.discontinuity_vectors(pair, cut_off=merging.alignment.options.cut_off, ax=below)
+figures.discontinuity_vectors(pair, cut_off=merging.alignment.settings.cut_off, ax=below)
 
 # %%
 # One number: the difference of the passes, and the residual at the reference points, which are

@@ -197,7 +197,7 @@ def over_plate(folder, name, plate, confidence=0.95):
         "noise of the mean": plain.sum() / n * random,
         "bias": plain.sum() / n * rest.mean() ** 2,
         "neither noise nor bias": plain.sum() / n * (spread - random),
-        "beside edges": (error[edge] ** 2).sum() / n,
+        "at edges": (error[edge] ** 2).sum() / n,
         "flagged intensity": (error[flagged & ~edge] ** 2).sum() / n,
     }
     return {
