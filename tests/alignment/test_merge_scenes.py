@@ -24,6 +24,8 @@ from trueterrain.surface.placement import GridPlacement
 from trueterrain.surface.runs import PassRecord, grid_runs
 from trueterrain.verify import exact_trajectory, ground_errors, truth_of
 
+pytestmark = pytest.mark.slow
+
 NETWORK_SEAM = 0.0002  # [m] asked of the network adjustment
 VECTORS_SEAM = 0.001  # [m] that the thesis reports
 CLOSURE = 0.0002  # [m] asked of loops

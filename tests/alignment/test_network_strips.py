@@ -7,6 +7,8 @@ import pytest
 from trueterrain.alignment import CellSettings, NetworkSettings, adjust_passes, cells_of_points
 from trueterrain.core.schemas import make_points
 
+pytestmark = pytest.mark.slow
+
 SQUARE = 5.0  # [m] of ground held out together
 FOLDS = 5
 CELLS = CellSettings(size=1.0, min_count=3, max_sd=0.06, visit_gap=60.0)

@@ -10,6 +10,8 @@ from trueterrain.alignment import NetworkSettings, adjust_passes, make_pass_cell
 from trueterrain.alignment.merge import MergeSettings, merge_cells
 from trueterrain.simulate.drift import GaussMarkovDrift, start_drift
 
+pytestmark = pytest.mark.slow
+
 SPEED = 5.0  # [m/s]
 CELL = 0.1  # [m]
 NOISE = 0.0007  # [m] of the mean of a cell: texture sampled differently by each pass

@@ -12,6 +12,8 @@ from trueterrain.simulate.scanner import Scanner
 from trueterrain.simulate.scene import TruthSettings, read_scene, record_scene
 from trueterrain.surface import PassRecord, grid_along, grid_runs, straight_line
 
+pytestmark = pytest.mark.slow
+
 KERB = 10.0  # [m] easting
 RISE = -0.12  # [m]
 EDGE = 0.15  # [m] around the kerb that is left out: spot, cells, and the shadow under it

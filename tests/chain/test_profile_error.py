@@ -29,6 +29,8 @@ from trueterrain.simulate.scene import TruthSettings, read_scene, record_scene, 
 from trueterrain.surface import PassRecord, grid_along, grid_runs, straight_line
 from trueterrain.verify import exact_trajectory
 
+pytestmark = pytest.mark.slow
+
 EVENT = (11.1, 15.98)  # [m] easting of the event around the plate: 4.88 m, thesis 3.4
 SPACING = 0.01  # [m]
 FINE = 0.001  # [m] steps in which the true ground is added up over cells

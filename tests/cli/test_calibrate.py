@@ -22,6 +22,8 @@ from trueterrain.simulate.scene import TruthSettings, read_scene, record_scene
 from trueterrain.simulate.scene._parts import ScenePass
 from trueterrain.survey import read_survey
 
+pytestmark = pytest.mark.slow
+
 SURE = 4.0  # standard deviations: less than 1 of 10,000 errors is larger
 # Where steps lie between the columns of 200 beams is common to all scans; see the tests of
 # `trueterrain.georeference.calibrate`.

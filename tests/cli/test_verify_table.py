@@ -11,6 +11,8 @@ import pytest
 
 from trueterrain.cli import _verify_table, main
 
+pytestmark = pytest.mark.slow
+
 #: Published RMS [mm]: least and greatest of what table and text say.
 PUBLISHED = {
     "static": (1.1, 1.1),

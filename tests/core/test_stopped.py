@@ -18,6 +18,8 @@ from trueterrain.core._staging import recover_folder
 from trueterrain.core.errors import OutputError
 from trueterrain.core.manifest import missing_files
 
+pytestmark = pytest.mark.slow
+
 CHANGING = {"os.rename", "os.link", "os.mkdir", "os.remove", "os.rmdir", "shutil.rmtree", "open"}
 MOST = 200  # calls of one output; each of these has far fewer
 

@@ -15,6 +15,8 @@ from trueterrain.simulate.scanner import Scanner
 from trueterrain.simulate.scene import TruthSettings, read_scene
 from trueterrain.simulate.scene._parts import ScenePass
 
+pytestmark = pytest.mark.slow
+
 COARSE = Scanner(
     beams=200,
     rate=1000.0,

@@ -18,6 +18,8 @@ from trueterrain.simulate.scanner import Scanner
 from trueterrain.simulate.scene import TruthSettings, read_scene
 from trueterrain.simulate.scene._parts import ScenePass
 
+pytestmark = pytest.mark.slow
+
 # of a navigation that drifts a twentieth as much as the class of `Navigation`, as fast
 SD = np.array([1e-3, 1e-3, 9e-4, 1.2e-5, 1.2e-5, 2.1e-5])  # [m], [rad]
 TIME = np.array([25.0, 25.0, 25.0, 60.0, 60.0, 60.0])  # [s]

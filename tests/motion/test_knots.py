@@ -7,6 +7,8 @@ import xarray as xr
 from trueterrain.formats.navigation import make_navigation
 from trueterrain.motion import FusionSettings, _series, fuse_motion
 
+pytestmark = pytest.mark.slow
+
 HEAVE = 0.02  # [m] amplitude of the body at 3 Hz
 FOLLOWED = 1e-5  # [m] tolerance of the knots: the step of heights in a grid
 EDGE = 0.02  # [s] at both ends, where splines through few epochs are less accurate

@@ -24,6 +24,8 @@ from trueterrain.simulate.scanner import Scanner
 from trueterrain.simulate.scene import Scene, ScenePass, Stage, read_scene, record_scene, set_stage
 from trueterrain.surface import heights_at, node_coordinates
 
+pytestmark = pytest.mark.slow
+
 COMPONENTS = ("east", "north", "up", "roll", "pitch", "yaw")
 LEAD = 0.1  # [s] that the other instruments record before the first scan
 

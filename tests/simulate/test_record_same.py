@@ -24,6 +24,8 @@ from trueterrain.simulate.scene import (
     set_stage,
 )
 
+pytestmark = pytest.mark.slow
+
 WRONG_CLOCKS = {
     "navigation": Navigation(clock_offset=0.0031, clock_rate=2e-4),
     "accelerometers": Accelerometers(clock_offset=-0.0017, clock_rate=-1e-4),

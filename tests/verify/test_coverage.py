@@ -22,6 +22,8 @@ from trueterrain.verify.statistics.uncertainty import mean_figure, rms_figure
 from . import test_dynamic as driven
 from ._plates import machined, standing
 
+pytestmark = pytest.mark.slow
+
 REPEATS = 200
 CHANCE = 0.01  # of a count outside of the limits at the stated coverage, half on either side
 SEARCH = 0.003  # [m] the plate is looked for around its place, which is not what is tested here

@@ -24,6 +24,8 @@ from trueterrain.simulate.scene import (
 from trueterrain.verify.dynamic import DynamicSettings, dynamic_test
 from trueterrain.verify.static import StaticSettings, static_test
 
+pytestmark = pytest.mark.slow
+
 LASER = (-2.25, 0.0, 1.2)  # [m] in the body
 MIDDLE, SPEED = 9.5, 5.4  # [m] of the plate, [m/s]
 BOARDS = ((5.5, 0.75), (5.5, -0.75), (8.2, 0.75), (8.2, -0.75), (10.6, 0.75), (13.0, -0.75))

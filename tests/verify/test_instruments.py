@@ -23,6 +23,8 @@ from trueterrain.verify.certificate import certify_profiler
 from trueterrain.verify.findings.finding import Finding
 from trueterrain.verify.instruments import boresight_findings, clock_findings
 
+pytestmark = pytest.mark.slow
+
 SURE = 4.0  # standard deviations: less than 1 of 10,000 errors is larger
 HELD = 0.01  # [m] by which the runs state a wrong arm ahead, which passes do not tell
 # [rad, m, s] by the yaw, which is wrong by 0.008 rad and held: 0.0088, 0.032 and 0.0054 of it
