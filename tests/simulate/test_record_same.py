@@ -136,7 +136,7 @@ def test_the_true_ground_of_a_long_path_has_wider_spacing(tmp_path, monkeypatch)
     from trueterrain.simulate.scene import _record
 
     fine = open_run(recorded(scene(), tmp_path / "fine"))["truth/ground"].to_dataset().load()
-    monkeypatch.setattr(_record, "_LARGEST_TRUTH", 20_000)
+    monkeypatch.setattr(_record, "_MAX_TRUTH_NODES", 20_000)
     for block in (0.05, 5.0):
         found = open_run(recorded(scene(), tmp_path / f"{block}", block=block))["truth/ground"]
         coarse = found.to_dataset().load()
