@@ -21,7 +21,7 @@ LEVER = (-1.0, 0.1, 1.2)  # [m]
 
 
 @pytest.fixture(scope="module")
-def newey_west_covariance(tmp_path_factory):
+def long_run(tmp_path_factory):
     """A bend driven at 2 m/s by a body that heaves and rolls; ranges with noise and gaps."""
     rng = np.random.default_rng(1)
     path = tmp_path_factory.mktemp("runs") / "long.zarr"

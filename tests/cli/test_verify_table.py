@@ -122,7 +122,11 @@ def test_the_page_shows_the_numbers_of_the_document(rows, made):
     for row in rows.values():
         for value in (row["thesis"]["rms"], row["thesis"]["rms_low"], row["ours"]["rms"]["value"]):
             assert f"{1e3 * value:.2f}" in text
-    for words in ("not that they were the thesis's", "triangle and semicircle", "result.json"):
+    for words in (
+        "not that they were those of the thesis",
+        "triangle and semicircle",
+        "result.json",
+    ):
         assert words in html.unescape(text)
     assert page.count("<figure") >= 5
 
