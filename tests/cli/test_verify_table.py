@@ -139,7 +139,7 @@ def test_the_table_is_printed(rows, made):
         assert f"  {1e3 * row['thesis']['rms']:.2f} (" in line
         assert f"  {1e3 * row['ours']['rms']['value']:.2f} (" in line
     assert "finds all published RMS figures within 20 %" in made[1]
-    assert "as it lies, with east and north of navigation" in made[1]
+    assert "not registered, with east and north of navigation" in made[1]
 
 
 def test_the_document_is_printed_if_asked(run, tmp_path, monkeypatch, made, document):
