@@ -41,7 +41,7 @@ def bench() -> list[dict[str, Any]]:
 
     ours, index = fastest(lambda: iri(profile).iri.item())
     state, state_index = fastest(lambda: lfilter_iri(height, filter_start))
-    eigen, eigen_index = fastest(lambda: lfilter_iri(height, eigen_start), iterations=2)
+    eigen, eigen_index = fastest(lambda: lfilter_iri(height, eigen_start), repeats=2)
     for other in (state_index, eigen_index):
         if not abs(other / index - 1) <= DIGITS:
             message = f"the peer's IRI {other!r} differs from ours, {index!r}, beyond 9 digits"
@@ -60,7 +60,7 @@ def bench() -> list[dict[str, Any]]:
         message = f"the peer's density {peer_density!r} differs from ours, {density!r}"
         raise AssertionError(message)
     segments, _ = fastest(lambda: iri(profile, segment=100.0).iri.item())
-    irregular, _ = fastest(lambda: iri(unequal, options=exact).iri.item(), iterations=2)
+    irregular, _ = fastest(lambda: iri(unequal, options=exact).iri.item(), repeats=2)
     return [
         row("IRI, equal spacing", ours, state, "scipy lfilter, start as filter state"),
         row("IRI, equal spacing", ours, eigen, "scipy lfilter + eigen free response"),
