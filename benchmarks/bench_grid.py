@@ -190,8 +190,13 @@ def cloud() -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "cloud.laz"
         write_file(points, path)
-        grid_points(point_blocks(path), grid, PLAIN)
-        ours = min(elapsed(lambda: grid_points(point_blocks(path), grid, PLAIN)) for _ in range(3))
+
+        def work() -> None:
+            """Grid a file; read of it what the command `grid` reads."""
+            grid_points(point_blocks(path, variables=("sd", "classification")), grid, PLAIN)
+
+        work()
+        ours = min(elapsed(work) for _ in range(3))
         peer = min(elapsed(lambda: laspy.read(path)) for _ in range(3))
     return {
         "name": f"LAZ -> map, {POINTS:,} points",
