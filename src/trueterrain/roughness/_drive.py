@@ -56,8 +56,9 @@ def drive_profile(station: Array, height: Array, options: QuarterCarSettings) ->
     """Apply moving average and initial slope to the heights of one track."""
     if station.size < 2:
         raise _too_short(station)
-    _refuse_coarse(station, options.max_spacing)
     step = equal_step(station, options.spacing_tolerance)
+    gaps = np.diff(station) if step is None else np.array([step])
+    _refuse_coarse(station, gaps, options.max_spacing)
     slope = _start_slope(station, height, step, options.lead)
     base = 1
     if options.window == "sayers":
@@ -161,8 +162,7 @@ def nearest_integer(value: float) -> int:
     return math.floor(value + 0.5 + ROUNDING)
 
 
-def _refuse_coarse(station: Array, max_spacing: float) -> None:
-    gaps = np.diff(station)
+def _refuse_coarse(station: Array, gaps: Array, max_spacing: float) -> None:
     coarse = np.flatnonzero(gaps > max_spacing * (1 + ROUNDING))
     if coarse.size:
         at = int(coarse[0])
