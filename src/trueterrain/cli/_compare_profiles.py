@@ -45,7 +45,7 @@ class ProfileComparison:
     checks: "list[LimitCheck]"
     "Verdicts on the limits."
 
-    options: "AgreementSettings"
+    settings: "AgreementSettings"
     "Filter and range of the search."
 
     @classmethod
@@ -53,7 +53,7 @@ class ProfileComparison:
         cls,
         data: "Mapping[str, xr.Dataset]",
         reference: str | None,
-        options: "AgreementSettings",
+        settings: "AgreementSettings",
         limits: "AgreementLimits",
         registration: "Registration",
         trend: int | None,
@@ -61,18 +61,18 @@ class ProfileComparison:
         """Compare profiles."""
         from trueterrain.roughness.agreement import check_limits, height_errors, profile_agreement
 
-        found = profile_agreement(data, reference=reference, options=options)
+        found = profile_agreement(data, reference=reference, settings=settings)
         errors = None
         if reference is not None:
             errors = height_errors(
-                data, reference, registration=registration, trend=trend, options=options
+                data, reference, registration=registration, trend=trend, settings=settings
             )
         return cls(
             data=data,
             found=found,
             errors=errors,
             checks=check_limits(found, errors, limits=limits),
-            options=options,
+            settings=settings,
         )
 
     def document(self) -> dict[str, Any]:
@@ -80,7 +80,7 @@ class ProfileComparison:
         found = self.found
         return {
             "kind": "profiles",
-            "filter": _filter_text(self.options),
+            "filter": _filter_text(self.settings),
             "reference": found.attrs.get("reference"),
             "tracks": [self._track(str(track)) for track in found["track"].values],
             "checks": [asdict(check) for check in self.checks],
@@ -94,7 +94,7 @@ class ProfileComparison:
         reference = found.attrs.get("reference")
         against = "" if reference is None else f", reference {reference}"
         write_line(
-            f"Agreement of {found.sizes['first']} profiles{against}; {_filter_text(self.options)}."
+            f"Agreement of {found.sizes['first']} profiles{against}; {_filter_text(self.settings)}."
         )
         for track in found["track"].values:
             write_line()
@@ -136,7 +136,7 @@ class ProfileComparison:
                     {name: self.data[name] for name in [*base, *names[at : at + _MAX_LINES]]},
                     reference=base[0],
                     track=str(track),
-                    options=self.options,
+                    settings=self.settings,
                 )
                 column.append(bind_panel(figures.agreement_overlay, shown))
             if self.found.sizes["first"] > 2:
@@ -166,9 +166,9 @@ class ProfileComparison:
         return document
 
 
-def bind_panel(draw: Callable[..., object], data: Any, **options: Any) -> Callable[[Any], object]:
+def bind_panel(draw: Callable[..., object], data: Any, **keywords: Any) -> Callable[[Any], object]:
     """Function that draws data into given axes."""
-    return lambda ax: draw(data, ax=ax, **options)
+    return lambda ax: draw(data, ax=ax, **keywords)
 
 
 def format_millimetres(value: float) -> str:
@@ -176,20 +176,20 @@ def format_millimetres(value: float) -> str:
     return f"{round(_MM * value, 3) + 0.0:.3f}"
 
 
-def _filter_text(options: "AgreementSettings") -> str:
+def _filter_text(settings: "AgreementSettings") -> str:
     """Description of the filter."""
     from trueterrain.roughness import Butterworth
     from trueterrain.roughness.agreement import IRI_FILTER
 
-    by = options.filter
+    by = settings.filter
     if by is None:
         return "heights as they are"
     if by == IRI_FILTER:
-        return f"IRI filter (exact window 0.25 m), settling length {options.transient_length:g} m"
+        return f"IRI filter (exact window 0.25 m), settling length {settings.transient_length:g} m"
     if isinstance(by, Butterworth):
         return (
             f"Butterworth filter from {by.shortest:g} to {by.longest:g} m, order {by.order} "
-            f"forward and backward, settling length {options.transient_length:g} m"
+            f"forward and backward, settling length {settings.transient_length:g} m"
         )
     return f"filter {by}"
 

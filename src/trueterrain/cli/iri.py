@@ -120,12 +120,12 @@ def iri(
     files = (file, *more)
     if plot is not None:
         figures.require_picture(plot, force=force, inputs=files)
-    options = IriSettings(window=window, window_length=window_length, start=start, restart=restart)
+    settings = IriSettings(window=window, window_length=window_length, start=start, restart=restart)
     wanted = _IriRequest(
         unit, segment, continuous, 1.0 if step is None else step, threshold, histogram
     )
     with note_compilation():
-        rated = [_rate_file(path, options, wanted, wheel_paths) for path in files]
+        rated = [_rate_file(path, settings, wanted, wheel_paths) for path in files]
     documents = [_json_document(one, wanted) for one in rated]
     if json:
         write_json(documents if more else documents[0])
@@ -133,7 +133,7 @@ def iri(
         for one, document in zip(rated, documents, strict=True):
             _print_result(one, document, wanted)
         names = {"11m": "first 11 m", "0.5s": "first 0.5 s", "level": "level"}
-        write_line(f"Golden car {explain_run(options, names[start])}")
+        write_line(f"Golden car {explain_run(settings, names[start])}")
     if plot is not None:
         panels = [_picture_panels(one, wanted) for one in rated]
         draw_panels([path.name for path in files], panels, plot, force=force)
@@ -175,20 +175,20 @@ class _IriResult:
 
 
 def _rate_file(
-    path: Path, options: "IriSettings", wanted: _IriRequest, wheel_paths: tuple[str, str] | None
+    path: Path, settings: "IriSettings", wanted: _IriRequest, wheel_paths: tuple[str, str] | None
 ) -> _IriResult:
     from trueterrain import roughness
 
     profile = read_profile(path)
-    warn_of_rating(path, profile, options)
+    warn_of_rating(path, profile, settings)
     sliding = too_rough = histogram = None
     with name_file_in_errors(path):
         index = roughness.iri(
-            profile, options=options, segment=wanted.segment, wheel_paths=wheel_paths
+            profile, settings=settings, segment=wanted.segment, wheel_paths=wheel_paths
         )
         if wanted.continuous is not None:
             sliding = roughness.continuous_iri(
-                profile, wanted.continuous, step=wanted.step, options=options
+                profile, wanted.continuous, step=wanted.step, settings=settings
             )
             if wanted.limit is not None:
                 too_rough = roughness.find_stretches(sliding["iri"], wanted.limit)

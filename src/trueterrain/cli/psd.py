@@ -72,12 +72,12 @@ def psd(
     files = (file, *more)
     if plot is not None:
         figures.require_picture(plot, force=force, inputs=files)
-    options = PsdSettings(
+    settings = PsdSettings(
         block=block, lowest=lowest, highest=highest, waviness=waviness, confidence=confidence
     )
-    spectra = [_compute_psd(path, options, segment) for path in files]
+    spectra = [_compute_psd(path, settings, segment) for path in files]
     documents = [
-        _json_document(path, one, options) for path, one in zip(files, spectra, strict=True)
+        _json_document(path, one, settings) for path, one in zip(files, spectra, strict=True)
     ]
     if json:
         write_json(documents if more else documents[0])
@@ -93,15 +93,15 @@ def psd(
         draw_panels([path.name for path in files], panels, plot, force=force, height=_HEIGHT)
 
 
-def _compute_psd(path: Path, options: "PsdSettings", segment: float | None) -> "xr.Dataset":
+def _compute_psd(path: Path, settings: "PsdSettings", segment: float | None) -> "xr.Dataset":
     from trueterrain import roughness
 
     profile = read_profile(path)
     with name_file_in_errors(path):
-        return roughness.psd(profile, options=options, segment=segment)
+        return roughness.psd(profile, settings=settings, segment=segment)
 
 
-def _json_document(path: Path, spectrum: "xr.Dataset", options: "PsdSettings") -> dict[str, Any]:
+def _json_document(path: Path, spectrum: "xr.Dataset", settings: "PsdSettings") -> dict[str, Any]:
     tracks = []
     for name in spectrum["track"].values:
         one = spectrum.sel(track=name)
@@ -117,7 +117,7 @@ def _json_document(path: Path, spectrum: "xr.Dataset", options: "PsdSettings") -
             "bands": _band_values(one),
         }
         tracks.append(whole)
-    return {"file": str(path), "tracks": tracks, "confidence": options.confidence}
+    return {"file": str(path), "tracks": tracks, "confidence": settings.confidence}
 
 
 def _fit_values(one: "xr.Dataset", prefix: str) -> dict[str, Any]:

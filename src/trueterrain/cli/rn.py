@@ -76,17 +76,17 @@ def rn(
     files = (file, *more)
     if plot is not None:
         figures.require_picture(plot, force=force, inputs=files)
-    options = RideNumberSettings(window=window, window_length=window_length, restart=restart)
+    settings = RideNumberSettings(window=window, window_length=window_length, restart=restart)
     with note_compilation():
-        rated = [_rate_file(path, options, segment, wheel_paths) for path in files]
+        rated = [_rate_file(path, settings, segment, wheel_paths) for path in files]
     documents = [_json_document(path, one) for path, one in zip(files, rated, strict=True)]
     if json:
         write_json(documents if more else documents[0])
     else:
         for one, document in zip(rated, documents, strict=True):
             _print_result(one, document)
-        start = f"first {options.start_length:g} m"
-        write_line(f"Car of the Ride Number {explain_run(options, start)}")
+        start = f"first {settings.start_length:g} m"
+        write_line(f"Car of the Ride Number {explain_run(settings, start)}")
         write_line("The constants were not checked against the text of ASTM E1489.")
     if plot is not None:
         panels = [[lambda ax, one=one: figures.ride_number_segments(one, ax=ax)] for one in rated]
@@ -95,17 +95,17 @@ def rn(
 
 def _rate_file(
     path: Path,
-    options: "RideNumberSettings",
+    settings: "RideNumberSettings",
     segment: float,
     wheel_paths: tuple[str, str] | None,
 ) -> "xr.Dataset":
     from trueterrain import roughness
 
     profile = read_profile(path)
-    warn_of_rating(path, profile, options)
+    warn_of_rating(path, profile, settings)
     with name_file_in_errors(path):
         return roughness.ride_number(
-            profile, options=options, segment=segment, wheel_paths=wheel_paths
+            profile, settings=settings, segment=segment, wheel_paths=wheel_paths
         )
 
 

@@ -119,7 +119,7 @@ def rate_profiles(
     found, problems = {}, []
     for name, profile in profiles.items():
         try:
-            found[name] = iri(profile, options=settings.iri, segment=settings.segment)
+            found[name] = iri(profile, settings=settings.iri, segment=settings.segment)
         except (CoverageError, ValueError) as error:
             problems.append(f"profile {name} is not rated: {error}")
             continue
@@ -195,6 +195,6 @@ def _half_car_index(left: xr.Dataset, right: xr.Dataset, settings: IriSettings) 
     heights = np.stack([left.height.values[at_left], right.height.values[at_right]])
     tracks = make_profile(both * step, heights, tracks=["left", "right"])
     try:
-        return float(iri(tracks, options=settings).hri)
+        return float(iri(tracks, settings=settings).hri)
     except (CoverageError, ValueError):
         return None  # the part that both cover is too short
