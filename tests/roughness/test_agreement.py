@@ -357,6 +357,11 @@ def test_checks_give_the_reason_if_they_cannot_be_made():
     without_scale = profile_agreement(runs, reference="1", settings=AgreementSettings(max_scale=0))
     checks = {check.name: check for check in check_limits(without_scale, limits=limits)}
     assert checks["distance error"].reason == "the distance error was not searched"
+    checks = {
+        check.name: check for check in check_limits(found, limits=AgreementLimits(accuracy=0))
+    }
+    assert (checks["accuracy"].limit, checks["accuracy"].passed) == (None, None)
+    assert checks["accuracy"].reason == "no limit is given"
     with pytest.raises(ValueError, match="bias must be finite and greater than 0"):
         AgreementLimits(bias=0)
 

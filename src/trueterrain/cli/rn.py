@@ -2,11 +2,13 @@
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+from trueterrain import roughness
 from trueterrain.cli._console import note_compilation, write_json, write_line
+from trueterrain.cli._options import flatten_settings
 from trueterrain.cli._profiles import (
-    Window,
+    check_picture,
     draw_panels,
     explain_run,
     read_profile,
@@ -14,11 +16,10 @@ from trueterrain.cli._profiles import (
     write_table,
 )
 from trueterrain.core.errors import name_file_in_errors
+from trueterrain.roughness import RideNumberSettings
 
 if TYPE_CHECKING:
     import xarray as xr
-
-    from trueterrain.roughness import RideNumberSettings
 
 
 def rn(
@@ -26,10 +27,10 @@ def rn(
     /,
     *more: Path,
     segment: float = 100.0,
-    window: Window = "sayers",
-    window_length: float = 0.25,
-    restart: bool = False,
     wheel_paths: tuple[str, str] | None = None,
+    settings: Annotated[
+        RideNumberSettings, flatten_settings("Conventions of the index", omit=["car"])
+    ] = RideNumberSettings(),
     json: bool = False,
     plot: Path | None = None,
     force: bool = False,
@@ -49,14 +50,6 @@ def rn(
         More profiles.
     segment
         Length of the fixed segments [m]; the last one may be shorter.
-    window
-        Moving average before the car. sayers: slope over the whole number of samples nearest to the
-        length, equal spacing only; centred: mean of the samples within half a length; exact: mean
-        of the linearly interpolated profile; none: for profiles that are smoothed already.
-    window_length
-        Length of the moving average [m].
-    restart
-        Start the car anew in each segment, instead of one run over the whole profile.
     wheel_paths
         Names of the left and the right track; by default both of two tracks, or of more those that
         are named left and right.
@@ -70,13 +63,8 @@ def rn(
     force
         Replace the picture if it exists.
     """
-    from trueterrain import figures
-    from trueterrain.roughness import RideNumberSettings
-
     files = (file, *more)
-    if plot is not None:
-        figures.require_picture(plot, force=force, inputs=files)
-    settings = RideNumberSettings(window=window, window_length=window_length, restart=restart)
+    check_picture(plot, force=force, inputs=files)
     with note_compilation():
         rated = [_rate_file(path, settings, segment, wheel_paths) for path in files]
     documents = [_json_document(path, one) for path, one in zip(files, rated, strict=True)]
@@ -89,18 +77,18 @@ def rn(
         write_line(f"Car of the Ride Number {explain_run(settings, start)}")
         write_line("The constants were not checked against the text of ASTM E1489.")
     if plot is not None:
+        from trueterrain import figures
+
         panels = [[lambda ax, one=one: figures.ride_number_segments(one, ax=ax)] for one in rated]
         draw_panels([path.name for path in files], panels, plot, force=force)
 
 
 def _rate_file(
     path: Path,
-    settings: "RideNumberSettings",
+    settings: RideNumberSettings,
     segment: float,
     wheel_paths: tuple[str, str] | None,
 ) -> "xr.Dataset":
-    from trueterrain import roughness
-
     profile = read_profile(path)
     warn_of_rating(path, profile, settings)
     with name_file_in_errors(path):
