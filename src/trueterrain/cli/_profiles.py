@@ -2,7 +2,9 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import xarray as xr
 
 from trueterrain import formats
 from trueterrain.cli._console import write_line, write_note
@@ -12,14 +14,11 @@ from trueterrain.core.schemas import kind_of
 from trueterrain.roughness import QuarterCarSettings, flag_profile
 from trueterrain.roughness.plausible import rating_flags
 
-if TYPE_CHECKING:
-    import xarray as xr
-
 _WIDTH, _HEIGHT, _TITLE = 8.0, 3.2, 0.3  # [inches] width of a picture; height of panel, title
 _MAX_STRETCHES = 20  # printed for each track
 
 
-def read_profile(path: Path) -> "xr.Dataset":
+def read_profile(path: Path) -> xr.Dataset:
     """Profile from a file, with a warning for each implausible property."""
     refuse_recording(path, formats.kind_of_file(path), "a profile")
     data = formats.open(path)
@@ -37,7 +36,7 @@ def read_profile(path: Path) -> "xr.Dataset":
     return data
 
 
-def warn_of_rating(path: Path, profile: "xr.Dataset", settings: QuarterCarSettings) -> None:
+def warn_of_rating(path: Path, profile: xr.Dataset, settings: QuarterCarSettings) -> None:
     """Warn of properties of a profile that make its index inaccurate."""
     for flag in rating_flags(profile, settings):
         write_warning(f"{path}: {flag}.")

@@ -4,8 +4,9 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
+import xarray as xr
 from cyclopts import Group, Parameter
 
 from trueterrain import formats
@@ -20,9 +21,6 @@ from trueterrain.core.schemas import kind_of
 from trueterrain.roughness import Butterworth, IriSettings
 from trueterrain.roughness.agreement import IRI_FILTER, AgreementLimits, AgreementSettings
 from trueterrain.roughness.agreement.heights import Registration
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 _PROFILES = Parameter(group=Group("Profiles", sort_key=1))
 _SURFACES = Parameter(group=Group("Surfaces", sort_key=3))
@@ -139,7 +137,7 @@ def compare(
         draw_panels(*comparison.panels(), plot, force=force)
 
 
-def _read_files(paths: list[Path]) -> "dict[str, xr.Dataset]":
+def _read_files(paths: list[Path]) -> dict[str, xr.Dataset]:
     """Data of all files by name; by path where names are equal."""
     data: dict[str, xr.Dataset] = {}
     short = [path.name for path in paths]
@@ -153,7 +151,7 @@ def _read_files(paths: list[Path]) -> "dict[str, xr.Dataset]":
     return data
 
 
-def _common_kind(data: "Mapping[str, xr.Dataset]") -> str:
+def _common_kind(data: Mapping[str, xr.Dataset]) -> str:
     """Kind of all data: profile or surface."""
     kinds = {name: kind_of(one) for name, one in data.items()}
     for name, kind in kinds.items():

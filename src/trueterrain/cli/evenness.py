@@ -4,8 +4,10 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
+import numpy as np
+import xarray as xr
 from cyclopts import Parameter
 
 from trueterrain import roughness
@@ -20,9 +22,6 @@ from trueterrain.cli._profiles import (
 )
 from trueterrain.core.errors import name_file_in_errors
 from trueterrain.roughness import WAVEBANDS, Butterworth, Filter
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 _MM = 1000.0
 _MAX_THRESHOLD = 0.5  # [m] no road deviates as much; a larger value is probably in mm
@@ -124,9 +123,9 @@ class _EvennessResult:
     """Results for one file."""
 
     path: Path
-    waves: "xr.Dataset"
-    beam: "xr.Dataset"
-    beyond: "xr.Dataset | None"
+    waves: xr.Dataset
+    beam: xr.Dataset
+    beyond: xr.Dataset | None
 
 
 def _rate_file(path: Path, request: _EvennessRequest) -> _EvennessResult:
@@ -142,7 +141,7 @@ def _rate_file(path: Path, request: _EvennessRequest) -> _EvennessResult:
 
 
 def _resolved_bands(
-    path: Path, profile: "xr.Dataset", bands: Mapping[str, Filter]
+    path: Path, profile: xr.Dataset, bands: Mapping[str, Filter]
 ) -> Mapping[str, Filter]:
     """Bands that the profile resolves, with a warning for each other band."""
     s = profile["s"].values
@@ -193,16 +192,15 @@ def _json_document(rated: _EvennessResult, request: _EvennessRequest) -> dict[st
     }
 
 
-def _band_rms(values: "xr.DataArray", request: _EvennessRequest) -> dict[str, float]:
+def _band_rms(values: xr.DataArray, request: _EvennessRequest) -> dict[str, float]:
     """RMS of each requested band [m]; NaN for those left out."""
     known = dict(zip(values["band"].values.tolist(), values.values.tolist(), strict=True))
     return {name: known.get(name, math.nan) for name in request.bands()}
 
 
 def _segment_values(
-    waves: "xr.Dataset", deviation: "xr.DataArray", request: _EvennessRequest
+    waves: xr.Dataset, deviation: xr.DataArray, request: _EvennessRequest
 ) -> Iterator[dict[str, Any]]:
-    import numpy as np
 
     start, end = waves["start"].values, waves["end"].values
     rounding = 1e-9 * float(
@@ -219,10 +217,8 @@ def _segment_values(
         }
 
 
-def _deviation_values(deviation: "xr.DataArray") -> dict[str, float]:
+def _deviation_values(deviation: xr.DataArray) -> dict[str, float]:
     """95 % quantile of the magnitude, peak and its station [m]; NaN for an empty segment."""
-    import numpy as np
-
     if deviation.size == 0:
         return {"p95": math.nan, "peak": math.nan, "peak_at": math.nan}
     magnitude = np.abs(deviation.values)
@@ -235,7 +231,7 @@ def _deviation_values(deviation: "xr.DataArray") -> dict[str, float]:
 
 
 def _track_stretches(
-    found: "xr.Dataset", track: str, deviation: "xr.DataArray"
+    found: xr.Dataset, track: str, deviation: xr.DataArray
 ) -> list[dict[str, float]]:
     """Stretches of a track; peaks have their sign."""
     own = found.isel(stretch=found["track"].values == track)

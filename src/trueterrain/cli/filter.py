@@ -1,8 +1,9 @@
 """The command ``trueterrain filter``: low, high and band pass of profiles by wavelength."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
+import xarray as xr
 from cyclopts import Parameter
 
 from trueterrain import formats
@@ -16,9 +17,6 @@ from trueterrain.roughness import (
     MovingAverage,
     filter_profile,
 )
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 Kind = Literal["butterworth", "moving-average", "250mm"]
 
@@ -99,7 +97,7 @@ def _chosen_filter(
     return Butterworth(shortest=shortest, longest=longest, order=order)
 
 
-def _warn_of_window(path: Path, profile: "xr.Dataset", by: Filter) -> None:
+def _warn_of_window(path: Path, profile: xr.Dataset, by: Filter) -> None:
     """Warn if a moving average has too few samples; a Butterworth filter raises an error."""
     s = profile["s"].values
     spacing = float(s[-1] - s[0]) / (s.size - 1)
@@ -110,7 +108,7 @@ def _warn_of_window(path: Path, profile: "xr.Dataset", by: Filter) -> None:
         )
 
 
-def _print_summary(result: "xr.Dataset", by: Filter, output: Path) -> None:
+def _print_summary(result: xr.Dataset, by: Filter, output: Path) -> None:
     tracks = result.sizes.get("track", 1)
     several = f" of {tracks} tracks" if tracks > 1 else ""
     s = result["s"].values
@@ -141,7 +139,7 @@ def _filter_reach(by: Filter) -> float:
     return 0.5 * sum(lengths) if isinstance(by, MovingAverage) else max(lengths)
 
 
-def _note_omissions(profile: "xr.Dataset", result: "xr.Dataset", output: Path) -> None:
+def _note_omissions(profile: xr.Dataset, result: xr.Dataset, output: Path) -> None:
     """Note the variables that are not in the output."""
     omitted = [str(name) for name in profile.data_vars if name not in result]
     if omitted:

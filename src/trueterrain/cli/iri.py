@@ -4,8 +4,9 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
+import xarray as xr
 from cyclopts import Parameter
 
 from trueterrain import roughness
@@ -22,9 +23,6 @@ from trueterrain.cli._profiles import (
 )
 from trueterrain.core.errors import name_file_in_errors
 from trueterrain.roughness import IN_PER_MI, IriSettings
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 _MAX_CLASSES = 1000  # of a histogram; more is a mistake in the width
 
@@ -144,10 +142,10 @@ class _IriResult:
     """Results for one file."""
 
     path: Path
-    index: "xr.Dataset"
-    sliding: "xr.Dataset | None"
-    too_rough: "xr.Dataset | None"
-    histogram: "xr.Dataset | None"
+    index: xr.Dataset
+    sliding: xr.Dataset | None
+    too_rough: xr.Dataset | None
+    histogram: xr.Dataset | None
 
 
 def _rate_file(path: Path, settings: IriSettings, request: _IriRequest) -> _IriResult:
@@ -170,7 +168,7 @@ def _rate_file(path: Path, settings: IriSettings, request: _IriRequest) -> _IriR
     return _IriResult(path, index, sliding, too_rough, histogram)
 
 
-def _iri_histogram(index: "xr.Dataset", width: float) -> "xr.Dataset":
+def _iri_histogram(index: xr.Dataset, width: float) -> xr.Dataset:
     count = math.floor(float(index["segment_iri"].max()) / width) + 1
     if count > _MAX_CLASSES:
         message = f"--histogram must leave at most {_MAX_CLASSES} classes, got {count}."
@@ -209,7 +207,7 @@ def _json_document(rated: _IriResult, request: _IriRequest) -> dict[str, Any]:
     }
 
 
-def _segment_values(index: "xr.Dataset", values: Any) -> list[dict[str, float]]:
+def _segment_values(index: xr.Dataset, values: Any) -> list[dict[str, float]]:
     starts, ends = index["start"].values, index["end"].values
     return [
         {"start": float(start), "end": float(end), "iri": float(value)}
@@ -217,7 +215,7 @@ def _segment_values(index: "xr.Dataset", values: Any) -> list[dict[str, float]]:
     ]
 
 
-def _track_stretches(found: "xr.Dataset", track: str, factor: float) -> list[dict[str, float]]:
+def _track_stretches(found: xr.Dataset, track: str, factor: float) -> list[dict[str, float]]:
     own = found.isel(stretch=found["track"].values == track)
     return [
         {"start": start, "end": end, "peak": factor * peak, "peak_at": at}
@@ -228,7 +226,7 @@ def _track_stretches(found: "xr.Dataset", track: str, factor: float) -> list[dic
     ]
 
 
-def _histogram_classes(histogram: "xr.Dataset", factor: float) -> list[dict[str, float]]:
+def _histogram_classes(histogram: xr.Dataset, factor: float) -> list[dict[str, float]]:
     columns = (histogram[name].values.tolist() for name in ("above", "below", "length", "fraction"))
     return [
         {"above": factor * above, "below": factor * below, "length": length, "share": fraction}

@@ -2,8 +2,9 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
+import xarray as xr
 from cyclopts import Group, Parameter
 
 from trueterrain import formats
@@ -38,9 +39,6 @@ from trueterrain.profile.area import area_flag, area_reach
 from trueterrain.profile.envelope import TyreName
 from trueterrain.profile.extract import Ground
 from trueterrain.profile.settings import EnvelopeName, take_profile
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 _TYRE_MODEL = Parameter(group=Group("Tyre model", sort_key=3))
 
@@ -155,7 +153,7 @@ def profile(
         write_note(f"warning: {surface}: {flag}")
 
 
-def _profile_as_ground(path: Path, along: _PathRequest, crs: str | None) -> "xr.Dataset":
+def _profile_as_ground(path: Path, along: _PathRequest, crs: str | None) -> xr.Dataset:
     """Profile along which a tyre rolls."""
     if along.count_paths() > 0:
         message = "--offset, --line and --path are for surfaces; a profile is its own path."
@@ -227,12 +225,12 @@ def _ground_and_path(
     return PointsAlong(blocks, wheel_path, margin), wheel_path
 
 
-def _open_surface(path: Path, crs: str | None) -> "xr.Dataset":
+def _open_surface(path: Path, crs: str | None) -> xr.Dataset:
     surface = formats.open(path)
     return surface if crs is None else surface.assign_attrs(crs=crs)
 
 
-def _print_summary(result: "xr.Dataset", output: Path) -> None:
+def _print_summary(result: xr.Dataset, output: Path) -> None:
     s = result.s.values
     text = f"{output}: {s.size:,} points over {s[-1]:.2f} m every {s[1] - s[0]:g} m"
     if "count" in result:

@@ -1,7 +1,9 @@
 """The command ``trueterrain psd``: power spectral density and road class of profiles."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
+
+import xarray as xr
 
 from trueterrain import roughness
 from trueterrain.cli._console import write_json, write_line
@@ -9,9 +11,6 @@ from trueterrain.cli._options import flatten_settings
 from trueterrain.cli._profiles import check_picture, draw_panels, read_profile, write_table
 from trueterrain.core.errors import name_file_in_errors
 from trueterrain.roughness import PsdSettings
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 _MICRO = 1e6
 _HEIGHT = 5.0  # [inches] of the picture of one file
@@ -75,13 +74,13 @@ def psd(
         draw_panels([path.name for path in files], panels, plot, force=force, height=_HEIGHT)
 
 
-def _compute_psd(path: Path, settings: PsdSettings, segment: float | None) -> "xr.Dataset":
+def _compute_psd(path: Path, settings: PsdSettings, segment: float | None) -> xr.Dataset:
     profile = read_profile(path)
     with name_file_in_errors(path):
         return roughness.psd(profile, settings=settings, segment=segment)
 
 
-def _json_document(path: Path, spectrum: "xr.Dataset", settings: PsdSettings) -> dict[str, Any]:
+def _json_document(path: Path, spectrum: xr.Dataset, settings: PsdSettings) -> dict[str, Any]:
     tracks = []
     for name in spectrum["track"].values:
         one = spectrum.sel(track=name)
@@ -100,7 +99,7 @@ def _json_document(path: Path, spectrum: "xr.Dataset", settings: PsdSettings) ->
     return {"file": str(path), "tracks": tracks, "confidence": settings.confidence}
 
 
-def _fit_values(one: "xr.Dataset", prefix: str) -> dict[str, Any]:
+def _fit_values(one: xr.Dataset, prefix: str) -> dict[str, Any]:
     fitted: dict[str, Any] = {"road_class": one[f"{prefix}road_class"].item()}
     for name in ("gd_n0", "waviness"):
         ends = {end: one[f"{prefix}{name}_{end}"].item() for end in ("low", "high")}
@@ -108,7 +107,7 @@ def _fit_values(one: "xr.Dataset", prefix: str) -> dict[str, Any]:
     return fitted
 
 
-def _band_values(one: "xr.Dataset") -> list[dict[str, Any]]:
+def _band_values(one: xr.Dataset) -> list[dict[str, Any]]:
     columns = {
         "lower": "lower",
         "centre": "centre",

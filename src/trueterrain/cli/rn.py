@@ -2,7 +2,9 @@
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
+
+import xarray as xr
 
 from trueterrain import roughness
 from trueterrain.cli._console import note_compilation, write_json, write_line
@@ -17,9 +19,6 @@ from trueterrain.cli._profiles import (
 )
 from trueterrain.core.errors import name_file_in_errors
 from trueterrain.roughness import RideNumberSettings
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 def rn(
@@ -88,7 +87,7 @@ def _rate_file(
     settings: RideNumberSettings,
     segment: float,
     wheel_paths: tuple[str, str] | None,
-) -> "xr.Dataset":
+) -> xr.Dataset:
     profile = read_profile(path)
     warn_of_rating(path, profile, settings)
     with name_file_in_errors(path):
@@ -97,7 +96,7 @@ def _rate_file(
         )
 
 
-def _json_document(path: Path, rated: "xr.Dataset") -> dict[str, Any]:
+def _json_document(path: Path, rated: xr.Dataset) -> dict[str, Any]:
     starts, ends = rated["start"].values.tolist(), rated["end"].values.tolist()
     tracks = []
     for name in rated["track"].values:
@@ -119,7 +118,7 @@ def _json_document(path: Path, rated: "xr.Dataset") -> dict[str, Any]:
     return {"file": str(path), "tracks": tracks, "rn": both, "segments": segments}
 
 
-def _print_result(rated: "xr.Dataset", document: dict[str, Any]) -> None:
+def _print_result(rated: xr.Dataset, document: dict[str, Any]) -> None:
     tracks, both = document["tracks"], document["segments"]
     names = [track["name"] for track in tracks] + (["both"] if both else [])
     rows = [["from [m]", "to [m]", *names]]
