@@ -76,6 +76,7 @@ def flatten_settings(title: str, *, omit: Sequence[str] = (), sort_key: int = 1)
     cyclopts.Parameter
         Annotation of the parameter that takes the dataclass.
     """
+    # cyclopts parses the fields whose names the pattern matches
     parsed = re.compile(rf"^(?!({'|'.join(omit)})$)") if omit else None
     return Parameter(name="*", group=Group(title, sort_key=sort_key), parse=parsed)
 
