@@ -2,24 +2,27 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import xarray as xr
-
-from trueterrain import formats
 from trueterrain.cli._console import write_line, write_note
 from trueterrain.cli._recordings import refuse_recording
 from trueterrain.core.errors import SchemaError, name_file_in_errors
-from trueterrain.core.schemas import kind_of
-from trueterrain.roughness import QuarterCarSettings, flag_profile
-from trueterrain.roughness.plausible import rating_flags
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from trueterrain.roughness import QuarterCarSettings
 
 _WIDTH, _HEIGHT, _TITLE = 8.0, 3.2, 0.3  # [inches] width of a picture; height of panel, title
 _MAX_STRETCHES = 20  # printed for each track
 
 
-def read_profile(path: Path) -> xr.Dataset:
+def read_profile(path: Path) -> "xr.Dataset":
     """Profile from a file, with a warning for each implausible property."""
+    from trueterrain import formats
+    from trueterrain.core.schemas import kind_of
+    from trueterrain.roughness import flag_profile
+
     refuse_recording(path, formats.kind_of_file(path), "a profile")
     data = formats.open(path)
     kind = kind_of(data)
@@ -36,8 +39,10 @@ def read_profile(path: Path) -> xr.Dataset:
     return data
 
 
-def warn_of_rating(path: Path, profile: xr.Dataset, settings: QuarterCarSettings) -> None:
+def warn_of_rating(path: Path, profile: "xr.Dataset", settings: "QuarterCarSettings") -> None:
     """Warn of properties of a profile that make its index inaccurate."""
+    from trueterrain.roughness.plausible import rating_flags
+
     for flag in rating_flags(profile, settings):
         write_warning(f"{path}: {flag}.")
 
@@ -95,7 +100,7 @@ def draw_panels(
     write_note(f"{output}: written")
 
 
-def explain_run(settings: QuarterCarSettings, start: str) -> str:
+def explain_run(settings: "QuarterCarSettings", start: str) -> str:
     """Text on the conventions of a quarter car: they change the index."""
     length = "" if settings.window == "none" else f" ({settings.window_length:g} m)"
     run = "a new car in every segment" if settings.restart else "one run over the whole profile"

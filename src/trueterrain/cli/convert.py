@@ -2,13 +2,10 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import numpy as np
-import xarray as xr
 from cyclopts import Parameter
 
-from trueterrain import formats
 from trueterrain.cli._console import note_omissions, progress_bar, write_note
 from trueterrain.cli._points import (
     Classes,
@@ -21,11 +18,11 @@ from trueterrain.cli._points import (
 from trueterrain.cli._profiles import write_warning
 from trueterrain.cli._recordings import refuse_recording
 from trueterrain.core.errors import name_file_in_errors
-from trueterrain.core.schemas import ASSUMED
-from trueterrain.formats import PointFilter
-from trueterrain.geometry.crs import parse_crs
-from trueterrain.roughness import resample_profile
-from trueterrain.surface.evaluate import surface_to_points
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from trueterrain.formats import PointFilter
 
 _SURFACES = (".crg", ".tif", ".tiff")
 _PROFILES = (".erd",)
@@ -84,6 +81,9 @@ def convert(
     force
         Replace the output if it exists: a file, or a store of the same kind of data.
     """
+    from trueterrain import formats
+    from trueterrain.geometry.crs import parse_crs
+
     ending = output.suffix.lower()
     kind = formats.kind_of_file(source)
     refuse_recording(source, kind, "a surface, points or a profile")
@@ -113,6 +113,8 @@ def convert(
     elif ending in (*_SURFACES, *_STORES):
         _convert_surface(data, output, write)
     else:
+        from trueterrain.surface.evaluate import surface_to_points
+
         points = surface_to_points(data)
         write(points)
         missing = int(data.height.size) - points.sizes["point"]
@@ -125,9 +127,11 @@ def _convert_points(
     source: Path,
     output: Path,
     crs: str | None,
-    only: PointFilter | None,
+    only: "PointFilter | None",
     write: Callable[[Any], Any],
 ) -> None:
+    from trueterrain import formats
+
     note_conversion([source], crs)
     with progress_bar() as progress:
         counted = PointCounter(formats.point_blocks(source, crs=crs, only=only), progress)
@@ -137,7 +141,9 @@ def _convert_points(
         note_omissions(counted.last, output)
 
 
-def _convert_profile(profile: xr.Dataset, output: Path, write: Callable[[Any], Any]) -> None:
+def _convert_profile(profile: "xr.Dataset", output: Path, write: Callable[[Any], Any]) -> None:
+    from trueterrain.core.schemas import ASSUMED
+
     if ASSUMED in profile.attrs:
         write_warning(f"its file {profile.attrs[ASSUMED]}.")
     write(profile)
@@ -148,7 +154,10 @@ def _convert_profile(profile: xr.Dataset, output: Path, write: Callable[[Any], A
     note_omissions(profile, output)
 
 
-def _resample_profile(profile: xr.Dataset, spacing: float, source: Path) -> xr.Dataset:
+def _resample_profile(profile: "xr.Dataset", spacing: float, source: Path) -> "xr.Dataset":
+    import numpy as np
+
+    from trueterrain.roughness import resample_profile
 
     with name_file_in_errors(source):
         resampled = resample_profile(profile, spacing)
@@ -162,7 +171,7 @@ def _resample_profile(profile: xr.Dataset, spacing: float, source: Path) -> xr.D
     return resampled
 
 
-def _convert_surface(surface: xr.Dataset, output: Path, write: Callable[[Any], Any]) -> None:
+def _convert_surface(surface: "xr.Dataset", output: Path, write: Callable[[Any], Any]) -> None:
     written = write(surface)
     rows, columns = surface.height.shape
     text = f"{output}: {rows:,} x {columns:,} nodes"

@@ -4,11 +4,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from trueterrain import formats
 from trueterrain.cli._console import error_text, write_json, write_line
 from trueterrain.cli._recordings import RECORDED, rows_of_recording
 from trueterrain.core.errors import FormatError, TrueTerrainError
-from trueterrain.formats.point_filter import CLASS_NAMES
 
 # units of the numbers of a summary
 _UNITS = {
@@ -73,6 +71,8 @@ def info(file: Path, /, *more: Path, json: bool = False) -> None:
 
 
 def _file_summary(path: Path) -> dict[str, Any]:
+    from trueterrain import formats
+
     return formats.info(path)
 
 
@@ -163,6 +163,8 @@ def _value_text(key: str, value: Any, summary: dict[str, Any]) -> str:
 
 
 def _class_text(number: str) -> str:
+    from trueterrain.formats.point_filter import CLASS_NAMES
+
     name = CLASS_NAMES.get(int(float(number)))
     return f"{number} {name}" if name else number
 

@@ -1,14 +1,10 @@
 """The command ``trueterrain plot``: figures of surfaces, points, profiles, runs, navigation."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import matplotlib.pyplot as plt
-import numpy as np
-import xarray as xr
 from cyclopts import Parameter
 
-from trueterrain import figures, formats
 from trueterrain.cli._console import write_note
 from trueterrain.cli._points import (
     Classes,
@@ -17,12 +13,12 @@ from trueterrain.cli._points import (
     point_filter,
     require_points,
 )
-from trueterrain.core.errors import FormatError, SchemaError
-from trueterrain.core.schemas import kind_of
-from trueterrain.formats import PointFilter, navigation
-from trueterrain.formats.navigation_signature import is_navigation
-from trueterrain.formats.number_table import table_columns
-from trueterrain.formats.run import open_run
+from trueterrain.core.errors import FormatError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from trueterrain.formats import PointFilter
 
 _DURATION = 1.0  # [s] of a range image that starts at a given time
 _SEGMENT = 4.0  # [s] of the segments of a spectrum: a resolution of 0.4 Hz
@@ -75,6 +71,8 @@ def plot(
     force
         Replace the output if it exists.
     """
+    from trueterrain import figures
+
     files = (file, *more)
     figures.require_picture(output, force=force, inputs=files)
     kinds = {path: _plotted_kind(path) for path in files}
@@ -96,6 +94,8 @@ def plot(
 
 
 def _plotted_kind(path: Path) -> str:
+    from trueterrain import formats
+
     if _is_parquet_of_navigation(path):
         return "navigation"
     kind = formats.kind_of_file(path)
@@ -110,8 +110,12 @@ def _plotted_kind(path: Path) -> str:
 
 
 def _is_parquet_of_navigation(path: Path) -> bool:
+    from trueterrain import formats
+
     if formats.recognise_format(path).name != "Parquet":
         return False
+    from trueterrain.formats.navigation_signature import is_navigation
+    from trueterrain.formats.number_table import table_columns
 
     return is_navigation(table_columns(path))
 
@@ -130,9 +134,12 @@ def _check_kinds(kinds: dict[Path, str]) -> None:
 
 
 def _plotted_data(
-    files: tuple[Path, ...], frame: Literal["grid", "ground"], only: PointFilter | None
+    files: tuple[Path, ...], frame: Literal["grid", "ground"], only: "PointFilter | None"
 ) -> Any:
     """Figure of a surface, of points or of profiles."""
+    from trueterrain import figures, formats
+    from trueterrain.core.schemas import kind_of
+
     first = formats.open(files[0], only=only)
     match kind_of(first):
         case "surface":
@@ -147,6 +154,11 @@ def _plotted_data(
 
 def _plot_navigation(path: Path) -> Any:
     """Figure of navigation: plan and heights."""
+    import matplotlib.pyplot as plt
+
+    from trueterrain import figures, formats
+    from trueterrain.formats import navigation
+
     read = navigation.read_columns if _is_parquet_of_navigation(path) else formats.open
     data: xr.Dataset = read(path)
     figure, (above, below) = plt.subplots(
@@ -159,6 +171,9 @@ def _plot_navigation(path: Path) -> Any:
 
 
 def _plot_run(files: tuple[Path, ...], show: str | None, at: float | None) -> Any:
+    from trueterrain import figures
+    from trueterrain.formats.run import open_run
+
     show = show or ("ranges" if len(files) == 1 else "drift")
     if len(files) > 1 and show != "drift":
         message = f"{files[1]}: of several runs only the drift is drawn, got --show {show}."
@@ -186,8 +201,12 @@ def _plot_run(files: tuple[Path, ...], show: str | None, at: float | None) -> An
     return drawn
 
 
-def _plot_scan(run: xr.DataTree, at: float | None) -> Any:
+def _plot_scan(run: "xr.DataTree", at: float | None) -> Any:
     """Figure of one scan from behind, and of scans from above if the truth is known."""
+    import matplotlib.pyplot as plt
+
+    from trueterrain import figures
+
     if "truth" not in run.children:
         return figures.scan_elevation(run, at=at)
     figure, (above, below) = plt.subplots(2, 1, figsize=(8, 7), layout="constrained")
@@ -196,8 +215,12 @@ def _plot_scan(run: xr.DataTree, at: float | None) -> Any:
     return figure
 
 
-def _plot_motion(run: xr.DataTree) -> Any:
+def _plot_motion(run: "xr.DataTree") -> Any:
     """Figure of the motion of the body, and of the laser if the truth is known."""
+    import matplotlib.pyplot as plt
+
+    from trueterrain import figures
+
     if "truth" not in run.children:
         return figures.body_motion(run)
     figure, (above, below) = plt.subplots(2, 1, figsize=(8, 6), layout="constrained")
@@ -206,8 +229,13 @@ def _plot_motion(run: xr.DataTree) -> Any:
     return figure
 
 
-def _plot_spectrum(run: xr.DataTree) -> Any:
+def _plot_spectrum(run: "xr.DataTree") -> Any:
     """Figure of the spectra of all accelerometers."""
+    import numpy as np
+
+    from trueterrain import figures
+    from trueterrain.core.errors import SchemaError
+
     if "accelerometers" not in run.children:
         raise SchemaError(
             "holds no accelerometers, whose spectrum is to be drawn",
