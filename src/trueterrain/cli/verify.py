@@ -1,6 +1,5 @@
 """The command ``trueterrain verify``: accuracy tests of a profiler, and their certificate."""
 
-import json as _json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -65,24 +64,16 @@ def verify(
         message = f"name the settings of the {test} test: verify {test} CONFIG."
         raise ValueError(message)
     from trueterrain.core import whole_folder
-    from trueterrain.report import write_report, write_report_pdf
-    from trueterrain.report.certificate import build_certificate
-    from trueterrain.verify.certificate import certify_profiler, input_files, write_error_tables
+    from trueterrain.report.certificate import write_certificate
+    from trueterrain.verify.certificate import certify_profiler, input_files
 
     with whole_folder(
         output, result=_RESULT, force=force, inputs=input_files(test, config), names=_NAMES
     ) as folder:
         found = certify_profiler(test, config)
-        document = found.to_dict()
-        files = write_error_tables(found, folder)
-        text = _json.dumps(document, indent=2, allow_nan=False)
-        (folder / "result.json").write_text(text + "\n", encoding="utf-8", newline="\n")
-        files.append(("result.json", "all figures, settings and hashes of the inputs"))
-        certificate = build_certificate(found, files)
-        write_report(certificate, folder / "certificate.html")
-        write_report_pdf(certificate, folder / "certificate.pdf")
+        write_certificate(found, folder)
     if json:
-        write_json(document)
+        write_json(found.to_dict())
         return
     for row in _result_rows(found):
         write_line(row)
