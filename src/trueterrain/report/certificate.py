@@ -395,7 +395,7 @@ def _input_section(found: CertificateResult, files: list[tuple[str, str]]) -> Se
     )
     text = (
         f"Made with trueterrain {__version__}. Every figure follows from the files below; "
-        "`trueterrain verify` reproduces them from the inputs with these hashes."
+        "trueterrain verify reproduces them from the inputs with these hashes."
     )
     listed = Files(files=[File(path=name, note=note) for name, note in files])
     return Section(title="Inputs and files", text=text, blocks=[table, listed])
