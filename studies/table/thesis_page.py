@@ -118,7 +118,7 @@ def draw_sensitivity(table: ThesisTable, path: Path) -> None:
 
 
 def _thesis_table(table: ThesisTable) -> str:
-    def spread(row: TableRow, figure: Callable[[ThesisResult], np.ndarray]) -> str:
+    def range_over(row: TableRow, figure: Callable[[ThesisResult], np.ndarray]) -> str:
         return _range(*row.find_range(figure))
 
     rows = [
@@ -126,9 +126,9 @@ def _thesis_table(table: ThesisTable) -> str:
             row.test,
             _published(row),
             _mm(row.thesis_rms),
-            spread(row, lambda found: found.single),
+            range_over(row, lambda found: found.single),
             f"{_MILLI * row.published.maximum:g}",
-            spread(row, lambda found: found.largest),
+            range_over(row, lambda found: found.largest),
         ]
         for row in table.rows
     ]
