@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: help demo test test-all lint types bench study study-faults study-coverage docs clean
+.PHONY: help demo test test-all lint types bench study study-faults study-coverage study-table docs clean
 
 help:
 	@echo "make demo   simulate and process a survey of two lanes of Belgian block: demo/report.html"
@@ -16,6 +16,7 @@ help:
 	@echo "make study  compare reductions of the ground by the response of vehicles (minutes)"
 	@echo "make study-faults    inject faults into a profiler and run the accuracy tests on it"
 	@echo "make study-coverage  measure the coverage of the intervals of the accuracy tests"
+	@echo "make study-table     reproduce Table 3-1 of the thesis with the virtual profiler (a minute)"
 	@echo "make docs   build the documentation: docs/_build/html/index.html"
 	@echo "make clean  remove the environment and all build products"
 
@@ -57,6 +58,9 @@ study-faults: $(INSTALLED)
 
 study-coverage: $(INSTALLED)
 	$(BIN)/python studies/coverage
+
+study-table: $(INSTALLED)
+	$(BIN)/python studies/table
 
 docs: $(INSTALLED)
 	rm -rf docs/reference/generated

@@ -4,6 +4,8 @@ import os
 from pathlib import Path
 
 import matplotlib as mpl
+import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import settings
 
@@ -30,3 +32,35 @@ def data() -> Path:
             pytest.fail(reason)
         pytest.skip(reason)
     return folder
+
+
+@pytest.fixture(scope="session")
+def measured_drift(data: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Times [s] and heights [m] of a drive over a road less those of an earlier drive.
+
+    Each pose of the second drive is compared with the nearest one of the first, shifted along its
+    velocity to the foot of the perpendicular. Both move, and are within 1 m of each other.
+    """
+    from scipy.spatial import cKDTree
+
+    columns = ("GPSTime", "easting", "northing", "altitude", "vel_east", "vel_north", "vel_up")
+    files = ("boreas-2021-08-05-13-34.lidar_poses.csv", "boreas-2021-09-02-11-42.lidar_poses.csv")
+    tables = [
+        pd.read_csv(data / "scanning" / "trajectories" / name)[list(columns)].to_numpy(float)
+        for name in files
+    ]
+    (first_time, first_at, first_v), (time, at, v) = (
+        (table[:, 0] * 1e-6, table[:, 1:4], table[:, 4:7]) for table in tables
+    )
+    _, nearest = cKDTree(first_at[:, :2]).query(at[:, :2])
+    away, velocity = at - first_at[nearest], first_v[nearest]
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    moving = (speed > 1.0) & (np.hypot(v[:, 0], v[:, 1]) > 1.0)  # [m/s]
+    scale = np.where(moving, speed, 1.0)
+    longitudinal = (away[:, 0] * velocity[:, 0] + away[:, 1] * velocity[:, 1]) / scale
+    lateral = (away[:, 1] * velocity[:, 0] - away[:, 0] * velocity[:, 1]) / scale
+    # a longitudinal distance beyond one spacing means that the first drive has a gap or ends there
+    spacing = np.gradient(first_time)[nearest] * speed
+    used = moving & (np.abs(lateral) < 1.0) & (np.abs(longitudinal) < spacing)
+    height = away[:, 2] - longitudinal * velocity[:, 2] / scale
+    return time[used] - time[used][0], height[used]

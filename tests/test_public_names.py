@@ -174,6 +174,7 @@ REPORT = {
     "Files",
     "Number",
     "Picture",
+    "PredictedEvent",
     "Report",
     "Section",
     "SurfaceView",
@@ -181,6 +182,10 @@ REPORT = {
     "Text",
     "Verdict",
     "Warnings",
+    "predict_event",
+    "write_certificate",
+    "write_event_page",
+    "write_plate_page",
     "write_report",
     "write_report_pdf",
 }

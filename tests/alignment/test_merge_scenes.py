@@ -16,7 +16,7 @@ from trueterrain.alignment.seams import find_seams
 from trueterrain.formats.run import open_run
 from trueterrain.georeference import georeference
 from trueterrain.motion import FusionSettings, fuse_motion
-from trueterrain.simulate.drift import MeasuredDrift
+from trueterrain.simulate.drift import DriftSeries
 from trueterrain.simulate.scene import read_scene, record_scene
 from trueterrain.surface import node_coordinates
 from trueterrain.surface.grid import GridSettings
@@ -68,11 +68,11 @@ def errors_of(passes):
 
 
 @pytest.fixture(scope="module")
-def two_passes(tmp_path_factory, data):
+def two_passes(tmp_path_factory, measured_drift):
     """Half of the ready scene, with the drift that was measured on the road."""
     scene, _ = read_scene("belgian-two-lanes")
-    first, second = sorted((data / "scanning" / "trajectories").glob("boreas-*.csv"))
-    drift = MeasuredDrift(first=first, second=second)
+    time, height = measured_drift
+    drift = DriftSeries(time=tuple(time), height=tuple(height))
     scene = replace(
         scene,
         course={"kind": "straight", "length": 20.0},

@@ -181,3 +181,20 @@ def test_results_are_overwritten_only_with_force(run, static, tmp_path):
     assert "not empty" in finished.err
     assert run("verify", "static", static, "-o", tmp_path / "out", "--force").code == 0
     assert (tmp_path / "out" / "mine.txt").exists()
+
+
+@pytest.mark.parametrize("test", ["static", "dynamic", "drift"])
+def test_a_test_asks_for_its_settings(run, tmp_path, test):
+    finished = run("verify", test, "-o", tmp_path / "out")
+    assert finished.code == 2
+    assert finished.err.count("\n") == 1
+    assert f"verify {test} CONFIG" in finished.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_table_of_earlier_versions_names_its_study(run, tmp_path):
+    finished = run("verify", "table", "-o", tmp_path / "out")
+    assert finished.code == 2
+    assert finished.err.count("\n") == 1
+    assert "make study-table" in finished.err
+    assert not (tmp_path / "out").exists()

@@ -2,12 +2,9 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from trueterrain.core.errors import CoverageError, FormatError
 from trueterrain.simulate.drift import (
     DriftSeries,
     GaussMarkovDrift,
-    MeasuredDrift,
-    height_difference,
     start_drift,
 )
 from trueterrain.simulate.navigation import Navigation, NavigationStream
@@ -28,17 +25,8 @@ def autocorrelation(values, lag):
     return np.mean(x[lag:] * x[: x.size - lag]) / np.mean(x * x)
 
 
-@pytest.fixture(scope="module")
-def boreas(data):
-    folder = data / "scanning" / "trajectories"
-    return (
-        folder / "boreas-2021-08-05-13-34.lidar_poses.csv",
-        folder / "boreas-2021-09-02-11-42.lidar_poses.csv",
-    )
-
-
-def test_the_measured_difference_has_its_known_statistics(boreas):
-    time, height = height_difference(*boreas)
+def test_the_measured_difference_has_its_known_statistics(measured_drift):
+    time, height = measured_drift
     assert time.size == POSES
     npt.assert_allclose(np.median(height), MEDIAN, rtol=0, atol=MILLIMETRE)
     npt.assert_allclose(height.std(), SD, rtol=0, atol=MILLIMETRE)
@@ -152,79 +140,11 @@ def test_sd_of_a_series_is_its_root_mean_square():
     npt.assert_allclose(sd, np.sqrt(np.mean(heights**2)), rtol=0, atol=1e-8)
 
 
-def test_the_measured_drift_is_injected_as_it_is(boreas):
-    measured = MeasuredDrift(first=boreas[0], second=boreas[1])
-    time, height = height_difference(*boreas)
-    one, two = (start_drift(measured, seed=1, pass_number=k, rate=1.0) for k in (0, 1))
+def test_the_measured_drift_is_injected_as_it_is(measured_drift):
+    time, height = measured_drift
+    series = DriftSeries(time=tuple(time), height=tuple(height))
+    one, two = (start_drift(series, seed=1, pass_number=k, rate=1.0) for k in (0, 1))
     npt.assert_allclose(two.next(time) - one.next(time), height, rtol=0, atol=EXACT)
-
-
-HEADER = "GPSTime,easting,northing,altitude,vel_east,vel_north,vel_up\n"
-
-
-def drive(path, *, offset=0.0, height=0.0, climb=0.0, n=20, header=HEADER):
-    """A straight drive at 10 m/s to the north-east, with a pose each 0.1 s."""
-    t = np.arange(n) * 0.1
-    v = 10 / np.sqrt(2)
-    rows = [
-        f"{1e6 * s:.0f},{v * s - offset},{v * s + offset},{height + climb * s},{v},{v},{climb}\n"
-        for s in t
-    ]
-    path.write_text(header + "".join(rows))
-    return path
-
-
-def test_heights_are_compared_at_the_foot_of_the_perpendicular(tmp_path):
-    first = drive(tmp_path / "a.csv", climb=0.5)
-    second = drive(tmp_path / "b.csv", climb=0.5, offset=0.3, height=0.02)
-    # The second drive passes each place 0.04 s later, on a climb of 0.5 m/s.
-    text = second.read_text().splitlines()
-    moved = [text[0]]
-    for line in text[1:]:
-        v = [float(x) for x in line.split(",")]
-        v[1], v[2], v[3] = v[1] + v[4] * 0.04, v[2] + v[5] * 0.04, v[3] + v[6] * 0.04
-        moved.append(",".join(map(str, v)))
-    second.write_text("\n".join(moved))
-    time, height = height_difference(first, second)
-    npt.assert_allclose(height, 0.02, rtol=0, atol=EXACT)
-    npt.assert_allclose(time, np.arange(20) * 0.1, rtol=0, atol=EXACT)
-
-
-def test_drives_apart_are_refused(tmp_path):
-    first, second = drive(tmp_path / "a.csv"), drive(tmp_path / "b.csv", offset=1.0)
-    with pytest.raises(CoverageError, match=r"b\.csv: comes within 1\.0 m of a\.csv at 0 poses"):
-        height_difference(first, second)
-    assert height_difference(first, second, within=1.5)[0].size == 20
-
-
-def test_standing_poses_are_left_out(tmp_path):
-    first, second = drive(tmp_path / "a.csv"), drive(tmp_path / "b.csv")
-    with pytest.raises(CoverageError):
-        height_difference(first, second, moving=11.0)
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "is no table of poses"),
-        ("a,b\n1,2\n", "is no table of poses.*with the columns GPSTime"),
-        (HEADER + "1,2,3,4,5,6,7\n", "must have at least 2 poses, has 1"),
-        (HEADER + "1,2,3,4,5,6,7\n2,2,x,4,5,6,7\n", "is no table of poses"),
-        (HEADER + "1,2,3,4,5,6,7\n2,2,,4,5,6,7\n", "line 3: must have a number in each column"),
-        (HEADER + "2,2,3,4,5,6,7\n1,2,3,4,5,6,7\n", "line 3: time must ascend"),
-    ],
-)
-def test_bad_files_are_refused(tmp_path, text, message):
-    bad = tmp_path / "bad.csv"
-    bad.write_text(text)
-    with pytest.raises(FormatError, match=message) as error:
-        height_difference(bad, drive(tmp_path / "good.csv"))
-    assert error.value.path == bad
-
-
-def test_missing_files_are_named(tmp_path):
-    with pytest.raises(FileNotFoundError, match=r"none\.csv"):
-        height_difference(tmp_path / "none.csv", tmp_path / "none.csv")
 
 
 @pytest.mark.parametrize(
@@ -247,7 +167,6 @@ def test_missing_files_are_named(tmp_path):
             {"time": (0.0, 1.0), "height": (0.0, 0.0), "stretch": -1.0},
             "stretch must be at least 0",
         ),
-        (MeasuredDrift, {"first": "a", "second": "b", "stretch": -1.0}, "stretch must be"),
     ],
 )
 def test_bad_parameters_are_refused(kind, values, message):

@@ -8,7 +8,7 @@ import pytest
 from trueterrain.core.errors import CoverageError, SchemaError
 from trueterrain.core.schemas import make_profile
 from trueterrain.georeference import Screening
-from trueterrain.verify.thesis.processing import PLACES, lay_profile, thesis_dynamic, thesis_static
+from trueterrain.verify.thesis import PLACES, lay_profile, thesis_dynamic, thesis_static
 
 from ._driven import BEGIN, LEVER, SPEED, driven, motion
 from ._plates import machined, standing

@@ -8,10 +8,7 @@ from cyclopts import Parameter
 from trueterrain.cli._console import write_json, write_line, write_note
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from trueterrain.report import Report
-    from trueterrain.verify.plate.design import PlateDesign, PlateView, ScanSetup
+    from trueterrain.verify.plate.design import PlateDesign, PlateView
 
 
 def plate(
@@ -92,8 +89,8 @@ def plate(
         Replace an earlier result of the same command in the folder; other files in it stay.
     """
     del action
-    from dataclasses import asdict
-
+    from trueterrain.core import whole_folder
+    from trueterrain.report.plate import plate_numbers, write_plate_page
     from trueterrain.simulate.scanner import Scanner
     from trueterrain.verify.plate.design import ScanSetup, design_plate, view_plate
 
@@ -125,26 +122,16 @@ def plate(
         saturation=scanner.saturation,
     )
     view = view_plate(design, setup)
-    shape = design.to_dict()
-    shape["panels"] = {name: design.panels(name, carried) for name in shape["mass"]}
-    document: dict[str, Any] = {
-        "design": shape,
-        "view": {
-            "returns": int(view.s.size),
-            "shadows": [list(pair) for pair in view.shadows],
-            "edges": [asdict(edge) for edge in view.edges],
-            "bands": [asdict(band) for band in view.bands],
-            "flags": list(view.flags),
-        },
-        "files": [],
-    }
+    numbers, files = plate_numbers(design, view, carried=carried), []
     if output is not None:
-        document["files"] = _write_plate(output, document, design, view, setup, force=force)
+        with whole_folder(output, result="plate", force=force) as folder:
+            names = write_plate_page(design, view, setup, folder, carried=carried)
+        files = [str(output / name) for name in names]
     if json:
-        write_json(document)
+        write_json(numbers | {"files": files})
     else:
-        _print_plate(design, view, shape)
-    for name in document["files"]:
+        _print_plate(design, view, numbers["design"])
+    for name in files:
         write_note(f"{name}: written")
 
 
@@ -184,181 +171,3 @@ def _print_plate(design: "PlateDesign", view: "PlateView", shape: dict[str, Any]
         write_line("Flags")
         for flag in view.flags:
             write_line(f"  {flag}")
-
-
-def _write_plate(
-    folder: Path,
-    document: dict[str, Any],
-    design: "PlateDesign",
-    view: "PlateView",
-    setup: "ScanSetup",
-    *,
-    force: bool,
-) -> list[str]:
-    import json
-
-    import matplotlib.pyplot as plt
-
-    from trueterrain import figures
-    from trueterrain.core import whole_folder
-    from trueterrain.report import write_report
-    from trueterrain.verify.plate.design import write_machined
-
-    drawing = _plate_drawing(design)
-    names = ["drawing.svg", "drawing.pdf", "profile.csv", "plate.html", "plate.json"]
-    with whole_folder(folder, result="plate", force=force) as temporary:
-        figures.save_figure(drawing, temporary / names[0])
-        figures.save_figure(drawing, temporary / names[1])
-        write_machined(design, temporary / names[2])
-        write_report(
-            _plate_report(design, view, setup, document["design"], drawing), temporary / names[3]
-        )
-        text = json.dumps(document, indent=2, allow_nan=False)
-        (temporary / names[4]).write_text(text + "\n", encoding="utf-8")
-    plt.close("all")
-    return [str(folder / name) for name in names]
-
-
-def _cleat_places(design: "PlateDesign") -> dict[str, tuple[float, float]]:
-    """Start and end of each cleat [m] by name; further cleats of a shape are numbered."""
-    places: dict[str, tuple[float, float]] = {}
-    for cleat in design.cleats:
-        same = sum(name.split()[0] == cleat.shape for name in places)
-        name = f"{cleat.shape} {same + 1}" if same else cleat.shape
-        places[name] = (design.foot(cleat), design.foot(cleat) + cleat.width)
-    return places
-
-
-def _plate_drawing(design: "PlateDesign") -> "Figure":
-    import matplotlib.pyplot as plt
-
-    from trueterrain import figures
-
-    s, height = design.vertices()
-    cleats = _cleat_places(design)
-    figure, (above, below) = plt.subplots(
-        2, 1, figsize=(8.0, 9.5), layout="constrained", height_ratios=(3.2, 1.0)
-    )
-    figures.plate_plan(
-        cleats,
-        length=design.length,
-        width=design.width,
-        holes=design.holes(),
-        bands=design.bands,
-        ax=above,
-    )
-    figures.plate_section(s, height, thickness=design.thickness, cleats=cleats, ax=below)
-    drawing: Figure = figure
-    return drawing
-
-
-def _plate_report(
-    design: "PlateDesign",
-    view: "PlateView",
-    setup: "ScanSetup",
-    shape: dict[str, Any],
-    drawing: "Figure",
-) -> "Report":
-    import math
-
-    from trueterrain import figures
-    from trueterrain.report import Column, Number, Picture, Report, Section, Table, Text, Warnings
-
-    s, height = design.vertices()
-    seen = figures.plate_view(s, height, returns=(view.s, view.height), shadows=view.shadows)
-    slope = figures.measurable_slope(setup.height, max(2.0, abs(setup.offset) + design.length / 2))
-    weights = [
-        (
-            material,
-            mass,
-            design.mass_of_plate(material),
-            shape["panels"][material],
-            max(design.mass_of_cleat(cleat, material) for cleat in design.cleats),
-        )
-        for material, mass in shape["mass"].items()
-    ]
-    edges = [
-        (
-            edge.name,
-            1000 * edge.s,
-            1000 * edge.rise,
-            "yes" if edge.seen else "no",
-            edge.on_face,
-            1000 * edge.spacing,
-            edge.blurred,
-            math.degrees(min(edge.limit, math.pi / 2)),
-        )
-        for edge in view.edges
-    ]
-    return Report(
-        title="Calibration plate",
-        subtitle=f"{len(design.cleats)} cleats {setup.lie}, laser {setup.height:g} m above the "
-        f"ground, lateral offset of the plate {setup.offset:g} m",
-        headline=(
-            Number(label="Length", value=design.length, unit="m", digits=2),
-            Number(label="Width", value=design.width, unit="m", digits=2),
-            Number(label="Aluminium", value=shape["mass"]["aluminium"], unit="kg", digits=0),
-            Number(label="Steel", value=shape["mass"]["steel"], unit="kg", digits=0),
-            Number(label="Tolerance", value=1000 * design.tolerance, unit="mm", digits=2),
-            Number(label="Returns", value=int(view.s.size)),
-        ),
-        sections=(
-            Section(
-                title="Drawing",
-                blocks=(
-                    Picture(figure=drawing, alt="Dimensioned plan and section of the plate"),
-                    Table(
-                        columns=(
-                            Column(label="Material"),
-                            Column(label="Whole", unit="kg", digits=0),
-                            Column(label="Plate", unit="kg", digits=0),
-                            Column(label="Panels"),
-                            Column(label="Heaviest cleat", unit="kg", digits=1),
-                        ),
-                        rows=weights,
-                        caption="Masses of plate and cleats.",
-                    ),
-                    Text(
-                        paragraph="The profile is linear between the rows of profile.csv: s and "
-                        "height in metres, and the standard uncertainty from the tolerance."
-                    ),
-                ),
-            ),
-            Section(
-                title="View from the scanner",
-                blocks=(
-                    Warnings(items=view.flags),
-                    Picture(figure=seen, alt="Returns on the profile, and shadows"),
-                    Table(
-                        columns=(
-                            Column(label="Steep face"),
-                            Column(label="Place", unit="mm", digits=0),
-                            Column(label="Height", unit="mm", digits=0),
-                            Column(label="Fully in view"),
-                            Column(label="Returns on it"),
-                            Column(label="Points apart", unit="mm", digits=1),
-                            Column(label="Returns across the edge", digits=2),
-                            Column(label="Steepest visible slope", unit="deg", digits=1),
-                        ),
-                        rows=edges,
-                        caption="The spot of a return across an edge averages both sides.",
-                    ),
-                    Picture(
-                        figure=slope, alt="Steepest visible face over the offset from the scanner"
-                    ),
-                    Table(
-                        columns=(
-                            Column(label="Surface"),
-                            Column(label="Reflectivity", unit="%", digits=0),
-                            Column(label="Intensity", unit="counts", digits=0),
-                            Column(label="Returns"),
-                        ),
-                        rows=[
-                            (b.name, 100 * b.reflectivity, b.intensity, b.brightness)
-                            for b in view.bands
-                        ],
-                    ),
-                ),
-            ),
-        ),
-    )

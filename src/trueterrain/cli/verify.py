@@ -1,6 +1,5 @@
 """The command ``trueterrain verify``: accuracy tests of a profiler, and their certificate."""
 
-import json as _json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -18,7 +17,7 @@ _RESULT, _NAMES = "verify", ("certificate.html", "certificate.pdf", "result.json
 
 
 def verify(
-    test: Literal["static", "dynamic", "drift", "table"],
+    test: Annotated[Literal["static", "dynamic", "drift", "table"], Parameter(show_choices=False)],
     config: Path | None = None,
     /,
     *,
@@ -33,18 +32,15 @@ def verify(
     and shift of the plate are estimated first and reported separately. Each figure has a confidence
     interval, and is compared with the limits in the file.
 
-    table needs no file: it simulates the recordings for the four rows of Table 3-1 of the thesis,
-    and compares the thesis's processing with that of trueterrain in table.html.
-
     Example: `trueterrain verify static static.toml -o certified`
 
     Parameters
     ----------
     test
-        Test: "static", "dynamic" or "drift"; or "table".
+        Test: "static", "dynamic" or "drift".
     config
         Settings of the test, a .toml file: runs, machined profile, limits, statements of the
-        certificate; `trueterrain init static`, and so on, print one. None for "table".
+        certificate; `trueterrain init static`, and so on, print one.
     output
         Folder for certificate.html, certificate.pdf, result.json, and the errors as CSV.
     json
@@ -54,73 +50,36 @@ def verify(
         "flags", "instruments": [{"name", "value", "sd", "unit", "detected", "meaning"}],
         "passed"}, lengths in m; rms, off_edges, distance and bias are {"value", "low", "high",
         "confidence", "independent", "trusted"}, findings have the keys of instruments. "passed" is
-        null without limits. Of "table": {"version", "within", "order", "scenes", "rows": [{"test",
-        "recordings", "published", "thesis", "reproduced", "ours", "orders", "registered",
-        "as_it_lies", ...}], "reflectivity", "reproduced"}.
+        null without limits.
     force
         Replace an earlier result of the same command in the folder; other files in it stay.
     """
-    if test == "table":
-        _thesis_table(config, output, json=json, force=force)
-        return
+    if test == "table":  # of earlier versions
+        message = (
+            "verify table is now the study `make study-table`; its page in the documentation is "
+            "'Table 3-1 of the thesis, reproduced'."
+        )
+        raise ValueError(message)
     if config is None:
         message = f"name the settings of the {test} test: verify {test} CONFIG."
         raise ValueError(message)
     from trueterrain.core import whole_folder
-    from trueterrain.report import write_report, write_report_pdf
-    from trueterrain.report.certificate import build_certificate
-    from trueterrain.verify.certificate import certify_profiler, input_files, write_error_tables
+    from trueterrain.report.certificate import write_certificate
+    from trueterrain.verify.certificate import certify_profiler, input_files
 
     with whole_folder(
         output, result=_RESULT, force=force, inputs=input_files(test, config), names=_NAMES
     ) as folder:
         found = certify_profiler(test, config)
-        document = found.to_dict()
-        files = write_error_tables(found, folder)
-        text = _json.dumps(document, indent=2, allow_nan=False)
-        (folder / "result.json").write_text(text + "\n", encoding="utf-8", newline="\n")
-        files.append(("result.json", "all figures, settings and hashes of the inputs"))
-        certificate = build_certificate(found, files)
-        write_report(certificate, folder / "certificate.html")
-        write_report_pdf(certificate, folder / "certificate.pdf")
+        write_certificate(found, folder)
     if json:
-        write_json(document)
+        write_json(found.to_dict())
         return
     for row in _result_rows(found):
         write_line(row)
     for flag in found.flags:
         write_note(f"trueterrain: warning: {flag}")
     write_note(f"{output / 'certificate.html'}: the certificate; certificate.pdf is for printing")
-
-
-def _thesis_table(config: Path | None, output: Path, *, json: bool, force: bool) -> None:
-    from trueterrain.cli._console import progress_bar
-    from trueterrain.cli._verify_table import make_table, table_lines, table_remarks
-    from trueterrain.cli._verify_table_page import table_report
-    from trueterrain.core import whole_folder
-    from trueterrain.report import write_report, write_report_pdf
-
-    if config is not None:
-        message = f"verify table takes no settings, got {config}."
-        raise ValueError(message)
-    with whole_folder(output, result=_RESULT, force=force) as folder:
-        with progress_bar() as progress:
-            made = make_table(progress)
-        document = made.to_dict()
-        text = _json.dumps(document, indent=2, allow_nan=False)
-        (folder / "result.json").write_text(text + "\n", encoding="utf-8", newline="\n")
-        report = table_report(made)
-        write_report(report, folder / "table.html")
-        write_report_pdf(report, folder / "table.pdf")
-    if json:
-        write_json(document)
-        return
-    write_table(table_lines(made))
-    for remark in table_remarks(made):
-        write_line(remark)
-    write_note(
-        f"{output / 'table.html'}: the table, figures and assumptions; table.pdf is for printing"
-    )
 
 
 def _result_rows(found: "CertificateResult") -> Iterator[str]:

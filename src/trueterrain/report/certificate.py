@@ -1,11 +1,13 @@
 """Certificate of an accuracy test: system, method, results and inputs."""
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from trueterrain import figures
 from trueterrain._version import __version__
-from trueterrain.report import (
+from trueterrain.report.findings import findings_blocks, modes_table
+from trueterrain.report.parts import (
     Block,
     Column,
     File,
@@ -18,8 +20,9 @@ from trueterrain.report import (
     Text,
     Warnings,
 )
-from trueterrain.report.findings import findings_blocks, modes_table
-from trueterrain.verify.certificate import CertificateResult, Result
+from trueterrain.report.pdf import write_report_pdf
+from trueterrain.report.write import write_json_file, write_report
+from trueterrain.verify.certificate import CertificateResult, Result, write_error_tables
 from trueterrain.verify.drift import DriftResult
 from trueterrain.verify.dynamic import DynamicResult
 from trueterrain.verify.statistics.uncertainty import AccuracyFigure
@@ -52,6 +55,44 @@ _CAUSES = {
     "edge": "at edges",
     "reflectivity": "flagged intensity",
 }
+
+
+def write_certificate(found: CertificateResult, folder: str | Path) -> list[str]:
+    """Write the certificate of a test, its numbers and its errors into a folder.
+
+    Parameters
+    ----------
+    found : CertificateResult
+        Results and inputs, from `certify_profiler`.
+    folder : str or Path
+        Existing folder.
+
+    Returns
+    -------
+    list of str
+        Names of the files: certificate.html, certificate.pdf, result.json, and the tables of
+        errors as CSV.
+
+    Raises
+    ------
+    OutputError
+        If a file exists, or the folder does not.
+
+    Examples
+    --------
+    >>> from trueterrain.verify.certificate import certify_profiler
+    >>> found = certify_profiler("static", "static.toml")  # doctest: +SKIP
+    >>> write_certificate(found, "certified")  # doctest: +SKIP
+    ['certificate.html', 'certificate.pdf', 'result.json', 'errors-static.csv']
+    """
+    folder = Path(folder)
+    files = write_error_tables(found, folder)
+    write_json_file(found.to_dict(), folder / "result.json")
+    files.append(("result.json", "all figures, settings and hashes of the inputs"))
+    certificate = build_certificate(found, files)
+    write_report(certificate, folder / "certificate.html")
+    write_report_pdf(certificate, folder / "certificate.pdf")
+    return ["certificate.html", "certificate.pdf", "result.json", *(name for name, _ in files[:-1])]
 
 
 def build_certificate(found: CertificateResult, files: list[tuple[str, str]]) -> Report:
@@ -354,7 +395,7 @@ def _input_section(found: CertificateResult, files: list[tuple[str, str]]) -> Se
     )
     text = (
         f"Made with trueterrain {__version__}. Every figure follows from the files below; "
-        "`trueterrain verify` reproduces them from the inputs with these hashes."
+        "trueterrain verify reproduces them from the inputs with these hashes."
     )
     listed = Files(files=[File(path=name, note=note) for name, note in files])
     return Section(title="Inputs and files", text=text, blocks=[table, listed])

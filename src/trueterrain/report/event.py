@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from trueterrain import figures
-from trueterrain.report import (
+from trueterrain.report.event_text import (
+    PredictedEvent,
+    describe_event,
+    describe_flags,
+    describe_response,
+)
+from trueterrain.report.parts import (
     Column,
     Number,
     Picture,
@@ -16,13 +22,10 @@ from trueterrain.report import (
     Table,
     Text,
     Warnings,
-    write_report,
 )
-from trueterrain.vehicle import FullCarParameters
+from trueterrain.report.write import write_json_file, write_report
 from trueterrain.verify.event.design import (
     EventDesign,
-    EventPiece,
-    EventResponse,
     event_errata,
     event_spectrum,
     passage_gain,
@@ -31,120 +34,98 @@ from trueterrain.verify.event.design import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_KMH, _MPH, _INCH = 3.6, 2.236936, 0.0254  # per m/s, per m/s, m
-_SAWN = 0.0015  # [m] tolerance of lumber
 _PAPER = (8.27, 11.69)  # [inches] A4
 
 
 def write_event_page(
-    folder: Path,
-    design: EventDesign,
-    pieces: tuple[EventPiece, ...],
-    moved: EventResponse,
-    car: FullCarParameters,
-    words: dict[str, list[str]],
+    event: PredictedEvent, folder: str | Path, *, force: bool = False
 ) -> list[str]:
-    """Write the drawing (SVG), the page to print (PDF) and the report (HTML) into a folder.
+    """Write drawing, page to print, report and numbers of an excitation event into a folder.
 
     Parameters
     ----------
-    folder : Path
+    event : PredictedEvent
+        The event and the predicted response, from `predict_event`.
+    folder : str or Path
         Existing folder.
-    design : EventDesign
-        The event.
-    pieces : tuple of EventPiece
-        Its cut list.
-    moved : EventResponse
-        Predicted motion.
-    car : FullCarParameters
-        Vehicle of the prediction.
-    words : dict of str to list of str
-        Sentences under ``driving``, ``excited``, ``models`` and ``flags``.
+    force : bool
+        Replace files that are there already.
 
     Returns
     -------
     list of str
-        Names of the files.
+        Names of the files: drawing.svg, event.pdf, event.html and event.json.
+
+    Raises
+    ------
+    OutputError
+        If a file exists and `force` is false, or the folder does not exist.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from trueterrain.report import predict_event
+    >>> from trueterrain.vehicle import named_vehicle
+    >>> from trueterrain.verify.event.design import design_event, event_inputs
+    >>> car = named_vehicle("van")
+    >>> event = predict_event(design_event(event_inputs(car, "pitch")), car, vehicle="van")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_event_page(event, folder)
+    ['drawing.svg', 'event.pdf', 'event.html', 'event.json']
     """
     import matplotlib.pyplot as plt
 
-    drawing = _event_drawing(design, pieces)
-    figures.save_figure(drawing, folder / "drawing.svg")
-    page = _print_page(design, pieces, moved, words)
-    figures.save_figure(page, folder / "event.pdf")
-    report = _event_report(design, pieces, moved, car, words, drawing)
-    write_report(report, folder / "event.html")
+    folder = Path(folder)
+    drawing = _event_drawing(event)
+    figures.save_figure(drawing, folder / "drawing.svg", force=force)
+    figures.save_figure(_print_page(event), folder / "event.pdf", force=force)
+    write_report(_event_report(event, drawing), folder / "event.html", force=force)
+    write_json_file(event.to_dict(), folder / "event.json", force=force)
     plt.close("all")
-    return ["drawing.svg", "event.pdf", "event.html"]
+    return ["drawing.svg", "event.pdf", "event.html", "event.json"]
 
 
-def speed_text(speed: float) -> str:
-    """A speed in m/s, km/h and miles per hour."""
-    return f"{speed:.2f} m/s ({speed * _KMH:.1f} km/h, {speed * _MPH:.1f} mile/h)"
-
-
-def piece_text(piece: EventPiece, spacing: float) -> str:
-    """Line of the cut list; `spacing` [m] gives the width ratio of unsawn lumber."""
-    sizes = (piece.length, piece.width, piece.thickness)
-    size = " x ".join(f"{1000 * value:.0f}" for value in sizes)
-    inches = " x ".join(f"{value / _INCH:.1f}" for value in sizes)
-    unsawn = ""
-    if abs(piece.unsawn_width - piece.width) > _SAWN:
-        ratio = piece.unsawn_width / spacing
-        unsawn = f" (or left {1000 * piece.unsawn_width:.0f} mm wide: w/a {ratio:.2f})"
-    return (
-        f"{piece.count} x {piece.name}, {size} mm ({inches} in), {piece.mass:.1f} kg each: "
-        f"{piece.stock_count} of {piece.stock}; {piece.work}{unsawn}"
-    )
-
-
-def _event_drawing(design: EventDesign, pieces: tuple[EventPiece, ...]) -> "Figure":
+def _event_drawing(event: PredictedEvent) -> "Figure":
     import matplotlib.pyplot as plt
 
     figure: Figure
     figure, axes = plt.subplots(
         2, 1, figsize=(8, 6.4), layout="constrained", height_ratios=(2.2, 1.0)
     )
-    _draw_event(design, pieces, *axes)
+    _draw_event(event, *axes)
     return figure
 
 
-def _draw_event(
-    design: EventDesign, pieces: tuple[EventPiece, ...], above: Any, below: Any
-) -> None:
+def _draw_event(event: PredictedEvent, above: Any, below: Any) -> None:
+    design = event.design
     shape = design.to_dict()
-    whole = pieces[0].length * (1 if design.placement == "across" else 2)
+    whole = event.pieces[0].length * (1 if design.placement == "across" else 2)
     figures.event_plan(shape, across=whole, track=design.inputs.track, ax=above)
     figures.event_side(shape, ax=below)
 
 
-def _print_page(
-    design: EventDesign,
-    pieces: tuple[EventPiece, ...],
-    moved: EventResponse,
-    words: dict[str, list[str]],
-) -> "Figure":
+def _print_page(event: PredictedEvent) -> "Figure":
     import matplotlib.pyplot as plt
 
+    design, response = event.design, event.response
     figure: Any = plt.figure(figsize=_PAPER, layout="constrained")
-    figure.get_layout_engine().set(rect=(0.03, 0.02, 0.94, 0.96))
+    figure.get_layout_engine().set(rect=(0.03, 0.02, 0.94, 0.93))
     grid = figure.add_gridspec(4, 1, height_ratios=(2.8, 1.0, 1.2, 2.2))
     above, below, motion, text = (figure.add_subplot(grid[row]) for row in range(4))
-    _draw_event(design, pieces, above, below)
-    figures.laser_displacement({"time": moved.time, "up": moved.laser}, ax=motion)
+    _draw_event(event, above, below)
+    figures.laser_displacement({"time": response.time, "up": response.laser}, ax=motion)
     text.axis("off")
     lines = []
-    for title, sentences in (
-        ("Cut list", [piece_text(piece, design.spacing) for piece in pieces]),
-        ("Driving", words["driving"]),
-        ("What is excited", [*words["excited"], *words["flags"]]),
-    ):
+    for title, sentences in describe_event(event).items():
+        if title == "Two oscillators":
+            continue  # theory: not needed where the event is built
         lines.append(title.upper())
         for sentence in sentences:
             lines += textwrap.wrap(sentence, 122, initial_indent="- ", subsequent_indent="  ")
         lines.append("")
     written = text.text(0, 1, "\n".join(lines), va="top", fontsize=7.5, linespacing=1.35)
-    figures.draw_names([written, figure.suptitle(_event_title(design), fontsize="large")])
+    title = figure.suptitle(_event_title(design), fontsize="large", y=0.975)  # within the margin
+    figures.draw_names([written, title])
     page: Figure = figure
     return page
 
@@ -156,16 +137,10 @@ def _event_title(design: EventDesign) -> str:
     )
 
 
-def _event_report(
-    design: EventDesign,
-    pieces: tuple[EventPiece, ...],
-    moved: EventResponse,
-    car: FullCarParameters,
-    words: dict[str, list[str]],
-    drawing: "Figure",
-) -> Report:
+def _event_report(event: PredictedEvent, drawing: "Figure") -> Report:
+    design, response, sentences = event.design, event.response, describe_event(event)
     frequency = np.geomspace(0.3, 30.0, 600)
-    gains = passage_gain(car, frequency, design.speed)
+    gains = passage_gain(event.car, frequency, design.speed)
     spectrum = event_spectrum(
         frequency,
         design.speed,
@@ -186,7 +161,7 @@ def _event_report(
         event=(frequency, spectrum),
         speed=design.speed,
     )
-    laser = figures.laser_displacement({"time": moved.time, "up": moved.laser})
+    laser = figures.laser_displacement({"time": response.time, "up": response.laser})
     off = design.tolerances
     sizes = [
         ("speed V", "m/s", design.speed, off["speed"]),
@@ -203,7 +178,9 @@ def _event_report(
             Number(label="Spacing", value=1000 * design.spacing, unit="mm", digits=0),
             Number(label="Cleats", value=design.number),
             Number(label="Width", value=1000 * design.width, unit="mm", digits=0),
-            Number(label="Laser, peak to peak", value=1000 * moved.laser_span, unit="mm", digits=0),
+            Number(
+                label="Laser, peak to peak", value=1000 * response.laser_span, unit="mm", digits=0
+            ),
         ),
         sections=(
             Section(
@@ -226,14 +203,17 @@ def _event_report(
             ),
             Section(
                 title="Cut list",
-                blocks=tuple(Text(paragraph=piece_text(piece, design.spacing)) for piece in pieces),
+                blocks=tuple(Text(paragraph=sentence) for sentence in sentences["Cut list"]),
             ),
-            Section(title="Driving", blocks=tuple(Text(paragraph=w) for w in words["driving"])),
+            Section(
+                title="Driving",
+                blocks=tuple(Text(paragraph=sentence) for sentence in sentences["Driving"]),
+            ),
             Section(
                 title="What is excited",
                 blocks=(
-                    *(Text(paragraph=sentence) for sentence in words["excited"]),
-                    Warnings(items=words["flags"]),
+                    *(Text(paragraph=sentence) for sentence in describe_response(event)),
+                    Warnings(items=describe_flags(event)),
                     Picture(figure=laser, alt="Predicted height of the laser over time"),
                     Picture(
                         figure=passage,
@@ -246,14 +226,14 @@ def _event_report(
                             Column(label="Mode"),
                             Column(label="Fraction of the energy", unit="%", digits=1),
                         ),
-                        rows=[(name, 100 * fraction) for name, fraction in moved.energy.items()],
+                        rows=[(name, 100 * fraction) for name, fraction in response.energy.items()],
                     ),
                 ),
             ),
             Section(
                 title="Two oscillators",
                 blocks=(
-                    *(Text(paragraph=sentence) for sentence in words["models"]),
+                    *(Text(paragraph=sentence) for sentence in sentences["Two oscillators"]),
                     Table(
                         columns=(
                             Column(label="Equation"),

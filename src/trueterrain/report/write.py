@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+import json
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -72,6 +73,30 @@ def write_report(report: Report, path: str | Path, *, force: bool = False) -> No
     with whole_output(path, force=force) as temporary:
         page = _render_page(report, Path(path).absolute().parent)
         temporary.write_text(page, encoding="utf-8", newline="\n")
+
+
+def write_json_file(document: dict[str, Any], path: str | Path, *, force: bool = False) -> None:
+    """Write the numbers of a report as a JSON file.
+
+    Parameters
+    ----------
+    document : dict
+        Finite numbers, text, lists and dictionaries of them.
+    path : str or Path
+        Path of the file.
+    force : bool
+        Replace a file that is there already.
+
+    Raises
+    ------
+    OutputError
+        If the file exists and `force` is false, or its folder does not exist.
+    ValueError
+        If a number is not finite.
+    """
+    with whole_output(path, force=force) as temporary:
+        text = json.dumps(document, indent=2, allow_nan=False)
+        temporary.write_text(text + "\n", encoding="utf-8", newline="\n")
 
 
 def _render_page(report: Report, folder: Path) -> str:

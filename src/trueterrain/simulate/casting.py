@@ -192,9 +192,9 @@ def _cast_marching(
     distance = np.full(len(origin), np.nan)
     distance[hit] = 0.5 * (a + b)
     point = origin + distance[:, None] * direction
+    x, y = point[:, 0], point[:, 1]
     slope = [
-        (ground.height(point[:, 0] + ex, point[:, 1] + ey)
-         - ground.height(point[:, 0] - ex, point[:, 1] - ey)) / (2 * _SLOPE_STEP)
+        (ground.height(x + ex, y + ey) - ground.height(x - ex, y - ey)) / (2 * _SLOPE_STEP)
         for ex, ey in ((_SLOPE_STEP, 0.0), (0.0, _SLOPE_STEP))
-    ]  # fmt: skip
+    ]
     return distance, np.stack(slope, axis=1)

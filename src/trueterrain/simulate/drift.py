@@ -10,13 +10,11 @@ all changes between the days: the ride height, and the crossfall times the dista
 """
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.core.errors import CoverageError, FormatError
 from trueterrain.simulate.noise import (
     GaussMarkov,
     SecondOrderGaussMarkov,
@@ -108,46 +106,7 @@ class DriftSeries:
         check_not_negative(stretch=self.stretch)
 
 
-@dataclass(frozen=True, kw_only=True)
-class MeasuredDrift:
-    """Drift from the height difference of two drives over one road, read from their files.
-
-    See `height_difference` for the files and `DriftSeries` for the parts of the passes.
-    """
-
-    first: Path
-    "CSV file of the poses of the first drive."
-
-    second: Path
-    "CSV file of the poses of the second drive."
-
-    stretch: float = 300.0
-    "Time in the series by which each further pair of passes starts later [s]."
-
-    def __post_init__(self) -> None:
-        """Check the values."""
-        check_not_negative(stretch=self.stretch)
-
-    def series(self) -> DriftSeries:
-        """The drift as a time series.
-
-        Returns
-        -------
-        DriftSeries
-            Difference of the two drives.
-
-        Raises
-        ------
-        FormatError
-            If a file cannot be read.
-        CoverageError
-            If the drives have no road in common.
-        """
-        time, height = height_difference(self.first, self.second)
-        return DriftSeries(time=tuple(time), height=tuple(height), stretch=self.stretch)
-
-
-HeightDrift = GaussMarkovDrift | DriftSeries | MeasuredDrift
+HeightDrift = GaussMarkovDrift | DriftSeries
 
 
 @dataclass(kw_only=True, eq=False)
@@ -197,8 +156,8 @@ def start_drift(drift: HeightDrift, *, seed: int, pass_number: int, rate: float)
 
     Parameters
     ----------
-    drift : GaussMarkovDrift, DriftSeries or MeasuredDrift
-        Parameters; the files of a measured drift are read here.
+    drift : GaussMarkovDrift or DriftSeries
+        Parameters.
     seed : int
         Seed of all random numbers.
     pass_number : int
@@ -240,8 +199,7 @@ def start_drift(drift: HeightDrift, *, seed: int, pass_number: int, rate: float)
         offset = sign * drift.between_passes
         sd = float(np.hypot(offset, drift.height_sd))
         return Drift(sd=sd, offset=offset, process=process, series=none, begin=0.0)
-    series = drift.series() if isinstance(drift, MeasuredDrift) else drift
-    times, heights = np.array(series.time), sign * np.array(series.height)
+    times, heights = np.array(drift.time), sign * np.array(drift.height)
     # mean square of the piecewise linear series
     left, right = heights[:-1], heights[1:]
     square = np.average((left**2 + left * right + right**2) / 3.0, weights=np.diff(times))
@@ -250,108 +208,5 @@ def start_drift(drift: HeightDrift, *, seed: int, pass_number: int, rate: float)
         offset=0.0,
         process=None,
         series=(times, heights),
-        begin=(pass_number // 2) * series.stretch,
+        begin=(pass_number // 2) * drift.stretch,
     )
-
-
-def height_difference(
-    first: str | Path, second: str | Path, *, within: float = 1.0, moving: float = 1.0
-) -> tuple[Float, Float]:
-    """Height difference of two drives over one road, over the time of the second.
-
-    Each pose of the second drive is compared with the nearest one of the first, shifted along its
-    velocity to the foot of the perpendicular. Both must move, and the perpendicular must be short.
-
-    Parameters
-    ----------
-    first, second : str or Path
-        CSV files of poses with the columns ``GPSTime`` [us], ``easting``, ``northing``,
-        ``altitude`` [m], ``vel_east``, ``vel_north``, ``vel_up`` [m/s], such as the
-        ``lidar_poses.csv`` of the Boreas data set.
-    within : float
-        Maximum distance of the tracks [m].
-    moving : float
-        Minimum speed of both drives [m/s].
-
-    Returns
-    -------
-    time : numpy.ndarray, shape (n,)
-        Times of the second drive, the first 0 [s].
-    height : numpy.ndarray, shape (n,)
-        Height of the second drive less that of the first [m].
-
-    Raises
-    ------
-    OSError
-        If a file cannot be opened.
-    FormatError
-        If a file lacks a column, has a value that is not a number, or times that do not ascend.
-    CoverageError
-        If fewer than two poses of the drives are near each other.
-    """
-    check_positive(within=within, moving=moving)
-    from scipy.spatial import cKDTree
-
-    first_drive, second_drive = _read_poses(Path(first)), _read_poses(Path(second))
-    _, nearest = cKDTree(first_drive.position[:, :2]).query(second_drive.position[:, :2])
-    position, velocity = first_drive.position[nearest], first_drive.velocity[nearest]
-    speed = np.hypot(velocity[:, 0], velocity[:, 1])
-    second_speed = np.hypot(second_drive.velocity[:, 0], second_drive.velocity[:, 1])
-    both_move = (speed > moving) & (second_speed > moving)
-    scale = np.where(both_move, speed, 1.0)
-    separation = second_drive.position - position
-    longitudinal = (separation[:, 0] * velocity[:, 0] + separation[:, 1] * velocity[:, 1]) / scale
-    lateral = (separation[:, 1] * velocity[:, 0] - separation[:, 0] * velocity[:, 1]) / scale
-    # a longitudinal distance beyond one spacing means that the first drive has a gap or ends there
-    spacing = np.gradient(first_drive.time)[nearest] * speed
-    usable = both_move & (np.abs(lateral) < within) & (np.abs(longitudinal) < spacing)
-    if np.count_nonzero(usable) < 2:
-        raise CoverageError(
-            f"comes within {within} m of {Path(first).name} at {np.count_nonzero(usable)} poses, "
-            "at least 2 are needed",
-            path=second,
-            cure="Give two drives over the same road.",
-        )
-    height = separation[:, 2] - longitudinal * velocity[:, 2] / scale
-    time = second_drive.time[usable]
-    return time - time[0], height[usable]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Poses:
-    time: Float
-    position: Float
-    velocity: Float
-
-
-_COLUMNS = ("GPSTime", "easting", "northing", "altitude", "vel_east", "vel_north", "vel_up")
-
-
-def _read_poses(path: Path) -> _Poses:
-    import pandas as pd
-
-    try:
-        table = pd.read_csv(path, usecols=list(_COLUMNS), dtype=np.float64)
-    except ValueError as error:
-        raise FormatError(
-            f"is no table of poses ({error})",
-            path=path,
-            cure=f"It must be a CSV file with the columns {', '.join(_COLUMNS)}.",
-        ) from error
-    values = table[list(_COLUMNS)].to_numpy()
-    invalid = ~np.isfinite(values).all(axis=1)
-    time = values[:, 0] * 1e-6
-    if len(values) < 2:
-        raise FormatError(f"must have at least 2 poses, has {len(values)}", path=path)
-    if invalid.any():
-        raise FormatError(
-            "must have a number in each column",
-            path=path,
-            place=f"line {int(np.argmax(invalid)) + 2}",
-        )
-    steps = np.diff(time)
-    if not (steps > 0).all():
-        raise FormatError(
-            "time must ascend", path=path, place=f"line {int(np.argmax(steps <= 0)) + 3}"
-        )
-    return _Poses(time=time, position=values[:, 1:4], velocity=values[:, 4:7])

@@ -42,7 +42,7 @@ class Navigation:
     "Epochs per second [Hz]."
 
     drift: HeightDrift = field(default_factory=GaussMarkovDrift)
-    "Drift of the height: Gauss-Markov process, a given series, or that of two measured drives."
+    "Drift of the height: Gauss-Markov process, or a given series."
 
     horizontal_sd: float = 0.02
     "Standard deviation of the drift (Gauss-Markov) of east and north [m]."

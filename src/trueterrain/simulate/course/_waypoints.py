@@ -106,9 +106,15 @@ def _first_headings(direction: Float, chord: Float, closed: bool) -> tuple[Float
 
 
 def _continuity_conditions(
-    chord: npt.NDArray[np.complex128], heading: Float, curvature: Float, length: Float,
-    begin: npt.NDArray[np.int64], end: npt.NDArray[np.int64], extra: Float, closed: bool,
-) -> tuple[Float, tuple[Float, Float, Float, int]]:  # fmt: skip
+    chord: npt.NDArray[np.complex128],
+    heading: Float,
+    curvature: Float,
+    length: Float,
+    begin: npt.NDArray[np.int64],
+    end: npt.NDArray[np.int64],
+    extra: Float,
+    closed: bool,
+) -> tuple[Float, tuple[Float, Float, Float, int]]:
     """Residuals of the conditions, and their Jacobian as values, rows, columns and size.
 
     Unknowns are headings, curvatures times the mean chord, and logarithms of the lengths.

@@ -1,10 +1,10 @@
-"""Grounds along a course, and measured ground repeated periodically."""
+"""Grounds along a course, and measured ground, also repeated periodically."""
 
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import xarray as xr
@@ -223,7 +223,57 @@ class AlongCourse(Ground):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Repeated(Ground):
+class Measured(Ground):
+    """Measured surface as ground: bilinear between its nodes, NaN outside and in holes.
+
+    Examples
+    --------
+    >>> from trueterrain.core.schemas import make_surface
+    >>> ramp = make_surface([[0.0, 1.0], [0.0, 1.0]], easting=[0, 1], northing=[0, 1])
+    >>> Measured(surface=ramp).height([0.25, 2.0], 0.5)
+    array([0.25,  nan])
+    """
+
+    surface: xr.Dataset
+    "Surface along a reference line, or map."
+
+    def __post_init__(self) -> None:
+        check_surface(self.surface)
+
+    @classmethod
+    def from_file(cls, path: str | Path, **others: Any) -> Self:
+        """Ground from an OpenCRG file.
+
+        Parameters
+        ----------
+        path : str or Path
+            The file.
+        **others : Any
+            Further parameters of the class.
+
+        Raises
+        ------
+        FormatError
+            If it is damaged or not an OpenCRG file.
+        """
+        from trueterrain.formats import opencrg
+
+        return cls(surface=opencrg.read(path), **others)
+
+    def _height(self, x: Floats, y: Floats) -> Floats:
+        from trueterrain.surface.evaluate import heights_at
+
+        return np.asarray(heights_at(self.surface, x, y))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Kind and parameters, and the provenance of the surface."""
+        whole = super().to_dict()
+        del whole["surface"]
+        return whole | {"steps": provenance.provenance_steps(self.surface)}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Repeated(Measured):
     """Measured surface repeated periodically: x is u from its start, y is v.
 
     Mirrored, every other copy is reversed, so that there is no step between them. Otherwise all
@@ -252,7 +302,7 @@ class Repeated(Ground):
     "Range of offsets to use, for example without ragged edges [m]; all by default."
 
     def __post_init__(self) -> None:
-        check_surface(self.surface)
+        super().__post_init__()
         if "u" not in self.surface.dims:
             raise ValueError("surface must lie along a reference line, got a map.")
         for name in ("part_u", "part_v"):
@@ -262,32 +312,6 @@ class Repeated(Ground):
                     f"{name} must be two ascending values from {axis[0]} to {axis[-1]} m, "
                     f"got {part}."
                 )
-
-    @classmethod
-    def from_file(cls, path: str | Path, **others: Any) -> "Repeated":
-        """Ground from an OpenCRG file.
-
-        Parameters
-        ----------
-        path : str or Path
-            The file.
-        **others : Any
-            Further parameters of the class.
-
-        Raises
-        ------
-        FormatError
-            If it is damaged or not an OpenCRG file.
-        """
-        from trueterrain.formats import opencrg
-
-        return cls(surface=opencrg.read(path), **others)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Kind and parameters, and the provenance of the surface."""
-        whole = super().to_dict()
-        del whole["surface"]
-        return whole | {"steps": provenance.provenance_steps(self.surface)}
 
     def _height(self, x: Floats, y: Floats) -> Floats:
         from trueterrain.surface.evaluate import heights_at_uv

@@ -15,6 +15,7 @@ from trueterrain.simulate.ground._noise import (
     cell_normal,
     noise_line,
     seed_key,
+    smooth_ramp,
     smooth_step,
     symmetric_uniform,
     typed_kernel,
@@ -86,9 +87,8 @@ def _side_joint(seed: np.uint64, p: Paving, i: int, j: int) -> float:
 @typed_kernel
 def _slanted_joint(seed: np.uint64, p: Paving, i: int, j: int, offset: float) -> float:
     """Position v of that joint at a distance along the road from the centre of the row [m]."""
-    return (
-        _side_joint(seed, p, i, j) + p.block_slant * symmetric_uniform(seed, _SLANT, i, j) * offset
-    )
+    slant = p.block_slant * symmetric_uniform(seed, _SLANT, i, j)
+    return _side_joint(seed, p, i, j) + slant * offset
 
 
 @typed_kernel
@@ -123,16 +123,10 @@ def _lane_level(seed: np.uint64, p: Paving, lane: int, u: float, v: float) -> fl
         other, edge, distance = k + 1, k + 1, after - u
     ramp = p.field_ramp * (1.0 + p.field_ramp_scatter * symmetric_uniform(seed, _RAMP, lane, edge))
     if distance < 0.5 * ramp:
-        level += (0.5 - _smooth_ramp(distance / ramp)) * (
+        level += (0.5 - smooth_ramp(distance / ramp)) * (
             _field_height(seed, p, lane, other) - level
         )
     return level
-
-
-@typed_kernel
-def _smooth_ramp(t: float) -> float:
-    """Odd smooth ramp from 0 at t = 0 to 0.5 at t = 0.5."""
-    return t * (1.5 - 2.0 * t * t)
 
 
 @typed_kernel
@@ -148,9 +142,9 @@ def _bed_height(seed: np.uint64, p: Paving, u: float, v: float) -> float:
     right = (v - lane * p.field_width) / p.lane_ramp
     left = ((lane + 1) * p.field_width - v) / p.lane_ramp
     if right < 0.5:
-        own += (0.5 - _smooth_ramp(right)) * (_lane_level(seed, p, lane - 1, u, v) - own)
+        own += (0.5 - smooth_ramp(right)) * (_lane_level(seed, p, lane - 1, u, v) - own)
     elif left < 0.5:
-        own += (0.5 - _smooth_ramp(left)) * (_lane_level(seed, p, lane + 1, u, v) - own)
+        own += (0.5 - smooth_ramp(left)) * (_lane_level(seed, p, lane + 1, u, v) - own)
     return level + own
 
 
@@ -161,14 +155,10 @@ def _block_top(seed: np.uint64, p: Paving, i: int, j: int, u: float, v: float) -
     at_v = 0.5 * (_side_joint(seed, p, i, j) + _side_joint(seed, p, i, j + 1))
     du, dv = u - at_u, v - at_v
     half_u, half_v = 0.25 * p.row_pitch, 0.25 * p.block_pitch
-    before, after = (
-        _bed_height(seed, p, at_u - half_u, at_v),
-        _bed_height(seed, p, at_u + half_u, at_v),
-    )
-    right, left = (
-        _bed_height(seed, p, at_u, at_v - half_v),
-        _bed_height(seed, p, at_u, at_v + half_v),
-    )
+    before = _bed_height(seed, p, at_u - half_u, at_v)
+    after = _bed_height(seed, p, at_u + half_u, at_v)
+    right = _bed_height(seed, p, at_u, at_v - half_v)
+    left = _bed_height(seed, p, at_u, at_v + half_v)
     slope_u = p.bedding * (after - before) / (2.0 * half_u)
     slope_v = p.bedding * (left - right) / (2.0 * half_v)
     slope_u += p.lean + p.tilt_scatter * cell_normal(seed, _TILT_U, i, j)
@@ -192,7 +182,7 @@ def _shoulder_fall(p: Paving, distance: float) -> float:
 def _neighbour_fraction(p: Paving, distance: float) -> float:
     """Weight of the neighbour in the height: one half at the centre of the joint."""
     t = 0.5 * distance / (0.5 * p.joint_width + p.shoulder)
-    return 0.0 if t >= 0.5 else 0.5 - _smooth_ramp(t)
+    return 0.0 if t >= 0.5 else 0.5 - smooth_ramp(t)
 
 
 @typed_kernel

@@ -89,6 +89,12 @@ def cell_normal(seed: np.uint64, salt: int, i: int, j: int) -> float:
 
 
 @typed_kernel
+def smooth_ramp(t: float) -> float:
+    """Odd smooth ramp from 0 at t = 0 to 0.5 at t = 0.5."""
+    return t * (1.5 - 2.0 * t * t)
+
+
+@typed_kernel
 def smooth_step(t: float) -> float:
     return t * t * (3.0 - 2.0 * t)
 

@@ -1,15 +1,15 @@
 """Table 3-1 of Smith (2009): four rows, by the thesis's processing and by that of this package.
 
-Both evaluate the same recordings of the virtual profiler, and the results are compared with the
-published figures.
+The virtual profiler records the scenes of the rows; both evaluate the same recordings, and the
+results are compared with the published figures.
 """
 
 import math
+import tempfile
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,11 +19,12 @@ from trueterrain.formats.run import open_run
 from trueterrain.georeference import Screening
 from trueterrain.motion import FusionSettings, fuse_motion
 from trueterrain.motion.trajectory import Trajectory
+from trueterrain.simulate.scene import CalibrationPlate, Scene, read_scene, record_scene
 from trueterrain.verify.dynamic import DynamicResult, DynamicSettings, dynamic_test
-from trueterrain.verify.results import describe_figure
+from trueterrain.verify.plate.design import design_plate, machined_profile
 from trueterrain.verify.static import StaticResult, StaticSettings, static_test
 from trueterrain.verify.statistics.uncertainty import AccuracyFigure, rms_figure
-from trueterrain.verify.thesis.processing import ThesisResult, thesis_dynamic, thesis_static
+from trueterrain.verify.thesis import ThesisResult, thesis_dynamic, thesis_static
 from trueterrain.verify.truth import exact_trajectory
 
 Floats = npt.NDArray[np.float64]
@@ -39,6 +40,16 @@ WITHIN = 0.2
 
 #: Settings of this package: constant speed allows a long window for east, north and yaw.
 _OURS = FusionSettings(method="rts", smoothing_window=2.0)
+
+#: Length at each end of the plate that is not compared: the plate ends in an upright face [m].
+RIM = 0.05
+
+#: Scenes and the rows for which they are recorded; the first gives two rows.
+SCENES = {
+    "thesis-static": "static",
+    "thesis-smooth": "dynamic",
+    "thesis-excited": "dynamic, excited",
+}
 
 _SEARCH = 0.1  # [m] search range around the known place of the plate
 
@@ -88,10 +99,10 @@ class TableRow:
     exact: tuple[DynamicResult, ...] = ()
     "The same with the exact pose; empty for a scanner at rest."
 
-    lying: tuple[DynamicResult, ...] = ()
+    unregistered: tuple[DynamicResult, ...] = ()
     "Results of this package at the known place of the plate, without shift and stretch."
 
-    lying_exact: tuple[DynamicResult, ...] = ()
+    unregistered_exact: tuple[DynamicResult, ...] = ()
     "The same with the exact pose."
 
     on_exact_path: tuple[DynamicResult, ...] = ()
@@ -116,14 +127,14 @@ class TableRow:
         return self.published.holds(self.thesis_rms)
 
     @property
-    def beside(self) -> list[float]:
+    def position_errors(self) -> list[float]:
         """Registered less known place of the plate in each recording [m]."""
         return [
-            found.registration.shift - lying.registration.shift
-            for found, lying in zip(self.ours, self.lying, strict=False)
+            found.registration.shift - unregistered.registration.shift
+            for found, unregistered in zip(self.ours, self.unregistered, strict=False)
         ]
 
-    def ends(self, of: Callable[[ThesisResult], Floats]) -> tuple[float, float]:
+    def find_range(self, of: Callable[[ThesisResult], Floats]) -> tuple[float, float]:
         """Smallest and greatest value of a figure of the thesis's processing [m].
 
         Parameters
@@ -147,60 +158,80 @@ class TableRow:
         figure : str
             rms, off_edges or distance.
         method : str
-            ours, lying or on_exact_path.
+            ours, unregistered or on_exact_path.
 
         Returns
         -------
         float or None
             None for a scanner at rest.
         """
-        exact = self.exact if method == "ours" else self.lying_exact
+        exact = self.exact if method == "ours" else self.unregistered_exact
         if not exact:
             return None
         return pool_figures(getattr(self, method), figure).value / pool_figures(exact, figure).value
 
-    def to_dict(self) -> dict[str, Any]:
-        """Numbers and strings, ready for JSON; lengths in m."""
-        published = self.published
-        lowest, highest = self.ends(lambda found: found.single)
-        max_low, max_high = self.ends(lambda found: found.largest)
-        document: dict[str, Any] = {
-            "test": self.test,
-            "recordings": len(self.thesis),
-            "published": {
-                "low": published.low,
-                "high": published.high,
-                "maximum": published.maximum,
-            },
-            "thesis": {
-                "rms": self.thesis_rms,
-                "rms_low": lowest,
-                "rms_high": highest,
-                "maximum": self.thesis[0].maximum,
-                "maximum_low": max_low,
-                "maximum_high": max_high,
-                "recordings": [found.to_dict() for found in self.thesis],
-            },
-            "reproduced": self.reproduced,
-            "ours": _figure_values(self.ours),
-            "orders": {str(order): rms for order, rms in self.orders.items()},
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ThesisTable:
+    """The table, and the scenes from which it is computed."""
+
+    rows: list[TableRow]
+    "The four rows."
+
+    scenes: list[Scene]
+    "Scenes that were recorded."
+
+    @property
+    def reflectivity(self) -> dict[str, float]:
+        """Error that screening removes from row one: published, thesis's processing and ours [m].
+
+        The root of the difference of the mean squares of rows one and two.
+        """
+        first, second = self.rows[:2]
+        pairs = {
+            "published": (first.published.low, second.published.low),
+            "thesis": (first.thesis_rms, second.thesis_rms),
+            "ours": (pool_figures(first.ours, "rms").value, pool_figures(second.ours, "rms").value),
         }
-        for name, method, exact in (
-            ("registered", "ours", self.exact),
-            ("as_it_lies", "lying", self.lying_exact),
-            ("as_it_lies_on_exact_path", "on_exact_path", self.lying_exact),
-        ):
-            document[name] = (
-                None
-                if not exact
-                else {
-                    "ours": _figure_values(getattr(self, method)),
-                    "exact": _figure_values(exact),
-                    "ratio": {one: self.ratio(one, method) for one in _FIGURES},
-                }
-            )
-        document["beside"] = self.beside
-        return document
+        return {name: math.sqrt(max(a**2 - b**2, 0.0)) for name, (a, b) in pairs.items()}
+
+
+def make_table() -> ThesisTable:
+    """Record the scenes in a temporary folder, and evaluate them."""
+    rows: list[TableRow] = []
+    scenes = []
+    with tempfile.TemporaryDirectory() as folder:
+        for name, test in SCENES.items():
+            scene, path = read_scene(name)
+            runs = record_scene(scene, folder, path=path)
+            plate = scene_plate(scene)
+            machined = _machined_profile(plate)
+            if scene.passes[0].standing is not None:
+                # the intensity of a saturated receiver is its saturation
+                screening = Screening(saturation=scene.scanner.saturation - 1.0)
+                rows += static_rows(runs[0], machined, screening)
+            else:
+                begin = (plate.east - 0.5 * plate.length + RIM, plate.north)
+                rows.append(dynamic_row(test, runs, machined, begin))
+            scenes.append(scene)
+    return ThesisTable(rows=rows, scenes=scenes)
+
+
+def scene_plate(scene: Scene) -> CalibrationPlate:
+    """Calibration plate in the ground of a scene."""
+    (layer,) = (one for one in scene.ground if one["kind"] == "plate")
+    return CalibrationPlate(**{key: value for key, value in layer.items() if key != "kind"})
+
+
+def _machined_profile(plate: CalibrationPlate) -> xr.Dataset:
+    design = design_plate(
+        plate.cleats,
+        length=plate.length - 2 * RIM,
+        cleat_width=plate.cleat,
+        rise=plate.rise,
+        thickness=plate.thickness,
+    )
+    return machined_profile(design)
 
 
 def pool_figures(found: Sequence[StaticResult | DynamicResult], figure: str) -> AccuracyFigure:
@@ -295,7 +326,7 @@ def dynamic_row(
         See `dynamic_test` and `thesis_dynamic`.
     """
     thesis: dict[int, list[ThesisResult]] = {order: [] for order in ORDERS}
-    names = ("ours", "exact", "lying", "lying_exact", "on_exact_path")
+    names = ("ours", "exact", "unregistered", "unregistered_exact", "on_exact_path")
     results: dict[str, list[DynamicResult]] = {name: [] for name in names}
     for run in runs:
         tree = open_run(run)
@@ -309,7 +340,11 @@ def dynamic_row(
             free = replace(_settings_around(path, begin), stretch=True)
             results[method].append(dynamic_test(tree, machined, path, free, name=test))
         mixed = _with_exact_path(smoothed, exact)
-        for method, path in (("lying", smoothed), ("lying_exact", exact), ("on_exact_path", mixed)):
+        for method, path in (
+            ("unregistered", smoothed),
+            ("unregistered_exact", exact),
+            ("on_exact_path", mixed),
+        ):
             fixed = replace(_settings_around(path, begin), search=0.0)
             results[method].append(dynamic_test(tree, machined, path, fixed, name=test))
     orders = {
@@ -343,8 +378,3 @@ def _with_exact_path(path: Trajectory, exact: Trajectory) -> Trajectory:
     position, velocity = part.position.copy(), part.velocity.copy()
     position[:, :2], velocity[:, :2] = true.position[:, :2], true.velocity[:, :2]
     return replace(part, position=position, velocity=velocity)
-
-
-def _figure_values(found: Sequence[StaticResult | DynamicResult]) -> dict[str, Any]:
-    figures: dict[str, Any] = {one: describe_figure(pool_figures(found, one)) for one in _FIGURES}
-    return {**figures, "maximum": max(one.row.maximum for one in found)}

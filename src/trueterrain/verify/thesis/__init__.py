@@ -1,1 +1,0 @@
-"""The processing and Table 3-1 of the 2009 thesis."""
