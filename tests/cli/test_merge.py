@@ -11,7 +11,7 @@ import pytest
 import trueterrain as tt
 from trueterrain import formats
 from trueterrain.core.schemas import make_points
-from trueterrain.simulate.scene import read_scene, record_scene
+from trueterrain.simulate.scene import read_scene
 
 SEAM = 0.0002  # [m] asked of the network adjustment
 APART = 0.012  # [m] between two clouds
@@ -19,7 +19,7 @@ MEAN_ERROR = 0.0005  # [m] of the mean of thousands of points with 2 mm noise, a
 
 
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory):
+def runs(recorded_scene):
     """Two lanes of 10 m."""
     scene, _ = read_scene("belgian-two-lanes")
     scene = replace(
@@ -28,7 +28,7 @@ def runs(tmp_path_factory):
         raster=0.01,
         scanner=replace(scene.scanner, beams=240),
     )
-    return record_scene(scene, tmp_path_factory.mktemp("runs"))
+    return recorded_scene(scene)
 
 
 @pytest.fixture(scope="module")

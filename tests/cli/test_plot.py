@@ -5,13 +5,12 @@ import pytest
 
 from trueterrain.simulate.body import Wave
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import Scene, ScenePass, Vehicle, record_scene
+from trueterrain.simulate.scene import Scene, ScenePass, Vehicle
 
 
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory):
+def runs(recorded_scene):
     """Two passes of a second over a plane, with few beams."""
-    folder = tmp_path_factory.mktemp("runs")
     swing = Wave(component="up", amplitude=0.01, frequency=2.0)
     scene = Scene(
         name="plane",
@@ -23,7 +22,7 @@ def runs(tmp_path_factory):
         vehicle=Vehicle(model="rigid", height=0.8, waves=(swing,)),
         scanner=Scanner(beams=21, rate=100.0, spot_rays=1),
     )
-    return record_scene(scene, folder)
+    return recorded_scene(scene)
 
 
 def is_png(path):
