@@ -35,7 +35,8 @@ test: $(INSTALLED)
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m "not slow"
 
 test-all: test
-	$(BIN)/python -m pytest --numprocesses auto --dist worksteal -m slow
+	$(BIN)/python -m pytest --numprocesses auto --dist worksteal \
+		-m "slow or hypothesis" --hypothesis-profile thorough
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check

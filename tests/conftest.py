@@ -19,8 +19,9 @@ mpl.use("Agg")
 
 # No deadline: the first call of a kernel includes its compilation. Derandomized: each run
 # tests the same examples.
-settings.register_profile("trueterrain", deadline=None, derandomize=True)
-settings.load_profile("trueterrain")
+settings.register_profile("quick", deadline=None, derandomize=True, max_examples=20)
+settings.register_profile("thorough", settings.get_profile("quick"), max_examples=100)
+settings.load_profile("quick")
 
 
 def _data_folder() -> Path:
