@@ -102,6 +102,7 @@ def test_waves_make_tracks_cohere_as_the_isotropic_theory_says(seed):
         npt.assert_allclose(found, theory, rtol=0, atol=COHERENCE)
 
 
+@pytest.mark.slow
 def test_tracks_cohere_as_the_isotropic_theory_says():
     edges = np.geomspace(0.02, 1.0, 8)
     both, alone = np.zeros(7), np.zeros(7)
