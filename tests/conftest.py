@@ -45,7 +45,7 @@ def data() -> Path:
 def recorded_scene(
     pytestconfig: pytest.Config, tmp_path_factory: pytest.TempPathFactory
 ) -> Callable[..., list[Path]]:
-    """Record a scene once per test run, in a folder that all workers of pytest-xdist share.
+    """Record a scene once per test run, in one folder for all workers of pytest-xdist.
 
     Tests that modify a run copy it first.
     """

@@ -139,7 +139,7 @@ def test_one_pass_stays(run, clouds, tmp_path):
     npt.assert_allclose(np.sort(after.z), np.sort(before.z), rtol=0, atol=1e-4)
 
 
-def test_control_points_tell_the_height(run, clouds, tmp_path):
+def test_control_points_determine_the_height(run, clouds, tmp_path):
     x, y = (at.ravel() for at in np.meshgrid(np.arange(2.5, 58, 5), np.arange(2.5, 14, 2)))
     z = 0.2 * np.sin(x / 9) + 0.1 * np.cos(y / 7) + 0.1
     rows = [f"{a},{b},{c},0.002" for a, b, c in zip(x, y, z, strict=True)]

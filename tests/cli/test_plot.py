@@ -30,7 +30,7 @@ def is_png(path):
 
 
 @pytest.mark.parametrize("show", ["ranges", "scan", "motion", "drift", "spectrum"])
-def test_everything_of_a_run_can_be_shown(run, runs, tmp_path, show):
+def test_each_part_of_a_run_is_drawn(run, runs, tmp_path, show):
     picture = tmp_path / "x.png"
     done = run("plot", runs[0], "--show", show, "-o", picture, "--resolution", "40")
     assert (done.code, done.out) == (0, "")
@@ -66,7 +66,7 @@ def test_a_scan_at_a_time(run, runs, tmp_path):
         (["--show", "nothing"], "nothing"),
     ],
 )
-def test_options_that_make_no_sense(run, runs, tmp_path, arguments, message):
+def test_invalid_options_are_refused(run, runs, tmp_path, arguments, message):
     done = run("plot", runs[0], *arguments, "-o", tmp_path / "x.png")
     assert done.code == 2
     assert message in done.err

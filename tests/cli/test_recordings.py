@@ -222,7 +222,7 @@ def test_info_reports_invalid_recordings(run, copy, damage, problem):
         (lambda copy: (copy / "scans" / "time" / "zarr.json").write_text("{"), "is damaged"),
     ],
 )
-def test_runs_beyond_description_are_one_line(run, copy, damage, message):
+def test_unreadable_runs_are_one_line(run, copy, damage, message):
     damage(copy)
     finished = run("info", copy)
     assert (finished.code, finished.out) == (2, "")

@@ -83,13 +83,13 @@ def test_heights_are_finite_everywhere(ground, points):
 
 
 @pytest.mark.parametrize("kind", RANDOM, ids=lambda kind: kind.__name__)
-def test_seeds_make_the_ground(kind, points):
+def test_the_seed_determines_the_ground(kind, points):
     first, again, other = kind(seed=7), kind(seed=7), kind(seed=8)
     npt.assert_allclose(first.height(*points), again.height(*points), **SAME)
     assert not np.array_equal(first.height(*points), other.height(*points))
 
 
-def test_seeds_make_the_road(points):
+def test_the_seed_determines_the_road(points):
     roads = [Road(road_class="C", waves=300, seed=seed).height(*points) for seed in (7, 7, 8)]
     npt.assert_allclose(roads[0], roads[1], **SAME)
     assert abs(np.corrcoef(roads[0], roads[2])[0, 1]) < 0.2  # [1] other waves, not shifted ones

@@ -137,7 +137,7 @@ def test_track_coherence_is_the_integral_over_the_plane():
     npt.assert_allclose(track_coherence(n, distance), argument * k1(argument), rtol=1e-12, atol=0)
 
 
-def test_tracks_at_no_distance_are_one():
+def test_tracks_at_zero_distance_are_equal():
     npt.assert_allclose(track_coherence([0.0, 0.1], 0.0), 1.0, rtol=0, atol=0)
 
 

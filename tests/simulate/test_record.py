@@ -258,7 +258,7 @@ def test_errors_of_the_navigation_are_recorded_less_true(passes):
         assert scans[-1] + 0.001 < time[-1]
 
 
-def test_accelerometers_feel_the_second_derivative_of_where_they_are(passes):
+def test_accelerometers_measure_the_second_derivative_of_their_position(passes):
     for recorded in passes:
         group, truth = recorded.run["accelerometers"], recorded.run["truth/accelerometers"]
         stamp, time = group["time"].values, truth["true_time"].values

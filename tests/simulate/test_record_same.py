@@ -158,7 +158,7 @@ def test_a_standing_vehicle_shows_the_ground_around_its_laser(tmp_path):
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, OSError])
-def test_a_pass_that_is_broken_off_leaves_nothing(tmp_path, error):
+def test_an_interrupted_pass_leaves_no_files(tmp_path, error):
     seen = []
 
     def stop(name, done, total):

@@ -265,7 +265,7 @@ def test_the_template_of_the_default_is_the_default(tmp_path):
         assert word in path.read_text()
 
 
-def test_what_a_table_leaves_out_is_as_in_a_scene_without_it(tmp_path):
+def test_missing_keys_of_a_table_have_their_defaults(tmp_path):
     scene, _ = read_scene(
         written(
             tmp_path, "mounting = { scanner_clock = 0.001 }\naccelerometers = { rate = 1000.0 }"
@@ -414,7 +414,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("text", BAD)
-def test_scenes_that_make_no_sense(text, tmp_path):
+def test_invalid_scenes_are_refused(text, tmp_path):
     (tmp_path / "damaged.crg").write_text("$CT\n")
     if "good.crg" in text:
         from trueterrain import formats
@@ -436,13 +436,13 @@ def test_scenes_that_make_no_sense(text, tmp_path):
     assert len(str(raised.value).removeprefix(f"{path}: ")) < 300
 
 
-def test_a_scene_without_a_name(tmp_path):
+def test_a_scene_without_a_name_is_refused(tmp_path):
     (tmp_path / "s.toml").write_text("seed = 1\n")
     with pytest.raises(FormatError, match=r"s\.toml: name: is missing"):
         read_scene(tmp_path / "s.toml")
 
 
-def test_scenes_that_are_not_there(tmp_path):
+def test_missing_scenes_are_refused(tmp_path):
     with pytest.raises(ValueError, match=r"belgian-two-lane: no ready scene .*'belgian-two-lanes'"):
         read_scene("belgian-two-lane")
     with pytest.raises(ValueError, match="known are belgian-two-lanes, boresight, "):
