@@ -4,12 +4,13 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: help demo test test-all lint types bench study study-faults study-coverage study-table docs clean
+.PHONY: help demo test test-all coverage lint types bench study study-faults study-coverage study-table docs clean
 
 help:
 	@echo "make demo   simulate and process a survey of two lanes of Belgian block: demo/report.html"
 	@echo "make test   run the tests and the examples in docstrings and documentation"
 	@echo "make test-all  the same, then the slow tests: statistical campaigns, whole surveys"
+	@echo "make coverage  measure the branch coverage of the tests, kernels as plain Python"
 	@echo "make lint   check style, formatting, import contracts and words"
 	@echo "make types  check static types"
 	@echo "make bench  measure speed and memory, and those of the peer, in the same run"
@@ -36,7 +37,17 @@ test: $(INSTALLED)
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m "not slow"
 
 test-all: test
-	$(BIN)/python -m pytest --numprocesses auto --dist worksteal -m slow
+	$(BIN)/python -m pytest --numprocesses auto --dist worksteal \
+		-m "slow or hypothesis" --hypothesis-profile thorough
+
+# First all quick tests; then those of kernels with compilation off, since compiled lines are not
+# seen, and where numbers of 64 bits overflow as they are meant to.
+coverage: $(INSTALLED)
+	$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m "not slow" \
+		--cov --cov-report= --cov-fail-under=0
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest --numprocesses auto --dist loadfile \
+		-m "not slow" -W "ignore:overflow encountered:RuntimeWarning" \
+		--cov --cov-append --cov-report=term $(KERNEL_TESTS)
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check
@@ -69,5 +80,5 @@ docs: $(INSTALLED)
 
 clean:
 	rm -rf $(VENV) demo dist docs/_build docs/gallery docs/reference/generated \
-		.pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+		.coverage .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
 	find src tests benchmarks docs studies -name __pycache__ -prune -exec rm -rf {} +

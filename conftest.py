@@ -3,7 +3,12 @@
 import sys
 from collections.abc import Iterator
 
+import numba
 import pytest
+
+# Kernels run in one thread: inputs are small, and threads of several workers of pytest-xdist wait
+# for each other longer than they compute. Tests of threads set their number themselves.
+numba.set_num_threads(1)
 
 
 @pytest.fixture(autouse=True)

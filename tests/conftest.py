@@ -1,7 +1,12 @@
 """Fixtures and settings shared by all tests."""
 
 import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from hashlib import sha256
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import matplotlib as mpl
 import numpy as np
@@ -9,12 +14,16 @@ import pandas as pd
 import pytest
 from hypothesis import settings
 
+if TYPE_CHECKING:
+    from trueterrain.simulate.scene import Scene
+
 mpl.use("Agg")
 
 # No deadline: the first call of a kernel includes its compilation. Derandomized: each run
 # tests the same examples.
-settings.register_profile("trueterrain", deadline=None, derandomize=True)
-settings.load_profile("trueterrain")
+settings.register_profile("quick", deadline=None, derandomize=True, max_examples=20)
+settings.register_profile("thorough", settings.get_profile("quick"), max_examples=100)
+settings.load_profile("quick")
 
 
 def _data_folder() -> Path:
@@ -64,3 +73,46 @@ def measured_drift(data: Path) -> tuple[np.ndarray, np.ndarray]:
     used = moving & (np.abs(lateral) < 1.0) & (np.abs(longitudinal) < spacing)
     height = away[:, 2] - longitudinal * velocity[:, 2] / scale
     return time[used] - time[used][0], height[used]
+
+
+@pytest.fixture(scope="session")
+def recorded_scene(
+    pytestconfig: pytest.Config, tmp_path_factory: pytest.TempPathFactory
+) -> Callable[..., list[Path]]:
+    """Record a scene once per test run, in one folder for all workers of pytest-xdist.
+
+    Tests that modify a run copy it first.
+    """
+    folder = tmp_path_factory.getbasetemp()
+    if hasattr(pytestconfig, "workerinput"):
+        folder = folder.parent
+
+    def record(scene: "Scene", *, path: Path | None = None) -> list[Path]:
+        """Runs of the passes of a scene; `path` is the file of the scene."""
+        from trueterrain.simulate.scene import record_scene
+
+        kept = folder / "scenes" / sha256(f"{scene!r} {path}".encode()).hexdigest()[:16]
+        kept.mkdir(parents=True, exist_ok=True)
+        runs = [kept / f"{scene.name}-{drive.name}.zarr" for drive in scene.passes]
+        with _lock_folder(kept):
+            return (
+                runs if all(run.exists() for run in runs) else record_scene(scene, kept, path=path)
+            )
+
+    return record
+
+
+@contextmanager
+def _lock_folder(folder: Path) -> Iterator[None]:
+    """Let one worker at a time work in a folder."""
+    lock = folder / "lock"
+    while True:
+        try:
+            lock.mkdir()
+            break
+        except FileExistsError:
+            time.sleep(0.05)
+    try:
+        yield
+    finally:
+        lock.rmdir()

@@ -17,7 +17,7 @@ from trueterrain.alignment.discontinuity.alignment import (
 from trueterrain.formats.run import open_run
 from trueterrain.georeference import georeference
 from trueterrain.motion.trajectory import Trajectory
-from trueterrain.simulate.scene import TruthSettings, read_scene, record_scene
+from trueterrain.simulate.scene import TruthSettings, read_scene
 
 SEAM = 1e-3  # [m] what the thesis reaches
 DRIFT = 1.5e-3  # [m] what of a drift of the first order is shorter than the cut-off of 2.5 m
@@ -54,7 +54,7 @@ def drifting(run: Path) -> tuple[Trajectory, xr.Dataset]:
 
 
 @pytest.fixture(scope="module")
-def driven(tmp_path_factory) -> tuple[dict[str, list[xr.Dataset]], dict[str, xr.Dataset]]:
+def driven(recorded_scene) -> tuple[dict[str, list[xr.Dataset]], dict[str, xr.Dataset]]:
     """Points of 6 m of both passes from a scanner with a quarter of the beams and of the rate."""
     scene, _ = read_scene("belgian-two-lanes")
     scene = replace(
@@ -65,7 +65,7 @@ def driven(tmp_path_factory) -> tuple[dict[str, list[xr.Dataset]], dict[str, xr.
         passes=tuple(replace(drive, start=5.0, length=6.0) for drive in scene.passes),
     )
     points, truths = {}, {}
-    for run in record_scene(scene, tmp_path_factory.mktemp("runs")):
+    for run in recorded_scene(scene):
         name = run.stem.removeprefix("belgian-two-lanes-")
         trajectory, truths[name] = drifting(run)
         points[name] = list(georeference(run, trajectory))

@@ -17,7 +17,7 @@ from trueterrain.formats.run import open_run
 from trueterrain.georeference import georeference
 from trueterrain.motion import FusionSettings, fuse_motion
 from trueterrain.simulate.drift import DriftSeries
-from trueterrain.simulate.scene import read_scene, record_scene
+from trueterrain.simulate.scene import read_scene
 from trueterrain.surface import node_coordinates
 from trueterrain.surface.grid import GridSettings
 from trueterrain.surface.placement import GridPlacement
@@ -68,7 +68,7 @@ def errors_of(passes):
 
 
 @pytest.fixture(scope="module")
-def two_passes(tmp_path_factory, measured_drift):
+def two_passes(recorded_scene, measured_drift):
     """Half of the ready scene, with the drift that was measured on the road."""
     scene, _ = read_scene("belgian-two-lanes")
     time, height = measured_drift
@@ -80,7 +80,7 @@ def two_passes(tmp_path_factory, measured_drift):
         scanner=replace(scene.scanner, beams=300),
         navigation=replace(scene.navigation, drift=drift),
     )
-    return passes_of(record_scene(scene, tmp_path_factory.mktemp("two")), scene)
+    return passes_of(recorded_scene(scene), scene)
 
 
 @pytest.fixture(scope="module")
@@ -222,7 +222,7 @@ def test_without_drift_there_is_no_correction(two_passes):
 
 
 @pytest.fixture(scope="module")
-def three_passes(tmp_path_factory):
+def three_passes(recorded_scene):
     """A part of the ready scene: the middle pass driven against the others."""
     scene, _ = read_scene("three-lanes")
     scene = replace(
@@ -231,7 +231,7 @@ def three_passes(tmp_path_factory):
         raster=0.01,
         scanner=replace(scene.scanner, beams=160),
     )
-    return passes_of(record_scene(scene, tmp_path_factory.mktemp("three")), scene)
+    return passes_of(recorded_scene(scene), scene)
 
 
 def cross_slope(surface, passes):
@@ -272,7 +272,7 @@ def test_three_passes_close_without_twist(three_passes):
 
 
 @pytest.fixture(scope="module")
-def lap(tmp_path_factory):
+def lap(recorded_scene):
     """A lap and some metres of a small oval."""
     scene, _ = read_scene("oval")
     scene = replace(
@@ -282,7 +282,7 @@ def lap(tmp_path_factory):
         raster=0.02,
         passes=(replace(scene.passes[0], length=140.0),),
     )
-    return passes_of(record_scene(scene, tmp_path_factory.mktemp("oval")), scene)
+    return passes_of(recorded_scene(scene), scene)
 
 
 def test_a_lap_closes(lap):

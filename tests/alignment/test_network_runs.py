@@ -10,21 +10,21 @@ from trueterrain.alignment import CellSettings, adjust_passes, cells_of_points, 
 from trueterrain.formats.run import open_run
 from trueterrain.georeference import georeference
 from trueterrain.motion import FusionSettings, fuse_motion
-from trueterrain.simulate.scene import read_scene, record_scene
+from trueterrain.simulate.scene import read_scene
 
 CELLS = CellSettings(size=0.1, scans=0)
 SLOWEST = 8.0  # [m/s] of the passes, which are driven at 10 m/s
 
 
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory):
+def runs(recorded_scene):
     """Two passes of 12 m that overlap by half a metre, and their motion; cells of both."""
     scene, _ = read_scene("three-lanes")
     passes = tuple(replace(one, start=20.0, length=12.0, reverse=False) for one in scene.passes[:2])
     ground = ({"kind": "road", "road_class": "C", "seed": 5, "waves": 256},)
     scene = replace(scene, passes=passes, ground=ground, raster=0.02)
     found = []
-    for path in record_scene(scene, tmp_path_factory.mktemp("runs")):
+    for path in recorded_scene(scene):
         trajectory = fuse_motion(open_run(path), settings=FusionSettings(method="rts")).trajectory
         found.append((path, trajectory, cells_of_run(path, trajectory, CELLS, name=path.stem)))
     return found

@@ -13,7 +13,7 @@ from trueterrain import formats
 from trueterrain.core.schemas import make_points
 from trueterrain.formats.run import open_run, write
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import TruthSettings, read_scene, record_scene
+from trueterrain.simulate.scene import TruthSettings, read_scene
 from trueterrain.simulate.scene._parts import Standing
 
 from ._runs import Damaged
@@ -31,7 +31,7 @@ NARROW = {
 
 
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory):
+def recorded(recorded_scene):
     """Six metres of a smooth road at 5 m/s, with default errors."""
     scene, _ = read_scene("belgian-two-lanes")
     scene = replace(
@@ -40,7 +40,7 @@ def recorded(tmp_path_factory):
         passes=(replace(scene.passes[0], start=20.0, length=6.0),),
         ground=({"kind": "road", "road_class": "A", "seed": 3, "waves": 100},),
     )
-    (path,) = record_scene(scene, tmp_path_factory.mktemp("runs"))
+    (path,) = recorded_scene(scene)
     return path
 
 
@@ -227,13 +227,11 @@ def test_a_scanner_of_one_beam_makes_a_line_of_nodes(call, recorded, tmp_path):
 
 
 @pytest.fixture(scope="module")
-def standing(tmp_path_factory):
+def standing(recorded_scene):
     """A vehicle that stands, with default errors of navigation."""
     scene, _ = read_scene("bounce")
     drive = replace(scene.passes[0], standing=Standing(duration=1.0))
-    (path,) = record_scene(
-        replace(scene, **NARROW, passes=(drive,)), tmp_path_factory.mktemp("runs")
-    )
+    (path,) = recorded_scene(replace(scene, **NARROW, passes=(drive,)))
     return path
 
 

@@ -9,7 +9,7 @@ from trueterrain.formats.run import open_run
 from trueterrain.geometry import rotations
 from trueterrain.motion import fuse_motion
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import TruthSettings, read_scene, record_scene
+from trueterrain.simulate.scene import TruthSettings, read_scene
 from trueterrain.surface import PassRecord, grid_along, grid_runs, straight_line
 
 pytestmark = pytest.mark.slow
@@ -26,7 +26,7 @@ HEIGHT = 0.003  # [m] of the kerb, of which the drift of 0.1 s is part
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
+def run(recorded_scene):
     """The scene with the default errors of all instruments; 60 beams in the middle."""
     scene, path = read_scene("kerb")
     scene = replace(
@@ -36,7 +36,7 @@ def run(tmp_path_factory):
         raster=0.01,
         passes=(replace(scene.passes[0], start=6.0, length=12.0),),
     )
-    (recorded,) = record_scene(scene, tmp_path_factory.mktemp("runs"), path=path)
+    (recorded,) = recorded_scene(scene, path=path)
     return recorded
 
 

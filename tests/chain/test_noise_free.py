@@ -28,7 +28,6 @@ from trueterrain.simulate.scene import (
     Scene,
     ScenePass,
     TruthSettings,
-    record_scene,
     set_stage,
 )
 from trueterrain.simulate.scene._scene import LASER
@@ -83,7 +82,7 @@ COURSES = {
 
 
 @pytest.fixture(scope="module", params=COURSES)
-def recorded(request, tmp_path_factory):
+def recorded(request, recorded_scene):
     """Three metres at 5 m/s over a smooth road with a kerb; the run and its ground."""
     course, road, start = COURSES[request.param]
     kerb = {"kind": "step", "position": start - 0.5, "rise": 0.03}
@@ -99,7 +98,7 @@ def recorded(request, tmp_path_factory):
         accelerometers=ACCELEROMETERS,
         truth=TruthSettings(returns=False, spacing=0.1),
     )
-    (run,) = record_scene(scene, tmp_path_factory.mktemp("runs"))
+    (run,) = recorded_scene(scene)
     return run, Raster(set_stage(scene).ground, spacing=scene.raster)
 
 

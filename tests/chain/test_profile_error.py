@@ -25,7 +25,7 @@ from trueterrain.motion import FusionSettings, fuse_motion
 from trueterrain.profile import straight_path, tyre_profile
 from trueterrain.simulate.raster import Raster
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import TruthSettings, read_scene, record_scene, set_stage
+from trueterrain.simulate.scene import TruthSettings, read_scene, set_stage
 from trueterrain.surface import PassRecord, grid_along, grid_runs, straight_line
 from trueterrain.verify import exact_trajectory
 
@@ -44,12 +44,12 @@ THESIS = 4e-3  # [m] at least, of the method of the thesis
 
 
 @pytest.fixture(scope="module")
-def excited(tmp_path_factory):
+def excited(recorded_scene):
     """The scene with its default errors, of which the 70 beams in the middle are recorded."""
     scene, path = read_scene("dynamic-plate-excited")
     middle = Scanner(beams=70, swath=0.3)  # beams as far apart as they are by default
     scene = replace(scene, scanner=middle, truth=TruthSettings(returns=False, spacing=0.1))
-    (run,) = record_scene(scene, tmp_path_factory.mktemp("runs"), path=path)
+    (run,) = recorded_scene(scene, path=path)
     return run, Certificate(run, Raster(set_stage(scene, path=path).ground, spacing=scene.raster))
 
 

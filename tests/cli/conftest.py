@@ -65,12 +65,13 @@ def machined(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def recorded(tmp_path_factory):
+def recorded(tmp_path_factory, recorded_scene):
     """Folder with a standing and a driven run."""
-    from trueterrain.simulate.scene import read_scene, record_scene
+    from trueterrain.simulate.scene import read_scene
 
     folder = tmp_path_factory.mktemp("runs")
     for text in (STANDING, DRIVING):
         (folder / "scene.toml").write_text(text)
-        record_scene(read_scene(folder / "scene.toml")[0], folder)
+        (run,) = recorded_scene(read_scene(folder / "scene.toml")[0])
+        (folder / run.name).symlink_to(run)
     return folder

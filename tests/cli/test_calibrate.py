@@ -18,7 +18,7 @@ from trueterrain.georeference._patches import NAMES
 from trueterrain.simulate.drift import GaussMarkovDrift
 from trueterrain.simulate.navigation import Navigation
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import TruthSettings, read_scene, record_scene
+from trueterrain.simulate.scene import TruthSettings, read_scene
 from trueterrain.simulate.scene._parts import ScenePass
 from trueterrain.survey import read_survey
 
@@ -72,8 +72,8 @@ def scene():
 
 
 @pytest.fixture(scope="module")
-def runs(scene, tmp_path_factory):
-    return record_scene(scene, tmp_path_factory.mktemp("runs"))
+def runs(scene, recorded_scene):
+    return recorded_scene(scene)
 
 
 @pytest.fixture

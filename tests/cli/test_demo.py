@@ -41,6 +41,7 @@ NEAR = 0.05  # fraction of the IRI: a lateral error of 40 mm, 2 sd of navigation
 SEAM = 0.0005  # [m] after merging 12 m of Belgian block
 
 
+@pytest.mark.slow
 def test_the_demo_writes_its_files_and_prints_correct_results(run, tmp_path):
     finished = run("demo", "-o", tmp_path / "demo", "--length", LENGTH, "--seed", 3, "--json")
     assert finished.code == 0, finished.err

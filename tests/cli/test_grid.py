@@ -14,7 +14,7 @@ from trueterrain import formats
 from trueterrain.core import provenance
 from trueterrain.core.schemas import make_points, make_surface
 from trueterrain.simulate.raster import Raster
-from trueterrain.simulate.scene import read_scene, record_scene, set_stage
+from trueterrain.simulate.scene import read_scene, set_stage
 from trueterrain.surface import node_coordinates
 
 GROUND = (
@@ -24,7 +24,7 @@ PLACE = 1e-6  # [m] round-off of map projections
 
 
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory):
+def recorded(recorded_scene):
     """Some metres of a ready scene with default errors, and its stage."""
     scene, _ = read_scene("belgian-two-lanes")
     scene = replace(
@@ -33,7 +33,7 @@ def recorded(tmp_path_factory):
         ground=({"kind": "road", "road_class": "B", "seed": 3, "waves": 200},),
         raster=0.01,
     )
-    (path,) = record_scene(scene, tmp_path_factory.mktemp("runs"))
+    (path,) = recorded_scene(scene)
     return path, set_stage(scene)
 
 
@@ -377,12 +377,11 @@ passes = [{ name = "a", speed = { kind = "constant", speed = 15.0 } }]
 
 
 @pytest.fixture(scope="module")
-def lap(tmp_path_factory):
+def lap(tmp_path_factory, recorded_scene):
     """A run round a circle, a fifth of it twice."""
     folder = tmp_path_factory.mktemp("lap")
     (folder / "lap.toml").write_text(LAP)
-    scene, path = read_scene(folder / "lap.toml")
-    return record_scene(scene, folder, path=path)[0]
+    return recorded_scene(read_scene(folder / "lap.toml")[0])[0]
 
 
 def test_a_closed_trajectory_is_refused_with_the_options_for_one_lap(run, lap, tmp_path):

@@ -361,7 +361,7 @@ def test_bad_thresholds_and_classes(capsys, erd_file, arguments, message):
 
 
 @pytest.mark.parametrize("inches", [3.0, 6.0])
-def test_inches_that_nobody_named_are_not_rated_in_silence(capsys, tmp_path, inches):
+def test_inches_without_a_unit_are_refused(capsys, tmp_path, inches):
     """Their IRI was 6.67 m/km for 1.51."""
     metres = 0.0254 * inches * np.arange(1000)
     rows = np.column_stack([metres, rough(1000, 3)]) / 0.0254

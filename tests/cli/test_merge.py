@@ -11,7 +11,7 @@ import pytest
 import trueterrain as tt
 from trueterrain import formats
 from trueterrain.core.schemas import make_points
-from trueterrain.simulate.scene import read_scene, record_scene
+from trueterrain.simulate.scene import read_scene
 
 SEAM = 0.0002  # [m] asked of the network adjustment
 APART = 0.012  # [m] between two clouds
@@ -19,7 +19,7 @@ MEAN_ERROR = 0.0005  # [m] of the mean of thousands of points with 2 mm noise, a
 
 
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory):
+def runs(recorded_scene):
     """Two lanes of 10 m."""
     scene, _ = read_scene("belgian-two-lanes")
     scene = replace(
@@ -28,7 +28,7 @@ def runs(tmp_path_factory):
         raster=0.01,
         scanner=replace(scene.scanner, beams=240),
     )
-    return record_scene(scene, tmp_path_factory.mktemp("runs"))
+    return recorded_scene(scene)
 
 
 @pytest.fixture(scope="module")
@@ -139,7 +139,7 @@ def test_one_pass_stays(run, clouds, tmp_path):
     npt.assert_allclose(np.sort(after.z), np.sort(before.z), rtol=0, atol=1e-4)
 
 
-def test_control_points_tell_the_height(run, clouds, tmp_path):
+def test_control_points_determine_the_height(run, clouds, tmp_path):
     x, y = (at.ravel() for at in np.meshgrid(np.arange(2.5, 58, 5), np.arange(2.5, 14, 2)))
     z = 0.2 * np.sin(x / 9) + 0.1 * np.cos(y / 7) + 0.1
     rows = [f"{a},{b},{c},0.002" for a, b, c in zip(x, y, z, strict=True)]

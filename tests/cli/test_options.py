@@ -13,7 +13,7 @@ from trueterrain.core.schemas import make_points, make_profile
 from trueterrain.profile import TyreProfileSettings
 from trueterrain.roughness import IriSettings, PsdSettings, RideNumberSettings
 from trueterrain.roughness.agreement import AgreementLimits, AgreementSettings
-from trueterrain.simulate.scene import read_scene, record_scene
+from trueterrain.simulate.scene import read_scene
 
 SCENE = """
 name = "drive"
@@ -75,13 +75,13 @@ def numeric_options(command: str) -> list[tuple[str, list[type | None]]]:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def folder(tmp_path_factory, recorded_scene):
     """Small inputs of every kind."""
     folder = tmp_path_factory.mktemp("inputs")
     (folder / "scene.toml").write_text(SCENE)
-    (run,) = record_scene(read_scene(folder / "scene.toml")[0], folder)
-    run.rename(folder / "run.zarr")
-    (folder / "run2.zarr").symlink_to(folder / "run.zarr")
+    (run,) = recorded_scene(read_scene(folder / "scene.toml")[0])
+    for name in ("run.zarr", "run2.zarr"):
+        (folder / name).symlink_to(run)
     (folder / "survey.toml").write_text('[[runs]]\npath = "run.zarr"\n')
     rng = np.random.default_rng(5)
     tt.write(

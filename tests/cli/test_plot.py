@@ -5,13 +5,12 @@ import pytest
 
 from trueterrain.simulate.body import Wave
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import Scene, ScenePass, Vehicle, record_scene
+from trueterrain.simulate.scene import Scene, ScenePass, Vehicle
 
 
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory):
+def runs(recorded_scene):
     """Two passes of a second over a plane, with few beams."""
-    folder = tmp_path_factory.mktemp("runs")
     swing = Wave(component="up", amplitude=0.01, frequency=2.0)
     scene = Scene(
         name="plane",
@@ -23,7 +22,7 @@ def runs(tmp_path_factory):
         vehicle=Vehicle(model="rigid", height=0.8, waves=(swing,)),
         scanner=Scanner(beams=21, rate=100.0, spot_rays=1),
     )
-    return record_scene(scene, folder)
+    return recorded_scene(scene)
 
 
 def is_png(path):
@@ -31,7 +30,7 @@ def is_png(path):
 
 
 @pytest.mark.parametrize("show", ["ranges", "scan", "motion", "drift", "spectrum"])
-def test_everything_of_a_run_can_be_shown(run, runs, tmp_path, show):
+def test_each_part_of_a_run_is_drawn(run, runs, tmp_path, show):
     picture = tmp_path / "x.png"
     done = run("plot", runs[0], "--show", show, "-o", picture, "--resolution", "40")
     assert (done.code, done.out) == (0, "")
@@ -67,7 +66,7 @@ def test_a_scan_at_a_time(run, runs, tmp_path):
         (["--show", "nothing"], "nothing"),
     ],
 )
-def test_options_that_make_no_sense(run, runs, tmp_path, arguments, message):
+def test_invalid_options_are_refused(run, runs, tmp_path, arguments, message):
     done = run("plot", runs[0], *arguments, "-o", tmp_path / "x.png")
     assert done.code == 2
     assert message in done.err

@@ -9,7 +9,7 @@ import pytest
 import zarr
 
 from trueterrain.formats import info
-from trueterrain.simulate.scene import read_scene, record_scene
+from trueterrain.simulate.scene import read_scene
 
 SCENE = """
 name = "small"
@@ -25,12 +25,11 @@ passes = [{ name = "a", speed = { kind = "constant", speed = 5.0 } }]
 
 
 @pytest.fixture(scope="module")
-def store(tmp_path_factory):
+def store(tmp_path_factory, recorded_scene):
     """A whole run on disk; tests do not change it."""
     folder = tmp_path_factory.mktemp("runs")
     (folder / "small.toml").write_text(SCENE)
-    scene, path = read_scene(folder / "small.toml")
-    return record_scene(scene, folder, path=path)[0]
+    return recorded_scene(read_scene(folder / "small.toml")[0])[0]
 
 
 @pytest.fixture
@@ -223,7 +222,7 @@ def test_info_reports_invalid_recordings(run, copy, damage, problem):
         (lambda copy: (copy / "scans" / "time" / "zarr.json").write_text("{"), "is damaged"),
     ],
 )
-def test_runs_beyond_description_are_one_line(run, copy, damage, message):
+def test_unreadable_runs_are_one_line(run, copy, damage, message):
     damage(copy)
     finished = run("info", copy)
     assert (finished.code, finished.out) == (2, "")

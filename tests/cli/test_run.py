@@ -7,13 +7,13 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from trueterrain.simulate.scene import read_scene, record_scene
+from trueterrain.simulate.scene import read_scene
 from trueterrain.surface.placement import GridPlacement
 from trueterrain.survey import ProfilePathSettings, RunSettings, run_survey, survey_of
 
 
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory):
+def runs(recorded_scene):
     """Two short lanes."""
     scene, _ = read_scene("belgian-two-lanes")
     scene = replace(
@@ -23,7 +23,7 @@ def runs(tmp_path_factory):
         ground=({"kind": "road", "road_class": "B", "seed": 3, "waves": 200},),
         scanner=replace(scene.scanner, beams=200),
     )
-    return record_scene(scene, tmp_path_factory.mktemp("runs"))
+    return recorded_scene(scene)
 
 
 def test_the_commands_init_and_run(run, runs, tmp_path):

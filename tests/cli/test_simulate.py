@@ -74,7 +74,7 @@ def test_json_has_the_same_values(run, scene, runs):
     assert back["bytes"] == sum(file.stat().st_size for file in files)
 
 
-def test_the_seed_is_the_noise(run, scene, tmp_path):
+def test_the_seed_determines_the_noise(run, scene, tmp_path):
     recorded = {}
     for name, options in {"a": (), "b": (), "c": ("--seed", 1), "d": ("--seed", 2)}.items():
         assert run("simulate", scene, "-o", tmp_path / name, *options).code == 0

@@ -66,7 +66,7 @@ def test_every_figure_of_the_certificate_is_recomputed_from_its_files(run, stati
     assert "static, RMS, off edges, distance, bias: of no more than" in page
 
 
-def test_static_speaks_in_a_table(run, static, tmp_path):
+def test_static_prints_a_table(run, static, tmp_path):
     finished = run("verify", "static", static, "-o", tmp_path / "out")
     assert re.search(r"test +RMS \[mm\] +off edges +distance +maximum", finished.out)
     assert "static: off_edges passed, limit 1 mm" in finished.out

@@ -112,7 +112,17 @@ def empty_folder(tmp_path, monkeypatch):
     plt.close("all")
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(
+            page,
+            id=str(page.relative_to(DOCS)),
+            marks=[pytest.mark.slow] if "$ trueterrain simulate " in page.read_text() else [],
+        )
+        for page in PAGES
+    ],
+)
 def test_the_examples_of_a_page_run(page, empty_folder):
     run_page(page)
 

@@ -125,7 +125,7 @@ def test_the_reported_sd_of_navigation_is_drawn_on_both_sides_of_zero():
     assert "± 1 sd reported by navigation" in legend_texts(ax)
 
 
-def test_stretches_that_nothing_ties_are_hatched_and_named():
+def test_stretches_without_observations_are_hatched_and_labelled():
     supported = np.ones(20, bool)
     supported[4:6] = supported[18:] = False
     ax = drawn(figures.pass_correction(correction(begin=50.0, supported=supported)))
@@ -149,7 +149,7 @@ def test_roll_is_written_in_milliradians():
         ({"navigation_sd": {"east": ([77.0], [1.0])}}, "times from 0 to 10"),
     ],
 )
-def test_corrections_that_cannot_be_drawn(changes, message):
+def test_invalid_arguments_of_corrections_are_refused(changes, message):
     with pytest.raises(ValueError, match=message):
         figures.pass_correction(correction(), **changes)
     with pytest.raises(ValueError, match="at least 1 correction"):
@@ -200,7 +200,7 @@ def test_a_constant_correction_has_no_spectrum_but_a_figure():
     assert ax.get_ylim()[1] > ax.get_ylim()[0] > 0
 
 
-def test_speeds_that_have_no_meaning():
+def test_invalid_speeds_are_refused():
     with pytest.raises(ValueError, match=r"speed must be greater than 0 m/s, got 0\."):
         figures.correction_spectrum(correction(), speed=0.0)
     with pytest.raises(ValueError, match="along time"):
@@ -392,7 +392,7 @@ def test_histograms_hold_all_heights_and_the_means_are_correct(aligned):
     assert "station 4.00 m" in notes(ax)
 
 
-def test_medians_are_called_so():
+def test_medians_are_labelled_as_medians():
     lanes = {"left": lane(0.012, 1.0), "right": lane(0.0, 0.0)}
     found = (
         align_along_paths(lanes, DiscontinuitySettings(statistic="median")).pairs[0].discontinuity

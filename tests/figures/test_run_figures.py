@@ -15,7 +15,7 @@ from trueterrain.formats.run import Mounting, open_run
 from trueterrain.simulate.accelerometers import Accelerometers
 from trueterrain.simulate.body import Wave
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import Scene, ScenePass, TruthSettings, Vehicle, record_scene
+from trueterrain.simulate.scene import Scene, ScenePass, TruthSettings, Vehicle
 
 EXACT = {"rtol": 0, "atol": 1e-12}  # [m], [rad], [s] round-off
 QUANTUM = {"rtol": 0, "atol": 0.51e-4}  # [m] half a step of 0.1 mm in which ranges are kept
@@ -40,7 +40,7 @@ def _closed_figures():
     plt.close("all")
 
 
-def recorded(folder, name, **changes):
+def recorded(recorded_scene, name, **changes):
     """Run of a rigid body at 2 m/s with few beams."""
     scene = Scene(
         name=name,
@@ -55,12 +55,11 @@ def recorded(folder, name, **changes):
             **changes,
         },
     )
-    (path,) = record_scene(scene, folder)
-    return open_run(path)
+    return open_run(recorded_scene(scene)[0])
 
 
 @pytest.fixture(scope="module")
-def slope(tmp_path_factory):
+def slope(recorded_scene):
     """Rolling, pitching, yawed scanner over an inclined plane."""
     waves = (
         Wave(component="roll", amplitude=0.03, frequency=1.0),
@@ -68,7 +67,7 @@ def slope(tmp_path_factory):
         Wave(component="up", amplitude=0.02, frequency=2.0),
     )
     return recorded(
-        tmp_path_factory.mktemp("slope"),
+        recorded_scene,
         "slope",
         ground=({"kind": "plane", "slope": 0.03, "camber": -0.02},),
         vehicle=Vehicle(model="rigid", height=0.8, roll=0.02, waves=waves),
@@ -81,10 +80,10 @@ def slope(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def wall(tmp_path_factory):
+def wall(recorded_scene):
     """A wall of 0.2 m from 0.5 m to 0.9 m to the left of the lane."""
     return recorded(
-        tmp_path_factory.mktemp("wall"),
+        recorded_scene,
         "wall",
         ground=(WALL, DROP),
         truth=TruthSettings(spacing=0.005),

@@ -9,7 +9,7 @@ import pytest
 from trueterrain.motion import Trajectory
 from trueterrain.simulate.navigation import Navigation
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import Scene, read_scene, record_scene
+from trueterrain.simulate.scene import Scene, read_scene
 from trueterrain.verify import exact_trajectory
 
 NOISE_FREE = Scanner(
@@ -28,11 +28,11 @@ def short(name: str, **changes: object) -> Scene:
 
 
 @pytest.fixture(scope="session")
-def record(tmp_path_factory) -> Callable[[Scene], tuple[Path, Trajectory]]:
+def record(recorded_scene) -> Callable[[Scene], tuple[Path, Trajectory]]:
     """Record a scene of one pass; the run and its exact motion."""
 
     def recorded(scene: Scene) -> tuple[Path, Trajectory]:
-        (run,) = record_scene(scene, tmp_path_factory.mktemp("run"))
+        (run,) = recorded_scene(scene)
         return run, exact_trajectory(run)
 
     return recorded

@@ -123,7 +123,7 @@ def test_finds_the_true_mounting_from_passes_without_noise(passes):
     assert Mounting.from_attrs(summary["mounting"]) == found.mounting
 
 
-def test_refuses_what_opposite_passes_do_not_tell(passes):
+def test_parameters_that_opposite_passes_do_not_determine_are_refused(passes):
     runs, trajectories, _ = passes
     words = (
         r"do not determine .*lever_x .*correlated with pitch.*lever_z .*Measure lever_x with a tape"
@@ -132,7 +132,7 @@ def test_refuses_what_opposite_passes_do_not_tell(passes):
         calibrate_mounting(runs[:2], trajectories[:2])
 
 
-def test_holds_what_the_passes_do_not_tell_and_says_what_that_does(passes):
+def test_unobservable_parameters_are_held_and_their_sensitivity_is_reported(passes):
     """A held parameter that is wrong makes others wrong, by as much as `sensitivity` says."""
     runs, trajectories, true = passes
     start = Mounting.from_attrs(runs[0].attrs["mounting"])
@@ -150,7 +150,7 @@ def test_holds_what_the_passes_do_not_tell_and_says_what_that_does(passes):
     assert (left < [CLOSE[name] for name in found.parameters]).all()
 
 
-def test_heights_that_one_pass_has_wrong_become_its_offset(passes):
+def test_a_height_error_of_one_pass_becomes_its_offset(passes):
     runs, trajectories, true = passes
     raised = replace(
         trajectories[1], position=trajectories[1].position + np.array([0.0, 0.0, 0.02])
@@ -209,7 +209,7 @@ def test_standard_deviations_are_those_of_errors(passes):
     npt.assert_allclose(np.sqrt(np.mean(np.square(ratios))), 1.0, rtol=0, atol=HONEST)
 
 
-def test_flat_ground_tells_the_roll_and_nothing_that_moves_it(record):
+def test_flat_ground_determines_the_roll_alone(record):
     scene, _ = read_scene("boresight")
     flat = replace(
         scene,
@@ -269,7 +269,7 @@ def test_passes_without_returns_are_refused(passes):
         calibrate_mounting([runs[0], blind], trajectories[:2])
 
 
-def test_arguments_without_sense_are_refused(passes):
+def test_invalid_arguments_are_refused(passes):
     runs, trajectories, _ = passes
     with pytest.raises(ValueError, match="at least 2, with a trajectory each, got 1 and 1"):
         calibrate_mounting(runs[:1], trajectories[:1])
@@ -293,7 +293,7 @@ def test_arguments_without_sense_are_refused(passes):
         ({"area": (1.0, 0.0, 0.0, 1.0)}, "area must be"),
     ],
 )
-def test_settings_without_sense_are_refused(settings, words):
+def test_invalid_settings_are_refused(settings, words):
     with pytest.raises(ValueError, match=words):
         CalibrationSettings(**settings)
 

@@ -112,7 +112,7 @@ def test_standard_deviations_hold_where_the_motion_drifts_within_a_pass(passes):
     assert (rms < high).all(), (rms, high)
 
 
-def test_a_motion_that_drifts_tells_less(passes):
+def test_drift_of_the_motion_increases_standard_deviations(passes):
     runs, trajectories, true = passes
     moved = [drifting(trajectory, 1, f"pass {p}") for p, trajectory in enumerate(trajectories)]
     exact, found = (
@@ -172,8 +172,8 @@ def test_covariances_of_sums_are_those_of_the_process(errors):
     npt.assert_allclose(found, truth, rtol=0, atol=0.02 * np.diag(truth).max())
 
 
-def test_heights_that_do_not_move_are_seen_to_be_steady():
-    """The time of correlation of heights is found from a walk of 5,000 steps."""
+def test_the_correlation_time_of_slow_heights_is_found():
+    """From 5,000 steps of a random walk."""
     rng = np.random.default_rng(5)
     sd = np.zeros((200, 6))
     sd[:, 2] = 0.02
@@ -187,7 +187,7 @@ def test_heights_that_do_not_move_are_seen_to_be_steady():
     npt.assert_array_equal(found.correlation_time[[0, 1, 3, 4, 5]], TIME[[0, 1, 3, 4, 5]])
 
 
-def test_turns_of_the_body_carry_the_scanner():
+def test_rotations_of_the_body_move_the_scanner():
     """Against points of a beam that is turned with the body."""
     mounting = Mounting(scanner_position=(-2.1, 0.12, 1.15), scanner_rotation=(0.03, -0.04, 0.06))
     beam, small = np.array([0.0, 0.4, -2.0]), 1e-6  # [m], [rad]

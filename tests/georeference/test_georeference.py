@@ -259,19 +259,19 @@ def test_bridged_motion_is_counted():
     assert points.attrs["bridged"] == 20
 
 
-def test_motion_at_another_time_is_an_error_that_says_so():
+def test_motion_at_another_time_is_refused():
     angle, delay = fan(beams=10)
     with pytest.raises(CoverageError, match=r"covers none of the 2 scans.*Compare the clocks"):
         list(georeference([scans([5, 6], angle, delay)], moving(), Mounting()))
 
 
-def test_no_return_at_all_is_an_error():
+def test_runs_without_returns_are_refused():
     angle, delay = fan(beams=10)
     with pytest.raises(CoverageError, match="no return in 1 scans"):
         list(georeference([scans([0.5], angle, delay, ranges=np.nan)], moving(), Mounting()))
 
 
-def test_arguments_without_sense_are_refused():
+def test_invalid_arguments_are_refused():
     angle, delay = fan(beams=10)
     block = scans([0.5], angle, delay)
     with pytest.raises(ValueError, match="mounting must be given"):
@@ -296,7 +296,7 @@ def test_arguments_without_sense_are_refused():
         ({"weight": 1.5}, "from 0 to 1"),
     ],
 )
-def test_screening_without_sense_is_refused(settings, words):
+def test_invalid_screening_is_refused(settings, words):
     with pytest.raises(ValueError, match=words):
         Screening(**settings)
 

@@ -75,7 +75,7 @@ def test_poses_of_another_time_do_not_fit(flight):
     assert np.linalg.norm(later - vector, axis=1).min() > 10  # [m]; it flies at 110 m/s
 
 
-def test_vectors_in_the_body_give_the_points_again(flight):
+def test_vectors_in_the_body_give_the_points(flight):
     """Through mounting, scan and beam: each return with the fan that its vector lies in."""
     trajectory, points, enu, _, _ = flight
     chosen = slice(None, None, ORDER)

@@ -56,7 +56,7 @@ def test_points_seen_from_the_body_have_the_stored_scan_angles(leeward):
     npt.assert_allclose(slope, -1, rtol=0, atol=0.01)
 
 
-def test_what_the_body_sees_gives_the_points_back(leeward):
+def test_vectors_from_the_body_give_the_points(leeward):
     trajectory, local, points, _ = leeward
     times = np.array(points.gps_time)
     poses = trajectory.at(times)

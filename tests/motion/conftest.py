@@ -11,7 +11,7 @@ from trueterrain.simulate.accelerometers import AccelerometerStream
 from trueterrain.simulate.navigation import NavigationStream
 from trueterrain.simulate.pose import COMPONENTS
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import TruthSettings, read_scene, record_scene, set_stage
+from trueterrain.simulate.scene import TruthSettings, read_scene, set_stage
 
 LEAD = 0.1  # [s] of navigation and accelerometers before and after the drive
 
@@ -66,7 +66,7 @@ def excited():
 
 
 @pytest.fixture(scope="session")
-def bounce_run(tmp_path_factory):
+def bounce_run(recorded_scene):
     """A recording of the scene `bounce` with a coarse scanner, and the scene."""
     scene, path = read_scene("bounce")
     scene = replace(
@@ -75,7 +75,7 @@ def bounce_run(tmp_path_factory):
         truth=TruthSettings(returns=False, spacing=0.1),
         raster=0.05,
     )
-    (store,) = record_scene(scene, tmp_path_factory.mktemp("bounce"), path=path)
+    (store,) = recorded_scene(scene, path=path)
     return open_run(store), scene
 
 

@@ -358,6 +358,7 @@ def belgian_discs():
     return tuple(distributions(*zip(*pairs, strict=True)) for pairs in (few, many))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("statistic", "stated", "within"), REAL_GROUND, ids=str)
 def test_ratio_of_errors_to_standard_deviations_on_belgian_block(
     belgian_discs, statistic, stated, within

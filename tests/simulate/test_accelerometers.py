@@ -136,7 +136,7 @@ def test_driving_in_a_circle_on_a_banked_road(banking):
     npt.assert_allclose(force, np.tile(truth, (len(force), 1)), rtol=0, atol=QUINTIC)
 
 
-def test_any_motion_equals_differences_of_the_position_of_the_sensor():
+def test_specific_force_equals_second_differences_of_the_position_of_the_sensor():
     """Scipy's rotation and polynomials move the sensor; its path is differenced twice."""
     knots, pose = random_motion(10.0)
     rng = np.random.default_rng(2)
@@ -240,7 +240,7 @@ MANY = 2000  # sensors: a standard deviation of as many numbers is right within 
 MOMENT = 4 / np.sqrt(2 * MANY)
 
 
-def test_constant_errors_have_the_spread_asked_for():
+def test_constant_errors_have_the_given_standard_deviation():
     values = {"bias_sd": 0.05, "scale_sd": 0.002, "tilt_sd": 0.003}
     sensors = stream(positions=((0.0, 0.0, 0.0),) * MANY, **values)
     for drawn, sd in zip((sensors.bias, sensors.scale, sensors.tilt), values.values(), strict=True):

@@ -125,7 +125,7 @@ def test_two_passes_differ_by_the_series():
     npt.assert_allclose(four - three, later, rtol=0, atol=EXACT)
 
 
-def test_a_series_runs_back_and_forth_for_ever():
+def test_a_series_continues_mirrored_at_its_ends():
     series = DriftSeries(time=(2.0, 12.0), height=(0.0, 1.0))
     drift = start_drift(series, seed=1, pass_number=1, rate=1.0)
     heights = drift.next(np.array([0.0, 10.0, 15.0, 20.0, 25.0]))

@@ -102,6 +102,7 @@ def test_waves_make_tracks_cohere_as_the_isotropic_theory_says(seed):
         npt.assert_allclose(found, theory, rtol=0, atol=COHERENCE)
 
 
+@pytest.mark.slow
 def test_tracks_cohere_as_the_isotropic_theory_says():
     edges = np.geomspace(0.02, 1.0, 8)
     both, alone = np.zeros(7), np.zeros(7)
@@ -136,7 +137,7 @@ def test_track_coherence_is_the_integral_over_the_plane():
     npt.assert_allclose(track_coherence(n, distance), argument * k1(argument), rtol=1e-12, atol=0)
 
 
-def test_tracks_at_no_distance_are_one():
+def test_tracks_at_zero_distance_are_equal():
     npt.assert_allclose(track_coherence([0.0, 0.1], 0.0), 1.0, rtol=0, atol=0)
 
 

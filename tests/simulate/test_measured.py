@@ -42,7 +42,7 @@ def test_a_road_sampled_from_a_measured_ground_is_that_ground():
     assert np.isnan((ground + slope).height(100.0, 0.0))
 
 
-def test_provenance_tells_where_the_ground_came_from():
+def test_provenance_includes_the_steps_of_a_measured_ground():
     flat = make_surface(np.zeros((2, 2)), easting=[0, 1], northing=[0, 1])
     ground = Measured(surface=provenance.add_step(flat, "read"))
     sampled = sample_surface(ground + Plane(), easting=[0.0, 0.5], northing=[0.0, 0.5])

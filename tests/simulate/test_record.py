@@ -21,7 +21,7 @@ from trueterrain.simulate.accelerometers import Accelerometers, sensor_triangle
 from trueterrain.simulate.navigation import Navigation
 from trueterrain.simulate.raster import Raster
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import Scene, ScenePass, Stage, read_scene, record_scene, set_stage
+from trueterrain.simulate.scene import Scene, ScenePass, Stage, read_scene, set_stage
 from trueterrain.surface import heights_at, node_coordinates
 
 pytestmark = pytest.mark.slow
@@ -151,10 +151,10 @@ class Recorded:
 
 
 @pytest.fixture(scope="module", params=SCENES)
-def passes(request, tmp_path_factory) -> list[Recorded]:
+def passes(request, recorded_scene) -> list[Recorded]:
     scene = SCENES[request.param]()
     stage = set_stage(scene)
-    runs = record_scene(scene, tmp_path_factory.mktemp("runs"))
+    runs = recorded_scene(scene)
     return [Recorded(stage, check_run(open_run(run), run), motion_of(run)) for run in runs]
 
 
@@ -258,7 +258,7 @@ def test_errors_of_the_navigation_are_recorded_less_true(passes):
         assert scans[-1] + 0.001 < time[-1]
 
 
-def test_accelerometers_feel_the_second_derivative_of_where_they_are(passes):
+def test_accelerometers_measure_the_second_derivative_of_their_position(passes):
     for recorded in passes:
         group, truth = recorded.run["accelerometers"], recorded.run["truth/accelerometers"]
         stamp, time = group["time"].values, truth["true_time"].values

@@ -12,7 +12,7 @@ from trueterrain.simulate.accelerometers import Accelerometers
 from trueterrain.simulate.navigation import Navigation, NavigationStream
 from trueterrain.simulate.pose import PoseKnots
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import Scene, ScenePass, Standing, TruthSettings, record_scene
+from trueterrain.simulate.scene import Scene, ScenePass, Standing, TruthSettings
 
 DURATION = 10.0  # [s]
 BEAMS, RATE = 100, 500.0
@@ -21,7 +21,7 @@ ACCELEROMETERS = Accelerometers(noise_density=0.002, filter_order=4)
 
 
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory):
+def runs(recorded_scene):
     """Two passes of a vehicle that stands on a plane."""
     standing = Standing(duration=DURATION)
     scene = Scene(
@@ -33,7 +33,7 @@ def runs(tmp_path_factory):
         truth=TruthSettings(spacing=0.1),
         seed=12,
     )
-    return [open_run(path) for path in record_scene(scene, tmp_path_factory.mktemp("still"))]
+    return [open_run(path) for path in recorded_scene(scene)]
 
 
 def test_ranges_have_the_noise_asked_for(runs):

@@ -10,7 +10,7 @@ from scipy.signal import find_peaks, periodogram
 from trueterrain.formats.run import open_run
 from trueterrain.simulate.ground import ExcitationEvent
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import TruthSettings, Vehicle, read_scene, record_scene
+from trueterrain.simulate.scene import TruthSettings, Vehicle, read_scene
 from trueterrain.vehicle import GOLDEN_QUARTER_CAR
 
 G = 9.80665  # [m/s^2]
@@ -23,7 +23,7 @@ HOP, HOP_WITHIN = 10.75, 1.0
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory):
+def run(recorded_scene):
     scene, _ = read_scene("dynamic-plate-excited")
     scene = replace(
         scene,
@@ -32,7 +32,7 @@ def run(tmp_path_factory):
         truth=TruthSettings(spacing=0.1, returns=False),
     )
     assert scene.passes[0].speed == {"kind": "constant", "speed": SPEED}
-    (path,) = record_scene(scene, tmp_path_factory.mktemp("event"))
+    (path,) = recorded_scene(scene)
     return open_run(path)
 
 

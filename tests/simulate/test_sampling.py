@@ -118,7 +118,7 @@ def test_noise_has_the_sd_that_is_requested():
     assert abs(float(error.mean())) < 6 * 0.002 / np.sqrt(20_000)
 
 
-def test_seeds_make_the_points():
+def test_the_seed_determines_the_points():
     points = [sample_points(ramp, 100, (0, 0, 1, 1), seed=seed) for seed in (1, 1, 2)]
     npt.assert_array_equal(points[0].easting, points[1].easting)
     assert not np.array_equal(points[0].easting, points[2].easting)

@@ -139,7 +139,7 @@ def test_the_largest_slope_that_is_seen(offset):
     assert seen["steeper"] == 0
 
 
-def test_what_lies_behind_a_wall_is_in_its_shadow():
+def test_ground_behind_a_wall_is_in_its_shadow():
     angle = PERFECT.angle
     wall = Step(position=0.5, rise=0.2, direction=np.pi / 2) + Step(
         position=0.6, rise=-0.2, direction=np.pi / 2
@@ -319,12 +319,12 @@ def test_true_time_is_stamp_plus_clock():
         ("nominal_height", float("nan"), "greater than 0"),
     ],
 )
-def test_a_scanner_that_cannot_be(name, value, rule):
+def test_an_impossible_scanner_is_refused(name, value, rule):
     with pytest.raises(ValueError, match=f"{name} must be .*{rule}"):
         Scanner(**{name: value})
 
 
-def test_a_motion_that_is_too_short():
+def test_a_motion_that_is_too_short_is_refused():
     with pytest.raises(ValueError, match="before the last beam"):
         ScannerStream(PERFECT, Mounting(), Plane(), seed=1).record(standing(), 0, 5.0)
 

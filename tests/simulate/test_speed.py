@@ -48,13 +48,13 @@ def test_speed_and_acceleration_are_continuous(speed):
 
 @any_speed
 @pytest.mark.parametrize("length", [0.3, 20.0, 137.0])
-def test_a_pass_takes_as_long_as_it_takes(speed, length):
+def test_the_duration_of_a_pass_is_where_its_length_is_reached(speed, length):
     end = speed.duration(length)
     npt.assert_allclose(speed.at(end).distance[0], length, **ARRIVAL)
     assert speed.at(end - 1e-3).distance[0] < length
 
 
-def test_constant_speed_has_no_begin():
+def test_constant_speed_holds_before_the_start():
     npt.assert_allclose(Constant(speed=4.0).at([-2.0, 3.0]).distance, [-8.0, 12.0], **EXACT)
     npt.assert_allclose(SPEEDS["ramp in time"].at(-2.0).distance, [-6.0], **EXACT)
     npt.assert_allclose(SPEEDS["stop and go"].at(-2.0).distance, [0.0], **EXACT)

@@ -15,7 +15,7 @@ from trueterrain.motion import Trajectory
 from trueterrain.simulate.navigation import Navigation
 from trueterrain.simulate.raster import Raster
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import RoadShape, Scene, ScenePass, record_scene, set_stage
+from trueterrain.simulate.scene import RoadShape, Scene, ScenePass, set_stage
 from trueterrain.verify import exact_trajectory
 
 NOISE_FREE = Scanner(
@@ -38,7 +38,7 @@ class Driven:
 
 
 @pytest.fixture(scope="session")
-def drive(tmp_path_factory) -> Callable[..., Driven]:
+def drive(recorded_scene) -> Callable[..., Driven]:
     """Drive over a smooth road, 8 m/s on a van, and record it, by default without noise."""
 
     def driven(
@@ -59,7 +59,7 @@ def drive(tmp_path_factory) -> Callable[..., Driven]:
             passes=(ScenePass(name="pass", start=start, length=length, speed=how),),
             **{"ground": SMOOTH, "scanner": NOISE_FREE, "navigation": Navigation(), **changes},
         )
-        (path,) = record_scene(scene, tmp_path_factory.mktemp("run"))
+        (path,) = recorded_scene(scene)
         blocks = list(scan_blocks(path))
         trajectory, mounting = exact_trajectory(path), mounting_of(open_run(path))
         return Driven(

@@ -245,6 +245,7 @@ def test_standard_deviations_are_honest_without_errors_of_the_pose(drive, bankin
     assert 0.9 < np.sqrt(np.mean(ratio**2)) < 1.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "sd", [[0.002, 0.002, 0.001, 3e-4, 3e-4, 3e-4], [0.01, 0.01, 0.0, 2e-3, 2e-3, 1e-3]]
 )

@@ -44,7 +44,7 @@ TRUE_IRI = 0.03  # relative change of the IRI of a class B road by 20 mm of rang
 
 
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory):
+def runs(recorded_scene):
     """Two lanes of 13 m that overlap, with default errors; the second 20 mm too low by drift."""
     scene, _ = read_scene("belgian-two-lanes")
     scene = replace(
@@ -54,7 +54,7 @@ def runs(tmp_path_factory):
         ground=({"kind": "road", "road_class": "B", "seed": 3, "waves": 200},),
         scanner=replace(scene.scanner, beams=400),
     )
-    return record_scene(scene, tmp_path_factory.mktemp("runs"))
+    return recorded_scene(scene)
 
 
 @pytest.fixture(scope="module")

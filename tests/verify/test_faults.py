@@ -19,7 +19,6 @@ from trueterrain.simulate.scene import (
     ScenePass,
     Standing,
     read_scene,
-    record_scene,
 )
 from trueterrain.verify.dynamic import DynamicSettings, dynamic_test
 from trueterrain.verify.static import StaticSettings, static_test
@@ -40,7 +39,7 @@ def _machined():
     return make_profile(s, CalibrationPlate().height(s - 0.6, 0.0))
 
 
-def _dynamic(folder, **parts):
+def _dynamic(recorded_scene, **parts):
     """Boards under the wheels, on both sides of a strip of plane floor with the plate."""
     plate = {"kind": "plate", "east": MIDDLE, "width": 0.9}
     boards = [
@@ -68,7 +67,7 @@ def _dynamic(folder, **parts):
         passes=(ScenePass(name="run", speed={"kind": "constant", "speed": SPEED}),),
         **parts,
     )
-    run = open_run(record_scene(scene, folder)[0]).load()
+    run = open_run(recorded_scene(scene)[0]).load()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         path = fuse_motion(run).trajectory
@@ -77,21 +76,21 @@ def _dynamic(folder, **parts):
 
 
 @pytest.fixture(scope="module")
-def late(tmp_path_factory):
+def late(recorded_scene):
     """A scanner whose stated clock is 1 ms too large."""
     declared = Mounting(scanner_position=LASER, scanner_clock=CLOCK)
-    return _dynamic(tmp_path_factory.mktemp("late"), declared=declared)
+    return _dynamic(recorded_scene, declared=declared)
 
 
 @pytest.fixture(scope="module")
-def strong(tmp_path_factory):
+def strong(recorded_scene):
     """Accelerometers that read 3 % too much."""
     sensors = Accelerometers(positions=sensor_triangle(LASER, 0.5), scale=(SCALE,) * 3)
-    return _dynamic(tmp_path_factory.mktemp("strong"), accelerometers=sensors)
+    return _dynamic(recorded_scene, accelerometers=sensors)
 
 
 @pytest.fixture(scope="module")
-def standing(tmp_path_factory):
+def standing(recorded_scene):
     """A scanner with a wrong stated roll, a plate beside its place, a white cleat."""
     scene = Scene(
         name="static",
@@ -104,7 +103,7 @@ def standing(tmp_path_factory):
     scene = replace(
         scene, declared=Mounting(scanner_position=LASER, scanner_rotation=(ROLL, 0.0, 0.0))
     )
-    run = record_scene(scene, tmp_path_factory.mktemp("standing"))[0]
+    run = recorded_scene(scene)[0]
     settings = StaticSettings(
         assumed=-0.942, search=0.05, level=0.0, screening=Screening(saturation=19999.0)
     )

@@ -17,7 +17,7 @@ from trueterrain.report import write_report_pdf
 from trueterrain.simulate.drift import GaussMarkovDrift
 from trueterrain.simulate.navigation import Navigation
 from trueterrain.simulate.scanner import Scanner
-from trueterrain.simulate.scene import TruthSettings, read_scene, record_scene
+from trueterrain.simulate.scene import TruthSettings, read_scene
 from trueterrain.simulate.scene._parts import ScenePass
 from trueterrain.verify.certificate import certify_profiler
 from trueterrain.verify.findings.finding import Finding
@@ -46,7 +46,7 @@ def drifting(folder, text):
 
 
 @pytest.fixture(scope="module")
-def bounce(tmp_path_factory):
+def bounce(recorded_scene):
     """The scene bounce, with few beams; its true clocks are 1.3 ms and -0.7 ms, stated are none."""
     scene, _ = read_scene("bounce")
     scene = replace(
@@ -54,12 +54,12 @@ def bounce(tmp_path_factory):
         scanner=replace(scene.scanner, beams=31, rate=250.0, spot_rays=1),
         truth=TruthSettings(returns=False),
     )
-    (path,) = record_scene(scene, tmp_path_factory.mktemp("bounce"))
+    (path,) = recorded_scene(scene)
     return path, scene
 
 
 @pytest.fixture(scope="module")
-def passes(tmp_path_factory):
+def passes(recorded_scene):
     """Both directions over the steps of the scene boresight, with little drift of navigation."""
     scene, _ = read_scene("boresight")
 
@@ -85,7 +85,7 @@ def passes(tmp_path_factory):
         ),
         passes=(drive("there", 11.5, reverse=False), drive("back", 14.0, reverse=True)),
     )
-    return record_scene(scene, tmp_path_factory.mktemp("passes")), scene
+    return recorded_scene(scene), scene
 
 
 def test_both_clocks_are_found(bounce):
