@@ -11,7 +11,7 @@ from trueterrain.alignment.adjustment.cholesky.factorisation import pattern_of
 from trueterrain.alignment.adjustment.normal_equations import NormalEquations, pair_places
 from trueterrain.alignment.adjustment.shared_cells import SharedCells
 from trueterrain.alignment.adjustment.system import AdjustmentSystem
-from trueterrain.alignment.difference_summary import DifferenceSummary
+from trueterrain.surface.difference import DifferenceSummary
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

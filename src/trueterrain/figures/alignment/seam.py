@@ -10,7 +10,7 @@ from trueterrain.figures import canvas
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from trueterrain.alignment.seams import SeamAgreement
+    from trueterrain.alignment.discontinuity.seams import SeamAgreement
 
 _MIN_STEP = 1e-6  # [m] smaller steps are drawn at this size
 _MARGIN = 1.6  # factor of the axis limits above and below
@@ -40,7 +40,7 @@ def seam_steps(seam: "SeamAgreement", *, ax: "Axes | None" = None) -> "Axes":
 
     Examples
     --------
-    >>> from trueterrain.alignment.seams import SeamAgreement
+    >>> from trueterrain.alignment.discontinuity.seams import SeamAgreement
     >>> from trueterrain.alignment.discontinuity.alignment import SeamSteps
     >>> at, steps = np.array([0.5, 1.5]), np.array([[0.05, 0.04], [-0.05, -0.04]])
     >>> made = SeamAgreement(names=("left", "right"), before=SeamSteps(station=at, step=steps),

@@ -10,11 +10,18 @@ import numpy.typing as npt
 from trueterrain.core.errors import SchemaError
 from trueterrain.georeference import ScanGeometry, Screening
 from trueterrain.surface.accumulate import _kernels
-from trueterrain.surface.accumulate._quantiles import HeightCollection, cell_quantiles
 from trueterrain.surface.accumulate._reach import ScanReach, near_line
-from trueterrain.surface.accumulate._returns import StoredReturns
-from trueterrain.surface.accumulate._thread_sums import ThreadSums
-from trueterrain.surface.accumulate._totals import GOOD, PARTS, STEP, KeptSums, ReturnTotals
+from trueterrain.surface.accumulate._returns import (
+    GOOD,
+    PARTS,
+    STEP,
+    HeightCollection,
+    KeptSums,
+    ReturnTotals,
+    StoredReturns,
+    ThreadSums,
+    cell_quantiles,
+)
 from trueterrain.surface.accumulate.pose_variance import VARIANCE_STEP, PoseVariance
 from trueterrain.surface.cells import Grid
 
