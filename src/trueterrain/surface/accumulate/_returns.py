@@ -7,7 +7,7 @@ of each cell into its part of the array.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -30,6 +30,134 @@ GOOD = 16
 COLLECTED = 50_000_000
 
 _NONE: Any = np.empty((0, 0))
+
+
+class ScanReturns(NamedTuple):
+    """Stored returns of scans, and the rules that screen them."""
+
+    ranges: npt.NDArray[Any]
+    "Stored ranges, shape (scan, beam) [scale]."
+
+    scale: float
+    "Step of the ranges [m]."
+
+    missing: Any
+    "Stored number of a beam without return."
+
+    nearest: float
+    "Begin of the range gate [m]."
+
+    furthest: float
+    "End of the range gate [m]."
+
+    intensity: Any
+    "Intensities, shape (scan, beam), or (0, 0) without screening [counts]."
+
+    floor: float
+    "Min intensity that is not flagged [counts]."
+
+    saturation: float
+    "Max intensity that is not flagged [counts]."
+
+    good_weight: int
+    "Weight of a good return."
+
+    flagged_weight: int
+    "Weight of a flagged return."
+
+
+class CellLayout(NamedTuple):
+    """Where the cells of a grid lie, and the steps in which heights and positions are summed."""
+
+    first_u: float
+    "Station of the first node [m]."
+
+    per_along: float
+    "Cells per metre along the line [1/m]."
+
+    rows: int
+    "Nodes along the line."
+
+    v_right: float
+    "Offset of the rightmost node [m]."
+
+    per_across: float
+    "Cells per metre of offset [1/m]."
+
+    columns: int
+    "Nodes across the line."
+
+    first_row: int
+    "First row whose cells are kept."
+
+    per_step: float
+    "Steps of height per metre [1/m]."
+
+    parts: int
+    "Parts of a cell in which positions are summed."
+
+    furthest_height: float
+    "Magnitude of the heights that can be summed [m]."
+
+    variance_unit: float
+    "Step in which variances are summed [m²]."
+
+
+class SumArrays(NamedTuple):
+    """Sums of cells, shape (cell,); those that are not kept are empty."""
+
+    count: Any
+    "Weights."
+
+    totals: Any
+    "Heights [step]."
+
+    squares: Any
+    "Squares of heights [step²]."
+
+    lows: Any
+    "Min heights as positive integers."
+
+    highs: Any
+    "Max heights as positive integers."
+
+    alongs: Any
+    "Positions in the cell along the line [1/parts]."
+
+    acrosses: Any
+    "Positions in the cell across the line [1/parts]."
+
+    variances: Any
+    "Variances of the points."
+
+    touched: Any
+    "Whether a row has any sum, shape (row,)."
+
+
+class RowsReached(NamedTuple):
+    """Rows that each scan reaches, shape (scan,), or (0,) if they are not noted."""
+
+    low: npt.NDArray[np.int32]
+    "First row."
+
+    high: npt.NDArray[np.int32]
+    "Last row."
+
+    found: npt.NDArray[np.bool_]
+    "Whether the scan was gridded."
+
+
+class CollectedHeights(NamedTuple):
+    """Heights of some cells, one cell after the other; empty if heights are summed instead."""
+
+    first_cell: int
+    "The first of these cells."
+
+    cursor: npt.NDArray[np.int64]
+    "Where the next height of each cell goes, shape (cell,)."
+
+    values: npt.NDArray[np.int32]
+    "Heights, shape (return,) [step]."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,26 +260,13 @@ class ThreadSums:
         )
 
     @property
-    def cells(self) -> tuple[Any, ...]:
-        """Sums of returns, as the loops take them."""
-        return (
-            self.count,
-            self.totals,
-            self.squares,
-            self.lows,
-            self.highs,
-            self.alongs,
-            self.acrosses,
-        )
-
-    @property
-    def sums(self) -> tuple[Any, ...]:
-        """All sums of cells, and which rows have any, as the loops take them."""
-        return (*self.cells, self.variances, self.touched)
+    def arrays(self) -> SumArrays:
+        """All sums of cells, as the loops take them."""
+        return SumArrays(*(getattr(self, name) for name in SumArrays._fields))
 
     def take(self, other: "ThreadSums") -> None:
         """Add the sums of another thread, and set those to zero."""
-        _kernels.merge_sums(*self.sums, other.sums)
+        _kernels.merge_sums(self.arrays, other.arrays)
         self.pose.sums[...] += other.pose.sums
         other.pose.sums[...] = 0
         self.return_totals.add(other.return_totals)
@@ -159,7 +274,7 @@ class ThreadSums:
 
     def clear(self) -> None:
         """Set all sums to zero; the arrays are reused, which is faster than allocating them."""
-        _kernels.clear_sums(self.sums)
+        _kernels.clear_sums(self.arrays)
         self.pose.sums[...] = 0
         self.return_totals = ReturnTotals()
 
@@ -171,6 +286,11 @@ class HeightCollection:
     first_cell: int = 0
     cursor: Any = field(default_factory=lambda: np.empty(0, np.int64))
     values: Any = field(default_factory=lambda: np.empty(0, np.int32))
+
+    @property
+    def arrays(self) -> CollectedHeights:
+        """The collection as the loops take it."""
+        return CollectedHeights(self.first_cell, self.cursor, self.values)
 
 
 def cell_quantiles(
@@ -276,10 +396,10 @@ class StoredReturns:
         return self if covered.all() else self.of(covered)
 
     @property
-    def loops(self) -> tuple[Any, ...]:
-        """Arguments of the kernel."""
+    def arrays(self) -> ScanReturns:
+        """The returns as the loop takes them."""
         screening = self.screening
-        return (
+        return ScanReturns(
             self.ranges,
             self.scale,
             self.missing,
