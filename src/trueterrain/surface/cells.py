@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
+from scipy.spatial import KDTree
 
 from trueterrain.core.schemas import make_surface
 from trueterrain.geometry.grid_frame import Floats, GridFrame, grid_frame, xy_to_uv
@@ -188,8 +189,6 @@ class Grid:
 
     @cached_property
     def _tree(self) -> Any:
-        from scipy.spatial import KDTree
-
         x, y, *_ = self.strips
         centre = 0.5 * (self.v[0] + self.v[-1])
         nx, ny = self.strips[2:4]

@@ -14,6 +14,7 @@ from trueterrain.core.errors import CoverageError, SchemaError
 from trueterrain.core.provenance import add_step
 from trueterrain.core.schemas import check_surface, make_surface
 from trueterrain.core.statistics import nmad
+from trueterrain.geometry.crs import parse_crs
 from trueterrain.geometry.grid_frame import EDGE, grid_frame
 from trueterrain.surface.evaluate import heights_at
 
@@ -303,8 +304,6 @@ def _require_same_crs(surface: xr.Dataset, reference: xr.Dataset) -> None:
         )
         warnings.warn(message, stacklevel=3)
         return
-    from trueterrain.geometry.crs import parse_crs
-
     mine, theirs = (parse_crs(name) for name in names)
     if not mine.equals(theirs, ignore_axis_order=True):
         raise SchemaError(

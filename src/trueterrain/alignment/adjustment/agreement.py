@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import chdtrc
 
 from trueterrain.alignment.adjustment import _kernels
 from trueterrain.alignment.adjustment.cholesky.factorisation import pattern_of
@@ -280,8 +281,6 @@ def _score_statistic(
 
 
 def _drift_test(name: str, statistic: float, degrees_of_freedom: float) -> PassDriftTest:
-    from scipy.special import chdtrc
-
     p_value = float(chdtrc(degrees_of_freedom, statistic)) if degrees_of_freedom > 0 else 1.0
     return PassDriftTest(
         name=name, statistic=statistic, degrees_of_freedom=degrees_of_freedom, p_value=p_value

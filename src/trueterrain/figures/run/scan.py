@@ -8,6 +8,7 @@ import xarray as xr
 from trueterrain.core.errors import CoverageError
 from trueterrain.figures import canvas
 from trueterrain.figures.run import groups
+from trueterrain.surface import heights_at
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -173,8 +174,6 @@ def _draw_true_ground(
     inside = np.flatnonzero(np.isfinite(across))
     if position is None or inside.size < 2 or not groups.has_group(run, "truth/ground"):
         return
-    from trueterrain.surface import heights_at
-
     # In plan, the points of a scan are nearly on a line: the beams differ in time only slightly.
     line = np.linspace(offset.min(), offset.max(), _LINE)
     east, north = (

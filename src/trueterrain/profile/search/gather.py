@@ -20,6 +20,14 @@ from trueterrain.geometry.grid_frame import GridFrame, grid_frame, xy_to_uv
 from trueterrain.geometry.path import WheelPath
 from trueterrain.profile.area import EDGE_TOLERANCE, SearchArea, area_reach
 from trueterrain.profile.distribution import HeightDistributions
+from trueterrain.profile.search import _kernels
+from trueterrain.profile.search._kernels import (
+    find_cells,
+    gather_grid,
+    gather_scattered,
+    number_cells,
+    sort_into_cells,
+)
 
 Float = npt.NDArray[np.float64]
 Integer = npt.NDArray[np.int64]
@@ -67,8 +75,6 @@ def distributions_along(
     HeightDistributions
         One distribution per path point.
     """
-    from trueterrain.profile.search import _kernels
-
     counts, fill = gather(path)
     start = np.concatenate([[0], np.cumsum(counts)])
     dx, dy, heights, distances = (np.empty(start[-1]) for _ in range(4))
@@ -109,8 +115,6 @@ def grid_gatherer(surface: xr.Dataset, area: SearchArea) -> Gatherer:
     Gatherer
         Function that gathers for a part of a path.
     """
-    from trueterrain.profile.search._kernels import gather_grid
-
     frame = grid_frame(surface)
     origin = np.stack([frame.origin_easting, frame.origin_northing], axis=1)
     normal = np.stack([frame.normal_easting, frame.normal_northing], axis=1)
@@ -180,8 +184,6 @@ class ScatteredHeights:
     """
 
     def __init__(self, path: WheelPath, area: SearchArea) -> None:
-        from trueterrain.profile.search._kernels import number_cells
-
         self._area = area
         self._reach = area_reach(area)
         cell = 2.001 * self._reach  # a search area then touches at most four cells
@@ -232,8 +234,6 @@ class ScatteredHeights:
         easting, northing, up : numpy.ndarray, shape (point,)
             Coordinates [m].
         """
-        from trueterrain.profile.search._kernels import find_cells
-
         columns = tuple(np.ascontiguousarray(c, dtype=float) for c in (easting, northing, up))
         for begin in range(0, columns[0].size, _BLOCK):
             block = tuple(column[begin : begin + _BLOCK] for column in columns)
@@ -259,8 +259,6 @@ class ScatteredHeights:
         Gatherer
             Gathers for the path given at the start, or a part of it.
         """
-        from trueterrain.profile.search._kernels import gather_scattered, sort_into_cells
-
         cell = np.concatenate([np.empty(0, np.int32), *(cell for cell, _ in self._kept)])
         points = np.concatenate([np.empty((0, 3)), *(points for _, points in self._kept)])
         begin, order = sort_into_cells(cell, self._cell_count)
