@@ -232,6 +232,8 @@ _MOVED = {
     "core.newey_west": "core.statistics",
     "engine": "core",
     "errors": "core.errors",
+    "figures.roughness.iri": "figures.roughness.segments",
+    "figures.roughness.ride_number": "figures.roughness.segments",
     "kinds": "core.schemas",
     "lanes": "alignment",
     "motion.scan_gaps": "georeference.scans",

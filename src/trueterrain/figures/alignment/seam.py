@@ -83,8 +83,7 @@ def seam_steps(seam: "SeamAgreement", *, ax: "Axes | None" = None) -> "Axes":
     ax.set_ylim(max(sizes.min(), _MIN_STEP) / _MARGIN, max(sizes.max(), _MIN_STEP) * _MARGIN)
     _log_millimetres(ax)
     ax.set_xlabel("Station along the overlap [m]")
-    ax.grid(color="0.9", linewidth=0.6)
-    ax.set_axisbelow(True)
+    canvas.draw_grid(ax)
     small = int((sizes < _MIN_STEP).sum())
     below = f"; {small} below {1e3 * _MIN_STEP:g} mm drawn there" if small else ""
     canvas.annotate_axes(ax, f"without sign{_station_note(seam.before.station)}{below}")

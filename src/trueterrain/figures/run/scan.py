@@ -141,8 +141,7 @@ def scan_elevation(
     ax.set_xlabel(f"Offset from the scanner at {returns.time[0]:.6g} s, left + [m]")
     name = "Height" if returns.position is not None else "Height above the scanner"
     canvas.scale_axis(ax.yaxis, canvas.height_scale(up), name)
-    ax.grid(color="0.9", linewidth=0.6)
-    ax.set_axisbelow(True)
+    canvas.draw_grid(ax)
     ax.margins(x=0.01)
     canvas.note_exaggeration(ax)
     canvas.legend_above(ax)
