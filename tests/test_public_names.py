@@ -111,6 +111,11 @@ RENAMED = {
     "check_run": "tt.formats.run.check_run",
     "continuous_iri": "tt.roughness.continuous_iri",
     "curve_path": "tt.paths.curve_path",
+    "figures.lane_correction": "tt.figures.pass_correction",
+    "figures.lane_histograms": "tt.figures.pass_histograms",
+    "figures.lane_overlap": "tt.figures.overlap_map",
+    "figures.mode_shares": "tt.figures.mode_energies",
+    "figures.place_spread": "tt.figures.position_sensitivity",
     "function_path": "tt.paths.function_path",
     "polyline_path": "tt.paths.polyline_path",
     "rolling_straightedge": "tt.roughness.rolling_straightedge",
@@ -119,11 +124,25 @@ RENAMED = {
 }
 
 MOVED = {
+    "alignment.clouds.stations": "alignment.clouds.trajectory",
+    "alignment.difference_summary": "surface.difference",
+    "alignment.discontinuity.seam": "alignment.discontinuity.seams",
+    "alignment.observations.visit_sums": "alignment.observations.collection",
+    "alignment.seams": "alignment.discontinuity.seams",
+    "core.newey_west": "core.statistics",
     "engine": "core",
     "errors": "core.errors",
+    "figures.roughness.iri": "figures.roughness.segments",
+    "figures.roughness.ride_number": "figures.roughness.segments",
     "kinds": "core.schemas",
     "lanes": "alignment",
+    "motion.scan_gaps": "georeference.scans",
+    "profile.envelope.cams": "profile.envelope.rigid",
+    "profile.envelope.disc": "profile.envelope.rigid",
+    "profile.search.grid": "profile.search.gather",
+    "profile.search.scattered": "profile.search.gather",
     "provenance": "core.provenance",
+    "surface.summary": "surface.evaluate",
 }
 
 PROFILE = {
@@ -229,7 +248,7 @@ def test_every_public_name_can_be_imported():
 def test_an_earlier_name_works_and_warns_with_the_new_one(old):
     new = RENAMED[old]
     with pytest.warns(DeprecationWarning, match=rf"tt\.{old} is {new} now"):
-        found = getattr(trueterrain, old)
+        found = attrgetter(old)(trueterrain)
     assert found is attrgetter(new.removeprefix("tt."))(trueterrain)
 
 

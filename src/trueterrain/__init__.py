@@ -224,11 +224,25 @@ _RENAMED = {
 
 # Modules of earlier versions, kept for one release, and those that replace them.
 _MOVED = {
+    "alignment.clouds.stations": "alignment.clouds.trajectory",
+    "alignment.difference_summary": "surface.difference",
+    "alignment.discontinuity.seam": "alignment.discontinuity.seams",
+    "alignment.observations.visit_sums": "alignment.observations.collection",
+    "alignment.seams": "alignment.discontinuity.seams",
+    "core.newey_west": "core.statistics",
     "engine": "core",
     "errors": "core.errors",
+    "figures.roughness.iri": "figures.roughness.segments",
+    "figures.roughness.ride_number": "figures.roughness.segments",
     "kinds": "core.schemas",
     "lanes": "alignment",
+    "motion.scan_gaps": "georeference.scans",
+    "profile.envelope.cams": "profile.envelope.rigid",
+    "profile.envelope.disc": "profile.envelope.rigid",
+    "profile.search.grid": "profile.search.gather",
+    "profile.search.scattered": "profile.search.gather",
     "provenance": "core.provenance",
+    "surface.summary": "surface.evaluate",
 }
 
 __all__ = [

@@ -10,9 +10,9 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
+from trueterrain.alignment.discontinuity.seams import find_seams
 from trueterrain.alignment.merge import MergeSettings, compare_passes, merge_cells
 from trueterrain.alignment.run_passes import cells_of_passes, merge_runs
-from trueterrain.alignment.seams import find_seams
 from trueterrain.formats.run import open_run
 from trueterrain.georeference import georeference
 from trueterrain.motion import FusionSettings, fuse_motion

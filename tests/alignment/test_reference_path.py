@@ -15,7 +15,7 @@ from trueterrain.alignment.discontinuity.reference_path import (
     straight_reference,
     waypoint_reference,
 )
-from trueterrain.alignment.discontinuity.seam import PairCells
+from trueterrain.alignment.discontinuity.seams import PairCells
 from trueterrain.alignment.observations.overlap import (
     OccupiedCells,
     Overlap,

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import pytest
 
-from trueterrain.core import _rename, whole_folder, whole_output, whole_store, whole_stores
+from trueterrain.core import _staging, whole_folder, whole_output, whole_store, whole_stores
 from trueterrain.core._staging import recover_folder
 from trueterrain.core.errors import OutputError
 from trueterrain.core.manifest import missing_files
@@ -63,7 +63,7 @@ def watch() -> Iterator[_Watch]:
 def system(request, monkeypatch):
     """File systems that exchange names, that have hard links only, and that have neither."""
     if request.param != "exchange":
-        monkeypatch.setattr(_rename, "_rename_with_flag", lambda *_: False)
+        monkeypatch.setattr(_staging, "_rename_with_flag", lambda *_: False)
     if request.param == "neither":
 
         def refuse(*_, **__):
@@ -180,7 +180,7 @@ def test_killed_at_any_call_the_old_or_the_new_output_is_whole(
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("name", ["store", "folder", "stores"])
 def test_a_stop_during_the_move_waits_for_its_end(tmp_path, watch, monkeypatch, name, number):
-    monkeypatch.setattr(_rename, "_rename_with_flag", lambda *_: False)
+    monkeypatch.setattr(_staging, "_rename_with_flag", lambda *_: False)
     case = CASES[name]
     write(case, tmp_path, "old", force=True)
     sent = []
@@ -195,7 +195,7 @@ def test_a_stop_during_the_move_waits_for_its_end(tmp_path, watch, monkeypatch, 
 
     moving = {"store": "replace_store", "folder": "replace_entry", "stores": "replace_entry"}[name]
     place = "trueterrain.core.output" if name == "store" else "trueterrain.core._staging"
-    whole = getattr(_rename, moving)
+    whole = getattr(_staging, moving)
 
     def interrupted(*arguments):
         if not sent:
@@ -245,13 +245,13 @@ def test_a_name_taken_in_the_last_moment_is_not_replaced(tmp_path, system):
     (tmp_path / "new").write_text("new")
     (tmp_path / "a").write_text("meanwhile")
     with pytest.raises(FileExistsError):
-        _rename.publish_file(tmp_path / "new", tmp_path / "a")
+        _staging.publish_file(tmp_path / "new", tmp_path / "a")
     assert (tmp_path / "a").read_text() == "meanwhile"
     (tmp_path / "full" / "x").mkdir(parents=True)
     (tmp_path / "folder").mkdir()
     for target in ("a", "full"):
         with pytest.raises(FileExistsError):
-            _rename.publish_folder(tmp_path / "folder", tmp_path / target)
+            _staging.publish_folder(tmp_path / "folder", tmp_path / target)
 
 
 @pytest.mark.parametrize("force", [False, True])

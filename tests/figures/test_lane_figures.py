@@ -28,7 +28,7 @@ from trueterrain.alignment.discontinuity.reference_path import (
     straight_reference,
     waypoint_reference,
 )
-from trueterrain.alignment.seams import SeamAgreement
+from trueterrain.alignment.discontinuity.seams import SeamAgreement
 from trueterrain.core.schemas import make_points
 from trueterrain.profile import Rectangle as RectangleArea
 

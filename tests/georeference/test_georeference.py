@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from trueterrain.core.errors import CoverageError
 from trueterrain.formats.run import Mounting, open_run, scan_blocks
 from trueterrain.georeference import ScanGeometry, Screening, georeference
+from trueterrain.georeference.scans import find_scan_problems
 from trueterrain.motion import Trajectory
-from trueterrain.motion.scan_gaps import find_scan_problems
 from trueterrain.motion.trajectory import BRIDGED
 from trueterrain.simulate.raster import Raster
 from trueterrain.simulate.scene import set_stage

@@ -14,8 +14,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from trueterrain.motion import FusionSettings, fuse_motion
 from trueterrain.motion._adaptive import AdaptiveTrajectory
-from trueterrain.motion._inputs import NavigationInput
-from trueterrain.motion._series import SmoothedSeries
+from trueterrain.motion._inputs import NavigationInput, SmoothedSeries
 from trueterrain.motion.trajectory import BRIDGED
 from trueterrain.simulate.course import Arc, Oval, Straight
 from trueterrain.simulate.navigation import Navigation, NavigationStream

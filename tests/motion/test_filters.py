@@ -10,9 +10,8 @@ from trueterrain.motion._inertial import (
     lever_height,
     observes_roll_and_pitch,
 )
-from trueterrain.motion._inputs import NavigationInput
+from trueterrain.motion._inputs import NavigationInput, SmoothedSeries, bridge_variance
 from trueterrain.motion._noise import accelerometer_noise_density, fit_white_and_random_walk
-from trueterrain.motion._series import SmoothedSeries, bridge_variance
 
 RATE = 2000.0  # [Hz]
 GAIN = 1e-4  # of double integration at 50 Hz; the trapezoid loses 4e-3 at 2 kHz, 1.6e-2 at 1 kHz

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from trueterrain.formats.navigation import make_navigation
-from trueterrain.motion import FusionSettings, _series, fuse_motion
+from trueterrain.motion import FusionSettings, fuse_motion, trajectory
 
 pytestmark = pytest.mark.slow
 
@@ -54,7 +54,7 @@ def test_slow_navigation_keeps_the_requested_knots():
 
 
 def test_too_many_knots_give_a_warning(monkeypatch):
-    monkeypatch.setattr(_series, "_MAX_KNOTS", 1000)
+    monkeypatch.setattr(trajectory, "_MAX_KNOTS", 1000)
     motion, error = fused(71_000, 1e-4)
     assert error > 5e-4  # [m] which the warning reports
     (problem,) = motion.problems

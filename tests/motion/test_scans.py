@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from trueterrain.motion.scan_gaps import count_missing_scans
+from trueterrain.georeference.scans import count_missing_scans
 
 TIME = 3.0 + 0.001 * np.arange(1000)  # [s]
 

@@ -293,7 +293,7 @@ def test_a_surface_and_its_nodes_as_points_give_the_same_profile(statistic, leve
 
 def test_heights_far_from_the_path_are_not_kept():
     """Memory holds the neighbourhood of the path, never the survey."""
-    from trueterrain.profile.search.scattered import ScatteredHeights
+    from trueterrain.profile.search.gather import ScatteredHeights
 
     path = straight_path((0.1, 0.3), (3.9, 0.3), spacing=0.01)
     scattered = ScatteredHeights(path, Disc())

@@ -72,7 +72,7 @@ def test_minimum_and_maximum_are_those_of_numpy():
 @pytest.mark.parametrize("percent", [50.0, 85.0])
 def test_medians_and_percentiles_are_those_of_numpy(monkeypatch, percent, held):
     """All heights at once, and so few that the points are gone through several times."""
-    monkeypatch.setattr("trueterrain.surface.accumulate._quantiles.COLLECTED", held)
+    monkeypatch.setattr("trueterrain.surface.accumulate._returns.COLLECTED", held)
     points, grid = cloud(), grid_over(0, 0, 10, 4, spacing=0.5)
     options = GridSettings(statistic="median" if percent == 50 else "percentile", percent=percent)
     parts = [points.isel(point=slice(k, k + 7000)) for k in range(0, 20_000, 7000)]

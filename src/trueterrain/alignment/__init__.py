@@ -7,8 +7,8 @@
 `apply`             applies corrections to a trajectory or to points
 `observations`      cells of a common grid as each pass saw them, and overlaps
 `adjustment`        least-squares adjustment of all passes; corrections are splines of time
-`discontinuity`     discontinuity vectors along reference paths (thesis 4.3.1)
-`seams`             steps of the merged ground at the edges of overlaps
+`discontinuity`     discontinuity vectors along reference paths (thesis 4.3.1); steps at the edges
+                    of overlaps
 ==================  ==============================================================================
 """
 

@@ -23,9 +23,9 @@ from trueterrain.alignment.adjustment.agreement import PairAgreement, pair_agree
 from trueterrain.alignment.adjustment.network import Adjustment, adjust_passes
 from trueterrain.alignment.adjustment.shared_cells import find_shared_cells
 from trueterrain.alignment.discontinuity.result import PassAlignment
+from trueterrain.alignment.discontinuity.seams import SeamAgreement, find_seams
 from trueterrain.alignment.discontinuity.vectors import DiscontinuitySettings
 from trueterrain.alignment.observations.cells import PassCells
-from trueterrain.alignment.seams import SeamAgreement, find_seams
 from trueterrain.alignment.settings import CellSettings, NetworkSettings
 from trueterrain.core.errors import CoverageError
 from trueterrain.core.progress import Progress, no_progress

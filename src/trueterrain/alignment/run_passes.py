@@ -19,6 +19,7 @@ from trueterrain.alignment.observations.collection import cells_of_run
 from trueterrain.core.errors import SchemaError
 from trueterrain.core.progress import Progress, no_progress
 from trueterrain.formats.run import open_run
+from trueterrain.formats.table import read_waypoints
 from trueterrain.georeference import Screening, georeference, mounting_of
 from trueterrain.surface.runs import PassRecord, require_one_frame
 
@@ -199,8 +200,6 @@ def reference_path(settings: MergeSettings) -> ReferencePath | None:
     """
     if settings.path is None:
         return None
-    from trueterrain.formats.table import read_waypoints
-
     return waypoint_reference(
         *read_waypoints(Path(settings.path)), spacing=settings.discontinuity.spacing
     )

@@ -331,7 +331,7 @@ def _json_report(
     holes: dict[str, Any],
     loss: dict[str, float] | None,
 ) -> dict[str, Any]:
-    from trueterrain.surface.summary import summarise_surface
+    from trueterrain.surface.evaluate import summarise_surface
 
     return {
         "output": str(output),

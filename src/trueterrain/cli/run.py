@@ -87,7 +87,7 @@ def deviation_text(surface: dict[str, Any]) -> str:
     Parameters
     ----------
     surface : dict
-        Summary by `trueterrain.surface.summary.summarise_surface`.
+        Summary by `trueterrain.surface.evaluate.summarise_surface`.
 
     Returns
     -------

@@ -7,14 +7,18 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from trueterrain.core._rename import (
+from trueterrain.core._staging import (
+    NEW,
+    OLD,
     defer_signals,
     is_folder,
+    is_staging,
+    move_in,
     publish_file,
     publish_folder,
     replace_store,
+    staging_folder,
 )
-from trueterrain.core._staging import NEW, OLD, is_staging, move_in, staging_folder
 from trueterrain.core.errors import OutputError
 from trueterrain.core.manifest import (
     MANIFEST,

@@ -5,6 +5,9 @@ exaggeration), uses colours that colour-blind people can distinguish, and has it
 the data. Without ``ax`` a new figure is created; `save_figure` writes it, whole or not at all.
 """
 
+import warnings
+from typing import Any
+
 from trueterrain.figures.accuracy.event import cleat_crossing, event_plan, event_side, event_waves
 from trueterrain.figures.accuracy.event_curves import (
     cleat_ratios,
@@ -38,11 +41,14 @@ from trueterrain.figures.profile.profiles import profiles
 from trueterrain.figures.profile.search_areas import search_area_map
 from trueterrain.figures.roughness.agreement import agreement_matrix, agreement_overlay
 from trueterrain.figures.roughness.continuous_iri import continuous_roughness
-from trueterrain.figures.roughness.evenness import straightedge_deviation, waveband_segments
+from trueterrain.figures.roughness.evenness import straightedge_deviation
 from trueterrain.figures.roughness.histogram import roughness_histogram
-from trueterrain.figures.roughness.iri import iri_segments
 from trueterrain.figures.roughness.psd import road_spectrum
-from trueterrain.figures.roughness.ride_number import ride_number_segments
+from trueterrain.figures.roughness.segments import (
+    iri_segments,
+    ride_number_segments,
+    waveband_segments,
+)
 from trueterrain.figures.run.drift import navigation_errors
 from trueterrain.figures.run.motion import body_motion, laser_displacement
 from trueterrain.figures.run.navigation import navigation_heights, navigation_plan
@@ -54,6 +60,15 @@ from trueterrain.figures.surface.heights import surface_map
 from trueterrain.figures.surface.points import points_map
 from trueterrain.figures.surface.relief import surface_relief
 from trueterrain.figures.surface.slope import measurable_slope
+
+# Names of earlier versions, kept for one release, and those that replace them.
+_RENAMED = {
+    "lane_correction": "pass_correction",
+    "lane_histograms": "pass_histograms",
+    "lane_overlap": "overlap_map",
+    "mode_shares": "mode_energies",
+    "place_spread": "position_sensitivity",
+}
 
 __all__ = [
     "agreement_matrix",
@@ -118,3 +133,13 @@ __all__ = [
     "vehicle_gain",
     "waveband_segments",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _RENAMED:
+        message = f"module {__name__!r} has no attribute {name!r}"
+        raise AttributeError(message)
+    new = _RENAMED[name]
+    text = f"tt.figures.{name} is tt.figures.{new} now; the old name goes with the next release."
+    warnings.warn(text, DeprecationWarning, stacklevel=2)
+    return globals()[new]

@@ -1,7 +1,7 @@
 """Common parts of figures: axes, colours, length scales, notes, and legends outside the data."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +31,7 @@ _ROW = 17.0  # [points] height of the row of notes above the axes
 _GAP = 4.0  # [points] between the axes and a legend without notes
 _MAX_LOCAL = 10_000.0  # [m] larger coordinates are shown relative to a round number
 _TALL = 0.8  # ratio of width to length above which the height of the figure is fixed
+_MAX_RATIO = 1e4  # of the ends of an axis; above it only powers of ten are labelled
 _MAX_MILLIMETRES = 1.0  # [m] heights with a smaller range are shown in mm
 
 
@@ -113,6 +114,19 @@ def colour_bar(image: Any, ax: "Axes", scale: LengthScale, name: str = "Height")
     scale_axis(bar.ax.yaxis, scale, name)
 
 
+def plain_log_axis(axis: Any) -> None:
+    """Write plain numbers at 1, 2 and 5 of each decade; over many decades at 1 alone."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+
+    low, high = axis.get_view_interval()
+    steps = (1.0, 2.0, 5.0) if high / low < _MAX_RATIO else (1.0,)
+    ticks = LogLocator(subs=steps, numticks=20)
+    few = sum(low <= tick <= high for tick in ticks.tick_values(low, high)) < 2
+    axis.set_major_locator(MaxNLocator(4) if few else ticks)
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
 def degree_axis(axis: Any, name: str) -> None:
     """Write an axis of angles in round degrees, while the data stay in radians."""
     from matplotlib.ticker import MaxNLocator
@@ -124,6 +138,12 @@ def degree_axis(axis: Any, name: str) -> None:
 
     axis.set_major_locator(Degrees(nbins=6, steps=[1, 2, 5, 10]))
     scale_axis(axis, LengthScale(factor=float(np.rad2deg(1.0)), unit="deg"), name)
+
+
+def draw_grid(ax: "Axes", axis: Literal["x", "y", "both"] = "both") -> None:
+    """Draw a faint grid behind the data: lines across one axis, "x" or "y", or both."""
+    ax.grid(axis=axis, color="0.9", linewidth=0.6)
+    ax.set_axisbelow(True)
 
 
 def annotate_axes(ax: "Axes", text: str) -> None:

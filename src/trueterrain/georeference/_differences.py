@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.transform import Rotation
 
 from trueterrain.formats.run import Mounting
 from trueterrain.georeference._motion_errors import COMPONENTS, MotionErrorModel
@@ -156,8 +157,6 @@ def rotations_as_parameters(mounting: Mounting) -> Floats:
     >>> rotations_as_parameters(Mounting(scanner_position=(-2.0, 0.0, 1.0)))[1]  # nose down
     array([0., 1., 0., 1., 0., 2., 0.])
     """
-    from scipy.spatial.transform import Rotation
-
     angles = mounting.scanner_rotation
     forward = Rotation.from_euler("ZYX", angles[::-1]).as_matrix()[:, 0]
     left = [-np.sin(angles[2]), np.cos(angles[2]), 0.0]

@@ -25,9 +25,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.motion._inputs import NavigationInput
+from trueterrain.motion._inputs import (
+    CubicSeries,
+    NavigationInput,
+    fit_polynomials,
+    resample_evenly,
+)
 from trueterrain.motion._noise import fit_white_and_random_walk
-from trueterrain.motion._series import CubicSeries, fit_polynomials, resample_evenly
 from trueterrain.motion._smoother import SmoothedStates, StateSpaceModel, smooth_states
 
 Float = npt.NDArray[np.float64]

@@ -13,8 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trueterrain.motion._inertial import InertialAccelerations, lever_height
-from trueterrain.motion._inputs import Span
-from trueterrain.motion._series import SmoothedSeries, bridge_variance
+from trueterrain.motion._inputs import SmoothedSeries, Span, bridge_variance
 from trueterrain.motion.settings import FusionSettings
 
 Float = npt.NDArray[np.float64]

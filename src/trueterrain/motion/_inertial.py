@@ -16,8 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.motion._inputs import AccelerometerInput, NavigationInput, Span, inside_spans
-from trueterrain.motion._series import SmoothedSeries
+from trueterrain.motion._inputs import (
+    AccelerometerInput,
+    NavigationInput,
+    SmoothedSeries,
+    Span,
+    inside_spans,
+)
 
 Float = npt.NDArray[np.float64]
 

@@ -14,8 +14,7 @@ import numpy.typing as npt
 
 from trueterrain.motion._complementary import CROSSOVER, zero_phase
 from trueterrain.motion._inertial import InertialAccelerations, lever_height
-from trueterrain.motion._inputs import AccelerometerInput, NavigationInput
-from trueterrain.motion._series import SmoothedSeries
+from trueterrain.motion._inputs import AccelerometerInput, NavigationInput, SmoothedSeries
 from trueterrain.motion.settings import DRIFT_TIME, FusionSettings
 
 Float = npt.NDArray[np.float64]

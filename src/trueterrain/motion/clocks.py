@@ -24,7 +24,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.core.errors import CoverageError
-from trueterrain.core.newey_west import newey_west_covariance
+from trueterrain.core.statistics import newey_west_covariance
 from trueterrain.formats.run import scan_blocks
 from trueterrain.geometry.rotations import from_iso8855
 from trueterrain.motion import _complementary as filters
@@ -37,10 +37,10 @@ from trueterrain.motion._inertial import (
 from trueterrain.motion._inputs import (
     InstrumentClock,
     NavigationInput,
+    SmoothedSeries,
     read_accelerometers,
     read_navigation,
 )
-from trueterrain.motion._series import SmoothedSeries
 
 __all__ = [
     "ClockEstimate",

@@ -41,23 +41,20 @@ from trueterrain.motion._inertial import (
 )
 from trueterrain.motion._inputs import (
     AccelerometerInput,
+    CubicSeries,
     NavigationInput,
+    SmoothedSeries,
+    bridge_variance,
     describe_gaps,
     read_accelerometers,
     read_navigation,
     refuse_long_gaps,
 )
 from trueterrain.motion._noise import InstrumentNoise, estimate_noise, horizontal_window
-from trueterrain.motion._rts import SensorErrors, SmootherResult, smooth_coordinates
-from trueterrain.motion._series import (
-    CubicSeries,
-    SmoothedSeries,
-    bridge_variance,
-    knots_of_navigation,
-)
+from trueterrain.motion._smoother import SensorErrors, SmootherResult, smooth_coordinates
 from trueterrain.motion.clocks import accelerometer_clock
 from trueterrain.motion.settings import FusionSettings, Method, Three
-from trueterrain.motion.trajectory import Trajectory, assemble_trajectory
+from trueterrain.motion.trajectory import Trajectory, assemble_trajectory, knots_of_navigation
 
 __all__ = ["FusedMotion", "FusionSettings", "fuse_motion"]
 

@@ -14,8 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from trueterrain.core.errors import CoverageError
 from trueterrain.motion._inertial import BodyCoordinates, lever_height
-from trueterrain.motion._inputs import Span, inside_spans
-from trueterrain.motion._series import CubicSeries
+from trueterrain.motion._inputs import CubicSeries, NavigationInput, Span, inside_spans
 
 Float = npt.NDArray[np.float64]
 
@@ -25,6 +24,10 @@ MEASURED, BRIDGED, EDGE = 0, 1, 2
 #: Tolerance of times beyond the first or last knot [s]: sums of stamps, clocks and delays are
 #: rounded (by 0.1 µs for GPS seconds), and extrapolating the cubic that far is exact enough.
 ROUNDING = 1e-6
+
+_KNOT_TOLERANCE = np.array([1e-5, 5e-6, 5e-6])  # [m, rad, rad] of cubics for up, roll, pitch
+_KNOT_TOLERANCE_HORIZONTAL = np.array([1e-4, 1e-4, 5e-5])  # [m, m, rad] for east, north, yaw
+_MAX_KNOTS = 2_000_000  # for fast navigation: 0.9 GB
 
 
 class Poses(NamedTuple):
@@ -334,3 +337,54 @@ def _pose_covariance(
     covariance[:, 1, 1] = horizontal_variance[:, 1]
     covariance[:, 5, 5] += horizontal_variance[:, 2]
     return covariance
+
+
+def even_knots(navigation: NavigationInput, rate: float) -> Float:
+    """Equidistant knots over the navigation, `rate` of them per second at most."""
+    begin, end = navigation.time[[0, -1]]
+    count = max(int(np.floor((end - begin) * rate + 1e-9)), 1)
+    return np.asarray(np.linspace(begin, end, count + 1))
+
+
+def knots_of_navigation(
+    navigation: NavigationInput, vertical: CubicSeries, horizontal: CubicSeries, rate: float
+) -> tuple[Float, list[str]]:
+    """Knots between which cubics follow the navigation, and a warning where they do not.
+
+    The rates at the epochs of fast navigation contain its noise and the rounding of its numbers.
+    Cubics between knots that are far apart amplify these, so the knots are refined.
+
+    Parameters
+    ----------
+    navigation : NavigationInput
+        Epochs.
+    vertical, horizontal : CubicSeries
+        Up, roll, pitch; east, north, yaw.
+    rate : float
+        Knots per second to begin with [Hz].
+    """
+    from scipy.interpolate import CubicHermiteSpline
+
+    max_rate = 1.0 / navigation.step  # one knot for each epoch
+    series_and_tolerances = (
+        (vertical, _KNOT_TOLERANCE),
+        (horizontal, _KNOT_TOLERANCE_HORIZONTAL),
+    )
+    while True:
+        time = even_knots(navigation, rate)
+        errors = [
+            np.abs(series.value(navigation.time) - cubic(navigation.time)).max(axis=0) / tolerance
+            for series, tolerance in series_and_tolerances
+            for cubic in [CubicHermiteSpline(time, series.value(time), series.rate(time))]
+        ]
+        worst = float(np.max(errors))
+        if worst <= 1.0 or rate >= max_rate:
+            return time, []
+        rate = min(2.0 * rate, max_rate)
+        if rate * (time[-1] - time[0]) > _MAX_KNOTS:
+            break
+    return time, [
+        f"navigation: its {max_rate:.0f} epochs per second are followed to "
+        f"{1000 * worst * _KNOT_TOLERANCE[0]:.2g} mm only, with {time.size} knots: cut the run "
+        "into shorter ones, or thin the navigation out"
+    ]

@@ -13,9 +13,12 @@ from trueterrain.core.schemas import check_points, check_surface, kind_of, make_
 from trueterrain.geometry.path import WheelPath
 from trueterrain.profile.area import Disc, SearchArea, area_reach
 from trueterrain.profile.distribution import HeightDistributions
-from trueterrain.profile.search.gather import Gatherer, distributions_along
-from trueterrain.profile.search.grid import grid_gatherer
-from trueterrain.profile.search.scattered import ScatteredHeights
+from trueterrain.profile.search.gather import (
+    Gatherer,
+    ScatteredHeights,
+    distributions_along,
+    grid_gatherer,
+)
 from trueterrain.profile.statistic import Median, Statistic
 from trueterrain.surface.evaluate import heights_at
 

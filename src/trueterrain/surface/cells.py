@@ -5,11 +5,12 @@ The cell of a node reaches half a spacing to either side, also for nodes at the 
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
+from scipy.spatial import KDTree
 
 from trueterrain.core.schemas import make_surface
 from trueterrain.geometry.grid_frame import Floats, GridFrame, grid_frame, xy_to_uv
@@ -17,6 +18,37 @@ from trueterrain.geometry.reference_line import ReferenceLine, require_millimetr
 
 _MAX_NODES = 500_000_000  # of 60 bytes each with their sums
 _NEAR = 16  # nodes from one entry of the search tree to the next
+
+
+class GridStrips(NamedTuple):
+    """Nodes of a line and the strips between them, as loops take them."""
+
+    px: Floats
+    "Eastings of the nodes, from the origin of the frame, shape (node,) [m]."
+
+    py: Floats
+    "Northings of the nodes, shape (node,) [m]."
+
+    nx: Floats
+    "East components of their cross directions, shape (node,) [1]."
+
+    ny: Floats
+    "North components of their cross directions, shape (node,) [1]."
+
+    dx: Floats
+    "East components of the directions of the strips, shape (strip,) [1]."
+
+    dy: Floats
+    "North components of the directions of the strips, shape (strip,) [1]."
+
+    lean: Floats
+    "How far the cross-section at its start leans forward per metre of offset, shape (strip,) [1]."
+
+    widen: Floats
+    "How much the strip grows longer per metre of offset, shape (strip,) [1]."
+
+    length: Floats
+    "Length, shape (strip,) [m]."
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -123,12 +155,8 @@ class Grid:
         return grid_frame(flat)
 
     @cached_property
-    def strips(self) -> tuple[Floats, ...]:
-        """Nodes and cross directions of `frame`, and geometry of the strips between nodes.
-
-        Of each strip: direction (two arrays), how far the cross-section at its start leans forward
-        per metre of offset, how much the strip grows longer per metre of offset, and its length.
-        """
+    def strips(self) -> "GridStrips":
+        """Nodes and cross directions of `frame`, and geometry of the strips between nodes."""
         frame = self.frame
         x, y = frame.origin_easting, frame.origin_northing
         nx, ny = frame.normal_easting, frame.normal_northing
@@ -136,7 +164,7 @@ class Grid:
         dx, dy = np.diff(x) / length, np.diff(y) / length
         lean = nx[:-1] * dx + ny[:-1] * dy
         widen = nx[1:] * dx + ny[1:] * dy - lean
-        return x, y, nx, ny, dx, dy, lean, widen, length
+        return GridStrips(x, y, nx, ny, dx, dy, lean, widen, length)
 
     def near(self, easting: Floats, northing: Floats) -> npt.NDArray[np.int64]:
         """Strip of `frame` near each point.
@@ -161,8 +189,6 @@ class Grid:
 
     @cached_property
     def _tree(self) -> Any:
-        from scipy.spatial import KDTree
-
         x, y, *_ = self.strips
         centre = 0.5 * (self.v[0] + self.v[-1])
         nx, ny = self.strips[2:4]

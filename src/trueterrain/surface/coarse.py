@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
+from scipy.interpolate import RegularGridInterpolator
 
 Floats = npt.NDArray[np.float64]
 
@@ -109,8 +110,6 @@ def _gather_sums(values: Floats, factor: tuple[int, int]) -> Floats:
 
 def _coarsening_loss(fine: xr.Dataset, coarse: xr.Dataset) -> dict[str, float]:
     """Differences of the coarse surface from the heights of the fine one."""
-    from scipy.interpolate import RegularGridInterpolator
-
     dims = fine["height"].dims
     axes = [np.asarray(coarse[dim], dtype=np.float64) for dim in dims]
     between = RegularGridInterpolator(

@@ -14,6 +14,7 @@ from trueterrain.core.errors import CoverageError, SchemaError
 from trueterrain.core.provenance import add_step
 from trueterrain.core.schemas import check_surface, make_surface
 from trueterrain.core.statistics import nmad
+from trueterrain.geometry.crs import parse_crs
 from trueterrain.geometry.grid_frame import EDGE, grid_frame
 from trueterrain.surface.evaluate import heights_at
 
@@ -303,8 +304,6 @@ def _require_same_crs(surface: xr.Dataset, reference: xr.Dataset) -> None:
         )
         warnings.warn(message, stacklevel=3)
         return
-    from trueterrain.geometry.crs import parse_crs
-
     mine, theirs = (parse_crs(name) for name in names)
     if not mine.equals(theirs, ignore_axis_order=True):
         raise SchemaError(
@@ -393,3 +392,45 @@ def _node_spacing(nodes: Floats, dim: str) -> float:
             place=f"axis {dim}",
         )
     return step
+
+
+@dataclass(frozen=True, kw_only=True)
+class DifferenceSummary:
+    """Statistics of differences of height between two passes."""
+
+    n: int
+    "Number of differences."
+
+    median: float
+    "Their median [m]."
+
+    nmad: float
+    "Normalised median absolute deviation: ``1.4826 median(|x - median(x)|)`` [m]."
+
+    rmse: float
+    "Their root mean square [m]."
+
+    p95: float
+    "95 % quantile of their absolute values [m]."
+
+    @classmethod
+    def of(cls, differences: npt.ArrayLike) -> "DifferenceSummary":
+        """Statistics of differences.
+
+        Parameters
+        ----------
+        differences : array_like
+            Differences [m]; values that are not finite are ignored.
+
+        Returns
+        -------
+        DifferenceSummary
+            All NaN if there is no difference.
+
+        Examples
+        --------
+        >>> DifferenceSummary.of([0.001, 0.003, 0.002, float("nan")])
+        DifferenceSummary(n=3, median=0.002, nmad=0.0014826, rmse=0.0021602, p95=0.0029)
+        """
+        found = HeightDifferences.of(differences)
+        return cls(n=found.n, median=found.median, nmad=found.nmad, rmse=found.rms, p95=found.p95)

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
+from scipy.sparse import coo_array
+from scipy.sparse.linalg import spsolve
 
 from trueterrain.core.errors import SchemaError
 from trueterrain.surface import _kernels
@@ -199,9 +201,6 @@ def _fill_small_holes(
 
 def _solve_membrane(height: Floats, node: tuple[Integers, Integers], spacing: Floats) -> Floats:
     """Heights of whole holes [m], in the order of their nodes; none is at the edge."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.linalg import spsolve
-
     # five-point stencil: sum of (neighbour - node) / step² = 0; known neighbours go to the right
     count = node[0].size
     place = np.ravel_multi_index(node, height.shape)

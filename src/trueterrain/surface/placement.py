@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import KDTree
 
 from trueterrain.core.errors import CoverageError
 from trueterrain.formats.run import Mounting, open_run
@@ -211,8 +212,6 @@ def _find_self_overlap(grid: Grid) -> tuple[float, float] | None:
     A bend does not overlap itself, since `grid_along` demands a radius greater than the half width;
     so only parts further apart than half a circle of that radius are compared.
     """
-    from scipy.spatial import KDTree
-
     frame, width = grid.frame, float(grid.v[-1] - grid.v[0])
     every = max(1, int(width / (_STEPS * grid.spacing[0])))
     rows = np.unique(np.append(np.arange(1, frame.u.size - 2, every), frame.u.size - 2))
@@ -286,8 +285,6 @@ def _scanner_positions(record: PassRecord) -> npt.NDArray[Any]:
 
 def _lateral_extent(line: ReferenceLine, positions: npt.NDArray[Any]) -> tuple[float, float]:
     """Largest offsets of positions to the right and to the left of a line, at least 0 m."""
-    from scipy.spatial import KDTree
-
     nodes = np.stack([line.easting, line.northing], axis=1)
     chord = np.diff(nodes, axis=0)
     along = np.concatenate([chord, chord[-1:]]) / line.spacing

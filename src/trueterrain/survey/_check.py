@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from trueterrain._version import __version__
+from trueterrain.alignment.discontinuity.seams import find_seams
 from trueterrain.alignment.merge import compare_passes, require_different
 from trueterrain.alignment.observations.cells import PassCells
-from trueterrain.alignment.seams import find_seams
 from trueterrain.report import Block, Number, Report, Section, Table, Text, Verdict, Warnings
 from trueterrain.survey._report_parts import parse_columns, to_millimetres
 

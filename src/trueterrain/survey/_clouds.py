@@ -31,9 +31,9 @@ from trueterrain.report import (
     Warnings,
     write_report,
 )
+from trueterrain.surface.evaluate import summarise_surface
 from trueterrain.surface.grid import GridSettings, trim_surface
 from trueterrain.surface.placement import GridPlacement
-from trueterrain.surface.summary import summarise_surface
 from trueterrain.survey._chain import REPORTED, RESULT, SurveyResult
 from trueterrain.survey._pictures import Pictures
 from trueterrain.survey._report_merge import merge_headline, merge_section

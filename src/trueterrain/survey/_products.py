@@ -13,8 +13,7 @@ from trueterrain.core import provenance
 from trueterrain.core.progress import Progress
 from trueterrain.roughness import iri
 from trueterrain.surface.coarse import down_sample
-from trueterrain.surface.evaluate import node_coordinates, surface_to_points
-from trueterrain.surface.summary import summarise_surface
+from trueterrain.surface.evaluate import node_coordinates, summarise_surface, surface_to_points
 from trueterrain.survey._settings import Survey
 from trueterrain.survey.profiles import (
     extract_profile,

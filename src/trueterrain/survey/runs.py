@@ -15,8 +15,8 @@ from trueterrain.core.errors import name_file_in_errors
 from trueterrain.core.progress import Progress, no_progress
 from trueterrain.formats.run import open_run
 from trueterrain.georeference import Screening, georeference, mounting_of
+from trueterrain.georeference.scans import find_scan_problems
 from trueterrain.motion import FusedMotion, FusionSettings, Trajectory, fuse_motion
-from trueterrain.motion.scan_gaps import find_scan_problems
 from trueterrain.surface.pass_record import PassRecord
 from trueterrain.survey._settings import MountingOverride, run_name
 

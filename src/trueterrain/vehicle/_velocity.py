@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 
 from trueterrain.core.spectral_density import density_interval, welch_density
 from trueterrain.vehicle.model import Array
@@ -84,8 +85,6 @@ def integrate_acceleration(
     if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
         message = f"acceleration must have one dimension and no gap, got shape {values.shape}."
         raise ValueError(message)
-    from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
-
     pad = math.ceil(_PAD * rate / corner)
     size = next_fast_len(values.size + 2 * pad)
     fade = 0.5 - 0.5 * np.cos(np.pi * np.arange(pad) / pad)

@@ -6,6 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import least_squares
+from scipy.special import digamma, polygamma
+from scipy.stats import t as student
 
 from trueterrain.core.spectral_density import welch_density
 from trueterrain.vehicle._velocity import (
@@ -262,8 +265,6 @@ def _signal_powers(one: ModeRecording, number: int) -> list[_Power]:
     Signals from one road have correlated scatter, so that their ratio is known far better than
     either of them: only the first signal is used by itself.
     """
-    from scipy.special import digamma, polygamma
-
     signals = {name: np.asarray(values, dtype=float) for name, values in one.accelerations.items()}
     first = next(iter(signals))
     size = segment_size(signals[first].size, one.rate, one.segment)
@@ -310,9 +311,6 @@ def _fit_modes(
     confidence: float,
     spectra: Mapping[str, VelocitySpectrum],
 ) -> IdentifiedModes:
-    from scipy.optimize import least_squares
-    from scipy.stats import t as student
-
     free = sorted({power.recording for power in powers if power.free})
     unknowns = 4 + len(free)
     values = sum(power.frequency.size for power in powers)

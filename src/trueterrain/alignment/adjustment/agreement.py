@@ -5,13 +5,14 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import chdtrc
 
 from trueterrain.alignment.adjustment import _kernels
 from trueterrain.alignment.adjustment.cholesky.factorisation import pattern_of
 from trueterrain.alignment.adjustment.normal_equations import NormalEquations, pair_places
 from trueterrain.alignment.adjustment.shared_cells import SharedCells
 from trueterrain.alignment.adjustment.system import AdjustmentSystem
-from trueterrain.alignment.difference_summary import DifferenceSummary
+from trueterrain.surface.difference import DifferenceSummary
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -280,8 +281,6 @@ def _score_statistic(
 
 
 def _drift_test(name: str, statistic: float, degrees_of_freedom: float) -> PassDriftTest:
-    from scipy.special import chdtrc
-
     p_value = float(chdtrc(degrees_of_freedom, statistic)) if degrees_of_freedom > 0 else 1.0
     return PassDriftTest(
         name=name, statistic=statistic, degrees_of_freedom=degrees_of_freedom, p_value=p_value

@@ -6,6 +6,8 @@ from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from trueterrain.alignment.observations.cells import PassCells
 from trueterrain.core.errors import CoverageError
@@ -267,9 +269,6 @@ def _reduce_heights(entries: PassCells, start: Integers) -> PassCells:
 
 def _pass_groups(pass_index: Integers, start: Integers, pass_count: int) -> Integers:
     """Connected components of the passes, linked by common cells."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     first = np.repeat(pass_index[start[:-1]], np.diff(start))
     links = coo_array(
         (np.ones(pass_index.size), (first, pass_index)), shape=(pass_count, pass_count)

@@ -22,13 +22,17 @@ from trueterrain.alignment.clouds.passes import (
     find_cloud_passes,
     suggested_cell,
 )
-from trueterrain.alignment.clouds.stations import station_path
-from trueterrain.alignment.clouds.trajectory import path_of_stations, path_of_times, unknown_path
+from trueterrain.alignment.clouds.trajectory import (
+    path_of_stations,
+    path_of_times,
+    station_path,
+    unknown_path,
+)
 from trueterrain.alignment.discontinuity.alignment import align_along_paths
 from trueterrain.alignment.discontinuity.reference_path import ReferencePath
 from trueterrain.alignment.merge import MergeResult, MergeSettings, merge_cells
 from trueterrain.alignment.observations.cells import PassCells, PassPath, move_to_centres
-from trueterrain.alignment.observations.visit_sums import VisitSums
+from trueterrain.alignment.observations.collection import VisitSums
 from trueterrain.alignment.run_passes import control_cells, reference_path
 from trueterrain.core.errors import CoverageError, name_file_in_errors
 from trueterrain.core.progress import Progress, no_progress

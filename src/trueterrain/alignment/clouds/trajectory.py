@@ -1,10 +1,19 @@
-"""Approximate path of a pass from the positions of its returns, for clouds without trajectory."""
+"""Path of a pass from the positions of its returns, for clouds without trajectory.
+
+With times it is a function of time; without, stations along the pass replace them.
+"""
 
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.alignment.discontinuity.path import ReferencePath
+from trueterrain.alignment.clouds.passes import CloudPass
+from trueterrain.alignment.discontinuity.centre_line import centre_reference
+from trueterrain.alignment.discontinuity.reference_path import ReferencePath, straight_reference
+from trueterrain.alignment.observations import overlap as coarse
 from trueterrain.alignment.observations.cells import PassCells, PassPath
+from trueterrain.alignment.observations.overlap import Overlap
+from trueterrain.alignment.settings import CellSettings
+from trueterrain.core.errors import CoverageError
 
 Floats = npt.NDArray[np.float64]
 
@@ -13,6 +22,9 @@ _MIN_STEPS = 40
 _SMOOTH = 2.0  # [s] standard deviation of the Gaussian weights of the linear fit
 _REACH = 4  # half-width of the weights, in standard deviations
 _MIN_WEIGHT = 1e-12  # of the largest weight, below which there are no returns
+_FULL = 0.5  # fraction of the bounding rectangle that a straight pass covers
+_PARTS = 20  # minimum number of reference points along a pass
+_SPACING = 1.0  # [m] of the reference points
 
 
 def path_of_times(cells: PassCells) -> PassPath:
@@ -111,3 +123,45 @@ def path_of_stations(path: ReferencePath) -> PassPath:
         return easting, northing, np.interp(station, path.station, heading)
 
     return at
+
+
+def station_path(cloud: CloudPass, settings: CellSettings) -> ReferencePath:
+    """Path along the centre of a pass.
+
+    Parameters
+    ----------
+    cloud : CloudPass
+        The pass, whose points are read.
+    settings : CellSettings
+        Size of the cells from which the path is found.
+
+    Returns
+    -------
+    ReferencePath
+        Straight along the principal axis if the pass covers half of its bounding rectangle, else
+        along its centre line, curved or closed.
+    """
+    cells = coarse.occupied_cells(cloud.heights, settings.size, name=cloud.name)
+    straight, fraction = _principal_axis(cells)
+    if fraction >= _FULL:
+        return straight
+    whole = Overlap(names=(cloud.name, cloud.name), cells=(cells, cells), key=cells.covered)
+    try:
+        return centre_reference(whole, spacing=straight.spacing, smoothing=10 * straight.spacing)
+    except CoverageError:
+        return straight  # scattered pieces have no centre line
+
+
+def _principal_axis(cells: coarse.OccupiedCells) -> tuple[ReferencePath, float]:
+    """Line along the principal axis of cells, and the covered fraction of their rectangle."""
+    places = np.stack(coarse.cell_centres(cells.key, cells.cell))
+    mean = places.mean(axis=1, keepdims=True)
+    _, axes = np.linalg.eigh((places - mean) @ (places - mean).T)
+    axis = axes[:, 1] * (1.0 if tuple(axes[:, 1]) > (0.0, 0.0) else -1.0)
+    u = axis @ (places - mean)
+    v = np.array([-axis[1], axis[0]]) @ (places - mean)
+    begin, end = float(u.min()) - cells.cell, float(u.max()) + cells.cell
+    start, stop = (tuple((mean[:, 0] + at * axis).tolist()) for at in (begin, end))
+    spacing = min(_SPACING, (end - begin) / _PARTS)
+    box = (end - begin - cells.cell) * (float(np.ptp(v)) + cells.cell)
+    return straight_reference(start, stop, spacing=spacing), cells.key.size * cells.cell**2 / box

@@ -18,7 +18,6 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from trueterrain.alignment.difference_summary import DifferenceSummary
 from trueterrain.alignment.discontinuity.area_sums import (
     AreaHeights,
     AreaSums,
@@ -42,7 +41,7 @@ from trueterrain.alignment.discontinuity.result import (
     PassAlignment,
     StationCorrection,
 )
-from trueterrain.alignment.discontinuity.seam import PairCells, SeamSteps
+from trueterrain.alignment.discontinuity.seams import PairCells, SeamSteps
 from trueterrain.alignment.discontinuity.vectors import (
     DiscontinuitySettings,
     DiscontinuityVectors,
@@ -61,6 +60,7 @@ from trueterrain.alignment.observations.sparse_sums import Flags, Floats
 from trueterrain.core import provenance
 from trueterrain.core.errors import CoverageError
 from trueterrain.core.progress import Progress, no_progress
+from trueterrain.surface.difference import DifferenceSummary
 
 __all__ = [
     "AreaHeights",

@@ -9,6 +9,8 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components, dijkstra
 
 from trueterrain.alignment.discontinuity.low_pass import low_pass
 from trueterrain.alignment.discontinuity.path import ReferencePath
@@ -260,8 +262,6 @@ def part_of_path(overlap: Overlap, path: ReferencePath) -> Integers:
     numpy.ndarray of int64
         Packed numbers of the cells, ascending.
     """
-    from scipy.sparse.csgraph import connected_components
-
     _, piece = connected_components(_neighbour_graph(overlap.key), directed=False)
     nodes = cell_keys(*path.places, overlap.cell)
     nodes = nodes[contains_keys(overlap.key, nodes)]
@@ -270,8 +270,6 @@ def part_of_path(overlap: Overlap, path: ReferencePath) -> Integers:
 
 def _one_piece(key: Integers, cell: float) -> tuple[Integers, float]:
     """Largest connected piece, after coarsening cells until it holds nearly all of them."""
-    from scipy.sparse.csgraph import connected_components
-
     factor = 1
     while True:
         coarse, index = np.unique(_coarsen_keys(key, factor), return_inverse=True)
@@ -295,8 +293,6 @@ def _coarsen_keys(key: Integers, factor: int) -> Integers:
 
 def _neighbour_graph(key: Integers) -> Any:
     """Graph of neighbouring cells, weighted by the distance of their centres in cells."""
-    from scipy.sparse import coo_array
-
     column, row = unpack_cell(key)
     rows, columns, distances = [], [], []
     for dc, dr in ((0, 1), (1, -1), (1, 0), (1, 1)):
@@ -311,8 +307,6 @@ def _neighbour_graph(key: Integers) -> Any:
 
 def _level_set_centres(key: Integers, cell: float) -> tuple[Floats, float, bool]:
     """Centres of the level sets of the distance from one end, (n, 2), their spacing, closed."""
-    from scipy.sparse.csgraph import connected_components
-
     graph = _neighbour_graph(key)
     distance = _from_end(graph)
     rings = 0
@@ -352,8 +346,6 @@ def _from_end(graph: Any) -> Floats:
 
     The farthest cell from the farthest cell from any cell is an end (double sweep).
     """
-    from scipy.sparse.csgraph import connected_components, dijkstra
-
     _, piece = connected_components(graph, directed=False)
     start = int(np.argmax(piece == np.argmax(np.bincount(piece))))
     for _ in range(2):

@@ -7,13 +7,13 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.alignment.difference_summary import DifferenceSummary
 from trueterrain.alignment.discontinuity.centre_line import OverlapEdges
 from trueterrain.alignment.discontinuity.path import ReferencePath
-from trueterrain.alignment.discontinuity.seam import SeamSteps
+from trueterrain.alignment.discontinuity.seams import SeamSteps
 from trueterrain.alignment.discontinuity.vectors import DiscontinuitySettings, DiscontinuityVectors
 from trueterrain.alignment.observations.overlap import Overlap
 from trueterrain.alignment.observations.sparse_sums import Flags, Floats
+from trueterrain.surface.difference import DifferenceSummary
 
 Names = tuple[str, str]
 

@@ -64,7 +64,7 @@ def vehicle_gain(
         )
     ax.set_xscale("log")
     ax.set_yscale("log")
-    _plain_frequencies(ax)
+    canvas.plain_log_axis(ax.xaxis)
     ax.set_xlabel("Frequency [Hz]")
     ax.set_ylabel("Motion over that of the ground [1]")
     canvas.legend_above(ax, notes=False)
@@ -226,7 +226,7 @@ def passage_gains(
             label=f"event, up to {1000 * spectrum.max():.2g} mm s",
         )
     ax.set_xscale("log")
-    _plain_frequencies(ax)
+    canvas.plain_log_axis(ax.xaxis)
     ax.set_ylim(bottom=0.0)
     ax.margins(x=0)
     ax.set_xlabel("Frequency [Hz]")
@@ -319,15 +319,5 @@ def _draw_curves(curves: Curves, ax: "Axes | None", *, height: float) -> "Axes":
             label=name,
             linestyle=_STYLES[number % len(_STYLES)],
         )
-    ax.grid(color="0.9", linewidth=0.6)
-    ax.set_axisbelow(True)
+    canvas.draw_grid(ax)
     return ax
-
-
-def _plain_frequencies(ax: "Axes") -> None:
-    """Format frequencies as plain numbers at 1, 2 and 5 of each decade."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    ax.xaxis.set_minor_formatter(NullFormatter())

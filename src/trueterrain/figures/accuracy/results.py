@@ -243,6 +243,7 @@ def motion_rejection(rejection: xr.Dataset, *, ax: "Axes | None" = None) -> "Axe
         label="rejection",
     )
     ax.set_xscale("log")
+    canvas.plain_log_axis(ax.xaxis)
     ax.set_ylabel("Body-motion rejection [dB]")
     return _complete_axes(ax, "Frequency [Hz]")
 
@@ -329,6 +330,8 @@ def drift_growth(growth: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
         )
     ax.set_xscale("log")
     ax.set_yscale("log")
+    for axis in (ax.xaxis, ax.yaxis):
+        canvas.plain_log_axis(axis)
     ax.set_ylabel("Change [mm]")
     return _complete_axes(ax, "Distance [m]")
 
@@ -338,8 +341,7 @@ def _complete_axes(
 ) -> "Axes":
     ax.set_xlabel(label)
     ax.margins(x=0)
-    ax.grid(color="0.9", linewidth=0.6)
-    ax.set_axisbelow(True)
+    canvas.draw_grid(ax)
     if exaggerated:
         canvas.note_exaggeration(ax)
     canvas.legend_above(ax, notes=exaggerated or noted)

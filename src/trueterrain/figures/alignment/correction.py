@@ -112,8 +112,7 @@ def pass_correction(
         "Time since the start of each correction [s]" if along == "time" else "Station [m]"
     )
     ax.margins(x=0)
-    ax.grid(color="0.9", linewidth=0.6)
-    ax.set_axisbelow(True)
+    canvas.draw_grid(ax)
     canvas.legend_above(ax, columns=3, notes=False)
     return ax
 

@@ -97,8 +97,7 @@ def discontinuity_vectors(
     )
     ax.set_xlabel("Station of the reference path [m]")
     ax.margins(x=0)
-    ax.grid(color="0.9", linewidth=0.6)
-    ax.set_axisbelow(True)
+    canvas.draw_grid(ax)
     if cut_off is not None:
         canvas.annotate_axes(ax, f"waves shorter than {cut_off:g} m filtered out")
     canvas.legend_above(ax, columns=3, notes=cut_off is not None)
@@ -168,8 +167,7 @@ def pass_histograms(
     canvas.scale_axis(ax.xaxis, scale, "Height")
     bin_width = 1e3 * found.histograms[0].bin_width
     ax.set_ylabel(f"Heights per bin of {bin_width:g} mm")
-    ax.grid(axis="y", color="0.9", linewidth=0.6)
-    ax.set_axisbelow(True)
+    canvas.draw_grid(ax, "y")
     gap = ": a gap" if found.gap[k] else ""
     canvas.annotate_axes(ax, f"search area at station {found.station[k]:.2f} m{gap}")
     canvas.legend_above(ax, columns=3)

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from trueterrain.alignment.observations.overlap import cell_centres
 from trueterrain.figures import canvas
 
 if TYPE_CHECKING:
@@ -310,8 +311,6 @@ def _cells_near(
     part: tuple[float, float],
 ) -> Floats:
     """Centres of the cells near a part of the path, shape (2, n)."""
-    from trueterrain.alignment.observations.overlap import cell_centres
-
     at = np.stack(cell_centres(key, cell))
     whole = part[0] <= 0 and part[1] >= path.length
     for axis, nodes in zip((0, 1), (path.easting[shown], path.northing[shown]), strict=True):

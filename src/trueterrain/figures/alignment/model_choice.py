@@ -93,8 +93,7 @@ def strength_choice(
     canvas.scale_axis(
         ax.yaxis, canvas.LengthScale(factor=1000.0, unit="mm"), "RMSE in held-out cells"
     )
-    ax.grid(color="0.9", linewidth=0.6)
-    ax.set_axisbelow(True)
+    canvas.draw_grid(ax)
     before = len(adjustment.trials) - len(trials)
     others = f"; {before} trials of other iterations" if before else ""
     canvas.annotate_axes(ax, f"RMSE of that chosen {1e3 * chosen.held_out:.3g} mm{others}")
@@ -278,17 +277,15 @@ def _periodogram(one: "SplineCorrection", rate: float) -> tuple[Floats, Floats]:
 
 
 def _frequency_axis(ax: "Axes", highest: float, *, lengths: bool) -> None:
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    from matplotlib.ticker import FuncFormatter
 
     lowest = min(float(np.min(line.get_xdata())) for line in ax.lines)
     ax.set_xlim(lowest, highest)
-    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    ax.xaxis.set_minor_formatter(NullFormatter())
+    canvas.plain_log_axis(ax.xaxis)
     if lengths:
         ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{1.0 / value:.3g}"))
         ax.set_xlabel("Wavelength [m]")
         ax.set_ylabel("Correction of height [m²/(cycle/m)]")
     else:
-        ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         ax.set_xlabel("Frequency [Hz]")
         ax.set_ylabel("Correction of height [m²/Hz]")

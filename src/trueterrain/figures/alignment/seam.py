@@ -10,7 +10,7 @@ from trueterrain.figures import canvas
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from trueterrain.alignment.seams import SeamAgreement
+    from trueterrain.alignment.discontinuity.seams import SeamAgreement
 
 _MIN_STEP = 1e-6  # [m] smaller steps are drawn at this size
 _MARGIN = 1.6  # factor of the axis limits above and below
@@ -40,7 +40,7 @@ def seam_steps(seam: "SeamAgreement", *, ax: "Axes | None" = None) -> "Axes":
 
     Examples
     --------
-    >>> from trueterrain.alignment.seams import SeamAgreement
+    >>> from trueterrain.alignment.discontinuity.seams import SeamAgreement
     >>> from trueterrain.alignment.discontinuity.alignment import SeamSteps
     >>> at, steps = np.array([0.5, 1.5]), np.array([[0.05, 0.04], [-0.05, -0.04]])
     >>> made = SeamAgreement(names=("left", "right"), before=SeamSteps(station=at, step=steps),
@@ -83,8 +83,7 @@ def seam_steps(seam: "SeamAgreement", *, ax: "Axes | None" = None) -> "Axes":
     ax.set_ylim(max(sizes.min(), _MIN_STEP) / _MARGIN, max(sizes.max(), _MIN_STEP) * _MARGIN)
     _log_millimetres(ax)
     ax.set_xlabel("Station along the overlap [m]")
-    ax.grid(color="0.9", linewidth=0.6)
-    ax.set_axisbelow(True)
+    canvas.draw_grid(ax)
     small = int((sizes < _MIN_STEP).sum())
     below = f"; {small} below {1e3 * _MIN_STEP:g} mm drawn there" if small else ""
     canvas.annotate_axes(ax, f"without sign{_station_note(seam.before.station)}{below}")

@@ -92,8 +92,7 @@ def cpf(
     ax.set_ylim(-0.02, 1.02)
     canvas.scale_axis(ax.xaxis, scale, "Height")
     ax.set_ylabel("Cumulative probability [1]")
-    ax.grid(color="0.9", linewidth=0.6)
-    ax.set_axisbelow(True)
+    canvas.draw_grid(ax)
     canvas.legend_above(ax, columns=2, notes=False)
     return ax
 

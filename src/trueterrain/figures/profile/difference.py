@@ -61,8 +61,7 @@ def profile_difference(
     ax.set_xlabel("Distance along the path s [m]")
     canvas.scale_axis(ax.yaxis, canvas.LengthScale(factor=1000.0, unit="mm"), "Height difference")
     ax.margins(x=0)
-    ax.grid(color="0.9", linewidth=0.6)
-    ax.set_axisbelow(True)
+    canvas.draw_grid(ax)
     canvas.legend_above(ax, notes=False)
     return ax
 

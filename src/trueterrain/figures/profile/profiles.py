@@ -78,8 +78,7 @@ def label_profile_axes(ax: "Axes", *heights: xr.DataArray) -> None:
     ax.set_xlabel("Distance along the path s [m]")
     canvas.scale_axis(ax.yaxis, canvas.height_scale(*heights), "Height")
     ax.margins(x=0)
-    ax.grid(color="0.9", linewidth=0.6)
-    ax.set_axisbelow(True)
+    canvas.draw_grid(ax)
     canvas.note_exaggeration(ax)
 
 

@@ -74,8 +74,7 @@ def agreement_overlay(
     canvas.scale_axis(ax.yaxis, canvas.LengthScale(factor=1000.0, unit=unit), name)
     ax.set_xlabel("Distance along the path s [m]")
     ax.margins(x=0)
-    ax.grid(color="0.9", linewidth=0.6)
-    ax.set_axisbelow(True)
+    canvas.draw_grid(ax)
     canvas.annotate_axes(ax, "" if whole else f"{length:g} m in which they differ most")
     canvas.legend_above(ax, columns=2 if shown["scale"].any() else 3)
     return ax

@@ -1,8 +1,7 @@
-"""Evenness: deviation from a rolling straightedge, and RMS in bands of wavelength."""
+"""Evenness: deviation of the ground from a rolling straightedge."""
 
 from typing import TYPE_CHECKING
 
-import numpy as np
 import xarray as xr
 
 from trueterrain.core.provenance import provenance_steps
@@ -11,8 +10,6 @@ from trueterrain.roughness.stretches import find_stretches
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-_STYLES = ("-", "--", ":", "-.")  # of tracks; bands differ by colour
 
 
 def straightedge_deviation(
@@ -37,6 +34,7 @@ def straightedge_deviation(
 
     Examples
     --------
+    >>> import numpy as np
     >>> from trueterrain.core.schemas import make_profile
     >>> from trueterrain.roughness import rolling_straightedge
     >>> s = np.arange(0.0, 50.0, 0.05)
@@ -62,74 +60,12 @@ def straightedge_deviation(
     ax.set_ylim(-1.1 * largest or -1e-3, 1.1 * largest or 1e-3)
     ax.set_xlabel("Midpoint of the straightedge s [m]")
     canvas.scale_axis(ax.yaxis, canvas.LengthScale(factor=1000.0, unit="mm"), "Ground above it")
-    ax.grid(axis="y", color="0.9", linewidth=0.6)
-    ax.set_axisbelow(True)
+    canvas.draw_grid(ax, "y")
     canvas.annotate_axes(
         ax,
         f"straightedge of {provenance_steps(beam)[-1]['parameters']['length']:g} m on two wheels",
     )
     canvas.legend_above(ax)
-    return ax
-
-
-def waveband_segments(rated: xr.Dataset, *, ax: "Axes | None" = None) -> "Axes":
-    """Root mean square of each band in each segment, as steps.
-
-    Parameters
-    ----------
-    rated : xarray.Dataset
-        Result of `trueterrain.roughness.waveband_rms` with a segment length.
-    ax : Axes, optional
-        Where to draw; by default a new figure.
-
-    Returns
-    -------
-    Axes
-        Distance along the path and RMS, both in metres; bands differ by colour, tracks by the style
-        of the line.
-
-    Raises
-    ------
-    ValueError
-        If there are no segments.
-
-    Examples
-    --------
-    >>> from trueterrain.core.schemas import make_profile
-    >>> from trueterrain.roughness import waveband_rms
-    >>> s = np.arange(0.0, 300.0, 0.1)
-    >>> road = make_profile(s, 0.005 * np.sin(2 * np.pi * s / 5))
-    >>> waveband_segments(waveband_rms(road, segment=100.0)).get_ylabel()
-    'RMS [mm]'
-    """
-    if "segment_rms" not in rated:
-        message = "rated must hold segments: call waveband_rms(profile, segment=...), got none."
-        raise ValueError(message)
-    ax = canvas.axes_or_new(ax, height=3.0)
-    edges = np.append(rated["start"].values, rated["end"].values[-1:])
-    several = rated.sizes["track"] > 1
-    for number, band in enumerate(rated["band"].values):
-        for row, track in enumerate(rated["track"].values):  # the rows of the legend
-            one = rated.sel(track=track, band=band)
-            label = f"{band}, {track}" if several else f"{band}"
-            ax.stairs(
-                one["segment_rms"].values,
-                edges,
-                baseline=None,
-                linewidth=1.6,
-                label=label,
-                color=canvas.COLOURS[number % len(canvas.COLOURS)],
-                linestyle=_STYLES[row % len(_STYLES)],
-            )
-    highest = float(rated["segment_rms"].max())
-    ax.set_xlim(edges[0], edges[-1])
-    ax.set_ylim(0, 1.08 * highest or 1e-3)
-    ax.set_xlabel("Distance along the path s [m]")
-    canvas.scale_axis(ax.yaxis, canvas.LengthScale(factor=1000.0, unit="mm"), "RMS")
-    ax.grid(axis="y", color="0.9", linewidth=0.6)
-    ax.set_axisbelow(True)
-    canvas.annotate_axes(ax, f"bands of wavelength, segments of {float(edges[1] - edges[0]):g} m")
-    canvas.legend_above(ax, columns=rated.sizes["band"])
     return ax
 
 

@@ -54,8 +54,7 @@ def roughness_histogram(histogram: xr.Dataset, *, ax: "Axes | None" = None) -> "
     ax.set_xticks(place, [_class_name(above, below) for above, below in edges])
     ax.set_xlabel("IRI [m/km]")
     ax.set_ylabel("Fraction of the length [%]")
-    ax.grid(axis="y", color="0.9", linewidth=0.6)
-    ax.set_axisbelow(True)
+    canvas.draw_grid(ax, "y")
     canvas.legend_above(ax, notes=False)
     return ax
 

@@ -80,7 +80,6 @@ def navigation_errors(
         canvas.scale_axis(ax.yaxis, canvas.height_scale(*drawn), f"Error of {quantity}")
     ax.set_xlabel("Time since the start of the run [s]")
     ax.margins(x=0)
-    ax.grid(color="0.9", linewidth=0.6)
-    ax.set_axisbelow(True)
+    canvas.draw_grid(ax)
     canvas.legend_above(ax, notes=False)
     return ax

@@ -159,8 +159,7 @@ def _body_motion(motion: Motion, source: str | None) -> tuple[Any, str]:
 
 def _complete_axes(ax: "Axes") -> None:
     ax.margins(x=0)
-    ax.grid(color="0.9", linewidth=0.6)
-    ax.set_axisbelow(True)
+    canvas.draw_grid(ax)
 
 
 def _align_zeros(ax: "Axes", other: "Axes") -> None:

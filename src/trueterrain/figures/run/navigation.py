@@ -50,8 +50,7 @@ def navigation_plan(navigation: xr.DataTree | xr.Dataset, *, ax: "Axes | None" =
     ax.set_aspect("equal", adjustable="datalim")
     ax.set_xlabel("East of the origin [m]")
     ax.set_ylabel("North of the origin [m]")
-    ax.grid(color="0.9", linewidth=0.6)
-    ax.set_axisbelow(True)
+    canvas.draw_grid(ax)
     distance = float(np.hypot(np.diff(x), np.diff(y)).sum())
     canvas.annotate_axes(ax, f"equal scale, {distance:,.0f} m driven")
     canvas.legend_above(ax)
@@ -98,8 +97,7 @@ def navigation_heights(navigation: xr.DataTree | xr.Dataset, *, ax: "Axes | None
     ax.set_xlabel(f"Time {canvas.MINUS} {start:.12g} s [s]" if start else "Time [s]")
     canvas.scale_axis(ax.yaxis, canvas.height_scale(up), "Height")
     ax.margins(x=0)
-    ax.grid(color="0.9", linewidth=0.6)
-    ax.set_axisbelow(True)
+    canvas.draw_grid(ax)
     canvas.legend_above(ax, notes=False)
     return ax
 

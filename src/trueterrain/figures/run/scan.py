@@ -8,6 +8,7 @@ import xarray as xr
 from trueterrain.core.errors import CoverageError
 from trueterrain.figures import canvas
 from trueterrain.figures.run import groups
+from trueterrain.surface import heights_at
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -140,8 +141,7 @@ def scan_elevation(
     ax.set_xlabel(f"Offset from the scanner at {returns.time[0]:.6g} s, left + [m]")
     name = "Height" if returns.position is not None else "Height above the scanner"
     canvas.scale_axis(ax.yaxis, canvas.height_scale(up), name)
-    ax.grid(color="0.9", linewidth=0.6)
-    ax.set_axisbelow(True)
+    canvas.draw_grid(ax)
     ax.margins(x=0.01)
     canvas.note_exaggeration(ax)
     canvas.legend_above(ax)
@@ -173,8 +173,6 @@ def _draw_true_ground(
     inside = np.flatnonzero(np.isfinite(across))
     if position is None or inside.size < 2 or not groups.has_group(run, "truth/ground"):
         return
-    from trueterrain.surface import heights_at
-
     # In plan, the points of a scan are nearly on a line: the beams differ in time only slightly.
     line = np.linspace(offset.min(), offset.max(), _LINE)
     east, north = (

@@ -105,7 +105,7 @@ def spectrum(
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.set_ylim(bottom=max(ax.get_ylim()[0], _MIN_DENSITY * max(peak_densities)))
-    _plain_ticks(ax)
+    canvas.plain_log_axis(ax.xaxis)
     ax.set_xlabel("Frequency [Hz]")
     ax.set_ylabel(f"{name} [({unit})²/Hz]")
     ax.margins(x=0)
@@ -179,11 +179,3 @@ def _mark_peaks(
             va="bottom",
             fontsize="small",
         )
-
-
-def _plain_ticks(ax: "Axes") -> None:
-    """Format frequencies as plain numbers at 1, 2 and 5 of each decade."""
-    from matplotlib.ticker import FuncFormatter, LogLocator
-
-    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

@@ -16,7 +16,6 @@ _DIVERGING_MAP = "RdBu_r"  # white at 0, readable by colour-blind people
 _QUANTILE = 99.0  # [%] of the magnitudes within the colours
 _MIN_SPAN = 1e-6  # [m] of the colours
 _MIN_RATIO = 10.0  # of the ends of an axis, so that it has ticks
-_MAX_RATIO = 1e4  # of the ends of an axis; above it only powers of ten are labelled
 
 
 def difference_map(
@@ -128,7 +127,8 @@ def structure_functions(
     low, high = ax.get_ylim()
     widen = max(1.0, _MIN_RATIO / (high / low)) ** 0.5
     ax.set_ylim(low / widen, high * widen)
-    _plain_ticks(ax)
+    for axis in (ax.xaxis, ax.yaxis):
+        canvas.plain_log_axis(axis)
     ax.set_xlabel("Distance [m]")
     ax.set_ylabel("Mean square change [mm²]")
     ax.grid(which="major", color="0.85", linewidth=0.6)
@@ -136,15 +136,3 @@ def structure_functions(
     ax.set_axisbelow(True)
     canvas.legend_above(ax, notes=False)
     return ax
-
-
-def _plain_ticks(ax: "Axes") -> None:
-    """Format ticks as plain numbers at 1, 2 and 5 of each decade; with many decades only at 1."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-    for axis in (ax.xaxis, ax.yaxis):
-        low, high = axis.get_view_interval()
-        steps = (1.0, 2.0, 5.0) if high / low < _MAX_RATIO else (1.0,)
-        axis.set_major_locator(LogLocator(subs=steps, numticks=20))
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axis.set_minor_formatter(NullFormatter())

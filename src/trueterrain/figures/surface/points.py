@@ -12,6 +12,8 @@ from trueterrain.profile import WheelPath
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+_FEW = 1000  # points, up to which dots are larger
+
 
 def points_map(
     points: xr.Dataset,
@@ -62,7 +64,7 @@ def points_map(
         shown.easting,
         shown.northing,
         c=shown.up,
-        s=2,
+        s=2 if shown.sizes["point"] > _FEW else 12,
         linewidths=0,
         cmap=canvas.HEIGHT_MAP,
         rasterized=True,

@@ -83,8 +83,7 @@ def measurable_slope(
     ax.set_xlabel("Offset from the scanner, left + [m]")
     ax.set_ylabel("Steepest visible face [deg]")
     ax.margins(x=0)
-    ax.grid(color="0.9", linewidth=0.6)
-    ax.set_axisbelow(True)
+    canvas.draw_grid(ax)
     canvas.annotate_axes(ax, f"laser {height:g} m above the ground")
     canvas.legend_above(ax)
     return ax

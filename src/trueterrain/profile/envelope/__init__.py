@@ -14,8 +14,7 @@ along the path, and ``roll(strip)``, which gives height and slope at each path p
 
 from trueterrain.profile.envelope.along import Envelope, effective_road, tyre_envelope
 from trueterrain.profile.envelope.averages import LineLaser, PatchMean
-from trueterrain.profile.envelope.cams import TandemCams
-from trueterrain.profile.envelope.disc import RigidDisc
+from trueterrain.profile.envelope.rigid import RigidDisc, TandemCams
 from trueterrain.profile.envelope.springs import RadialSpringTyre
 from trueterrain.profile.envelope.tyres import (
     PASSENGER_TYRE,

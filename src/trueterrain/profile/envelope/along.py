@@ -18,8 +18,7 @@ from trueterrain.profile.envelope._strip import (
     strip_under,
 )
 from trueterrain.profile.envelope.averages import LineLaser, PatchMean
-from trueterrain.profile.envelope.cams import TandemCams
-from trueterrain.profile.envelope.disc import RigidDisc
+from trueterrain.profile.envelope.rigid import RigidDisc, TandemCams
 from trueterrain.profile.envelope.springs import RadialSpringTyre
 from trueterrain.profile.extract import Ground, ThinPolicy
 

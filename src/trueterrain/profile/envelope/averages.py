@@ -7,7 +7,7 @@ import numpy as np
 from trueterrain.profile.area import require_positive
 from trueterrain.profile.distribution import HeightDistributions
 from trueterrain.profile.envelope._strip import Float, GroundStrip
-from trueterrain.profile.envelope.disc import lines_amid_strips, lines_to_the_edges, require_width
+from trueterrain.profile.envelope.rigid import lines_amid_strips, lines_to_the_edges, require_width
 from trueterrain.profile.envelope.tyres import PASSENGER_TYRE, TyreData
 from trueterrain.profile.statistic import Window
 from trueterrain.vehicle import contact_heights, contact_margin

@@ -7,7 +7,7 @@ import numpy as np
 from trueterrain.profile.area import require_positive
 from trueterrain.profile.envelope import _kernels
 from trueterrain.profile.envelope._strip import Float, GroundStrip
-from trueterrain.profile.envelope.disc import lines_amid_strips, require_width
+from trueterrain.profile.envelope.rigid import lines_amid_strips, require_width
 from trueterrain.profile.envelope.tyres import PASSENGER_TYRE, TyreData
 
 #: Difference of spring force and load at convergence, as a fraction of the load.

@@ -1,14 +1,33 @@
-"""Gathering of heights: from slices that are counted and filled to sorted distributions."""
+"""Heights inside the search areas of a path: of gridded surfaces and of scattered points.
+
+On a grid the search proceeds along the rows, from the cell in which a path point lies. A search
+area that reaches the edge of the surface may hold nodes that this search does not find: those of
+the far end of a closed loop, or all of them if the path point lies outside. There the nodes are
+searched as scattered points, so that a surface and its nodes always give the same heights.
+
+For scattered points the path is indexed rather than the points: the cells that its search areas
+touch are numbered, then the points are read block by block, and only those that fall into such a
+cell are kept. Memory holds the neighbourhood of the path, never the survey.
+"""
 
 from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
+import xarray as xr
 
+from trueterrain.geometry.grid_frame import GridFrame, grid_frame, xy_to_uv
 from trueterrain.geometry.path import WheelPath
 from trueterrain.profile.area import EDGE_TOLERANCE, SearchArea, area_reach
 from trueterrain.profile.distribution import HeightDistributions
 from trueterrain.profile.search import _kernels
+from trueterrain.profile.search._kernels import (
+    find_cells,
+    gather_grid,
+    gather_scattered,
+    number_cells,
+    sort_into_cells,
+)
 
 Float = npt.NDArray[np.float64]
 Integer = npt.NDArray[np.int64]
@@ -31,6 +50,10 @@ COUNT_ONLY: tuple[Integer, Float, Float, Float] = (
 _LEVEL_STEP = 1e-7
 _LEVEL_TOLERANCE = 1e-12
 _LEVEL_ITERATIONS = 50
+
+_ROWS = 256  # cross-sections searched as scattered points at a time
+_COARSE = 1024  # cells per axis of the coarse mask at most: a byte each, so that it fits in caches
+_BLOCK = 1 << 22  # points filtered at a time
 
 
 def distributions_along(
@@ -72,3 +95,207 @@ def kernel_area(area: SearchArea) -> tuple[int, Float, float]:
 def path_arrays(path: WheelPath) -> tuple[Float, Float]:
     """Positions (s, 2) and headings (s,) of a path, as the kernels take them."""
     return np.stack([path.easting, path.northing], axis=1), np.ascontiguousarray(path.heading)
+
+
+def grid_gatherer(surface: xr.Dataset, area: SearchArea) -> Gatherer:
+    """Prepare a surface for gathering the nodes inside search areas.
+
+    Distances are measured on the ground, not in (u, v): on a bend the nodes of the inner side lie
+    closer together than those of the outer one.
+
+    Parameters
+    ----------
+    surface : xarray.Dataset
+        Surface, along a reference line or a map.
+    area : Disc, Ellipse or Rectangle
+        Search area.
+
+    Returns
+    -------
+    Gatherer
+        Function that gathers for a part of a path.
+    """
+    frame = grid_frame(surface)
+    origin = np.stack([frame.origin_easting, frame.origin_northing], axis=1)
+    normal = np.stack([frame.normal_easting, frame.normal_northing], axis=1)
+    dims = ("u", "v") if "u" in surface.dims else ("easting", "northing")
+    height = np.ascontiguousarray(surface.height.transpose(*dims), dtype=float)
+
+    def gather(path: WheelPath) -> tuple[Integer, Fill]:
+        u, _ = xy_to_uv(frame, path.easting, path.northing)
+        row = np.searchsorted(frame.u, u, side="right") - 1
+        row = np.where(np.isnan(u), -1, np.clip(row, 0, frame.u.size - 2))
+        at, heading = path_arrays(path)
+
+        def gather_rows(start: Integer, *output: Float) -> tuple[Integer, npt.NDArray[np.bool_]]:
+            grid = origin, normal, frame.v, height, at, row, heading
+            counts, at_edge = gather_grid(*grid, *kernel_area(area), start, *output)
+            return counts, at_edge
+
+        counts, at_edge = gather_rows(*COUNT_ONLY)
+        edge = np.flatnonzero(at_edge)
+        if edge.size == 0:
+            return counts, gather_rows
+        counts[edge], fill_edge = _search_scattered(frame, height, path, edge, area)
+
+        def fill(start: Integer, *output: Float) -> None:
+            gather_rows(start, *output)
+            fill_edge(start[edge], *output)
+
+        return counts, fill
+
+    return gather
+
+
+def _search_scattered(
+    frame: GridFrame, height: Float, path: WheelPath, some: Integer, area: SearchArea
+) -> tuple[Integer, Fill]:
+    """Gather the nodes in some search areas by searching them as scattered points."""
+    some_path = WheelPath(
+        s=path.s[some],
+        easting=path.easting[some],
+        northing=path.northing[some],
+        heading=path.heading[some],
+        length=path.length,
+    )
+    scattered = ScatteredHeights(some_path, area)
+    at, _ = path_arrays(some_path)
+    for begin in range(0, frame.u.size, _ROWS):
+        cut = slice(begin, begin + _ROWS)
+        origin = np.stack([frame.origin_easting[cut], frame.origin_northing[cut]], axis=-1)
+        normal = np.stack([frame.normal_easting[cut], frame.normal_northing[cut]], axis=-1)
+        ends = np.concatenate([origin + v * normal for v in frame.v[[0, -1]]])
+        low, high = ends.min(axis=0) - area_reach(area), ends.max(axis=0) + area_reach(area)
+        if ((at >= low) & (at <= high)).all(axis=1).any():
+            nodes = origin[:, None] + frame.v[:, None] * normal[:, None]
+            scattered.add_heights(nodes[..., 0].ravel(), nodes[..., 1].ravel(), height[cut].ravel())
+    return scattered.gatherer()(some_path)
+
+
+class ScatteredHeights:
+    """Points near a path, sorted into the cells that the search areas touch.
+
+    Parameters
+    ----------
+    path : WheelPath
+        Path points.
+    area : Disc, Ellipse or Rectangle
+        Search area.
+    """
+
+    def __init__(self, path: WheelPath, area: SearchArea) -> None:
+        self._area = area
+        self._reach = area_reach(area)
+        cell = 2.001 * self._reach  # a search area then touches at most four cells
+        at, _ = path_arrays(path)
+        margin = self._reach + cell  # so that no cell number is negative
+        self._low = at.min(axis=0) - margin
+        shape = np.ceil((at.max(axis=0) + margin - self._low) / cell).astype(np.int64)
+        self._columns = int(shape[0])
+        self._high = shape * cell
+        self._per_metre = 1 / cell
+        self._coarse_shape = np.minimum(shape, _COARSE)
+        self._coarse_scale = self._coarse_shape / shape
+
+        max_cells = 4 * len(at)
+        size = 1 << int(2 * max_cells - 1).bit_length()  # at most half full: short probes
+        self._keys = np.full(size, -1, np.int64)
+        self._numbers = np.empty(size, np.int32)
+        column, row = np.empty(max_cells, np.int64), np.empty(max_cells, np.int64)
+        self._cell_count = number_cells(
+            column,
+            row,
+            self._columns,
+            self._per_metre,
+            self._reach,
+            at,
+            self._low,
+            self._keys,
+            self._numbers,
+        )
+        self._coarse = self._coarse_mask(column[: self._cell_count], row[: self._cell_count])
+        self._kept: list[tuple[npt.NDArray[np.int32], Float]] = []
+
+    def add(self, points: xr.Dataset) -> None:
+        """Keep those points that are near the path; points without a height are left out.
+
+        Parameters
+        ----------
+        points : xarray.Dataset
+            Points, or a block of them.
+        """
+        self.add_heights(*(np.asarray(points[name]) for name in ("easting", "northing", "up")))
+
+    def add_heights(self, easting: Float, northing: Float, up: Float) -> None:
+        """Keep those heights that are near the path; those not finite are left out.
+
+        Parameters
+        ----------
+        easting, northing, up : numpy.ndarray, shape (point,)
+            Coordinates [m].
+        """
+        columns = tuple(np.ascontiguousarray(c, dtype=float) for c in (easting, northing, up))
+        for begin in range(0, columns[0].size, _BLOCK):
+            block = tuple(column[begin : begin + _BLOCK] for column in columns)
+            cell = find_cells(
+                *block,
+                self._low,
+                self._high,
+                self._columns,
+                self._per_metre,
+                self._coarse,
+                self._coarse_scale,
+                self._keys,
+                self._numbers,
+            )
+            near = np.flatnonzero(cell >= 0)
+            self._kept.append((cell[near], np.stack([column[near] for column in block], axis=1)))
+
+    def gatherer(self) -> Gatherer:
+        """Sort the kept points and return the function that gathers for a part of the path.
+
+        Returns
+        -------
+        Gatherer
+            Gathers for the path given at the start, or a part of it.
+        """
+        cell = np.concatenate([np.empty(0, np.int32), *(cell for cell, _ in self._kept)])
+        points = np.concatenate([np.empty((0, 3)), *(points for _, points in self._kept)])
+        begin, order = sort_into_cells(cell, self._cell_count)
+        points = points[order]
+
+        def gather(path: WheelPath) -> tuple[Integer, Fill]:
+            at, heading = path_arrays(path)
+
+            def run(start: Integer, *output: Float) -> Integer:
+                counts = gather_scattered(
+                    points,
+                    begin,
+                    self._low,
+                    self._columns,
+                    self._per_metre,
+                    self._keys,
+                    self._numbers,
+                    at,
+                    heading,
+                    *kernel_area(self._area),
+                    start,
+                    *output,
+                )
+                return np.asarray(counts)
+
+            return run(*COUNT_ONLY), run
+
+        return gather
+
+    def _coarse_mask(
+        self, column: npt.NDArray[np.int64], row: npt.NDArray[np.int64]
+    ) -> npt.NDArray[np.bool_]:
+        """Mask of the coarse cells in which the numbered cells lie."""
+        columns, rows = self._coarse_shape + 1  # one more: round-off at the far edge
+        coarse = np.zeros((rows, columns), bool)
+        # the same arithmetic as in `find_cells`, so that round-off is the same
+        coarse[
+            (row * self._coarse_scale[1]).astype(int), (column * self._coarse_scale[0]).astype(int)
+        ] = True
+        return coarse

@@ -2,8 +2,8 @@
 
 from trueterrain.surface.accumulate._kernels import HEIGHT_OFFSET
 from trueterrain.surface.accumulate._reach import ScanReach, count_scan_visits, scan_reaches
+from trueterrain.surface.accumulate._returns import PARTS, STEP, KeptSums, ReturnTotals
 from trueterrain.surface.accumulate._sums import CellSums
-from trueterrain.surface.accumulate._totals import PARTS, STEP, KeptSums, ReturnTotals
 from trueterrain.surface.accumulate.pose_variance import PoseVariance
 
 __all__ = [

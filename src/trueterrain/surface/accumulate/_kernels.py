@@ -44,55 +44,9 @@ def _place_returns(expansion, beam, ranges, scale, begin, end, where):
 
 @compile_kernel
 def accumulate_scans(
-    begin,
-    end,
-    expansion,
-    first,
-    beam,
-    ranges,
-    scale,
-    missing,
-    nearest,
-    furthest,
-    intensity,
-    floor,
-    saturation,
-    good_weight,
-    flagged_weight,
-    px,
-    py,
-    nx,
-    ny,
-    dx,
-    dy,
-    lean,
-    widen,
-    length,
-    hint,
-    v_right,
-    per_across,
-    columns,
-    per_step,
-    parts,
-    furthest_height,
-    first_row,
-    touched,
-    count,
-    totals,
-    squares,
-    lows,
-    highs,
-    alongs,
-    acrosses,
-    return_totals,
-    reach_low,
-    reach_high,
-    reach_found,
-    first_cell,
-    cursor,
-    values,
+    expansion, first, beam, returns, strips, hint, cells, sums, return_totals, reach, into
 ):
-    """Sort the ranges of the scans from `begin` to before `end` into cells.
+    """Sort the ranges of scans into cells.
 
     Cells exist for the rows from `first_row` on. If `values` is not empty, nothing is added: the
     heights of each cell from `first_cell` on are written there at the cursor of the cell.
@@ -100,34 +54,27 @@ def accumulate_scans(
     expansion : coefficients of position and direction, shape (scan * pieces, 3, 9)
     first : first beam of each piece, and the number of beams, shape (piece + 1,)
     beam : powers and products of beam angle and delay, shape (9, beam)
-    ranges : stored ranges, shape (scan, beam) [scale]
-    scale, missing : step of the ranges [m], and the number of a beam without return
-    nearest, furthest : range gate [m]
-    intensity : shape (scan, beam), or (0, 0) without screening [counts]
-    floor, saturation : intensities that are not flagged [counts]
-    good_weight, flagged_weight : integer weights of returns
-    px, py, nx, ny : nodes of the line and its cross directions, shape (node,) [m, 1]. There is one
-        node more at either end than the grid has rows
-    dx, dy, lean, widen, length : of each strip between two nodes, shape (strip,): direction [1];
-        how far the cross-section at its start leans forward per metre of offset [1], how much the
-        strip grows longer per metre of offset [1]; its length [m]
+    returns : `ScanReturns`, of all scans
+    strips : `GridStrips`; there is one node more at either end than the grid has rows
     hint : strip near each scan, shape (scan,). Results do not depend on it unless the line overlaps
         itself
-    v_right : offset of the rightmost node [m]
-    per_across : cells per metre of offset [1/m]
-    columns : nodes across
-    per_step : steps of height per metre [1/m]
-    parts : parts of a cell in which positions are summed
-    furthest_height : magnitude of the heights that can be summed [m]
-    touched : output, whether a row has any sum, shape (row,)
-    count, totals, squares : output, sums of weights, heights and squares, shape (cell,) [step]
-    lows, highs : output, min and max as positive integers, shape (cell,) or (0,)
-    alongs, acrosses : output, sums of positions in the cell, shape (cell,) or (0,) [1/parts]
+    cells : `CellLayout`
+    sums : `SumArrays`, output
     return_totals : output, returns that are used, flagged, outside, too high, shape (4,); scans
         whose reach was found before do not count
-    reach_low, reach_high, reach_found : output, rows that each scan reaches, shape (scan,) or (0,)
-    first_cell, cursor, values : collection of heights, see above
+    reach : `RowsReached`, output
+    into : `CollectedHeights`, output, see above
     """
+    # locals, so that the compiler keeps them in registers
+    ranges, scale, missing, nearest, furthest, intensity, floor, saturation = returns[:8]
+    good_weight, flagged_weight = returns.good_weight, returns.flagged_weight
+    px, py, nx, ny, dx, dy, lean, widen, length = strips
+    v_right, per_across, columns = cells.v_right, cells.per_across, cells.columns
+    per_step, parts, furthest_height = cells.per_step, cells.parts, cells.furthest_height
+    first_row = cells.first_row
+    count, totals, squares, lows, highs, alongs, acrosses, _, touched = sums
+    reach_low, reach_high, reach_found = reach
+    first_cell, cursor, values = into
     pieces = first.size - 1
     beams = ranges.shape[1]
     where = np.empty((3, beams))
@@ -138,7 +85,7 @@ def accumulate_scans(
     collect = values.size > 0
     noted = reach_found.size > 0
     rows = touched.size
-    for n in range(begin, end):
+    for n in range(hint.size):
         for p in range(pieces):
             _place_returns(
                 expansion[n * pieces + p], beam, ranges[n], scale, first[p], first[p + 1], where
@@ -257,46 +204,21 @@ def accumulate_scans(
 
 
 @compile_kernel
-def accumulate_points(
-    begin,
-    end,
-    u,
-    v,
-    z,
-    sd,
-    first_u,
-    per_along,
-    rows,
-    v_right,
-    per_across,
-    columns,
-    per_step,
-    parts,
-    furthest_height,
-    variance_unit,
-    first_row,
-    touched,
-    count,
-    totals,
-    squares,
-    lows,
-    highs,
-    alongs,
-    acrosses,
-    variances,
-    return_totals,
-    first_cell,
-    cursor,
-    values,
-):
-    """Sort the points from `begin` to before `end` into cells; NaN in u is outside.
+def accumulate_points(u, v, z, sd, cells, sums, return_totals, into):
+    """Sort points into cells; NaN in u is outside.
 
-    Cells and `values` as in `accumulate_scans`.
+    u, v, z : coordinates, shape (point,) [m]
+    sd : standard deviations of z, shape (point,) or (0,) [m]
+    cells, sums, return_totals, into : as in `accumulate_scans`
     """
+    first_u, per_along, rows, v_right, per_across, columns, first_row = cells[:7]
+    per_step, parts, furthest_height, variance_unit = cells[7:]
+    count, totals, squares, lows, highs, alongs, acrosses, variances, touched = sums
+    first_cell, cursor, values = into
     collect = values.size > 0
     extremes, places, own = lows.size > 0, alongs.size > 0, variances.size > 0
     used, outside, high = 0, 0, 0
-    for k in range(begin, end):
+    for k in range(u.size):
         at_u = (u[k] - first_u) * per_along + 0.5
         at_v = (v[k] - v_right) * per_across + 0.5
         if not (at_u >= 0.0 and at_u < rows and at_v >= 0.0 and at_v < columns):
@@ -336,57 +258,56 @@ def accumulate_points(
 
 
 @compile_kernel
-def merge_sums(count, totals, squares, lows, highs, alongs, acrosses, variances, touched, other):
+def merge_sums(sums, other):
     """Add the sums of another thread, row by row where it has any, and set those to zero."""
-    columns = count.size // touched.size
-    for row in range(touched.size):
-        if not other[8][row]:
+    columns = sums.count.size // sums.touched.size
+    for row in range(sums.touched.size):
+        if not other.touched[row]:
             continue
-        touched[row] = True
+        sums.touched[row] = True
         begin, end = row * columns, (row + 1) * columns
         for cell in range(begin, end):
-            count[cell] += other[0][cell]
-            totals[cell] += other[1][cell]
-            squares[cell] += other[2][cell]
-        if lows.size:
+            sums.count[cell] += other.count[cell]
+            sums.totals[cell] += other.totals[cell]
+            sums.squares[cell] += other.squares[cell]
+        if sums.lows.size:
             for cell in range(begin, end):
-                lows[cell] = max(lows[cell], other[3][cell])
-                highs[cell] = max(highs[cell], other[4][cell])
-        if alongs.size:
+                sums.lows[cell] = max(sums.lows[cell], other.lows[cell])
+                sums.highs[cell] = max(sums.highs[cell], other.highs[cell])
+        if sums.alongs.size:
             for cell in range(begin, end):
-                alongs[cell] += other[5][cell]
-                acrosses[cell] += other[6][cell]
-        if variances.size:
+                sums.alongs[cell] += other.alongs[cell]
+                sums.acrosses[cell] += other.acrosses[cell]
+        if sums.variances.size:
             for cell in range(begin, end):
-                variances[cell] += other[7][cell]
+                sums.variances[cell] += other.variances[cell]
         _clear_row(row, columns, other)
 
 
 @compile_kernel
 def clear_sums(sums):
     """Set the sums of a thread to zero, row by row where it has any."""
-    columns = sums[0].size // sums[8].size
-    for row in range(sums[8].size):
-        if sums[8][row]:
+    columns = sums.count.size // sums.touched.size
+    for row in range(sums.touched.size):
+        if sums.touched[row]:
             _clear_row(row, columns, sums)
 
 
 @compile_kernel
 def _clear_row(row, columns, sums):
-    count, totals, squares, lows, highs, alongs, acrosses, variances, touched = sums
     begin, end = row * columns, (row + 1) * columns
-    count[begin:end] = 0
-    totals[begin:end] = 0
-    squares[begin:end] = 0
-    if lows.size:
-        lows[begin:end] = 0
-        highs[begin:end] = 0
-    if alongs.size:
-        alongs[begin:end] = 0
-        acrosses[begin:end] = 0
-    if variances.size:
-        variances[begin:end] = 0
-    touched[row] = False
+    sums.count[begin:end] = 0
+    sums.totals[begin:end] = 0
+    sums.squares[begin:end] = 0
+    if sums.lows.size:
+        sums.lows[begin:end] = 0
+        sums.highs[begin:end] = 0
+    if sums.alongs.size:
+        sums.alongs[begin:end] = 0
+        sums.acrosses[begin:end] = 0
+    if sums.variances.size:
+        sums.variances[begin:end] = 0
+    sums.touched[row] = False
 
 
 @compile_kernel

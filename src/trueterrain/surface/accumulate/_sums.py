@@ -10,11 +10,20 @@ import numpy.typing as npt
 from trueterrain.core.errors import SchemaError
 from trueterrain.georeference import ScanGeometry, Screening
 from trueterrain.surface.accumulate import _kernels
-from trueterrain.surface.accumulate._quantiles import HeightCollection, cell_quantiles
 from trueterrain.surface.accumulate._reach import ScanReach, near_line
-from trueterrain.surface.accumulate._returns import StoredReturns
-from trueterrain.surface.accumulate._thread_sums import ThreadSums
-from trueterrain.surface.accumulate._totals import GOOD, PARTS, STEP, KeptSums, ReturnTotals
+from trueterrain.surface.accumulate._returns import (
+    GOOD,
+    PARTS,
+    STEP,
+    CellLayout,
+    HeightCollection,
+    KeptSums,
+    ReturnTotals,
+    RowsReached,
+    StoredReturns,
+    ThreadSums,
+    cell_quantiles,
+)
 from trueterrain.surface.accumulate.pose_variance import VARIANCE_STEP, PoseVariance
 from trueterrain.surface.cells import Grid
 
@@ -182,9 +191,7 @@ class CellSums:
             )
         own = np.asarray(sd, dtype=np.float64) if self.wanted.point_sd else np.empty(0)
         self._note_datum(0.0 if self.wanted.point_sd else None)
-        along, across = self.grid.spacing
-        rows, columns = self.grid.shape
-        into = self._collection or HeightCollection()
+        cells, into = self._layout(), (self._collection or HeightCollection()).arrays
 
         def work(part: ThreadSums, begin: int, end: int) -> None:
             return_totals = np.zeros(4, np.int64)
@@ -192,30 +199,7 @@ class CellSums:
                 stop = min(start + _POINTS, end)
                 u, v = self.grid.locate(x[start:stop], y[start:stop])
                 _kernels.accumulate_points(
-                    0,
-                    stop - start,
-                    u,
-                    v,
-                    z[start:stop],
-                    own[start:stop],
-                    self.grid.u[0],
-                    1 / along,
-                    rows,
-                    self.grid.v[0],
-                    1 / across,
-                    columns,
-                    1 / STEP,
-                    PARTS,
-                    _MAX_HEIGHT,
-                    VARIANCE_STEP,
-                    self.rows.start,
-                    part.touched,
-                    *part.cells,
-                    part.variances,
-                    return_totals,
-                    into.first_cell,
-                    into.cursor,
-                    into.values,
+                    u, v, z[start:stop], own[start:stop], cells, part.arrays, return_totals, into
                 )
             if self._collection is None:
                 part.return_totals.note(return_totals)
@@ -342,6 +326,23 @@ class CellSums:
         known = self.datum_sd is not None and sd is not None
         self.datum_sd = max(self.datum_sd or 0.0, sd or 0.0) if known else None
 
+    def _layout(self) -> CellLayout:
+        """Layout of the cells, as the loops take it."""
+        (along, across), (rows, columns) = self.grid.spacing, self.grid.shape
+        return CellLayout(
+            first_u=self.grid.u[0],
+            per_along=1 / along,
+            rows=rows,
+            v_right=self.grid.v[0],
+            per_across=1 / across,
+            columns=columns,
+            first_row=self.rows.start,
+            per_step=1 / STEP,
+            parts=PARTS,
+            furthest_height=_MAX_HEIGHT,
+            variance_unit=VARIANCE_STEP,
+        )
+
     def _cells(self, values: Any) -> Any:
         return values.reshape(len(self.rows), self.grid.shape[1])
 
@@ -418,33 +419,19 @@ class CellSums:
             reach = _UNNOTED
         else:
             motion, hint = geometry.expand(returns.time), reach.hint.astype(np.int64)
-        into = collection or HeightCollection()
         return_totals = np.zeros(4, np.int64)
         _kernels.accumulate_scans(
-            0,
-            returns.time.size,
             motion.coefficient,
             geometry.first,
             geometry.beam,
-            *returns.loops,
-            *grid.strips,
+            returns.arrays,
+            grid.strips,
             hint,
-            grid.v[0],
-            1 / grid.spacing[1],
-            grid.shape[1],
-            1 / STEP,
-            PARTS,
-            _MAX_HEIGHT,
-            self.rows.start,
-            part.touched,
-            *part.cells,
+            self._layout(),
+            part.arrays,
             return_totals,
-            reach.low,
-            reach.high,
-            reach.found,
-            into.first_cell,
-            into.cursor,
-            into.values,
+            RowsReached(reach.low, reach.high, reach.found),
+            (collection or HeightCollection()).arrays,
         )
         if not collection:
             part.return_totals.note(return_totals)

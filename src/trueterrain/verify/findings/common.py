@@ -8,7 +8,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from trueterrain.georeference import Screening, mounting_of
-from trueterrain.motion.scan_gaps import count_missing_scans
+from trueterrain.georeference.scans import count_missing_scans
 from trueterrain.verify.findings.finding import Finding, is_significant
 from trueterrain.verify.registration.search import Registration
 from trueterrain.verify.statistics.regression import CERTAIN, regress_signatures

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from trueterrain.core.newey_west import newey_west_covariance
+from trueterrain.core.statistics import newey_west_covariance
 
 #: Standard deviations from zero beyond which a fault is detected: a false alarm in 16,000 cases.
 CERTAIN = 4.0

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from trueterrain.alignment.adjustment.cholesky import _kernels
 from trueterrain.core.errors import TrueTerrainError
@@ -185,9 +187,6 @@ def _lower_elements(one: Integers, two: Integers) -> tuple[Integers, Integers]:
 
 def _elimination_order(row: Integers, column: Integers, size: int, wide: Integers) -> Integers:
     """Order of elimination by reverse Cuthill-McKee; wide unknowns follow their neighbours."""
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import reverse_cuthill_mckee
-
     broad = np.zeros(size, bool)
     broad[wide] = True
     plain = ~(broad[row] | broad[column])

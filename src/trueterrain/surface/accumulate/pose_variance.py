@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trueterrain.georeference import PoseExpansion
-from trueterrain.surface.accumulate.pose_variance import _kernels
+from trueterrain.surface import _kernels
 from trueterrain.surface.cells import Grid
 
 Floats = npt.NDArray[np.float64]

@@ -8,8 +8,8 @@ import numpy.typing as npt
 
 from trueterrain.georeference import PoseExpansion, ScanGeometry
 from trueterrain.motion.trajectory import BRIDGED
-from trueterrain.surface.accumulate._reach import _kernels
-from trueterrain.surface.accumulate._totals import ReturnTotals
+from trueterrain.surface import _kernels
+from trueterrain.surface.accumulate._returns import ReturnTotals
 from trueterrain.surface.accumulate.pose_variance import PoseVariance
 from trueterrain.surface.cells import Grid
 
