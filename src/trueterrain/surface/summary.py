@@ -1,14 +1,20 @@
 """Summary of a surface, in numbers that JSON takes."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
+from trueterrain.core.quantiles import exact_quantiles
+from trueterrain.core.row_blocks import height_blocks, load_rows
+
 
 def summarise_surface(surface: xr.Dataset) -> dict[str, Any]:
     """Size, spacing, counts and standard deviations of a surface.
+
+    A surface on disk is read block by block.
 
     Parameters
     ----------
@@ -31,32 +37,31 @@ def summarise_surface(surface: xr.Dataset) -> dict[str, Any]:
     (3, 0.2)
     """
     dims = [str(dim) for dim in surface["height"].dims]
-    height = surface["height"].values
-    seen = np.isfinite(height)
-    count = surface["count"].values[seen] if "count" in surface else np.empty(0)
+    counts = _quantiles(surface, "count", [0.5, 1.0]) or [None, None]
     return {
-        "size": dict(zip(dims, height.shape, strict=True)),
+        "size": dict(zip(dims, surface["height"].shape, strict=True)),
         "spacing": {dim: float(np.diff(surface[dim].values).mean()) for dim in dims},
-        "nodes": int(seen.sum()),
+        "nodes": sum(int(np.isfinite(height).sum()) for _, height in height_blocks(surface)),
         "count": {
-            "median": _finite_median(count),
-            "most": int(count.max()) if count.size else None,
+            "median": counts[0],
+            "most": None if counts[1] is None else int(counts[1]),
         },
-        **{name: _sd_statistics(surface, name, seen) for name in ("sd", "sd_relative")},
+        **{name: _sd_statistics(surface, name) for name in ("sd", "sd_relative")},
     }
 
 
-def _sd_statistics(
-    surface: xr.Dataset, name: str, seen: npt.NDArray[np.bool_]
-) -> dict[str, float | None]:
-    sd = surface[name].values[seen] if name in surface else np.empty(0)
-    known = sd[np.isfinite(sd)]
-    return {
-        "median": _finite_median(known),
-        "p95": float(np.percentile(known, 95)) if known.size else None,
-        "largest": float(known.max()) if known.size else None,
-    }
+def _sd_statistics(surface: xr.Dataset, name: str) -> dict[str, float | None]:
+    found = _quantiles(surface, name, [0.5, 0.95, 1.0]) or [None, None, None]
+    return dict(zip(("median", "p95", "largest"), found, strict=True))
 
 
-def _finite_median(values: npt.NDArray[Any]) -> float | None:
-    return float(np.median(values)) if values.size else None
+def _quantiles(surface: xr.Dataset, name: str, fractions: list[float]) -> list[float] | None:
+    """Quantiles of a variable over the nodes that have a height; None without any."""
+    if name not in surface:
+        return None
+
+    def blocks() -> Iterator[npt.NDArray[Any]]:
+        for rows, height in height_blocks(surface):
+            yield load_rows(surface, name, rows)[np.isfinite(height)]
+
+    return exact_quantiles(blocks, fractions)

@@ -12,10 +12,10 @@ import xarray as xr
 
 from trueterrain.core import provenance
 from trueterrain.core.errors import FormatError
+from trueterrain.core.row_blocks import row_blocks
 from trueterrain.core.schemas import check_surface, make_surface
 from trueterrain.formats._bounds import value_range
 from trueterrain.formats.opencrg import _rules
-from trueterrain.formats.opencrg._blocks import row_blocks
 from trueterrain.formats.opencrg._header import CrgHeader, read_header
 from trueterrain.formats.opencrg._offsets import section_offsets
 from trueterrain.formats.opencrg._payload import CrgPayload

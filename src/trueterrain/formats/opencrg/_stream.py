@@ -16,7 +16,7 @@ import numpy.typing as npt
 import pycrg
 import xarray as xr
 
-from trueterrain.formats.opencrg._blocks import block_heights, height_blocks
+from trueterrain.core.row_blocks import height_blocks, load_heights
 from trueterrain.formats.opencrg._header import read_header
 from trueterrain.formats.opencrg._offsets import section_offsets
 from trueterrain.formats.opencrg._payload import CrgPayload
@@ -81,7 +81,7 @@ def write_whole(road: xr.Dataset, flat: FlatRoad, path: Path, keywords: Mapping[
     """Write the heights as text, all at once."""
     v = np.asarray(road["v"])
     every = slice(0, road.sizes["u"])
-    pycrg.write(path, block_heights(road, every) - flat.heights(v, every), v=v, **keywords)
+    pycrg.write(path, load_heights(road, every) - flat.heights(v, every), v=v, **keywords)
 
 
 def write_blocks(road: xr.Dataset, flat: FlatRoad, path: Path, fmt: str) -> None:

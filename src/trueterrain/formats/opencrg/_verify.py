@@ -20,8 +20,8 @@ import pycrg
 import xarray as xr
 
 from trueterrain.core.errors import OutputError
+from trueterrain.core.row_blocks import height_blocks, row_blocks
 from trueterrain.formats.opencrg import _rules
-from trueterrain.formats.opencrg._blocks import height_blocks, row_blocks
 from trueterrain.formats.opencrg._header import CrgHeader, read_header, station_count
 from trueterrain.formats.opencrg._offsets import section_offsets
 from trueterrain.formats.opencrg._payload import CrgPayload
