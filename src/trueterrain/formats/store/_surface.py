@@ -2,14 +2,10 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
-from typing import Any
 
-import numpy as np
 import xarray as xr
 from xarray.core import indexing
 
-from trueterrain.core import whole_store
 from trueterrain.core.errors import FormatError
 from trueterrain.core.schemas import check_surface
 from trueterrain.formats.store._layout import (
@@ -18,7 +14,6 @@ from trueterrain.formats.store._layout import (
     create_array,
     create_group,
     open_store,
-    plain_attrs,
     rows_of,
     write_summary,
 )
@@ -77,21 +72,19 @@ def open_surface(path: str | Path) -> xr.Dataset:
     return check_surface(xr.Dataset(variables, coordinates, stored.attrs), path=path)
 
 
-class SurfaceWriter:
-    """Writer of a surface along a reference line, some rows at a time.
+class SurfaceStore:
+    """Store of a surface whose nodes are written some rows at a time, while it is computed.
 
-    Memory stays flat however long the surface is. The store appears when it is complete; if the
-    body of the ``with`` statement fails, nothing remains.
+    Memory stays flat however long the surface is. It is a work in progress in a folder of its own;
+    `write` makes a store for users of it, complete or absent.
 
     Parameters
     ----------
     path : str or Path
-        Path of the store to write: a folder ``NAME.zarr``.
+        Folder to make.
     template : xarray.Dataset
         Surface with the axes, the reference line, the attributes and the variables to write; the
         values of its nodes do not matter. `numpy.broadcast_to` makes them without memory.
-    force : bool
-        Replace an existing store of a surface.
 
     Examples
     --------
@@ -100,77 +93,62 @@ class SurfaceWriter:
     >>> road = make_surface([[0.0, 1.0], [2.0, 3.0]], u=[0, 1], v=[0, 1], easting=[0, 1],
     ...                     northing=[0, 0])
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder) / "road.zarr"
-    ...     with SurfaceWriter(path, road) as writer:
-    ...         writer.write(slice(1, 2), {"height": road.height.values[1:]})
-    ...         writer.write(slice(0, 1), {"height": road.height.values[:1]})
-    ...     open_surface(path).height.values
+    ...     store = SurfaceStore(Path(folder) / "road.zarr", road)
+    ...     store.write(slice(1, 2), {"height": road.height.values[1:]})
+    ...     store.write(slice(0, 1), {"height": road.height.values[:1]})
+    ...     store.open().height.values
     array([[0., 1.],
            [2., 3.]])
     """
 
-    def __init__(self, path: str | Path, template: xr.Dataset, *, force: bool = False) -> None:
-        self._template = template
-        self._output = whole_store(path, ("surface",), force=force)
-
-    def __enter__(self) -> "SurfaceWriter":
-        data = self._template
-        self._root = create_group(self._output.__enter__(), data.attrs)
+    def __init__(self, path: str | Path, template: xr.Dataset) -> None:
+        self.path = Path(path)
+        root = create_group(self.path, template.attrs)
         self._arrays = {}
-        self._entries = []
-        for name, variable in data.variables.items():
+        entries = []
+        for name, variable in template.variables.items():
             array = create_array(
-                self._root,
+                root,
                 str(name),
                 dims=variable.dims,
                 shape=variable.shape,
                 dtype=variable.dtype,
                 attrs=variable.attrs,
-                rows=rows_of("surface", data.sizes),
+                rows=rows_of("surface", template.sizes),
             )
-            if variable.dims == data["height"].dims:
+            if variable.dims == template["height"].dims:
                 self._arrays[str(name)] = array
             else:
                 array[...] = variable.values
-            self._entries.append(
-                array_entry(str(name), array, variable.dims, coordinate=name in data.coords)
+            entries.append(
+                array_entry(str(name), array, variable.dims, coordinate=name in template.coords)
             )
-        self.chunk = int(self._arrays["height"].chunks[0])
-        return self
+        write_summary(root, entries, SurfaceStatistics(template).to_dict())
+
+    @property
+    def chunk(self) -> int:
+        """Rows of a chunk."""
+        return int(self._arrays["height"].chunks[0])
 
     def write(self, rows: slice, values: Mapping[str, Values]) -> None:
-        """Write the nodes of some rows; whole chunks are fastest, and rows may be written again.
+        """Write nodes of some rows; whole chunks are fastest, and rows may be written again.
 
         Parameters
         ----------
         rows : slice
             Rows.
         values : mapping of str to numpy.ndarray, shape (row, column)
-            Values of all variables.
+            Values of some or all variables.
         """
-        for name, array in self._arrays.items():
-            array[rows] = values[name]
+        for name, part in values.items():
+            self._arrays[name][rows] = part
 
-    def set_attrs(self, attrs: Mapping[Any, Any]) -> None:
-        """Set the attributes of the surface, such as its provenance.
+    def open(self) -> xr.Dataset:
+        """Surface with all rows, whose nodes stay on disk.
 
-        Parameters
-        ----------
-        attrs : mapping
-            Attributes.
+        Returns
+        -------
+        xarray.Dataset
+            As by `open_surface`.
         """
-        self._root.attrs.put(plain_attrs(attrs, "the dataset"))
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if error is None:
-            statistics = SurfaceStatistics(self._template)
-            height = self._arrays["height"]
-            for start in range(0, height.shape[0], self.chunk):
-                statistics.add(np.asarray(height[start : start + self.chunk]))
-            write_summary(self._root, self._entries, statistics.to_dict())
-        self._output.__exit__(kind, error, trace)
+        return open_surface(self.path)
