@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from trueterrain.core.kernels import compile_kernel
+
 _BITS = 16  # of the first of two sweeps
 
 
@@ -35,31 +37,28 @@ def exact_quantiles(
     >>> exact_quantiles(lambda: [np.float32([4.0, 1.0]), np.float32([2.0])], [0.5, 0.75])
     [2.0, 3.0]
     """
-    size = 1 << _BITS
-    upper = np.zeros(size, np.int64)
+    upper = np.zeros(1 << _BITS, np.int64)
     decode: type[Any] = np.float32
     for block in blocks():
         keys, decode = _sort_keys(block)
-        upper += np.bincount(keys >> _BITS, minlength=size)
+        _count_upper(keys, upper)
     count = int(upper.sum())
     if not count:
         return None
     places = [fraction * (count - 1) for fraction in fractions]
-    ranks = sorted(
-        {rank for place in places for rank in (int(place), min(int(place) + 1, count - 1))}
-    )
+    ranks = {int(place) for place in places}
+    ranks |= {min(rank + 1, count - 1) for rank in ranks}
     ends = np.cumsum(upper)
-    bins = {rank: int(np.searchsorted(ends, rank, side="right")) for rank in sorted(ranks)}
-    lower = {key: np.zeros(size, np.int64) for key in set(bins.values())}
+    high = {rank: int(np.searchsorted(ends, rank, side="right")) for rank in ranks}
+    wanted = np.full(upper.size, -1)  # row of `lower` for upper bits
+    wanted[sorted(set(high.values()))] = np.arange(len(set(high.values())))
+    lower = np.zeros((int(wanted.max()) + 1, upper.size), np.int64)
     for block in blocks():
-        keys, _ = _sort_keys(block)
-        high = keys >> _BITS
-        for key, counts in lower.items():
-            counts += np.bincount(keys[high == key] & (size - 1), minlength=size)
+        _count_lower(_sort_keys(block)[0], wanted, lower)
     value = {}
-    for rank, key in bins.items():
+    for rank, key in high.items():
         before = rank - int(ends[key] - upper[key])
-        low = int(np.searchsorted(np.cumsum(lower[key]), before, side="right"))
+        low = int(np.searchsorted(np.cumsum(lower[wanted[key]]), before, side="right"))
         value[rank] = float(np.array((key << _BITS) | low, np.uint32).view(decode))
     found = []
     for place in places:
@@ -69,9 +68,38 @@ def exact_quantiles(
     return found
 
 
-def _sort_keys(values: npt.NDArray[Any]) -> tuple[npt.NDArray[np.int64], type[Any]]:
+def _sort_keys(values: npt.NDArray[Any]) -> tuple[npt.NDArray[np.uint32], type[Any]]:
     """Whole numbers that ascend with the values, without NaN, and the type of the values."""
     if values.dtype.kind == "f":
         known = values[np.isfinite(values)].astype(np.float32) + np.float32(0)  # no negative zero
-        return known.view(np.uint32).astype(np.int64), np.float32
-    return values.astype(np.int64).ravel(), np.uint32
+        return known.view(np.uint32), np.float32
+    return values.astype(np.uint32).ravel(), np.uint32
+
+
+@compile_kernel
+def _count_upper(keys: npt.NDArray[np.uint32], counts: npt.NDArray[np.int64]) -> None:
+    """Count keys by their upper 16 bits.
+
+    keys : shape (value,)
+    counts : input and output, shape (2^16,)
+    """
+    for k in range(keys.size):
+        counts[keys[k] >> 16] += 1
+
+
+@compile_kernel
+def _count_lower(
+    keys: npt.NDArray[np.uint32],
+    wanted: npt.NDArray[np.int64],
+    counts: npt.NDArray[np.int64],
+) -> None:
+    """Count keys with some upper bits by their lower 16 bits.
+
+    keys : shape (value,)
+    wanted : row of `counts` for each number of upper bits, -1 for none, shape (2^16,)
+    counts : input and output, shape (row, 2^16)
+    """
+    for k in range(keys.size):
+        row = wanted[keys[k] >> 16]
+        if row >= 0:
+            counts[row, keys[k] & 0xFFFF] += 1
