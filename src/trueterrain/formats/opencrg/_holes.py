@@ -76,7 +76,7 @@ def patch_surface(surface: xr.Dataset, holes: Index) -> xr.Dataset:
     if "filled" in surface:
         filled = surface["filled"].variable
     else:
-        filled = xr.Variable(("u", "v"), np.zeros(shape, dtype=bool), {"units": "1"})
+        filled = xr.Variable(("u", "v"), np.broadcast_to(np.False_, shape), {"units": "1"})
     changed = {"filled": filled}
     if holes.size:
         changed["filled"] = _patch_variable(filled, holes, np.ones(holes.size, dtype=bool))
